@@ -1,0 +1,45 @@
+# Every target sets up .venv by itself. Another interpreter: make run PYTHON=/path/to/python3.12
+SHELL := /bin/bash
+PYTHON ?= $(shell for p in python3.11 python3.12 python3.13 python3; do \
+	$$p -c 'import sys; sys.exit(not (3, 11) <= sys.version_info < (3, 14))' 2>/dev/null && { echo $$p; break; }; done)
+BIN := .venv/bin
+FMU_SOURCES := $(shell find src fmus -name '*.py' -o -name '*.toml' -o -name '*.csv' -o -name 'README.md')
+
+# The matrices are small (below 100 x 100): threads in BLAS cost more than they bring.
+export OMP_NUM_THREADS := 1
+export OPENBLAS_NUM_THREADS := 1
+export MPLBACKEND := Agg
+
+.PHONY: run test fmus bench lint clean
+.DELETE_ON_ERROR:
+
+run: fmus  ## the default scenario: isolation at the nominal orientation, passive then active
+	$(BIN)/python system/run.py $(ARGS)
+
+test: lint fmus  ## what the continuous integration runs
+	$(BIN)/python -m pytest $(ARGS)
+
+fmus: build/fmus/.built  ## the four FMUs in build/fmus
+
+bench: fmus
+	$(BIN)/python benchmarks/step_cost.py $(ARGS)
+
+lint: .venv/.installed
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+
+clean:
+	rm -rf build dist results .venv .mypy_cache .pytest_cache .ruff_cache .hypothesis src/*.egg-info
+
+build/fmus/.built: .venv/.installed $(FMU_SOURCES)
+	$(BIN)/ps-fmu build --output build/fmus
+	@touch $@
+
+.venv/.installed: pyproject.toml constraints.txt
+	@if [ -z "$(PYTHON)" ]; then \
+		echo "Python 3.11, 3.12 or 3.13 is needed and none was found (python3 is" \
+			"$$(python3 --version 2>&1)). Install one, or name it: make PYTHON=/path/to/python3.11" >&2; exit 1; fi
+	@$(PYTHON) -m venv .venv || { \
+		echo "The virtual environment could not be made; on Debian and Ubuntu: apt install python3-venv" >&2; exit 1; }
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
+	@touch $@

@@ -1,0 +1,414 @@
+"""The parameter set of the manipulator, its payload and its bus, as frozen dataclasses that check themselves.
+
+SI units throughout.  A field's metadata holds its unit and a one-line description: the FMI variables, the
+documentation and the error messages are made from them, so that each is written down once.  Frames: ``B`` is
+the manipulator base on the bus, ``P`` the payload platform; ``R = Rz(yaw) Ry(pitch) Rx(roll)`` maps components
+in P to components in B (eq 14 of the paper).
+
+The values are in ``paper.toml``; :func:`load` reads them.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+PAPER = Path(__file__).with_name("paper.toml")
+
+
+class ParameterError(ValueError):
+    """A parameter that cannot be used; the text starts with its name, for example ``payload.mass``."""
+
+    def __init__(self, name: str, problem: str) -> None:
+        super().__init__(f"{name}: {problem}")
+        self.name = name
+        self.problem = problem
+
+
+def quantity(unit: str, description: str) -> Any:
+    """A dataclass field with its unit and description."""
+    return field(metadata={"unit": unit, "description": description})
+
+
+def _frozen(value: Any, shape: tuple[int, ...], name: str) -> Array:
+    try:
+        array = np.array(value, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise ParameterError(name, f"expected numbers of shape {shape}, got {value!r}") from error
+    if array.shape != shape:
+        raise ParameterError(name, f"expected shape {shape}, got {array.shape}")
+    if not np.isfinite(array).all():
+        raise ParameterError(name, f"every number must be finite, got {array.tolist()}")
+    array.setflags(write=False)
+    return array
+
+
+def _number(value: Any, name: str, *, above: float | None = None, at_least: float | None = None) -> float:
+    if isinstance(value, bool) or not isinstance(value, (int, float, np.floating, np.integer)):
+        raise ParameterError(name, f"expected a number, got {value!r}")
+    number = float(value)
+    if not np.isfinite(number):
+        raise ParameterError(name, f"must be finite, got {number}")
+    if above is not None and not number > above:
+        raise ParameterError(name, f"must be greater than {above:g}, got {number:g}")
+    if at_least is not None and number < at_least:
+        raise ParameterError(name, f"must not be less than {at_least:g}, got {number:g}")
+    return number
+
+
+def _inertia(value: Any, name: str) -> Array:
+    """A symmetric positive definite inertia whose principal moments satisfy the triangle inequality."""
+    array = _frozen(value, (3, 3), name)
+    if not np.allclose(array, array.T, rtol=0.0, atol=1e-9 * np.abs(array).max()):
+        raise ParameterError(name, f"must be symmetric, got {array.tolist()}")
+    moments = np.linalg.eigvalsh(array)
+    if moments[0] <= 0.0:
+        raise ParameterError(name, f"must be positive definite; its principal moments are {moments.tolist()} kg.m2")
+    if moments[2] > (moments[0] + moments[1]) * (1.0 + 1e-9):
+        raise ParameterError(
+            name, f"no rigid body has the principal moments {moments.tolist()} kg.m2: "
+            "the largest exceeds the sum of the others"
+        )
+    return array
+
+
+class _Checked:
+    """Base of the parameter classes: ``_check`` normalises and validates each field."""
+
+    def _set(self, name: str, value: object) -> None:
+        object.__setattr__(self, name, value)
+
+
+@dataclass(frozen=True)
+class LegPart(_Checked):
+    """The lower or the upper part of a leg, slender and symmetric about the leg's axis (eq A12)."""
+
+    mass: float = quantity("kg", "Mass")
+    com_distance: float = quantity("m", "Distance of the centre of mass from the part's own joint, along the leg")
+    radial_inertia: float = quantity("kg.m2", "Moment of inertia about a radial axis through the centre of mass")
+
+    def __post_init__(self) -> None:
+        self._set("mass", _number(self.mass, "mass", at_least=0.0))
+        self._set("com_distance", _number(self.com_distance, "com_distance"))
+        self._set("radial_inertia", _number(self.radial_inertia, "radial_inertia", at_least=0.0))
+
+
+@dataclass(frozen=True, eq=False)
+class CoarseLeg(_Checked):
+    """A coarse leg: joints, lower and upper part."""
+
+    base_joint_B: Array = quantity("m", "Joint on the base, in B")
+    platform_joint_P: Array = quantity("m", "Joint on the platform, in P")
+    lower: LegPart = quantity("", "Part at the base")
+    upper: LegPart = quantity("", "Part at the platform")
+
+    def __post_init__(self) -> None:
+        self._set("base_joint_B", _frozen(self.base_joint_B, (3,), "base_joint"))
+        self._set("platform_joint_P", _frozen(self.platform_joint_P, (3,), "platform_joint"))
+
+
+@dataclass(frozen=True, eq=False)
+class FineLeg(CoarseLeg):
+    """A fine leg: a coarse leg's fields, and the suspension of its voice-coil actuator (eq 18)."""
+
+    stiffness: float = quantity("N/m", "Axial stiffness of the diaphragm springs")
+    damping: float = quantity("N.s/m", "Electromagnetic damping of the actuator")
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._set("stiffness", _number(self.stiffness, "stiffness", above=0.0))
+        self._set("damping", _number(self.damping, "damping", at_least=0.0))
+
+
+@dataclass(frozen=True)
+class CoarseRods(_Checked):
+    """Axial flexibility of the coarse rods; stiffness zero means rigid rods."""
+
+    axial_stiffness: float = quantity("N/m", "Axial stiffness of each coarse rod; 0 = rigid")
+    damping_ratio: float = quantity("1", "Damping ratio of each rod against the mass it carries")
+
+    def __post_init__(self) -> None:
+        self._set("axial_stiffness", _number(self.axial_stiffness, "axial_stiffness", at_least=0.0))
+        self._set("damping_ratio", _number(self.damping_ratio, "damping_ratio", at_least=0.0))
+
+
+@dataclass(frozen=True, eq=False)
+class Geometry:
+    """Joints and nominal pose, as the kinematics needs them; rows are coarse legs 1..3, then fine legs 1..3 (eq 4)."""
+
+    base_joints_B: Array
+    platform_joints_P: Array
+    nominal_translation_B: Array
+    coarse_stroke: Array
+
+    @property
+    def nominal_lengths(self) -> Array:
+        """Joint-to-joint lengths at the nominal pose (zero roll, pitch and yaw), shape (6,), m."""
+        legs_B = self.nominal_translation_B + self.platform_joints_P - self.base_joints_B
+        return np.asarray(np.linalg.norm(legs_B, axis=1))
+
+
+@dataclass(frozen=True, eq=False)
+class Manipulator(_Checked):
+    """The six legs and the nominal pose."""
+
+    nominal_translation_B: Array = quantity("m", "Origin of P at zero roll, pitch and yaw, in B")
+    coarse_stroke: Array = quantity("m", "Range of the coarse actuators about their nominal length")
+    coarse_legs: tuple[CoarseLeg, ...] = quantity("", "Coarse legs")
+    fine_legs: tuple[FineLeg, ...] = quantity("", "Fine legs")
+    coarse_rods: CoarseRods = quantity("", "Flexibility of the coarse rods")
+
+    def __post_init__(self) -> None:
+        self._set("nominal_translation_B", _frozen(self.nominal_translation_B, (3,), "nominal_translation"))
+        self._set("coarse_stroke", _frozen(self.coarse_stroke, (2,), "coarse_stroke"))
+        if not self.coarse_stroke[0] < 0.0 < self.coarse_stroke[1]:
+            raise ParameterError("coarse_stroke", f"min must be below 0 and max above, got {self.coarse_stroke.tolist()} m")
+        for name in ("coarse_legs", "fine_legs"):
+            if len(getattr(self, name)) != 3:
+                raise ParameterError(name, f"the mechanism has three, got {len(getattr(self, name))}")
+        self._check_geometry()
+
+    def _check_geometry(self) -> None:
+        geometry = self.geometry
+        lengths = geometry.nominal_lengths
+        names = [f"{kind}_leg_{i}" for kind in ("coarse", "fine") for i in (1, 2, 3)]
+        for name, length in zip(names, lengths, strict=True):
+            if length < 1e-3:  # m; a leg shorter than this has no direction worth the name
+                raise ParameterError(name, f"its two joints coincide at the nominal pose (length {length:g} m)")
+        legs_B = geometry.nominal_translation_B + geometry.platform_joints_P - geometry.base_joints_B
+        n_B = legs_B / lengths[:, None]
+        jacobian = np.hstack([n_B, np.cross(geometry.platform_joints_P, n_B)])
+        jacobian[:, 3:] /= max(float(np.abs(geometry.platform_joints_P).max()), 1e-3)  # rad as m at the joint radius
+        if np.linalg.cond(jacobian) > 1e8:
+            raise ParameterError("geometry", "the six legs are singular at the nominal pose (|J_lp| = 0, eq 12); move the joints apart")
+
+    @property
+    def geometry(self) -> Geometry:
+        """The joints as arrays."""
+        legs: tuple[CoarseLeg, ...] = self.coarse_legs + self.fine_legs
+        return Geometry(
+            base_joints_B=np.array([leg.base_joint_B for leg in legs]),
+            platform_joints_P=np.array([leg.platform_joint_P for leg in legs]),
+            nominal_translation_B=self.nominal_translation_B,
+            coarse_stroke=self.coarse_stroke,
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class TrussMode(_Checked):
+    """A point mass on the payload (secondary mirror on its truss) that moves along one direction."""
+
+    mass: float = quantity("kg", "Moving mass, part of the payload's mass")
+    position_P: Array = quantity("m", "Position of the moving mass, in P")
+    direction_P: Array = quantity("1", "Direction of motion, in P")
+    frequency: float = quantity("Hz", "Natural frequency with the platform held; 0 = rigid")
+    damping_ratio: float = quantity("1", "Damping ratio")
+
+    def __post_init__(self) -> None:
+        self._set("mass", _number(self.mass, "mass", at_least=0.0))
+        self._set("position_P", _frozen(self.position_P, (3,), "position"))
+        direction = _frozen(self.direction_P, (3,), "direction")
+        if np.linalg.norm(direction) < 1e-9:
+            raise ParameterError("direction", "must not be the zero vector")
+        self._set("direction_P", direction)
+        self._set("frequency", _number(self.frequency, "frequency", at_least=0.0))
+        self._set("damping_ratio", _number(self.damping_ratio, "damping_ratio", at_least=0.0))
+
+
+@dataclass(frozen=True, eq=False)
+class Payload(_Checked):
+    """Payload and platform as one body, and the modes of the payload's truss."""
+
+    mass: float = quantity("kg", "Mass, truss included")
+    com_P: Array = quantity("m", "Centre of mass, in P")
+    inertia_P: Array = quantity("kg.m2", "Inertia about the centre of mass, in P")
+    truss_modes: tuple[TrussMode, ...] = quantity("", "Truss modes")
+
+    def __post_init__(self) -> None:
+        self._set("mass", _number(self.mass, "mass", above=0.0))
+        self._set("com_P", _frozen(self.com_P, (3,), "com"))
+        self._set("inertia_P", _inertia(self.inertia_P, "inertia"))
+
+
+@dataclass(frozen=True, eq=False)
+class BusMode(_Checked):
+    """A mass-normalised flexible mode of the bus (solar arrays): a column of M_b12 in eq 25, M_b22 = identity."""
+
+    frequency: float = quantity("Hz", "Natural frequency with the bus held; 0 = rigid")
+    damping_ratio: float = quantity("1", "Damping ratio")
+    participation_B: Array = quantity(
+        "sqrt(kg)|sqrt(kg).m", "Participation in B at its origin: three translations, then three rotations"
+    )
+
+    def __post_init__(self) -> None:
+        self._set("frequency", _number(self.frequency, "frequency", at_least=0.0))
+        self._set("damping_ratio", _number(self.damping_ratio, "damping_ratio", at_least=0.0))
+        self._set("participation_B", _frozen(self.participation_B, (6,), "participation"))
+
+
+@dataclass(frozen=True, eq=False)
+class Bus(_Checked):
+    """The spacecraft bus (the paper's support module)."""
+
+    mass: float = quantity("kg", "Mass")
+    com_B: Array = quantity("m", "Centre of mass, in B")
+    inertia_B: Array = quantity("kg.m2", "Inertia about the centre of mass, in B")
+    modes: tuple[BusMode, ...] = quantity("", "Flexible modes")
+
+    def __post_init__(self) -> None:
+        self._set("mass", _number(self.mass, "mass", above=0.0))
+        self._set("com_B", _frozen(self.com_B, (3,), "com"))
+        self._set("inertia_B", _inertia(self.inertia_B, "inertia"))
+
+
+@dataclass(frozen=True)
+class CoarseServo(_Checked):
+    """Position servo of each coarse actuator: second order, its command limited in rate."""
+
+    frequency: float = quantity("Hz", "Natural frequency")
+    damping_ratio: float = quantity("1", "Damping ratio")
+    rate_limit: float = quantity("m/s", "Largest rate of the reference that the servo follows")
+
+    def __post_init__(self) -> None:
+        self._set("frequency", _number(self.frequency, "frequency", above=0.0))
+        self._set("damping_ratio", _number(self.damping_ratio, "damping_ratio", above=0.0))
+        self._set("rate_limit", _number(self.rate_limit, "rate_limit", above=0.0))
+
+
+@dataclass(frozen=True)
+class Optics(_Checked):
+    """The optical payload as far as the image point needs it: boresight along z of P."""
+
+    focal_length: float = quantity("m", "Effective focal length: image-point displacement per radian")
+
+    def __post_init__(self) -> None:
+        self._set("focal_length", _number(self.focal_length, "focal_length", above=0.0))
+
+
+@dataclass(frozen=True)
+class FeedforwardFilters(_Checked):
+    """Filters of the practical controller (eq 55): Chebyshev II low-pass M(s), high-pass inside H1(s) and H2(s)."""
+
+    lowpass_order: int = quantity("1", "Order of the Chebyshev type II low-pass M(s)")
+    lowpass_stop_frequency: float = quantity("Hz", "Stop-band edge of the low-pass")
+    lowpass_stop_attenuation: float = quantity("dB", "Stop-band attenuation of the low-pass")
+    highpass_frequency: float = quantity("Hz", "Corner of the second-order high-pass")
+    highpass_damping_ratio: float = quantity("1", "Damping ratio of the second-order high-pass")
+
+    def __post_init__(self) -> None:
+        order = self.lowpass_order
+        if isinstance(order, bool) or order != int(order) or not 1 <= order <= 20:
+            raise ParameterError("lowpass_order", f"expected a whole number from 1 to 20, got {order!r}")
+        self._set("lowpass_order", int(order))
+        for name in ("lowpass_stop_frequency", "lowpass_stop_attenuation", "highpass_frequency", "highpass_damping_ratio"):
+            self._set(name, _number(getattr(self, name), name, above=0.0))
+
+
+@dataclass(frozen=True, eq=False)
+class Noise(_Checked):
+    """Band-limited white disturbance wrench on the bus."""
+
+    band: Array = quantity("Hz", "Edges of the band")
+    wrench_psd_B: Array = quantity(
+        "N2/Hz|N2.m/Hz|N2.m2/Hz", "One-sided power spectral density of force and torque at the bus centre of mass, in B"
+    )
+
+    def __post_init__(self) -> None:
+        self._set("band", _frozen(self.band, (2,), "band"))
+        if not 0.0 < self.band[0] < self.band[1]:
+            raise ParameterError("band", f"expected 0 < min < max, got {self.band.tolist()} Hz")
+        psd = _frozen(self.wrench_psd_B, (6, 6), "wrench_psd")
+        if not np.allclose(psd, psd.T, rtol=0.0, atol=1e-9 * max(np.abs(psd).max(), 1e-300)):
+            raise ParameterError("wrench_psd", "must be symmetric")
+        if np.linalg.eigvalsh(psd)[0] < -1e-6 * max(np.trace(psd), 1e-300):
+            raise ParameterError("wrench_psd", "must be positive semi-definite")
+        self._set("wrench_psd_B", psd)
+
+
+@dataclass(frozen=True, eq=False)
+class Parameters:
+    """Everything that the paper's system needs."""
+
+    manipulator: Manipulator
+    payload: Payload
+    bus: Bus
+    servo: CoarseServo
+    optics: Optics
+    filters: FeedforwardFilters
+    known_com_P: Array
+    noise: Noise
+
+
+def load(path: Path | None = None, bus: str = "OSM") -> Parameters:
+    """Read a parameter set.
+
+    Parameters
+    ----------
+    path: a TOML file of the layout of ``paper.toml`` (default: that file).
+    bus: which table below ``[bus]`` to take, ``"OSM"`` (original) or ``"LSM"`` (lighter support module).
+
+    Raises
+    ------
+    ParameterError: an entry is missing, unknown or impossible; the text names it.
+    """
+    path = PAPER if path is None else path
+    try:
+        table = tomllib.loads(path.read_text(encoding="utf-8"))
+    except tomllib.TOMLDecodeError as error:
+        raise ParameterError(str(path), f"not a TOML file: {error}") from error
+    buses = _entry(table, "bus", "")
+    if not isinstance(buses, dict) or bus not in buses:
+        raise ParameterError("bus", f"no table [bus.{bus}] in {path.name}")
+    return Parameters(
+        manipulator=_build(Manipulator, _entry(table, "manipulator", ""), "manipulator"),
+        payload=_build(Payload, _entry(table, "payload", ""), "payload"),
+        bus=_build(Bus, buses[bus], f"bus.{bus}"),
+        servo=_build(CoarseServo, _entry(table, "servo", ""), "servo"),
+        optics=_build(Optics, _entry(table, "optics", ""), "optics"),
+        filters=_build(FeedforwardFilters, _entry(table, "filters", ""), "filters"),
+        known_com_P=_frozen(_entry(_entry(table, "isolator", ""), "known_com_P", "isolator"), (3,), "isolator.known_com_P"),
+        noise=_build(Noise, _entry(table, "noise", ""), "noise"),
+    )
+
+
+_NESTED: dict[str, type] = {
+    "lower": LegPart, "upper": LegPart, "coarse_legs": CoarseLeg, "fine_legs": FineLeg, "coarse_rods": CoarseRods,
+    "truss_modes": TrussMode, "modes": BusMode,
+}
+
+
+def _entry(table: dict[str, Any], key: str, where: str) -> Any:
+    try:
+        return table[key]
+    except (KeyError, TypeError):
+        raise ParameterError(f"{where}.{key}".lstrip("."), "missing") from None
+
+
+def _build(cls: type, table: Any, where: str) -> Any:
+    """An instance of ``cls`` from a TOML table; errors carry the full name of the entry."""
+    if not isinstance(table, dict):
+        raise ParameterError(where, f"expected a table, got {table!r}")
+    names = [f.name for f in fields(cls)]
+    for key in table:
+        if key not in names:
+            raise ParameterError(f"{where}.{key}", f"unknown; expected one of {', '.join(names)}")
+    values: dict[str, Any] = {}
+    for name in names:
+        value = _entry(table, name, where)
+        nested = _NESTED.get(name)
+        if nested is not None and isinstance(value, list):
+            value = tuple(_build(nested, item, f"{where}.{name}[{i}]") for i, item in enumerate(value, 1))
+        elif nested is not None:
+            value = _build(nested, value, f"{where}.{name}")
+        values[name] = value
+    try:
+        return cls(**values)
+    except ParameterError as error:
+        raise ParameterError(f"{where}.{error.name}", error.problem) from None
