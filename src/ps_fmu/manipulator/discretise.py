@@ -1,0 +1,37 @@
+"""Exact discretisation of a linear system whose inputs are held over a step."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+def zero_order_hold(A: Array, B: Array, h: float) -> tuple[Array, Array]:
+    """``x(t + h) = Ad x(t) + Bd u`` for ``x' = A x + B u`` with ``u`` constant over the step.
+
+    Both come from one exponential of the augmented matrix (C. Van Loan, IEEE Trans. Autom. Control 23(3), 1978),
+    which needs no inverse of A: a free spacecraft has none.
+
+    Parameters
+    ----------
+    A: (n, n).  B: (n, m).  h: step, s.
+    """
+    from scipy.linalg import expm  # here, because an FMU pays for the import only when it builds a model
+
+    n, m = B.shape
+    augmented = np.zeros((n + m, n + m))
+    augmented[:n, :n], augmented[:n, n:] = A * h, B * h
+    exponential = expm(augmented)
+    return exponential[:n, :n], exponential[:n, n:]
+
+
+def step_map(A: Array, B: Array, C: Array, D: Array, h: float) -> Array:
+    """One step as one matrix: ``[y; x](t + h) = M @ [x; u](t)``, shape (p + n, n + m).
+
+    The output is that of the end of the step, with the input that was held during it:
+    ``y = C x(t + h) + D u(t)``.
+    """
+    Ad, Bd = zero_order_hold(A, B, h)
+    return np.block([[C @ Ad, C @ Bd + D], [Ad, Bd]])

@@ -1,0 +1,176 @@
+"""The practical plant as a linear time-invariant system about a pose: what the plant FMU steps.
+
+State ``x`` (46 with the paper's modes), input ``u`` and output ``y``::
+
+    x = [q, q', s, s']       q as in :mod:`.dynamics` (20), s: coarse-actuator displacement (3) from nominal length
+    u = [f_f, w_b, r, 1]     fine forces (3, N), base wrench (6, B at its origin), coarse reference (3, m), constant 1
+    y = see OUTPUTS
+
+The coarse actuators are second-order servos that follow ``r`` whatever the load, so that their acceleration drives
+the rest through ``m_c``: a slew shakes payload and bus.  The constant input carries the pose about which the model
+is linearised, so that orientation and coarse displacement are absolute.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .discretise import step_map
+from .dynamics import Dynamics
+from .parameters import CoarseServo, Optics
+from .rotations import orientation_rate_map
+
+Array = NDArray[np.float64]
+
+#: Groups of outputs and their sizes, in the order of ``y``.
+OUTPUTS: dict[str, int] = {
+    "base_acceleration": 3,  # m/s2, of the origin of B, B axes
+    "base_angular_acceleration": 3,  # rad/s2, B axes
+    "base_velocity": 3,  # m/s
+    "base_angular_velocity": 3,  # rad/s
+    "base_position": 3,  # m, displacement from the start
+    "base_rotation": 3,  # rad, small rotation from the start, B axes
+    "payload_position": 3,  # m, displacement of the origin of P by vibration, B axes
+    "payload_rotation": 3,  # rad, small rotation by vibration (jitter), P axes
+    "fine_displacement": 3,  # m
+    "coarse_displacement": 3,  # m, actuator displacement from the nominal length
+    "orientation": 3,  # rad, nominal roll, pitch, yaw: coarse actuators alone
+    "relative_orientation": 3,  # rad, roll, pitch, yaw of P relative to B with fine legs and rod stretch
+    "los": 2,  # m, image point of the boresight (z of P), x and y of P
+}
+
+
+def output_slices() -> dict[str, slice]:
+    """Place of each group in ``y``."""
+    places, start = {}, 0
+    for name, size in OUTPUTS.items():
+        places[name] = slice(start, start + size)
+        start += size
+    return places
+
+
+@dataclass(frozen=True, eq=False)
+class PlantModel:
+    """Continuous-time matrices of the plant about a pose.
+
+    Parameters
+    ----------
+    dynamics: of the pose.
+    servo, optics: see :mod:`.parameters`.
+    coarse_reference: (3,) coarse displacement at the pose, m.
+    rpy: (3,) roll, pitch, yaw at the pose, rad.
+    """
+
+    dynamics: Dynamics
+    servo: CoarseServo
+    optics: Optics
+    coarse_reference: Array
+    rpy: Array
+
+    @property
+    def n_states(self) -> int:
+        """Size of ``x``: 2 n + 6."""
+        return 2 * self.dynamics.n + 6
+
+    def matrices(self) -> tuple[Array, Array, Array, Array]:
+        """A, B, C, D of ``x' = A x + B u``, ``y = C x + D u``."""
+        d, n = self.dynamics, self.dynamics.n
+        A, B = np.zeros((self.n_states, self.n_states)), np.zeros((self.n_states, 13))
+        q, dq, s, ds = slice(0, n), slice(n, 2 * n), slice(2 * n, 2 * n + 3), slice(2 * n + 3, 2 * n + 6)
+        on = np.flatnonzero(d.active)
+        A[on, n + on] = 1.0  # q' = dq, for what can move
+        A[s, ds] = np.eye(3)
+        omega = 2.0 * np.pi * self.servo.frequency
+        A[ds, s], A[ds, ds] = -(omega**2) * np.eye(3), -2.0 * self.servo.damping_ratio * omega * np.eye(3)
+        B[ds, 9:12] = omega**2 * np.eye(3)
+
+        # M q'' = - K q - C q' + [f_f; w_b; 0] - m_c s''
+        pick = np.ix_(on, on)
+        mobility = np.linalg.inv(d.M[pick])
+        force = np.zeros((n, 9))
+        force[d.slices["d_f"], 0:3], force[d.slices["q_b"], 3:9] = np.eye(3), np.eye(6)
+        coupling = mobility @ d.m_c[on]
+        rows = n + on
+        A[np.ix_(rows, on)] = -mobility @ d.K[pick]
+        A[np.ix_(rows, rows)] = -mobility @ d.C[pick]
+        B[rows, 0:9] = mobility @ force[on]
+        A[rows, :] -= coupling @ A[ds, :]
+        B[rows, :] -= coupling @ B[ds, :]
+        C, D = self._output_matrices(A[dq], B[dq])
+        return A, B, C, D
+
+    def _output_matrices(self, acceleration_x: Array, acceleration_u: Array) -> tuple[Array, Array]:
+        d, n = self.dynamics, self.dynamics.n
+        J = d.jacobians
+        R_PB = d.pose.rotation_BP.T
+        place = output_slices()
+        p = sum(OUTPUTS.values())
+        C, D = np.zeros((p, self.n_states)), np.zeros((p, 13))
+        q_b = d.slices["q_b"]
+        t_b, r_b = slice(q_b.start, q_b.start + 3), slice(q_b.start + 3, q_b.stop)
+        dt_b, dr_b = slice(n + t_b.start, n + t_b.stop), slice(n + r_b.start, n + r_b.stop)
+        s, one = slice(2 * n, 2 * n + 3), 12
+        C[place["base_acceleration"]], D[place["base_acceleration"]] = acceleration_x[t_b], acceleration_u[t_b]
+        C[place["base_angular_acceleration"]] = acceleration_x[r_b]
+        D[place["base_angular_acceleration"]] = acceleration_u[r_b]
+        C[place["base_velocity"], dt_b] = np.eye(3)
+        C[place["base_angular_velocity"], dr_b] = np.eye(3)
+        C[place["base_position"], t_b] = np.eye(3)
+        C[place["base_rotation"], r_b] = np.eye(3)
+        platform = d.platform_rows()
+        platform[:, ~d.active] = 0.0
+        C[place["payload_position"], :n] = platform[:3]
+        C[place["payload_rotation"], :n] = R_PB @ platform[3:]
+        C[place["fine_displacement"], d.slices["d_f"]] = np.eye(3)
+        C[place["coarse_displacement"], s] = np.eye(3)
+
+        # Roll, pitch, yaw: those of the pose, and first order about it; rates from angular velocity in B.
+        to_rates = orientation_rate_map(self.rpy)
+        C[place["orientation"], s] = to_rates @ J.J_theta_c
+        D[place["orientation"], one] = self.rpy - to_rates @ J.J_theta_c @ self.coarse_reference
+        relative = platform[3:].copy()
+        relative[:, r_b] = 0.0  # J_theta_b = [0 E]: the base rotation cancels (eq 39)
+        C[place["relative_orientation"]] = C[place["orientation"]]
+        D[place["relative_orientation"]] = D[place["orientation"]]
+        C[place["relative_orientation"], :n] += to_rates @ relative
+        # A small rotation th turns the boresight z by th x z = (th_y, -th_x, 0).
+        jitter = C[place["payload_rotation"]]
+        C[place["los"]] = self.optics.focal_length * np.array([jitter[1], -jitter[0]])
+        return C, D
+
+    def output_map(self) -> Array:
+        """[C D]: outputs from state and input at the same instant."""
+        _, _, C, D = self.matrices()
+        return np.hstack([C, D])
+
+    def step_map(self, h: float) -> Array:
+        """[y; x](t + h) from [x; u](t), see :func:`.discretise.step_map`."""
+        return step_map(*self.matrices(), h)
+
+
+def carry_over(old: Dynamics, new: Dynamics, x: Array) -> Array:
+    """The state for a model about a new pose: same coordinates and velocities, same total momentum.
+
+    The mass matrix changes with the pose.  Keeping all velocities would let the momentum of payload, legs and bus
+    jump; a free bus would keep the difference as drift for ever.  So the six base velocities are those that leave
+    linear and angular momentum (the ``q_b`` rows of ``M q' + m_c s'``) as they were.
+
+    Parameters
+    ----------
+    old, new: dynamics about the two poses.  x: state (2 n + 6,).
+    """
+    n = new.n
+    q_b = new.slices["q_b"]
+    velocity, servo = x[n : 2 * n] * new.active, x[2 * n + 3 :]
+    momentum = old.M[q_b] @ velocity + old.m_c[q_b] @ servo
+    others = velocity.copy()
+    others[q_b] = 0.0
+    result = x.copy()
+    result[n : 2 * n] = others
+    result[n + q_b.start : n + q_b.stop] = np.linalg.solve(
+        new.M[q_b, q_b], momentum - new.M[q_b] @ others - new.m_c[q_b] @ servo
+    )
+    return result
