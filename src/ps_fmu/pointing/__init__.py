@@ -1,0 +1,1 @@
+"""Pointing-error analysis: streaming metrics and spectra, figures, reports."""

@@ -1,0 +1,101 @@
+"""Time histories of long runs for figures: smallest and largest value in each of a few thousand time bins.
+
+Every peak survives, unlike in a decimated history, and the memory does not grow with the run.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .observer import ColumnObserver, NamedColumn
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Envelope:
+    """Extremes per bin: ``time`` (bins,) [s] of its first row, ``low`` and ``high`` (signals, bins)."""
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    time: Array
+    low: Array
+    high: Array
+
+    @property
+    def middle(self) -> Array:
+        """Half-way between the extremes (signals, bins); the signal itself where bins hold one row."""
+        return 0.5 * (self.low + self.high)
+
+    @property
+    def magnitude(self) -> Array:
+        """Largest magnitude per bin (signals, bins)."""
+        return np.maximum(np.abs(self.low), np.abs(self.high))
+
+
+class EnvelopeObserver(ColumnObserver):
+    """Extremes of the named columns in at most ``2 * bins`` time bins.
+
+    Bins start one row wide; when the run outgrows them they are joined in pairs.
+    """
+
+    def __init__(
+        self,
+        columns: Sequence[NamedColumn],
+        names: Sequence[str],
+        *,
+        bins: int = 1500,
+        start_s: float = -math.inf,
+    ) -> None:
+        super().__init__(columns, names, start_s=start_s)
+        if bins < 1:
+            raise ValueError(f"bins: expected 1 or more, got {bins}")
+        self._bins = 2 * bins
+        self._rows_per_bin = 1
+        self._rows = 0
+        self._time = np.zeros(self._bins)
+        self._low = np.full((len(self.names), self._bins), np.inf)
+        self._high = np.full((len(self.names), self._bins), -np.inf)
+
+    def take(self, time: Array, samples: Array) -> None:
+        """Sort the rows into bins of equal width, doubling the width first if they would not fit."""
+        count = samples.shape[1]
+        while self._rows + count > self._bins * self._rows_per_bin:
+            self._join_pairs()
+        bins = np.arange(self._rows, self._rows + count) // self._rows_per_bin
+        starts = np.flatnonzero(np.diff(bins, prepend=-1))
+        used = bins[starts]
+        low = np.minimum.reduceat(samples, starts, axis=1)
+        high = np.maximum.reduceat(samples, starts, axis=1)
+        self._low[:, used] = np.minimum(self._low[:, used], low)
+        self._high[:, used] = np.maximum(self._high[:, used], high)
+        new = int(self._rows % self._rows_per_bin > 0)  # the first bin may have begun in an earlier block
+        self._time[used[new:]] = time[starts[new:]]
+        self._rows += count
+
+    def _join_pairs(self) -> None:
+        half = self._bins // 2
+        self._time[:half] = self._time[::2]
+        self._low[:, :half] = np.minimum(self._low[:, ::2], self._low[:, 1::2])
+        self._high[:, :half] = np.maximum(self._high[:, ::2], self._high[:, 1::2])
+        self._low[:, half:] = np.inf
+        self._high[:, half:] = -np.inf
+        self._rows_per_bin *= 2
+
+    def result(self) -> Envelope:
+        """The envelope so far; raises ``ValueError`` if no row has been seen."""
+        if not self._rows:
+            raise ValueError(f"no rows seen at or after {self.start_s} s")
+        used = math.ceil(self._rows / self._rows_per_bin)
+        return Envelope(
+            names=self.names,
+            units=self.units,
+            time=self._time[:used].copy(),
+            low=self._low[:, :used].copy(),
+            high=self._high[:, :used].copy(),
+        )

@@ -1,0 +1,89 @@
+"""Statistics of pointing errors, block by block: mean, RMS, standard deviation, peak, rejection.
+
+The sums of squares are kept about the running mean and combined pairwise (T. F. Chan, G. H. Golub, R. J.
+LeVeque, Algorithms for computing the sample variance, The American Statistician 37 (1983) 242-247).  A
+sum of plain squares would lose the jitter under a pointing offset.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .observer import ColumnObserver, NamedColumn
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Summary:
+    """Statistics of each signal, in the order of ``names``: arrays of shape (signals,) in its unit."""
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    count: int
+    mean: Array
+    rms: Array
+    std: Array  # about the mean, divided by count
+    peak: Array  # largest magnitude
+
+
+class Statistics(ColumnObserver):
+    """Mean, RMS, standard deviation and peak of the named columns."""
+
+    def __init__(
+        self, columns: Sequence[NamedColumn], names: Sequence[str], *, start_s: float = -math.inf
+    ) -> None:
+        super().__init__(columns, names, start_s=start_s)
+        self._count = 0
+        self._mean = np.zeros(len(self.names))
+        self._squares = np.zeros(len(self.names))  # sum of squared deviations from the mean
+        self._peak = np.zeros(len(self.names))
+
+    def take(self, time: Array, samples: Array) -> None:
+        """Combine the block's mean and squared deviations with those so far."""
+        new = samples.shape[1]
+        mean = samples.mean(axis=1)
+        deviation = samples - mean[:, None]
+        # The second term removes the rounding error of the block's own mean.
+        squares = np.square(deviation).sum(axis=1) - np.square(deviation.sum(axis=1)) / new
+        total = self._count + new
+        offset = mean - self._mean
+        self._squares += squares + np.square(offset) * (self._count * new / total)
+        self._mean += offset * (new / total)
+        self._count = total
+        np.maximum(self._peak, np.abs(samples).max(axis=1), out=self._peak)
+
+    def result(self) -> Summary:
+        """The statistics so far; raises ``ValueError`` if no row has been seen."""
+        if not self._count:
+            raise ValueError(f"no rows seen at or after {self.start_s} s")
+        variance = np.maximum(self._squares, 0.0) / self._count
+        return Summary(
+            names=self.names,
+            units=self.units,
+            count=self._count,
+            mean=self._mean.copy(),
+            rms=np.sqrt(np.square(self._mean) + variance),
+            std=np.sqrt(variance),
+            peak=self._peak.copy(),
+        )
+
+
+def rejection_percent(rms_passive: ArrayLike, rms_active: ArrayLike) -> Array:
+    """``100 (1 - rms_active / rms_passive)`` per axis, as in Table 2 of the paper.
+
+    Negative where the isolator amplifies; NaN where nothing moved without it.  Raises ``ValueError`` for
+    shapes that differ and for an RMS below zero.
+    """
+    passive, active = np.asarray(rms_passive, dtype=float), np.asarray(rms_active, dtype=float)
+    if passive.shape != active.shape:
+        raise ValueError(f"rms_passive and rms_active differ in shape: {passive.shape} and {active.shape}")
+    if (passive < 0.0).any() or (active < 0.0).any():
+        raise ValueError(f"an RMS cannot be negative: {passive.tolist()}, {active.tolist()}")
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(passive > 0.0, 100.0 * (1.0 - active / passive), np.nan)

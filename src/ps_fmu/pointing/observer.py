@@ -1,0 +1,90 @@
+"""The base of the streaming observers: they see a run block by block and keep only what their result needs.
+
+A co-simulation master hands each block of rows to ``block(first_index, time, values)``; an observer picks its
+columns by name.  Memory does not grow with the length of the run, and the result does not depend on how the
+run was cut into blocks (beyond rounding).
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Sequence
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+class NamedColumn(Protocol):
+    """What an observer needs to know of a recorded column."""
+
+    @property
+    def name(self) -> str:
+        """Component and variable, for example ``plant.los.x``."""
+
+    @property
+    def unit(self) -> str:
+        """SI unit, for example ``m``."""
+
+
+def column_indices(columns: Sequence[NamedColumn], names: Sequence[str]) -> list[int]:
+    """Places of the named columns, in the order of ``names``.
+
+    Raises ``KeyError`` for a name that is not there, with the closest names that are.
+    """
+    places = {column.name: place for place, column in enumerate(columns)}
+    missing = [name for name in names if name not in places]
+    if missing:
+        near = difflib.get_close_matches(missing[0], places, n=3, cutoff=0.5)
+        hint = f"the closest are {', '.join(near)}" if near else f"there are {len(places)} columns"
+        raise KeyError(f"no column named {', '.join(missing)}: {hint}")
+    return [places[name] for name in names]
+
+
+def rows_of(duration_s: float, step_s: float, what: str) -> int:
+    """Number of steps in a duration; raises ``ValueError`` unless it is a whole number of at least one."""
+    if not (math.isfinite(step_s) and step_s > 0.0):
+        raise ValueError(f"step: expected a positive number of seconds, got {step_s!r}")
+    ratio = duration_s / step_s
+    rows = round(ratio) if math.isfinite(ratio) else 0
+    if rows < 1 or abs(ratio - rows) > 1e-6 * rows:
+        raise ValueError(f"{what}: {duration_s!r} s is not a positive whole number of steps of {step_s!r} s")
+    return rows
+
+
+class ColumnObserver:
+    """Picks the named columns out of each block and passes them on to :meth:`take`.
+
+    Parameters
+    ----------
+    columns: all columns of the run, in the order of the blocks
+    names: the columns to observe, in the order of the results
+    start_s: rows before this time [s] are left out (settling)
+
+    Raises ``KeyError`` when a name is not among the columns, ``ValueError`` when there are no names.
+    """
+
+    def __init__(
+        self, columns: Sequence[NamedColumn], names: Sequence[str], *, start_s: float = -math.inf
+    ) -> None:
+        if not names:
+            raise ValueError("names: at least one column is needed")
+        self.names = tuple(names)
+        self._indices = column_indices(columns, names)
+        self.units = tuple(columns[index].unit for index in self._indices)
+        self.start_s = start_s
+
+    def block(self, first_index: int, time: Array, values: Array) -> None:
+        """Take ``values`` (rows, columns) at ``time`` (rows,) [s]; ``first_index`` counts rows from 0."""
+        first = int(np.searchsorted(time, self.start_s)) if len(time) and time[0] < self.start_s else 0
+        if first < len(time):
+            # Samples of one signal side by side: numpy sums pairwise and transforms along the last axis.
+            samples = np.ascontiguousarray(values[first:, self._indices].T, dtype=np.float64)
+            self.take(time[first:], samples)
+
+    def take(self, time: Array, samples: Array) -> None:
+        """Take the observed ``samples`` (signals, rows), a copy of the block; ``time`` (rows,) [s]."""
+        raise NotImplementedError

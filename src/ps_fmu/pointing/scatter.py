@@ -1,0 +1,114 @@
+"""Scatter of the image point: where the line of sight falls on the image plane during a run."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .metrics import Statistics
+from .observer import ColumnObserver, NamedColumn
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Scatter:
+    """The image points of a run; radii are about their mean, in the unit of the columns."""
+
+    unit: str
+    count: int
+    centre: Array  # (2,) mean
+    radius_rms: float
+    radius_max: float
+    radius_50: float  # half of the points are closer than this; from ``points``
+    radius_95: float
+    hull: Array  # (n, 2) corners of the convex hull, counter-clockwise
+    hull_area: float
+    points: Array  # (n, 2) evenly thinned sample of the points, for figures
+
+
+class ScatterObserver(ColumnObserver):
+    """Centre, radii and convex hull of the points in two columns (``plant.los.x``, ``plant.los.y``).
+
+    Mean, RMS and greatest radius and the hull are exact; the 50 % and 95 % radii come from an evenly thinned
+    sample of ``sample`` to ``2 * sample`` points.
+    """
+
+    def __init__(
+        self,
+        columns: Sequence[NamedColumn],
+        names: Sequence[str],
+        *,
+        sample: int = 5000,
+        start_s: float = -math.inf,
+    ) -> None:
+        super().__init__(columns, names, start_s=start_s)
+        if len(self.names) != 2:
+            raise ValueError(f"names: expected the two coordinates of the image point, got {len(self.names)}")
+        if self.units[0] != self.units[1]:
+            raise ValueError(f"the coordinates differ in unit: {self.units[0]} and {self.units[1]}")
+        if sample < 1:
+            raise ValueError(f"sample: expected 1 or more, got {sample}")
+        self._statistics = Statistics(columns, names)
+        self._hull = np.empty((0, 2))
+        self._sample = sample
+        self._stride = 1
+        self._rows = 0
+        self._points = np.empty((0, 2))
+
+    def take(self, time: Array, samples: Array) -> None:
+        """Widen the hull by the block's points and keep each ``stride``-th of them."""
+        self._statistics.take(time, samples)
+        points = samples.T
+        self._hull = convex_hull(np.concatenate((self._hull, points)))
+        kept = points[-self._rows % self._stride :: self._stride]
+        self._rows += len(points)
+        self._points = np.concatenate((self._points, kept))
+        while len(self._points) > 2 * self._sample:
+            self._points = self._points[::2].copy()
+            self._stride *= 2
+
+    def result(self) -> Scatter:
+        """The scatter so far; raises ``ValueError`` if no row has been seen."""
+        statistics = self._statistics.result()
+        centre = statistics.mean
+        radius = np.hypot(*(self._points - centre).T)
+        x, y = (self._hull - centre).T
+        return Scatter(
+            unit=self.units[0],
+            count=statistics.count,
+            centre=centre,
+            radius_rms=float(np.hypot(*statistics.std)),
+            # The point farthest from any given one is a corner of the hull.
+            radius_max=float(np.hypot(x, y).max()),
+            radius_50=float(np.quantile(radius, 0.50)),
+            radius_95=float(np.quantile(radius, 0.95)),
+            hull=self._hull.copy(),
+            hull_area=0.5 * abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1))),
+            points=self._points.copy(),
+        )
+
+
+def convex_hull(points: Array) -> Array:
+    """Corners (n, 2) of the convex hull of ``points`` (m, 2), counter-clockwise.
+
+    Points on one line (or all the same) have no area: then the two ends (or the one point) are returned.
+    """
+    from scipy.spatial import ConvexHull, QhullError
+
+    points = np.unique(points, axis=0)
+    if len(points) < 3:
+        return points
+    offset = points.mean(axis=0)
+    span = np.ptp(points, axis=0).max()
+    # Qhull's tolerances suit coordinates of order one; image points are micrometres.
+    scaled = (points - offset) / span
+    try:
+        return points[ConvexHull(scaled).vertices]
+    except QhullError:
+        along = scaled @ np.linalg.svd(scaled, full_matrices=False)[2][0]
+        return points[[int(along.argmin()), int(along.argmax())]]
