@@ -1,0 +1,105 @@
+"""Forward kinematics of the 6-UPS mechanism: from six leg lengths to the pose, by Newton's method.
+
+A Newton step solves ``J_lp (dt, dtheta) = l - l(t, R)`` with the Jacobian of eq (6) and turns the platform
+by the rotation vector dtheta, so that R stays a rotation whatever the step.  A 6-UPS mechanism has several
+assembly modes (up to forty); Newton's method finds the one that the start is near.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .kinematics import KinematicsError, leg_lengths, platform_jacobian
+from .parameters import Array, Geometry
+from .rotations import roll_pitch_yaw, rotation_from_vector
+
+TOLERANCE = 1e-14  # m; rounding of a leg length of 0.4 m is 5e-17 m
+
+
+class ForwardKinematicsError(KinematicsError):
+    """Newton's method did not converge; ``residual`` is the largest length error that was left, m."""
+
+    def __init__(self, message: str, residual: float) -> None:
+        super().__init__(message)
+        self.residual = residual
+
+
+@dataclass(frozen=True, eq=False)
+class ForwardPose:
+    """Pose of the platform for given leg lengths; leading dimensions as those of the lengths."""
+
+    translation_B: Array
+    """(..., 3), m: origin of P in B."""
+    R: Array
+    """(..., 3, 3), P to B."""
+    residuals: tuple[float, ...]
+    """Largest length error before each Newton step, and at the end, m."""
+
+    @property
+    def orientation(self) -> Array:
+        """(..., 3), roll, pitch and yaw, rad."""
+        return roll_pitch_yaw(self.R)
+
+    @property
+    def residual(self) -> float:
+        """Largest length error of the result, m."""
+        return self.residuals[-1]
+
+
+def forward_kinematics(
+    geometry: Geometry,
+    lengths: Array,
+    start_translation_B: Array | None = None,
+    start_R: Array | None = None,
+    max_steps: int = 20,
+) -> ForwardPose:
+    """Pose of the platform from the six leg lengths.
+
+    Parameters
+    ----------
+    lengths: (..., 6), m, coarse 1..3 then fine 1..3; a batch is solved at once.
+    start_translation_B, start_R: (..., 3), m, and (..., 3, 3), broadcast against the batch; default: the
+        nominal pose, from which the whole stroke range converges in four to six steps.
+    max_steps: Newton steps after which to give up.
+
+    Raises
+    ------
+    ForwardKinematicsError: no convergence to 1e-14 m (lengths that do not fit together, a singular pose on
+        the way, or a start too far away); the text and the attribute ``residual`` say what was left.
+    """
+    lengths = np.asarray(lengths, dtype=float)
+    if lengths.shape[-1:] != (6,) or not np.all(np.isfinite(lengths)) or np.any(lengths <= 0.0):
+        raise KinematicsError(
+            f"leg lengths: expected positive finite numbers of shape (..., 6), m, "
+            f"got shape {lengths.shape}: {lengths}"
+        )
+    batch = lengths.shape[:-1]
+    translation_B = np.broadcast_to(
+        geometry.nominal_translation_B if start_translation_B is None else start_translation_B, (*batch, 3)
+    )
+    R = np.broadcast_to(np.eye(3) if start_R is None else start_R, (*batch, 3, 3))
+    residuals: list[float] = []
+    converged = False
+    for _ in range(max_steps + 1):
+        error = lengths - leg_lengths(geometry, translation_B, R)
+        residuals.append(float(np.max(np.abs(error), initial=0.0)))
+        # One step after the tolerance is met takes what is left of the error down to rounding.
+        if converged or not np.isfinite(residuals[-1]):
+            break
+        converged = residuals[-1] <= TOLERANCE
+        try:
+            step = np.linalg.solve(platform_jacobian(geometry, translation_B, R), error[..., None])[..., 0]
+        except np.linalg.LinAlgError:
+            break
+        translation_B = translation_B + step[..., :3]
+        R = rotation_from_vector(np.asarray(step[..., 3:], dtype=np.float64)) @ R
+    if not residuals[-1] <= TOLERANCE:
+        raise ForwardKinematicsError(
+            f"forward kinematics did not converge in {len(residuals) - 1} Newton steps: largest length error "
+            f"{residuals[-1]:.3e} m, expected at most {TOLERANCE:.0e} m; check that the six lengths fit "
+            "together, or start nearer to the pose",
+            residuals[-1],
+        )
+    return ForwardPose(np.asarray(translation_B), np.asarray(R), tuple(residuals))

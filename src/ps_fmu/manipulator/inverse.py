@@ -1,0 +1,253 @@
+"""Inverse kinematics with the fine actuators at rest, section 2.3: orientation to coarse displacement.
+
+The orientation alone is commanded.  The constraint ``d_f = 0`` (17) fixes the translation: it lies on three
+spheres, ``|t - c_i| = l_f0i`` with centres ``c_i = r_bfi - R r_pfi``.  Two methods find it, each a function
+of the geometry and of rotation matrices: :func:`trilaterate`, closed form and exact to rounding, and
+:func:`descend`, the paper's Algorithm 1.  :func:`inverse_kinematics` takes either and adds the
+displacements of eq (16).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .kinematics import KinematicsError, displacements, platform_joints_B
+from .parameters import Array, Geometry
+from .rotations import rotation_matrix
+
+BoolArray = NDArray[np.bool_]
+
+
+class NotConvergedError(KinematicsError):
+    """Algorithm 1 did not reach its error limit; ``residual`` is what was left, m."""
+
+    def __init__(self, message: str, residual: float) -> None:
+        super().__init__(message)
+        self.residual = residual
+
+
+@dataclass(frozen=True, eq=False)
+class Translation:
+    """Translation of the platform that keeps the fine legs at their nominal length."""
+
+    translation_B: Array
+    """(..., 3), m; nan where ``solved`` is false."""
+    solved: BoolArray
+    """(...), bool: whether the three spheres have a common point."""
+    gaps: Array
+    """(..., 3), m: what each fine leg lacks to reach the point in the plane of the sphere centres that has
+    the same power with respect to all three; zero where solved, inf where the centres lie on a line."""
+    iterations: int = 0
+    """Iterations of Algorithm 1 for the slowest orientation; 0 for the closed form."""
+
+
+Solver = Callable[[Geometry, Array], Translation]
+
+
+@dataclass(frozen=True, eq=False)
+class InversePose:
+    """Pose and displacements for commanded orientations with the fine actuators at rest."""
+
+    orientation: Array
+    """(..., 3), roll, pitch and yaw, rad."""
+    translation_B: Array
+    """(..., 3), m; nan where not solved."""
+    coarse_displacement: Array
+    """(..., 3), m, from nominal; nan where not solved."""
+    fine_displacement: Array
+    """(..., 3), m: what the method left of d_f = 0; nan where not solved."""
+    solved: BoolArray
+    """(...), bool: whether a pose with d_f = 0 exists."""
+    gaps: Array
+    """(..., 3), m: see :class:`Translation`."""
+    iterations: int
+
+    @property
+    def residual(self) -> Array:
+        """(...), m: the largest ``|l_f - l_f0|``."""
+        return np.asarray(np.max(np.abs(self.fine_displacement), axis=-1))
+
+
+def trilaterate(geometry: Geometry, R: Array) -> Translation:
+    """Closed-form solution of ``d_f = 0``: the common point of three spheres, on the nominal side.
+
+    With ``u = c_2 - c_1``, ``v = c_3 - c_1``, ``w = u x v`` and ``x = t - c_1``, subtracting sphere 1 from
+    the others gives ``x.u = (u^2 + r_1^2 - r_2^2)/2`` and likewise for v; sphere 1 gives the component of x
+    along w up to its sign.  The two roots are mirror images in the plane of the centres.  The platform
+    cannot pass from one to the other without d_f = 0 becoming singular, so that the root with the sign of
+    the nominal pose is the right one.
+
+    Parameters
+    ----------
+    R: (..., 3, 3), P to B.
+
+    Returns
+    -------
+    Translation: orientations without a real solution are marked, never raised.
+    """
+    c1, u, v, w = _sphere_triangle(geometry, R)
+    r1, r2, r3 = geometry.nominal_lengths[3:]
+    a = 0.5 * (np.sum(u * u, axis=-1) + (r1 - r2) * (r1 + r2))[..., None]
+    b = 0.5 * (np.sum(v * v, axis=-1) + (r1 - r3) * (r1 + r3))[..., None]
+    ww = np.sum(w * w, axis=-1)[..., None]
+    # The height of the triangle against its longest side: below rounding, the centres lie on a line.
+    collinear = ww[..., 0] <= 1e-24 * np.maximum(np.sum(u * u, axis=-1), np.sum(v * v, axis=-1)) ** 2
+    with np.errstate(divide="ignore", invalid="ignore"):
+        in_plane = (a * np.cross(v, w) + b * np.cross(w, u)) / ww  # radical centre, from c1
+        height_squared = r1**2 - np.sum(in_plane * in_plane, axis=-1)
+        solved = ~collinear & (height_squared >= 0.0)
+        height = np.where(solved, np.sqrt(height_squared), np.nan)[..., None]
+        x = in_plane + _nominal_side(geometry) * height * w / np.sqrt(ww)
+    gaps = np.zeros(x.shape)
+    if not np.all(solved):
+        centres = np.stack([np.zeros_like(u), u, v], axis=-2)
+        short = np.linalg.norm(in_plane[..., None, :] - centres, axis=-1) - geometry.nominal_lengths[3:]
+        gaps = np.where(solved[..., None], 0.0, np.where(collinear[..., None], np.inf, short))
+    return Translation(translation_B=c1 + x, solved=solved, gaps=gaps)
+
+
+def descend(
+    geometry: Geometry,
+    R: Array,
+    mu: float = 0.73,
+    epsilon: float = 1e-6,
+    max_iterations: int = 500,
+    start_B: Array | None = None,
+) -> Translation:
+    """Algorithm 1 of the paper: gradient descent on the length errors of the fine legs.
+
+    ``t <- t + mu J e`` with ``J = [n_f1 n_f2 n_f3]`` and ``e = l_f0 - l_f``, until ``|e| < epsilon``.  It
+    converges only for ``mu < 2/lambda_max(J J^T)``, 0.79 to 0.84 in the workspace of the identified
+    geometry.  Each orientation of a batch stops on its own, so that its result does not depend on the
+    others.
+
+    Parameters
+    ----------
+    R: (..., 3, 3), P to B.
+    mu: step size.
+    epsilon: m, limit of the Euclidean norm of the three length errors.  1e-6 m leaves up to 4e-4 deg when
+        the coarse lengths are realised exactly; 1e-8 deg needs about 1e-11 m.
+    max_iterations: give up after so many.
+    start_B: (..., 3), m, first guess; default: the nominal translation.
+
+    Raises
+    ------
+    KinematicsError: a setting is out of range, or mu exceeds its bound at the first guess; the text has the
+        bound.
+    NotConvergedError: the error limit was not reached; the attribute ``residual`` is the largest error
+        left, m.
+    """
+    if not (epsilon > 0.0 and max_iterations >= 1):
+        raise KinematicsError(
+            f"Algorithm 1: expected epsilon > 0 and max_iterations >= 1, "
+            f"got {epsilon!r} and {max_iterations!r}"
+        )
+    batch = R.shape[:-2]
+    centres = (geometry.base_joints_B[3:] - platform_joints_B(geometry, R)[..., 3:, :]).reshape(-1, 3, 3)
+    start = geometry.nominal_translation_B if start_B is None else start_B
+    t = np.array(np.broadcast_to(start, (*batch, 3)), dtype=float).reshape(-1, 3)
+    _check_step_size(t[:, None, :] - centres, mu)
+
+    radii = geometry.nominal_lengths[3:]
+    active = np.arange(len(t))
+    error = np.zeros(0)
+    for iteration in range(1, max_iterations + 1):
+        legs = t[active, None, :] - centres[active]
+        lengths = np.linalg.norm(legs, axis=-1)
+        e = radii - lengths
+        t[active] += mu * np.einsum("ki,kij->kj", e / lengths, legs)
+        error = np.linalg.norm(e, axis=-1)
+        # The paper tests the error before the update, and returns the point after it.
+        active = active[~(error < epsilon)]
+        if not len(active):
+            solved = np.ones(batch, dtype=bool)
+            return Translation(t.reshape(*batch, 3), solved, np.zeros((*batch, 3)), iteration)
+    residual = float(np.max(error))
+    raise NotConvergedError(
+        f"Algorithm 1 stopped after {max_iterations} iterations with a length error of {residual:.3e} m, "
+        f"expected less than {epsilon:.1e} m ({len(active)} of {len(t)} orientations); the "
+        "fine legs may be unable to reach the orientation, or allow more iterations",
+        residual,
+    )
+
+
+def step_size_bound(geometry: Geometry, translation_B: Array, R: Array) -> float:
+    """Largest step size with which Algorithm 1 can converge, ``2/lambda_max(J J^T)``, smallest over a batch.
+
+    Parameters
+    ----------
+    translation_B: (..., 3), m.
+    R: (..., 3, 3).
+    """
+    centres = geometry.base_joints_B[3:] - platform_joints_B(geometry, R)[..., 3:, :]
+    return _bound(translation_B[..., None, :] - centres)
+
+
+def inverse_kinematics(geometry: Geometry, orientation: Array, solver: Solver = trilaterate) -> InversePose:
+    """Pose and displacements for commanded orientations, eqs (16) and (17).
+
+    Parameters
+    ----------
+    orientation: (..., 3), roll, pitch and yaw, rad.
+    solver: :func:`trilaterate`, or :func:`descend` (with ``functools.partial`` for other settings).
+
+    Returns
+    -------
+    InversePose: ``solved`` is false where no pose exists.  The stroke is not looked at: see :mod:`.reach`.
+
+    Raises
+    ------
+    KinematicsError: the orientation is not finite or has the wrong shape; or what the solver raises.
+    """
+    orientation = np.asarray(orientation, dtype=float)
+    if orientation.shape[-1:] != (3,) or not np.all(np.isfinite(orientation)):
+        raise KinematicsError(
+            "orientation: expected finite roll, pitch and yaw (..., 3), rad, "
+            f"got shape {orientation.shape}: {orientation}"
+        )
+    R = rotation_matrix(orientation)
+    solution = solver(geometry, R)
+    d = displacements(geometry, solution.translation_B, R)
+    return InversePose(
+        orientation=orientation,
+        translation_B=solution.translation_B,
+        coarse_displacement=d[..., :3],
+        fine_displacement=d[..., 3:],
+        solved=solution.solved,
+        gaps=solution.gaps,
+        iterations=solution.iterations,
+    )
+
+
+def _sphere_triangle(geometry: Geometry, R: Array) -> tuple[Array, Array, Array, Array]:
+    """First sphere centre, the edges u and v from it to the others, and w = u x v; (..., 3) each, in B."""
+    centres = geometry.base_joints_B[3:] - platform_joints_B(geometry, R)[..., 3:, :]
+    c1 = centres[..., 0, :]
+    u, v = centres[..., 1, :] - c1, centres[..., 2, :] - c1
+    return c1, u, v, np.cross(u, v)
+
+
+def _nominal_side(geometry: Geometry) -> float:
+    """On which side of the plane of the sphere centres the nominal pose lies: +1 along w, or -1."""
+    c1, _, _, w = _sphere_triangle(geometry, np.eye(3))
+    return float(np.copysign(1.0, np.dot(geometry.nominal_translation_B - c1, w)))
+
+
+def _check_step_size(legs: Array, mu: float) -> None:
+    bound = _bound(legs)
+    if not 0.0 < mu < bound:
+        raise KinematicsError(
+            f"Algorithm 1 diverges with mu = {mu:g}: expected 0 < mu < 2/lambda_max(J J^T) = {bound:.4f} "
+            "at the first guess"
+        )
+
+
+def _bound(legs: Array) -> float:
+    n = legs / np.linalg.norm(legs, axis=-1, keepdims=True)
+    # J^T J has the eigenvalues of J J^T that are not zero.
+    largest = np.linalg.eigvalsh(n @ np.swapaxes(n, -1, -2))[..., -1]
+    return float(2.0 / np.max(largest))

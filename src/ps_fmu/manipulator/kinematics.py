@@ -1,0 +1,236 @@
+"""Legs, Jacobians and the division of labour of the 6-UPS manipulator: eqs (2)-(13) and (16) of the paper.
+
+Frame B is the manipulator base, P the payload platform.  A pose is the position of the origin of P in B
+(``translation_B``, the paper's t_Delta, m) and the matrix ``R`` that maps P to B (:mod:`.rotations`).  Rows
+of six are the coarse legs 1..3, then the fine legs 1..3 (eq 4).  Small motions are ``q = (t, theta)`` of
+the platform and of the base, all in axes of B at the pose considered.
+
+Two signs of the paper are corrected here.  By (3) the base term of (8) and (11) is positive, as (24) has it:
+``dq_p = J_pl dd + J_pb dq_b``.  The first line of (16) lacks ``- l_f0``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .parameters import Array, Geometry
+
+# Condition number of the length-scaled J_lp beyond which a pose counts as singular.  It is 4.2 to 4.7 in
+# the whole workspace of the identified geometry; at 1e6 a leg error of 1 um can move the platform joints by
+# half a metre.
+LARGEST_CONDITION = 1e6
+
+
+class KinematicsError(ValueError):
+    """A pose that the mechanism or the method cannot handle."""
+
+
+class SingularPoseError(KinematicsError):
+    """The legs do not determine the motion of the platform (eq 12)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Jacobians:
+    """First-order kinematics at a pose, eqs (3)-(11); leading dimensions are allowed in every array.
+
+    ``dd = J_lp dq_p - J_lb dq_b`` and ``dq_p = J_pl dd + J_pb dq_b``.  Names of blocks follow the paper:
+    rows t (translation) and theta (rotation), columns c (coarse) and f (fine).
+    """
+
+    J_lp: Array
+    """(..., 6, 6), eq (6): platform motion to leg displacement."""
+    J_lb: Array
+    """(..., 6, 6), eq (7): base motion to (minus) leg displacement."""
+    J_pl: Array
+    """(..., 6, 6), eq (9): the inverse of J_lp."""
+    J_pb: Array
+    """(..., 6, 6), eq (10): base motion to platform motion with all legs held."""
+
+    @property
+    def J_pc(self) -> Array:
+        """(..., 6, 3): coarse displacement to platform motion."""
+        return self.J_pl[..., :, :3]
+
+    @property
+    def J_pf(self) -> Array:
+        """(..., 6, 3): fine displacement to platform motion."""
+        return self.J_pl[..., :, 3:]
+
+    @property
+    def J_tc(self) -> Array:
+        """(..., 3, 3): coarse displacement to platform translation."""
+        return self.J_pl[..., :3, :3]
+
+    @property
+    def J_tf(self) -> Array:
+        """(..., 3, 3): fine displacement to platform translation."""
+        return self.J_pl[..., :3, 3:]
+
+    @property
+    def J_theta_c(self) -> Array:
+        """(..., 3, 3), rad/m: coarse displacement to platform rotation."""
+        return self.J_pl[..., 3:, :3]
+
+    @property
+    def J_theta_f(self) -> Array:
+        """(..., 3, 3), rad/m, eq (13): fine displacement to platform rotation."""
+        return self.J_pl[..., 3:, 3:]
+
+    @property
+    def J_tb(self) -> Array:
+        """(..., 3, 6): base motion to platform translation."""
+        return self.J_pb[..., :3, :]
+
+    @property
+    def J_theta_b(self) -> Array:
+        """(..., 3, 6): base motion to platform rotation; [0 E], a rigid turn (eq 39 in axes of B)."""
+        return self.J_pb[..., 3:, :]
+
+
+def leg_vectors(geometry: Geometry, translation_B: Array, R: Array) -> Array:
+    """Vectors from base joint to platform joint, eq (16): ``l_i = t + R r_pi - r_bi``.
+
+    Parameters
+    ----------
+    translation_B: (..., 3), m.
+    R: (..., 3, 3).
+
+    Returns
+    -------
+    (..., 6, 3), m, in B.
+    """
+    return translation_B[..., None, :] + platform_joints_B(geometry, R) - geometry.base_joints_B
+
+
+def leg_lengths(geometry: Geometry, translation_B: Array, R: Array) -> Array:
+    """Distances of the two joints of each leg, (..., 6), m; arguments as :func:`leg_vectors`."""
+    return np.asarray(np.linalg.norm(leg_vectors(geometry, translation_B, R), axis=-1))
+
+
+def displacements(geometry: Geometry, translation_B: Array, R: Array) -> Array:
+    """Displacements of all actuators from nominal, eqs (2) and (16), (..., 6), m; as :func:`leg_lengths`."""
+    return leg_lengths(geometry, translation_B, R) - geometry.nominal_lengths
+
+
+def platform_joints_B(geometry: Geometry, R: Array) -> Array:
+    """``R r_pi``: platform joints from the origin of P in axes of B; (..., 3, 3) to (..., 6, 3), m."""
+    return geometry.platform_joints_P @ np.swapaxes(R, -1, -2)
+
+
+def platform_jacobian(geometry: Geometry, translation_B: Array, R: Array) -> Array:
+    """J_lp, eq (6): rows ``[n_i, (R r_pi) x n_i]``; (..., 6, 6), in axes of B."""
+    r_p = platform_joints_B(geometry, R)
+    return _leg_rows(r_p, _unit(translation_B[..., None, :] + r_p - geometry.base_joints_B))
+
+
+def base_jacobian(geometry: Geometry, translation_B: Array, R: Array) -> Array:
+    """J_lb, eq (7): rows ``[n_i, r_bi x n_i]``; (..., 6, 6), in axes of B."""
+    return _leg_rows(geometry.base_joints_B, _unit(leg_vectors(geometry, translation_B, R)))
+
+
+def jacobians(geometry: Geometry, translation_B: Array, R: Array) -> Jacobians:
+    """All Jacobians at a pose, or at many.
+
+    Parameters
+    ----------
+    translation_B: (..., 3), m.
+    R: (..., 3, 3).
+
+    Raises
+    ------
+    SingularPoseError: J_lp is singular, or nearly so, at one of the poses.
+    """
+    J_lp = platform_jacobian(geometry, translation_B, R)
+    worst = float(np.max(condition_number(geometry, J_lp), initial=0.0))
+    if not worst <= LARGEST_CONDITION:
+        raise SingularPoseError(
+            f"the six legs are singular at this pose: condition number of J_lp {worst:.2e}, "
+            f"at most {LARGEST_CONDITION:.0e} is usable (eq 12)"
+        )
+    J_lb = base_jacobian(geometry, translation_B, R)
+    J_pl = np.asarray(np.linalg.inv(J_lp), dtype=np.float64)
+    return Jacobians(J_lp=J_lp, J_lb=J_lb, J_pl=J_pl, J_pb=J_pl @ J_lb)
+
+
+def condition_number(geometry: Geometry, J_lp: Array) -> Array:
+    """Condition number of J_lp with rotations measured as arc at the platform joints; (..., 6, 6) to (...).
+
+    J_lp mixes 1 and m.  Its last three columns are divided by the root-mean-square radius of the platform
+    joints, so that the number depends on the shape of the mechanism and not on the unit of length.
+    """
+    scaled = np.array(J_lp)
+    scaled[..., 3:] /= np.sqrt(np.mean(np.sum(geometry.platform_joints_P**2, axis=1)))
+    return np.asarray(np.linalg.cond(scaled))
+
+
+@dataclass(frozen=True)
+class DivisionOfLabour:
+    """Whether fine and coarse actuators can each turn the platform alone, section 2.2, in numbers."""
+
+    holds: bool
+    reasons: tuple[str, ...]
+    """What is violated; empty when it holds."""
+    determinant: float
+    """``|J_lp|``, m^3."""
+    schur_determinant: float
+    """``|N_c| |M_pf - N_f N_c^-1 M_pc|``, m^3: the right-hand side of eq (12); nan when N_c is singular."""
+    condition: float
+    """Condition number of J_lp (:func:`condition_number`)."""
+    coarse_directions: float
+    """Condition number of N_c: are the coarse legs linearly independent directions?"""
+    fine_directions: float
+    """Condition number of N_f, likewise."""
+    J_theta_c: float
+    """Condition number of J_theta_c: can the coarse actuators turn the platform about any axis? (inf: no)"""
+    J_theta_f: float
+    """Condition number of J_theta_f, likewise for the fine actuators (eq 13)."""
+
+
+def division_of_labour(geometry: Geometry, translation_B: Array, R: Array) -> DivisionOfLabour:
+    """Test the conditions of section 2.2 at one pose: N_c, N_f and J_lp nonsingular.
+
+    By (12) and (13) they hold exactly when fine and coarse actuators can each control the rotation alone;
+    the other three then act as fixed struts.  Nothing is raised at a singular pose: the numbers tell.
+
+    Parameters
+    ----------
+    translation_B: (3,), m.
+    R: (3, 3).
+    """
+    J_lp = platform_jacobian(geometry, translation_B, R)
+    N_c, M_pc, N_f, M_pf = J_lp[:3, :3], J_lp[:3, 3:], J_lp[3:, :3], J_lp[3:, 3:]
+    conditions = {
+        "N_c (directions of the coarse legs)": float(np.linalg.cond(N_c)),
+        "N_f (directions of the fine legs)": float(np.linalg.cond(N_f)),
+        "J_lp (the six legs)": float(condition_number(geometry, J_lp)),
+    }
+    coarse, fine, legs = conditions.values()
+    reasons = tuple(
+        f"{name} is singular: condition number {value:.2e}, at most {LARGEST_CONDITION:.0e} is usable"
+        for name, value in conditions.items()
+        if not value <= LARGEST_CONDITION
+    )
+    # J_theta_f is the inverse of this Schur complement (13) and has its condition number.
+    S_f = M_pf - N_f @ np.linalg.solve(N_c, M_pc) if coarse <= LARGEST_CONDITION else None
+    S_c = M_pc - N_c @ np.linalg.solve(N_f, M_pf) if fine <= LARGEST_CONDITION else None
+    return DivisionOfLabour(
+        holds=not reasons,
+        reasons=reasons,
+        determinant=float(np.linalg.det(J_lp)),
+        schur_determinant=float(np.linalg.det(N_c) * np.linalg.det(S_f)) if S_f is not None else float("nan"),
+        condition=legs,
+        coarse_directions=coarse,
+        fine_directions=fine,
+        J_theta_c=float(np.linalg.cond(S_c)) if S_c is not None else float("inf"),
+        J_theta_f=float(np.linalg.cond(S_f)) if S_f is not None else float("inf"),
+    )
+
+
+def _unit(vectors: Array) -> Array:
+    return np.asarray(vectors / np.linalg.norm(vectors, axis=-1, keepdims=True))
+
+
+def _leg_rows(joints_B: Array, n_B: Array) -> Array:
+    return np.concatenate([n_B, np.cross(joints_B, n_B)], axis=-1)

@@ -1,0 +1,134 @@
+"""Rotations in roll, pitch and yaw, eq (14) of the paper: ``R = Rz(yaw) Ry(pitch) Rx(roll)``, P to B.
+
+Every function is vectorised: any leading dimensions of an argument are those of the result.  An
+``orientation`` is (roll, pitch, yaw) in rad.  Equation (14) as printed is this matrix; its transpose would
+misplace the platform by centimetres.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .parameters import Array
+
+# Below this cosine of the pitch (6e-5 deg from +-90 deg) roll and yaw have lost half of their digits.
+SMALLEST_COS_PITCH = 1e-6
+
+
+class GimbalLockError(ValueError):
+    """Pitch is so close to +-90 deg that roll and yaw cannot be told apart."""
+
+
+def rotation_matrix(orientation: Array) -> Array:
+    """Rotation matrix of eq (14), components in P to components in B.
+
+    Parameters
+    ----------
+    orientation: (..., 3), roll, pitch and yaw, rad.
+
+    Returns
+    -------
+    (..., 3, 3)
+    """
+    orientation = np.asarray(orientation, dtype=float)
+    (sr, sp, sy), (cr, cp, cy) = (np.moveaxis(f(orientation), -1, 0) for f in (np.sin, np.cos))
+    R = np.empty((*orientation.shape, 3))
+    R[..., 0, 0], R[..., 0, 1], R[..., 0, 2] = cp * cy, cy * sr * sp - cr * sy, cr * cy * sp + sr * sy
+    R[..., 1, 0], R[..., 1, 1], R[..., 1, 2] = cp * sy, cr * cy + sr * sp * sy, cr * sp * sy - cy * sr
+    R[..., 2, 0], R[..., 2, 1], R[..., 2, 2] = -sp, cp * sr, cr * cp
+    return R
+
+
+def roll_pitch_yaw(R: Array) -> Array:
+    """Roll, pitch and yaw of rotation matrices, pitch within +-90 deg: inverse of :func:`rotation_matrix`.
+
+    Parameters
+    ----------
+    R: (..., 3, 3), proper orthogonal.
+
+    Returns
+    -------
+    (..., 3), rad.
+
+    Raises
+    ------
+    GimbalLockError: pitch is within 6e-5 deg of +-90 deg.
+    """
+    R = np.asarray(R, dtype=float)
+    cos_pitch = np.hypot(R[..., 0, 0], R[..., 1, 0])
+    _refuse_gimbal_lock(cos_pitch)
+    roll = np.arctan2(R[..., 2, 1], R[..., 2, 2])
+    pitch = np.arctan2(-R[..., 2, 0], cos_pitch)
+    yaw = np.arctan2(R[..., 1, 0], R[..., 0, 0])
+    return np.stack([roll, pitch, yaw], axis=-1)
+
+
+def skew(v: Array) -> Array:
+    """Cross-product matrices: ``skew(a) @ b = a x b``; (..., 3) to (..., 3, 3)."""
+    v = np.asarray(v, dtype=float)
+    S = np.zeros((*v.shape, 3))
+    S[..., 0, 1], S[..., 0, 2] = -v[..., 2], v[..., 1]
+    S[..., 1, 0], S[..., 1, 2] = v[..., 2], -v[..., 0]
+    S[..., 2, 0], S[..., 2, 1] = -v[..., 1], v[..., 0]
+    return S
+
+
+def angular_velocity_map(orientation: Array) -> Array:
+    """E with ``omega_B = E d(orientation)/dt``: angular velocity of P relative to B, components in B.
+
+    The columns are the axes of the three elementary rotations: Rz Ry e_x, Rz e_y and e_z.
+
+    Parameters
+    ----------
+    orientation: (..., 3), rad.
+
+    Returns
+    -------
+    (..., 3, 3)
+    """
+    sp, sy, cp, cy = _sines_cosines(orientation)
+    E = np.zeros((*np.shape(orientation), 3))
+    E[..., 0, 0], E[..., 0, 1] = cp * cy, -sy
+    E[..., 1, 0], E[..., 1, 1] = cp * sy, cy
+    E[..., 2, 0], E[..., 2, 2] = -sp, 1.0
+    return E
+
+
+def orientation_rate_map(orientation: Array) -> Array:
+    """Inverse of :func:`angular_velocity_map`: ``d(orientation)/dt = E^-1 omega_B``; (..., 3) to (..., 3, 3).
+
+    Raises
+    ------
+    GimbalLockError: pitch is within 6e-5 deg of +-90 deg.
+    """
+    sp, sy, cp, cy = _sines_cosines(orientation)
+    _refuse_gimbal_lock(np.abs(cp))
+    E_inverse = np.zeros((*np.shape(orientation), 3))
+    E_inverse[..., 0, 0], E_inverse[..., 0, 1] = cy / cp, sy / cp
+    E_inverse[..., 1, 0], E_inverse[..., 1, 1] = -sy, cy
+    E_inverse[..., 2, 0], E_inverse[..., 2, 1], E_inverse[..., 2, 2] = cy * sp / cp, sy * sp / cp, 1.0
+    return E_inverse
+
+
+def rotation_from_vector(vector: Array) -> Array:
+    """Rotation by the angle ``|vector|`` (rad) about ``vector`` (Rodrigues); (..., 3) to (..., 3, 3)."""
+    angle = np.linalg.norm(vector, axis=-1)[..., None, None]
+    S = skew(vector)
+    # sinc keeps both factors smooth through angle zero.
+    return np.eye(3) + np.sinc(angle / np.pi) * S + 0.5 * np.sinc(angle / (2.0 * np.pi)) ** 2 * (S @ S)
+
+
+def _sines_cosines(orientation: Array) -> tuple[Array, Array, Array, Array]:
+    """Sine of pitch and yaw, cosine of pitch and yaw; the maps of rates do not depend on the roll."""
+    orientation = np.asarray(orientation, dtype=float)
+    pitch, yaw = orientation[..., 1], orientation[..., 2]
+    return np.sin(pitch), np.sin(yaw), np.cos(pitch), np.cos(yaw)
+
+
+def _refuse_gimbal_lock(cos_pitch: Array) -> None:
+    smallest = float(np.min(cos_pitch, initial=1.0))
+    if not smallest >= SMALLEST_COS_PITCH:
+        raise GimbalLockError(
+            f"pitch is {np.degrees(np.arccos(smallest)):.6f} deg in magnitude, too close to 90 deg to tell "
+            "roll from yaw; use the rotation matrix itself there"
+        )
