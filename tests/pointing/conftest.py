@@ -24,7 +24,7 @@ def columns() -> list[Column]:
 
 @pytest.fixture(scope="session")
 def feed() -> Callable:
-    """``feed(observer, values, step, cuts)`` hands over ``values`` (rows, columns) in blocks ending at the cuts.
+    """``feed(observer, values, step, cuts)`` hands over ``values`` (rows, columns) in blocks.
 
     The array is reused for each block, as the master does.
     """

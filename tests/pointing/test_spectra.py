@@ -27,7 +27,7 @@ def test_welch_equals_scipy_for_any_cut(columns, feed, cuts, rows, remove_mean, 
 
 
 def test_sine_in_white_noise(columns, feed):
-    """A sine of amplitude A has its mean square A^2/2 around its line; noise of variance v is flat, 2 v dt."""
+    """A sine of amplitude A has mean square A^2/2 around its line; noise of variance v is flat at 2 v dt."""
     step, amplitude, variance = 1e-3, 0.5, 0.04
     time = np.arange(400_000) * step
     noise = np.random.default_rng(2).normal(0.0, np.sqrt(variance), len(time))
