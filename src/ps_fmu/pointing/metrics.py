@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class Summary:
+class SignalStatistics:
     """Statistics of each signal, in the order of ``names``: arrays of shape (signals,) in its unit."""
 
     names: tuple[str, ...]
@@ -58,12 +58,12 @@ class Statistics(ColumnObserver):
         self._count = total
         np.maximum(self._peak, np.abs(samples).max(axis=1), out=self._peak)
 
-    def result(self) -> Summary:
+    def result(self) -> SignalStatistics:
         """The statistics so far; raises ``ValueError`` if no row has been seen."""
         if not self._count:
             raise ValueError(f"no rows seen at or after {self.start_s} s")
         variance = np.maximum(self._squares, 0.0) / self._count
-        return Summary(
+        return SignalStatistics(
             names=self.names,
             units=self.units,
             count=self._count,

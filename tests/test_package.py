@@ -1,0 +1,104 @@
+"""Rules that the package keeps, read from its source: nothing is imported or run here."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+PACKAGE = ROOT / "src" / "ps_fmu"
+MODULES = sorted(PACKAGE.rglob("*.py"))
+SOURCES = MODULES + sorted((ROOT / "fmus").rglob("*.py")) + sorted((ROOT / "system").rglob("*.py"))
+
+# What each part may import of the others: scenarios -> cosim, pointing -> fmu -> manipulator.
+MAY_IMPORT = {
+    "manipulator": set(),
+    "fmu": {"manipulator"},
+    "cosim": {"fmu", "manipulator"},
+    "pointing": {"fmu", "manipulator"},
+    "scenarios": {"cosim", "pointing", "fmu", "manipulator"},
+}
+
+
+def named(paths):
+    return pytest.mark.parametrize("path", paths, ids=lambda path: str(path.relative_to(ROOT)))
+
+
+def public_definitions(body, prefix=""):
+    """Public functions and classes of a body and the public methods of the classes, setters left out."""
+    for node in body:
+        if isinstance(node, ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef) and node.name[0] != "_":
+            if any(isinstance(mark, ast.Attribute) and mark.attr == "setter" for mark in node.decorator_list):
+                continue
+            yield prefix + node.name, node
+            if isinstance(node, ast.ClassDef):
+                yield from public_definitions(node.body, f"{node.name}.")
+
+
+def imports(tree):
+    """(level, module, names) of each import statement."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            yield from ((0, alias.name, ()) for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            yield node.level, node.module or "", tuple(alias.name for alias in node.names)
+
+
+def part_of(path, level, module, names):
+    """The parts of the package that a relative import in ``path`` reaches into."""
+    package = path.relative_to(PACKAGE).parts[:-1]
+    base = package[: len(package) - (level - 1)]
+    full = [*base, *module.split(".")] if module else list(base)
+    return {full[0]} if full else set(names)
+
+
+@named(MODULES)
+def test_what_is_public_is_documented(path):
+    tree = ast.parse(path.read_text())
+    missing = [name for name, node in public_definitions(tree.body) if not ast.get_docstring(node)]
+    assert ast.get_docstring(tree), "the module has no docstring"
+    assert not missing
+
+
+@named(MODULES)
+def test_imports_within_the_package_are_relative(path):
+    """The build renames the package inside an FMU; an absolute import would find another copy."""
+    absolute = [module for level, module, _ in imports(ast.parse(path.read_text())) if level == 0]
+    assert not [module for module in absolute if module.split(".")[0] == "ps_fmu"]
+
+
+@named([path for path in MODULES if path.parent != PACKAGE])
+def test_imports_point_one_way(path):
+    part = path.relative_to(PACKAGE).parts[0]
+    reached = set()
+    for level, module, names in imports(ast.parse(path.read_text())):
+        if level:
+            reached |= part_of(path, level, module, names)
+    assert reached & MAY_IMPORT.keys() <= MAY_IMPORT[part] | {part}
+
+
+@named(SOURCES)
+def test_files_are_short(path):
+    assert len(path.read_text().splitlines()) <= 400
+
+
+@named(SOURCES)
+def test_nothing_runs_code_from_data(path):
+    tree = ast.parse(path.read_text())
+    modules = {module.split(".")[0] for _, module, _ in imports(tree)}
+    assert not modules & {"pickle", "marshal", "shelve", "dill"}
+    calls = [node.func for node in ast.walk(tree) if isinstance(node, ast.Call)]
+    called = {function.id for function in calls if isinstance(function, ast.Name)}
+    assert not called & {"eval", "exec"}
+
+
+def test_the_package_itself_imports_nothing():
+    assert list(imports(ast.parse((PACKAGE / "__init__.py").read_text()))) == []
+
+
+def test_the_versions_agree():
+    import tomllib
+
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    assert f'__version__ = "{project["version"]}"' in (PACKAGE / "__init__.py").read_text()
+    assert f"version: {project['version']}\n" in (ROOT / "CITATION.cff").read_text()
