@@ -1,0 +1,112 @@
+"""The numbers and texts of one slave: storage, typed access by name and by value reference."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .guard import Refused
+from .layout import Layout
+from .variables import Port, Value
+
+Array = NDArray[np.float64]
+
+ALIGNMENT = 64  # bytes: a cache line, and the widest vector register
+
+
+def aligned(*shape: int) -> Array:
+    """Zeros whose first element lies on a cache line: sums in BLAS then do not depend on where malloc put an array."""
+    n = int(np.prod(shape))
+    raw = np.zeros(n + ALIGNMENT // 8)
+    first = (-raw.ctypes.data % ALIGNMENT) // 8
+    return raw[first : first + n].reshape(shape)
+
+
+class Buffer:
+    """All values of one slave, laid out as its :class:`Layout` says.
+
+    ``data`` is allocated once; everything else is a view of it.
+    """
+
+    def __init__(self, layout: Layout) -> None:
+        self.layout = layout
+        self.data = aligned(layout.size)
+        self.strings = [str(port.start) for port in layout.strings]
+        self._groups: dict[str, list[int]] = {}
+        for reference, port in layout.by_reference.items():
+            if port.causality != "output" and reference < layout.size:
+                self.data[reference] = float(port.start)
+
+    def raw(self, reference: int) -> float | str:
+        """The stored value of a variable: a double, or a text."""
+        size = self.layout.size
+        return self.strings[reference - size] if reference >= size else float(self.data[reference])
+
+    def typed(self, reference: int) -> Value:
+        """The value of a variable as its own type."""
+        port = self.layout.by_reference[reference]
+        convert: Callable[[Any], Value] = {"Real": float, "Integer": int, "Boolean": bool, "String": str}[port.type]
+        return convert(self.raw(reference))
+
+    def store(self, reference: int, value: Value) -> None:
+        """Store a value that :meth:`Port.checked` let pass."""
+        if isinstance(value, str):
+            self.strings[reference - self.layout.size] = value
+        else:
+            self.data[reference] = value
+
+    def group(self, names: str | Sequence[str]) -> list[int]:
+        """References of several numeric variables, as :meth:`Layout.group`; texts are looked up once."""
+        if not isinstance(names, str):
+            return self.layout.group(names)
+        if names not in self._groups:
+            self._groups[names] = self.layout.group(names)
+        return self._groups[names]
+
+    def view(self, names: str | Sequence[str]) -> Array:
+        """Live view of several numeric variables that lie side by side; ValueError if they do not."""
+        references = self.group(names)
+        first = references[0]
+        if references != list(range(first, first + len(references))):
+            raise ValueError(f"{self.layout.model}: {names!r} do not lie side by side")
+        return self.data[first : first + len(references)]
+
+    def ports(self, kind: str, references: Sequence[int]) -> list[Port]:
+        """The ports of these value references; Refused unless all exist and are of the FMI type ``kind``."""
+        ports = []
+        for reference in references:
+            port = self.layout.by_reference.get(reference)
+            if port is None:
+                raise Refused(f"there is no variable with value reference {reference!r}")
+            if port.type != kind:
+                raise Refused(f"{port.name} (value reference {reference}) is a {port.type}, not a {kind}")
+            ports.append(port)
+        return ports
+
+    def reader(self, kind: str, references: list[int]) -> Callable[[], list[Any]]:
+        """A function that reads these variables, of type ``kind``, into a list.  Raises Refused as :meth:`ports`."""
+        self.ports(kind, references)
+        n = len(references)
+        if kind != "Real" or n == 0:
+            return lambda: [self.typed(reference) for reference in references]
+        if references == list(range(references[0], references[0] + n)):
+            return self.data[references[0] : references[0] + n].tolist
+        index = np.array(references)
+        return lambda: self.data[index].tolist()
+
+    def runs(self, references: Sequence[int], kind: Callable[[int], object]) -> list[tuple[Array, int, int]]:
+        """``references`` cut into runs that lie side by side and are of one ``kind``.
+
+        Each is (view, first, last), for ``view[:] = values[first:last]``.
+        """
+        runs = []
+        first = 0
+        for last in range(1, len(references) + 1):
+            before = references[last - 1]
+            if last == len(references) or references[last] != before + 1 or kind(references[last]) != kind(before):
+                runs.append((self.data[references[first] : before + 1], first, last))
+                first = last
+        return runs

@@ -1,0 +1,85 @@
+"""Errors at the border to pythonfmu's native library, which mistreats exceptions.
+
+When a call into Python raises, the library (0.7.0) releases references that it goes on using: the class, the instance
+and the instance's log list, once per exception.  After one to three exceptions they are freed and the host crashes.
+It also takes the text of the exception for a printf format.  :func:`guarded` makes up for both, and prints the error
+on stderr, since the library tells hosts without logging nothing.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import functools
+import sys
+import traceback
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+
+class ModelError(ValueError):
+    """A parameter or input that a model cannot use; the text names it and says what is expected."""
+
+
+class Refused(ValueError):
+    """A call that FMI does not allow now, or with these arguments; the text says what is allowed."""
+
+
+class FmuError(RuntimeError):
+    """What the native library gets to see: one line, safe as a printf format."""
+
+
+def describe(error: BaseException) -> str:
+    """One line about an error, with the place in the source where it is not one of our own refusals."""
+    text = str(error) or type(error).__name__
+    if isinstance(error, (ModelError, Refused)):
+        return text
+    frames = traceback.extract_tb(error.__traceback__)
+    place = f" ({frames[-1].filename}:{frames[-1].lineno})" if frames else ""
+    return f"{type(error).__name__}: {text}{place}"
+
+
+def report(text: str, error: BaseException | None = None) -> str:
+    """Print on stderr, with the traceback of an error that is not one of our own refusals; returns what it printed."""
+    if error is not None and not isinstance(error, (ModelError, Refused)):
+        text = f"{text}\n{''.join(traceback.format_exception(error)).rstrip()}"
+    # Where the host has closed stderr, the FMI status has to do.
+    with contextlib.suppress(OSError, ValueError, AttributeError):
+        print(text, file=sys.stderr, flush=True)
+    return text
+
+
+def keep_alive(*objects: object) -> None:
+    """One more reference for each object, in exchange for the one that the library releases without owning it."""
+    for item in objects:
+        ctypes.pythonapi.Py_IncRef(ctypes.py_object(item))
+
+
+def guarded(method: F) -> F:
+    """For methods that the library calls and that may raise: report, compensate, raise :class:`FmuError`.
+
+    The instance needs ``hosted`` (is it driven by the library?), ``label`` and ``log_queue``.  Without a host the
+    error passes unchanged.
+    """
+
+    @functools.wraps(method)
+    def wrapper(self: Any, *args: Any) -> Any:
+        try:
+            return method(self, *args)
+        except BaseException as error:
+            escape(self, error)
+            raise
+
+    return wrapper  # type: ignore[return-value]
+
+
+def escape(slave: Any, error: BaseException) -> None:
+    """Prepare for an exception that is about to reach the library; raises FmuError in its place."""
+    if not slave.hosted or isinstance(error, FmuError):
+        return
+    text = f"{slave.label}: {describe(error)}"
+    report(text, error)
+    keep_alive(type(slave), slave, slave.log_queue)
+    raise FmuError(text.replace("%", "%%")) from error

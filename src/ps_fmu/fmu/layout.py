@@ -1,0 +1,108 @@
+"""Where each variable of a slave lives: one buffer of doubles, value reference = place in the buffer."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import Iterable, Sequence
+from itertools import pairwise
+
+import numpy as np
+
+from .variables import Port
+
+_ONE_LEVEL = re.compile(r"\.[^.]+|_\d+")
+
+
+class Layout:
+    """Layout of the buffer ``[outputs y | states x | inputs u | auxiliary a | events | parameters | memory]``.
+
+    ``y`` and ``x`` are adjacent, and so are ``x``, ``u`` and ``a``: a step is ``[y; x] <- M @ [x; u; a]``.  Booleans
+    and Integers are kept as doubles.  Strings live in a list outside; their references follow the buffer.
+
+    Raises ValueError, naming the port, if the ports contradict each other.
+    """
+
+    def __init__(
+        self, model: str, version: str, ports: Sequence[Port], n_states: int, n_auxiliary: int, n_memory: int
+    ) -> None:
+        self.model = model
+        self.ports = tuple(ports)
+        self.strings = [port for port in self.ports if port.type == "String"]
+        numeric = [port for port in self.ports if port.type != "String"]
+        outputs = [port for port in numeric if port.causality == "output"]
+        inputs = [port for port in numeric if port.causality == "input" and not port.event]
+        events = [port for port in numeric if port.causality == "input" and port.event]
+        parameters = [port for port in numeric if port.causality == "parameter"]
+
+        sizes = [len(outputs), n_states, len(inputs), n_auxiliary, len(events), len(parameters), n_memory]
+        ends = np.cumsum([0, *sizes]).tolist()
+        regions = [slice(first, last) for first, last in pairwise(ends)]
+        self.y, self.x, self.u, self.a, self.events, self.parameters, self.memory = regions
+        self.source = slice(self.x.start, self.a.stop)
+        """The operand ``[x; u; a]`` of a step."""
+        self.target = slice(self.y.start, self.x.stop)
+        """Its result ``[y; x]``."""
+        self.size: int = ends[-1]
+
+        self.by_reference: dict[int, Port] = {}
+        for region, group in ((self.y, outputs), (self.u, inputs), (self.events, events), (self.parameters, parameters)):
+            self.by_reference |= dict(enumerate(group, region.start))
+        self.by_reference |= dict(enumerate(self.strings, self.size))
+        self.reference = {port.name: reference for reference, port in self.by_reference.items()}
+        self._check()
+        self.identity = self._identity(version, sizes)
+        """SHA-256 of model, version, variables and sizes: who may exchange FMU states."""
+
+    def _check(self) -> None:
+        names = [port.name for port in self.ports]
+        if len(self.reference) < len(names):
+            twice = sorted({name for name in names if names.count(name) > 1})
+            raise ValueError(f"{self.model}: declared twice: {', '.join(twice)}")
+        inputs = {port.name for port in self.ports if port.causality == "input"}
+        knowns = inputs | {port.name for port in self.ports if port.causality == "parameter"}
+        for port in self.ports:
+            for allowed, listed, what in (
+                (inputs, port.depends_on, "inputs"),
+                (knowns, port.initially_depends_on or (), "inputs and parameters"),
+            ):
+                unknown = sorted(set(listed) - allowed)
+                if unknown:
+                    raise ValueError(f"{self.model}: {port.name} depends on {', '.join(unknown)}: not among the {what}")
+
+    def _identity(self, version: str, sizes: Iterable[int]) -> bytes:
+        digest = hashlib.sha256()
+        for item in (self.model, version, *sizes, *(f"{p.name} {p.causality} {p.type}" for p in self.by_reference.values())):
+            digest.update(f"{item}\n".encode())
+        return digest.digest()
+
+    def group(self, names: str | Sequence[str]) -> list[int]:
+        """References of several numeric variables.
+
+        A text stands for its components, one level down: ``"base_force"`` for ``base_force.x``, ``.y``, ``.z``;
+        ``"coarse_command"`` for ``coarse_command_1`` to ``_3``.  Otherwise a sequence of full names.
+
+        Raises KeyError if there is no such variable.
+        """
+        if isinstance(names, str):
+            found = [
+                name
+                for name in self.reference
+                if name == names or (name.startswith(names) and _ONE_LEVEL.fullmatch(name, len(names)))
+            ]
+            if not found:
+                raise KeyError(f"{self.model} has no variable {names!r}, {names}.* or {names}_1 ...")
+        else:
+            found = list(names)
+        references = [self.find(name) for name in found]
+        for name, reference in zip(found, references, strict=True):
+            if reference >= self.size:
+                raise KeyError(f"{self.model}: {name} is a String and not in the buffer")
+        return references
+
+    def find(self, name: str) -> int:
+        """The reference of one variable; KeyError if there is none of that name."""
+        try:
+            return self.reference[name]
+        except KeyError:
+            raise KeyError(f"{self.model} has no variable {name!r}") from None

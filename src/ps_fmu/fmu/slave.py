@@ -1,0 +1,202 @@
+"""Base class of the slaves: a pythonfmu slave on one buffer, with one linear map per step and events apart from it.
+
+The files it is made of, each one subject: ``model`` what a model states, ``values`` access to variables, ``stepper``
+steps, and here the life cycle.  A simulation in order::
+
+    instantiate --- set parameters and inputs --- setup_experiment --- enter_initialization_mode
+        configure(), output_map()             whenever something was set and an output is read
+    exit_initialization_mode                  configure() for good
+    do_step(t, h) ...                         [event(t, h)] [step_map(h)] map [finish_step()]
+    terminate
+
+Every call checks its arguments and the phase, and a refused call changes nothing.
+"""
+
+from __future__ import annotations
+
+import sys
+from math import inf, isfinite
+from typing import Any
+from xml.etree.ElementTree import Element
+
+import numpy as np
+from pythonfmu.enums import Fmi2Status
+
+from .. import __version__
+from .guard import ModelError, Refused, guarded, keep_alive, report
+from .layout import Layout
+from .state import State, from_bytes, to_bytes
+from .stepper import Stepper
+from .values import Phase
+from .variables import Port, numbered, vector
+
+__all__ = ["ModelError", "Phase", "Port", "Refused", "Slave", "numbered", "vector"]
+
+
+class Slave(Stepper):
+    """FMI 2.0 co-simulation slave.  Subclasses state ports and sizes and implement the methods of ``model.Model``."""
+
+    def __init_subclass__(cls, **kwargs: Any) -> None:
+        super().__init_subclass__(**kwargs)
+        if "__init__" in cls.__dict__:
+            raise TypeError(f"{cls.__name__}: no __init__ please; what a model needs is made in configure()")
+        if cls.block_rows and cls.n_states:
+            raise TypeError(f"{cls.__name__}: a slave with block_rows has no states, but n_states = {cls.n_states}")
+        cls.layout = Layout(
+            cls.__name__, __version__, cls.ports, cls.n_states, cls.n_auxiliary, cls.n_memory
+        )
+
+    def __init__(self, **kwargs: Any) -> None:
+        super().__init__(**kwargs)
+        self.label = f"{type(self).__name__} {self.instance_name!r}"
+        self.hosted = "logger" in kwargs  # only pythonfmu's native library passes one
+        if self.hosted:
+            # The library releases the module's dictionary, which it has only borrowed, at each instantiation.
+            keep_alive(sys.modules[type(self).__module__].__dict__)
+        self._allocate()
+
+    # --- Life cycle ---------------------------------------------------------------------
+
+    @guarded
+    def setup_experiment(self, start_time: float, stop_time: float | None = None, tolerance: float | None = None) -> None:
+        """Start and stop time, s.  The tolerance is not used: between events a step is exact."""
+        self._require("setup_experiment", Phase.INSTANTIATED)
+        stop = inf if stop_time is None else stop_time
+        if not isfinite(start_time):
+            raise Refused(f"start time {start_time!r} s: expected a finite number")
+        if not stop > start_time:
+            raise Refused(f"stop time {stop!r} s: expected a number above the start time {start_time!r} s")
+        self._start = self._time = self._origin = float(start_time)
+        self._stop = float(stop)
+        self._ready = True
+
+    @guarded
+    def enter_initialization_mode(self) -> None:
+        self._require("enter_initialization_mode", Phase.INSTANTIATED)
+        if not self._ready:
+            raise Refused("enter_initialization_mode: setup_experiment has to be called before")
+        self._enter(Phase.INITIALISATION)
+
+    @guarded
+    def exit_initialization_mode(self) -> None:
+        self._require("exit_initialization_mode", Phase.INITIALISATION)
+        if self._stale:
+            self._configure()
+        self._enter(Phase.STEPPING)
+
+    @guarded
+    def terminate(self) -> None:
+        self._require("terminate", Phase.STEPPING)
+        self._enter(Phase.TERMINATED)
+
+    def _require(self, call: str, phase: Phase) -> None:
+        if self._phase != phase:
+            raise Refused(f"{call} is not possible in phase {self._phase.name.lower()}, only in {phase.name.lower()}")
+
+    def _enter(self, phase: Phase) -> None:
+        self._phase = phase
+        self._forget_lists()
+        self._close()
+
+    def _configure(self) -> None:
+        """Build the model and the outputs from parameters and inputs.  All or nothing."""
+        kept = self._buffer.data.copy()
+        try:
+            self._pending = False
+            self.remap()
+            self.discard_rows()
+            self.configure()
+            outputs = self.output_map()
+            if outputs is not None:
+                self.y[:] = self._checked_matrix("output_map", outputs, self.y.size) @ self._source
+            if not np.isfinite(self._buffer.data).all():
+                raise ModelError(f"configure() leads to numbers that are not finite: {self._first_not_finite()}")
+        except BaseException:
+            self._buffer.data[:] = kept
+            raise
+        self._stale = False
+
+    def _first_not_finite(self) -> str:
+        place = int(np.flatnonzero(~np.isfinite(self._buffer.data))[0])
+        if place in self.layout.by_reference:
+            return self.layout.by_reference[place].name
+        regions = {"state": self.layout.x, "auxiliary": self.layout.a, "memory": self.layout.memory}
+        return next(f"{name} {place - r.start}" for name, r in regions.items() if r.start <= place < r.stop)
+
+    def _on_change(self, event: bool) -> None:
+        if self._phase < Phase.STEPPING:
+            self._stale = True
+        elif event:
+            self.request_event()
+
+    # --- FMU state ----------------------------------------------------------------------
+
+    @guarded
+    def _get_fmu_state(self) -> State:
+        return State(self.layout.identity, self._clock(), self._buffer.data.copy(), tuple(self._buffer.strings))
+
+    @guarded
+    def _set_fmu_state(self, state: State) -> None:
+        self._check_state(state)
+        before, table = self._get_fmu_state(), self._table
+        try:
+            self._put_state(state)
+        except BaseException:
+            self._buffer.data[:] = before.buffer
+            self._buffer.strings[:] = before.strings
+            self._recall(before.clock, table)
+            if before.clock.phase >= Phase.STEPPING:
+                self._rebuild()
+                self._recall(before.clock, table)
+            raise
+        finally:
+            self._forget_lists()
+
+    def _check_state(self, state: State) -> None:
+        if not isinstance(state, State) or state.identity != self.layout.identity:
+            raise Refused("the FMU state belongs to another FMU, or to another version of this one")
+
+    def _put_state(self, state: State) -> None:
+        self._buffer.data[:] = state.buffer
+        self._buffer.strings[:] = state.strings
+        self.remap()
+        table = self._table[:0]
+        if state.clock.phase >= Phase.STEPPING:
+            self.restore()
+            table = self._table_again(state.clock)
+        self._recall(state.clock, table)
+        if state.clock.phase < Phase.STEPPING:
+            self._stale = True  # configure() has to rebuild what is derived
+
+    @classmethod
+    def _fmu_state_to_bytes(cls, state: State) -> bytes:
+        return to_bytes(state)
+
+    @classmethod
+    def _fmu_state_from_bytes(cls, state: bytes) -> State:
+        layout = cls.layout
+        return from_bytes(bytes(state), layout.identity, layout.size, len(layout.strings))
+
+    # --- Messages -----------------------------------------------------------------------
+
+    def warning(self, text: str) -> None:
+        """Tell the host about something that the user should know."""
+        self.log(f"{self.label}: {text}", Fmi2Status.warning)
+
+    def error(self, text: str) -> None:
+        """Tell the host about an error; also on stderr, since hosts may have logging off."""
+        self.log(report(f"{self.label}: {text}"), Fmi2Status.error)
+
+    def log(
+        self, msg: str, status: Fmi2Status = Fmi2Status.ok, category: str | None = None, debug: Any = None
+    ) -> None:
+        """As pythonfmu's, but safe: hosts take the text for a printf format."""
+        super().log(msg.replace("%", "%%"), status, category, debug)
+
+    # --- Description --------------------------------------------------------------------
+
+    def to_xml(self, model_options: dict[str, str] | None = None) -> Element:
+        """The complete ``fmiModelDescription``, see :mod:`.description`; the options are what this class can do."""
+        from .description import model_description
+
+        return model_description(self, super().to_xml)

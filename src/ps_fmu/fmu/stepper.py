@@ -1,0 +1,277 @@
+"""Stepping a slave: communication points, maps, tables, events."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import isfinite
+from typing import Any
+
+import numpy as np
+from pythonfmu.enums import Fmi2Status
+
+from .buffer import Array, aligned
+from .guard import Refused, describe, escape, report
+from .state import Clock
+from .values import Phase, Values
+
+SAME_STEP = 1e-6  # relative: step sizes this close are one; hosts form them as differences of times
+SAME_TIME = 1e-3  # of a step: hosts add up times with rounding
+_MOST_MAPS = 8  # step sizes remembered: enough for hosts that alternate a few
+_FIRST_ROWS = 16  # rows of the first table after a change of step: a host with a new step each time pays little
+
+
+class Stepper(Values):
+    """Makes steps: a fast path for the plain ones, and all else by :meth:`_careful_step`.
+
+    The fast path is open as long as the host goes on at the expected time with the same step size and nothing is due;
+    ``_step_slack`` is negative when it is closed.
+
+    Times are counted in integers (``origin + count * step``) wherever the model sees them, so that they do not
+    collect rounding; the host's own times are only compared with each other.
+    """
+
+    def _allocate(self) -> None:
+        super()._allocate()
+        layout = self.layout
+        self._source = self._buffer.data[layout.source]
+        self._target = self._buffer.data[layout.target]
+        self._work = aligned(self._target.size)
+        self._maps: list[tuple[float, Array]] = []
+        self._advance: Callable[[Array, Array], Any] | None = None
+        self._table = np.empty((0, self.y.size))
+        self._row = 0
+        self._block = 0
+        self._next_rows = _FIRST_ROWS
+        self._ready = False  # setup_experiment was called
+        self._pending = False  # event() is due
+        self._start, self._stop = 0.0, float("inf")
+        self._time = self._origin = self._step = 0.0
+        self._count = 0
+        self._time_slack = 0.0
+        self._last_start = 0.0
+        self._close()
+
+    # --- For models ---------------------------------------------------------------------
+
+    def remap(self) -> None:
+        """The map is out of date: a new pose, a new parameter.  ``step_map`` is asked again before the next step."""
+        self._maps.clear()
+        self._advance = None
+        self._close()
+
+    def discard_rows(self) -> None:
+        """The rest of the table is out of date.  ``rows`` is asked again before the next step."""
+        self._table = self._table[:0]
+        self._row = 0
+        self._next_rows = _FIRST_ROWS
+        self._close()
+
+    def request_event(self) -> None:
+        """``event`` is to be called before the next step; for ``configure`` of models that start in motion."""
+        self._pending = True
+        self._close()
+
+    def times(self, t: float, h: float, n: int) -> Array:
+        """Times of the rows asked from ``rows(t, h, n)``, shape (n,), s: the same for a row in whichever table."""
+        first = round((t - self._origin) / h)
+        return np.asarray(self._origin + np.arange(first + 1.0, first + n + 1.0) * h)
+
+    # --- For hosts ----------------------------------------------------------------------
+
+    def do_step(self, current_time: float, step_size: float) -> bool:
+        """One step; False (fmi2Discard) if it was refused: then nothing has changed, and the log says why."""
+        try:
+            if (
+                abs(current_time - self._time) <= self._time_slack
+                and abs(step_size - self._step) <= self._step_slack
+                and current_time <= self._last_start
+            ):
+                if self._advance is not None:
+                    self._apply_map()
+                elif self._row < len(self._table):
+                    self.y[:] = self._table[self._row]
+                    self._row += 1
+                else:
+                    self._careful_step(current_time, step_size)
+                    return True
+                self._time = current_time + step_size
+                self._count += 1
+            else:
+                self._careful_step(current_time, step_size)
+            return True
+        except Exception as error:
+            self._refuse_step(error)
+            return False
+        except BaseException as error:
+            escape(self, error)
+            raise
+
+    # --- Behind it ----------------------------------------------------------------------
+
+    def _close(self) -> None:
+        """Close the fast path: the next step is a careful one."""
+        self._step_slack = -1.0
+
+    def _apply_map(self) -> None:
+        work = self._work
+        self._advance(self._source, work)  # type: ignore[misc]
+        if not isfinite(work.dot(work)) and not np.isfinite(work).all():
+            raise Refused(f"the step leads to numbers that are not finite: {self._not_finite()}")
+        if self.finishing:
+            self._finish(work)
+        else:
+            self._target[:] = work
+
+    def _finish(self, work: Array) -> None:
+        kept = self._buffer.data.copy()
+        try:
+            self._target[:] = work
+            self.finish_step()
+            if not np.isfinite(self._target).all():
+                raise Refused("finish_step leads to numbers that are not finite")
+        except BaseException:
+            self._buffer.data[:] = kept
+            raise
+
+    def _not_finite(self) -> str:
+        """The outputs or states that are not finite after a map, and the inputs that are extreme."""
+        bad = np.flatnonzero(~np.isfinite(self._work)).tolist()
+        ny = self.y.size
+        names = [self.layout.by_reference[i].name if i < ny else f"state {i - ny}" for i in bad[:5]]
+        largest = int(np.abs(self._source).argmax())
+        return f"{', '.join(names)}{' ...' if len(bad) > 5 else ''}; largest operand {self._source[largest]:g}"
+
+    def _refuse_step(self, error: Exception) -> None:
+        text = f"{self.label}: step from t = {self._time:.9g} s refused: {describe(error)}"
+        self.log(report(text, error), Fmi2Status.error)
+
+    def _careful_step(self, t: float, h: float) -> None:
+        """A step that checks all, or one with an event before it.  All or nothing."""
+        self._check_step(t, h)
+        kept, clock = self._buffer.data.copy(), self._clock()
+        table, due = self._table, self._pending
+        try:
+            if not (abs(h - self._step) <= SAME_STEP * self._step and self._is_on_grid(t)):
+                self._restart_count(t, h)
+            if due:
+                self._pending = False
+                again = self.event(self._now(), self._step)
+                self._pending = self._pending or bool(again)
+            if self.block_rows:
+                self._take_row()
+            else:
+                self._take_map()
+        except BaseException:
+            self._buffer.data[:] = kept
+            if due:
+                self._rebuild()
+            self._recall(clock, table)
+            raise
+        self._time = t + h
+        self._count += 1
+        self._time_slack = SAME_TIME * self._step
+        self._last_start = self._stop - (1.0 - SAME_TIME) * self._step
+        self._step_slack = -1.0 if self._pending else SAME_STEP * self._step
+
+    def _now(self) -> float:
+        """Present time on the grid of whole steps, s."""
+        return self._origin + self._count * self._step
+
+    def _rebuild(self) -> None:
+        """After a failed event: what the model derives may be half new."""
+        try:
+            self.remap()
+            self.restore()
+        except Exception as error:
+            report(f"{self.label}: restore() failed after a failed event", error)
+
+    def _check_step(self, t: float, h: float) -> None:
+        if self._phase != Phase.STEPPING:
+            raise Refused(f"no step is possible in phase {self._phase.name.lower()}")
+        if not (isfinite(h) and h > 0.0):
+            raise Refused(f"step size {h!r} s: expected a finite number above 0")
+        if not abs(t - self._time) <= SAME_TIME * h:
+            raise Refused(f"current time {t!r} s: expected {self._time!r} s, where the last step ended")
+        if t > self._stop - (1.0 - SAME_TIME) * h:
+            raise Refused(f"a step from {t!r} s to {t + h!r} s ends beyond the stop time {self._stop!r} s of the experiment")
+
+    def _is_on_grid(self, t: float) -> bool:
+        return abs(self._now() - t) <= SAME_TIME * self._step
+
+    def _restart_count(self, t: float, h: float) -> None:
+        known = [step for step, _ in self._maps if abs(step - h) <= SAME_STEP * step]
+        self._origin, self._count, self._step = t, 0, known[0] if known else h
+        self._advance = None
+        self.discard_rows()
+
+    def _take_map(self) -> None:
+        if self._advance is None:
+            self._advance = self._map_for(self._step).dot
+        self._apply_map()
+
+    def _map_for(self, h: float) -> Array:
+        for step, matrix in self._maps:
+            if step == h:
+                return matrix
+        matrix = self._checked_matrix("step_map", self.step_map(h), self._target.size)
+        if len(self._maps) >= _MOST_MAPS:
+            del self._maps[0]
+        self._maps.append((h, matrix))
+        return matrix
+
+    def _checked_matrix(self, what: str, matrix: Array, rows: int) -> Array:
+        """An aligned copy, C-contiguous as numpy's fastest product wants it."""
+        shape = (rows, self._source.size)
+        given = np.asarray(matrix, dtype=np.float64)
+        if given.shape != shape:
+            raise ValueError(f"{type(self).__name__}.{what} has shape {given.shape}; expected {shape}")
+        if not np.isfinite(given).all():
+            raise ValueError(f"{type(self).__name__}.{what} has elements that are not finite")
+        copy = aligned(*shape)
+        copy[:] = given
+        return copy
+
+    def _take_row(self) -> None:
+        if self._row >= len(self._table):
+            n = min(self._next_rows, self.block_rows)
+            self._table = self._checked_rows(n)
+            self._block, self._row = self._count, 0
+            self._next_rows = min(4 * n, self.block_rows)
+        self.y[:] = self._table[self._row]
+        self._row += 1
+
+    def _checked_rows(self, n: int) -> Array:
+        table = np.ascontiguousarray(self.rows(self._now(), self._step, n), dtype=np.float64)
+        if table.shape != (n, self.y.size):
+            raise ValueError(f"{type(self).__name__}.rows has shape {table.shape}; expected {(n, self.y.size)}")
+        if not np.isfinite(table).all():
+            raise ValueError(f"{type(self).__name__}.rows has elements that are not finite")
+        return table
+
+    # --- State --------------------------------------------------------------------------
+
+    def _clock(self) -> Clock:
+        return Clock(
+            phase=int(self._phase), ready=self._ready, stale=self._stale, pending=self._pending,
+            count=self._count, row=self._row, rows=len(self._table), block=self._block,
+            start=self._start, stop=self._stop, time=self._time, origin=self._origin, step=self._step,
+        )  # fmt: skip
+
+    def _recall(self, clock: Clock, table: Array) -> None:
+        """Go back to an earlier clock; ``table`` is the one that belongs to it."""
+        self._phase = Phase(clock.phase)
+        self._ready, self._stale, self._pending = clock.ready, clock.stale, clock.pending
+        self._count, self._row, self._block = clock.count, clock.row, clock.block
+        self._start, self._stop, self._time = clock.start, clock.stop, clock.time
+        self._origin, self._step = clock.origin, clock.step
+        self._table = table
+        self._next_rows = min(4 * len(table), self.block_rows) if len(table) else _FIRST_ROWS
+        self._advance = None
+        self._close()
+
+    def _table_again(self, clock: Clock) -> Array:
+        """The table that was current at ``clock``, computed from the buffer as it is now."""
+        if not 0 < clock.rows <= self.block_rows:
+            return np.empty((0, self.y.size))
+        self._origin, self._count, self._step = clock.origin, clock.block, clock.step
+        return self._checked_rows(clock.rows)

@@ -1,0 +1,196 @@
+"""Reading and writing the variables of a slave: by name for models, by value reference for hosts."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from enum import IntEnum
+from math import isfinite
+from typing import Any, ClassVar
+
+from .buffer import Array, Buffer
+from .guard import Refused, escape
+from .layout import Layout
+from .model import Model
+from .variables import Value
+
+_MOST_LISTS = 256  # remembered lists of value references, per instance and direction
+
+Piece = tuple[Array, int, int]  # view of the buffer, first and last + 1 of the values that go there
+
+
+class Phase(IntEnum):
+    """Where in its life cycle a slave is."""
+
+    INSTANTIATED = 0
+    INITIALISATION = 1
+    STEPPING = 2
+    TERMINATED = 3
+
+
+class Values(Model):
+    """Typed access to one buffer.
+
+    While stepping, hosts repeat the same few calls: the list of references of a call leads to a function that reads,
+    or to views that take the values, checked once.
+    """
+
+    layout: ClassVar[Layout]
+
+    def _allocate(self) -> None:
+        """The only place where the arrays of an instance are made."""
+        layout = self.layout
+        self._buffer = Buffer(layout)
+        data = self._buffer.data
+        self.y, self.x, self.u = data[layout.y], data[layout.x], data[layout.u]
+        self.a, self.memory = data[layout.a], data[layout.memory]
+        self._phase = Phase.INSTANTIATED
+        self._stale = True  # something was set since the last configure()
+        self._forget_lists()
+
+    # --- For models ---------------------------------------------------------------------
+
+    def value(self, name: str) -> Value:
+        """Present value of a variable, as its own type.  Raises KeyError if there is none of that name."""
+        return self._buffer.typed(self.layout.find(name))
+
+    def values(self, names: str | Sequence[str]) -> Array:
+        """Copy of several numeric variables: ``"base_force"`` for its components, or a sequence of full names."""
+        return self._buffer.data[self._buffer.group(names)]
+
+    def view(self, names: str | Sequence[str]) -> Array:
+        """Live view of several numeric variables that lie side by side."""
+        return self._buffer.view(names)
+
+    def parameters(self) -> dict[str, Value]:
+        """All parameters by name."""
+        return {port.name: self.value(port.name) for port in self.layout.ports if port.causality == "parameter"}
+
+    # --- For hosts ----------------------------------------------------------------------
+
+    def get_real(self, vrs: list[int]) -> list[float]:
+        try:
+            reader = self._readers.get(tuple(vrs))
+            return reader() if reader is not None else self._get("Real", vrs)
+        except BaseException as error:
+            escape(self, error)
+            raise
+
+    def get_integer(self, vrs: list[int]) -> list[int]:
+        try:
+            return self._get("Integer", vrs)
+        except BaseException as error:
+            escape(self, error)
+            raise
+
+    def get_boolean(self, vrs: list[int]) -> list[bool]:
+        try:
+            return self._get("Boolean", vrs)
+        except BaseException as error:
+            escape(self, error)
+            raise
+
+    def get_string(self, vrs: list[int]) -> list[str]:
+        try:
+            return self._get("String", vrs)
+        except BaseException as error:
+            escape(self, error)
+            raise
+
+    def set_real(self, vrs: list[int], values: list[float]) -> None:
+        try:
+            pieces = self._writers.get(tuple(vrs))
+            if pieces is None or len(values) != len(vrs) or not isfinite(sum(values)):
+                self._set("Real", vrs, values)
+                return
+            watched, free = pieces
+            for view, first, last in watched:
+                if view.tolist() != values[first:last]:
+                    self._set("Real", vrs, values)
+                    return
+            for view, first, last in free:
+                view[:] = values[first:last]
+        except BaseException as error:
+            escape(self, error)
+            raise
+
+    def set_integer(self, vrs: list[int], values: list[int]) -> None:
+        try:
+            self._set("Integer", vrs, values)
+        except BaseException as error:
+            escape(self, error)
+            raise
+
+    def set_boolean(self, vrs: list[int], values: list[bool]) -> None:
+        try:
+            self._set("Boolean", vrs, values)
+        except BaseException as error:
+            escape(self, error)
+            raise
+
+    def set_string(self, vrs: list[int], values: list[str]) -> None:
+        try:
+            self._set("String", vrs, values)
+        except BaseException as error:
+            escape(self, error)
+            raise
+
+    # --- Behind them --------------------------------------------------------------------
+
+    def _forget_lists(self) -> None:
+        """To be called when the phase changes: what may be read or set without further checks has changed."""
+        self._readers: dict[tuple[int, ...], Callable[[], list[Any]]] = {}
+        self._writers: dict[tuple[int, ...], tuple[list[Piece], list[Piece]]] = {}
+
+    def _get(self, kind: str, references: list[int]) -> list[Any]:
+        reader = self._buffer.reader(kind, references)
+        if self._stale and any(self.layout.by_reference[vr].causality == "output" for vr in references):
+            self._configure()
+        if self._phase >= Phase.STEPPING and kind == "Real":
+            if len(self._readers) >= _MOST_LISTS:
+                self._readers.clear()
+            self._readers[tuple(references)] = reader
+        return reader()
+
+    def _set(self, kind: str, references: list[int], values: Sequence[Any]) -> None:
+        """Check all, then store all; notes what a change means for the model."""
+        if len(values) != len(references):
+            raise Refused(f"{len(references)} value references, but {len(values)} values")
+        ports = self._buffer.ports(kind, references)
+        checked = []
+        for port, value in zip(ports, values, strict=True):
+            if port.causality == "output":
+                raise Refused(f"{port.name} is an output and cannot be set")
+            if port.causality == "parameter" and self._phase >= Phase.STEPPING:
+                raise Refused(f"{port.name} is a fixed parameter: it can be set until initialisation ends, or after a reset")
+            if self._phase == Phase.TERMINATED:
+                raise Refused(f"{port.name} cannot be set: the simulation is terminated")
+            try:
+                checked.append(port.checked(value))
+            except ValueError as error:
+                raise Refused(str(error)) from None
+        for reference, port, new in zip(references, ports, checked, strict=True):
+            if self._buffer.raw(reference) != new:
+                self._buffer.store(reference, new)
+                self._on_change(port.event)
+        if self._phase == Phase.STEPPING and kind == "Real" and references:
+            self._remember_writer(references)
+
+    def _remember_writer(self, references: list[int]) -> None:
+        watched: list[Piece] = []
+        free: list[Piece] = []
+        for piece in self._buffer.runs(references, self._is_watched):
+            (watched if self._is_watched(references[piece[1]]) else free).append(piece)
+        if len(self._writers) >= _MOST_LISTS:
+            self._writers.clear()
+        self._writers[tuple(references)] = (watched, free)
+
+    def _is_watched(self, reference: int) -> bool:
+        """Does a new value of this variable need a check, or is it an event?"""
+        port = self.layout.by_reference[reference]
+        return port.event or port.min is not None or port.max is not None
+
+    def _configure(self) -> None:
+        raise NotImplementedError
+
+    def _on_change(self, event: bool) -> None:
+        raise NotImplementedError

@@ -1,0 +1,216 @@
+"""FMI variables of a slave: declared once as :class:`Port`, turned into pythonfmu's variables with all attributes."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+from xml.etree.ElementTree import Element
+
+from pythonfmu.enums import Fmi2Causality, Fmi2Initial, Fmi2Variability
+from pythonfmu.variables import Boolean, Integer, Real, ScalarVariable, String
+
+from .units import DISPLAY_UNITS, exponents
+
+Causality = Literal["input", "output", "parameter"]
+Type = Literal["Real", "Boolean", "Integer", "String"]
+Value = float | bool | int | str
+
+_NAME = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*", re.ASCII)
+_INT32 = 2**31
+
+
+@dataclass(frozen=True)
+class Port:
+    """One FMI variable.
+
+    Parameters
+    ----------
+    name: structured name without brackets, for example ``base_force.x`` or ``fine_force_1``.
+    causality: ``"input"``, ``"output"`` or ``"parameter"`` (parameters are fixed: set before or in initialisation mode).
+    unit: name of a coherent SI unit as in :mod:`.units`; only for Real.
+    description: one line that names the frame.
+    type: FMI type.
+    start: start value of inputs and parameters (outputs have none: they are calculated).
+    min, max: smallest and largest value; enforced on inputs and parameters.
+    nominal: magnitude for tools that scale; only for Real.
+    display_unit: one of ``units.DISPLAY_UNITS[unit]``.
+    event: this input is handled by ``Slave.event``, not by the linear map.  Inputs that are not Real always are.
+    depends_on: inputs that this output depends on at the same communication point.  Outputs are latched at the end
+        of doStep, so normally none.
+    initially_depends_on: inputs and parameters that this output depends on in initialisation mode; None: on all.
+    """
+
+    name: str
+    causality: Causality
+    unit: str = "1"
+    description: str = ""
+    type: Type = "Real"
+    start: Value = 0.0
+    min: float | None = None
+    max: float | None = None
+    nominal: float | None = None
+    display_unit: str | None = None
+    event: bool = False
+    depends_on: tuple[str, ...] = ()
+    initially_depends_on: tuple[str, ...] | None = None
+
+    def __post_init__(self) -> None:
+        if not _NAME.fullmatch(self.name):
+            raise ValueError(f"port {self.name!r}: expected identifiers joined by dots, for example 'base_force.x'")
+        if self.causality not in ("input", "output", "parameter"):
+            raise self._error(f"causality {self.causality!r} is none of input, output, parameter")
+        if self.causality != "output" and (self.depends_on or self.initially_depends_on is not None):
+            raise self._error("only outputs have dependencies")
+        if self.causality != "input" and self.event:
+            raise self._error("only inputs can be events")
+        if self.type == "String" and self.causality == "output":
+            raise self._error("String outputs are not supported")
+        self._check_unit()
+        if self.causality != "output":
+            object.__setattr__(self, "start", self.checked(self._plain_start()))
+        if self.causality == "input" and self.type != "Real":
+            object.__setattr__(self, "event", True)
+
+    def _error(self, problem: str) -> ValueError:
+        return ValueError(f"port {self.name}: {problem}")
+
+    def _check_unit(self) -> None:
+        if self.type == "Real":
+            try:
+                exponents(self.unit)
+            except ValueError as error:
+                raise self._error(str(error)) from None
+        elif self.unit != "1" or self.nominal is not None:
+            raise self._error(f"a {self.type} has neither unit nor nominal value")
+        known = DISPLAY_UNITS.get(self.unit, {})
+        if self.display_unit is not None and self.display_unit not in known:
+            raise self._error(f"display unit {self.display_unit!r} of {self.unit!r} is none of {', '.join(known) or '(none)'}")
+        for attribute in ("min", "max", "nominal"):
+            value = getattr(self, attribute)
+            if value is not None and (self.type in ("Boolean", "String") or not math.isfinite(value)):
+                raise self._error(f"{attribute} = {value!r} is not possible for a {self.type}")
+
+    def _plain_start(self) -> Value:
+        """The start value, where the default 0.0 stands for the type's own zero."""
+        if self.type == "String" and self.start == 0.0:
+            return ""
+        if self.type == "Boolean" and self.start in (0.0, 1.0):
+            return bool(self.start)
+        if self.type == "Integer" and isinstance(self.start, float) and self.start.is_integer():
+            return int(self.start)
+        return self.start
+
+    def checked(self, value: Any) -> Value:
+        """``value`` as this port's type.
+
+        Raises ValueError, naming port, value and what is allowed.
+        """
+        if self.type == "String":
+            if not isinstance(value, str) or "\0" in value:
+                raise self._refusal(value, "text without NUL characters")
+            return value
+        if self.type == "Boolean":
+            if value not in (False, True):
+                raise self._refusal(value, "true or false")
+            return bool(value)
+        if isinstance(value, str) or (isinstance(value, bool) and self.type == "Real"):
+            raise self._refusal(value, "a number")
+        number = float(value)
+        if not math.isfinite(number):
+            raise self._refusal(value, "a finite number")
+        if self.type == "Integer" and not (number.is_integer() and -_INT32 <= number < _INT32):
+            raise self._refusal(value, "a whole number of 32 bits")
+        low = -math.inf if self.min is None else self.min
+        high = math.inf if self.max is None else self.max
+        if not low <= number <= high:
+            raise self._refusal(value, f"a value from {low:g} to {high:g}")
+        return int(number) if self.type == "Integer" else number
+
+    def _refusal(self, value: Any, allowed: str) -> ValueError:
+        unit = "" if self.unit == "1" else f" {self.unit}"
+        return ValueError(f"{self.causality} {self.name} = {value!r}: expected {allowed}{unit}")
+
+
+def vector(name: str, suffixes: Iterable[str], unit: str, description: str, **attributes: Any) -> tuple[Port, ...]:
+    """Ports ``name.suffix``: ``vector("base_force", "xyz", "N", "Force in B", causality="input")``.
+
+    Further attributes are those of :class:`Port`; a list or tuple for start, min, max or nominal has one entry per
+    suffix.
+    """
+    return _several([(f"{name}.{suffix}", suffix) for suffix in suffixes], unit, description, attributes)
+
+
+def numbered(name: str, n: int, unit: str, description: str, **attributes: Any) -> tuple[Port, ...]:
+    """Ports ``name_1`` to ``name_n``; further attributes as for :func:`vector`."""
+    return _several([(f"{name}_{i}", str(i)) for i in range(1, n + 1)], unit, description, attributes)
+
+
+def _several(
+    names: Sequence[tuple[str, str]], unit: str, description: str, attributes: dict[str, Any]
+) -> tuple[Port, ...]:
+    ports = []
+    for i, (name, suffix) in enumerate(names):
+        own = dict(attributes)
+        for key in ("start", "min", "max", "nominal"):
+            if isinstance(own.get(key), (list, tuple)):
+                if len(own[key]) != len(names):
+                    raise ValueError(f"port {name}: {len(own[key])} values of {key} for {len(names)} components")
+                own[key] = own[key][i]
+        ports.append(Port(name, unit=unit, description=f"{description}, {suffix}", **own))
+    return tuple(ports)
+
+
+_PYTHONFMU: dict[str, type[ScalarVariable]] = {
+    "Real": Real, "Boolean": Boolean, "Integer": Integer, "String": String,
+}  # fmt: skip
+
+
+def fmi_variable(port: Port, reference: int) -> ScalarVariable:
+    """pythonfmu's variable for a port, with all its attributes in the XML.
+
+    What pythonfmu leaves to chance is explicit: variability always; ``initial`` wherever the standard allows it (not
+    on inputs); numbers with all digits of a double.
+    """
+    continuous = port.type == "Real" and port.causality != "parameter"
+    variability = Fmi2Variability.continuous if continuous else Fmi2Variability.discrete
+    if port.causality == "parameter":
+        variability = Fmi2Variability.fixed
+    initial = {"parameter": Fmi2Initial.exact, "output": Fmi2Initial.calculated, "input": None}[port.causality]
+
+    variable = _PYTHONFMU[port.type](
+        port.name,
+        causality=Fmi2Causality[port.causality],
+        variability=variability,
+        initial=initial,
+        description=port.description or None,
+    )
+    variable.value_reference = reference
+    plain = variable.to_xml
+
+    def to_xml() -> Element:
+        element: Element = plain()
+        element[0].attrib.clear()
+        element[0].attrib.update(_type_attributes(port))
+        return element
+
+    variable.to_xml = to_xml
+    return variable
+
+
+def _type_attributes(port: Port) -> dict[str, str]:
+    """Attributes of the element Real, Integer, Boolean or String."""
+    attributes = {}
+    if port.type == "Real":
+        attributes["unit"] = port.unit
+    if port.display_unit is not None:
+        attributes["displayUnit"] = port.display_unit
+    for attribute in ("min", "max", "nominal"):
+        value = getattr(port, attribute)
+        if value is not None:
+            attributes[attribute] = repr(float(value)) if port.type == "Real" else str(int(value))
+    if port.causality != "output":
+        attributes["start"] = str(port.start).lower() if port.type == "Boolean" else str(port.start)
+    return attributes
