@@ -74,6 +74,12 @@ def with_values(obj: T, values: Mapping[str, float], prefix: str = "") -> T:
     return _replaced(obj, values, prefix)
 
 
+def taken_from(obj: T, values: Mapping[str, float], prefix: str = "") -> T:
+    """As :func:`with_values`, but for a mapping that also holds other things' values: they are passed over."""
+    known = [e.name for e in entries(obj, prefix)]
+    return with_values(obj, {name: values[name] for name in known if name in values}, prefix)
+
+
 def _replaced(obj: Any, values: Mapping[str, float], prefix: str) -> Any:
     changes: dict[str, Any] = {}
     for f in fields(obj):

@@ -304,8 +304,9 @@ class FeedforwardFilters(_Checked):
 
     def __post_init__(self) -> None:
         order = self.lowpass_order
-        if isinstance(order, bool) or order != int(order) or not 1 <= order <= 20:
-            raise ParameterError("lowpass_order", f"expected a whole number from 1 to 20, got {order!r}")
+        if isinstance(order, bool) or order != int(order) or not 1 <= order <= 9 or order % 2 == 0:
+            # An even order passes 10^(-attenuation/20) straight through: an algebraic loop with the plant.
+            raise ParameterError("lowpass_order", f"expected an odd whole number from 1 to 9, got {order!r}")
         self._set("lowpass_order", int(order))
         for name in ("lowpass_stop_frequency", "lowpass_stop_attenuation", "highpass_frequency", "highpass_damping_ratio"):
             self._set(name, _number(getattr(self, name), name, above=0.0))

@@ -1,0 +1,157 @@
+"""FeedforwardIsolator: fine forces from measured base acceleration, the practical controller (55) of the paper."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+from ps_fmu.fmu.parameters import parameter_ports
+from ps_fmu.fmu.slave import ModelError, Slave
+from ps_fmu.fmu.variables import Port, numbered, vector
+from ps_fmu.manipulator.feedforward import lowpass
+from ps_fmu.manipulator.flat import entries, taken_from
+from ps_fmu.manipulator.isolator import (
+    DelayLine,
+    Isolator,
+    UnreachableOrientationError,
+    whole_steps,
+)
+from ps_fmu.manipulator.parameters import load
+
+PAPER = load()
+#: The payload as the controller knows it: its centre of mass is some millimetres off.
+KNOWN_PAYLOAD = replace(PAPER.payload, com_P=PAPER.known_com_P)
+
+
+def known(name: str) -> bool:
+    """The part of the parameter set that the gains (52)-(54) need: no stroke, no rod flexibility, no inertia."""
+    return not name.startswith(("coarse_stroke", "coarse_rods", "payload.inertia", "payload.truss"))
+
+
+class FeedforwardIsolator(Slave):
+    """Cancels the base's vibration at the payload; has its own copy of what it must know of mechanism and payload."""
+
+    model_description = "Feedforward vibration isolator: voice-coil forces from measured base acceleration"
+    n_states: ClassVar[int] = 12 + 3 * 9  # feedforward.Controller with the highest order of low-pass, 9
+    n_auxiliary: ClassVar[int] = 6  # acceleration as last sampled, where the controller has a period of its own
+    n_memory: ClassVar[int] = 10 + DelayLine.SIZE  # see the views made in _build
+
+    ports: ClassVar[tuple[Port, ...]] = (
+        *vector("base_acceleration", "xyz", "m/s2", "Measured acceleration of the origin of B, in B", causality="input"),
+        *vector("base_angular_acceleration", "xyz", "rad/s2", "Measured angular acceleration of B, in B", causality="input"),
+        *vector(
+            "orientation", ("roll", "pitch", "yaw"), "rad", "Nominal orientation of P in B, for the gains",
+            causality="input", event=True, display_unit="deg",
+        ),
+        Port("enabled", "input", type="Boolean", start=True, description="False: no force; the filters go on measuring"),
+        # At rest and strictly proper: the force is zero in initialisation mode whatever the inputs are.
+        *numbered(
+            "fine_force", 3, "N", "Force demanded of a fine actuator, positive extends the leg",
+            causality="output", initially_depends_on=(),
+        ),
+        Port(
+            "saturated", "output", type="Boolean", description="A force is at its limit", initially_depends_on=()
+        ),
+        *parameter_ports(
+            entries(PAPER.manipulator, keep=known)
+            + entries(KNOWN_PAYLOAD, "payload", keep=known)
+            + entries(PAPER.filters, "filters")
+        ),
+        Port("force_limit", "parameter", "N", "Largest force of a fine actuator; 0 = no limit", start=0.0, min=0.0),
+        Port("delay", "parameter", "s", "Pure delay of the forces, a multiple of the step", start=0.0, min=0.0),
+        Port(
+            "sample_time", "parameter", "s", "Period of the controller, a multiple of the step; 0 = every step",
+            start=0.0, min=0.0,
+        ),
+        Port(
+            "orientation_resolution", "parameter", "rad", "The gains are computed anew when the orientation is this far "
+            "from that of the last ones, and when it has come to rest", start=1e-4, min=0.0, display_unit="deg",
+        ),
+    )
+
+    def configure(self) -> None:
+        """Build the controller for the present orientation, filters at rest."""
+        self.x[:] = self.a[:] = self.memory[:] = 0.0
+        self._build()
+        self.last_orientation[:] = self.values("orientation")
+        self._use(self.last_orientation)
+        if self.sampled:
+            self.request_event()
+
+    def output_map(self) -> NDArray[np.float64]:
+        """Outputs from [x; u; a] at the same instant."""
+        return self._framed(self.controller.output_map(), 0)
+
+    def step_map(self, h: float) -> NDArray[np.float64]:
+        """[y; x] at the end of a step from [x; u; a] at its start."""
+        return self._framed(self.controller.step_map(h), self.controller.n_states)
+
+    def event(self, t: float, h: float) -> bool:
+        """The platform turns, the isolator is switched, or the controller's next period begins."""
+        orientation = self.values("orientation")
+        off = np.abs(orientation - self.gain_orientation).max()
+        at_rest = bool((orientation == self.last_orientation).all())
+        self.last_orientation[:] = orientation
+        if off > float(self.value("orientation_resolution")) or (at_rest and off > 0.0):
+            self._use(orientation)
+            off = 0.0
+        if bool(self.value("enabled")) != self.enabled:
+            self._use(self.gain_orientation.copy())
+        if self.sampled and self.phase_count[0] == 0.0:
+            self.a[:] = self.u
+        return bool(off > 0.0) or self.sampled
+
+    def finish_step(self) -> None:
+        """Hold, delay and limit the forces, behind the linear map."""
+        force = self.y[:3]
+        if self.sampled:
+            period = whole_steps("sample_time", float(self.value("sample_time")), self.step_size)
+            self.phase_count[0] = (self.phase_count[0] + 1.0) % period
+            if self.phase_count[0] == 0.0:
+                self.held_force[:] = force
+            force[:] = self.held_force
+        force[:] = self.delay.push(force, float(self.value("delay")), self.step_size)
+        limit = float(self.value("force_limit"))
+        if limit:
+            self.y[3] = float(np.abs(force).max() > limit)
+            np.clip(force, -limit, limit, out=force)
+
+    def restore(self) -> None:
+        """Rebuild the controller that the restored memory stands for."""
+        self._build()
+        self._use(self.gain_orientation.copy())
+
+    def _build(self) -> None:
+        values = self.parameters()
+        filters = taken_from(PAPER.filters, values, "filters")
+        self.isolator = Isolator(
+            taken_from(PAPER.manipulator, values), taken_from(KNOWN_PAYLOAD, values, "payload"), filters, lowpass(filters)
+        )
+        self.gain_orientation, self.last_orientation = self.memory[0:3], self.memory[3:6]  # rad
+        self.phase_count, self.held_force = self.memory[6:7], self.memory[7:10]  # steps into the period; N
+        self.delay = DelayLine(self.memory[10:])
+        self.sampled = bool(values["sample_time"])
+        self.finishing = bool(values["sample_time"] or values["delay"] or values["force_limit"])
+
+    def _use(self, orientation: NDArray[np.float64]) -> None:
+        """The controller for an orientation, from the next step on."""
+        try:
+            self.controller = self.isolator.controller(orientation)
+        except UnreachableOrientationError as error:
+            raise ModelError(f"orientation: {error}") from None
+        self.gain_orientation[:] = orientation
+        self.enabled = bool(self.value("enabled"))
+        self.remap()
+
+    def _framed(self, matrix: NDArray[np.float64], n_states: int) -> NDArray[np.float64]:
+        """The controller's map in the FMU's own shape: room for `saturated`, unused filter states, sampled inputs."""
+        framed = np.zeros((4 + (self.n_states if n_states else 0), self.n_states + 12))
+        n = self.controller.n_states
+        first = self.n_states + (6 if self.sampled else 0)
+        for rows, own in ((slice(0, 3), slice(0, 3)), (slice(4, 4 + n_states), slice(3, 3 + n_states))):
+            framed[rows, :n], framed[rows, first : first + 6] = matrix[own, :n], matrix[own, n:]
+        if not self.enabled:
+            framed[:3] = 0.0
+        return framed

@@ -1,0 +1,131 @@
+"""ManipulatorPlant: payload, six legs and flexible bus, linearised about the pose of the coarse legs."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+from ps_fmu.fmu.parameters import parameter_ports
+from ps_fmu.fmu.slave import Slave
+from ps_fmu.fmu.variables import Port, numbered, vector
+from ps_fmu.manipulator.flat import entries, taken_from
+from ps_fmu.manipulator.parameters import load
+from ps_fmu.manipulator.plant import Plant, coarse_motion
+
+PAPER = load()
+RPY = ("roll", "pitch", "yaw")
+OUTPUT: dict[str, Any] = {"causality": "output"}
+POSE: dict[str, Any] = {"causality": "output", "display_unit": "deg"}
+# Everything starts at rest and undeformed: these depend on nothing in initialisation mode.
+AT_REST: dict[str, Any] = {"causality": "output", "initially_depends_on": ()}
+JITTER: dict[str, Any] = AT_REST | {"display_unit": "urad"}
+
+
+class ManipulatorPlant(Slave):
+    """Six-leg dynamics with payload truss modes, coarse-rod flexibility and bus modes."""
+
+    model_description = (
+        "Pointing and stabilising manipulator with payload on a free flexible bus: linearised six-leg dynamics"
+    )
+    # The state x of practical.PlantModel: coordinates and rates, then the coarse servos.
+    n_states: ClassVar[int] = 2 * (3 + 6 + len(PAPER.bus.modes) + 3 + len(PAPER.payload.truss_modes)) + 6
+    n_auxiliary: ClassVar[int] = 4  # rate-limited coarse reference (3, m) and the constant 1
+    n_memory: ClassVar[int] = 3  # coarse displacement at the pose of the linear model, m
+
+    ports: ClassVar[tuple[Port, ...]] = (
+        *numbered("fine_force", 3, "N", "Force of a fine actuator, positive extends the leg", causality="input"),
+        *vector("base_force", "xyz", "N", "Disturbance force on the bus at the origin of B, in B", causality="input"),
+        *vector(
+            "base_torque", "xyz", "N.m", "Disturbance torque on the bus about the origin of B, in B", causality="input"
+        ),
+        *numbered(
+            "coarse_command", 3, "m", "Commanded displacement of a coarse actuator from its nominal length",
+            causality="input", event=True,
+        ),
+        # Outputs: the order of practical.OUTPUTS.
+        *vector("base_acceleration", "xyz", "m/s2", "Acceleration of the origin of B, in B", **OUTPUT),
+        *vector("base_angular_acceleration", "xyz", "rad/s2", "Angular acceleration of B, in B", **OUTPUT),
+        *vector("base_velocity", "xyz", "m/s", "Velocity of the origin of B, in B", **AT_REST),
+        *vector("base_angular_velocity", "xyz", "rad/s", "Angular velocity of B, in B", **AT_REST),
+        *vector("base_position", "xyz", "m", "Displacement of the origin of B since the start, in B", **AT_REST),
+        *vector("base_rotation", "xyz", "rad", "Small rotation of B since the start, in B", **JITTER),
+        *vector("payload_position", "xyz", "m", "Displacement of the origin of P by vibration, in B", **AT_REST),
+        *vector("payload_rotation", "xyz", "rad", "Small rotation of P by vibration (jitter), in P", **JITTER),
+        *numbered("fine_displacement", 3, "m", "Elongation of a fine leg", **AT_REST),
+        *numbered("coarse_displacement", 3, "m", "Displacement of a coarse actuator from its nominal length", **OUTPUT),
+        *vector("orientation", RPY, "rad", "Nominal orientation of P in B, by the coarse actuators alone", **POSE),
+        *vector("relative_orientation", RPY, "rad", "Orientation of P in B with fine legs and rod stretch", **POSE),
+        *vector("los", "xy", "m", "Image point of the boresight on the image plane, axes of P", **AT_REST),
+        *parameter_ports(
+            entries(PAPER.manipulator)
+            + entries(PAPER.payload, "payload")
+            + entries(PAPER.bus, "bus")
+            + entries(PAPER.servo, "servo")
+            + entries(PAPER.optics, "optics")
+        ),
+        Port(
+            "relinearisation_distance", "parameter", "m", start=2e-5, min=1e-9,
+            description="The model is linearised anew when a coarse leg is this far from the pose of the last one",
+        ),
+    )
+
+    def configure(self) -> None:
+        """Build the system from the parameters and put it at rest at the commanded pose."""
+        self._build()
+        command = self._command()
+        self._use(command)
+        self.x[:] = self.plant.initial_state(self.model)
+        self.a[:] = [*command, 1.0]
+
+    def output_map(self) -> NDArray[np.float64]:
+        """Outputs from [x; u; a] at the same instant."""
+        return self.model.output_map()
+
+    def step_map(self, h: float) -> NDArray[np.float64]:
+        """[y; x] at the end of a step from [x; u; a] at its start."""
+        return self.model.step_map(h)
+
+    def event(self, t: float, h: float) -> bool:
+        """The coarse legs move: advance their reference, linearise anew where needed."""
+        motion = coarse_motion(
+            self.plant, self.model, self.x, self.a[:3], self._command(), h,
+            float(self.value("relinearisation_distance")),
+        )
+        if motion.model is not self.model:
+            self.model = motion.model
+            self.memory[:] = self.model.coarse_reference
+            self.remap()
+        self.x[:], self.a[:3] = motion.state, motion.reference
+        return motion.moving
+
+    def restore(self) -> None:
+        """Rebuild the model that the restored memory stands for."""
+        self._build()
+        self._use(self.memory.copy())
+        self.remap()
+
+    def _build(self) -> None:
+        values = self.parameters()
+        self.plant = Plant(
+            taken_from(PAPER.manipulator, values),
+            taken_from(PAPER.payload, values, "payload"),
+            taken_from(PAPER.bus, values, "bus"),
+            taken_from(PAPER.servo, values, "servo"),
+            taken_from(PAPER.optics, values, "optics"),
+        )
+
+    def _use(self, coarse_displacement: NDArray[np.float64]) -> None:
+        self.model = self.plant.linearise(coarse_displacement)
+        self.memory[:] = coarse_displacement
+
+    def _command(self) -> NDArray[np.float64]:
+        command = self.values("coarse_command")
+        held = self.plant.within_stroke(command)
+        if (held != command).any():
+            worst = int(np.argmax(np.abs(held - command)))
+            self.warning(
+                f"coarse_command_{worst + 1}: {command[worst]:.6g} m is outside the stroke "
+                f"{self.plant.manipulator.coarse_stroke.tolist()} m; held at its end"
+            )
+        return held
