@@ -1,0 +1,1 @@
+"""The runs behind ``system/run.py``: a module per scenario, with ``run(options)``."""

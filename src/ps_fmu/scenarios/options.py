@@ -1,0 +1,95 @@
+"""What a run is asked to do: the command line of ``system/run.py`` as checked values."""
+
+from __future__ import annotations
+
+import math
+import tempfile
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+DEFAULT_DURATION_S = {
+    "isolation": 20.0,  # at the nominal orientation; passive, then active
+    "table2": 100.0,  # at each of four orientations; passive, then active
+    "slew": 100.0,  # profile, then at least 60 s to settle
+}
+DEFAULT_STEP_S = 1e-4
+RESULTS, SUMMARY, REPORT = "results.nc", "summary.json", "report.html"  # in the output folder
+SCENARIOS = tuple(DEFAULT_DURATION_S)
+SCHEMES = ("jacobi", "gauss-seidel")
+
+
+class OptionError(ValueError):
+    """An option that cannot be used; the text starts with its name as on the command line."""
+
+
+@dataclass(frozen=True)
+class RunOptions:
+    """The options of a run, checked.
+
+    Raises :class:`OptionError` for what no run could honour: an unknown scenario or scheme, a step that is
+    not positive, a duration or storage step that is not a whole number of steps, a seed outside FMI's
+    Integer, a file that is not there.
+    """
+
+    scenario: str
+    system: Path  # system structure description (.ssd)
+    output: Path  # folder of the results
+    duration_s: float
+    step_s: float = DEFAULT_STEP_S  # communication step
+    seed: int = 1
+    parameters: tuple[Path, ...] = ()  # .ssv files with names component.parameter; later ones win
+    scheme: str = "jacobi"
+    storage_step_s: float | None = None  # time between stored rows; None stores each step
+    fmus: Path | None = None  # folder of the FMUs; None: beside the system, as it says
+    progress: bool = True
+
+    def __post_init__(self) -> None:
+        if self.scenario not in SCENARIOS:
+            raise OptionError(f"scenario: expected one of {', '.join(SCENARIOS)}, got {self.scenario!r}")
+        if self.scheme not in SCHEMES:
+            raise OptionError(f"--scheme: expected one of {', '.join(SCHEMES)}, got {self.scheme!r}")
+        if not (math.isfinite(self.step_s) and self.step_s > 0.0):
+            raise OptionError(f"--step: expected a time above 0 s, got {self.step_s!r}")
+        _multiple("--duration", self.duration_s, self.step_s)
+        if self.storage_step_s is not None:
+            _multiple("--storage-step", self.storage_step_s, self.step_s)
+        if not 0 <= self.seed < 2**31:
+            raise OptionError(f"--seed: expected a whole number from 0 to 2147483647, got {self.seed}")
+        for path in self.parameters:
+            if not path.is_file():
+                raise OptionError(f"--parameters: there is no file {path}")
+
+    @property
+    def steps(self) -> int:
+        """Number of communication steps in the duration."""
+        return round(self.duration_s / self.step_s)
+
+    @property
+    def storage_stride(self) -> int:
+        """Number of steps from one stored row to the next."""
+        return 1 if self.storage_step_s is None else round(self.storage_step_s / self.step_s)
+
+    def claim_output(self) -> RunOptions:
+        """Make the output folder and try to write there, before anything is computed.
+
+        The results of an earlier run are removed: they must not pass for those of a run that stops early.
+        Returns the options with the absolute path; raises :class:`OptionError` if it cannot be used.
+        """
+        folder = self.output.absolute()
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            with tempfile.TemporaryFile(dir=folder) as file:
+                file.write(b"\0")
+            for name in (RESULTS, SUMMARY, REPORT):
+                (folder / name).unlink(missing_ok=True)
+        except OSError as error:
+            raise OptionError(f"--output: cannot write in {folder}: {error.strerror or error}") from error
+        return replace(self, output=folder)
+
+
+def _multiple(name: str, value: float, step: float) -> None:
+    if not (math.isfinite(value) and value > 0.0):
+        raise OptionError(f"{name}: expected a time above 0 s, got {value!r}")
+    count = round(value / step)
+    if count < 1 or abs(value / step - count) > 1e-6 * count:
+        raise OptionError(f"{name}: {value!r} s is not a whole number of steps of {step!r} s")

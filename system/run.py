@@ -1,0 +1,94 @@
+"""Runs a scenario of the pointing manipulator: four FMUs, wired as SystemStructure.ssd says.
+
+Writes summary.json, results.nc, figures and report.html into the output folder.
+Exit codes: 0 done, 1 the run failed, 2 an argument cannot be used, 130 interrupted (results so far are kept).
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+
+try:
+    from ps_fmu.cosim.errors import CosimError
+    from ps_fmu.scenarios.options import (
+        DEFAULT_DURATION_S,
+        DEFAULT_STEP_S,
+        RESULTS,
+        SCHEMES,
+        OptionError,
+        RunOptions,
+    )
+    from ps_fmu.scenarios.sources import ensure_built
+except ModuleNotFoundError as missing:
+    sys.exit(f"{missing}: run `make run` once, then use .venv/bin/python system/run.py")
+
+
+def parser() -> argparse.ArgumentParser:
+    """The command line."""
+    durations = ", ".join(f"{name} {seconds:g}" for name, seconds in DEFAULT_DURATION_S.items())
+    p = argparse.ArgumentParser(prog="run.py", description=__doc__.splitlines()[0] if __doc__ else None)
+    p.add_argument("scenario", nargs="?", default="isolation", choices=list(DEFAULT_DURATION_S))
+    p.add_argument("--duration", type=float, metavar="S", help=f"simulated seconds per run ({durations})")
+    p.add_argument("--step", type=float, default=DEFAULT_STEP_S, metavar="S", help="seconds (%(default)s)")
+    p.add_argument("--seed", type=int, default=1, metavar="N", help="seed of the disturbance (%(default)s)")
+    p.add_argument(
+        "--parameters", type=Path, nargs="+", action="extend", default=[], metavar="F.ssv",
+        help="files with other values, by component.parameter; later ones win",
+    )  # fmt: skip
+    p.add_argument("--output", type=Path, metavar="DIR", help="folder of the results (results/SCENARIO)")
+    p.add_argument("--scheme", choices=SCHEMES, default=SCHEMES[0], help="order of exchange (%(default)s)")
+    p.add_argument("--storage-step", type=float, metavar="S", help="time between stored rows (--step)")
+    return p
+
+
+def options_of(arguments: argparse.Namespace) -> RunOptions:
+    """Checked options, with an output folder that can be written.  Raises OptionError."""
+    duration, output = arguments.duration, arguments.output
+    return RunOptions(
+        scenario=arguments.scenario,
+        system=ROOT / "system" / "SystemStructure.ssd",
+        output=output if output is not None else Path("results", arguments.scenario),
+        duration_s=duration if duration is not None else DEFAULT_DURATION_S[arguments.scenario],
+        step_s=arguments.step,
+        seed=arguments.seed,
+        parameters=tuple(arguments.parameters),
+        scheme=arguments.scheme,
+        storage_step_s=arguments.storage_step,
+        fmus=ROOT / "build" / "fmus",
+        progress=sys.stderr.isatty(),
+    ).claim_output()
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the scenario that the arguments name; returns the exit code."""
+    command_line = parser()
+    try:
+        options = options_of(command_line.parse_args(argv))
+    except OptionError as error:
+        command_line.error(str(error))
+    try:
+        ensure_built(ROOT / "build" / "fmus", ROOT)
+        importlib.import_module(f"ps_fmu.scenarios.{options.scenario}").run(options)
+    except KeyboardInterrupt:
+        return ended("interrupted", options.output, 130)
+    except (CosimError, OSError, ValueError) as error:
+        return ended("\n".join([str(error), *getattr(error, "__notes__", ())]), options.output, 1)
+    return 0
+
+
+def ended(why: str, output: Path, code: int) -> int:
+    """Say why a run ended early and where its results are; returns the exit code."""
+    results = output / RESULTS
+    kept = f"results so far: {results}" if results.is_file() else "nothing was stored"
+    print(f"run.py: {why}\nrun.py: {kept}", file=sys.stderr)
+    return code
+
+
+if __name__ == "__main__":
+    sys.exit(main())

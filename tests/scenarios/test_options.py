@@ -1,0 +1,73 @@
+import os
+from pathlib import Path
+
+import pytest
+
+from ps_fmu.scenarios.options import DEFAULT_DURATION_S, OptionError, RunOptions
+
+GOOD = {"scenario": "isolation", "system": Path("a.ssd"), "output": Path("results"), "duration_s": 20.0}
+
+
+def test_defaults():
+    options = RunOptions(**GOOD)
+    assert options.step_s == 1e-4
+    assert options.steps == 200_000
+    assert options.storage_stride == 1
+    assert options.seed == 1
+    assert options.scheme == "jacobi"
+
+
+@pytest.mark.parametrize("scenario", DEFAULT_DURATION_S)
+def test_each_default_duration_is_a_whole_number_of_steps(scenario):
+    RunOptions(**GOOD | {"scenario": scenario, "duration_s": DEFAULT_DURATION_S[scenario]})
+
+
+@pytest.mark.parametrize(
+    ("changed", "text"),
+    [
+        ({"scenario": "dance"}, r"scenario: expected one of isolation, table2, slew, got 'dance'"),
+        ({"scheme": "newton"}, r"--scheme: expected one of jacobi, gauss-seidel"),
+        ({"step_s": 0.0}, r"--step: expected a time above 0 s, got 0\.0"),
+        ({"step_s": -1e-4}, r"--step: expected a time above 0 s"),
+        ({"step_s": float("nan")}, r"--step: expected a time above 0 s, got nan"),
+        ({"duration_s": -1.0}, r"--duration: expected a time above 0 s"),
+        ({"duration_s": float("inf")}, r"--duration: expected a time above 0 s"),
+        ({"duration_s": 5e-5}, r"--duration: 5e-05 s is not a whole number of steps of 0\.0001 s"),
+        ({"storage_step_s": 1.5e-4}, r"--storage-step: 0\.00015 s is not a whole number of steps"),
+        ({"seed": -1}, r"--seed: expected a whole number from 0 to 2147483647, got -1"),
+        ({"seed": 2**31}, r"--seed"),
+        ({"parameters": (Path("none.ssv"),)}, r"--parameters: there is no file none\.ssv"),
+    ],
+)
+def test_impossible_options_are_named(changed, text):
+    with pytest.raises(OptionError, match=text):
+        RunOptions(**GOOD | changed)
+
+
+def test_storage_step_in_steps():
+    assert RunOptions(**GOOD, storage_step_s=1e-3).storage_stride == 10
+
+
+def test_the_output_folder_is_made_and_left_empty(tmp_path):
+    options = RunOptions(**GOOD | {"output": tmp_path / "a" / "b"}).claim_output()
+    assert options.output == tmp_path / "a" / "b"
+    assert os.listdir(options.output) == []
+
+
+def test_results_of_an_earlier_run_are_removed_and_nothing_else(tmp_path):
+    for name in ("summary.json", "results.nc", "report.html", "notes.txt"):
+        (tmp_path / name).write_text("")
+    RunOptions(**GOOD | {"output": tmp_path}).claim_output()
+    assert os.listdir(tmp_path) == ["notes.txt"]
+
+
+def test_an_output_that_is_a_file_is_refused(tmp_path):
+    (tmp_path / "a").write_text("")
+    with pytest.raises(OptionError, match=r"--output: cannot write in .*a: "):
+        RunOptions(**GOOD | {"output": tmp_path / "a"}).claim_output()
+
+
+def test_an_output_that_cannot_be_written_is_refused():
+    """/proc takes no files, whoever asks."""
+    with pytest.raises(OptionError, match="--output: cannot write in /proc"):
+        RunOptions(**GOOD | {"output": Path("/proc/results")}).claim_output()

@@ -1,0 +1,119 @@
+"""The command line of system/run.py: what it takes, what it refuses, how it ends."""
+
+import importlib.util
+import types
+from pathlib import Path
+
+import pytest
+
+from ps_fmu.cosim.errors import UsageError
+
+RUN = Path(__file__).parents[2] / "system" / "run.py"
+
+
+@pytest.fixture
+def run(tmp_path, monkeypatch):
+    """The script as a module, in a working directory of its own, with nothing to build."""
+    spec = importlib.util.spec_from_file_location("run_script", RUN)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(module, "ensure_built", lambda folder, root: [])
+    return module
+
+
+@pytest.fixture
+def scenario(run, monkeypatch):
+    """Replaces the scenario by a function of the options; returns the options it was called with."""
+
+    def replace_by(function):
+        called = []
+
+        def scenario_run(options):
+            called.append(options)
+            function(options)
+
+        module = types.SimpleNamespace(run=scenario_run)
+        monkeypatch.setattr(run.importlib, "import_module", lambda name: module)
+        return called
+
+    return replace_by
+
+
+def test_defaults(run, scenario, tmp_path):
+    called = scenario(lambda options: None)
+    assert run.main([]) == 0
+    (options,) = called
+    assert (options.scenario, options.duration_s) == ("isolation", 20.0)
+    assert (options.step_s, options.seed) == (1e-4, 1)
+    assert options.output == tmp_path / "results" / "isolation"
+    assert options.system == RUN.with_name("SystemStructure.ssd")
+    assert options.fmus == RUN.parents[1] / "build" / "fmus"
+
+
+def test_all_arguments_arrive(run, scenario, tmp_path):
+    called = scenario(lambda options: None)
+    for name in ("a.ssv", "b.ssv"):
+        (tmp_path / name).write_text("")
+    arguments = "table2 --duration 2 --step 1e-3 --seed 5 --parameters a.ssv b.ssv --output out"
+    assert run.main([*arguments.split(), "--scheme", "gauss-seidel", "--storage-step", "0.01"]) == 0
+    (options,) = called
+    assert (options.scenario, options.duration_s, options.step_s, options.seed) == ("table2", 2.0, 1e-3, 5)
+    assert options.parameters == (Path("a.ssv"), Path("b.ssv"))
+    assert (options.output, options.scheme, options.storage_stride) == (tmp_path / "out", "gauss-seidel", 10)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "text"),
+    [
+        ("dance", "invalid choice: 'dance'"),
+        ("--step 0", "--step: expected a time above 0 s, got 0.0"),
+        ("--step fast", "invalid float value: 'fast'"),
+        ("--duration -1", "--duration: expected a time above 0 s, got -1.0"),
+        ("--duration 0.00015", "--duration: 0.00015 s is not a whole number of steps"),
+        ("--seed 1.5", "invalid int value: '1.5'"),
+        ("--parameters none.ssv", "--parameters: there is no file none.ssv"),
+        ("--output /proc/results", "--output: cannot write in /proc/results"),
+        ("--scheme newton", "invalid choice: 'newton'"),
+    ],
+)
+def test_bad_arguments_end_with_2_before_anything_runs(run, scenario, capsys, arguments, text):
+    called = scenario(lambda options: None)
+    with pytest.raises(SystemExit) as ended:
+        run.main(arguments.split())
+    assert ended.value.code == 2
+    assert text in capsys.readouterr().err
+    assert called == []
+
+
+def test_a_failed_run_ends_with_1_and_says_why(run, scenario, capsys):
+    def fail(options):
+        error = UsageError("plant.payload.mass: must be greater than 0")
+        error.add_note("Stopped at t = 1 s.")
+        raise error
+
+    scenario(fail)
+    assert run.main([]) == 1
+    message = capsys.readouterr().err
+    assert message.startswith("run.py: plant.payload.mass: must be greater than 0\nStopped at t = 1 s.\n")
+    assert "nothing was stored" in message
+
+
+def test_ctrl_c_ends_with_130_and_says_what_is_there(run, scenario, capsys):
+    def interrupted(options):
+        (options.output / "results.nc").write_text("")
+        raise KeyboardInterrupt
+
+    scenario(interrupted)
+    assert run.main(["--output", "out"]) == 130
+    results = Path("out").resolve() / "results.nc"
+    assert capsys.readouterr().err == f"run.py: interrupted\nrun.py: results so far: {results}\n"
+
+
+def test_a_mistake_in_the_program_is_not_hidden(run, scenario):
+    def mistaken(options):
+        raise TypeError("a mistake")
+
+    scenario(mistaken)
+    with pytest.raises(TypeError, match="a mistake"):
+        run.main([])
