@@ -1,0 +1,122 @@
+"""The parameter set: what paper.toml holds, what is refused and how the refusal reads."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from ps_fmu.manipulator.flat import entries, taken_from, with_values
+from ps_fmu.manipulator.parameters import PAPER, BusMode, ParameterError, load
+
+
+def test_published_values_are_in_the_set() -> None:
+    paper = load()
+    assert paper.payload.mass == 14.89
+    assert paper.bus.mass == 9130.0
+    assert load(bus="LSM").bus.mass == 933.0
+    assert [leg.damping for leg in paper.manipulator.fine_legs] == [23.2] * 3
+    assert (paper.filters.lowpass_order, paper.filters.highpass_frequency) == (9, 1e-4)
+
+
+def test_arrays_cannot_be_changed() -> None:
+    with pytest.raises(ValueError, match="read-only"):
+        load().bus.com_B[0] = 1.0
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "text"),
+    [
+        ("payload.mass", -1.0, "payload.mass: must be greater than 0"),
+        ("payload.mass", math.nan, "payload.mass: must be finite"),
+        ("payload.inertia.xx", 0.0, "payload.inertia: must be positive definite"),
+        ("payload.inertia.zz", 9.0, "payload.inertia: no rigid body"),
+        ("payload.truss_mode_2.damping_ratio", -0.1, "payload.truss_mode_2.damping_ratio: must not be less"),
+        ("payload.truss_mode_1.direction.x", 0.0, "payload.truss_mode_1.direction: must not be the zero vector"),
+        ("payload.colour", 1.0, "payload.colour: no such parameter"),
+    ],
+)
+def test_impossible_payload_is_named(name: str, value: float, text: str) -> None:
+    with pytest.raises(ParameterError, match=text):
+        with_values(load().payload, {name: value}, "payload")
+
+
+@pytest.mark.parametrize(
+    ("changes", "text"),
+    [
+        ({"fine_leg_2.stiffness": 0.0}, "fine_leg_2.stiffness: must be greater than 0"),
+        ({"coarse_stroke.min": 0.01}, "coarse_stroke: min must be below 0"),
+        (
+            {f"coarse_leg_1.base_joint.{a}": v for a, v in zip("xyz", (0.001534, 0.117614, 0.352508), strict=True)},
+            "coarse_leg_1: its two joints coincide",
+        ),
+        (
+            {f"{k}_leg_{i}.platform_joint.{a}": 0.0 for k in ("coarse", "fine") for i in (1, 2, 3) for a in "xyz"},
+            "geometry: the six legs are singular",
+        ),
+    ],
+)
+def test_impossible_mechanism_is_named(changes: dict[str, float], text: str) -> None:
+    with pytest.raises(ParameterError, match=text):
+        with_values(load().manipulator, changes)
+
+
+def test_psd_must_be_positive_semidefinite() -> None:
+    noise = load().noise
+    psd = noise.wrench_psd_B.copy()
+    psd[0, 1] = psd[1, 0] = 10.0
+    with pytest.raises(ParameterError, match="wrench_psd: must be positive semi-definite"):
+        replace(noise, wrench_psd_B=psd)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "text"),
+    [
+        ("mass = 14.89", "mass = 'heavy'", "payload.mass: expected a number"),
+        ("mass = 14.89", "weight = 14.89", "payload.weight: unknown"),
+        ("focal_length = 1.0", "", "optics.focal_length: missing"),
+        ("[filters]", "[filters", "not a TOML file"),
+        ("known_com_P = [0.00135,", "known_com_P = [", "isolator.known_com_P: expected shape"),
+        ("lowpass_order = 9", "lowpass_order = 8", "filters.lowpass_order: expected an odd whole number"),
+    ],
+)
+def test_broken_file_names_the_entry(tmp_path, old: str, new: str, text: str) -> None:
+    text_of_paper = PAPER.read_text(encoding="utf-8")
+    assert old in text_of_paper
+    path = tmp_path / "broken.toml"
+    path.write_text(text_of_paper.replace(old, new), encoding="utf-8")
+    with pytest.raises(ParameterError, match=text):
+        load(path)
+
+
+def test_names_are_plain_and_unique() -> None:
+    paper = load()
+    found = entries(paper.manipulator) + entries(paper.payload, "payload") + entries(paper.bus, "bus")
+    names = [entry.name for entry in found]
+    assert len(set(names)) == len(names)
+    assert all(set(name) <= set("abcdefghijklmnopqrstuvwxyz0123456789_.") for name in names)
+    assert all(entry.unit and entry.description for entry in found)
+
+
+def test_flat_values_come_back() -> None:
+    """entries -> with_values is the identity, and each entry reaches its own place only."""
+    bus = load().bus
+    flat = {entry.name: entry.value for entry in entries(bus, "bus")}
+    assert entries(with_values(bus, flat, "bus"), "bus") == entries(bus, "bus")
+    for name in ("bus.com.y", "bus.mode_3.participation.rx", "bus.mass"):
+        changed = {entry.name: entry.value for entry in entries(with_values(bus, {name: 5.0}, "bus"), "bus")}
+        assert {key for key in flat if changed[key] != flat[key]} == {name}
+
+
+def test_off_diagonal_inertia_stays_symmetric() -> None:
+    payload = with_values(load().payload, {"payload.inertia.xy": 0.01}, "payload")
+    assert payload.inertia_P[0, 1] == payload.inertia_P[1, 0] == 0.01
+
+
+def test_taken_from_passes_over_other_names() -> None:
+    bus = taken_from(load().bus, {"bus.mass": 1.0, "payload.mass": 2.0}, "bus")
+    assert bus.mass == 1.0
+
+
+def test_mode_needs_six_participations() -> None:
+    with pytest.raises(ParameterError, match=r"participation: expected shape \(6,\), got \(5,\)"):
+        BusMode(1.0, 0.01, np.zeros(5))

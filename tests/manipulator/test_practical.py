@@ -1,0 +1,192 @@
+"""The plant as a linear system: against the transfer matrices, conservation laws, exact steps."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from ps_fmu.manipulator.discretise import zero_order_hold
+from ps_fmu.manipulator.dynamics import Pose
+from ps_fmu.manipulator.frequency import Practical
+from ps_fmu.manipulator.plant import Plant, coarse_motion
+from ps_fmu.manipulator.practical import OUTPUTS, carry_over, output_slices
+from scipy.linalg import expm
+from support.mechanics import PAPER, relative_error
+
+PLANT = Plant(PAPER.manipulator, PAPER.payload, PAPER.bus, PAPER.servo, PAPER.optics)
+STILL = np.zeros(3)
+SLOPE = np.array([0.004, -0.003, 0.002])  # m
+PLACE = output_slices()
+
+
+def test_state_space_is_the_practical_plant() -> None:
+    model = PLANT.linearise(SLOPE)
+    A, B, C, D = model.matrices()
+    practical = Practical(model.dynamics)
+    s = 2j * np.pi * np.geomspace(0.1, 400.0, 25)
+    response = C @ np.linalg.solve(s[:, None, None] * np.eye(len(A)) - A, B.astype(complex)) + D
+    R_PB = model.dynamics.pose.rotation_BP.T
+    rotation = response[:, PLACE["payload_rotation"]]
+    assert relative_error(rotation[..., 0:3], R_PB @ practical.A(s)) < 1e-8
+    assert relative_error(rotation[..., 3:9], R_PB @ practical.B(s)) < 1e-8
+    acceleration = response[:, 0:6]
+    s2 = (s * s)[:, None, None]
+    assert relative_error(acceleration[..., 0:3], s2 * practical.C(s)) < 1e-8
+    assert relative_error(acceleration[..., 3:9], s2 * practical.D(s)) < 1e-8
+
+
+def test_step_is_exact_for_a_held_input() -> None:
+    """One long step equals many short ones, and both equal the exponential."""
+    model = PLANT.linearise(STILL)
+    rng = np.random.default_rng(3)
+    x, u = rng.normal(size=model.n_states) * 1e-4, rng.normal(size=13)
+    p = sum(OUTPUTS.values())
+    once = model.step_map(1e-3) @ np.concatenate([x, u])
+    short, state = model.step_map(1e-4), x
+    for _ in range(10):
+        result = short @ np.concatenate([state, u])
+        state = result[p:]
+    np.testing.assert_allclose(result, once, rtol=1e-9, atol=1e-12 * np.abs(once).max())
+
+
+def test_zero_order_hold_of_a_double_integrator() -> None:
+    Ad, Bd = zero_order_hold(np.array([[0.0, 1.0], [0.0, 0.0]]), np.array([[0.0], [1.0]]), 0.5)
+    np.testing.assert_allclose(Ad, [[1.0, 0.5], [0.0, 1.0]])
+    np.testing.assert_allclose(Bd, [[0.125], [0.5]])
+
+
+def test_outputs_at_rest_are_the_pose() -> None:
+    model = PLANT.linearise(SLOPE)
+    x = PLANT.initial_state(model)
+    y = model.output_map() @ np.concatenate([x, np.zeros(9), SLOPE, [1.0]])
+    np.testing.assert_allclose(y[PLACE["orientation"]], model.rpy, atol=1e-16)
+    np.testing.assert_allclose(y[PLACE["relative_orientation"]], model.rpy, atol=1e-16)
+    np.testing.assert_allclose(y[PLACE["coarse_displacement"]], SLOPE, atol=1e-18)
+    others = np.delete(y, np.r_[PLACE["orientation"], PLACE["relative_orientation"], PLACE["coarse_displacement"]])
+    np.testing.assert_allclose(others, 0.0, atol=1e-12)
+
+
+def test_orientation_follows_forward_kinematics_to_first_order() -> None:
+    model, near = PLANT.linearise(SLOPE), 1e-5 * np.array([1.0, -2.0, 0.5])
+    x = PLANT.initial_state(model)
+    x[-6:-3] = SLOPE + near
+    y = model.output_map() @ np.concatenate([x, np.zeros(9), SLOPE, [1.0]])
+    np.testing.assert_allclose(y[PLACE["orientation"]], PLANT.linearise(SLOPE + near).rpy, atol=2e-8)
+
+
+def test_image_point_is_the_turned_boresight() -> None:
+    model = PLANT.linearise(STILL)
+    x = np.zeros(model.n_states)
+    x[:20] = np.random.default_rng(4).normal(size=20) * 1e-6
+    y = model.output_map() @ np.concatenate([x, np.zeros(12), [1.0]])
+    theta = y[PLACE["payload_rotation"]]
+    np.testing.assert_allclose(y[PLACE["los"]], np.cross(theta, [0.0, 0.0, 1.0])[:2], atol=1e-20)
+
+
+def test_momentum_of_a_pushed_free_body() -> None:
+    """A constant force for one second leaves exactly its impulse in the bus rows."""
+    model = PLANT.linearise(STILL)
+    d, n = model.dynamics, model.dynamics.n
+    u = np.zeros(13)
+    u[3:9] = [1.0, 2.0, -1.0, 0.3, 0.2, -0.1]
+    x = (model.step_map(1.0) @ np.concatenate([np.zeros(model.n_states), u]))[sum(OUTPUTS.values()) :]
+    np.testing.assert_allclose(d.M[d.slices["q_b"]] @ x[n : 2 * n], u[3:9], rtol=1e-9, atol=1e-11)
+
+
+def test_internal_forces_leave_the_momentum_alone() -> None:
+    model = PLANT.linearise(STILL)
+    d, n = model.dynamics, model.dynamics.n
+    u = np.array([5.0, -3.0, 2.0, 0, 0, 0, 0, 0, 0, 1e-3, -1e-3, 5e-4, 1.0])  # fine forces and a coarse reference
+    x = (model.step_map(0.37) @ np.concatenate([np.zeros(model.n_states), u]))[sum(OUTPUTS.values()) :]
+    momentum = d.M[d.slices["q_b"]] @ x[n : 2 * n] + d.m_c[d.slices["q_b"]] @ x[-3:]
+    assert np.abs(momentum).max() < 1e-9
+    assert np.abs(x[n : 2 * n]).max() > 1e-4  # and yet it moves
+
+
+def test_carry_over_keeps_momentum_and_all_but_the_base_velocities() -> None:
+    old, new = PLANT.linearise(STILL), PLANT.linearise(SLOPE)
+    x = np.random.default_rng(5).normal(size=old.n_states)
+    carried = carry_over(old.dynamics, new.dynamics, x)
+    n, q_b = old.dynamics.n, old.dynamics.slices["q_b"]
+
+    def momentum(model, state):
+        return model.dynamics.M[q_b] @ state[n : 2 * n] + model.dynamics.m_c[q_b] @ state[-3:]
+
+    np.testing.assert_allclose(momentum(new, carried), momentum(old, x), rtol=1e-9)
+    untouched = np.ones(len(x), dtype=bool)
+    untouched[n + q_b.start : n + q_b.stop] = False
+    np.testing.assert_array_equal(carried[untouched], x[untouched])
+
+
+def run_slew(plant: Plant, command: np.ndarray, h: float, steps: int) -> tuple[np.ndarray, object, int]:
+    """A step command, as the FMU executes it: state at the end, model, number of poses."""
+    model = plant.linearise(STILL)
+    x, reference, poses, moving = plant.initial_state(model), STILL, 1, True
+    step = model.step_map(h)
+    for _ in range(steps):
+        if moving:
+            motion = coarse_motion(plant, model, x, reference, command, h, 5e-5)
+            if motion.model is not model:
+                step, poses = motion.model.step_map(h), poses + 1
+            model, x, reference, moving = motion.model, motion.state, motion.reference, motion.moving
+        x = (step @ np.concatenate([x, np.zeros(9), reference, [1.0]]))[sum(OUTPUTS.values()) :]
+    return x, model, poses
+
+
+def test_slew_ends_exactly_at_the_command_and_leaves_no_momentum() -> None:
+    command = np.array([1e-3, -1e-3, 5e-4])  # m; 0.2 s at the rate limit, then the servo settles
+    plant = replace(PLANT, servo=replace(PLANT.servo, rate_limit=0.005))
+    x, model, poses = run_slew(plant, command, 1e-3, 3000)
+    np.testing.assert_array_equal(model.coarse_reference, command)
+    assert 15 < poses < 30
+    n, d = model.dynamics.n, model.dynamics
+    momentum = d.M[d.slices["q_b"]] @ x[n : 2 * n] + d.m_c[d.slices["q_b"]] @ x[-3:]
+    assert np.abs(momentum).max() < 1e-9
+
+
+def test_rate_limit_and_stroke() -> None:
+    model = PLANT.linearise(STILL)
+    command = np.array([0.01, -0.01, 1e-9])
+    motion = coarse_motion(PLANT, model, PLANT.initial_state(model), STILL, command, 1e-3, 1e-4)
+    np.testing.assert_allclose(motion.reference, [5e-6, -5e-6, 1e-9])  # 5 mm/s for 1 ms
+    assert motion.moving
+    np.testing.assert_array_equal(PLANT.within_stroke(np.array([0.5, -0.5, 0.01])), [0.02, -0.02, 0.01])
+
+
+def test_at_rest_at_the_command_nothing_moves() -> None:
+    model = PLANT.linearise(SLOPE)
+    x = PLANT.initial_state(model)
+    motion = coarse_motion(PLANT, model, x, SLOPE, SLOPE, 1e-3, 1e-4)
+    assert motion.model is model
+    assert not motion.moving
+    np.testing.assert_array_equal(motion.state, x)
+
+
+def test_inactive_coordinates_stay_zero() -> None:
+    rods = replace(PAPER.manipulator.coarse_rods, axial_stiffness=0.0)
+    plant = replace(PLANT, manipulator=replace(PAPER.manipulator, coarse_rods=rods))
+    model = plant.linearise(STILL)
+    e_c = model.dynamics.slices["e_c"]
+    u = np.concatenate([np.ones(9), 1e-4 * np.ones(3), [1.0]])
+    x = (model.step_map(0.1) @ np.concatenate([plant.initial_state(model), u]))[sum(OUTPUTS.values()) :]
+    np.testing.assert_array_equal(x[e_c], 0.0)
+    assert np.abs(x[0:3]).min() > 0.0
+
+
+def test_same_displacement_same_bits() -> None:
+    """What a restored FMU state relies on."""
+    first, second = PLANT.linearise(SLOPE), PLANT.linearise(SLOPE.copy())
+    np.testing.assert_array_equal(first.step_map(1e-4), second.step_map(1e-4))
+    assert isinstance(first.dynamics.pose, Pose)
+
+
+def test_exponential_agrees_with_a_finer_one() -> None:
+    """The plant is stiff (370 Hz) and free (double integrators): the scaled exponential has all its digits."""
+    A, B, _, _ = PLANT.linearise(STILL).matrices()
+    Ad, _ = zero_order_hold(A, B, 1e-2)
+    fine = expm(A * (1e-2 / 64.0))
+    assert np.abs(Ad - np.linalg.matrix_power(fine, 64)).max() < 1e-9 * np.abs(Ad).max()
+
+
+def test_parameters_are_used_as_given() -> None:
+    heavier = replace(PLANT, payload=replace(PAPER.payload, mass=20.0)).linearise(STILL)
+    assert heavier.dynamics.M[3, 3] - PLANT.linearise(STILL).dynamics.M[3, 3] == pytest.approx(20.0 - 14.89)

@@ -1,0 +1,55 @@
+"""Shared by the tests of the mechanics: poses, the rigid system of the multibody reference, the reference itself."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from ps_fmu.manipulator.dynamics import Dynamics, Pose, assemble
+from ps_fmu.manipulator.inverse import inverse_kinematics
+from ps_fmu.manipulator.parameters import Parameters, load
+from ps_fmu.manipulator.rotations import rotation_matrix
+
+REFERENCE = Path(__file__).parents[1] / "data" / "multibody-reference.json"
+PAPER = load()
+ORIENTATIONS_DEG = [(0.0, 0.0, 0.0), (8.5, 0.0, 0.0), (0.0, -7.0, 0.0), (0.0, 0.0, 14.0)]
+
+
+def pose_at(rpy_deg: tuple[float, float, float], parameters: Parameters = PAPER) -> Pose:
+    orientation = np.radians(rpy_deg)
+    found = inverse_kinematics(parameters.manipulator.geometry, orientation)
+    return Pose(found.translation_B, rotation_matrix(orientation))
+
+
+def rigid(parameters: Parameters = PAPER) -> Parameters:
+    """The same without bus modes, truss modes and rod flexibility."""
+    rods = replace(parameters.manipulator.coarse_rods, axial_stiffness=0.0)
+    return replace(
+        parameters,
+        manipulator=replace(parameters.manipulator, coarse_rods=rods),
+        payload=replace(parameters.payload, truss_modes=()),
+        bus=replace(parameters.bus, modes=()),
+    )
+
+
+def dynamics_at(pose: Pose, parameters: Parameters = PAPER) -> Dynamics:
+    return assemble(parameters.manipulator, parameters.payload, parameters.bus, pose)
+
+
+def reference_cases() -> list[dict]:
+    return json.loads(REFERENCE.read_text())["cases"]
+
+
+def reference_pose(case: dict) -> Pose:
+    return Pose(np.array(case["platform_translation_m"]), rotation_matrix(np.radians(case["orientation_rpy_deg"])))
+
+
+def complex_array(pair: list) -> NDArray[np.complex128]:
+    real, imaginary = np.array(pair)
+    return real + 1j * imaginary
+
+
+def relative_error(value: NDArray, reference: NDArray) -> float:
+    """Largest difference over frequencies, each against the largest element of the reference matrix there."""
+    return float((np.abs(value - reference).max(axis=(-2, -1)) / np.abs(reference).max(axis=(-2, -1))).max())
