@@ -1,0 +1,25 @@
+"""Co-simulation of FMUs: read a system, run it, record it."""
+
+from .errors import CosimError, RecorderError, SlaveError, SystemFileError, UsageError, WiringError
+from .master import Event, Master, Observer
+from .rows import Column
+from .structure import Port, System, Value
+from .system import read_parameters, read_system
+
+__all__ = [
+    "Column",
+    "CosimError",
+    "Event",
+    "Master",
+    "Observer",
+    "Port",
+    "RecorderError",
+    "SlaveError",
+    "System",
+    "SystemFileError",
+    "UsageError",
+    "Value",
+    "WiringError",
+    "read_parameters",
+    "read_system",
+]

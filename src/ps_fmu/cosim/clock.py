@@ -1,0 +1,73 @@
+"""Time in whole steps: t_n = start + n h, never accumulated."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from .errors import UsageError
+from .rows import Array
+
+ON_GRID = 1e-6
+"""A time within this fraction of a step counts as a communication point (decimal fractions are not exact)."""
+RESOLUTION = 1e-3
+"""Rounding of a time may be at most this fraction of a step: FMUs check that they are called on time."""
+
+
+@dataclass(frozen=True)
+class Clock:
+    """Start time and communication step [s].
+
+    Raises :class:`UsageError`: not finite, a step that is not positive or too small to tell times apart.
+    """
+
+    start: float
+    step: float
+
+    def __post_init__(self) -> None:
+        if not math.isfinite(self.start):
+            raise UsageError(f"start time: expected a finite number of seconds, got {self.start!r}")
+        if not (math.isfinite(self.step) and self.step > 0.0):
+            raise UsageError(f"step: expected a positive number of seconds, got {self.step!r}")
+        self._check_resolution(self.start + self.step)
+
+    def time(self, index: int) -> float:
+        """Time [s] of a communication point."""
+        return self.start + index * self.step
+
+    def times(self, first: int, count: int) -> Array:
+        """Times [s] of ``count`` communication points from ``first`` on."""
+        return self.start + np.arange(first, first + count, dtype=np.float64) * self.step
+
+    def steps(self, duration: float) -> int:
+        """Steps in a duration [s].  Raises :class:`UsageError` unless it is a whole number of at least 1."""
+        ratio = duration / self.step if math.isfinite(duration) else math.nan
+        count = round(ratio) if math.isfinite(ratio) else 0
+        if count < 1 or abs(ratio - count) > ON_GRID * max(1.0, count * 1e-6):
+            raise UsageError(
+                f"duration: expected a positive whole number of steps of {self.step!r} s, got {duration!r} s"
+            )
+        return count
+
+    def index(self, time: float) -> int:
+        """Number of the communication point at a time [s].  Raises :class:`UsageError` if there is none."""
+        ratio = (time - self.start) / self.step if math.isfinite(time) else math.nan
+        index = round(ratio) if math.isfinite(ratio) else 0
+        if not abs(ratio - index) <= ON_GRID * max(1.0, abs(index) * 1e-6):
+            near = f": the nearest is {self.time(index)!r} s" if math.isfinite(ratio) else ""
+            raise UsageError(f"time {time!r} s is not a communication point{near} (step {self.step!r} s)")
+        return index
+
+    def check_end(self, index: int) -> None:
+        """Check that times up to this communication point can be told apart.  Raises :class:`UsageError`."""
+        self._check_resolution(self.time(index))
+
+    def _check_resolution(self, time: float) -> None:
+        rounding = math.ulp(max(abs(time), abs(self.start)))
+        if rounding > RESOLUTION * self.step:
+            raise UsageError(
+                f"step: {self.step!r} s is too small at t = {time!r} s, where times are rounded to "
+                f"{rounding:.1e} s"
+            )

@@ -1,0 +1,109 @@
+"""Model descriptions of FMUs: read by FMPy, after the file has been checked; values of their exact type."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+from fmpy import read_model_description
+from fmpy.model_description import ModelDescription, ModelVariable
+
+from .archive import check_archive, read_member
+from .errors import SystemFileError, UsageError
+from .structure import Value, closest
+from .xmlfile import MAXIMUM_BYTES, parse_xml
+
+DISCRETE_TYPES = ("Integer", "Boolean", "Enumeration")
+"""Types that FMI passes as C int."""
+
+
+def read_description(path: Path) -> ModelDescription:
+    """Model description of an FMU for co-simulation (FMI 2.0).
+
+    Raises :class:`SystemFileError`: not a safe archive, no or a malformed ``modelDescription.xml``, another
+    FMI version, no co-simulation, a variable name that occurs twice.
+    """
+    check_archive(path)
+    root = parse_xml(read_member(path, "modelDescription.xml", MAXIMUM_BYTES), path / "modelDescription.xml")
+    if root.attributes.get("fmiVersion") != "2.0":
+        version = root.attributes.get("fmiVersion")
+        raise SystemFileError(path, f"expected an FMU of FMI 2.0, got fmiVersion {version!r}")
+    try:
+        description = read_model_description(path)
+    # FMPy raises plain Exception, and whatever a malformed file makes it trip over.
+    except Exception as error:
+        raise SystemFileError(path, f"modelDescription.xml is not valid: {error}") from error
+    if description.coSimulation is None:
+        raise SystemFileError(path, "the FMU is not for co-simulation: export it as a co-simulation FMU")
+    identifier = description.coSimulation.modelIdentifier
+    if not (identifier.isascii() and identifier.isidentifier()):
+        raise SystemFileError(path, f"modelIdentifier {identifier!r} is not a C identifier")
+    return description
+
+
+def variables_of(description: ModelDescription) -> dict[str, ModelVariable]:
+    """Variables by name."""
+    return {variable.name: variable for variable in description.modelVariables}
+
+
+def variable_of(description: ModelDescription, name: str) -> ModelVariable:
+    """A variable by name.  Raises :class:`UsageError` with the closest names."""
+    variables = variables_of(description)
+    if name not in variables:
+        raise UsageError(
+            f"the FMU {description.modelName} has no variable {name!r}{closest(name, variables)}"
+        )
+    return variables[name]
+
+
+def unit_of(variable: ModelVariable) -> str | None:
+    """Unit of a variable, its own or that of its declared type; None where the FMU states none."""
+    declared = variable.declaredType.unit if variable.declaredType is not None else None
+    return variable.unit or declared or None
+
+
+def settable(variable: ModelVariable, running: bool) -> str | None:
+    """Why the master may not set a variable, or None if it may (FMI 2.0.4, section 2.2.7)."""
+    if variable.causality == "input" or (
+        variable.causality == "parameter" and variable.variability == "tunable"
+    ):
+        return None
+    if variable.causality == "parameter":
+        return "is a fixed parameter: set it before initialisation" if running else None
+    return f"is of causality {variable.causality}: only inputs and parameters can be set"
+
+
+def typed_value(variable: ModelVariable, value: Value) -> Value:
+    """``value`` as the exact FMI type of the variable; a whole number is taken for a Real.
+
+    Raises :class:`UsageError`: another type, not finite, outside the declared minimum and maximum.
+    """
+    kind = variable.type
+    result: Value
+    if kind == "Real" and isinstance(value, (int, float)) and not isinstance(value, bool):
+        result = float(value)
+        if not math.isfinite(result):
+            raise UsageError(f"{variable.name}: expected a finite number, got {value!r}")
+    elif kind == "Boolean" and isinstance(value, bool):
+        return value
+    elif kind in ("Integer", "Enumeration") and isinstance(value, int) and not isinstance(value, bool):
+        if not -(2**31) <= value < 2**31:
+            raise UsageError(f"{variable.name}: {value} does not fit a 32-bit integer")
+        result = value
+    elif kind == "String" and isinstance(value, str):
+        if "\0" in value:
+            raise UsageError(f"{variable.name}: the text contains a NUL character")
+        return value
+    else:
+        raise UsageError(f"{variable.name} is of type {kind}; got {value!r} ({type(value).__name__})")
+    low, high = (_bound(text) for text in (variable.min, variable.max))
+    if (low is not None and result < low) or (high is not None and result > high):
+        raise UsageError(f"{variable.name}: {value!r} is outside [{variable.min}, {variable.max}]")
+    return result
+
+
+def _bound(text: str | None) -> float | None:
+    try:
+        return None if text is None else float(text)
+    except ValueError:
+        return None

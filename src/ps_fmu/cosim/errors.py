@@ -1,0 +1,78 @@
+"""What the co-simulation refuses, and how it says so.
+
+Every exception of this package is a :class:`CosimError`.  Its text names the place (file and line, component,
+variable, time), what was found, what was expected, and what to do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+STATUS_NAMES = ("fmi2OK", "fmi2Warning", "fmi2Discard", "fmi2Error", "fmi2Fatal", "fmi2Pending")
+
+
+class CosimError(Exception):
+    """Base of all errors of the co-simulation."""
+
+
+class UsageError(CosimError, ValueError):
+    """An argument that cannot be honoured: a step size, a duration, a name, a value."""
+
+
+class SystemFileError(CosimError, ValueError):
+    """A file that cannot be used: SSD, SSV, SSP or FMU.
+
+    Attributes: ``path`` of the file, ``line`` in it (None where there is none).
+    """
+
+    def __init__(self, path: Path, text: str, line: int | None = None) -> None:
+        super().__init__(f"{path}{'' if line is None else f', line {line}'}: {text}")
+        self.path = path
+        self.line = line
+
+
+class WiringError(CosimError, ValueError):
+    """A system whose parts do not fit together; ``problems`` lists every reason that was found."""
+
+    def __init__(self, path: Path, problems: Sequence[str]) -> None:
+        super().__init__(f"{path}: the system cannot be wired:\n" + "\n".join(f"- {p}" for p in problems))
+        self.path = path
+        self.problems = tuple(problems)
+
+
+class SlaveError(CosimError):
+    """An FMU that did not do what it was asked, or that gave a value nobody can use.
+
+    Attributes: ``component``, ``function`` (FMI function), ``status`` (number of fmi2Status, or None where
+    the call succeeded and the value is at fault), ``time`` [s] of the communication point (None before the
+    experiment is set up), ``variables`` of the call, ``messages`` that the FMU logged last.
+    """
+
+    def __init__(
+        self,
+        text: str,
+        *,
+        component: str,
+        function: str,
+        status: int | None,
+        time: float | None,
+        variables: Sequence[str] = (),
+        messages: Sequence[str] = (),
+    ) -> None:
+        super().__init__(text)
+        self.component = component
+        self.function = function
+        self.status = status
+        self.time = time
+        self.variables = tuple(variables)
+        self.messages = tuple(messages)
+
+
+class RecorderError(CosimError, OSError):
+    """A result file that cannot be written; what was stored before stays readable."""
+
+
+def status_name(status: int) -> str:
+    """Name of an fmi2Status, also of one that the standard does not know."""
+    return STATUS_NAMES[status] if 0 <= status < len(STATUS_NAMES) else f"status {status} (not an fmi2Status)"

@@ -1,0 +1,62 @@
+"""Bring all FMUs of a system to their first communication point, with initial values that agree."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from pathlib import Path
+
+from fmpy.model_description import ModelDescription
+
+from .graph import Wiring
+from .rows import Layout, Rows
+from .slaves import Slave
+from .structure import Port, System, Value
+
+
+def load(
+    system: System, descriptions: Mapping[str, ModelDescription], folder: Path, slaves: dict[str, Slave]
+) -> None:
+    """Unpack and instantiate each component; what is loaded is in ``slaves`` also when a later one fails.
+
+    Raises :class:`SystemFileError` or :class:`SlaveError`.
+    """
+    for component in system.components:
+        slaves[component.name] = Slave(component, descriptions[component.name], folder / component.name)
+
+
+def initialise(
+    slaves: Mapping[str, Slave], system: System, wiring: Wiring, given: Mapping[Port, Value], start: float
+) -> None:
+    """Set start values, and pass the initial values along the connections.
+
+    ``given`` are values that the user has set: they outrank those of the system, and a connected input among
+    them is left alone.  Raises :class:`SlaveError`.
+    """
+    for component in system.components:
+        values = {name: parameter.value for name, parameter in component.parameters.items()}
+        values |= {port.variable: value for port, value in given.items() if port.component == component.name}
+        slave = slaves[component.name]
+        slave.set_up(start)
+        slave.set(values, start)
+        slave.enter_initialisation(start)
+    _propagate(slaves, wiring, given.keys(), start)
+    for slave in slaves.values():
+        slave.exit_initialisation(start)
+
+
+def first_row(slaves: Mapping[str, Slave], layout: Layout, rows: Rows, start: float) -> None:
+    """Read all outputs into the first row of the block.  Raises :class:`SlaveError`."""
+    for places, row in ((layout.real, rows.values[1]), (layout.discrete, rows.discrete[1])):
+        for port, place in places.items():
+            row[place] = slaves[port.component].get([port.variable], start)[port.variable]
+    rows.filled = 1
+
+
+def _propagate(slaves: Mapping[str, Slave], wiring: Wiring, cut: Collection[Port], start: float) -> None:
+    """In the order that the FMUs' dependencies give; round a loop as often as there are FMUs."""
+    for group in wiring.order:
+        connections = [c for c in wiring.connections if c.source in group.outputs and c.target not in cut]
+        for _ in range(group.passes):
+            values = {p: slaves[p.component].get([p.variable], start)[p.variable] for p in group.outputs}
+            for c in connections:
+                slaves[c.target.component].set({c.target.variable: values[c.source]}, start)

@@ -1,0 +1,38 @@
+"""Ctrl-C between two steps instead of inside an FMU.
+
+An FMU written in Python runs in the same interpreter: KeyboardInterrupt would be raised inside its step,
+where it is taken for a fault of the model or lost.  So the signal is only noted, and the loop ends after
+the step.
+"""
+
+from __future__ import annotations
+
+import signal
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import FrameType
+
+
+@contextmanager
+def noted_interrupts() -> Iterator[list[int]]:
+    """A list that is empty until SIGINT arrives.  A second SIGINT acts at once, for an FMU that hangs.
+
+    Outside of the main thread, where Python takes no signals, and where SIGINT is ignored nothing is changed.
+    """
+    noted: list[int] = []
+    previous = signal.getsignal(signal.SIGINT)
+    if threading.current_thread() is not threading.main_thread() or previous in (None, signal.SIG_IGN):
+        yield noted
+        return
+
+    def note(number: int, _frame: FrameType | None) -> None:
+        noted.append(number)
+        signal.signal(signal.SIGINT, previous)
+
+    signal.signal(signal.SIGINT, note)
+    try:
+        yield noted
+    finally:
+        if not noted:
+            signal.signal(signal.SIGINT, previous)

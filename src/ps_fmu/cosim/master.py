@@ -1,0 +1,295 @@
+"""The master algorithm: loads the FMUs of a system, initialises them together, steps them, frees them.
+
+Fixed step, Jacobi or Gauss-Seidel.  Row 0 holds the outputs after initialisation, row n those at start + n h.
+"""
+
+from __future__ import annotations
+
+import logging
+import tempfile
+import time as wall_clock
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+from .clock import Clock
+from .delivery import Observer, deliver
+from .description import read_description, settable, typed_value, variable_of
+from .errors import CosimError, SlaveError, UsageError
+from .graph import OpenInput, check_wiring
+from .initialisation import first_row, initialise, load
+from .interrupt import noted_interrupts
+from .loops import SCHEMES
+from .plan import Plan, make_plan
+from .rows import Column, Rows, layout_of
+from .slaves import FATAL, Phase, Slave
+from .structure import Port, System, Value, port_of
+
+log = logging.getLogger("ps_fmu.cosim")
+
+BLOCK_ROWS = 1000
+
+
+Event = tuple[float, str, Value]
+"""From this time [s] on, this input or tunable parameter (component.variable) has this value."""
+Progress = Callable[[float, float, float], None]
+"""Called after each block with simulated time [s], wall time of this run [s], simulated over wall time."""
+
+
+class Master:
+    """A system of FMUs that is simulated.
+
+    Parameters
+    ----------
+    system: the wiring, see :func:`read_system`
+    step: communication step [s]; by default that of the system's experiment
+    scheme: ``"jacobi"`` or ``"gauss-seidel"``
+    start_time: [s]; by default that of the system's experiment
+    block_rows: rows that are handed to the observers at a time
+
+    Raises :class:`UsageError`, :class:`SystemFileError` or :class:`WiringError` before anything is loaded.
+
+    Example::
+
+        with Master(read_system("system/SystemStructure.ssd", "build/fmus"), step=1e-4) as master:
+            master.initialise()
+            master.run(20.0, observers=[recorder])
+    """
+
+    def __init__(
+        self,
+        system: System,
+        step: float | None = None,
+        scheme: str = "jacobi",
+        *,
+        start_time: float | None = None,
+        block_rows: int = BLOCK_ROWS,
+    ) -> None:
+        if scheme not in SCHEMES:
+            raise UsageError(f"scheme: expected one of {', '.join(SCHEMES)}, got {scheme!r}")
+        if block_rows < 1:
+            raise UsageError(f"block_rows: expected at least 1, got {block_rows!r}")
+        size = system.experiment.step if step is None else step
+        if size is None:
+            raise UsageError(f"step: not given, and {system.path} states none in its default experiment")
+        self.clock = Clock(system.experiment.start_time if start_time is None else start_time, size)
+        self.system = system
+        self.scheme = scheme
+        self._descriptions = {c.name: read_description(c.source) for c in system.components}
+        self.wiring = check_wiring(system, self._descriptions)
+        self._layout = layout_of(self._descriptions)
+        self._rows = Rows(self._layout, block_rows)
+        self._slaves: dict[str, Slave] = {}
+        self._plan: Plan | None = None
+        self._set: dict[Port, Value] = {}
+        self._folder: tempfile.TemporaryDirectory[str] | None = None
+        self._index = 0
+        for group in self.wiring.loops:
+            log.info("initial values pass round a loop: %s", ", ".join(map(str, group)))
+
+    # ---- what is known -----------------------------------------------------------------------------------
+
+    @property
+    def columns(self) -> tuple[Column, ...]:
+        """All recorded outputs, in the order of the columns of a block."""
+        return self._layout.columns
+
+    @property
+    def open_inputs(self) -> tuple[OpenInput, ...]:
+        """Inputs without a source; they keep their start value unless they are set."""
+        return self.wiring.open_inputs
+
+    @property
+    def step(self) -> float:
+        """Communication step [s]."""
+        return self.clock.step
+
+    @property
+    def time(self) -> float:
+        """Current communication point [s]."""
+        return self.clock.time(self._index)
+
+    @property
+    def warnings(self) -> dict[str, int]:
+        """How often the FMUs returned fmi2Warning, by component."""
+        return {name: slave.warnings for name, slave in self._slaves.items()}
+
+    def get(self, name: str) -> Value:
+        """Value of any variable, ``component.variable``, at the current communication point."""
+        port = self._port(name)
+        if port.component not in self._slaves:
+            raise UsageError(f"{name}: the system is not initialised")
+        return self._slaves[port.component].get([port.variable], self.time)[port.variable]
+
+    def set(self, name: str, value: Value) -> None:
+        """Set an input or a parameter, ``component.variable``, from the current communication point on.
+
+        A connected input leaves its connection and keeps the value.  Raises :class:`UsageError`: no such
+        variable, not of its type, a fixed parameter after the initialisation.
+        """
+        port = self._port(name)
+        self._apply(port, self._checked(port, value, running=self._plan is not None))
+
+    # ---- life --------------------------------------------------------------------------------------------
+
+    def initialise(self) -> None:
+        """Load all FMUs, set start values, pass the initial values round, read the outputs: row 0.
+
+        Raises :class:`SlaveError` or :class:`SystemFileError`; the FMUs are freed then.
+        """
+        if self._folder is not None:
+            raise UsageError("the system is already initialised, or closed: make a new Master")
+        self._folder = tempfile.TemporaryDirectory(prefix="fmus_", ignore_cleanup_errors=True)
+        try:
+            load(self.system, self._descriptions, Path(self._folder.name), self._slaves)
+            initialise(self._slaves, self.system, self.wiring, self._set, self.clock.start)
+            first_row(self._slaves, self._layout, self._rows, self.clock.start)
+            self._make_plan()
+        except BaseException as error:
+            self._abort(error)
+            raise
+
+    def run(
+        self,
+        duration: float,
+        observers: Sequence[Observer] = (),
+        events: Iterable[Event] = (),
+        progress: Progress | None = None,
+    ) -> None:
+        """Advance by ``duration`` [s]; the first run begins with row 0, each later one with the row after.
+
+        Whatever ends the run early - an FMU, an observer, Ctrl-C - all complete rows reach all observers
+        first; then the FMUs are terminated and freed as far as the standard allows, and the error is
+        raised.
+
+        Raises :class:`UsageError` (nothing has run: a duration or an event that is not on the grid of steps),
+        :class:`SlaveError`, KeyboardInterrupt, or what an observer raises.
+        """
+        if self._plan is None:
+            raise UsageError("call initialise() first" if self._folder is None else "the system is closed")
+        end = self._index + self.clock.steps(duration)
+        self.clock.check_end(end)
+        schedule = self._schedule(events, end)
+        try:
+            with noted_interrupts() as interrupted:
+                self._advance(end, schedule, observers, progress, interrupted)
+        except BaseException as error:
+            error.add_note(f"The simulation of {self.system.path} stopped at t = {self.time:.9g} s.")
+            self._abort(error)
+            raise
+
+    def close(self) -> None:
+        """Terminate and free all FMUs; safe to call twice.  Raises the :class:`SlaveError` of a terminate."""
+        self._plan = None
+        failures = []
+        for slave in self._slaves.values():
+            try:
+                slave.terminate(self.time)
+            except SlaveError as error:
+                failures.append(error)
+        for slave in self._slaves.values():
+            slave.free()
+        if self._folder is not None:
+            self._folder.cleanup()
+        if failures:
+            raise failures[0]
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if error is None:
+            self.close()
+        else:
+            self._abort(error)
+
+    # ---- how ---------------------------------------------------------------------------------------------
+
+    def _port(self, name: str) -> Port:
+        port = port_of(name)
+        self.system.component(port.component)
+        variable_of(self._descriptions[port.component], port.variable)
+        return port
+
+    def _checked(self, port: Port, value: Value, running: bool) -> Value:
+        variable = variable_of(self._descriptions[port.component], port.variable)
+        if reason := settable(variable, running):
+            raise UsageError(f"{port} {reason}")
+        try:
+            return typed_value(variable, value)
+        except UsageError as error:
+            raise UsageError(f"{port}: {error}") from None
+
+    def _apply(self, port: Port, value: Value) -> None:
+        new = port not in self._set
+        self._set[port] = value
+        if port.component in self._slaves:
+            self._slaves[port.component].set({port.variable: value}, self.time)
+            if new and any(port == c.target for c in self.wiring.connections):
+                self._make_plan()
+
+    def _make_plan(self) -> None:
+        order = self.wiring.stepping if self.scheme == "gauss-seidel" else tuple(self._slaves)
+        self._plan = make_plan(self._slaves, self.wiring, self._layout, order, self._set.keys())
+
+    def _schedule(self, events: Iterable[Event], end: int) -> list[tuple[int, Port, Value]]:
+        schedule = []
+        for time, name, value in events:
+            port = self._port(name)
+            index = self.clock.index(time)
+            if not self._index <= index < end:
+                raise UsageError(
+                    f"event {name} at t = {time!r} s is not within this run, from t = {self.time!r} s "
+                    f"to before t = {self.clock.time(end)!r} s"
+                )
+            schedule.append((index, port, self._checked(port, value, running=True)))
+        return sorted(schedule, key=lambda event: event[0])
+
+    def _advance(
+        self,
+        end: int,
+        schedule: list[tuple[int, Port, Value]],
+        observers: Sequence[Observer],
+        progress: Progress | None,
+        interrupted: list[int],
+    ) -> None:
+        loop, rows, clock = SCHEMES[self.scheme], self._rows, self.clock
+        begin, began = self.time, wall_clock.perf_counter()
+        try:
+            while self._index < end:
+                while schedule and schedule[0][0] == self._index:
+                    _, port, value = schedule.pop(0)
+                    self._apply(port, value)
+                stop = min(end, schedule[0][0]) if schedule else end
+                count = min(stop - self._index, rows.capacity - rows.filled)
+                before = rows.filled
+                assert self._plan is not None
+                try:
+                    loop(self._plan, rows, clock.times(self._index, count).tolist(), clock.step, interrupted)
+                finally:
+                    self._index += rows.filled - before
+                if interrupted:
+                    raise KeyboardInterrupt
+                if rows.filled == rows.capacity or self._index == end:
+                    deliver(rows, clock, self.columns, observers)
+                    if progress is not None:
+                        wall = wall_clock.perf_counter() - began
+                        progress(self.time, wall, (self.time - begin) / wall)
+        except BaseException as error:
+            deliver(rows, clock, self.columns, observers, error)
+
+    def _abort(self, error: BaseException) -> None:
+        """Free everything after a failure, without hiding it behind another one."""
+        if isinstance(error, SlaveError) and error.status == FATAL:
+            # fmi2Fatal: all instances of this FMU are corrupt (FMI 2.0.4, section 2.1.3).
+            source = self._slaves[error.component].source.resolve()
+            for slave in self._slaves.values():
+                if slave.source.resolve() == source:
+                    slave.phase = Phase.FATAL
+        try:
+            self.close()
+        except CosimError as second:
+            log.warning("while closing: %s", second)

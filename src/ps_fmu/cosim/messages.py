@@ -1,0 +1,102 @@
+"""What FMUs say through the FMI logger: kept for error messages, shown once.
+
+FMPy formats the text of a message in a native proxy that knows a single Python function per process, so one
+function serves all instances; ``componentEnvironment`` tells it which of them speaks.
+"""
+
+from __future__ import annotations
+
+import itertools
+import logging
+from collections import deque
+from ctypes import byref
+
+from fmpy import calloc, free
+from fmpy.fmi1 import printLogMessage
+from fmpy.fmi2 import (
+    fmi2CallbackAllocateMemoryTYPE,
+    fmi2CallbackFreeMemoryTYPE,
+    fmi2CallbackFunctions,
+    fmi2CallbackLoggerTYPE,
+)
+from fmpy.logging import addLoggerProxy
+
+from .errors import status_name
+
+log = logging.getLogger("ps_fmu.cosim")
+
+KEPT = 8
+"""Messages of an instance that an error repeats."""
+REMEMBERED = 200
+"""Different messages of an instance that are shown; a chatty FMU is cut off, so that memory stays flat."""
+
+
+class MessageLog:
+    """Messages of one instance.  ``counts`` holds the number of messages by status."""
+
+    def __init__(self, component: str) -> None:
+        self.component = component
+        self.recent: deque[str] = deque(maxlen=KEPT)
+        self.counts: dict[int, int] = {}
+        self._shown: set[str] = set()
+
+    def add(self, status: int, category: str, text: str) -> None:
+        """Keep a message; show it unless it has been shown or says that all is well."""
+        self.counts[status] = self.counts.get(status, 0) + 1
+        line = f"[{status_name(status)}] {text.strip()}"
+        if status == 0:
+            log.debug("%s: %s", self.component, line)
+            return
+        self.recent.append(line)
+        self.show(line)
+
+    def show(self, line: str) -> None:
+        """Log a warning once."""
+        if line in self._shown or len(self._shown) > REMEMBERED:
+            return
+        self._shown.add(line)
+        log.warning("%s: %s", self.component, line)
+        if len(self._shown) > REMEMBERED:
+            log.warning("%s: too many different messages; the rest is only counted", self.component)
+
+
+_listeners: dict[int, MessageLog] = {}
+_numbers = itertools.count(1)
+
+
+def _receive(
+    environment: int | None, instance: bytes, status: int, category: bytes | None, text: bytes | None
+) -> None:
+    listener = _listeners.get(environment or 0)
+    if listener is None:  # an FMU that someone else loaded: what FMPy itself would have done
+        printLogMessage(environment, instance, status, category, text or b"")
+        return
+    listener.add(status, _text(category), _text(text))
+
+
+def _text(raw: bytes | None) -> str:
+    return "" if raw is None else raw.decode("utf-8", errors="replace")
+
+
+# ctypes keeps no reference to a callback: these must live as long as any FMU.
+_logger = fmi2CallbackLoggerTYPE(_receive)
+_allocate = fmi2CallbackAllocateMemoryTYPE(calloc)
+_free = fmi2CallbackFreeMemoryTYPE(free)
+
+
+def listen(messages: MessageLog) -> fmi2CallbackFunctions:
+    """Callbacks for ``fmi2Instantiate`` that report to ``messages``; end with :func:`forget`."""
+    number = next(_numbers)
+    callbacks = fmi2CallbackFunctions()
+    callbacks.logger = _logger
+    callbacks.allocateMemory = _allocate
+    callbacks.freeMemory = _free
+    callbacks.componentEnvironment = number
+    addLoggerProxy(byref(callbacks))
+    _listeners[number] = messages
+    return callbacks
+
+
+def forget(callbacks: fmi2CallbackFunctions) -> None:
+    """Stop listening to an instance that has been freed."""
+    _listeners.pop(callbacks.componentEnvironment or 0, None)

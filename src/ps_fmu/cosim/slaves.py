@@ -1,0 +1,237 @@
+"""One loaded FMU: typed access in batches, and a status that is never ignored.
+
+FMPy loads the library and declares its functions; this class calls them, knows in which phase the instance
+is, and so what may still be called after a failure (FMI 2.0.4, section 4.2.4, state machine for
+co-simulation).
+"""
+
+from __future__ import annotations
+
+import ctypes
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from ctypes import CFUNCTYPE, byref, c_char_p, c_double, c_int, c_size_t, c_uint, c_void_p
+from enum import Enum, auto
+from pathlib import Path
+from typing import Any
+
+from fmpy.fmi2 import FMU2Slave
+from fmpy.model_description import ModelDescription
+
+from .archive import extract
+from .description import typed_value, variables_of
+from .errors import SlaveError, SystemFileError, status_name
+from .messages import MessageLog, forget, listen
+from .structure import Component, Value
+
+OK, WARNING, DISCARD, ERROR, FATAL = range(5)
+LAST_SUCCESSFUL_TIME = 2  # fmi2StatusKind
+
+ACCESS = CFUNCTYPE(c_int, c_void_p, c_void_p, c_size_t, c_void_p)
+"""fmi2SetReal, fmi2GetReal and their kin with all pointers as addresses."""
+STEP = CFUNCTYPE(c_int, c_void_p, c_double, c_double, c_int)
+"""fmi2DoStep."""
+
+FAMILY = {name: name for name in ("Real", "Integer", "Boolean", "String")} | {"Enumeration": "Integer"}
+"""FMI type -> the ending of its access functions."""
+C_TYPES: dict[str, Any] = {"Real": c_double, "Integer": c_int, "Boolean": c_int, "String": c_char_p}
+
+
+class Phase(Enum):
+    """Where an instance is in its life."""
+
+    INSTANTIATED = auto()
+    INITIALISING = auto()
+    RUNNING = auto()
+    STEP_FAILED = auto()
+    ERROR = auto()
+    FATAL = auto()
+    TERMINATED = auto()
+    FREED = auto()
+
+
+_ADVICE = {
+    DISCARD: "Steps are not repeated with a smaller size: choose a smaller step, or correct the values it "
+    "objects to.",
+    ERROR: "The instance cannot go on: correct what it complains about and start again.",
+    FATAL: "The FMU is corrupt and is not called again, not even to free it: start again in a new process.",
+}
+
+
+class Slave:
+    """An instance of an FMU, from loading its library to freeing it.
+
+    Raises :class:`SystemFileError` if the FMU cannot be unpacked or loaded, :class:`SlaveError` from every
+    call that returns more than fmi2Warning; warnings are shown once and counted in ``warnings``.
+    """
+
+    def __init__(self, component: Component, description: ModelDescription, folder: Path) -> None:
+        self.name = component.name
+        self.source = component.source
+        self.variables = variables_of(description)
+        self.messages = MessageLog(self.name)
+        self.warnings = 0
+        extract(component.source, folder)
+        # Some FMUs decode no escapes in the location of their resources, and crash.
+        uri = folder.absolute().as_uri()
+        if "%" in uri:
+            raise SystemFileError(
+                component.source,
+                f"is unpacked in {folder}, which some FMUs cannot read: point TMPDIR to a folder "
+                "whose name has only ASCII letters, digits, and . _ -",
+            )
+        self._fmu = _load(component, description, folder)
+        self._callbacks = listen(self.messages)
+        try:
+            self._fmu.instantiate(callbacks=self._callbacks, loggingOn=True)
+        except Exception as error:
+            forget(self._callbacks)
+            raise SlaveError(
+                f"{self.name}: fmi2Instantiate failed: {error}{self._said()}",
+                component=self.name,
+                function="fmi2Instantiate",
+                status=None,
+                time=None,
+                messages=tuple(self.messages.recent),
+            ) from error
+        self.address: int = self._fmu.component
+        self.phase = Phase.INSTANTIATED
+
+    # ---- the life of an instance -------------------------------------------------------------------------
+
+    def set_up(self, start_time: float) -> None:
+        """fmi2SetupExperiment, without a stop time: the end of a run is not known when it begins."""
+        self._call("fmi2SetupExperiment", 0, 0.0, start_time, 0, 0.0, time=start_time)
+
+    def enter_initialisation(self, time: float) -> None:
+        """fmi2EnterInitializationMode."""
+        self._call("fmi2EnterInitializationMode", time=time)
+        self.phase = Phase.INITIALISING
+
+    def exit_initialisation(self, time: float) -> None:
+        """fmi2ExitInitializationMode."""
+        self._call("fmi2ExitInitializationMode", time=time)
+        self.phase = Phase.RUNNING
+
+    def terminate(self, time: float) -> None:
+        """fmi2Terminate, where the standard allows it; otherwise nothing."""
+        if self.phase in (Phase.RUNNING, Phase.STEP_FAILED):
+            self.phase = Phase.TERMINATED
+            self._call("fmi2Terminate", time=time)
+
+    def free(self) -> None:
+        """fmi2FreeInstance and unloading of the library; nothing after fmi2Fatal."""
+        if self.phase not in (Phase.FATAL, Phase.FREED):
+            self.phase = Phase.FREED
+            self._fmu.freeInstance()
+            forget(self._callbacks)
+
+    # ---- variables ---------------------------------------------------------------------------------------
+
+    def set(self, values: Mapping[str, Value], time: float) -> None:
+        """Set variables by name, one call per type.  Raises :class:`UsageError` for another type."""
+        for family, names in self._families(values).items():
+            typed = [typed_value(self.variables[name], values[name]) for name in names]
+            raw = [value.encode() if isinstance(value, str) else value for value in typed]
+            array = (C_TYPES[family] * len(names))(*raw)
+            self._call(f"fmi2Set{family}", *self._references(names), array, time=time, variables=names)
+
+    def get(self, names: Iterable[str], time: float) -> dict[str, Value]:
+        """Values of variables by name, one call per type."""
+        result: dict[str, Value] = {}
+        for family, group in self._families(names).items():
+            array = (C_TYPES[family] * len(group))()
+            self._call(f"fmi2Get{family}", *self._references(group), array, time=time, variables=group)
+            for name, raw in zip(group, array, strict=True):
+                value = (raw or b"").decode("utf-8", errors="replace") if family == "String" else raw
+                result[name] = bool(value) if self.variables[name].type == "Boolean" else value
+        return result
+
+    def access(self, function: str) -> Any:
+        """A get or set function of the library that takes addresses (see ``ACCESS``)."""
+        return ACCESS(self._function_address(function))
+
+    def stepper(self) -> Any:
+        """fmi2DoStep of the library (see ``STEP``)."""
+        return STEP(self._function_address("fmi2DoStep"))
+
+    # ---- status ------------------------------------------------------------------------------------------
+
+    def check(self, function: str, status: int, time: float | None, variables: Sequence[str] = ()) -> None:
+        """Take a status seriously: pass fmi2OK, count and show fmi2Warning, raise on everything else."""
+        if status == OK:
+            return
+        where = f"{function}{'' if time is None else f' at t = {time:.9g} s'}"
+        if status == WARNING:
+            self.warnings += 1
+            self.messages.show(f"{function} returned fmi2Warning")
+            return
+        advice = _ADVICE.get(status, "Only synchronous slaves that answer with an fmi2Status can be run.")
+        details = f" (variables: {', '.join(variables)})" if variables else ""
+        if status == DISCARD and function == "fmi2DoStep":
+            self.phase = Phase.STEP_FAILED
+            details += self._last_successful_time()
+        elif status != DISCARD:
+            self.phase = Phase.FATAL if status == FATAL else Phase.ERROR
+        raise SlaveError(
+            f"{self.name}: {where} returned {status_name(status)}{details}{self._said()}\n  {advice}",
+            component=self.name,
+            function=function,
+            status=status,
+            time=time,
+            variables=variables,
+            messages=tuple(self.messages.recent),
+        )
+
+    def _said(self) -> str:
+        if not self.messages.recent:
+            return "\n  The FMU logged nothing."
+        return "\n  The FMU says:\n" + "\n".join(
+            "    " + line.replace("\n", "\n    ") for line in self.messages.recent
+        )
+
+    def _last_successful_time(self) -> str:
+        value = c_double()
+        function = self._fmu.dll.fmi2GetRealStatus
+        if function(self.address, LAST_SUCCESSFUL_TIME, byref(value)) > WARNING:
+            return ""
+        return f", last successful time {value.value:.9g} s"
+
+    def _call(
+        self, function: str, *arguments: Any, time: float | None = None, variables: Sequence[str] = ()
+    ) -> None:
+        status = getattr(self._fmu.dll, function)(self.address, *arguments)
+        self.check(function, status, time, variables)
+
+    def _families(self, names: Iterable[str]) -> dict[str, list[str]]:
+        families: dict[str, list[str]] = {}
+        for name in names:
+            families.setdefault(FAMILY[self.variables[name].type], []).append(name)
+        return families
+
+    def _references(self, names: Sequence[str]) -> tuple[Any, int]:
+        array = (c_uint * len(names))(*(self.variables[name].valueReference for name in names))
+        return array, len(names)
+
+    def _function_address(self, function: str) -> int:
+        address = ctypes.cast(getattr(self._fmu.dll, function), c_void_p).value
+        assert address is not None
+        return address
+
+
+def _load(component: Component, description: ModelDescription, folder: Path) -> FMU2Slave:
+    """Load the library; FMPy changes the working directory for that and leaves it changed when it fails."""
+    directory = Path.cwd()
+    try:
+        return FMU2Slave(
+            guid=description.guid,
+            unzipDirectory=str(folder),
+            modelIdentifier=description.coSimulation.modelIdentifier,
+            instanceName=component.name,
+        )
+    except Exception as error:
+        raise SystemFileError(
+            component.source, f"component {component.name!r} cannot be loaded on this platform: {error}"
+        ) from error
+    finally:
+        os.chdir(directory)

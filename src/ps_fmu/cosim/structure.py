@@ -1,0 +1,165 @@
+"""The system as data: components, their connectors and parameters, and the connections between them."""
+
+from __future__ import annotations
+
+import difflib
+import re
+import shutil
+import weakref
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import NamedTuple
+
+from .errors import UsageError
+
+Value = float | int | bool | str
+COMPONENT_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
+
+
+class Port(NamedTuple):
+    """A variable of a component, written ``component.variable`` (the variable may contain dots)."""
+
+    component: str
+    variable: str
+
+    def __str__(self) -> str:
+        return f"{self.component}.{self.variable}"
+
+
+@dataclass(frozen=True)
+class Connector:
+    """A variable as the system description declares it; ``type`` and ``unit`` are None where it is silent."""
+
+    name: str
+    kind: str
+    type: str | None
+    unit: str | None
+    line: int
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A start value for a parameter or an input; ``origin`` says where it comes from."""
+
+    value: Value
+    unit: str | None
+    origin: str
+
+
+@dataclass(frozen=True)
+class Component:
+    """An FMU in the system; ``source`` is the file."""
+
+    name: str
+    source: Path
+    connectors: tuple[Connector, ...]
+    parameters: Mapping[str, Parameter]
+    line: int
+
+
+@dataclass(frozen=True)
+class Connection:
+    """Signal path from an output to an input."""
+
+    source: Port
+    target: Port
+    line: int
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """Default experiment: start and stop time and communication step [s], None where nothing is stated."""
+
+    start_time: float = 0.0
+    stop_time: float | None = None
+    step: float | None = None
+
+
+class ParameterSet(Mapping[str, Value]):
+    """Values by name as read from a file, with the units that the file states."""
+
+    def __init__(
+        self, values: Mapping[str, Value], units: Mapping[str, str], origins: Mapping[str, str]
+    ) -> None:
+        self._values = dict(values)
+        self.units = dict(units)
+        self.origins = dict(origins)
+
+    def __getitem__(self, name: str) -> Value:
+        return self._values[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._values)
+
+    def __len__(self) -> int:
+        return len(self._values)
+
+    def entries(self) -> dict[str, Parameter]:
+        """The same as :class:`Parameter` objects."""
+        return {
+            name: Parameter(value, self.units.get(name), self.origins[name])
+            for name, value in self._values.items()
+        }
+
+
+@dataclass(frozen=True)
+class System:
+    """What a system description says; nothing is loaded and no FMU has been looked into."""
+
+    path: Path
+    components: tuple[Component, ...]
+    connections: tuple[Connection, ...]
+    experiment: Experiment = Experiment()
+    unpacked: UnpackedFolder | None = field(default=None, repr=False, compare=False)
+
+    def component(self, name: str) -> Component:
+        """The component of this name.  Raises :class:`UsageError`, with the names there are."""
+        for component in self.components:
+            if component.name == name:
+                return component
+        names = ", ".join(component.name for component in self.components)
+        raise UsageError(f"{self.path}: there is no component {name!r}; the system has {names}")
+
+    def with_parameters(self, values: Mapping[str, Value] | Mapping[str, Parameter]) -> System:
+        """The same system with other start values, by ``component.variable``; they replace those of the file.
+
+        Whether the variables exist and take these values is checked when the FMUs are opened.
+        Raises :class:`UsageError` for a name without a component of the system.
+        """
+        named = values.entries() if isinstance(values, ParameterSet) else values
+        changes: dict[str, dict[str, Parameter]] = {}
+        for name, value in named.items():
+            entry = value if isinstance(value, Parameter) else Parameter(value, None, "given by the caller")
+            try:
+                port = port_of(name)
+                self.component(port.component)
+            except UsageError as error:
+                raise UsageError(f"parameter {name!r} ({entry.origin}): {error}") from error
+            changes.setdefault(port.component, {})[port.variable] = entry
+        components = tuple(
+            replace(c, parameters={**c.parameters, **changes.get(c.name, {})}) for c in self.components
+        )
+        return replace(self, components=components)
+
+
+class UnpackedFolder:
+    """A temporary folder that is removed when nobody refers to it any longer."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        weakref.finalize(self, shutil.rmtree, path, ignore_errors=True)
+
+
+def port_of(name: str) -> Port:
+    """``component.variable`` taken apart.  Raises :class:`UsageError` for a name of another form."""
+    component, dot, variable = name.partition(".")
+    if not (dot and variable and COMPONENT_NAME.fullmatch(component)):
+        raise UsageError(f"{name!r} is not of the form component.variable")
+    return Port(component, variable)
+
+
+def closest(name: str, known: Iterable[str]) -> str:
+    """Hint for a misspelt name: ``; did you mean a, b?``, or nothing."""
+    near = difflib.get_close_matches(name, list(known), n=3, cutoff=0.6)
+    return f"; did you mean {', '.join(near)}?" if near else ""

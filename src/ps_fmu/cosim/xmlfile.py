@@ -1,0 +1,104 @@
+"""Read XML that nobody has vouched for.
+
+A document type declaration is refused before anything in it is looked at, so there are no entities to expand
+and no files to fetch.  Elements keep their line, so that an error can name it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from xml.parsers import expat
+
+from .errors import SystemFileError
+
+MAXIMUM_BYTES = 16 * 2**20
+"""Larger files are refused; the wiring of a thousand FMUs takes about 1 MiB."""
+
+NAMESPACES = {
+    "http://ssp-standard.org/SSP1/SystemStructureDescription": "ssd",
+    "http://ssp-standard.org/SSP1/SystemStructureCommon": "ssc",
+    "http://ssp-standard.org/SSP1/SystemStructureParameterValues": "ssv",
+    "http://ssp-standard.org/SSP1/SystemStructureParameterMapping": "ssm",
+    "http://ssp-standard.org/SSP1/SystemStructureSignalDictionary": "ssb",
+    "http://opensimulationplatform.com/SSP/OSPAnnotations": "osp",
+}
+
+
+@dataclass(frozen=True)
+class Element:
+    """An XML element; tags and attributes in a namespace of ``NAMESPACES`` carry its usual prefix."""
+
+    tag: str
+    attributes: dict[str, str]
+    line: int
+    children: list[Element] = field(default_factory=list)
+
+    def find(self, tag: str) -> Element | None:
+        """First child of this tag."""
+        return next((child for child in self.children if child.tag == tag), None)
+
+    def all(self, tag: str) -> list[Element]:
+        """Children of this tag."""
+        return [child for child in self.children if child.tag == tag]
+
+    def descendant(self, *tags: str) -> Element | None:
+        """First child of the first tag, its first child of the second tag, and so on."""
+        element: Element | None = self
+        for tag in tags:
+            element = element.find(tag) if element is not None else None
+        return element
+
+
+def read_xml(path: Path) -> Element:
+    """Root element of a file.  Raises :class:`SystemFileError` if it cannot be read or parsed."""
+    try:
+        size = path.stat().st_size
+        data = path.read_bytes() if size <= MAXIMUM_BYTES else b""
+    except OSError as error:
+        raise SystemFileError(path, f"cannot be read: {error.strerror}") from error
+    if size > MAXIMUM_BYTES:
+        raise SystemFileError(path, f"has {size} bytes; at most {MAXIMUM_BYTES} are read")
+    return parse_xml(data, path)
+
+
+def parse_xml(data: bytes, path: Path) -> Element:
+    """Root element of a document; ``path`` is named in errors (:class:`SystemFileError`)."""
+    parser = expat.ParserCreate(namespace_separator=" ")
+    roots: list[Element] = []
+    opened: list[Element] = []
+
+    def start(name: str, attributes: dict[str, str]) -> None:
+        named = {_prefixed(key): value for key, value in attributes.items()}
+        element = Element(_prefixed(name), named, parser.CurrentLineNumber)
+        (opened[-1].children if opened else roots).append(element)
+        opened.append(element)
+
+    def end(_name: str) -> None:
+        opened.pop()
+
+    def doctype(*_declaration: object) -> None:
+        raise SystemFileError(
+            path, "a document type declaration (DOCTYPE) is not accepted: remove it", parser.CurrentLineNumber
+        )
+
+    parser.StartElementHandler = start
+    parser.EndElementHandler = end
+    parser.StartDoctypeDeclHandler = doctype
+    try:
+        parser.Parse(data, True)
+    except expat.ExpatError as error:
+        raise SystemFileError(path, f"is not well-formed XML: {error}", error.lineno) from error
+    except (LookupError, UnicodeError, ValueError) as error:
+        if isinstance(error, SystemFileError):
+            raise
+        raise SystemFileError(path, f"is in an encoding that cannot be read ({error}): use UTF-8") from error
+    return roots[0]
+
+
+def _prefixed(name: str) -> str:
+    """Expat's ``namespace name`` as ``prefix:name``; an unknown namespace stays as it is."""
+    namespace, _, local = name.rpartition(" ")
+    if not namespace:
+        return name
+    return f"{NAMESPACES.get(namespace, namespace)}:{local}"
