@@ -1,7 +1,7 @@
 """Base class of the slaves: a pythonfmu slave on one buffer, with one linear map per step and events apart from it.
 
-The files it is made of, each one subject: ``model`` what a model states, ``values`` access to variables, ``stepper``
-steps, and here the life cycle.  A simulation in order::
+The files it is made of, each one subject: ``model`` what a model states, ``values`` access to variables,
+``stepper`` steps, and here the life cycle.  A simulation in order::
 
     instantiate --- set parameters and inputs --- setup_experiment --- enter_initialization_mode
         configure(), output_map()             whenever something was set and an output is read
@@ -69,6 +69,7 @@ class Slave(Stepper):
         self._start = self._time = self._origin = float(start_time)
         self._stop = float(stop)
         self._ready = True
+        self._stale = True  # outputs may have been read before; a model may use the start time
 
     @guarded
     def enter_initialization_mode(self) -> None:

@@ -23,11 +23,11 @@ _FIRST_ROWS = 16  # rows of the first table after a change of step: a host with 
 class Stepper(Values):
     """Makes steps: a fast path for the plain ones, and all else by :meth:`_careful_step`.
 
-    The fast path is open as long as the host goes on at the expected time with the same step size and nothing is due;
-    ``_step_slack`` is negative when it is closed.
+    The fast path is open as long as the host goes on at the expected time with the same step size and nothing
+    is due; ``_step_slack`` is negative when it is closed.
 
-    Times are counted in integers (``origin + count * step``) wherever the model sees them, so that they do not
-    collect rounding; the host's own times are only compared with each other.
+    Times are counted in integers (``origin + count * step``) wherever the model sees them, so that they do
+    not collect rounding; the host's own times are only compared with each other.
     """
 
     def _allocate(self) -> None:
@@ -70,6 +70,16 @@ class Stepper(Values):
         """``event`` is to be called before the next step; for ``configure`` of models that start in motion."""
         self._pending = True
         self._close()
+
+    @property
+    def step_size(self) -> float:
+        """Size of the present step, s; for ``finish_step``."""
+        return self._step
+
+    @property
+    def start_time(self) -> float:
+        """Start time of the experiment, s."""
+        return self._start
 
     def times(self, t: float, h: float, n: int) -> Array:
         """Times of the rows asked from ``rows(t, h, n)``, shape (n,), s: the same for a row in whichever table."""
