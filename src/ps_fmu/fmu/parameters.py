@@ -5,17 +5,19 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from ..manipulator.flat import Entry
-from .variables import Port
+from .variables import Port, Type
 
 _DISPLAY = {"rad": "deg"}
+_TYPES: dict[type, Type] = {bool: "Boolean", int: "Integer", str: "String"}
 
 
 def parameter_ports(entries: Iterable[Entry]) -> tuple[Port, ...]:
-    """One parameter port per entry of :func:`ps_fmu.manipulator.flat.entries`; whole numbers become Integers."""
+    """One parameter port per entry of :func:`ps_fmu.manipulator.flat.entries`, of the type of its value."""
     ports = []
     for entry in entries:
-        if isinstance(entry.value, int):
-            ports.append(Port(entry.name, "parameter", type="Integer", start=entry.value, description=entry.description))
+        kind = _TYPES.get(type(entry.value))
+        if kind is not None:
+            ports.append(Port(entry.name, "parameter", type=kind, start=entry.value, description=entry.description))
         else:
             ports.append(
                 Port(

@@ -27,7 +27,7 @@ class Entry:
     """One scalar of a parameter set."""
 
     name: str
-    value: float
+    value: float | bool | int | str
     unit: str
     description: str
 
@@ -60,7 +60,7 @@ def entries(obj: Any, prefix: str = "", keep: Callable[[str], bool] | None = Non
     return found if keep is None else [e for e in found if keep(e.name)]
 
 
-def with_values(obj: T, values: Mapping[str, float], prefix: str = "") -> T:
+def with_values(obj: T, values: Mapping[str, Any], prefix: str = "") -> T:
     """A copy of ``obj`` with some scalars replaced; the copy checks itself as any other.
 
     Raises
@@ -74,13 +74,13 @@ def with_values(obj: T, values: Mapping[str, float], prefix: str = "") -> T:
     return _replaced(obj, values, prefix)
 
 
-def taken_from(obj: T, values: Mapping[str, float], prefix: str = "") -> T:
+def taken_from(obj: T, values: Mapping[str, Any], prefix: str = "") -> T:
     """As :func:`with_values`, but for a mapping that also holds other things' values: they are passed over."""
     known = [e.name for e in entries(obj, prefix)]
     return with_values(obj, {name: values[name] for name in known if name in values}, prefix)
 
 
-def _replaced(obj: Any, values: Mapping[str, float], prefix: str) -> Any:
+def _replaced(obj: Any, values: Mapping[str, Any], prefix: str) -> Any:
     changes: dict[str, Any] = {}
     for f in fields(obj):
         value, name = getattr(obj, f.name), _join(prefix, _public(f.name))
