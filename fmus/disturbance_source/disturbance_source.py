@@ -1,0 +1,68 @@
+"""DisturbanceSource: force and torque on the bus - noise, reaction wheels, sines, a sweep, a recording."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ps_fmu.fmu.parameters import parameter_ports
+from ps_fmu.fmu.slave import ModelError, Slave
+from ps_fmu.fmu.variables import Port, Value, vector
+from ps_fmu.manipulator.disturbance import Disturbance, default_settings
+from ps_fmu.manipulator.flat import entries, taken_from
+from ps_fmu.manipulator.parameters import ParameterError, load
+
+DEFAULTS = default_settings(load())
+
+
+class DisturbanceSource(Slave):
+    """Wrench on the bus as a function of time and parameters alone; zero at the start, and without drift."""
+
+    model_description = "Disturbance wrench on the bus: noise, reaction wheels, sines, sweep, recording"
+    block_rows: ClassVar[int] = 2048
+    n_memory: ClassVar[int] = 1  # start time of the experiment, s: the disturbance counts its time from there
+
+    ports: ClassVar[tuple[Port, ...]] = (
+        *vector("base_force", "xyz", "N", "Disturbance force on the bus, in B", causality="output"),
+        *vector("base_torque", "xyz", "N.m", "Disturbance torque at its origin, in B", causality="output"),
+        *parameter_ports(entries(DEFAULTS)),
+    )
+
+    def configure(self) -> None:
+        """Build the disturbance from the parameters; its value at the start goes to the outputs."""
+        self.memory[0] = self.start_time
+        self._build(self.parameters())
+        self.y[:] = self.disturbance(np.zeros(1))[0]
+
+    def rows(self, t: float, h: float, n: int) -> NDArray[np.float64]:
+        """Wrench at t + h ... t + n h (s), shape (n, 6)."""
+        self._warn_of_aliasing(h)
+        return self.disturbance(self.times(t, h, n) - self.memory[0])
+
+    def restore(self) -> None:
+        """Rebuild the disturbance, unless it is the one that the restored parameters stand for."""
+        values = self.parameters()
+        if getattr(self, "built_from", None) != values:
+            self._build(values)
+
+    def _build(self, values: dict[str, Value]) -> None:
+        self.built_from: dict[str, Value] = {}
+        self.warned_at = 0.0  # s, step size
+        try:
+            self.settings = taken_from(DEFAULTS, values)
+            self.disturbance = Disturbance(self.settings)
+        except ParameterError as error:
+            raise ModelError(str(error)) from None
+        self.built_from = values
+
+    def _warn_of_aliasing(self, h: float) -> None:
+        noise = self.settings.noise
+        if noise.enabled and noise.band[1] * h > 0.5 and h != self.warned_at:
+            self.warned_at = h
+            self.warning(
+                f"noise up to {noise.band[1]:g} Hz in steps of {h:g} s: what lies above {0.5 / h:g} Hz is "
+                f"taken for lower frequencies; set noise.band.max to {0.4 / h:g} Hz or less, or make steps of "
+                f"{0.4 / noise.band[1]:.2g} s"
+            )

@@ -1,0 +1,67 @@
+"""Deterministic multisine with a given 6x6 spectrum: the same RMS in every period, whatever the seed."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .phases import orthogonal_phases
+from .smooth import ramp
+from .spectrum import Layer, factor, layers
+from .table import Table
+
+Array = NDArray[np.float64]
+
+_MARGIN = 4  # grid points beyond both ends of the start-up, for interpolation
+
+
+class Multisine:
+    """f(t) = d2/dt2 (W G): lines of fixed amplitude at (k + 1/2)/T, their phases seeded and orthogonal.
+
+    Lines at half-integer multiples of 1/T are orthogonal over any window of length T, and the lowest one does
+    not sit on the edge of the band.  The sum changes sign after T and repeats after 2 T.  Above 20 Hz lines
+    are 0.2 Hz apart whatever T is: a mode there with a narrower bandwidth meets single lines.
+
+    Parameters
+    ----------
+    psd: one-sided spectrum of force and torque, (6, 6), N2/Hz, N2.m/Hz, N2.m2/Hz.
+    band: edges of the band, Hz.
+    seed: 0 or greater; sets the phases, not the RMS.
+    period: T, the window of the analysis, s.
+    rise_time: of the ramp W from 0 at t = 0, s.
+    """
+
+    def __init__(
+        self, psd: Array, band: Array, seed: int, period: float = 100.0, rise_time: float = 2.0
+    ) -> None:
+        self._rise_time = rise_time
+        self._steady: list[Table] = []
+        self._start: list[Table] = []
+        inputs = factor(psd)
+        for layer in layers(band, period, half=True, overlap=False):
+            self._add(layer, inputs, seed)
+
+    def __call__(self, time: Array) -> Array:
+        """Force (N) and torque (N.m) at ascending times (n,) in s, shape (n, 6)."""
+        wrench = np.zeros((time.size, 6))
+        first, risen = np.searchsorted(time, [0.0, self._rise_time])
+        for steady in self._steady:
+            wrench[first:] += steady(time[first:])
+        for start in self._start:
+            wrench[first:risen] += start(time[first:risen])
+        return wrench
+
+    def _add(self, layer: Layer, inputs: Array, seed: int) -> None:
+        random = np.random.Generator(np.random.Philox(np.random.SeedSequence((seed, layer.key))))
+        phases = orthogonal_phases(layer.frequencies, inputs.shape[1], random)
+        spacing = 2.0 / layer.period  # Hz; only odd multiples of 1/period are lines
+        lines = inputs @ (np.sqrt(2.0 * spacing) * np.exp(1j * phases))
+        g, g_1, g_2 = (layer.sample(lines, integrals) for integrals in (2, 1, 0))
+        self._steady.append(Table(g_2, layer.rate))
+        # While W rises, the rest: d2/dt2 ((W - 1) G).
+        index = np.arange(-_MARGIN, int(np.ceil(self._rise_time * layer.rate)) + _MARGIN + 1)
+        weight = ramp(index / layer.rate, self._rise_time)
+        weight = weight._replace(value=weight.value - 1.0)
+        rows = np.mod(index, layer.points)
+        rest = weight.second_derivative(g[rows], g_1[rows], g_2[rows])
+        self._start.append(Table(rest, layer.rate, index[0] / layer.rate))
