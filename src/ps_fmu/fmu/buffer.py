@@ -15,10 +15,11 @@ from .variables import Port, Value
 Array = NDArray[np.float64]
 
 ALIGNMENT = 64  # bytes: a cache line, and the widest vector register
+_PYTHON_TYPES = {"Real": float, "Integer": int, "Boolean": bool, "String": str}
 
 
 def aligned(*shape: int) -> Array:
-    """Zeros whose first element lies on a cache line: sums in BLAS then do not depend on where malloc put an array."""
+    """Zeros that start on a cache line: sums in BLAS then do not depend on where malloc put an array."""
     n = int(np.prod(shape))
     raw = np.zeros(n + ALIGNMENT // 8)
     first = (-raw.ctypes.data % ALIGNMENT) // 8
@@ -47,9 +48,9 @@ class Buffer:
 
     def typed(self, reference: int) -> Value:
         """The value of a variable as its own type."""
-        port = self.layout.by_reference[reference]
-        convert: Callable[[Any], Value] = {"Real": float, "Integer": int, "Boolean": bool, "String": str}[port.type]
-        return convert(self.raw(reference))
+        convert: type = _PYTHON_TYPES[self.layout.by_reference[reference].type]
+        value: Value = convert(self.raw(reference))
+        return value
 
     def store(self, reference: int, value: Value) -> None:
         """Store a value that :meth:`Port.checked` let pass."""
@@ -87,7 +88,7 @@ class Buffer:
         return ports
 
     def reader(self, kind: str, references: list[int]) -> Callable[[], list[Any]]:
-        """A function that reads these variables, of type ``kind``, into a list.  Raises Refused as :meth:`ports`."""
+        """A function that reads these variables, of type ``kind``, into a list.  Refuses as :meth:`ports`."""
         self.ports(kind, references)
         n = len(references)
         if kind != "Real" or n == 0:
@@ -106,7 +107,8 @@ class Buffer:
         first = 0
         for last in range(1, len(references) + 1):
             before = references[last - 1]
-            if last == len(references) or references[last] != before + 1 or kind(references[last]) != kind(before):
+            goes_on = last < len(references) and references[last] == before + 1
+            if not goes_on or kind(references[last]) != kind(before):
                 runs.append((self.data[references[first] : before + 1], first, last))
                 first = last
         return runs

@@ -1,7 +1,7 @@
 """The complete ``modelDescription.xml`` of a slave (FMI 2.0.4, chapter 2.2).
 
-pythonfmu writes the frame; this adds what it leaves out: unit definitions, the dependencies of outputs and initial
-unknowns, who made it.  The same class gives the same text, whenever and wherever.
+pythonfmu writes the frame; this adds what it leaves out: unit definitions, the dependencies of outputs and
+initial unknowns, who made it.  The same class gives the same text, whenever and wherever.
 """
 
 from __future__ import annotations
@@ -57,7 +57,8 @@ def model_description(slave: Slave, pythonfmu_xml: Callable[[dict[str, str]], El
 
     root = pythonfmu_xml({name: str(value).lower() for name, value in CAPABILITIES.items()})
     root.set("generationDateAndTime", _date().strftime("%Y-%m-%dT%H:%M:%SZ"))
-    root.insert(list(root).index(_child(root, "CoSimulation")) + 1, unit_definitions(_units(slave.layout.ports)))
+    units = unit_definitions(_units(slave.layout.ports))
+    root.insert(list(root).index(_child(root, "CoSimulation")) + 1, units)
     _fill_structure(_child(root, "ModelStructure"), slave.layout.ports)
     root.set("guid", "")
     root.set("guid", guid(hashlib.sha256(tostring(root)).digest()))
@@ -87,7 +88,7 @@ def _child(root: Element, tag: str) -> Element:
 
 
 def _fill_structure(structure: Element, ports: tuple[Port, ...]) -> None:
-    """Outputs and InitialUnknowns.  An index is a variable's place in ModelVariables, from 1; lists are ascending."""
+    """Outputs and InitialUnknowns, ascending.  An index is a variable's place in ModelVariables, from 1."""
     index = {port.name: i for i, port in enumerate(ports, 1)}
     structure.clear()
     for tag in ("Outputs", "InitialUnknowns"):

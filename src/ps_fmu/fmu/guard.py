@@ -1,9 +1,10 @@
 """Errors at the border to pythonfmu's native library, which mistreats exceptions.
 
-When a call into Python raises, the library (0.7.0) releases references that it goes on using: the class, the instance
-and the instance's log list, once per exception.  After one to three exceptions they are freed and the host crashes.
-It also takes the text of the exception for a printf format.  :func:`guarded` makes up for both, and prints the error
-on stderr, since the library tells hosts without logging nothing.
+When a call into Python raises, the library (0.7.0) releases references that it goes on using: the class, the
+instance and the instance's log list, once per exception.  After one to three exceptions they are freed and
+the host crashes. The dictionary of the entry module is released so once per instantiation.  It also takes the
+text of the exception for a printf format.  :func:`guarded` makes up for both, and prints the error on stderr,
+since the library tells hosts without logging nothing.
 """
 
 from __future__ import annotations
@@ -42,7 +43,7 @@ def describe(error: BaseException) -> str:
 
 
 def report(text: str, error: BaseException | None = None) -> str:
-    """Print on stderr, with the traceback of an error that is not one of our own refusals; returns what it printed."""
+    """Print on stderr, with the traceback unless the error is one of our own refusals; returns the text."""
     if error is not None and not isinstance(error, (ModelError, Refused)):
         text = f"{text}\n{''.join(traceback.format_exception(error)).rstrip()}"
     # Where the host has closed stderr, the FMI status has to do.
@@ -52,7 +53,7 @@ def report(text: str, error: BaseException | None = None) -> str:
 
 
 def keep_alive(*objects: object) -> None:
-    """One more reference for each object, in exchange for the one that the library releases without owning it."""
+    """One more reference for each object, for the one that the library releases without owning it."""
     for item in objects:
         ctypes.pythonapi.Py_IncRef(ctypes.py_object(item))
 
@@ -60,8 +61,8 @@ def keep_alive(*objects: object) -> None:
 def guarded(method: F) -> F:
     """For methods that the library calls and that may raise: report, compensate, raise :class:`FmuError`.
 
-    The instance needs ``hosted`` (is it driven by the library?), ``label`` and ``log_queue``.  Without a host the
-    error passes unchanged.
+    The instance needs ``hosted`` (is it driven by the library?), ``label`` and ``log_queue``.  Without a host
+    the error passes unchanged.
     """
 
     @functools.wraps(method)

@@ -15,10 +15,11 @@ _ONE_LEVEL = re.compile(r"\.[^.]+|_\d+")
 
 
 class Layout:
-    """Layout of the buffer ``[outputs y | states x | inputs u | auxiliary a | events | parameters | memory]``.
+    """The buffer ``[outputs y | states x | inputs u | auxiliary a | event inputs | parameters | memory]``.
 
-    ``y`` and ``x`` are adjacent, and so are ``x``, ``u`` and ``a``: a step is ``[y; x] <- M @ [x; u; a]``.  Booleans
-    and Integers are kept as doubles.  Strings live in a list outside; their references follow the buffer.
+    ``y`` and ``x`` are adjacent, and so are ``x``, ``u`` and ``a``: a step is ``[y; x] <- M @ [x; u; a]``.
+    Booleans and Integers are kept as doubles.  Strings live in a list outside; their references follow the
+    buffer.
 
     Raises ValueError, naming the port, if the ports contradict each other.
     """
@@ -46,7 +47,7 @@ class Layout:
         self.size: int = ends[-1]
 
         self.by_reference: dict[int, Port] = {}
-        for region, group in ((self.y, outputs), (self.u, inputs), (self.events, events), (self.parameters, parameters)):
+        for region, group in zip(regions, (outputs, (), inputs, (), events, parameters, ()), strict=True):
             self.by_reference |= dict(enumerate(group, region.start))
         self.by_reference |= dict(enumerate(self.strings, self.size))
         self.reference = {port.name: reference for reference, port in self.by_reference.items()}
@@ -55,9 +56,9 @@ class Layout:
         """SHA-256 of model, version, variables and sizes: who may exchange FMU states."""
 
     def _check(self) -> None:
-        names = [port.name for port in self.ports]
-        if len(self.reference) < len(names):
-            twice = sorted({name for name in names if names.count(name) > 1})
+        declared = [port.name for port in self.ports]
+        if len(self.reference) < len(declared):
+            twice = sorted({name for name in declared if declared.count(name) > 1})
             raise ValueError(f"{self.model}: declared twice: {', '.join(twice)}")
         inputs = {port.name for port in self.ports if port.causality == "input"}
         knowns = inputs | {port.name for port in self.ports if port.causality == "parameter"}
@@ -68,19 +69,19 @@ class Layout:
             ):
                 unknown = sorted(set(listed) - allowed)
                 if unknown:
-                    raise ValueError(f"{self.model}: {port.name} depends on {', '.join(unknown)}: not among the {what}")
+                    names = ", ".join(unknown)
+                    raise ValueError(f"{self.model}: {port.name} depends on {names}, not among the {what}")
 
     def _identity(self, version: str, sizes: Iterable[int]) -> bytes:
-        digest = hashlib.sha256()
-        for item in (self.model, version, *sizes, *(f"{p.name} {p.causality} {p.type}" for p in self.by_reference.values())):
-            digest.update(f"{item}\n".encode())
-        return digest.digest()
+        variables = (f"{port.name} {port.causality} {port.type}" for port in self.by_reference.values())
+        text = "\n".join(map(str, (self.model, version, *sizes, *variables)))
+        return hashlib.sha256(text.encode()).digest()
 
     def group(self, names: str | Sequence[str]) -> list[int]:
         """References of several numeric variables.
 
-        A text stands for its components, one level down: ``"base_force"`` for ``base_force.x``, ``.y``, ``.z``;
-        ``"coarse_command"`` for ``coarse_command_1`` to ``_3``.  Otherwise a sequence of full names.
+        A text stands for its components, one level down: ``"base_force"`` for ``base_force.x``, ``.y``,
+        ``.z``; ``"coarse_command"`` for ``coarse_command_1`` to ``_3``.  Otherwise a sequence of full names.
 
         Raises KeyError if there is no such variable.
         """

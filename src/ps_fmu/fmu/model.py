@@ -22,12 +22,12 @@ class Model(Fmi2Slave):
         [y; x] <- step_map(h) @ [x; u; a]     each step
         y       = output_map() @ [x; u; a]    in initialisation mode
 
-    y: all outputs that are not Strings, in the order of ``ports`` (Booleans as 0 and 1); x: states; u: Real inputs
-    that are not events; a: auxiliary inputs that the model itself sets, for example the constant 1.  An output that
-    an event computes is a component of ``a`` copied by the map.
+    y: all outputs that are not Strings, in the order of ``ports`` (Booleans as 0 and 1); x: states; u: Real
+        inputs that are not events; a: auxiliary inputs that the model itself sets, for example the constant
+        1.  An output that an event computes is a component of ``a`` copied by the map.
 
-    What a step or an event needs later lies in x, a or memory, or is rebuilt from them by :meth:`restore`.  All of it
-    must stay finite.
+    What a step or an event needs later lies in x, a or memory, or is rebuilt from them by :meth:`restore`.
+    All of it must stay finite.
     """
 
     ports: ClassVar[tuple[Port, ...]] = ()
@@ -37,7 +37,7 @@ class Model(Fmi2Slave):
     n_memory: ClassVar[int] = 0
     """Further numbers that events keep; part of the FMU state."""
     block_rows: ClassVar[int] = 0
-    """Above 0: the outputs come from tables of up to so many rows, see :meth:`rows`; no states then, and no map."""
+    """Above 0: outputs come from tables of up to so many rows, see :meth:`rows`; then no states, no map."""
 
     model_description: ClassVar[str] = ""
     default_step: ClassVar[float] = 1e-3  # s
@@ -54,7 +54,7 @@ class Model(Fmi2Slave):
     """Call :meth:`finish_step` after each map.  To be set by ``configure`` and by ``restore``."""
 
     def configure(self) -> None:
-        """Build the model from the parameters and the present inputs; set x, a, memory and whatever is derived.
+        """Build the model from parameters and present inputs; set x, a, memory and whatever is derived.
 
         Called in initialisation mode, again whenever something was set since: must be idempotent.
 
@@ -64,33 +64,34 @@ class Model(Fmi2Slave):
         """
 
     def output_map(self) -> Array | None:
-        """Outputs at the same instant from [x; u; a], shape (ny, nx + nu + na); None: ``configure`` has set y itself."""
+        """Outputs at once from [x; u; a], shape (ny, nx + nu + na); None: ``configure`` has set y itself."""
         return None
 
     def step_map(self, h: float) -> Array:
-        """One step of size h (s), shape (ny + nx, nx + nu + na).  The base caches it by h until :meth:`Slave.remap`."""
+        """One step of size h (s), shape (ny + nx, nx + nu + na).  Cached by h until ``remap()``."""
         raise NotImplementedError(f"{type(self).__name__} has neither step_map nor block_rows")
 
     def event(self, t: float, h: float) -> bool:
-        """Before the step from t to t + h (s), when an event input has changed or the last event has asked for it.
+        """Before the step from t to t + h (s), if an event input has changed or the last event asked for it.
 
-        Returns True to be called again before the next step.  If it raises, the step is refused, everything in the
-        buffer is as before, :meth:`restore` is called, and the event stays due.
+        Returns True to be called again before the next step.  If it raises, the step is refused, everything
+        in the buffer is as before, :meth:`restore` is called, and the event stays due.
         """
         return False
 
     def rows(self, t: float, h: float, n: int) -> Array:
-        """Outputs at t + h, ..., t + n h (s), shape (n, ny): a function of these arguments, parameters and memory alone.
+        """Outputs at t + h, ..., t + n h (s), shape (n, ny).
 
-        The same row must not depend on the table it comes in: take the times from :meth:`Slave.times`.
+        A function of its arguments, parameters and memory alone.  The same row must not depend on the table
+        it comes in: take the times from :meth:`Slave.times`.
         """
         raise NotImplementedError(f"{type(self).__name__} has block_rows, but no rows")
 
     def finish_step(self) -> None:
-        """After the map, if ``finishing``: clamp outputs, move a delay line.  May write y, x, a and memory."""
+        """After the map, if ``finishing``: clamp outputs, move a delay line.  May write y, x, a, memory."""
 
     def restore(self) -> None:
-        """Rebuild what is derived from the buffer (matrices, plans), after an FMU state was set or an event failed.
+        """Rebuild what is derived (matrices, plans) from the buffer: an FMU state was set, or an event failed.
 
         ``configure`` may never have been called in this instance.
         """

@@ -1,4 +1,4 @@
-"""Base class of the slaves: a pythonfmu slave on one buffer, with one linear map per step and events apart from it.
+"""Base class of the slaves: pythonfmu's, on one buffer, one linear map per step, events apart from it.
 
 The files it is made of, each one subject: ``model`` what a model states, ``values`` access to variables,
 ``stepper`` steps, and here the life cycle.  A simulation in order::
@@ -14,7 +14,6 @@ Every call checks its arguments and the phase, and a refused call changes nothin
 
 from __future__ import annotations
 
-import sys
 from math import inf, isfinite
 from typing import Any
 from xml.etree.ElementTree import Element
@@ -23,7 +22,7 @@ import numpy as np
 from pythonfmu.enums import Fmi2Status
 
 from .. import __version__
-from .guard import ModelError, Refused, guarded, keep_alive, report
+from .guard import ModelError, Refused, guarded, report
 from .layout import Layout
 from .state import State, from_bytes, to_bytes
 from .stepper import Stepper
@@ -34,31 +33,30 @@ __all__ = ["ModelError", "Phase", "Port", "Refused", "Slave", "numbered", "vecto
 
 
 class Slave(Stepper):
-    """FMI 2.0 co-simulation slave.  Subclasses state ports and sizes and implement the methods of ``model.Model``."""
+    """FMI 2.0 co-simulation slave.  Subclasses fill in what :class:`.model.Model` lists."""
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
         if "__init__" in cls.__dict__:
             raise TypeError(f"{cls.__name__}: no __init__ please; what a model needs is made in configure()")
         if cls.block_rows and cls.n_states:
-            raise TypeError(f"{cls.__name__}: a slave with block_rows has no states, but n_states = {cls.n_states}")
-        cls.layout = Layout(
-            cls.__name__, __version__, cls.ports, cls.n_states, cls.n_auxiliary, cls.n_memory
-        )
+            raise TypeError(
+                f"{cls.__name__}: n_states = {cls.n_states}, but with block_rows there are no states"
+            )
+        cls.layout = Layout(cls.__name__, __version__, cls.ports, cls.n_states, cls.n_auxiliary, cls.n_memory)
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__(**kwargs)
         self.label = f"{type(self).__name__} {self.instance_name!r}"
         self.hosted = "logger" in kwargs  # only pythonfmu's native library passes one
-        if self.hosted:
-            # The library releases the module's dictionary, which it has only borrowed, at each instantiation.
-            keep_alive(sys.modules[type(self).__module__].__dict__)
         self._allocate()
 
     # --- Life cycle ---------------------------------------------------------------------
 
     @guarded
-    def setup_experiment(self, start_time: float, stop_time: float | None = None, tolerance: float | None = None) -> None:
+    def setup_experiment(
+        self, start_time: float, stop_time: float | None = None, tolerance: float | None = None
+    ) -> None:
         """Start and stop time, s.  The tolerance is not used: between events a step is exact."""
         self._require("setup_experiment", Phase.INSTANTIATED)
         stop = inf if stop_time is None else stop_time
@@ -92,7 +90,8 @@ class Slave(Stepper):
 
     def _require(self, call: str, phase: Phase) -> None:
         if self._phase != phase:
-            raise Refused(f"{call} is not possible in phase {self._phase.name.lower()}, only in {phase.name.lower()}")
+            now, wanted = self._phase.name.lower(), phase.name.lower()
+            raise Refused(f"{call} is not possible in phase {now}, only in phase {wanted}")
 
     def _enter(self, phase: Phase) -> None:
         self._phase = phase
@@ -111,7 +110,7 @@ class Slave(Stepper):
             if outputs is not None:
                 self.y[:] = self._checked_matrix("output_map", outputs, self.y.size) @ self._source
             if not np.isfinite(self._buffer.data).all():
-                raise ModelError(f"configure() leads to numbers that are not finite: {self._first_not_finite()}")
+                raise ModelError(f"{self._first_not_finite()} is not finite after configure()")
         except BaseException:
             self._buffer.data[:] = kept
             raise
@@ -134,7 +133,8 @@ class Slave(Stepper):
 
     @guarded
     def _get_fmu_state(self) -> State:
-        return State(self.layout.identity, self._clock(), self._buffer.data.copy(), tuple(self._buffer.strings))
+        buffer = self._buffer
+        return State(self.layout.identity, self._clock(), buffer.data.copy(), tuple(buffer.strings))
 
     @guarded
     def _set_fmu_state(self, state: State) -> None:
@@ -197,7 +197,7 @@ class Slave(Stepper):
     # --- Description --------------------------------------------------------------------
 
     def to_xml(self, model_options: dict[str, str] | None = None) -> Element:
-        """The complete ``fmiModelDescription``, see :mod:`.description`; the options are what this class can do."""
+        """The complete ``fmiModelDescription``, see :mod:`.description`; the options are its own."""
         from .description import model_description
 
         return model_description(self, super().to_xml)

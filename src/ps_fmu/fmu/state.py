@@ -1,11 +1,13 @@
 """FMU state: all that distinguishes one instance from another, in memory and as bytes.
 
-The bytes may come from anywhere, so nothing in them is executed (no pickle) and nothing is believed before it was
+The bytes may come from anywhere, so nothing in them is executed (no pickle) and nothing is believed before it
+was
 checked: length, magic number, checksum, model, counts, ranges.
 
 Layout, little endian::
 
-    magic 8 | identity of the model 32 | header (see _HEADER) | buffer, float64 each | strings: length u32, UTF-8 | SHA-256 32
+    magic 8 | identity of the model 32 | header (see _HEADER) | buffer, float64 each | strings: length u32,
+    UTF-8 | SHA-256 32
 """
 
 from __future__ import annotations
@@ -95,14 +97,16 @@ def from_bytes(content: bytes, identity: bytes, size: int, n_strings: int) -> St
     if len(content) < _PREFIX_SIZE + _CHECKSUM_SIZE or not content.startswith(_MAGIC[:-1]):
         raise Refused(f"these {len(content)} bytes are no serialised FMU state")
     if content[len(_MAGIC) - 1] != _MAGIC[-1]:
-        raise Refused(f"the FMU state has format {content[len(_MAGIC) - 1]}; this FMU reads format {_MAGIC[-1]}")
+        version = content[len(_MAGIC) - 1]
+        raise Refused(f"the serialised FMU state has format {version}; this FMU reads format {_MAGIC[-1]}")
     if hashlib.sha256(content[:-_CHECKSUM_SIZE]).digest() != content[-_CHECKSUM_SIZE:]:
         raise Refused("the serialised FMU state is damaged: its checksum does not fit")
     if content[len(_MAGIC) : len(_MAGIC) + _CHECKSUM_SIZE] != identity:
         raise Refused("the serialised FMU state belongs to another FMU, or to another version of this one")
     *words, n_buffer, n_texts = _HEADER.unpack_from(content, len(_MAGIC) + _CHECKSUM_SIZE)
     if (n_buffer, n_texts) != (size, n_strings):
-        raise Refused(f"the FMU state has {n_buffer} numbers and {n_texts} texts; expected {size} and {n_strings}")
+        found, expected = f"{n_buffer} numbers and {n_texts} texts", f"{size} and {n_strings}"
+        raise Refused(f"the serialised FMU state has {found}; expected {expected}")
     texts_start = _PREFIX_SIZE + 8 * size
     if len(content) - _CHECKSUM_SIZE < texts_start:
         raise Refused("the serialised FMU state ends within its numbers")

@@ -17,7 +17,7 @@ from .values import Phase, Values
 SAME_STEP = 1e-6  # relative: step sizes this close are one; hosts form them as differences of times
 SAME_TIME = 1e-3  # of a step: hosts add up times with rounding
 _MOST_MAPS = 8  # step sizes remembered: enough for hosts that alternate a few
-_FIRST_ROWS = 16  # rows of the first table after a change of step: a host with a new step each time pays little
+_FIRST_ROWS = 16  # of the first table after a change of step: hosts with a new step each time pay little
 
 
 class Stepper(Values):
@@ -54,20 +54,20 @@ class Stepper(Values):
     # --- For models ---------------------------------------------------------------------
 
     def remap(self) -> None:
-        """The map is out of date: a new pose, a new parameter.  ``step_map`` is asked again before the next step."""
+        """The map is out of date (new pose, new parameter): ask ``step_map`` again before the next step."""
         self._maps.clear()
         self._advance = None
         self._close()
 
     def discard_rows(self) -> None:
-        """The rest of the table is out of date.  ``rows`` is asked again before the next step."""
+        """The rest of the table is out of date: ask ``rows`` again before the next step."""
         self._table = self._table[:0]
         self._row = 0
         self._next_rows = _FIRST_ROWS
         self._close()
 
     def request_event(self) -> None:
-        """``event`` is to be called before the next step; for ``configure`` of models that start in motion."""
+        """Have ``event`` called before the next step; for ``configure`` of models that start in motion."""
         self._pending = True
         self._close()
 
@@ -82,7 +82,7 @@ class Stepper(Values):
         return self._start
 
     def times(self, t: float, h: float, n: int) -> Array:
-        """Times of the rows asked from ``rows(t, h, n)``, shape (n,), s: the same for a row in whichever table."""
+        """Times of the rows of ``rows(t, h, n)``, shape (n,), s: the same for a row in whichever table."""
         first = round((t - self._origin) / h)
         return np.asarray(self._origin + np.arange(first + 1.0, first + n + 1.0) * h)
 
@@ -148,8 +148,8 @@ class Stepper(Values):
         bad = np.flatnonzero(~np.isfinite(self._work)).tolist()
         ny = self.y.size
         names = [self.layout.by_reference[i].name if i < ny else f"state {i - ny}" for i in bad[:5]]
-        largest = int(np.abs(self._source).argmax())
-        return f"{', '.join(names)}{' ...' if len(bad) > 5 else ''}; largest operand {self._source[largest]:g}"
+        more = " ..." if len(bad) > 5 else ""
+        return f"{', '.join(names)}{more}; largest operand {np.abs(self._source).max():g}"
 
     def _refuse_step(self, error: Exception) -> None:
         text = f"{self.label}: step from t = {self._time:.9g} s refused: {describe(error)}"
@@ -203,7 +203,7 @@ class Stepper(Values):
         if not abs(t - self._time) <= SAME_TIME * h:
             raise Refused(f"current time {t!r} s: expected {self._time!r} s, where the last step ended")
         if t > self._stop - (1.0 - SAME_TIME) * h:
-            raise Refused(f"a step from {t!r} s to {t + h!r} s ends beyond the stop time {self._stop!r} s of the experiment")
+            raise Refused(f"a step from {t!r} s to {t + h!r} s ends beyond the stop time {self._stop!r} s")
 
     def _is_on_grid(self, t: float) -> bool:
         return abs(self._now() - t) <= SAME_TIME * self._step
@@ -253,7 +253,8 @@ class Stepper(Values):
     def _checked_rows(self, n: int) -> Array:
         table = np.ascontiguousarray(self.rows(self._now(), self._step, n), dtype=np.float64)
         if table.shape != (n, self.y.size):
-            raise ValueError(f"{type(self).__name__}.rows has shape {table.shape}; expected {(n, self.y.size)}")
+            expected = (n, self.y.size)
+            raise ValueError(f"{type(self).__name__}.rows has shape {table.shape}; expected {expected}")
         if not np.isfinite(table).all():
             raise ValueError(f"{type(self).__name__}.rows has elements that are not finite")
         return table

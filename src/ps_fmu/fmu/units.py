@@ -1,7 +1,8 @@
-"""Units of FMI variables: from a unit's name to its SI exponents and display units (FMI 2.0.4, section 2.2.2).
+"""Units of FMI variables: SI exponents and display units from a unit's name (FMI 2.0.4, section 2.2.2).
 
-A unit's name is its definition: factors joined by ``.``, each divisor behind its own ``/``, exponents as plain digits:
-``kg.m2``, ``N.s/m``, ``N2.m2/Hz``.  All units are coherent SI, so that no tool ever has to convert a value.
+A unit's name is its definition: factors joined by ``.``, each divisor behind its own ``/``, exponents as
+plain digits: ``kg.m2``, ``N.s/m``, ``N2.m2/Hz``.  All units are coherent SI, so that no tool ever has to
+convert a value.
 
 Units that FMI cannot express get a definition without base units: logarithms (``dB``) and roots such as
 ``sqrt(kg).m``, the participation of a mass-normalised mode, because FMI's exponents are whole numbers.
@@ -56,7 +57,7 @@ def exponents(unit: str) -> dict[str, int] | None:
         factor = _FACTOR.fullmatch(part)
         if factor is None or factor[1] not in _SYMBOLS:
             raise ValueError(
-                f"unit {unit!r} is not known: expected factors of {', '.join(_SYMBOLS)} joined by '.' and '/', "
+                f"unit {unit!r} is not known: expected {', '.join(_SYMBOLS)}, joined by '.' and '/', "
                 "for example 'N.s/m' or 'kg.m2'"
             )
         for base, exponent in _SYMBOLS[factor[1]].items():

@@ -30,8 +30,8 @@ class Phase(IntEnum):
 class Values(Model):
     """Typed access to one buffer.
 
-    While stepping, hosts repeat the same few calls: the list of references of a call leads to a function that reads,
-    or to views that take the values, checked once.
+    While stepping, hosts repeat the same few calls: the list of references of a call leads to a function that
+    reads, or to views that take the values, checked once.
     """
 
     layout: ClassVar[Layout]
@@ -54,7 +54,7 @@ class Values(Model):
         return self._buffer.typed(self.layout.find(name))
 
     def values(self, names: str | Sequence[str]) -> Array:
-        """Copy of several numeric variables: ``"base_force"`` for its components, or a sequence of full names."""
+        """Copy of several numeric variables: ``"base_force"`` for its components, or full names."""
         return self._buffer.data[self._buffer.group(names)]
 
     def view(self, names: str | Sequence[str]) -> Array:
@@ -63,7 +63,8 @@ class Values(Model):
 
     def parameters(self) -> dict[str, Value]:
         """All parameters by name."""
-        return {port.name: self.value(port.name) for port in self.layout.ports if port.causality == "parameter"}
+        parameters = (port for port in self.layout.ports if port.causality == "parameter")
+        return {port.name: self.value(port.name) for port in parameters}
 
     # --- For hosts ----------------------------------------------------------------------
 
@@ -161,7 +162,9 @@ class Values(Model):
             if port.causality == "output":
                 raise Refused(f"{port.name} is an output and cannot be set")
             if port.causality == "parameter" and self._phase >= Phase.STEPPING:
-                raise Refused(f"{port.name} is a fixed parameter: it can be set until initialisation ends, or after a reset")
+                raise Refused(
+                    f"{port.name} is a fixed parameter: set it before initialisation ends, or after a reset"
+                )
             if self._phase == Phase.TERMINATED:
                 raise Refused(f"{port.name} cannot be set: the simulation is terminated")
             try:

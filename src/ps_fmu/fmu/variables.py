@@ -1,4 +1,4 @@
-"""FMI variables of a slave: declared once as :class:`Port`, turned into pythonfmu's variables with all attributes."""
+"""FMI variables of a slave: declared once as :class:`Port`, turned into pythonfmu's with all attributes."""
 
 from __future__ import annotations
 
@@ -29,7 +29,8 @@ class Port:
     Parameters
     ----------
     name: structured name without brackets, for example ``base_force.x`` or ``fine_force_1``.
-    causality: ``"input"``, ``"output"`` or ``"parameter"`` (parameters are fixed: set before or in initialisation mode).
+    causality: ``"input"``, ``"output"`` or ``"parameter"`` (parameters are fixed: set before or in
+        initialisation mode).
     unit: name of a coherent SI unit as in :mod:`.units`; only for Real.
     description: one line that names the frame.
     type: FMI type.
@@ -37,10 +38,13 @@ class Port:
     min, max: smallest and largest value; enforced on inputs and parameters.
     nominal: magnitude for tools that scale; only for Real.
     display_unit: one of ``units.DISPLAY_UNITS[unit]``.
-    event: this input is handled by ``Slave.event``, not by the linear map.  Inputs that are not Real always are.
-    depends_on: inputs that this output depends on at the same communication point.  Outputs are latched at the end
+    event: this input is handled by ``Slave.event``, not by the linear map.  Inputs that are not Real always
+        are.
+    depends_on: inputs that this output depends on at the same communication point.  Outputs are latched at
+        the end
         of doStep, so normally none.
-    initially_depends_on: inputs and parameters that this output depends on in initialisation mode; None: on all.
+    initially_depends_on: inputs and parameters that this output depends on in initialisation mode; None: on
+        all.
     """
 
     name: str
@@ -59,7 +63,9 @@ class Port:
 
     def __post_init__(self) -> None:
         if not _NAME.fullmatch(self.name):
-            raise ValueError(f"port {self.name!r}: expected identifiers joined by dots, for example 'base_force.x'")
+            raise ValueError(
+                f"port {self.name!r}: expected identifiers joined by dots, such as 'base_force.x'"
+            )
         if self.causality not in ("input", "output", "parameter"):
             raise self._error(f"causality {self.causality!r} is none of input, output, parameter")
         if self.causality != "output" and (self.depends_on or self.initially_depends_on is not None):
@@ -87,7 +93,8 @@ class Port:
             raise self._error(f"a {self.type} has neither unit nor nominal value")
         known = DISPLAY_UNITS.get(self.unit, {})
         if self.display_unit is not None and self.display_unit not in known:
-            raise self._error(f"display unit {self.display_unit!r} of {self.unit!r} is none of {', '.join(known) or '(none)'}")
+            choices = ", ".join(known) or "(there are none)"
+            raise self._error(f"display unit {self.display_unit!r} of {self.unit!r} is none of {choices}")
         for attribute in ("min", "max", "nominal"):
             value = getattr(self, attribute)
             if value is not None and (self.type in ("Boolean", "String") or not math.isfinite(value)):
@@ -134,11 +141,13 @@ class Port:
         return ValueError(f"{self.causality} {self.name} = {value!r}: expected {allowed}{unit}")
 
 
-def vector(name: str, suffixes: Iterable[str], unit: str, description: str, **attributes: Any) -> tuple[Port, ...]:
+def vector(
+    name: str, suffixes: Iterable[str], unit: str, description: str, **attributes: Any
+) -> tuple[Port, ...]:
     """Ports ``name.suffix``: ``vector("base_force", "xyz", "N", "Force in B", causality="input")``.
 
-    Further attributes are those of :class:`Port`; a list or tuple for start, min, max or nominal has one entry per
-    suffix.
+    Further attributes are those of :class:`Port`; a list or tuple for start, min, max or nominal has one
+    entry per suffix.
     """
     return _several([(f"{name}.{suffix}", suffix) for suffix in suffixes], unit, description, attributes)
 
@@ -157,7 +166,9 @@ def _several(
         for key in ("start", "min", "max", "nominal"):
             if isinstance(own.get(key), (list, tuple)):
                 if len(own[key]) != len(names):
-                    raise ValueError(f"port {name}: {len(own[key])} values of {key} for {len(names)} components")
+                    raise ValueError(
+                        f"port {name}: {key} has {len(own[key])} values for {len(names)} components"
+                    )
                 own[key] = own[key][i]
         ports.append(Port(name, unit=unit, description=f"{description}, {suffix}", **own))
     return tuple(ports)
@@ -171,14 +182,16 @@ _PYTHONFMU: dict[str, type[ScalarVariable]] = {
 def fmi_variable(port: Port, reference: int) -> ScalarVariable:
     """pythonfmu's variable for a port, with all its attributes in the XML.
 
-    What pythonfmu leaves to chance is explicit: variability always; ``initial`` wherever the standard allows it (not
-    on inputs); numbers with all digits of a double.
+    What pythonfmu leaves to chance is explicit: variability always; ``initial`` wherever the standard allows
+    it (not on inputs); numbers with all digits of a double.
     """
     continuous = port.type == "Real" and port.causality != "parameter"
     variability = Fmi2Variability.continuous if continuous else Fmi2Variability.discrete
     if port.causality == "parameter":
         variability = Fmi2Variability.fixed
-    initial = {"parameter": Fmi2Initial.exact, "output": Fmi2Initial.calculated, "input": None}[port.causality]
+    initial = {"parameter": Fmi2Initial.exact, "output": Fmi2Initial.calculated, "input": None}[
+        port.causality
+    ]
 
     variable = _PYTHONFMU[port.type](
         port.name,

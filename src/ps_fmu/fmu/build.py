@@ -1,0 +1,192 @@
+"""From a folder in ``fmus/`` to an FMU file that stands alone and is reproducible.
+
+pythonfmu's builder contributes native libraries and model description.  What this adds: only the Python
+files that the slave needs, under names made from their content; documentation and licences; a GUID from the
+content; the same bytes from the same source.  Each FMU has run by itself before it is written.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import importlib.metadata
+import io
+import re
+import sys
+import tempfile
+import uuid
+from collections.abc import Iterable, Iterator
+from pathlib import Path, PurePosixPath
+
+import pythonfmu
+from pythonfmu.builder import FmuBuilder
+
+from . import archive, smoke
+from .description import CAPABILITIES
+from .documentation import page
+from .entry import entry_source
+from .sources import Files, SourceError, closure, imported, renamed
+
+PACKAGE = Path(__file__).resolve().parents[1]
+_RESOURCES = PurePosixPath("resources")
+_DESCRIPTION = PurePosixPath("modelDescription.xml")
+_GUID = re.compile(rb'guid="[^"]*"')
+
+
+class BuildError(RuntimeError):
+    """An FMU that cannot be built; the text says which and why."""
+
+
+def default_fmus() -> Path:
+    """``fmus`` in the checkout that this package runs from.  Raises BuildError if there is none."""
+    folder = PACKAGE.parents[1] / "fmus"
+    if not folder.is_dir():
+        raise BuildError(f"no folder {folder}: say with --fmus where the FMUs' sources are")
+    return folder
+
+
+def find(fmus: Path, only: Iterable[str] = ()) -> list[Path]:
+    """The folders ``<name>`` below ``fmus`` that hold a ``<name>.py``; all, or those named.
+
+    Raises BuildError if there are none, or one of those named is missing.
+    """
+    scripts = [path for path in sorted(fmus.glob("*/*.py")) if path.stem == path.parent.name]
+    found = {path.stem: path.parent for path in scripts}
+    missing = [name for name in only if name not in found]
+    if missing or not found:
+        wanted = ", ".join(missing) or "<name>/<name>.py"
+        raise BuildError(f"{fmus}: no {wanted}; found {', '.join(found) or 'nothing'}")
+    return [found[name] for name in only] or list(found.values())
+
+
+def build_all(output: Path, fmus: Path | None = None, only: Iterable[str] = ()) -> list[Path]:
+    """Build the FMUs of a checkout into the folder ``output``; their paths.  Raises BuildError."""
+    return [build_one(folder, output) for folder in find(fmus or default_fmus(), only)]
+
+
+def build_one(folder: Path, output: Path) -> Path:
+    """Build the FMU in ``folder`` into the folder ``output``, as ``<class>.fmu``; its path.
+
+    Raises
+    ------
+    BuildError: the sources are not complete or not as they have to be, or the FMU does not run by itself.
+    """
+    folder = folder.resolve()
+    script = folder / f"{folder.name}.py"
+    if not script.is_file():
+        raise BuildError(f"{folder.name}: no {script}")
+    output.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(prefix="ps_fmu_build_") as temporary:
+        try:
+            stock = _pythonfmu_build(script, Path(temporary))
+            name, files = _repackaged(stock, script)
+            fmu = Path(temporary) / f"{name}.fmu"
+            archive.write(fmu, files)
+            smoke.check(fmu)
+        except (SourceError, smoke.SmokeError) as error:
+            raise BuildError(f"{folder.name}: {error}") from None
+        result = output / fmu.name
+        partial = result.with_suffix(".partial")
+        partial.write_bytes(fmu.read_bytes())
+        partial.replace(result)
+    return result
+
+
+def _pythonfmu_build(script: Path, output: Path) -> Path:
+    """pythonfmu's own FMU; what its builder does to this process is undone."""
+    with _imports_undone(script.stem), contextlib.redirect_stdout(io.StringIO()):
+        try:
+            return Path(FmuBuilder.build_FMU(script, dest=output / "stock.fmu", **CAPABILITIES))
+        except Exception as error:
+            raise BuildError(f"{script.parent.name}: {type(error).__name__}: {error}") from error
+
+
+@contextlib.contextmanager
+def _imports_undone(script: str) -> Iterator[None]:
+    """The builder imports the script under its bare name, and leaves its folder on sys.path."""
+    path, bytecode, before = sys.path[:], sys.dont_write_bytecode, sys.modules.pop(script, None)
+    sys.dont_write_bytecode = True  # no __pycache__ among the sources
+    try:
+        yield
+    finally:
+        sys.path[:] = path
+        sys.dont_write_bytecode = bytecode
+        sys.modules.pop(script, None)
+        if before is not None:
+            sys.modules[script] = before
+
+
+def _repackaged(stock: Path, script: Path) -> tuple[str, Files]:
+    """Model name and files of the final FMU, from pythonfmu's and the sources."""
+    built = archive.read(stock)
+    files = {name: content for name, content in built.items() if name.parts[0] == "binaries"}
+    files[_DESCRIPTION] = _GUID.sub(b'guid=""', built[_DESCRIPTION], count=1)
+    model = _model_name(built[_DESCRIPTION])
+    files |= _documentation(script.parent, model)
+    sources = _sources(script)
+    digest = archive.digest(files | sources)
+
+    package = f"ps_fmu_{digest.hex()[:12]}"
+    names = {"ps_fmu": package, "pythonfmu": f"{package}.pythonfmu"}
+    for name, content in sources.items():
+        if name.suffix == ".py":
+            content = renamed(content, str(name), names)
+        inside = name.relative_to("ps_fmu") if name.parts[0] == "ps_fmu" else name
+        files[_RESOURCES / package / inside] = content
+    entry = f"{script.stem}_{digest.hex()[:12]}"
+    files[_RESOURCES / f"{entry}.py"] = entry_source(package, script.stem, model)
+    files[_RESOURCES / "slavemodule.txt"] = entry.encode()
+    guid = f'guid="{{{uuid.UUID(bytes=digest[:16])}}}"'.encode()
+    files[_DESCRIPTION] = files[_DESCRIPTION].replace(b'guid=""', guid, 1)
+    return model, files
+
+
+def _model_name(description: bytes) -> str:
+    match = re.search(rb'modelIdentifier="(\w+)"', description)
+    if match is None:
+        raise BuildError("pythonfmu wrote a model description without modelIdentifier")
+    return match[1].decode()
+
+
+def _sources(script: Path) -> Files:
+    """The script and the modules that it needs, by their names in the checkout."""
+    for name in imported(script.read_text(encoding="utf-8"), script.name, ""):
+        helper = script.with_name(f"{name.partition('.')[0]}.py")
+        if helper.is_file():
+            raise SourceError(
+                f"{script.name} imports {helper.name} beside it: move that to ps_fmu to have it packaged"
+            )
+    roots = {"ps_fmu": PACKAGE, "pythonfmu": Path(pythonfmu.__file__).parent}
+    sources = closure(script, roots, hollow=("pythonfmu",))
+    place = PurePosixPath("ps_fmu", script.name)
+    if place in sources or (PACKAGE / script.stem).is_dir():
+        raise SourceError(f"{script.name} has the name of a module of ps_fmu: give it another one")
+    return sources | {place: script.read_bytes()}
+
+
+def _documentation(folder: Path, model: str) -> Files:
+    """README, the page made from it, licences."""
+    readme = folder / "README.md"
+    if not readme.is_file():
+        raise BuildError(f"{folder.name}: no README.md, which becomes the FMU's documentation")
+    text = readme.read_text(encoding="utf-8")
+    documentation = PurePosixPath("documentation")
+    return {
+        documentation / "README.md": text.encode(),
+        documentation / "index.html": page(text, model),
+        documentation / "licenses" / "license.txt": _own_license(),
+        documentation / "licenses" / "pythonfmu.txt": _license("pythonfmu"),
+    }
+
+
+def _own_license() -> bytes:
+    checkout = PACKAGE.parents[1] / "LICENSE"
+    return checkout.read_bytes() if checkout.is_file() else _license("ps-fmu")
+
+
+def _license(distribution: str) -> bytes:
+    """The licence that an installed distribution carries."""
+    metadata = importlib.metadata.distribution(distribution)
+    text = metadata.read_text("licenses/LICENSE") or metadata.read_text("LICENSE")
+    if text is None:
+        raise BuildError(f"the installed {distribution} carries no licence text")
+    return text.encode()

@@ -1,0 +1,150 @@
+"""The Python files of an FMU: which ones it needs, and under which names they live in it.
+
+Modules are shared process-wide by name, so two FMUs that both carry a package ``ps_fmu`` would run the code
+of whichever came first.  Inside an FMU the package therefore has a name of its own, made from its content.
+"""
+
+from __future__ import annotations
+
+import ast
+import importlib.util
+import re
+from collections.abc import Collection, Iterator
+from pathlib import Path, PurePosixPath
+
+_DOTTED_NAME = re.compile(r"[A-Za-z_]\w*(\.\w+)*", re.ASCII)
+_DATA = (".toml", ".csv", ".json")
+
+Files = dict[PurePosixPath, bytes]
+
+
+class SourceError(RuntimeError):
+    """Python sources that cannot be packaged; the text says which line and what to do."""
+
+
+def imported(source: str, name: str, package: str) -> set[str]:
+    """Absolute names of all modules, and of all names in modules, that a source imports, wherever in it.
+
+    Parameters
+    ----------
+    source: the Python source.
+    name: what to call it in errors.
+    package: the package it is in, to resolve relative imports; ``""`` for a script.
+    """
+    found: set[str] = set()
+    for node in ast.walk(ast.parse(source, filename=name)):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            module = node.module or ""
+            if node.level:
+                module = importlib.util.resolve_name("." * node.level + module, package)
+            found |= {module} | {f"{module}.{alias.name}" for alias in node.names}
+    return found
+
+
+def closure(script: Path, roots: dict[str, Path], hollow: Collection[str] = ()) -> Files:
+    """The modules that ``script`` needs of some packages, directly or not, and the data files beside them.
+
+    Parameters
+    ----------
+    script: the file that everything starts from; not part of the result.
+    roots: package name -> its folder.
+    hollow: packages of these whose ``__init__.py`` is left out, with all that only it imports; an empty one
+        stands in.
+
+    Returns
+    -------
+    Files: ``package/sub/module.py`` -> content.
+    """
+    files: Files = {}
+    waiting = sorted(imported(script.read_text(encoding="utf-8"), script.name, ""))
+    while waiting:
+        name = waiting.pop()
+        top, *_ = name.split(".")
+        if top not in roots:
+            continue
+        for path in _module_files(name, roots[top]):
+            arcname = PurePosixPath(top, path.relative_to(roots[top]).as_posix())
+            if arcname in files:
+                continue
+            is_hollow = path.name == "__init__.py" and path.parent == roots[top] and top in hollow
+            files[arcname] = b"" if is_hollow else path.read_bytes()
+            package = ".".join(arcname.parent.parts)
+            waiting += sorted(imported(files[arcname].decode(), str(arcname), package))
+            if path.name == "__init__.py":
+                files |= {arcname.with_name(data.name): data.read_bytes() for data in _data(path.parent)}
+    return files
+
+
+def _module_files(name: str, folder: Path) -> Iterator[Path]:
+    """The files that an import of ``a.b.c`` executes: each package's, and the module's own."""
+    yield folder / "__init__.py"
+    for part in name.split(".")[1:]:
+        if (folder / part / "__init__.py").is_file():
+            folder = folder / part
+            yield folder / "__init__.py"
+        else:
+            if (folder / f"{part}.py").is_file():
+                yield folder / f"{part}.py"
+            return
+
+
+def _data(folder: Path) -> Iterator[Path]:
+    for path in sorted(folder.iterdir()):
+        if path.is_file() and path.suffix in _DATA:
+            yield path
+
+
+def renamed(source: bytes, name: str, names: dict[str, str]) -> bytes:
+    """A source whose absolute imports of some packages go to other names.
+
+    Parameters
+    ----------
+    source: Python source, UTF-8.
+    name: what to call it in errors.
+    names: top-level package -> new name, which may be dotted.
+
+    Raises
+    ------
+    SourceError: the source refers to such a package in a way that cannot be rewritten.
+    """
+    lines = source.decode().splitlines(keepends=True)
+    for node in ast.walk(ast.parse(source, filename=name)):
+        if isinstance(node, ast.ImportFrom) and node.level == 0 and _top(node.module) in names:
+            _rename_from(lines, node, names)
+        elif isinstance(node, ast.Import):
+            for alias in node.names:
+                if _top(alias.name) in names:
+                    raise SourceError(
+                        f"{name}:{node.lineno}: 'import {alias.name}': write 'from ... import ...'"
+                    )
+        elif (
+            isinstance(node, ast.Constant)
+            and isinstance(node.value, str)
+            and _DOTTED_NAME.fullmatch(node.value)
+            and _top(node.value) in names
+        ):
+            text = "looks like the name of a module, which has another name in an FMU"
+            raise SourceError(f"{name}:{node.lineno}: {node.value!r} {text}")
+    result = "".join(lines).encode()
+    for node in ast.walk(ast.parse(result, filename=name)):
+        if isinstance(node, ast.ImportFrom) and node.level == 0 and _top(node.module) in names:
+            raise SourceError(f"{name}:{node.lineno}: the import from {node.module} is left over")
+    return result
+
+
+def _top(module: str | None) -> str:
+    return (module or "").partition(".")[0]
+
+
+def _rename_from(lines: list[str], node: ast.ImportFrom, names: dict[str, str]) -> None:
+    """Rename the module of ``from module import ...``, which may stand on a continued line."""
+    for i in range(node.lineno - 1, node.end_lineno or node.lineno):
+        start = len(lines[i].encode()[: node.col_offset].decode()) if i == node.lineno - 1 else 0
+        head, tail = lines[i][:start], lines[i][start:]
+        old = _top(node.module)
+        new, n = re.subn(rf"\b{old}\b", names[old], tail, count=1)
+        if n:
+            lines[i] = head + new
+            return
