@@ -159,7 +159,7 @@ def descend(
         legs = t[active, None, :] - centres[active]
         lengths = np.linalg.norm(legs, axis=-1)
         e = radii - lengths
-        t[active] += mu * np.einsum("ki,kij->kj", e / lengths, legs)
+        t[active] += mu * np.sum((e / lengths)[..., None] * legs, axis=-2)
         error = np.linalg.norm(e, axis=-1)
         # The paper tests the error before the update, and returns the point after it.
         active = active[~(error < epsilon)]

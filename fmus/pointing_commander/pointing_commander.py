@@ -1,0 +1,136 @@
+"""PointingCommander: smooth motion to a target orientation with the fine actuators at rest."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ps_fmu.fmu.parameters import parameter_ports
+from ps_fmu.fmu.slave import ModelError, Slave
+from ps_fmu.fmu.variables import Port, numbered, vector
+from ps_fmu.manipulator.commander import (
+    DEFAULT_ALGORITHM_1,
+    DEFAULT_LIMITS,
+    Commander,
+    Decision,
+    from_numbers,
+    to_numbers,
+)
+from ps_fmu.manipulator.flat import entries, taken_from
+from ps_fmu.manipulator.inverse import trilaterate
+from ps_fmu.manipulator.kinematics import KinematicsError
+from ps_fmu.manipulator.parameters import ParameterError, load
+
+PAPER = load()
+RPY = ("roll", "pitch", "yaw")
+DEG: dict[str, Any] = {"display_unit": "deg"}
+OUTPUT: dict[str, Any] = {"causality": "output"}
+# The motion begins at rest, wherever the first target is.
+AT_REST: dict[str, Any] = {"causality": "output", "initially_depends_on": ()}
+
+
+def geometric(name: str) -> bool:
+    """The part of the manipulator's parameters that the kinematics needs."""
+    return name.startswith(("nominal_translation", "coarse_stroke")) or "_joint." in name
+
+
+class PointingCommander(Slave):
+    """Turns the payload platform to a target orientation; refuses what the mechanism cannot reach."""
+
+    model_description = "Pointing commander: coarse actuator commands for a target orientation of P in B"
+    block_rows: ClassVar[int] = 256
+    n_memory: ClassVar[int] = 18 + 1 + 1 + 3  # profile, reachable, waiting, target waited for: see _decide
+
+    ports: ClassVar[tuple[Port, ...]] = (
+        *vector("target", RPY, "rad", "Target orientation of P in B", causality="input", event=True, **DEG),
+        # The order of Commander.table, then the two Booleans.
+        *numbered("coarse_command", 3, "m", "Command of a coarse actuator from nominal length", **OUTPUT),
+        *vector("orientation_command", RPY, "rad", "Commanded orientation of P in B", **OUTPUT, **DEG),
+        *vector("orientation_rate", RPY, "rad/s", "Time derivative of orientation_command", **AT_REST),
+        *vector("platform_position", "xyz", "m", "Commanded origin of P from that of B, in B", **OUTPUT),
+        Port("residual", "output", "m", "Largest |l_f - l_f0| of the commanded pose: error of d_f = 0"),
+        Port("stroke_margin", "output", "m", "Least distance of the coarse commands from the stroke ends"),
+        Port("time_to_go", unit="s", description="Time until the commanded motion ends", **AT_REST),
+        Port("reachable", "output", type="Boolean", description="False: target refused, last good one stays"),
+        Port("moving", type="Boolean", description="The commanded orientation is changing", **AT_REST),
+        *parameter_ports(
+            entries(PAPER.manipulator, keep=geometric)
+            + entries(DEFAULT_LIMITS)
+            + entries(DEFAULT_ALGORITHM_1, "algorithm_1")
+        ),
+        Port(
+            "use_algorithm_1", "parameter", type="Boolean", start=False,
+            description="Inverse kinematics by the paper's Algorithm 1; false: closed-form trilateration",
+        ),
+        Port(
+            "follow", "parameter", type="Boolean", start=False,
+            description="Follow the target at once, without a profile: for hosts with smooth targets",
+        ),
+    )  # fmt: skip
+
+    def configure(self) -> None:
+        """Rest at the initial target."""
+        self._build()
+        target = self.values("target")
+        decision = self.commander.begin(target)
+        if decision.refusal is not None:
+            self.warning(f"initial target {degrees(target)} refused: {decision.refusal}; at the nominal pose")
+        self._decide(decision, target)
+        self.y[:] = self._outputs(np.zeros(1))[0]
+
+    def event(self, t: float, h: float) -> bool:
+        """A new target, or another try of one whose path was unreachable while moving."""
+        target = self.values("target")
+        waiting, waited_for = bool(self.memory[19]), self.memory[20:23]
+        if waiting and np.array_equal(target, waited_for) and self.profile.remaining(t) > 0.0:
+            return True
+        decision = self.commander.redirect(self.profile, t, target)
+        if decision.refusal is not None:
+            then = "tried again when the present motion has ended" if decision.retry else "the last one stays"
+            self.warning(f"target {degrees(target)} refused at t = {t:.6g} s: {decision.refusal}; {then}")
+        self._decide(decision, target)
+        self.discard_rows()
+        return decision.retry
+
+    def rows(self, t: float, h: float, n: int) -> NDArray[np.float64]:
+        """Commands of n steps."""
+        return self._outputs(self.times(t, h, n))
+
+    def restore(self) -> None:
+        """Rebuild the motion that the restored memory stands for."""
+        self._build()
+        self.profile = from_numbers(self.memory)
+
+    def _build(self) -> None:
+        values = self.parameters()
+        try:
+            settings = taken_from(DEFAULT_ALGORITHM_1, values, "algorithm_1")
+            self.commander = Commander(
+                taken_from(PAPER.manipulator, values).geometry,
+                settings.solver() if values["use_algorithm_1"] else trilaterate,
+                None if values["follow"] else taken_from(DEFAULT_LIMITS, values),
+            )
+            self.commander.pose(np.zeros(3))
+        except ParameterError as error:
+            raise ModelError(str(error)) from None
+        except KinematicsError as error:
+            raise ModelError(f"algorithm_1.mu: {error}") from None
+
+    def _decide(self, decision: Decision, target: NDArray[np.float64]) -> None:
+        self.profile = decision.profile
+        self.memory[:18] = to_numbers(decision.profile)
+        self.memory[18] = decision.refusal is None
+        self.memory[19] = decision.retry
+        self.memory[20:23] = target
+
+    def _outputs(self, times: NDArray[np.float64]) -> NDArray[np.float64]:
+        table = self.commander.table(self.profile, times)
+        reachable = np.full(len(times), self.memory[18])
+        return np.column_stack([table, reachable, table[:, -1] > 0.0])
+
+
+def degrees(orientation: NDArray[np.float64]) -> str:
+    """An orientation for messages."""
+    return f"({', '.join(f'{angle:.6g}' for angle in np.degrees(orientation))}) deg"
