@@ -1,4 +1,4 @@
-"""FeedforwardIsolator: fine forces from measured base acceleration, the practical controller (55) of the paper."""
+"""FeedforwardIsolator: fine forces from measured base acceleration, the practical controller of eq (55)."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
+
 from ps_fmu.fmu.parameters import parameter_ports
 from ps_fmu.fmu.slave import ModelError, Slave
 from ps_fmu.fmu.variables import Port, numbered, vector
@@ -26,12 +27,12 @@ KNOWN_PAYLOAD = replace(PAPER.payload, com_P=PAPER.known_com_P)
 
 
 def known(name: str) -> bool:
-    """The part of the parameter set that the gains (52)-(54) need: no stroke, no rod flexibility, no inertia."""
+    """What the gains (52)-(54) need of the parameter set: no stroke, no rod flexibility, no inertia."""
     return not name.startswith(("coarse_stroke", "coarse_rods", "payload.inertia", "payload.truss"))
 
 
 class FeedforwardIsolator(Slave):
-    """Cancels the base's vibration at the payload; has its own copy of what it must know of mechanism and payload."""
+    """Cancels the base's vibration at the payload; has its own copy of what it must know of the plant."""
 
     model_description = "Feedforward vibration isolator: voice-coil forces from measured base acceleration"
     n_states: ClassVar[int] = 12 + 3 * 9  # feedforward.Controller with the highest order of low-pass, 9
@@ -39,35 +40,83 @@ class FeedforwardIsolator(Slave):
     n_memory: ClassVar[int] = 10 + DelayLine.SIZE  # see the views made in _build
 
     ports: ClassVar[tuple[Port, ...]] = (
-        *vector("base_acceleration", "xyz", "m/s2", "Measured acceleration of the origin of B, in B", causality="input"),
-        *vector("base_angular_acceleration", "xyz", "rad/s2", "Measured angular acceleration of B, in B", causality="input"),
         *vector(
-            "orientation", ("roll", "pitch", "yaw"), "rad", "Nominal orientation of P in B, for the gains",
-            causality="input", event=True, display_unit="deg",
+            "base_acceleration",
+            "xyz",
+            "m/s2",
+            "Measured acceleration of the origin of B, in B",
+            causality="input",
         ),
-        Port("enabled", "input", type="Boolean", start=True, description="False: no force; the filters go on measuring"),
-        # At rest and strictly proper: the force is zero in initialisation mode whatever the inputs are.
-        *numbered(
-            "fine_force", 3, "N", "Force demanded of a fine actuator, positive extends the leg",
-            causality="output", initially_depends_on=(),
+        *vector(
+            "base_angular_acceleration",
+            "xyz",
+            "rad/s2",
+            "Measured angular acceleration of B, in B",
+            causality="input",
+        ),
+        *vector(
+            "orientation",
+            ("roll", "pitch", "yaw"),
+            "rad",
+            "Nominal orientation of P in B, for the gains",
+            causality="input",
+            event=True,
+            display_unit="deg",
         ),
         Port(
-            "saturated", "output", type="Boolean", description="A force is at its limit", initially_depends_on=()
+            "enabled",
+            "input",
+            type="Boolean",
+            start=True,
+            description="False: no force; the filters go on measuring",
+        ),
+        # At rest and strictly proper: the force is zero in initialisation mode whatever the inputs are.
+        *numbered(
+            "fine_force",
+            3,
+            "N",
+            "Force demanded of a fine actuator, positive extends the leg",
+            causality="output",
+            initially_depends_on=(),
+        ),
+        Port(
+            "saturated",
+            "output",
+            type="Boolean",
+            description="A force is at its limit",
+            initially_depends_on=(),
         ),
         *parameter_ports(
             entries(PAPER.manipulator, keep=known)
             + entries(KNOWN_PAYLOAD, "payload", keep=known)
             + entries(PAPER.filters, "filters")
         ),
-        Port("force_limit", "parameter", "N", "Largest force of a fine actuator; 0 = no limit", start=0.0, min=0.0),
+        Port(
+            "force_limit",
+            "parameter",
+            "N",
+            "Largest force of a fine actuator; 0 = no limit",
+            start=0.0,
+            min=0.0,
+        ),
         Port("delay", "parameter", "s", "Pure delay of the forces, a multiple of the step", start=0.0, min=0.0),
         Port(
-            "sample_time", "parameter", "s", "Period of the controller, a multiple of the step; 0 = every step",
-            start=0.0, min=0.0,
+            "sample_time",
+            "parameter",
+            "s",
+            "Period of the controller, a multiple of the step; 0 = every step",
+            start=0.0,
+            min=0.0,
         ),
         Port(
-            "orientation_resolution", "parameter", "rad", "The gains are computed anew when the orientation is this far "
-            "from that of the last ones, and when it has come to rest", start=1e-4, min=0.0, display_unit="deg",
+            "orientation_resolution",
+            "parameter",
+            "rad",
+            "The gains are computed anew when the orientation is this far "
+            "from that of the last ones, and when it has come to rest",
+            start=1e-4,
+            min=0.0,
+            display_unit="deg",
         ),
     )
 
@@ -127,7 +176,10 @@ class FeedforwardIsolator(Slave):
         values = self.parameters()
         filters = taken_from(PAPER.filters, values, "filters")
         self.isolator = Isolator(
-            taken_from(PAPER.manipulator, values), taken_from(KNOWN_PAYLOAD, values, "payload"), filters, lowpass(filters)
+            taken_from(PAPER.manipulator, values),
+            taken_from(KNOWN_PAYLOAD, values, "payload"),
+            filters,
+            lowpass(filters),
         )
         self.gain_orientation, self.last_orientation = self.memory[0:3], self.memory[3:6]  # rad
         self.phase_count, self.held_force = self.memory[6:7], self.memory[7:10]  # steps into the period; N
@@ -146,7 +198,7 @@ class FeedforwardIsolator(Slave):
         self.remap()
 
     def _framed(self, matrix: NDArray[np.float64], n_states: int) -> NDArray[np.float64]:
-        """The controller's map in the FMU's own shape: room for `saturated`, unused filter states, sampled inputs."""
+        """The controller's map in the FMU's shape: room for `saturated`, unused states, sampled inputs."""
         framed = np.zeros((4 + (self.n_states if n_states else 0), self.n_states + 12))
         n = self.controller.n_states
         first = self.n_states + (6 if self.sampled else 0)

@@ -6,6 +6,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
+
 from ps_fmu.fmu.parameters import parameter_ports
 from ps_fmu.fmu.slave import Slave
 from ps_fmu.fmu.variables import Port, numbered, vector
@@ -25,9 +26,7 @@ JITTER: dict[str, Any] = AT_REST | {"display_unit": "urad"}
 class ManipulatorPlant(Slave):
     """Six-leg dynamics with payload truss modes, coarse-rod flexibility and bus modes."""
 
-    model_description = (
-        "Pointing and stabilising manipulator with payload on a free flexible bus: linearised six-leg dynamics"
-    )
+    model_description = "Pointing and stabilising manipulator with payload on a free flexible bus: linearised dynamics"
     # The state x of practical.PlantModel: coordinates and rates, then the coarse servos.
     n_states: ClassVar[int] = 2 * (3 + 6 + len(PAPER.bus.modes) + 3 + len(PAPER.payload.truss_modes)) + 6
     n_auxiliary: ClassVar[int] = 4  # rate-limited coarse reference (3, m) and the constant 1
@@ -35,13 +34,27 @@ class ManipulatorPlant(Slave):
 
     ports: ClassVar[tuple[Port, ...]] = (
         *numbered("fine_force", 3, "N", "Force of a fine actuator, positive extends the leg", causality="input"),
-        *vector("base_force", "xyz", "N", "Disturbance force on the bus at the origin of B, in B", causality="input"),
         *vector(
-            "base_torque", "xyz", "N.m", "Disturbance torque on the bus about the origin of B, in B", causality="input"
+            "base_force",
+            "xyz",
+            "N",
+            "Disturbance force on the bus at the origin of B, in B",
+            causality="input",
+        ),
+        *vector(
+            "base_torque",
+            "xyz",
+            "N.m",
+            "Disturbance torque on the bus about the origin of B, in B",
+            causality="input",
         ),
         *numbered(
-            "coarse_command", 3, "m", "Commanded displacement of a coarse actuator from its nominal length",
-            causality="input", event=True,
+            "coarse_command",
+            3,
+            "m",
+            "Commanded displacement of a coarse actuator from its nominal length",
+            causality="input",
+            event=True,
         ),
         # Outputs: the order of practical.OUTPUTS.
         *vector("base_acceleration", "xyz", "m/s2", "Acceleration of the origin of B, in B", **OUTPUT),
@@ -53,7 +66,13 @@ class ManipulatorPlant(Slave):
         *vector("payload_position", "xyz", "m", "Displacement of the origin of P by vibration, in B", **AT_REST),
         *vector("payload_rotation", "xyz", "rad", "Small rotation of P by vibration (jitter), in P", **JITTER),
         *numbered("fine_displacement", 3, "m", "Elongation of a fine leg", **AT_REST),
-        *numbered("coarse_displacement", 3, "m", "Displacement of a coarse actuator from its nominal length", **OUTPUT),
+        *numbered(
+            "coarse_displacement",
+            3,
+            "m",
+            "Displacement of a coarse actuator from its nominal length",
+            **OUTPUT,
+        ),
         *vector("orientation", RPY, "rad", "Nominal orientation of P in B, by the coarse actuators alone", **POSE),
         *vector("relative_orientation", RPY, "rad", "Orientation of P in B with fine legs and rod stretch", **POSE),
         *vector("los", "xy", "m", "Image point of the boresight on the image plane, axes of P", **AT_REST),
@@ -65,10 +84,16 @@ class ManipulatorPlant(Slave):
             + entries(PAPER.optics, "optics")
         ),
         Port(
-            "relinearisation_distance", "parameter", "m", start=2e-5, min=1e-9,
-            description="The model is linearised anew when a coarse leg is this far from the pose of the last one",
+            "relinearisation_distance",
+            "parameter",
+            "m",
+            start=2e-5,
+            min=1e-9,
+            description="A new linear model is made when a coarse leg is this far from the pose of the last one",
         ),
     )
+
+    said_of: tuple[float, ...] = ()  # the command beyond the stroke that the last warning was about
 
     def configure(self) -> None:
         """Build the system from the parameters and put it at rest at the commanded pose."""
@@ -89,7 +114,12 @@ class ManipulatorPlant(Slave):
     def event(self, t: float, h: float) -> bool:
         """The coarse legs move: advance their reference, linearise anew where needed."""
         motion = coarse_motion(
-            self.plant, self.model, self.x, self.a[:3], self._command(), h,
+            self.plant,
+            self.model,
+            self.x,
+            self.a[:3],
+            self._command(),
+            h,
             float(self.value("relinearisation_distance")),
         )
         if motion.model is not self.model:
@@ -122,7 +152,8 @@ class ManipulatorPlant(Slave):
     def _command(self) -> NDArray[np.float64]:
         command = self.values("coarse_command")
         held = self.plant.within_stroke(command)
-        if (held != command).any():
+        if (held != command).any() and tuple(command) != self.said_of:
+            self.said_of = tuple(command)
             worst = int(np.argmax(np.abs(held - command)))
             self.warning(
                 f"coarse_command_{worst + 1}: {command[worst]:.6g} m is outside the stroke "

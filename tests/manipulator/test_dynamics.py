@@ -4,12 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.mechanics import PAPER, dynamics_at, pose_at, reference_cases, reference_pose, rigid
 from hypothesis import given
 from hypothesis import strategies as st
+from support.mechanics import PAPER, dynamics_at, pose_at, reference_cases, reference_pose, rigid
+
 from ps_fmu.manipulator.dynamics import Pose, payload_mass, rigid_body_mass
 from ps_fmu.manipulator.kinematics import jacobians, leg_vectors, platform_joints_B
 from ps_fmu.manipulator.legs import leg_mass
+from ps_fmu.manipulator.parameters import LegPart
 from ps_fmu.manipulator.rotations import rotation_matrix
 
 small = st.floats(-1.0, 1.0)
@@ -44,7 +46,10 @@ def test_leg_energy_is_that_of_its_parts(rpy_deg, platform_twist, base_twist) ->
     geometry = manipulator.geometry
     legs = manipulator.coarse_legs + manipulator.fine_legs
     mass = leg_mass(legs, geometry, pose.translation_B, pose.rotation_BP)
-    vectors, arms = leg_vectors(geometry, pose.translation_B, pose.rotation_BP), platform_joints_B(geometry, pose.rotation_BP)
+    vectors, arms = (
+        leg_vectors(geometry, pose.translation_B, pose.rotation_BP),
+        platform_joints_B(geometry, pose.rotation_BP),
+    )
     energy = 0.0
     for leg, vector, arm, base_arm in zip(legs, vectors, arms, geometry.base_joints_B, strict=True):
         length = np.linalg.norm(vector)
@@ -73,25 +78,35 @@ def test_locked_coarse_leg_is_the_papers_one_body(rpy_deg, fine_rate, base_twist
     J = jacobians(geometry, pose.translation_B, pose.rotation_BP)
     platform_twist = J.J_pf @ fine_rate + J.J_pb @ base_twist  # coarse actuators locked
     mass = leg_mass(manipulator.coarse_legs + manipulator.fine_legs, geometry, pose.translation_B, pose.rotation_BP)
-    without = leg_mass(
-        tuple(replace(leg, lower=replace(leg.lower, mass=0.0, radial_inertia=0.0), upper=replace(leg.upper, mass=0.0, radial_inertia=0.0)) for leg in manipulator.coarse_legs)
-        + manipulator.fine_legs, geometry, pose.translation_B, pose.rotation_BP,
-    )  # fmt: skip
+    nothing = LegPart(mass=0.0, com_distance=0.0, radial_inertia=0.0)
+    massless = tuple(replace(leg, lower=nothing, upper=nothing) for leg in manipulator.coarse_legs)
+    without = leg_mass(massless + manipulator.fine_legs, geometry, pose.translation_B, pose.rotation_BP)
 
     def twice_energy(m) -> float:
-        return platform_twist @ m.alpha @ platform_twist + 2.0 * platform_twist @ m.alpha_beta @ base_twist + base_twist @ m.beta @ base_twist
+        return (
+            platform_twist @ m.alpha @ platform_twist
+            + 2.0 * platform_twist @ m.alpha_beta @ base_twist
+            + base_twist @ m.beta @ base_twist
+        )
 
     expected = 0.0
-    vectors, arms = leg_vectors(geometry, pose.translation_B, pose.rotation_BP), platform_joints_B(geometry, pose.rotation_BP)
-    for leg, vector, arm, base_arm in zip(manipulator.coarse_legs, vectors[:3], arms[:3], geometry.base_joints_B[:3], strict=True):
+    vectors, arms = (
+        leg_vectors(geometry, pose.translation_B, pose.rotation_BP),
+        platform_joints_B(geometry, pose.rotation_BP),
+    )
+    for leg, vector, arm, base_arm in zip(
+        manipulator.coarse_legs, vectors[:3], arms[:3], geometry.base_joints_B[:3], strict=True
+    ):
         length = float(np.linalg.norm(vector))
         n = vector / length
         m = leg.lower.mass + leg.upper.mass
         upper_at = length - leg.upper.com_distance
         rho = (leg.lower.mass * leg.lower.com_distance + leg.upper.mass * upper_at) / m
         mu = (
-            leg.lower.radial_inertia + leg.lower.mass * (leg.lower.com_distance - rho) ** 2
-            + leg.upper.radial_inertia + leg.upper.mass * (upper_at - rho) ** 2
+            leg.lower.radial_inertia
+            + leg.lower.mass * (leg.lower.com_distance - rho) ** 2
+            + leg.upper.radial_inertia
+            + leg.upper.mass * (upper_at - rho) ** 2
         )
         P = np.eye(3) - np.outer(n, n)
         v_p = platform_twist[:3] + np.cross(platform_twist[3:], arm)
@@ -99,7 +114,9 @@ def test_locked_coarse_leg_is_the_papers_one_body(rpy_deg, fine_rate, base_twist
         m_alpha = (mu + m * rho**2) / length**2  # (A18)
         m_beta = m_alpha - 2.0 * m * rho / length  # (A21)
         m_alpha_beta = m_alpha - m * rho / length  # (A24)
-        expected += v_p @ (m_alpha * P) @ v_p + v_b @ (m * np.eye(3) + m_beta * P) @ v_b - 2.0 * m_alpha_beta * v_p @ P @ v_b
+        expected += (
+            v_p @ (m_alpha * P) @ v_p + v_b @ (m * np.eye(3) + m_beta * P) @ v_b - 2.0 * m_alpha_beta * v_p @ P @ v_b
+        )
     assert twice_energy(mass) - twice_energy(without) == pytest.approx(expected, rel=1e-10, abs=1e-12)
 
 

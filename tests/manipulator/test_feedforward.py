@@ -4,11 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import cheby2, freqs_zpk
+from support.mechanics import ORIENTATIONS_DEG, PAPER, dynamics_at, pose_at, rigid
+
 from ps_fmu.manipulator.feedforward import Controller, gains, lowpass
 from ps_fmu.manipulator.frequency import Nominal, Practical
 from ps_fmu.manipulator.rotations import skew
-from scipy.signal import cheby2, freqs_zpk
-from support.mechanics import ORIENTATIONS_DEG, PAPER, dynamics_at, pose_at, rigid
 
 S = 2j * np.pi * np.geomspace(0.05, 300.0, 40)  # rad/s
 
@@ -101,7 +102,9 @@ def test_discrete_controller_does_not_drift_where_a_direct_form_would() -> None:
     omega, zeta, t = 2.0 * np.pi * 1e-4, PAPER.filters.highpass_damping_ratio, 1000.0
     damped = omega * np.sqrt(1.0 - zeta**2)
     analytic = (
-        u[0] / omega**2 * (1.0 - np.exp(-zeta * omega * t) * (np.cos(damped * t) + zeta * omega / damped * np.sin(damped * t)))
+        u[0]
+        / omega**2
+        * (1.0 - np.exp(-zeta * omega * t) * (np.cos(damped * t) + zeta * omega / damped * np.sin(damped * t)))
     )
     assert displacement == pytest.approx(analytic, rel=1e-6)
 

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from ps_fmu.manipulator.frequency import Nominal, Practical
 from support.mechanics import (
     ORIENTATIONS_DEG,
     PAPER,
@@ -16,6 +15,8 @@ from support.mechanics import (
     relative_error,
     rigid,
 )
+
+from ps_fmu.manipulator.frequency import Nominal, Practical
 
 S = 2j * np.pi * np.geomspace(0.05, 300.0, 40)  # rad/s
 
@@ -42,7 +43,10 @@ def test_transmissibility_begins_at_one_and_ends_at_the_feedthrough(rpy_deg) -> 
 def test_transmissibility_is_immune_to_bus_modes_and_bus_mass() -> None:
     """The statement below eq (38), for the nominal model and for the practical plant."""
     pose = pose_at((8.5, 0.0, 0.0))
-    heavy, light = dynamics_at(pose), dynamics_at(pose, rigid(replace(PAPER, bus=replace(PAPER.bus, mass=933.0))))
+    heavy, light = (
+        dynamics_at(pose),
+        dynamics_at(pose, rigid(replace(PAPER, bus=replace(PAPER.bus, mass=933.0)))),
+    )
     np.testing.assert_allclose(Nominal(heavy).G_P(S), Nominal(light).G_P(S), rtol=1e-9, atol=1e-12)
     no_modes = replace(PAPER, bus=replace(PAPER.bus, modes=()))
     practical, without = Practical(heavy), Practical(dynamics_at(pose, no_modes))

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+
 from ps_fmu.manipulator.flat import entries, taken_from, with_values
 from ps_fmu.manipulator.parameters import PAPER, BusMode, ParameterError, load
 
@@ -31,7 +32,11 @@ def test_arrays_cannot_be_changed() -> None:
         ("payload.inertia.xx", 0.0, "payload.inertia: must be positive definite"),
         ("payload.inertia.zz", 9.0, "payload.inertia: no rigid body"),
         ("payload.truss_mode_2.damping_ratio", -0.1, "payload.truss_mode_2.damping_ratio: must not be less"),
-        ("payload.truss_mode_1.direction.x", 0.0, "payload.truss_mode_1.direction: must not be the zero vector"),
+        (
+            "payload.truss_mode_1.direction.x",
+            0.0,
+            "payload.truss_mode_1.direction: must not be the zero vector",
+        ),
         ("payload.colour", 1.0, "payload.colour: no such parameter"),
     ],
 )

@@ -4,13 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
+from support.mechanics import PAPER, relative_error
+
 from ps_fmu.manipulator.discretise import zero_order_hold
 from ps_fmu.manipulator.dynamics import Pose
 from ps_fmu.manipulator.frequency import Practical
 from ps_fmu.manipulator.plant import Plant, coarse_motion
 from ps_fmu.manipulator.practical import OUTPUTS, carry_over, output_slices
-from scipy.linalg import expm
-from support.mechanics import PAPER, relative_error
 
 PLANT = Plant(PAPER.manipulator, PAPER.payload, PAPER.bus, PAPER.servo, PAPER.optics)
 STILL = np.zeros(3)

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+
 from ps_fmu.manipulator.dynamics import Dynamics, Pose, assemble
 from ps_fmu.manipulator.inverse import inverse_kinematics
 from ps_fmu.manipulator.parameters import Parameters, load

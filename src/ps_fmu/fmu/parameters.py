@@ -21,7 +21,11 @@ def parameter_ports(entries: Iterable[Entry]) -> tuple[Port, ...]:
         else:
             ports.append(
                 Port(
-                    entry.name, "parameter", entry.unit, entry.description, start=entry.value,
+                    entry.name,
+                    "parameter",
+                    entry.unit,
+                    entry.description,
+                    start=entry.value,
                     display_unit=_DISPLAY.get(entry.unit),
                 )
             )

@@ -84,9 +84,7 @@ def rigid_body_mass(mass: float, com: Array, inertia_com: Array) -> Array:
 
 def payload_mass(payload: Payload, rotation_BP: Array) -> Array:
     """M_p of eq (20), (6, 6), B axes at the origin of P."""
-    return rigid_body_mass(
-        payload.mass, rotation_BP @ payload.com_P, rotation_BP @ payload.inertia_P @ rotation_BP.T
-    )
+    return rigid_body_mass(payload.mass, rotation_BP @ payload.com_P, rotation_BP @ payload.inertia_P @ rotation_BP.T)
 
 
 def bus_mass(bus: Bus) -> Array:
@@ -97,7 +95,12 @@ def bus_mass(bus: Bus) -> Array:
 def assemble(manipulator: Manipulator, payload: Payload, bus: Bus, pose: Pose) -> Dynamics:
     """The full model at a pose; modes with frequency or stiffness zero are inactive."""
     J = jacobians(manipulator.geometry, pose.translation_B, pose.rotation_BP)
-    legs = leg_mass(manipulator.coarse_legs + manipulator.fine_legs, manipulator.geometry, pose.translation_B, pose.rotation_BP)
+    legs = leg_mass(
+        manipulator.coarse_legs + manipulator.fine_legs,
+        manipulator.geometry,
+        pose.translation_B,
+        pose.rotation_BP,
+    )
     n_bus, n_truss = len(bus.modes), len(payload.truss_modes)
     slices = _places({"d_f": 3, "q_b": 6, "x_m": n_bus, "e_c": 3, "x_t": n_truss})
     n = slices["x_t"].stop
@@ -129,7 +132,11 @@ def assemble(manipulator: Manipulator, payload: Payload, bus: Bus, pose: Pose) -
         along_B = pose.rotation_BP @ (truss.direction_P / np.linalg.norm(truss.direction_P))
         M[:, k] += truss.mass * (np.hstack([along_B, np.cross(arm_B, along_B)]) @ platform)
         M[k, :] = M[:, k]
-        M[k, k], C[k, k], K[k, k] = truss.mass, 2.0 * truss.damping_ratio * omega * truss.mass, omega**2 * truss.mass
+        M[k, k], C[k, k], K[k, k] = (
+            truss.mass,
+            2.0 * truss.damping_ratio * omega * truss.mass,
+            omega**2 * truss.mass,
+        )
         active[k] = truss.frequency > 0.0 and truss.mass > 0.0
     m_c = M[:, e_c].copy()
     rods = manipulator.coarse_rods

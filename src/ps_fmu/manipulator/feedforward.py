@@ -47,7 +47,12 @@ class Gains:
 def gains(manipulator: Manipulator, payload: Payload, pose: Pose) -> Gains:
     """Eqs (52)-(54) at a pose, for the payload as the controller knows it (its inertia does not matter)."""
     J = jacobians(manipulator.geometry, pose.translation_B, pose.rotation_BP)
-    legs = leg_mass(manipulator.coarse_legs + manipulator.fine_legs, manipulator.geometry, pose.translation_B, pose.rotation_BP)
+    legs = leg_mass(
+        manipulator.coarse_legs + manipulator.fine_legs,
+        manipulator.geometry,
+        pose.translation_B,
+        pose.rotation_BP,
+    )
     stiffness = np.diag([leg.stiffness for leg in manipulator.fine_legs])
     damping = np.diag([leg.damping for leg in manipulator.fine_legs])
     follow = np.linalg.solve(J.J_theta_f, J.J_theta_b)  # fine elongation that undoes the base rotation
@@ -132,7 +137,10 @@ class Controller:
         A, B, C, D = np.zeros((n, n)), np.zeros((n, 6)), np.zeros((3, n)), np.zeros((3, 6))
         p, v = slice(0, 6), slice(6, 12)
         A[p, v] = np.eye(6)
-        A[v, p], A[v, v] = -(omega**2) * np.eye(6), -2.0 * self.filters.highpass_damping_ratio * omega * np.eye(6)
+        A[v, p], A[v, v] = (
+            -(omega**2) * np.eye(6),
+            -2.0 * self.filters.highpass_damping_ratio * omega * np.eye(6),
+        )
         B[v] = np.eye(6)
         C[:, p], C[:, v] = self.gains.displacement, self.gains.velocity
         for i in range(3):

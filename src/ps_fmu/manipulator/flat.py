@@ -52,7 +52,12 @@ def entries(obj: Any, prefix: str = "", keep: Callable[[str], bool] | None = Non
                 found += entries(item, f"{_singular(name)}_{i}")
         elif isinstance(value, np.ndarray):
             found += [
-                Entry(f"{name}.{suffix}", float(value[index]), _unit(unit, index, value.ndim), f"{text} ({suffix})")
+                Entry(
+                    f"{name}.{suffix}",
+                    float(value[index]),
+                    _unit(unit, index, value.ndim),
+                    f"{text} ({suffix})",
+                )
                 for suffix, index in _components(f.name, value)
             ]
         else:
@@ -87,7 +92,9 @@ def _replaced(obj: Any, values: Mapping[str, Any], prefix: str) -> Any:
         if is_dataclass(value):
             changes[f.name] = _replaced(value, values, name)
         elif isinstance(value, tuple):
-            changes[f.name] = tuple(_replaced(item, values, f"{_singular(name)}_{i}") for i, item in enumerate(value, 1))
+            changes[f.name] = tuple(
+                _replaced(item, values, f"{_singular(name)}_{i}") for i, item in enumerate(value, 1)
+            )
         elif isinstance(value, np.ndarray):
             array = value.copy()
             for suffix, index in _components(f.name, value):

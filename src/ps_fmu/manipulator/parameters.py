@@ -73,8 +73,9 @@ def _inertia(value: Any, name: str) -> Array:
         raise ParameterError(name, f"must be positive definite; its principal moments are {moments.tolist()} kg.m2")
     if moments[2] > (moments[0] + moments[1]) * (1.0 + 1e-9):
         raise ParameterError(
-            name, f"no rigid body has the principal moments {moments.tolist()} kg.m2: "
-            "the largest exceeds the sum of the others"
+            name,
+            f"no rigid body has the principal moments {moments.tolist()} kg.m2: "
+            "the largest exceeds the sum of the others",
         )
     return array
 
@@ -169,7 +170,9 @@ class Manipulator(_Checked):
         self._set("nominal_translation_B", _frozen(self.nominal_translation_B, (3,), "nominal_translation"))
         self._set("coarse_stroke", _frozen(self.coarse_stroke, (2,), "coarse_stroke"))
         if not self.coarse_stroke[0] < 0.0 < self.coarse_stroke[1]:
-            raise ParameterError("coarse_stroke", f"min must be below 0 and max above, got {self.coarse_stroke.tolist()} m")
+            raise ParameterError(
+                "coarse_stroke", f"min must be below 0 and max above, got {self.coarse_stroke.tolist()} m"
+            )
         for name in ("coarse_legs", "fine_legs"):
             if len(getattr(self, name)) != 3:
                 raise ParameterError(name, f"the mechanism has three, got {len(getattr(self, name))}")
@@ -187,7 +190,10 @@ class Manipulator(_Checked):
         jacobian = np.hstack([n_B, np.cross(geometry.platform_joints_P, n_B)])
         jacobian[:, 3:] /= max(float(np.abs(geometry.platform_joints_P).max()), 1e-3)  # rad as m at the joint radius
         if np.linalg.cond(jacobian) > 1e8:
-            raise ParameterError("geometry", "the six legs are singular at the nominal pose (|J_lp| = 0, eq 12); move the joints apart")
+            raise ParameterError(
+                "geometry",
+                "the six legs are singular at the nominal pose (|J_lp| = 0, eq 12); move the joints apart",
+            )
 
     @property
     def geometry(self) -> Geometry:
@@ -308,7 +314,12 @@ class FeedforwardFilters(_Checked):
             # An even order passes 10^(-attenuation/20) straight through: an algebraic loop with the plant.
             raise ParameterError("lowpass_order", f"expected an odd whole number from 1 to 9, got {order!r}")
         self._set("lowpass_order", int(order))
-        for name in ("lowpass_stop_frequency", "lowpass_stop_attenuation", "highpass_frequency", "highpass_damping_ratio"):
+        for name in (
+            "lowpass_stop_frequency",
+            "lowpass_stop_attenuation",
+            "highpass_frequency",
+            "highpass_damping_ratio",
+        ):
             self._set(name, _number(getattr(self, name), name, above=0.0))
 
 
@@ -318,7 +329,8 @@ class Noise(_Checked):
 
     band: Array = quantity("Hz", "Edges of the band")
     wrench_psd_B: Array = quantity(
-        "N2/Hz|N2.m/Hz|N2.m2/Hz", "One-sided power spectral density of force and torque at the bus centre of mass, in B"
+        "N2/Hz|N2.m/Hz|N2.m2/Hz",
+        "One-sided power spectral density of force and torque at the bus centre of mass, in B",
     )
 
     def __post_init__(self) -> None:
@@ -374,14 +386,21 @@ def load(path: Path | None = None, bus: str = "OSM") -> Parameters:
         servo=_build(CoarseServo, _entry(table, "servo", ""), "servo"),
         optics=_build(Optics, _entry(table, "optics", ""), "optics"),
         filters=_build(FeedforwardFilters, _entry(table, "filters", ""), "filters"),
-        known_com_P=_frozen(_entry(_entry(table, "isolator", ""), "known_com_P", "isolator"), (3,), "isolator.known_com_P"),
+        known_com_P=_frozen(
+            _entry(_entry(table, "isolator", ""), "known_com_P", "isolator"), (3,), "isolator.known_com_P"
+        ),
         noise=_build(Noise, _entry(table, "noise", ""), "noise"),
     )
 
 
 _NESTED: dict[str, type] = {
-    "lower": LegPart, "upper": LegPart, "coarse_legs": CoarseLeg, "fine_legs": FineLeg, "coarse_rods": CoarseRods,
-    "truss_modes": TrussMode, "modes": BusMode,
+    "lower": LegPart,
+    "upper": LegPart,
+    "coarse_legs": CoarseLeg,
+    "fine_legs": FineLeg,
+    "coarse_rods": CoarseRods,
+    "truss_modes": TrussMode,
+    "modes": BusMode,
 }
 
 

@@ -79,7 +79,7 @@ class PlantModel:
         """A, B, C, D of ``x' = A x + B u``, ``y = C x + D u``."""
         d, n = self.dynamics, self.dynamics.n
         A, B = np.zeros((self.n_states, self.n_states)), np.zeros((self.n_states, 13))
-        q, dq, s, ds = slice(0, n), slice(n, 2 * n), slice(2 * n, 2 * n + 3), slice(2 * n + 3, 2 * n + 6)
+        dq, s, ds = slice(n, 2 * n), slice(2 * n, 2 * n + 3), slice(2 * n + 3, 2 * n + 6)
         on = np.flatnonzero(d.active)
         A[on, n + on] = 1.0  # q' = dq, for what can move
         A[s, ds] = np.eye(3)
@@ -113,7 +113,10 @@ class PlantModel:
         t_b, r_b = slice(q_b.start, q_b.start + 3), slice(q_b.start + 3, q_b.stop)
         dt_b, dr_b = slice(n + t_b.start, n + t_b.stop), slice(n + r_b.start, n + r_b.stop)
         s, one = slice(2 * n, 2 * n + 3), 12
-        C[place["base_acceleration"]], D[place["base_acceleration"]] = acceleration_x[t_b], acceleration_u[t_b]
+        C[place["base_acceleration"]], D[place["base_acceleration"]] = (
+            acceleration_x[t_b],
+            acceleration_u[t_b],
+        )
         C[place["base_angular_acceleration"]] = acceleration_x[r_b]
         D[place["base_angular_acceleration"]] = acceleration_u[r_b]
         C[place["base_velocity"], dt_b] = np.eye(3)

@@ -1,0 +1,165 @@
+"""FeedforwardIsolator driven as a Python object: gains, switching, delay, sampling, limit, state."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from support.mechanics import PAPER, pose_at
+from support.models import Host
+
+from ps_fmu.manipulator.feedforward import Controller, gains, lowpass
+
+FORCES = ("fine_force_1", "fine_force_2", "fine_force_3")
+H = 1e-3  # s
+
+
+def acceleration(k: int) -> dict[str, float]:
+    """Some motion of the base: deterministic, all axes."""
+    names = [f"base_acceleration__{a}" for a in "xyz"] + [f"base_angular_acceleration__{a}" for a in "xyz"]
+    return {name: 1e-3 * np.sin(0.02 * k * (i + 1) + i) for i, name in enumerate(names)}
+
+
+def run(host: Host, steps: int, start: int = 0) -> np.ndarray:
+    forces = []
+    for k in range(start, start + steps):
+        host.set(**acceleration(k))
+        host.step(H)
+        forces.append(host.get(*FORCES))
+    return np.array(forces)
+
+
+def test_forces_are_those_of_the_controller() -> None:
+    known = replace(PAPER.payload, com_P=PAPER.known_com_P)
+    found = gains(PAPER.manipulator, known, pose_at((0.0, 0.0, 0.0)))
+    c = Controller(found, lowpass(PAPER.filters), PAPER.filters)
+    step, x, expected = c.step_map(H), np.zeros(c.n_states), []
+    for k in range(50):
+        result = step @ np.concatenate([x, list(acceleration(k).values())])
+        expected.append(result[:3])
+        x = result[3:]
+    np.testing.assert_allclose(run(Host("feedforward_isolator").run_mode(), 50), expected, rtol=1e-10, atol=1e-14)
+
+
+def test_no_force_in_initialisation_mode_whatever_the_inputs() -> None:
+    """Strictly proper: no algebraic loop with the plant at the start."""
+    host = Host("feedforward_isolator", **acceleration(5))
+    assert host.get(*FORCES) == [0.0, 0.0, 0.0]
+
+
+def test_disabled_gives_no_force_but_goes_on_measuring() -> None:
+    always = Host("feedforward_isolator").run_mode()
+    switched = Host("feedforward_isolator", enabled=False).run_mode()
+    expected = run(always, 40)
+    assert not run(switched, 20).any()
+    switched.set(enabled=True)
+    np.testing.assert_allclose(run(switched, 20, 20), expected[20:], rtol=1e-12)
+    switched.set(enabled=False)
+    assert not run(switched, 3, 40).any()
+
+
+def test_gains_follow_the_orientation() -> None:
+    there = Host("feedforward_isolator", orientation__roll=0.1).run_mode()
+    turned = Host("feedforward_isolator").run_mode()
+    other = run(Host("feedforward_isolator").run_mode(), 3)
+    turned.set(orientation__roll=0.1)
+    first = run(turned, 3)
+    np.testing.assert_allclose(first, run(there, 3), rtol=1e-12)
+    assert np.abs(first - other).max() > 1e-3 * np.abs(other).max()
+
+
+def test_small_turns_wait_until_they_are_over() -> None:
+    """Within the resolution the gains stay; once the orientation rests they are exact."""
+    host = Host("feedforward_isolator", orientation_resolution=1e-2).run_mode()
+    host.set(orientation__pitch=1e-3)
+    host.step(H)
+    assert host.slave.gain_orientation[1] == 0.0
+    host.step(H)
+    assert host.slave.gain_orientation[1] == 1e-3
+
+
+@pytest.mark.parametrize("steps", [1, 7, 200])
+def test_delay_is_a_shift(steps: int) -> None:
+    plain = run(Host("feedforward_isolator").run_mode(), 250)
+    delayed = run(Host("feedforward_isolator", delay=steps * H).run_mode(), 250)
+    assert not delayed[:steps].any()
+    np.testing.assert_array_equal(delayed[steps:], plain[:-steps])
+
+
+def test_delay_outlives_a_change_of_step() -> None:
+    host = Host("feedforward_isolator", delay=0.02, **acceleration(50)).run_mode()
+    host.step(H, 100)
+    before = host.get(*FORCES)
+    assert host.slave.do_step(100 * H, 5e-4)
+    np.testing.assert_allclose(host.get(*FORCES), before, rtol=0.1)
+
+
+@pytest.mark.parametrize(
+    ("delay", "text"), [(1.5e-3, "delay: 0.0015 s is not a multiple"), (5.0, "at most 1000 are kept")]
+)
+def test_impossible_delay_is_refused(delay: float, text: str) -> None:
+    host = Host("feedforward_isolator", delay=delay).run_mode()
+    assert not host.slave.do_step(0.0, H)
+    assert text in host.messages()
+
+
+def test_force_limit_clips_and_says_so() -> None:
+    host = Host("feedforward_isolator", force_limit=1e-3, base_acceleration__x=1.0).run_mode()
+    host.step(H, 5)
+    assert host.flag("saturated")
+    assert np.abs(host.get(*FORCES)).max() <= 1e-3
+    free = Host("feedforward_isolator", base_acceleration__x=1.0).run_mode()
+    free.step(H, 5)
+    assert not free.flag("saturated")
+    assert np.abs(free.get(*FORCES)).max() > 1e-3
+
+
+def test_limit_does_not_wind_up_the_filters() -> None:
+    limited = Host("feedforward_isolator", force_limit=1e-6).run_mode()
+    free = Host("feedforward_isolator").run_mode()
+    run(limited, 20)
+    run(free, 20)
+    np.testing.assert_allclose(limited.slave.x, free.slave.x)
+
+
+def test_sampled_controller_is_the_controller_at_its_own_period() -> None:
+    """Period of four steps: inputs sampled and outputs changed only there, like a slave stepped four times as long."""
+    sampled = Host("feedforward_isolator", sample_time=4 * H).run_mode()
+    own = Host("feedforward_isolator").run_mode()
+    forces = run(sampled, 40)
+    expected = []
+    for k in range(10):
+        own.set(**acceleration(4 * k))
+        assert own.slave.do_step(4 * k * H, 4 * H)
+        expected.append(own.get(*FORCES))
+    np.testing.assert_allclose(forces[3::4], expected, rtol=1e-8, atol=1e-12)
+    np.testing.assert_array_equal(forces[4:7], np.repeat(forces[3:4], 3, axis=0))
+
+
+def test_period_must_be_a_multiple_of_the_step() -> None:
+    host = Host("feedforward_isolator", sample_time=2.5 * H).run_mode()
+    assert not host.slave.do_step(0.0, H)
+    assert "sample_time: 0.0025 s is not a multiple" in host.messages()
+
+
+def test_unreachable_orientation_is_said_and_can_be_put_right() -> None:
+    host = Host("feedforward_isolator", nominal_translation__z=0.15).run_mode()  # a low platform meets its limit
+    host.set(orientation__roll=1.5)
+    assert not host.slave.do_step(0.0, H)
+    assert "orientation (85.94, 0, 0) deg: no pose with the fine legs at rest" in host.messages()
+    host.set(orientation__roll=0.0)
+    host.step(H)
+
+
+VARIANTS = [{}, {"delay": 0.013}, {"sample_time": 5 * H, "force_limit": 0.01}, {"enabled": False}]
+
+
+@pytest.mark.parametrize("start", VARIANTS, ids=str)
+def test_state_continues_bit_for_bit(start: dict) -> None:
+    host = Host("feedforward_isolator", **start).run_mode()
+    run(host, 33)
+    data = host.slave._fmu_state_to_bytes(host.slave._get_fmu_state())
+    expected = run(host, 20, 33)
+    second = Host("feedforward_isolator")
+    second.slave._set_fmu_state(second.slave._fmu_state_from_bytes(data))
+    second.count = 33
+    np.testing.assert_array_equal(run(second, 20, 33), expected)

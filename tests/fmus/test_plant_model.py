@@ -1,0 +1,124 @@
+"""ManipulatorPlant driven as a Python object: what its ports mean, events, state."""
+
+import numpy as np
+import pytest
+from support.mechanics import PAPER
+from support.models import Host, slave_class
+
+from ps_fmu.fmu.slave import Refused
+from ps_fmu.manipulator.practical import OUTPUTS, output_slices
+
+ORIENTATION = ("orientation.roll", "orientation.pitch", "orientation.yaw")
+H = 1e-3  # s
+
+
+def test_outputs_are_declared_in_the_order_of_the_model() -> None:
+    layout = slave_class("manipulator_plant").layout
+    names = [layout.by_reference[i].name for i in range(layout.y.stop)]
+    assert len(names) == sum(OUTPUTS.values())
+    for group, place in output_slices().items():
+        prefixes = {name.rsplit(".", 1)[0] if "." in name else name.rsplit("_", 1)[0] for name in names[place]}
+        assert prefixes == {group}
+
+
+def test_every_number_of_the_parameter_set_is_a_parameter_with_its_value() -> None:
+    host = Host("manipulator_plant")
+    names = ("payload.mass", "bus.mode_1.frequency", "fine_leg_2.stiffness", "bus.com.z")
+    assert host.get(*names) == [14.89, 0.4545, 32051.8, -2.0]
+
+
+def test_acceleration_under_a_base_force_is_newtons_law() -> None:
+    host = Host("manipulator_plant", base_force__x=100.0).run_mode()
+    host.step(1e-4)
+    # The centre of mass lies 2 m below the base frame: force / mass, and rotation about it.
+    expected = 100.0 / PAPER.bus.mass + 100.0 * 2.0**2 / PAPER.bus.inertia_B[1, 1]
+    assert host.get("base_acceleration.x")[0] == pytest.approx(expected, rel=0.03)
+
+
+def test_initial_outputs_follow_inputs_set_in_initialisation_mode() -> None:
+    host = Host("manipulator_plant")
+    assert host.get(*ORIENTATION) == pytest.approx([0.0, 0.0, 0.0], abs=1e-15)
+    host.set(coarse_command_1=0.005)
+    assert host.get("coarse_displacement_1") == [0.005]
+    assert abs(host.get(*ORIENTATION)[0]) > 0.01
+    host.set(base_force__z=10.0)
+    assert host.get("base_acceleration.z")[0] > 1e-3
+
+
+def test_coarse_command_moves_the_platform_there_exactly() -> None:
+    host, there = (
+        Host("manipulator_plant").run_mode(),
+        Host("manipulator_plant", coarse_command_2=2e-4).run_mode(),
+    )
+    host.set(coarse_command_2=2e-4)
+    host.step(H, 3000)
+    assert host.get("coarse_displacement_2")[0] == pytest.approx(2e-4, abs=1e-18)
+    assert host.get(*ORIENTATION) == pytest.approx(there.get(*ORIENTATION), abs=1e-15)
+
+
+def test_command_beyond_the_stroke_is_held_and_said_once() -> None:
+    host = Host("manipulator_plant").run_mode()
+    host.set(coarse_command_3=0.05)
+    host.step(H, 20)
+    assert host.messages().count("coarse_command_3: 0.05 m is outside the stroke") == 1
+    assert 0.0 < host.get("coarse_displacement_3")[0] <= 0.02
+
+
+def test_start_beyond_the_stroke_is_held() -> None:
+    host = Host("manipulator_plant", coarse_command_3=0.05).run_mode()
+    assert host.get("coarse_displacement_3") == [0.02]
+
+
+def test_impossible_parameter_is_named() -> None:
+    host = Host("manipulator_plant", payload__mass=-1.0)
+    with pytest.raises(Exception, match=r"payload\.mass: must be greater than 0"):
+        host.slave.exit_initialization_mode()
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_input_that_is_not_finite_is_refused_and_named(value: float) -> None:
+    host = Host("manipulator_plant").run_mode()
+    with pytest.raises(Refused, match=r"base_torque\.y"):
+        host.set(base_torque__y=value)
+    host.step(H)
+    assert host.get("base_rotation.y") == [0.0]
+
+
+@pytest.mark.parametrize("moment", [0, 7, 150, 2500])
+def test_state_continues_bit_for_bit(moment: int) -> None:
+    """Before, during and after a slew; in the same instance, and through bytes in another."""
+    host = Host("manipulator_plant").run_mode()
+    host.set(coarse_command_1=3e-4, base_force__y=5.0)
+    host.step(H, moment)
+    state = host.slave._get_fmu_state()
+    data = host.slave._fmu_state_to_bytes(state)
+
+    def future(other: Host) -> bytes:
+        other.count = moment
+        other.step(H, 60)
+        return other.slave.y.tobytes()
+
+    expected = future(host)
+    host.slave._set_fmu_state(state)
+    assert future(host) == expected
+    second = Host("manipulator_plant")
+    second.slave._set_fmu_state(second.slave._fmu_state_from_bytes(data))
+    assert future(second) == expected
+
+
+def test_step_size_may_change() -> None:
+    """Exact discretisation: the same input over the same time, whatever the steps."""
+    coarse, fine = (Host("manipulator_plant", base_torque__z=3.0).run_mode() for _ in range(2))
+    coarse.step(2e-3, 50)
+    fine.step(1e-3, 100)
+    np.testing.assert_allclose(coarse.slave.y, fine.slave.y, rtol=1e-8, atol=1e-14)
+
+
+def test_rigid_variants() -> None:
+    """A zero frequency or stiffness means rigid."""
+    off = {f"bus__mode_{i}__frequency": 0.0 for i in range(1, 7)}
+    off |= {f"payload__truss_mode_{i}__frequency": 0.0 for i in (1, 2)} | {"coarse_rods__axial_stiffness": 0.0}
+    host = Host("manipulator_plant", fine_force_1=1.0, **off).run_mode()
+    host.step(H, 10)
+    assert host.slave.model.dynamics.active.sum() == 9
+    assert host.get("fine_displacement_1")[0] > 0.0
