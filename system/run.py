@@ -16,6 +16,7 @@ ROOT = Path(__file__).resolve().parents[1]
 
 try:
     from ps_fmu.cosim.errors import CosimError
+    from ps_fmu.fmu.build import BuildError
     from ps_fmu.scenarios.options import (
         DEFAULT_DURATION_S,
         DEFAULT_STEP_S,
@@ -77,7 +78,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         importlib.import_module(f"ps_fmu.scenarios.{options.scenario}").run(options)
     except KeyboardInterrupt:
         return ended("interrupted", options.output, 130)
-    except (CosimError, OSError, ValueError) as error:
+    except (BuildError, CosimError, OSError, ValueError) as error:
         return ended("\n".join([str(error), *getattr(error, "__notes__", ())]), options.output, 1)
     return 0
 

@@ -1,0 +1,23 @@
+import pytest
+
+from ps_fmu.scenarios.common import progress_bar, text_table
+
+
+def test_table_for_the_terminal():
+    table = text_table(["axis", "RMS (rad)"], [["x", "1.65e-05"], ["y", "5e-06"]])
+    assert table.splitlines() == [
+        "axis  RMS (rad)",
+        "---------------",
+        "x      1.65e-05",
+        "y         5e-06",
+    ]
+
+
+@pytest.mark.parametrize("shown", [True, False])
+def test_progress_bar(capsys, shown):
+    with progress_bar("passive", 20.0, shown) as advance:
+        advance(10.0, 2.0, 5.0)
+        advance(20.0, 4.0, 5.0)
+    text = capsys.readouterr().err
+    assert ("passive: 100%" in text) == shown
+    assert ("5.0 x real time" in text) == shown
