@@ -1,0 +1,1 @@
+"""The mechanism of the paper: parameters, kinematics, dynamics, control, disturbances.  Knows nothing of FMI."""
