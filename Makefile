@@ -1,7 +1,8 @@
 # Every target sets up .venv by itself. Another interpreter: make run PYTHON=/path/to/python3.12
 SHELL := /bin/bash
+VERSION_CHECK := import sys; sys.exit(not (3, 11) <= sys.version_info < (3, 14))
 PYTHON ?= $(shell for p in python3.11 python3.12 python3.13 python3; do \
-	$$p -c 'import sys; sys.exit(not (3, 11) <= sys.version_info < (3, 14))' 2>/dev/null && { echo $$p; break; }; done)
+	$$p -c '$(VERSION_CHECK)' 2>/dev/null && { echo $$p; break; }; done)
 BIN := .venv/bin
 FMU_SOURCES := $(shell find src fmus -name '*.py' -o -name '*.toml' -o -name '*.csv' -o -name 'README.md')
 
@@ -36,9 +37,9 @@ build/fmus/.built: .venv/.installed $(FMU_SOURCES)
 	@touch $@
 
 .venv/.installed: pyproject.toml constraints.txt
-	@if [ -z "$(PYTHON)" ]; then \
-		echo "Python 3.11, 3.12 or 3.13 is needed and none was found (python3 is" \
-			"$$(python3 --version 2>&1)). Install one, or name it: make PYTHON=/path/to/python3.11" >&2; exit 1; fi
+	@$(or $(PYTHON),false) -c '$(VERSION_CHECK)' || { \
+		echo "Python 3.11, 3.12 or 3.13 is needed; '$(or $(PYTHON),python3)' is" \
+			"$$($(or $(PYTHON),python3) --version 2>&1). Name one: make PYTHON=/path/to/python3.11" >&2; exit 1; }
 	@$(PYTHON) -m venv .venv || { \
 		echo "The virtual environment could not be made; on Debian and Ubuntu: apt install python3-venv" >&2; exit 1; }
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
