@@ -19,8 +19,8 @@ class Multisine:
     """f(t) = d2/dt2 (W G): lines of fixed amplitude at (k + 1/2)/T, their phases seeded and orthogonal.
 
     Lines at half-integer multiples of 1/T are orthogonal over any window of length T, and the lowest one does
-    not sit on the edge of the band.  The sum changes sign after T and repeats after 2 T.  Above 20 Hz lines
-    are 0.2 Hz apart whatever T is: a mode there with a narrower bandwidth meets single lines.
+    not sit on the edge of the band.  Above 20 Hz lines are at (k + 1/2)/(5 s) whatever T is: a mode there with
+    a bandwidth below 0.2 Hz meets single lines.  All repeats after 2 T if T is a multiple of 5 s.
 
     Parameters
     ----------
