@@ -1,7 +1,9 @@
 """Co-simulation of FMUs: read a system, run it, record it."""
 
+from .delivery import Observer
 from .errors import CosimError, RecorderError, SlaveError, SystemFileError, UsageError, WiringError
-from .master import Event, Master, Observer
+from .master import Event, Master
+from .recorder import Recorder
 from .rows import Column
 from .structure import Port, System, Value
 from .system import read_parameters, read_system
@@ -13,6 +15,7 @@ __all__ = [
     "Master",
     "Observer",
     "Port",
+    "Recorder",
     "RecorderError",
     "SlaveError",
     "System",

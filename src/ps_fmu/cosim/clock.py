@@ -68,6 +68,5 @@ class Clock:
         rounding = math.ulp(max(abs(time), abs(self.start)))
         if rounding > RESOLUTION * self.step:
             raise UsageError(
-                f"step: {self.step!r} s is too small at t = {time!r} s, where times are rounded to "
-                f"{rounding:.1e} s"
+                f"step: {self.step!r} s is too small at t = {time!r} s, where times are rounded to {rounding:.1e} s"
             )

@@ -50,9 +50,7 @@ def variable_of(description: ModelDescription, name: str) -> ModelVariable:
     """A variable by name.  Raises :class:`UsageError` with the closest names."""
     variables = variables_of(description)
     if name not in variables:
-        raise UsageError(
-            f"the FMU {description.modelName} has no variable {name!r}{closest(name, variables)}"
-        )
+        raise UsageError(f"the FMU {description.modelName} has no variable {name!r}{closest(name, variables)}")
     return variables[name]
 
 
@@ -64,9 +62,7 @@ def unit_of(variable: ModelVariable) -> str | None:
 
 def settable(variable: ModelVariable, running: bool) -> str | None:
     """Why the master may not set a variable, or None if it may (FMI 2.0.4, section 2.2.7)."""
-    if variable.causality == "input" or (
-        variable.causality == "parameter" and variable.variability == "tunable"
-    ):
+    if variable.causality == "input" or (variable.causality == "parameter" and variable.variability == "tunable"):
         return None
     if variable.causality == "parameter":
         return "is a fixed parameter: set it before initialisation" if running else None

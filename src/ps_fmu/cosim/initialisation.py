@@ -13,9 +13,7 @@ from .slaves import Slave
 from .structure import Port, System, Value
 
 
-def load(
-    system: System, descriptions: Mapping[str, ModelDescription], folder: Path, slaves: dict[str, Slave]
-) -> None:
+def load(system: System, descriptions: Mapping[str, ModelDescription], folder: Path, slaves: dict[str, Slave]) -> None:
     """Unpack and instantiate each component; what is loaded is in ``slaves`` also when a later one fails.
 
     Raises :class:`SystemFileError` or :class:`SlaveError`.

@@ -51,8 +51,7 @@ class Phase(Enum):
 
 
 _ADVICE = {
-    DISCARD: "Steps are not repeated with a smaller size: choose a smaller step, or correct the values it "
-    "objects to.",
+    DISCARD: "Steps are not repeated with a smaller size: choose a smaller step, or correct the values it objects to.",
     ERROR: "The instance cannot go on: correct what it complains about and start again.",
     FATAL: "The FMU is corrupt and is not called again, not even to free it: start again in a new process.",
 }
@@ -186,9 +185,7 @@ class Slave:
     def _said(self) -> str:
         if not self.messages.recent:
             return "\n  The FMU logged nothing."
-        return "\n  The FMU says:\n" + "\n".join(
-            "    " + line.replace("\n", "\n    ") for line in self.messages.recent
-        )
+        return "\n  The FMU says:\n" + "\n".join("    " + line.replace("\n", "\n    ") for line in self.messages.recent)
 
     def _last_successful_time(self) -> str:
         value = c_double()
@@ -197,9 +194,7 @@ class Slave:
             return ""
         return f", last successful time {value.value:.9g} s"
 
-    def _call(
-        self, function: str, *arguments: Any, time: float | None = None, variables: Sequence[str] = ()
-    ) -> None:
+    def _call(self, function: str, *arguments: Any, time: float | None = None, variables: Sequence[str] = ()) -> None:
         status = getattr(self._fmu.dll, function)(self.address, *arguments)
         self.check(function, status, time, variables)
 

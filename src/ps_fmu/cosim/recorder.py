@@ -1,0 +1,231 @@
+"""Results on disk while the simulation runs: netCDF-4, one group per run, one variable per output."""
+
+from __future__ import annotations
+
+import shutil
+import time as wall_clock
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import numpy as np
+
+from .clock import ON_GRID
+from .decimate import Decimator
+from .errors import RecorderError, UsageError
+from .rows import Array, Column
+from .structure import closest
+
+CHUNK_ROWS = 1000
+"""Rows of a chunk in the file, and rows that are written at once."""
+WRITE_INTERVAL_S = 1.0
+"""Fewer rows are written, too, when the last write was so long ago [s]."""
+UDUNITS = {"": "1", "-": "1", "deg": "degree", "%": "percent"}
+"""FMI units that UDUNITS spells otherwise; it takes the rest (N.m, m/s2, kg.m2, N.s/m) as FMI writes them."""
+STORAGE = {"Real": ("f8", 8), "Integer": ("i4", 4), "Enumeration": ("i4", 4), "Boolean": ("i1", 1)}
+
+
+class Recorder:
+    """Observer that stores columns of a run in a group of a netCDF-4 file.
+
+    Everything is written in blocks and flushed, so that the file can be read up to the last block whatever
+    ends the run.  With ``storage_step`` Reals are filtered before rows are left out (:class:`Decimator`), and
+    Booleans and Integers are sampled.
+
+    Parameters
+    ----------
+    path: file, written anew unless ``append``
+    run: name of the group, for example ``"passive"``
+    columns, step: those of the master, step in [s]
+    storage_step: [s], a whole multiple of ``step`` (the default)
+    select: names of the columns to store; by default all
+    attributes: attributes of the group (numbers or text)
+    append: add the group to an existing file
+
+    Raises :class:`UsageError` for arguments that do not fit, :class:`RecorderError` if the file cannot be
+    written.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        run: str,
+        *,
+        columns: Sequence[Column],
+        step: float,
+        storage_step: float | None = None,
+        select: Sequence[str] | None = None,
+        attributes: Mapping[str, str | float] | None = None,
+        append: bool = False,
+    ) -> None:
+        self.path = Path(path)
+        self.factor = _factor(step, step if storage_step is None else storage_step)
+        self._places = _places(columns, select)
+        self._columns = [columns[place] for place in self._places]
+        filtered = np.array([False] + [column.type == "Real" for column in self._columns])
+        self._decimator = Decimator(self.factor, filtered)
+        self._pending: list[Array] = []
+        self._expected: int | None = None
+        self._written = 0
+        self._last_write = wall_clock.perf_counter()
+        self._dataset: Any = None
+        self._check_space(CHUNK_ROWS)
+        with self._guard():
+            self._create(run, attributes or {}, append)
+
+    def block(self, first_index: int, time: Array, values: Array) -> None:
+        """Take the next rows of the run.
+
+        Raises :class:`UsageError` for rows that do not follow the last ones, :class:`RecorderError` when the
+        disk is full or the file cannot be written: what was flushed before stays readable.
+        """
+        if self._dataset is None:
+            raise RecorderError(f"{self.path}: is closed; nothing can be recorded any longer")
+        if self._expected is not None and first_index != self._expected:
+            raise UsageError(f"{self.path}: expected row {self._expected} next, got row {first_index}")
+        self._expected = first_index + len(values)
+        self._keep(self._decimator.push(np.column_stack([time, values[:, self._places]])))
+
+    def close(self) -> None:
+        """Write what is pending and close the file; safe to call twice.  Raises :class:`RecorderError`."""
+        if self._dataset is None:
+            return
+        self._keep(self._decimator.finish())
+        self._write()
+        with self._guard():
+            self._dataset.close()
+        self._dataset = None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        try:
+            self.close()
+        except RecorderError as second:
+            if error is None:
+                raise
+            error.add_note(str(second))
+
+    def _create(self, run: str, attributes: Mapping[str, str | float], append: bool) -> None:
+        import netCDF4
+
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+        if not append:
+            self.path.unlink(missing_ok=True)  # whoever still reads an older result keeps it
+        self._dataset = netCDF4.Dataset(self.path, "a" if append else "w", format="NETCDF4")
+        self._dataset.Conventions = "CF-1.11"
+        if run in self._dataset.groups:
+            raise UsageError(f"{self.path}: has a run {run!r} already")
+        group = self._dataset.createGroup(run)
+        group.setncatts(dict(attributes))
+        group.createDimension("time", None)
+        time = Column("time", "s", "Real", "simulated time")
+        self._variables = [self._variable(group, column) for column in (time, *self._columns)]
+        self._dataset.sync()
+
+    def _variable(self, group: Any, column: Column) -> Any:
+        kind = STORAGE[column.type][0]
+        variable = group.createVariable(column.name, kind, ("time",), chunksizes=(CHUNK_ROWS,))
+        variable.set_auto_maskandscale(False)
+        variable.units = UDUNITS.get(column.unit, column.unit)
+        variable.long_name = column.description or column.name
+        if column.type == "Boolean":
+            variable.flag_values = np.array([0, 1], dtype=np.int8)
+            variable.flag_meanings = "false true"
+        return variable
+
+    def _keep(self, rows: Array) -> None:
+        self._pending.append(rows)
+        late = wall_clock.perf_counter() - self._last_write > WRITE_INTERVAL_S
+        if late or sum(len(block) for block in self._pending) >= CHUNK_ROWS:
+            self._write()
+
+    def _write(self) -> None:
+        rows = np.concatenate(self._pending) if self._pending else np.zeros((0, 1))
+        self._pending = []
+        self._last_write = wall_clock.perf_counter()
+        if len(rows) == 0:
+            return
+        self._check_space(len(rows))
+        end = self._written + len(rows)
+        with self._guard():
+            for variable, column in zip(self._variables, rows.T, strict=True):
+                variable[self._written : end] = column
+            self._dataset.sync()
+        self._written = end
+
+    def _check_space(self, rows: int) -> None:
+        """HDF5 does not recover from a write that fails half-way: refuse before it starts."""
+        chunks = rows // CHUNK_ROWS + 2
+        row_bytes = 8 + sum(STORAGE[column.type][1] for column in self._columns)
+        needed = chunks * CHUNK_ROWS * row_bytes + 4096 * (len(self._columns) + 16)
+        folder = next(parent for parent in self.path.absolute().parents if parent.exists())
+        free, limit = shutil.disk_usage(folder).free, _file_size_limit(self.path)
+        if needed > min(free, limit):
+            reason = "the disk is full" if free <= limit else "the file size limit of this process is reached"
+            self._release()
+            raise RecorderError(
+                f"{self.path}: {reason}: {needed / 1e6:.1f} MB needed, {min(free, limit) / 1e6:.1f} MB free. "
+                f"The {self._written} rows stored so far can be read; free space, or record fewer columns or "
+                "with a larger storage step"
+            )
+
+    @contextmanager
+    def _guard(self) -> Iterator[None]:
+        """Turn what netCDF4 and HDF5 raise into an error that names the file."""
+        try:
+            yield
+        except (OSError, RuntimeError) as error:
+            self._release()
+            free = shutil.disk_usage(self.path.absolute().parent).free if self.path.parent.exists() else 0
+            raise RecorderError(
+                f"{self.path}: cannot be written: {error} ({free / 1e6:.1f} MB free on the disk). "
+                f"{self._written} rows were stored before"
+            ) from error
+        except UsageError:
+            self._release()
+            raise
+
+    def _release(self) -> None:
+        """Close the file after a failure that is already being reported."""
+        dataset, self._dataset = self._dataset, None
+        self._pending = []
+        if dataset is not None:
+            with suppress(OSError, RuntimeError):
+                dataset.close()
+
+
+def _factor(step: float, storage_step: float) -> int:
+    ratio = storage_step / step
+    factor = round(ratio) if np.isfinite(ratio) else 0
+    if factor < 1 or abs(ratio - factor) > ON_GRID * factor:
+        raise UsageError(f"storage_step: expected a whole multiple of the step {step!r} s, got {storage_step!r} s")
+    return factor
+
+
+def _places(columns: Sequence[Column], select: Sequence[str] | None) -> list[int]:
+    places = {column.name: place for place, column in enumerate(columns)}
+    names = list(places) if select is None else list(select)
+    for name in names:
+        if name not in places:
+            raise UsageError(f"select: there is no column {name!r}{closest(name, places)}")
+    if len(set(names)) != len(names):
+        raise UsageError("select: a column is named twice")
+    return [places[name] for name in names]
+
+
+def _file_size_limit(path: Path) -> float:
+    """Bytes by which the file may still grow (RLIMIT_FSIZE)."""
+    try:
+        import resource
+    except ImportError:  # not on Windows
+        return float("inf")
+    soft, _ = resource.getrlimit(resource.RLIMIT_FSIZE)
+    if soft == resource.RLIM_INFINITY:
+        return float("inf")
+    return soft - (path.stat().st_size if path.exists() else 0)

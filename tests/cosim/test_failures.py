@@ -1,0 +1,291 @@
+"""FMUs and observers that fail, Ctrl-C: what was computed arrives, the error says where and when.
+
+Statuses that a pythonfmu slave cannot return safely come from a stand-in for the library function.
+"""
+
+import logging
+import os
+import signal
+import subprocess
+import sys
+import textwrap
+
+import numpy as np
+import pytest
+from ps_fmu.cosim import Master, RecorderError, SlaveError
+from ps_fmu.cosim.slaves import ACCESS, STEP, Phase, Slave
+
+H = 0.01
+
+
+@pytest.fixture
+def failing(make_system):
+    """A mass that goes on, and a clock that fails at 0.05 s in the given mode."""
+
+    def make(mode, model="ToyFailing"):
+        system = make_system({"mass": "ToyMass", "clock": model}, [])
+        return system.with_parameters({"clock.mode": mode} if model == "ToyFailing" else {})
+
+    return make
+
+
+@pytest.fixture
+def answer(monkeypatch):
+    """Let a function of one component answer with a status from its n-th call on."""
+
+    def patch(component, function, status, n=5):
+        calls = []
+        for attribute, prototype in (("stepper", STEP), ("access", ACCESS)):
+            original = getattr(Slave, attribute)
+
+            def replaced(self, *args, original=original, prototype=prototype):
+                real = original(self, *args)
+                if self.name != component or (args or ("fmi2DoStep",)) != (function,):
+                    return real
+
+                def stand_in(*arguments):
+                    calls.append(arguments)
+                    return status if len(calls) > n else real(*arguments)
+
+                return prototype(stand_in)
+
+            monkeypatch.setattr(Slave, attribute, replaced)
+        return calls
+
+    return patch
+
+
+def run(system, collect, **options):
+    """Run 0.1 s; return the master and what was raised."""
+    master = Master(system, H, **options)
+    with pytest.raises(BaseException) as caught, master:
+        master.initialise()
+        master.run(0.1, [collect])
+    return master, caught.value
+
+
+@pytest.mark.parametrize("scheme", ["jacobi", "gauss-seidel"])
+@pytest.mark.parametrize("block_rows", [3, 1000])
+def test_discard_keeps_all_complete_rows(failing, collect, scheme, block_rows):
+    master, error = run(failing("discard"), collect, scheme=scheme, block_rows=block_rows)
+    assert isinstance(error, SlaveError)
+    assert (error.component, error.function, error.status) == ("clock", "fmi2DoStep", 2)
+    assert error.time == pytest.approx(0.05)
+    text = str(error)
+    for part in ("clock", "0.05 s", "fmi2Discard", "last successful time 0.05 s", "cannot go on", "smaller step"):
+        assert part in text
+    assert "stopped at t = 0.05 s" in error.__notes__[0]
+    np.testing.assert_allclose(collect.time, np.arange(6) * H)
+    assert master._slaves["clock"].phase is Phase.FREED
+
+
+def test_a_value_that_is_not_finite_ends_the_run_before_it(failing, collect):
+    _, error = run(failing("nan"), collect)
+    assert isinstance(error, SlaveError)
+    assert error.component == "clock"
+    assert error.variables == ("clock.clock",)
+    assert error.time == pytest.approx(0.06)
+    assert "not a finite number at t = 0.06 s: clock.clock" in str(error)
+    assert len(collect.time) == 6
+    assert np.isfinite(collect.values).all()
+
+
+def test_the_source_of_a_nan_is_named_and_not_its_victim(make_system, collect, answer):
+    """An FMU that refuses a NaN is not to blame for it."""
+    system = make_system({"clock": "ToyFailing", "gain": "ToyGain"}, ["clock.clock -> gain.u"])
+    answer("gain", "fmi2SetReal", 3, n=6)
+    _, error = run(system.with_parameters({"clock.mode": "nan"}), collect)
+    assert isinstance(error, SlaveError)
+    assert error.component == "clock"
+    assert isinstance(error.__cause__, SlaveError)
+    assert error.__cause__.component == "gain"
+    assert error.__cause__.variables == ("u",)
+    assert len(collect.time) == 6
+
+
+def test_warnings_are_shown_once_and_counted(failing, collect, caplog):
+    system = failing("warn")
+    with caplog.at_level(logging.WARNING), Master(system, H) as master:
+        master.initialise()
+        master.run(0.1, [collect])
+    assert len(collect.time) == 11
+    assert [r.getMessage() for r in caplog.records] == ["clock: [fmi2Warning] getting warm"]
+
+
+def test_a_warning_status_lets_the_run_go_on(failing, collect, caplog, answer):
+    answer("clock", "fmi2DoStep", 1)
+    with caplog.at_level(logging.WARNING), Master(failing("none"), H) as master:
+        master.initialise()
+        master.run(0.1, [collect])
+        assert master.warnings == {"mass": 0, "clock": 5}
+    assert len(collect.time) == 11
+    assert [r.getMessage() for r in caplog.records] == ["clock: fmi2DoStep returned fmi2Warning"]
+
+
+@pytest.mark.parametrize(
+    ("status", "name", "phase"),
+    [
+        (3, "fmi2Error", Phase.FREED),
+        (4, "fmi2Fatal", Phase.FATAL),
+        (5, "fmi2Pending", Phase.FREED),
+        (-7, "not an fmi2Status", Phase.FREED),
+    ],
+)
+def test_errors_name_component_function_and_time(failing, collect, answer, status, name, phase):
+    calls = answer("clock", "fmi2DoStep", status)
+    master, error = run(failing("none"), collect)
+    assert isinstance(error, SlaveError)
+    assert (error.component, error.status) == ("clock", status)
+    assert f"clock: fmi2DoStep at t = 0.05 s returned" in str(error)
+    assert name in str(error)
+    assert len(collect.time) == 6
+    assert len(calls) == 6  # nothing is stepped after a failure
+    assert master._slaves["clock"].phase is phase
+    assert master._slaves["mass"].phase is Phase.FREED
+
+
+def test_fatal_silences_every_instance_of_the_fmu(make_system, collect, answer, monkeypatch):
+    """After fmi2Fatal no function of that FMU may be called, not even to free an instance."""
+    phases = {}
+    free = Slave.free
+    monkeypatch.setattr(Slave, "free", lambda self: (phases.setdefault(self.name, self.phase), free(self)))
+    answer("b", "fmi2DoStep", 4)
+    run(make_system({"a": "ToyGain", "b": "ToyGain", "mass": "ToyMass"}, []), collect)
+    assert phases == {"a": Phase.FATAL, "b": Phase.FATAL, "mass": Phase.TERMINATED}
+
+
+def test_get_and_set_failures_name_the_variables(failing, collect, answer):
+    answer("mass", "fmi2GetReal", 3)
+    _, error = run(failing("none"), collect)
+    assert isinstance(error, SlaveError)
+    assert error.variables == ("position", "velocity")
+    assert "fmi2GetReal at t = 0.06 s" in str(error)
+    assert "position, velocity" in str(error)
+    assert len(collect.time) == 6
+
+
+class Refusing:
+    """Observer that fails in its second block."""
+
+    def __init__(self):
+        self.blocks = 0
+
+    def block(self, first_index, time, values):
+        self.blocks += 1
+        if self.blocks == 2:
+            raise RecorderError("no space")
+
+
+def test_an_observer_that_raises_does_not_rob_the_others(failing, collect):
+    master = Master(failing("none"), H, block_rows=4)
+    with pytest.raises(RecorderError, match="no space") as caught, master:
+        master.initialise()
+        master.run(0.1, [Refusing(), collect])
+    assert len(collect.time) == 8
+    assert "Refusing" in caught.value.__notes__[0]
+    assert "stopped at t = 0.07 s" in caught.value.__notes__[1]
+    assert master._slaves["mass"].phase is Phase.FREED
+
+
+def test_a_failing_observer_does_not_hide_the_failing_fmu(failing, collect):
+    master = Master(failing("discard"), H, block_rows=4)
+    with pytest.raises(SlaveError) as caught, master:
+        master.initialise()
+        master.run(0.1, [Refusing(), collect])
+    assert len(collect.time) == 6
+    assert any("Refusing failed, too: no space" in note for note in caught.value.__notes__)
+
+
+def test_ctrl_c_inside_an_fmu_ends_the_run_after_the_step(failing, collect):
+    before = signal.getsignal(signal.SIGINT)
+    master, error = run(failing("", "ToyInterrupting"), collect)
+    assert isinstance(error, KeyboardInterrupt)
+    assert "stopped at t = 0.06 s" in error.__notes__[0]
+    np.testing.assert_allclose(collect.time, np.arange(7) * H)
+    np.testing.assert_allclose(collect.values[:, 2], np.arange(7) * H)
+    assert master._slaves["clock"].phase is Phase.FREED
+    assert signal.getsignal(signal.SIGINT) is before
+
+
+def test_ctrl_c_while_an_observer_works(failing, collect):
+    class Pressing:
+        def block(self, first_index, time, values):
+            if first_index == 4:
+                os.kill(os.getpid(), signal.SIGINT)
+
+    master = Master(failing("none"), H, block_rows=4)
+    with pytest.raises(KeyboardInterrupt), master:
+        master.initialise()
+        master.run(0.1, [Pressing(), collect])
+    assert len(collect.time) == 8
+
+
+def test_an_exception_of_a_stock_slave_is_fatal_and_reported(toys, tmp_path):
+    """In a process of its own: the wrapper of pythonfmu releases objects that are still in use."""
+    script = """
+        import sys
+        sys.path.insert(0, sys.argv[3])
+        from conftest import Collect, ssd_text
+        from pathlib import Path
+        from ps_fmu.cosim import Master, SlaveError, read_system
+        path = Path(sys.argv[2]) / "test.ssd"
+        path.write_text(ssd_text({"clock": "ToyFailing", "mass": "ToyMass"}, []))
+        system = read_system(path, Path(sys.argv[1])).with_parameters({"clock.mode": "exception"})
+        collect = Collect()
+        try:
+            with Master(system, 0.01) as master:
+                master.initialise()
+                master.run(0.1, [collect])
+        except SlaveError as error:
+            print(error.component, error.status, round(error.time, 9), len(collect.time), "the model broke" in str(error))
+    """
+    result = subprocess.run(
+        [sys.executable, "-c", textwrap.dedent(script), toys, tmp_path, os.path.dirname(__file__)],
+        capture_output=True, text=True, timeout=60, check=False,
+    )  # fmt: skip
+    assert result.stdout.split() == ["clock", "4", "0.05", "6", "True"], result.stderr
+
+
+def test_a_failing_initialisation_frees_what_was_loaded(make_system, answer, monkeypatch):
+    freed = []
+    free = Slave.free
+    monkeypatch.setattr(Slave, "free", lambda self: (freed.append(self.name), free(self)))
+    monkeypatch.setattr(
+        Slave, "exit_initialisation", lambda self, time: self.check("fmi2ExitInitializationMode", 3, time)
+    )
+    master = Master(make_system({"mass": "ToyMass", "gain": "ToyGain"}, []), H)
+    with pytest.raises(SlaveError, match="fmi2ExitInitializationMode at t = 0 s returned fmi2Error"):
+        master.initialise()
+    assert freed == ["mass", "gain"]
+
+
+def test_an_fmu_that_cannot_be_instantiated_or_loaded(make_system, rewrite, toys, monkeypatch):
+    from fmpy.fmi2 import FMU2Slave
+    from ps_fmu.cosim import SystemFileError
+
+    identifier = {'modelIdentifier="ToyGain"': 'modelIdentifier="Nothing"'}
+    system = make_system({"gain": "ToyGain"}, [], rewrite(toys / "ToyGain.fmu", identifier).parent)
+    directory = os.getcwd()
+    with pytest.raises(SystemFileError, match="component 'gain' cannot be loaded on this platform"):
+        Master(system, H).initialise()
+    assert os.getcwd() == directory
+
+    def refuse(self, **options):
+        raise Exception("Failed to instantiate model")  # what FMPy raises for a null pointer
+
+    monkeypatch.setattr(FMU2Slave, "instantiate", refuse)
+    with pytest.raises(SlaveError, match="gain: fmi2Instantiate failed"):
+        Master(make_system({"gain": "ToyGain"}, []), H).initialise()
+
+
+def test_a_temporary_folder_that_fmus_cannot_read_is_refused(make_system, tmp_path, monkeypatch):
+    import tempfile
+
+    from ps_fmu.cosim import SystemFileError
+
+    folder = tmp_path / "größe"
+    folder.mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(folder))
+    with pytest.raises(SystemFileError, match="TMPDIR"):
+        Master(make_system({"gain": "ToyGain"}, []), H).initialise()
+    assert list(folder.iterdir()) == []

@@ -1,0 +1,202 @@
+"""The schemes against plain loops, initial values, row numbering, inputs that change, arguments."""
+
+import math
+
+import numpy as np
+import pytest
+from ps_fmu.cosim import Master, UsageError
+
+STEP = 1e-2
+STIFFNESS, DAMPING, MASS = 8.0, 0.5, 2.0
+
+
+def reference(steps, scheme, mass=MASS):
+    """The oscillator as a plain loop; rows of position, velocity, force."""
+    position, velocity = 1.0, 0.0
+    force = -STIFFNESS * position - DAMPING * velocity
+    rows = [(position, velocity, force)]
+    for _ in range(steps):
+        before = position, velocity
+        velocity += STEP * force / mass
+        position += STEP * velocity
+        seen = (position, velocity) if scheme == "gauss-seidel" else before
+        force = -STIFFNESS * seen[0] - DAMPING * seen[1]
+        rows.append((position, velocity, force))
+    return np.array(rows)
+
+
+@pytest.mark.parametrize("scheme", ["jacobi", "gauss-seidel"])
+@pytest.mark.parametrize("block_rows", [1, 7, 1000])
+def test_oscillator_equals_a_plain_loop_bit_for_bit(oscillator, collect, scheme, block_rows):
+    with Master(oscillator, STEP, scheme, block_rows=block_rows) as master:
+        assert [column.name for column in master.columns] == ["mass.position", "mass.velocity", "spring.force"]
+        master.initialise()
+        master.run(0.2, [collect])
+        master.run(0.3, [collect])
+        assert master.time == 0.5
+    np.testing.assert_array_equal(collect.values, reference(50, scheme))
+    np.testing.assert_array_equal(collect.time, np.arange(51) * STEP)
+    assert collect.firsts[0] == 0
+    assert all(first % block_rows == 0 for first in collect.firsts if first < 21)
+
+
+def test_row_0_holds_consistent_initial_values(make_system, collect):
+    """A chain is passed through once in the order of its dependencies, whatever the order in the file."""
+    system = make_system(
+        {"c": "ToyGain", "a": "ToyGain", "b": "ToyGain"}, ["b.y -> c.u", "a.y -> b.u"]
+    ).with_parameters({"a.u": 3.0, "b.gain": 5.0})
+    with Master(system, STEP) as master:
+        assert [str(i.port) for i in master.open_inputs] == ["a.u"]
+        assert master.open_inputs[0].start == "3.0"
+        master.initialise()
+        master.run(STEP, [collect])
+        assert [column.name for column in master.columns] == ["c.y", "a.y", "b.y"]
+    np.testing.assert_array_equal(collect.values[0], [60.0, 6.0, 30.0])
+
+
+def test_initial_values_go_round_a_loop_as_often_as_there_are_fmus(make_system, collect):
+    system = make_system({"a": "ToyGain", "b": "ToyGain"}, ["a.y -> b.u", "b.y -> a.u"])
+    with Master(system, STEP) as master:
+        (loop,) = master.wiring.loops
+        assert {str(port) for port in loop} == {"a.u", "a.y", "b.u", "b.y"}
+        master.initialise()
+        master.run(STEP, [collect])
+    # u = 1, 1; after pass 1: 2, 2; after pass 2: 4, 4; the outputs are twice that.
+    np.testing.assert_array_equal(collect.values[0], [8.0, 8.0])
+
+
+def test_outputs_that_depend_on_nothing_make_no_loop(make_system, rewrite, toys, collect):
+    fmu = rewrite(
+        toys / "ToyGain.fmu",
+        {"</ModelStructure>": '<InitialUnknowns><Unknown index="3" dependencies="2"/></InitialUnknowns></ModelStructure>'},
+    )
+    system = make_system({"a": "ToyGain", "b": "ToyGain"}, ["a.y -> b.u", "b.y -> a.u"], fmu.parent)
+    with Master(system, STEP) as master:
+        assert master.wiring.loops == ()
+
+
+def test_discrete_variables_are_routed_and_recorded(make_system, collect):
+    system = make_system(
+        {"first": "ToyCounter", "second": "ToyCounter"},
+        ["first.odd -> second.enabled", "first.count -> second.increment"],
+    ).with_parameters({"first.label": "grüße"})
+    for scheme in ("jacobi", "gauss-seidel"):
+        with Master(system, STEP, scheme, block_rows=3) as master:
+            names = [column.name for column in master.columns]
+            master.initialise()
+            assert master.get("first.label") == "grüße"
+            master.run(4 * STEP, [collect])
+            assert master.get("first.odd") is False
+            assert master.get("first.count") == 4
+    assert names == [
+        "first.half", "second.half", "first.count", "first.odd", "second.count", "second.odd",
+    ]  # fmt: skip
+    jacobi, gauss_seidel = collect.values[:5], collect.values[5:]
+    np.testing.assert_array_equal(jacobi[:, 2], [0, 1, 2, 3, 4])
+    np.testing.assert_array_equal(jacobi[:, 3], [0, 1, 0, 1, 0])
+    np.testing.assert_array_equal(jacobi[:, 4], [0, 0, 1, 1, 4])
+    np.testing.assert_array_equal(gauss_seidel[:, 4], [0, 1, 1, 4, 4])
+    np.testing.assert_array_equal(jacobi[:, 1], jacobi[:, 4] / 2)
+
+
+def test_events_apply_at_the_step_that_starts_there(make_system, collect):
+    system = make_system({"counter": "ToyCounter"}, [])
+    with Master(system, 0.1, block_rows=4) as master:
+        master.initialise()
+        events = [(0.7, "counter.enabled", False), (0.3, "counter.increment", 10)]
+        master.run(1.0, [collect], events)
+    np.testing.assert_array_equal(collect.values[:, 1], [0, 1, 2, 3, 13, 23, 33, 43, 43, 43, 43])
+    assert collect.firsts == [0, 4, 8]
+
+
+def test_a_connected_input_that_is_set_leaves_its_connection(oscillator, collect):
+    with Master(oscillator, STEP) as master:
+        master.set("mass.force", 4.0)
+        master.initialise()
+        master.run(2 * STEP, [collect], [(STEP, "mass.force", 0.0)])
+        assert master.get("mass.force") == 0.0
+    np.testing.assert_array_equal(collect.values[:, 1], [0.0, STEP * 2.0, STEP * 2.0])
+
+
+def test_parameters_arrive(oscillator, collect):
+    with Master(oscillator.with_parameters({"mass.mass": 5}), STEP) as master:
+        master.set("spring.damping", DAMPING)
+        master.initialise()
+        master.run(0.1, [collect])
+        master.set("mass.mass", 3.0)
+        assert master.get("mass.mass") == 3.0
+    np.testing.assert_array_equal(collect.values, reference(10, "jacobi", mass=5.0))
+
+
+def test_progress_is_called_for_each_block(oscillator):
+    seen = []
+    with Master(oscillator, STEP, block_rows=10) as master:
+        master.initialise()
+        master.run(0.25, progress=lambda *now: seen.append(now))
+    assert [now[0] for now in seen] == pytest.approx([0.09, 0.19, 0.25])
+    assert all(wall > 0 and factor > 0 for _, wall, factor in seen)
+
+
+@pytest.mark.parametrize("step", [0.0, -1e-3, math.nan, math.inf, 1e-18])
+def test_impossible_steps_are_refused(oscillator, step):
+    with pytest.raises(UsageError, match="step"):
+        Master(oscillator, step, start_time=1.0)
+
+
+def test_arguments_are_checked_before_anything_runs(oscillator):
+    with pytest.raises(UsageError, match="states none"):
+        Master(oscillator)
+    with pytest.raises(UsageError, match="jacobi"):
+        Master(oscillator, STEP, "euler")
+    with pytest.raises(UsageError, match="block_rows"):
+        Master(oscillator, STEP, block_rows=0)
+    with Master(oscillator, STEP) as master:
+        with pytest.raises(UsageError, match=r"initialise\(\) first"):
+            master.run(1.0)
+        with pytest.raises(UsageError, match="not initialised"):
+            master.get("mass.position")
+        master.initialise()
+        with pytest.raises(UsageError, match="already initialised"):
+            master.initialise()
+        for duration in (0.0, -1.0, math.nan, math.inf, 1.5 * STEP):
+            with pytest.raises(UsageError, match="duration"):
+                master.run(duration)
+        for event, reason in (
+            ((0.015, "mass.force", 1.0), "nearest is 0.02"),
+            ((math.nan, "mass.force", 1.0), "communication point"),
+            ((1.0, "mass.force", 1.0), "not within this run"),
+            ((0.0, "mass.forse", 1.0), "did you mean force"),
+            ((0.0, "mas.force", 1.0), "no component 'mas'"),
+            ((0.0, "force", 1.0), "component.variable"),
+            ((0.0, "mass.force", True), "type Real"),
+            ((0.0, "mass.force", math.nan), "finite"),
+            ((0.0, "mass.position", 1.0), "causality output"),
+            ((0.0, "spring.damping", 1.0), "before initialisation"),
+        ):
+            with pytest.raises(UsageError, match=reason):
+                master.run(1.0, events=[event])
+        master.run(1.0)  # none of that did any harm
+    with pytest.raises(UsageError, match="closed"):
+        master.run(1.0)
+
+
+def test_time_does_not_accumulate_rounding(oscillator, collect):
+    with Master(oscillator, 0.1, start_time=5.0) as master:
+        master.initialise()
+        master.run(300.0, [collect])
+    np.testing.assert_array_equal(collect.time, 5.0 + np.arange(3001) * 0.1)
+
+
+def test_memory_does_not_grow_with_the_run(oscillator):
+    import tracemalloc
+
+    with Master(oscillator, 1e-3, block_rows=100) as master:
+        master.initialise()
+        master.run(1.0)
+        tracemalloc.start()
+        master.run(1.0)
+        first = tracemalloc.get_traced_memory()[0]
+        master.run(5.0)
+        growth = tracemalloc.get_traced_memory()[0] - first
+        tracemalloc.stop()
+    assert growth < 10_000
