@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
+import logging
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
-from ..cosim import Column, Master, System, Value, read_parameters, read_system
-from ..cosim.master import Event, Observer, Progress
+from ..cosim import Column, Event, Master, Observer, Recorder, System, Value, read_parameters, read_system
 from ..pointing.summary import FmuFile
-from .options import RunOptions
+from .options import RESULTS, RunOptions
 
 
 @dataclass(frozen=True)
@@ -44,6 +44,8 @@ class Outcome:
 
 Observe = Callable[[tuple[Column, ...]], Sequence[Observer]]
 """Makes the observers of a case, once the columns are known."""
+Progress = Callable[[float, float, float], None]
+"""Takes simulated time [s], wall time [s], simulated over wall time."""
 
 
 def load_system(options: RunOptions, defaults: Mapping[str, Value] | None = None) -> System:
@@ -65,11 +67,13 @@ def run_case(
     observe: Observe,
     *,
     duration_s: float | None = None,
+    select: Sequence[str] | None = None,
 ) -> Outcome:
     """Run one case from its start to ``duration_s`` (by default that of the options) and free the FMUs.
 
-    Raises :class:`ps_fmu.cosim.CosimError` (what is wrong, where and when) and KeyboardInterrupt; the observers
-    have then seen all complete rows.
+    All outputs, or the columns in ``select``, are stored in the case's group of results.nc.  Raises
+    :class:`ps_fmu.cosim.CosimError` (what is wrong, where and when) and KeyboardInterrupt; the observers and
+    the file have then all complete rows.
     """
     duration = options.duration_s if duration_s is None else duration_s
     wall = [0.0]
@@ -79,20 +83,57 @@ def run_case(
         show(simulated, passed, factor)
 
     with (
+        _warnings() as messages,
         Master(system.with_parameters(case.values), options.step_s, options.scheme) as master,
         progress_bar(case.name, duration, options.progress) as show,
+        _recorder(master, options, case, select) as recorder,
     ):
         master.initialise()
-        master.run(duration, observe(master.columns), case.events, note)
-        return Outcome(case, master.columns, duration, wall[0], tuple(_warnings(master)))
+        master.run(duration, [recorder, *observe(master.columns)], case.events, note)
+        return Outcome(case, master.columns, duration, wall[0], (*_unconnected(master, case), *messages))
 
 
-def _warnings(master: Master) -> Iterator[str]:
+def _recorder(master: Master, options: RunOptions, case: Case, select: Sequence[str] | None) -> Recorder:
+    path = options.output / RESULTS
+    return Recorder(
+        path,
+        case.name,
+        columns=master.columns,
+        step=master.step,
+        storage_step=options.storage_step_s,
+        select=select,
+        attributes={"scenario": options.scenario, "scheme": options.scheme, "seed": options.seed},
+        append=path.exists(),
+    )
+
+
+def _unconnected(master: Master, case: Case) -> Iterator[str]:
+    chosen = {*case.values, *(name for _, name, _ in case.events)}
     for item in master.open_inputs:
-        yield f"{item.port} is not connected and stays at {item.start} {item.unit or ''}".rstrip()
-    for component, count in master.warnings.items():
-        if count:
-            yield f"{component} returned fmi2Warning {count} times"
+        if str(item.port) not in chosen:
+            yield f"{item.port} is not connected and stays at {item.start} {item.unit or ''}".rstrip()
+
+
+@contextmanager
+def _warnings() -> Iterator[list[str]]:
+    """Collects what the co-simulation warns of, each text once, and shows it above the progress bar."""
+    from tqdm import tqdm
+
+    texts: list[str] = []
+
+    class Collector(logging.Handler):
+        def emit(self, record: logging.LogRecord) -> None:
+            if (text := record.getMessage()) not in texts:
+                texts.append(text)
+                tqdm.write(text, file=sys.stderr)
+
+    collector = Collector(logging.WARNING)
+    logger = logging.getLogger("ps_fmu.cosim")
+    logger.addHandler(collector)
+    try:
+        yield texts
+    finally:
+        logger.removeHandler(collector)
 
 
 @contextmanager
