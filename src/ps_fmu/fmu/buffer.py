@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+import struct
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -98,17 +100,27 @@ class Buffer:
         index = np.array(references)
         return lambda: self.data[index].tolist()
 
-    def runs(self, references: Sequence[int], kind: Callable[[int], object]) -> list[tuple[Array, int, int]]:
-        """``references`` cut into runs that lie side by side and are of one ``kind``.
+    def writer(self, reference: int, n: int) -> Callable[..., None]:
+        """A function of n doubles that stores them from ``reference`` on.
 
-        Each is (view, first, last), for ``view[:] = values[first:last]``.
+        struct needs half the time of an assignment from a list (0.19 instead of 0.41 us for 12 doubles).
         """
-        runs = []
-        first = 0
-        for last in range(1, len(references) + 1):
-            before = references[last - 1]
-            goes_on = last < len(references) and references[last] == before + 1
-            if not goes_on or kind(references[last]) != kind(before):
-                runs.append((self.data[references[first] : before + 1], first, last))
-                first = last
-        return runs
+        return functools.partial(
+            struct.Struct(f"={n}d").pack_into, memoryview(self.data.view(np.uint8).data), 8 * reference
+        )
+
+
+def runs(references: Sequence[int], kind: Callable[[int], object]) -> list[tuple[int, int, int]]:
+    """``references`` cut into runs that lie side by side and are of one ``kind``.
+
+    Each is (reference, first, last): the positions first to last - 1 are ``reference`` and those that follow it.
+    """
+    found = []
+    first = 0
+    for last in range(1, len(references) + 1):
+        before = references[last - 1]
+        goes_on = last < len(references) and references[last] == before + 1
+        if not goes_on or kind(references[last]) != kind(before):
+            found.append((references[first], first, last))
+            first = last
+    return found

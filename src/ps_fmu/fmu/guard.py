@@ -15,7 +15,7 @@ import functools
 import sys
 import traceback
 from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import Any, NoReturn, TypeVar
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -59,11 +59,7 @@ def keep_alive(*objects: object) -> None:
 
 
 def guarded(method: F) -> F:
-    """For methods that the library calls and that may raise: report, compensate, raise :class:`FmuError`.
-
-    The instance needs ``hosted`` (is it driven by the library?), ``label`` and ``log_queue``.  Without a host
-    the error passes unchanged.
-    """
+    """For methods that the library calls and that may raise, see :func:`escape`."""
 
     @functools.wraps(method)
     def wrapper(self: Any, *args: Any) -> Any:
@@ -76,11 +72,45 @@ def guarded(method: F) -> F:
     return wrapper  # type: ignore[return-value]
 
 
+def guarded_class(method: F) -> F:
+    """As :func:`guarded`, for what the library calls on the class: below ``@classmethod``."""
+
+    @functools.wraps(method)
+    def wrapper(cls: Any, *args: Any) -> Any:
+        try:
+            return method(cls, *args)
+        except BaseException as error:
+            escape_class(cls, error)
+            raise
+
+    return wrapper  # type: ignore[return-value]
+
+
 def escape(slave: Any, error: BaseException) -> None:
-    """Prepare for an exception that is about to reach the library; raises FmuError in its place."""
-    if not slave.hosted or isinstance(error, FmuError):
-        return
-    text = f"{slave.label}: {describe(error)}"
+    """What has to be done before an exception reaches the library: report, compensate, raise FmuError in its place.
+
+    ``slave`` has ``hosted`` (is it driven by the library?), ``label`` and ``log_queue``.  Without the library the
+    exception may pass as it is, and this returns.
+    """
+    if slave.hosted and not isinstance(error, FmuError):
+        keep_alive(type(slave), slave, slave.log_queue)
+        _raise_reported(slave.label, error)
+
+
+def escape_class(cls: Any, error: BaseException) -> None:
+    """As :func:`escape`, where the instance in question is not known: all those alive are compensated.
+
+    The price of a fault here is thus that the other instances are never freed.
+    """
+    hosted = [slave for slave in cls.instances if slave.hosted]
+    if hosted:
+        keep_alive(cls)
+        for slave in hosted:
+            keep_alive(slave, slave.log_queue)
+        _raise_reported(cls.__name__, error)
+
+
+def _raise_reported(label: str, error: BaseException) -> NoReturn:
+    text = f"{label}: {describe(error)}"
     report(text, error)
-    keep_alive(type(slave), slave, slave.log_queue)
     raise FmuError(text.replace("%", "%%")) from error

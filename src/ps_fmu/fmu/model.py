@@ -7,13 +7,10 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-import numpy as np
-from numpy.typing import NDArray
 from pythonfmu.fmi2slave import Fmi2Slave
 
+from .buffer import Array, Buffer
 from .variables import Port
-
-Array = NDArray[np.float64]
 
 
 class Model(Fmi2Slave):
@@ -43,7 +40,8 @@ class Model(Fmi2Slave):
     default_step: ClassVar[float] = 1e-3  # s
     default_stop: ClassVar[float] = 10.0  # s
 
-    # Views of the buffer, never rebound.
+    _buffer: Buffer
+    # Views of it, never rebound.
     y: Array
     x: Array
     u: Array
@@ -51,7 +49,7 @@ class Model(Fmi2Slave):
     memory: Array
 
     finishing: bool = False
-    """Call :meth:`finish_step` after each map.  To be set by ``configure`` and by ``restore``."""
+    """Call :meth:`finish_step` after each map.  To be set by ``configure`` and ``restore``."""
 
     def configure(self) -> None:
         """Build the model from parameters and present inputs; set x, a, memory and whatever is derived.
@@ -93,5 +91,9 @@ class Model(Fmi2Slave):
     def restore(self) -> None:
         """Rebuild what is derived (matrices, plans) from the buffer: an FMU state was set, or an event failed.
 
-        ``configure`` may never have been called in this instance.
+        ``configure`` may never have been called in this instance.  By default it is called, and the buffer then put
+        back: right for models whose derived data depend on parameters alone.
         """
+        kept = self._buffer.data.copy()
+        self.configure()
+        self._buffer.data[:] = kept

@@ -14,19 +14,20 @@ Every call checks its arguments and the phase, and a refused call changes nothin
 
 from __future__ import annotations
 
+import sys
 from math import inf, isfinite
-from typing import Any
+from typing import Any, ClassVar
+from weakref import WeakSet
 from xml.etree.ElementTree import Element
 
 import numpy as np
 from pythonfmu.enums import Fmi2Status
 
 from .. import __version__
-from .guard import ModelError, Refused, guarded, report
+from .guard import ModelError, Refused, guarded, guarded_class, report
 from .layout import Layout
-from .state import State, from_bytes, to_bytes
+from .state import Phase, State, from_bytes, to_bytes
 from .stepper import Stepper
-from .values import Phase
 from .variables import Port, numbered, vector
 
 __all__ = ["ModelError", "Phase", "Port", "Refused", "Slave", "numbered", "vector"]
@@ -35,14 +36,16 @@ __all__ = ["ModelError", "Phase", "Port", "Refused", "Slave", "numbered", "vecto
 class Slave(Stepper):
     """FMI 2.0 co-simulation slave.  Subclasses fill in what :class:`.model.Model` lists."""
 
+    instances: ClassVar[WeakSet[Slave]]
+    """All that are alive, for :func:`.guard.escape_class`."""
+
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
         if "__init__" in cls.__dict__:
             raise TypeError(f"{cls.__name__}: no __init__ please; what a model needs is made in configure()")
         if cls.block_rows and cls.n_states:
-            raise TypeError(
-                f"{cls.__name__}: n_states = {cls.n_states}, but with block_rows there are no states"
-            )
+            raise TypeError(f"{cls.__name__}: n_states = {cls.n_states}, but with block_rows there are no states")
+        cls.instances = WeakSet()
         cls.layout = Layout(cls.__name__, __version__, cls.ports, cls.n_states, cls.n_auxiliary, cls.n_memory)
 
     def __init__(self, **kwargs: Any) -> None:
@@ -50,6 +53,7 @@ class Slave(Stepper):
         self.label = f"{type(self).__name__} {self.instance_name!r}"
         self.hosted = "logger" in kwargs  # only pythonfmu's native library passes one
         self._allocate()
+        self.instances.add(self)
 
     # --- Life cycle ---------------------------------------------------------------------
 
@@ -145,10 +149,9 @@ class Slave(Stepper):
         except BaseException:
             self._buffer.data[:] = before.buffer
             self._buffer.strings[:] = before.strings
-            self._recall(before.clock, table)
             if before.clock.phase >= Phase.STEPPING:
                 self._rebuild()
-                self._recall(before.clock, table)
+            self._recall(before.clock, table)
             raise
         finally:
             self._forget_lists()
@@ -156,6 +159,8 @@ class Slave(Stepper):
     def _check_state(self, state: State) -> None:
         if not isinstance(state, State) or state.identity != self.layout.identity:
             raise Refused("the FMU state belongs to another FMU, or to another version of this one")
+        if state.clock.rows > self.block_rows:
+            raise Refused(f"the FMU state has a table of {state.clock.rows} rows; at most {self.block_rows} fit")
 
     def _put_state(self, state: State) -> None:
         self._buffer.data[:] = state.buffer
@@ -166,17 +171,18 @@ class Slave(Stepper):
             self.restore()
             table = self._table_again(state.clock)
         self._recall(state.clock, table)
-        if state.clock.phase < Phase.STEPPING:
+        if self._phase < Phase.STEPPING:
             self._stale = True  # configure() has to rebuild what is derived
 
     @classmethod
+    @guarded_class
     def _fmu_state_to_bytes(cls, state: State) -> bytes:
         return to_bytes(state)
 
     @classmethod
+    @guarded_class
     def _fmu_state_from_bytes(cls, state: bytes) -> State:
-        layout = cls.layout
-        return from_bytes(bytes(state), layout.identity, layout.size, len(layout.strings))
+        return from_bytes(state, cls.layout)
 
     # --- Messages -----------------------------------------------------------------------
 
@@ -188,11 +194,14 @@ class Slave(Stepper):
         """Tell the host about an error; also on stderr, since hosts may have logging off."""
         self.log(report(f"{self.label}: {text}"), Fmi2Status.error)
 
-    def log(
-        self, msg: str, status: Fmi2Status = Fmi2Status.ok, category: str | None = None, debug: Any = None
-    ) -> None:
-        """As pythonfmu's, but safe: hosts take the text for a printf format."""
-        super().log(msg.replace("%", "%%"), status, category, debug)
+    def log(self, msg: str, status: Fmi2Status = Fmi2Status.ok, category: str | None = None, debug: Any = None) -> None:
+        """As pythonfmu's, but safe: hosts take the text for a printf format.
+
+        The library never frees a text that it has logged, so equal texts are made one object.
+        """
+        if category is None:
+            category = "logAll" if status == Fmi2Status.ok else f"logStatus{status.name.capitalize()}"
+        super().log(sys.intern(msg.replace("%", "%%")), status, sys.intern(category), debug)
 
     # --- Description --------------------------------------------------------------------
 

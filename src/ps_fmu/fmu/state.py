@@ -16,49 +16,57 @@ import hashlib
 import math
 import struct
 from dataclasses import dataclass
+from enum import IntEnum
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .guard import Refused
+from .layout import Layout
 
 Array = NDArray[np.float64]
 
 _MAGIC = b"ps_fmu\x00\x01"  # the last byte is the version of this format
-_HEADER = struct.Struct("<4B 4q 5d 2I")
+_HEADER = struct.Struct("<4B 3q 5d 2I")
 _CHECKSUM_SIZE = hashlib.sha256().digest_size
 _PREFIX_SIZE = len(_MAGIC) + _CHECKSUM_SIZE + _HEADER.size
+
+
+class Phase(IntEnum):
+    """Where in its life cycle a slave is."""
+
+    INSTANTIATED = 0
+    INITIALISATION = 1
+    STEPPING = 2
+    TERMINATED = 3
 
 
 @dataclass(frozen=True)
 class Clock:
     """Communication points and what is pending.  Times in s."""
 
-    phase: int
-    """Phase of the life cycle, see ``slave.Phase``."""
-    ready: bool = False
+    phase: Phase
+    ready: bool
     """fmi2SetupExperiment was called."""
-    stale: bool = True
+    stale: bool
     """Something was set since the last configuration."""
-    pending: bool = False
+    pending: bool
     """``event`` is due before the next step."""
-    count: int = 0
+    count: int
     """Steps of size ``step`` since ``origin``."""
-    row: int = 0
-    """Rows of the table already used."""
-    rows: int = 0
+    rows: int
     """Rows in the table; 0: no table."""
-    block: int = 0
-    """Value of ``count`` at the start of the table."""
-    start: float = 0.0
+    block: int
+    """Value of ``count`` at the start of the table; ``count - block`` of its rows have been used."""
+    start: float
     """Start time of the experiment."""
-    stop: float = math.inf
+    stop: float
     """Its stop time; inf: not defined."""
-    time: float = 0.0
+    time: float
     """Where the next step starts, as the host counts."""
-    origin: float = 0.0
+    origin: float
     """Where steps of the present size began."""
-    step: float = 0.0
+    step: float
     """Present step size; 0: none yet."""
 
 
@@ -77,7 +85,7 @@ def to_bytes(state: State) -> bytes:
     c = state.clock
     header = _HEADER.pack(
         c.phase, c.ready, c.stale, c.pending,
-        c.count, c.row, c.rows, c.block,
+        c.count, c.rows, c.block,
         c.start, c.stop, c.time, c.origin, c.step,
         state.buffer.size, len(state.strings),
     )  # fmt: skip
@@ -89,8 +97,8 @@ def to_bytes(state: State) -> bytes:
     return content + hashlib.sha256(content).digest()
 
 
-def from_bytes(content: bytes, identity: bytes, size: int, n_strings: int) -> State:
-    """The state in ``content``, for the model with this identity, buffer size and number of strings.
+def from_bytes(content: bytes, layout: Layout) -> State:
+    """The state in ``content``, for the model with this layout.
 
     Raises Refused if the bytes are damaged, of another model or version, or impossible.
     """
@@ -101,32 +109,47 @@ def from_bytes(content: bytes, identity: bytes, size: int, n_strings: int) -> St
         raise Refused(f"the serialised FMU state has format {version}; this FMU reads format {_MAGIC[-1]}")
     if hashlib.sha256(content[:-_CHECKSUM_SIZE]).digest() != content[-_CHECKSUM_SIZE:]:
         raise Refused("the serialised FMU state is damaged: its checksum does not fit")
-    if content[len(_MAGIC) : len(_MAGIC) + _CHECKSUM_SIZE] != identity:
+    if content[len(_MAGIC) : len(_MAGIC) + _CHECKSUM_SIZE] != layout.identity:
         raise Refused("the serialised FMU state belongs to another FMU, or to another version of this one")
-    *words, n_buffer, n_texts = _HEADER.unpack_from(content, len(_MAGIC) + _CHECKSUM_SIZE)
-    if (n_buffer, n_texts) != (size, n_strings):
-        found, expected = f"{n_buffer} numbers and {n_texts} texts", f"{size} and {n_strings}"
+    *words, n_numbers, n_texts = _HEADER.unpack_from(content, len(_MAGIC) + _CHECKSUM_SIZE)
+    if (n_numbers, n_texts) != (layout.size, len(layout.strings)):
+        found, expected = f"{n_numbers} numbers and {n_texts} texts", f"{layout.size} and {len(layout.strings)}"
         raise Refused(f"the serialised FMU state has {found}; expected {expected}")
-    texts_start = _PREFIX_SIZE + 8 * size
+    texts_start = _PREFIX_SIZE + 8 * n_numbers
     if len(content) - _CHECKSUM_SIZE < texts_start:
         raise Refused("the serialised FMU state ends within its numbers")
-    buffer = np.frombuffer(content, "<f8", size, _PREFIX_SIZE).astype(np.float64)
-    if not np.isfinite(buffer).all():
-        raise Refused("the serialised FMU state contains numbers that are not finite")
-    flags = words[1:4]
-    if any(flag > 1 for flag in flags):
-        raise Refused(f"the serialised FMU state has impossible flags {flags}")
-    clock = Clock(words[0], *map(bool, flags), *words[4:])
-    _check(clock)
-    return State(identity, clock, buffer, _texts(content[texts_start:-_CHECKSUM_SIZE], n_strings))
+    buffer = np.frombuffer(content, "<f8", n_numbers, _PREFIX_SIZE).astype(np.float64)
+    strings = _texts(content[texts_start:-_CHECKSUM_SIZE], n_texts)
+    _check_values(buffer, strings, layout)
+    return State(layout.identity, _clock(words), buffer, strings)
 
 
-def _check(clock: Clock) -> None:
+def _clock(words: list[float]) -> Clock:
+    phase, *flags = map(int, words[:4])
+    if phase > max(Phase) or any(flag > 1 for flag in flags):
+        raise Refused(f"the serialised FMU state has impossible flags {words[:4]}")
+    clock = Clock(Phase(phase), *map(bool, flags), *words[4:])
+    if clock.stale and clock.phase >= Phase.STEPPING:
+        raise Refused("the serialised FMU state is after initialisation, but not configured")
     times = (clock.start, clock.time, clock.origin, clock.step)
     if not all(map(math.isfinite, times)) or math.isnan(clock.stop) or clock.step < 0.0:
         raise Refused(f"the serialised FMU state has impossible times {times}")
-    if min(clock.count, clock.row, clock.rows, clock.block) < 0 or clock.row > clock.rows:
+    if not (0 <= clock.block <= clock.count and clock.rows >= 0):
         raise Refused("the serialised FMU state has impossible counters")
+    return clock
+
+
+def _check_values(buffer: Array, strings: tuple[str, ...], layout: Layout) -> None:
+    """What a host may set has to be what a host could have set, and all has to be finite."""
+    if not np.isfinite(buffer).all():
+        raise Refused("the serialised FMU state contains numbers that are not finite")
+    values = [*buffer.tolist(), *strings]
+    for reference, port in layout.by_reference.items():
+        if port.causality != "output":
+            try:
+                port.checked(values[reference])
+            except ValueError as error:
+                raise Refused(f"the serialised FMU state is impossible: {error}") from None
 
 
 def _texts(content: bytes, n: int) -> tuple[str, ...]:

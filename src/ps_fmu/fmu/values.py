@@ -3,28 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from enum import IntEnum
 from math import isfinite
-from typing import Any, ClassVar
+from typing import Any, ClassVar, TypeVar
 
-from .buffer import Array, Buffer
+from .buffer import Array, Buffer, runs
 from .guard import Refused, escape
 from .layout import Layout
 from .model import Model
+from .state import Phase
 from .variables import Value
 
 _MOST_LISTS = 256  # remembered lists of value references, per instance and direction
 
-Piece = tuple[Array, int, int]  # view of the buffer, first and last + 1 of the values that go there
-
-
-class Phase(IntEnum):
-    """Where in its life cycle a slave is."""
-
-    INSTANTIATED = 0
-    INITIALISATION = 1
-    STEPPING = 2
-    TERMINATED = 3
+T = TypeVar("T")
+Reader = Callable[[], list[Any]]
+Write = tuple[Callable[..., None], int, int]  # function of the values first to last - 1, which it stores; first; last
+Watch = tuple[Array, int, int]  # part of the buffer that the values first to last - 1 are compared with; first; last
+Writer = tuple[list[Watch], list[Write]]
 
 
 class Values(Model):
@@ -70,8 +65,10 @@ class Values(Model):
 
     def get_real(self, vrs: list[int]) -> list[float]:
         try:
+            if vrs == self._last_read:
+                return self._last_reader()
             reader = self._readers.get(tuple(vrs))
-            return reader() if reader is not None else self._get("Real", vrs)
+            return self._get("Real", vrs) if reader is None else reader()
         except BaseException as error:
             escape(self, error)
             raise
@@ -99,17 +96,17 @@ class Values(Model):
 
     def set_real(self, vrs: list[int], values: list[float]) -> None:
         try:
-            pieces = self._writers.get(tuple(vrs))
-            if pieces is None or len(values) != len(vrs) or not isfinite(sum(values)):
+            writer = self._last_writer if vrs == self._last_written else self._writers.get(tuple(vrs))
+            if writer is None or len(values) != len(vrs) or not isfinite(sum(values)):
                 self._set("Real", vrs, values)
                 return
-            watched, free = pieces
+            watched, free = writer
             for view, first, last in watched:
                 if view.tolist() != values[first:last]:
                     self._set("Real", vrs, values)
                     return
-            for view, first, last in free:
-                view[:] = values[first:last]
+            for store, first, last in free:
+                store(*values[first:last])
         except BaseException as error:
             escape(self, error)
             raise
@@ -139,17 +136,21 @@ class Values(Model):
 
     def _forget_lists(self) -> None:
         """To be called when the phase changes: what may be read or set without further checks has changed."""
-        self._readers: dict[tuple[int, ...], Callable[[], list[Any]]] = {}
-        self._writers: dict[tuple[int, ...], tuple[list[Piece], list[Piece]]] = {}
+        self._readers: dict[tuple[int, ...], Reader] = {}
+        self._writers: dict[tuple[int, ...], Writer] = {}
+        # Most hosts use one list all the time, and to compare lists is quicker than to hash a tuple.
+        self._last_read: list[int] | None = None
+        self._last_reader: Reader = list
+        self._last_written: list[int] | None = None
+        self._last_writer: Writer = ([], [])
 
     def _get(self, kind: str, references: list[int]) -> list[Any]:
         reader = self._buffer.reader(kind, references)
         if self._stale and any(self.layout.by_reference[vr].causality == "output" for vr in references):
             self._configure()
         if self._phase >= Phase.STEPPING and kind == "Real":
-            if len(self._readers) >= _MOST_LISTS:
-                self._readers.clear()
-            self._readers[tuple(references)] = reader
+            _remember(self._readers, references, reader)
+            self._last_read, self._last_reader = list(references), reader
         return reader()
 
     def _set(self, kind: str, references: list[int], values: Sequence[Any]) -> None:
@@ -162,9 +163,7 @@ class Values(Model):
             if port.causality == "output":
                 raise Refused(f"{port.name} is an output and cannot be set")
             if port.causality == "parameter" and self._phase >= Phase.STEPPING:
-                raise Refused(
-                    f"{port.name} is a fixed parameter: set it before initialisation ends, or after a reset"
-                )
+                raise Refused(f"{port.name} is a fixed parameter: set it before initialisation ends, or after a reset")
             if self._phase == Phase.TERMINATED:
                 raise Refused(f"{port.name} cannot be set: the simulation is terminated")
             try:
@@ -179,13 +178,15 @@ class Values(Model):
             self._remember_writer(references)
 
     def _remember_writer(self, references: list[int]) -> None:
-        watched: list[Piece] = []
-        free: list[Piece] = []
-        for piece in self._buffer.runs(references, self._is_watched):
-            (watched if self._is_watched(references[piece[1]]) else free).append(piece)
-        if len(self._writers) >= _MOST_LISTS:
-            self._writers.clear()
-        self._writers[tuple(references)] = (watched, free)
+        watched: list[Watch] = []
+        free: list[Write] = []
+        for start, first, last in runs(references, self._is_watched):
+            if self._is_watched(start):
+                watched.append((self._buffer.data[start : start + last - first], first, last))
+            else:
+                free.append((self._buffer.writer(start, last - first), first, last))
+        _remember(self._writers, references, (watched, free))
+        self._last_written, self._last_writer = list(references), (watched, free)
 
     def _is_watched(self, reference: int) -> bool:
         """Does a new value of this variable need a check, or is it an event?"""
@@ -197,3 +198,9 @@ class Values(Model):
 
     def _on_change(self, event: bool) -> None:
         raise NotImplementedError
+
+
+def _remember(lists: dict[tuple[int, ...], T], references: list[int], value: T) -> None:
+    if len(lists) >= _MOST_LISTS:
+        lists.clear()
+    lists[tuple(references)] = value
