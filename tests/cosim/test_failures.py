@@ -9,9 +9,11 @@ import signal
 import subprocess
 import sys
 import textwrap
+from pathlib import Path
 
 import numpy as np
 import pytest
+
 from ps_fmu.cosim import Master, RecorderError, SlaveError
 from ps_fmu.cosim.slaves import ACCESS, STEP, Phase, Slave
 
@@ -136,7 +138,7 @@ def test_errors_name_component_function_and_time(failing, collect, answer, statu
     master, error = run(failing("none"), collect)
     assert isinstance(error, SlaveError)
     assert (error.component, error.status) == ("clock", status)
-    assert f"clock: fmi2DoStep at t = 0.05 s returned" in str(error)
+    assert "clock: fmi2DoStep at t = 0.05 s returned" in str(error)
     assert name in str(error)
     assert len(collect.time) == 6
     assert len(calls) == 6  # nothing is stepped after a failure
@@ -225,7 +227,7 @@ def test_an_exception_of_a_stock_slave_is_fatal_and_reported(toys, tmp_path):
     script = """
         import sys
         sys.path.insert(0, sys.argv[3])
-        from conftest import Collect, ssd_text
+        from support.cosim import Collect, ssd_text
         from pathlib import Path
         from ps_fmu.cosim import Master, SlaveError, read_system
         path = Path(sys.argv[2]) / "test.ssd"
@@ -237,10 +239,11 @@ def test_an_exception_of_a_stock_slave_is_fatal_and_reported(toys, tmp_path):
                 master.initialise()
                 master.run(0.1, [collect])
         except SlaveError as error:
-            print(error.component, error.status, round(error.time, 9), len(collect.time), "the model broke" in str(error))
+            told = "the model broke" in str(error)
+            print(error.component, error.status, round(error.time, 9), len(collect.time), told)
     """
     result = subprocess.run(
-        [sys.executable, "-c", textwrap.dedent(script), toys, tmp_path, os.path.dirname(__file__)],
+        [sys.executable, "-c", textwrap.dedent(script), toys, tmp_path, Path(__file__).parents[1]],
         capture_output=True, text=True, timeout=60, check=False,
     )  # fmt: skip
     assert result.stdout.split() == ["clock", "4", "0.05", "6", "True"], result.stderr
@@ -261,6 +264,7 @@ def test_a_failing_initialisation_frees_what_was_loaded(make_system, answer, mon
 
 def test_an_fmu_that_cannot_be_instantiated_or_loaded(make_system, rewrite, toys, monkeypatch):
     from fmpy.fmi2 import FMU2Slave
+
     from ps_fmu.cosim import SystemFileError
 
     identifier = {'modelIdentifier="ToyGain"': 'modelIdentifier="Nothing"'}

@@ -1,0 +1,48 @@
+"""Messages of FMUs: shown once, kept for errors, bounded."""
+
+import logging
+
+from fmpy.fmi2 import fmi2CallbackLoggerTYPE
+
+from ps_fmu.cosim.messages import KEPT, REMEMBERED, MessageLog, forget, listen
+
+
+def test_messages_are_shown_once(caplog):
+    messages = MessageLog("plant")
+    with caplog.at_level(logging.WARNING):
+        for _ in range(3):
+            messages.add(1, "logStatusWarning", "getting warm\n")
+            messages.add(0, "logAll", "all is well")
+    assert [record.getMessage() for record in caplog.records] == ["plant: [fmi2Warning] getting warm"]
+    assert messages.counts == {1: 3, 0: 3}
+
+
+def test_a_chatty_fmu_does_not_fill_the_memory(caplog):
+    messages = MessageLog("plant")
+    with caplog.at_level(logging.WARNING):
+        for number in range(10 * REMEMBERED):
+            messages.add(3, "", f"number {number}")
+    assert list(messages.recent)[-1] == f"[fmi2Error] number {10 * REMEMBERED - 1}"
+    assert len(messages.recent) == KEPT
+    assert len(caplog.records) == REMEMBERED + 2
+    assert "too many different messages" in caplog.records[-1].getMessage()
+
+
+def test_each_instance_is_heard_and_others_go_to_fmpy(capfd):
+    first, second = MessageLog("first"), MessageLog("second")
+    callbacks = [listen(first), listen(second)]
+    speak = [fmi2CallbackLoggerTYPE(ctypes_address(c.logger)) for c in callbacks]
+    speak[0](callbacks[0].componentEnvironment, b"first", 0, None, b"\xff from the first")
+    speak[1](callbacks[1].componentEnvironment, b"second", 3, b"category", b"from the second")
+    forget(callbacks[0])
+    speak[0](callbacks[0].componentEnvironment, b"first", 3, None, b"from nobody")
+    forget(callbacks[1])
+    assert (first.counts, second.counts) == ({0: 1}, {3: 1})
+    assert list(second.recent) == ["[fmi2Error] from the second"]
+    assert "[ERROR] from nobody" in capfd.readouterr().out
+
+
+def ctypes_address(function):
+    import ctypes
+
+    return ctypes.cast(function, ctypes.c_void_p).value

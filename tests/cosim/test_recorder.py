@@ -1,0 +1,211 @@
+"""Results on disk: content, decimation, and what is left when something goes wrong."""
+
+import signal
+import subprocess
+import sys
+import textwrap
+
+import netCDF4
+import numpy as np
+import pytest
+
+from ps_fmu.cosim import Column, Master, Recorder, RecorderError, UsageError
+from ps_fmu.cosim.decimate import Decimator
+
+COLUMNS = [
+    Column("plant.los.x", "m", "Real", "Line of sight on the image plane"),
+    Column("plant.on", "1", "Boolean", ""),
+    Column("plant.count", "1", "Integer", ""),
+    Column("plant.angle", "deg", "Real", ""),
+]
+
+
+def feed(recorder, values, step=1.0, cuts=(5, 1, 1000), first=0):
+    """Hand over rows in blocks of changing length, in an array that is overwritten as the master does."""
+    index, number = 0, 0
+    while index < len(values):
+        count = cuts[number % len(cuts)]
+        block = values[index : index + count].copy()
+        recorder.block(first + index, (first + index + np.arange(len(block))) * step, block)
+        block[:] = np.nan
+        index += count
+        number += 1
+
+
+def rows(n, seed=1):
+    random = np.random.default_rng(seed)
+    values = random.standard_normal((n, 4))
+    values[:, 1] = random.integers(0, 2, n)
+    values[:, 2] = random.integers(-9, 9, n)
+    return values
+
+
+@pytest.fixture
+def path(tmp_path):
+    return tmp_path / "results" / "results.nc"
+
+
+def test_rows_are_stored_unchanged_with_units(path):
+    values = rows(2500)
+    with Recorder(path, "passive", columns=COLUMNS, step=0.1, attributes={"seed": 3, "note": "a"}) as recorder:
+        feed(recorder, values, 0.1)
+    with Recorder(path, "active", columns=COLUMNS, step=0.1, select=["plant.angle"], append=True) as recorder:
+        feed(recorder, values[:7], 0.1)
+    with netCDF4.Dataset(path) as data:
+        group = data["passive"]
+        assert list(data.groups) == ["passive", "active"]
+        assert (group.seed, group.note) == (3, "a")
+        assert list(group.variables) == ["time", *(column.name for column in COLUMNS)]
+        np.testing.assert_array_equal(group["time"][:], np.arange(2500) * 0.1)
+        for place, column in enumerate(COLUMNS):
+            np.testing.assert_array_equal(group[column.name][:], values[:, place])
+        assert [v.units for v in group.variables.values()] == ["s", "m", "1", "1", "degree"]
+        assert [v.dtype.str[1:] for v in group.variables.values()] == ["f8", "f8", "i1", "i4", "f8"]
+        assert group["plant.los.x"].long_name == "Line of sight on the image plane"
+        assert group["plant.on"].flag_meanings == "false true"
+        assert list(data["active"].variables) == ["time", "plant.angle"]
+        assert group.dimensions["time"].isunlimited()
+    with pytest.raises(UsageError, match="has a run 'active' already"):
+        Recorder(path, "active", columns=COLUMNS, step=0.1, append=True)
+
+
+@pytest.mark.parametrize("factor", [2, 10])
+def test_decimation_keeps_the_band_its_phase_and_nothing_else(path, factor):
+    n, step = 4000, 1e-3
+    time = np.arange(n) * step
+    nyquist = 0.5 / (factor * step)
+    kept = np.sin(2 * np.pi * 0.75 * nyquist * time + 0.3)
+    folded = 2.0 * np.sin(2 * np.pi * 1.25 * nyquist * time)
+    values = np.zeros((n, 4))
+    values[:, 0] = 5.0 + kept
+    values[:, 3] = folded
+    values[:, 1] = np.arange(n) // 7 % 2
+    values[:, 2] = np.arange(n)
+    with Recorder(path, "run", columns=COLUMNS, step=step, storage_step=factor * step) as recorder:
+        feed(recorder, values, step)
+    with netCDF4.Dataset(path) as data:
+        stored = {name: v[:] for name, v in data["run"].variables.items()}
+    np.testing.assert_array_equal(stored["time"], time[::factor])
+    np.testing.assert_array_equal(stored["plant.on"], values[::factor, 1])
+    np.testing.assert_array_equal(stored["plant.count"], values[::factor, 2])
+    inner = slice(40, -40)  # the filter reaches 26 stored rows to either side
+    np.testing.assert_allclose(stored["plant.los.x"][inner], values[::factor, 0][inner], atol=2e-4)
+    assert np.abs(stored["plant.angle"][inner]).max() < 4e-4  # 80 dB below, and a little
+
+
+def test_the_cut_into_blocks_does_not_matter():
+    values = rows(600)
+    filtered = np.array([True, False, False, True])
+
+    def decimate(cuts):
+        decimator, parts = Decimator(7, filtered), []
+        for part in np.split(values, cuts):
+            parts.append(decimator.push(part))
+        return np.concatenate([*parts, decimator.finish()])
+
+    whole = decimate([])
+    assert len(whole) == 86
+    for cuts in (range(1, 600), [0, 0, 3, 599], [250, 251]):
+        np.testing.assert_array_equal(decimate(list(cuts)), whole)
+    constant = Decimator(7, filtered)
+    constant.push(np.full((20, 4), 3.0))
+    np.testing.assert_allclose(constant.finish(), 3.0, rtol=1e-12)
+    assert len(Decimator(7, filtered).finish()) == 0
+
+
+def test_arguments_are_checked(path):
+    with pytest.raises(UsageError, match="whole multiple"):
+        Recorder(path, "run", columns=COLUMNS, step=1e-3, storage_step=1.5e-3)
+    with pytest.raises(UsageError, match="whole multiple"):
+        Recorder(path, "run", columns=COLUMNS, step=1e-3, storage_step=1e-4)
+    with pytest.raises(UsageError, match=r"no column 'plant\.los\.y'; did you mean plant\.los\.x"):
+        Recorder(path, "run", columns=COLUMNS, step=1e-3, select=["plant.los.y"])
+    with pytest.raises(UsageError, match="named twice"):
+        Recorder(path, "run", columns=COLUMNS, step=1e-3, select=["plant.on", "plant.on"])
+    path.mkdir(parents=True)
+    with pytest.raises(RecorderError, match="cannot be written"):
+        Recorder(path, "run", columns=COLUMNS, step=1e-3)
+    with Recorder(path / "a.nc", "run", columns=COLUMNS, step=1.0) as recorder:
+        feed(recorder, rows(3), first=4)
+        with pytest.raises(UsageError, match="expected row 7 next, got row 8"):
+            feed(recorder, rows(3), first=8)
+    recorder.close()
+    with pytest.raises(RecorderError, match="is closed"):
+        feed(recorder, rows(1))
+
+
+def test_an_interrupted_run_can_be_read(make_system, path):
+    system = make_system({"clock": "ToyInterrupting"}, [])
+    with pytest.raises(KeyboardInterrupt), Master(system, 0.01) as master:
+        master.initialise()
+        with Recorder(path, "run", columns=master.columns, step=master.step) as recorder:
+            master.run(0.1, [recorder])
+    with netCDF4.Dataset(path) as data:
+        np.testing.assert_allclose(data["run"]["clock.clock"][:], np.arange(7) * 0.01)
+
+
+PROCESS = """
+    import os, resource, signal, sys
+    import numpy as np
+    from ps_fmu.cosim import Column, Recorder, RecorderError
+    columns = [Column(f"a.x{n}", "m", "Real", "") for n in range(20)]
+    recorder = Recorder(sys.argv[1], "run", columns=columns, step=1.0)
+    if sys.argv[2] == "limit":
+        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (2_000_000, 2_000_000))
+    try:
+        for first in range(0, 100_000, 1000):
+            index = first + np.arange(1000)
+            recorder.block(first, index.astype(float), np.repeat(index[:, None], 20, axis=1).astype(float))
+            if sys.argv[2] == "kill" and first == 7000:
+                os.kill(os.getpid(), signal.SIGKILL)
+    except RecorderError as error:
+        print(error)
+    recorder.close()
+"""
+
+
+def in_process(path, how):
+    path.parent.mkdir()
+    command = [sys.executable, "-c", textwrap.dedent(PROCESS), path, how]
+    return subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+
+
+def stored_rows(path):
+    """Number of rows, after checking that all of them are what was recorded."""
+    with netCDF4.Dataset(path) as data:
+        values = np.array([variable[:] for variable in data["run"].variables.values()])
+    np.testing.assert_array_equal(values, np.repeat(np.arange(values.shape[1])[None], 21, axis=0))
+    return values.shape[1]
+
+
+def test_a_full_disk_leaves_a_readable_file(path):
+    """A limit of the file size stands for the full disk: it fails in the same place and needs no rights."""
+    result = in_process(path, "limit")
+    assert result.returncode == 0, result.stderr
+    assert f"{path}: the file size limit of this process is reached" in result.stdout
+    assert "MB needed" in result.stdout
+    stored = stored_rows(path)
+    assert stored >= 8000
+    assert f"The {stored} rows stored so far can be read" in result.stdout
+
+
+def test_a_full_disk_ends_the_run_with_the_results_kept(make_system, path, monkeypatch):
+    system = make_system({"mass": "ToyMass"}, [])
+    full = r"the disk is full: 0\.\d MB needed, 0\.0 MB free"
+    with pytest.raises(RecorderError, match=full) as caught, Master(system, 1e-3) as master:
+        master.initialise()
+        with Recorder(path, "run", columns=master.columns, step=master.step) as recorder:
+            master.run(2.0, [recorder])
+            monkeypatch.setattr("shutil.disk_usage", lambda folder: type("Usage", (), {"free": 1000})())
+            master.run(2.0, [recorder])
+    assert "2000 rows stored" in str(caught.value)
+    assert "Recorder" in caught.value.__notes__[0]
+    with netCDF4.Dataset(path) as data:
+        assert len(data["run"]["time"]) == 2000
+
+
+def test_a_killed_process_leaves_a_readable_file(path):
+    result = in_process(path, "kill")
+    assert result.returncode == -signal.SIGKILL
+    assert stored_rows(path) == 8000
