@@ -119,7 +119,9 @@ class Profile:
 
     def at(self, time: float | Array) -> State:
         """State at one or many times, () or (n,) s, to (3,) or (n, 3)."""
-        elapsed = np.asarray(time, dtype=float)[..., None] - self.start_time
+        time = np.asarray(time, dtype=float)[..., None]
+        # The end is exact although (end_time - start_time)/duration may round below 1.
+        elapsed = np.where(time >= self.end_time, np.inf, time - self.start_time)
         braking, transfer = self._parts
         parts = [_part(braking, self.brake, elapsed), _part(transfer, self.transfer, elapsed)]
         x, rate, acceleration, jerk = (a + b for a, b in zip(*parts, strict=True))

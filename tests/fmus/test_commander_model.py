@@ -1,0 +1,322 @@
+"""PointingCommander driven as a Python object: initial pose, motion, refusals, methods, state."""
+
+import numpy as np
+import pytest
+from support.models import FMUS, Host, slave_class
+
+from ps_fmu.fmu.slave import ModelError, Refused
+from ps_fmu.manipulator.forward import forward_kinematics
+from ps_fmu.manipulator.inverse import inverse_kinematics
+from ps_fmu.manipulator.parameters import load
+
+GEOMETRY = load().manipulator.geometry
+RPY = ("roll", "pitch", "yaw")
+H = 0.01  # s
+
+
+def commander(target_deg=(0.0, 0.0, 0.0), **parameters):
+    return Host("pointing_commander", **target(target_deg), **parameters).run_mode()
+
+
+def target(angles_deg):
+    return {f"target__{axis}": np.radians(angle) for axis, angle in zip(RPY, angles_deg, strict=True)}
+
+
+def command(host):
+    return host.slave.values("coarse_command")
+
+
+def orientation(host):
+    return host.slave.values("orientation_command")
+
+
+def record(host, duration, h=H):
+    """All outputs after each step, one row each."""
+    rows = []
+    for _ in range(round(duration / h)):
+        host.step(h)
+        rows.append(host.slave.y.copy())
+    return np.array(rows)
+
+
+def column(name):
+    return slave_class("pointing_commander").layout.reference[name]
+
+
+def test_it_starts_at_rest_at_the_initial_target():
+    host = Host("pointing_commander", **target((8.5, 0.0, 0.0)))
+    pose = inverse_kinematics(GEOMETRY, np.radians([8.5, 0.0, 0.0]))
+    np.testing.assert_array_equal(command(host.run_mode()), pose.coarse_displacement)
+    before = host.slave.y.copy()
+    assert record(host, 1.0) == pytest.approx(np.tile(before, (100, 1)), abs=0.0)
+    assert host.flag("reachable") and not host.flag("moving")
+    np.testing.assert_array_equal(host.slave.values("platform_position"), pose.translation_B)
+    assert host.get("residual")[0] < 3e-16 and host.get("time_to_go", "orientation_rate.roll") == [0.0, 0.0]
+
+
+def test_a_target_set_in_initialisation_mode_is_the_initial_pose():
+    host = Host("pointing_commander")
+    host.set(target__yaw=0.1)
+    assert host.get("orientation_command.yaw") == [0.1]
+    host.run_mode().step(H)
+    assert host.get("orientation_command.yaw") == [0.1] and not host.flag("moving")
+
+
+def test_slew_is_smooth_and_ends_exactly_at_the_target():
+    host = commander()
+    host.set(**target((8.5, 0.0, 0.0)))
+    rows = record(host, 30.0)
+    time = H * np.arange(1, len(rows) + 1)
+    roll = rows[:, column("orientation_command.roll")]
+    rate = rows[:, column("orientation_rate.roll")]
+    np.testing.assert_allclose(np.gradient(roll, H)[1:-1], rate[1:-1], atol=2e-8)
+    assert rate.max() == pytest.approx(0.0125, rel=1e-6)
+    # The fourth derivative of the commands is finite, 1.4e-4 m/s4 at most: no step in the third.
+    commands = rows[:, :3]
+    assert np.abs(np.diff(commands, 4, axis=0)).max() < 1.5e-4 * H**4 + 1e-15
+    moving = rows[:, column("moving")].astype(bool)
+    end = 35.0 / 16.0 * np.radians(8.5) / 0.0125  # s
+    np.testing.assert_array_equal(moving, time < end)
+    np.testing.assert_allclose(rows[moving, column("time_to_go")], end - time[moving], atol=1e-12)
+    expected = inverse_kinematics(GEOMETRY, np.radians([8.5, 0.0, 0.0]))
+    assert (~moving).sum() > 300
+    for row in rows[~moving]:
+        np.testing.assert_array_equal(row[:3], expected.coarse_displacement)
+    np.testing.assert_array_equal(orientation(host), np.radians([8.5, 0.0, 0.0]))
+    assert rows[:, column("residual")].max() < 5e-16
+    assert rows[:, column("stroke_margin")].min() == pytest.approx(4.3847e-4, abs=1e-8)
+
+
+def test_a_new_target_midway_goes_on_smoothly():
+    host = commander()
+    host.set(**target((8.5, 0.0, 0.0)))
+    before = record(host, 11.0)
+    host.set(**target((0.0, -5.0, 3.0)))
+    rows = np.vstack([before, record(host, 60.0)])
+    assert not host.flag("moving")
+    np.testing.assert_array_equal(orientation(host), np.radians([0.0, -5.0, 3.0]))
+    places = [column(f"orientation_command.{axis}") for axis in RPY]
+    # Across the change as elsewhere: no step in position, rate, acceleration or jerk.
+    fourth = np.abs(np.diff(rows[:, places], 4, axis=0)).max(axis=1) / H**4
+    assert fourth.max() < 1e-3  # rad/s4; a step of 1 % of the largest jerk would show as 5e-4
+    jerk = np.diff(rows[:, places], 3, axis=0) / H**3
+    assert np.abs(np.diff(jerk[1090:1110], axis=0)).max() < 1e-5  # rad/s3
+
+
+def test_target_changed_back_midway_returns():
+    host = commander()
+    host.set(**target((8.5, 0.0, 0.0)))
+    host.step(H, 900)
+    host.set(**target((0.0, 0.0, 0.0)))
+    host.step(H, 6000)
+    np.testing.assert_array_equal(orientation(host), np.zeros(3))
+    np.testing.assert_array_equal(
+        command(host), inverse_kinematics(GEOMETRY, np.zeros(3)).coarse_displacement
+    )
+
+
+@pytest.mark.parametrize(
+    ("angles_deg", "reason"),
+    [
+        (
+            (9.98, 0.0, 0.0),
+            "coarse leg 2 would need -22.9907 mm, 2.991 mm beyond its stroke of -20 to +20 mm",
+        ),
+        ((0.0, 0.0, 180.0), "no common point: fine leg 2 is 1.931 mm too short"),
+    ],
+)
+def test_unreachable_target_keeps_the_last_good_command(angles_deg, reason):
+    host = commander((1.0, 2.0, 3.0))
+    good = command(host)
+    host.set(**target(angles_deg))
+    host.step(H, 5)
+    assert not host.flag("reachable") and not host.flag("moving")
+    np.testing.assert_array_equal(command(host), good)
+    (text,) = host.messages().splitlines()
+    assert "refused at t = 0 s" in text
+    assert reason in text
+    host.set(**target((1.0, 2.0, 4.0)))
+    host.step(H, 3)
+    assert host.flag("reachable") and host.flag("moving")
+
+
+def test_unreachable_target_midway_lets_the_motion_end():
+    host, plain = commander(), commander()
+    for other in (host, plain):
+        other.set(**target((8.5, 0.0, 0.0)))
+        other.step(H, 1000)
+    host.set(**target((20.0, 0.0, 0.0)))
+    rows, expected = record(host, 20.0), record(plain, 20.0)
+    assert not host.flag("reachable")
+    rows[:, column("reachable")] = 1.0
+    np.testing.assert_array_equal(rows, expected)
+    # Back to the target of the motion in hand: accepted, nothing moves.
+    host.set(**target((8.5, 0.0, 0.0)))
+    host.step(H)
+    assert host.flag("reachable") and not host.flag("moving")
+
+
+def test_unreachable_path_between_reachable_poses_is_refused():
+    """The workspace is not convex: between two corners of the stroke leg 2 would have to leave it."""
+    corners = np.array([[-0.02, -0.02, 0.02], [0.02, 0.02, 0.02]])  # m
+    lengths = GEOMETRY.nominal_lengths + np.hstack([corners, np.zeros((2, 3))])
+    a, b = np.degrees(forward_kinematics(GEOMETRY, lengths).orientation)
+    host = commander(a)
+    host.set(**target(b))
+    host.step(H)
+    assert not host.flag("reachable") and not host.flag("moving")
+    assert "on the way, coarse leg" in host.messages() and "the last one stays" in host.messages()
+    np.testing.assert_array_equal(orientation(host), np.radians(a))
+
+
+def test_path_unreachable_in_motion_is_tried_again_at_rest():
+    host = commander()
+    host.set(**target((-4.2, 4.9, 2.5)))
+    host.step(H, 1166)
+    host.set(**target((-0.3, 4.6, 10.6)))
+    host.step(H)
+    assert not host.flag("reachable")
+    assert "tried again when the present motion has ended" in host.messages()
+    host.step(H, 1166)
+    np.testing.assert_array_equal(orientation(host), np.radians([-4.2, 4.9, 2.5]))
+    host.step(H, 2)
+    assert host.flag("reachable") and host.flag("moving")
+    host.step(H, 4000)
+    np.testing.assert_array_equal(orientation(host), np.radians([-0.3, 4.6, 10.6]))
+    assert host.messages().count("refused") == 1
+
+
+def test_another_target_ends_the_wait():
+    host = commander()
+    host.set(**target((-4.2, 4.9, 2.5)))
+    host.step(H, 1166)
+    host.set(**target((-0.3, 4.6, 10.6)))
+    host.step(H)
+    host.set(**target((0.0, 0.0, 0.0)))
+    host.step(H)
+    assert host.flag("reachable")
+    host.step(H, 5000)
+    np.testing.assert_array_equal(orientation(host), np.zeros(3))
+
+
+def test_unreachable_initial_target_starts_at_the_nominal_pose():
+    host = commander((0.0, 30.0, 0.0))
+    assert not host.flag("reachable")
+    np.testing.assert_array_equal(command(host), np.zeros(3))
+    assert "initial target (0, 30, 0) deg refused: coarse leg" in host.messages()
+    host.set(**target((0.0, 3.0, 0.0)))
+    host.step(H)
+    assert host.flag("reachable") and host.flag("moving")
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_target_that_is_not_finite_is_refused_and_named(value):
+    host = commander((1.0, 0.0, 0.0))
+    with pytest.raises(Refused, match=r"target\.pitch"):
+        host.set(target__pitch=value)
+    host.step(H)
+    assert host.flag("reachable")
+    np.testing.assert_array_equal(orientation(host), np.radians([1.0, 0.0, 0.0]))
+
+
+@pytest.mark.parametrize(("epsilon", "within"), [(1e-6, 3e-6), (1e-12, 5e-12)])
+def test_algorithm_1_agrees_with_trilateration(epsilon, within):
+    exact = commander()
+    gradient = commander(use_algorithm_1=True, algorithm_1__epsilon=epsilon)
+    for host in (exact, gradient):
+        host.set(**target((6.0, -2.0, 1.0)))
+    a, b = record(exact, 35.0, 0.1), record(gradient, 35.0, 0.1)
+    np.testing.assert_allclose(b[:, :3], a[:, :3], rtol=0, atol=within)
+    assert 0.0 < b[:, column("residual")].max() < epsilon
+    places = [column(f"orientation_command.{axis}") for axis in RPY]
+    np.testing.assert_array_equal(b[:, places], a[:, places])
+
+
+def test_algorithm_1_that_does_not_converge_refuses_the_target():
+    host = commander(use_algorithm_1=True, algorithm_1__max_iterations=20)
+    host.set(**target((8.5, 0.0, 0.0)))
+    host.step(H)
+    assert not host.flag("reachable")
+    assert "Algorithm 1 stopped after 20 iterations" in host.messages()
+
+
+@pytest.mark.parametrize(
+    ("parameters", "text"),
+    [
+        ({"max_rate": 0.0}, "max_rate: must be positive"),
+        ({"min_duration": -1.0}, "min_duration: must be finite"),
+        ({"use_algorithm_1": True, "algorithm_1__mu": 0.9}, r"algorithm_1\.mu: .*2/lambda_max"),
+        ({"algorithm_1__epsilon": -1e-6}, r"algorithm_1\.epsilon: must be positive"),
+        ({"coarse_stroke__min": 0.01}, "coarse_stroke: min must be below 0"),
+    ],
+)
+def test_impossible_parameter_is_named(parameters, text):
+    host = Host("pointing_commander", **parameters)
+    with pytest.raises(ModelError, match=text):
+        host.run_mode()
+
+
+def test_follow_commands_each_target_at_once():
+    host = commander(follow=True)
+    for roll in (0.1, 0.2, 0.3):
+        host.set(**target((roll, 0.0, 0.0)))
+        host.step(H)
+        np.testing.assert_array_equal(orientation(host), np.radians([roll, 0.0, 0.0]))
+    assert not host.flag("moving") and host.flag("reachable")
+
+
+def test_geometry_is_that_of_the_parameters():
+    """A longer stroke reaches what the identified one does not."""
+    host = commander((10.5, 0.0, 0.0), coarse_stroke__min=-0.025, coarse_stroke__max=0.025)
+    assert host.flag("reachable")
+    np.testing.assert_array_equal(orientation(host), np.radians([10.5, 0.0, 0.0]))
+
+
+def test_a_row_does_not_depend_on_its_table():
+    host = commander()
+    host.set(**target((8.5, -3.0, 5.0)))
+    host.step(H)
+    whole = host.slave.rows(0.0, H, 256)
+    parts = np.vstack([host.slave.rows(k * H, H, n) for k, n in ((0, 1), (1, 7), (8, 90), (98, 158))])
+    np.testing.assert_array_equal(parts, whole)
+
+
+@pytest.mark.parametrize("moment", [0, 1, 300, 1500, 4000])
+def test_state_continues_bit_for_bit(moment):
+    """Before, during and after a redirected motion; in the same instance, and through bytes in another."""
+    host = commander()
+    for k in range(moment):
+        if k == 0:
+            host.set(**target((8.5, 0.0, 0.0)))
+        if k == 700:
+            host.set(**target((0.0, 4.0, 0.0)))
+        host.step(H)
+    state = host.slave._get_fmu_state()
+    data = host.slave._fmu_state_to_bytes(state)
+
+    def future(other):
+        other.count = moment
+        other.set(**target((0.0, 4.0, 2.0)))
+        return record(other, 5.0)
+
+    expected = future(host)
+    host.slave._set_fmu_state(state)
+    np.testing.assert_array_equal(future(host), expected)
+    second = Host("pointing_commander")
+    second.slave._set_fmu_state(second.slave._fmu_state_from_bytes(data))
+    np.testing.assert_array_equal(future(second), expected)
+
+
+def test_readme_names_every_variable():
+    text = (FMUS / "pointing_commander" / "README.md").read_text()
+    for port in slave_class("pointing_commander").ports:
+        assert f"`{port.name.split('.')[0].removesuffix('_2').removesuffix('_3')}" in text, port.name
+
+
+def test_experiment_that_starts_before_zero():
+    slave = slave_class("pointing_commander")(instance_name="early")
+    slave.setup_experiment(-5.0)
+    slave.enter_initialization_mode()
+    slave.exit_initialization_mode()
+    assert slave.do_step(-5.0, H)
+    assert not slave.value("moving") and slave.value("time_to_go") == 0.0
