@@ -101,6 +101,13 @@ class Layout:
                 raise KeyError(f"{self.model}: {name} is a String and not in the buffer")
         return references
 
+    def describe(self, place: int) -> str:
+        """What lies at a place of the buffer, for messages: a variable's name, or for example ``state 3``."""
+        if place in self.by_reference:
+            return self.by_reference[place].name
+        regions = {"state": self.x, "auxiliary": self.a, "memory": self.memory}
+        return next(f"{name} {place - r.start}" for name, r in regions.items() if r.start <= place < r.stop)
+
     def find(self, name: str) -> int:
         """The reference of one variable; KeyError if there is none of that name."""
         try:

@@ -9,7 +9,7 @@ from typing import ClassVar
 
 from pythonfmu.fmi2slave import Fmi2Slave
 
-from .buffer import Array, Buffer
+from .buffer import Array
 from .variables import Port
 
 
@@ -40,8 +40,7 @@ class Model(Fmi2Slave):
     default_step: ClassVar[float] = 1e-3  # s
     default_stop: ClassVar[float] = 10.0  # s
 
-    _buffer: Buffer
-    # Views of it, never rebound.
+    # Views of the buffer, never rebound.
     y: Array
     x: Array
     u: Array
@@ -91,9 +90,7 @@ class Model(Fmi2Slave):
     def restore(self) -> None:
         """Rebuild what is derived (matrices, plans) from the buffer: an FMU state was set, or an event failed.
 
-        ``configure`` may never have been called in this instance.  By default it is called, and the buffer then put
-        back: right for models whose derived data depend on parameters alone.
+        ``configure`` may never have been called in this instance.  By default it is called now, which is right for
+        models whose derived data depend on parameters alone.  What this does to the buffer is undone.
         """
-        kept = self._buffer.data.copy()
         self.configure()
-        self._buffer.data[:] = kept

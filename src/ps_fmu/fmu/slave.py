@@ -110,22 +110,20 @@ class Slave(Stepper):
             self.remap()
             self.discard_rows()
             self.configure()
+            self._require_finite("configure()")
             outputs = self.output_map()
             if outputs is not None:
                 self.y[:] = self._checked_matrix("output_map", outputs, self.y.size) @ self._source
-            if not np.isfinite(self._buffer.data).all():
-                raise ModelError(f"{self._first_not_finite()} is not finite after configure()")
+                self._require_finite("output_map()")
         except BaseException:
             self._buffer.data[:] = kept
             raise
         self._stale = False
 
-    def _first_not_finite(self) -> str:
-        place = int(np.flatnonzero(~np.isfinite(self._buffer.data))[0])
-        if place in self.layout.by_reference:
-            return self.layout.by_reference[place].name
-        regions = {"state": self.layout.x, "auxiliary": self.layout.a, "memory": self.layout.memory}
-        return next(f"{name} {place - r.start}" for name, r in regions.items() if r.start <= place < r.stop)
+    def _require_finite(self, after: str) -> None:
+        bad = np.flatnonzero(~np.isfinite(self._buffer.data))
+        if bad.size:
+            raise ModelError(f"{self.layout.describe(int(bad[0]))} is not finite after {after}")
 
     def _on_change(self, event: bool) -> None:
         if self._phase < Phase.STEPPING:
@@ -165,14 +163,12 @@ class Slave(Stepper):
     def _put_state(self, state: State) -> None:
         self._buffer.data[:] = state.buffer
         self._buffer.strings[:] = state.strings
-        self.remap()
-        table = self._table[:0]
-        if state.clock.phase >= Phase.STEPPING:
-            self.restore()
-            table = self._table_again(state.clock)
-        self._recall(state.clock, table)
+        self._recall(state.clock, self._table[:0])
         if self._phase < Phase.STEPPING:
             self._stale = True  # configure() has to rebuild what is derived
+        else:
+            self._derive()
+            self._recall(state.clock, self._table_again(state.clock))
 
     @classmethod
     @guarded_class

@@ -61,6 +61,7 @@ class Stepper(Values):
     def discard_rows(self) -> None:
         """The rest of the table is out of date: ask ``rows`` again before the next step."""
         self._table = self._table[:0]
+        self._block = self._count
         self._next_rows = _FIRST_ROWS
         self._plain_step = None
         self._close()
@@ -115,10 +116,9 @@ class Stepper(Values):
         self._step_slack = -1.0
 
     def _not_finite(self) -> str:
-        """The outputs or states that are not finite after a map, and the inputs that are extreme."""
+        """The outputs and states that are not finite after a map, and how large what they come from is."""
         bad = np.flatnonzero(~np.isfinite(self._work)).tolist()
-        ny = self.y.size
-        names = [self.layout.by_reference[i].name if i < ny else f"state {i - ny}" for i in bad[:5]]
+        names = [self.layout.describe(place) for place in bad[:5]]
         more = " ..." if len(bad) > 5 else ""
         return f"{', '.join(names)}{more}; largest operand {np.abs(self._source).max():g}"
 
@@ -159,10 +159,9 @@ class Stepper(Values):
         return self._origin + self._count * self._step
 
     def _rebuild(self) -> None:
-        """After a failure: what the model derives may be half new, the buffer is as before."""
+        """After a failure: the buffer is as before, but what the model derives may be half new."""
         try:
-            self.remap()
-            self.restore()
+            self._derive()
         except Exception as error:
             report(f"{self.label}: restore() failed as well, after the failure reported next", error)
 
@@ -276,6 +275,16 @@ class Stepper(Values):
         if not np.isfinite(table).all():
             raise ValueError(f"{type(self).__name__}.rows has elements that are not finite")
         return table
+
+    def _derive(self) -> None:
+        """Have the model derive everything from the buffer, which stays as it is."""
+        self.remap()
+        self.discard_rows()
+        kept = self._buffer.data.copy()
+        try:
+            self.restore()
+        finally:
+            self._buffer.data[:] = kept
 
     # --- State --------------------------------------------------------------------------
 
