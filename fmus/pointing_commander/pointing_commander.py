@@ -16,6 +16,7 @@ from ps_fmu.manipulator.commander import (
     Commander,
     Decision,
     from_numbers,
+    same_target,
     to_numbers,
 )
 from ps_fmu.manipulator.flat import entries, taken_from
@@ -41,7 +42,7 @@ class PointingCommander(Slave):
 
     model_description = "Pointing commander: coarse actuator commands for a target orientation of P in B"
     block_rows: ClassVar[int] = 256
-    n_memory: ClassVar[int] = 18 + 1 + 1 + 3  # profile, reachable, waiting, target waited for: see _decide
+    n_memory: ClassVar[int] = 18 + 1 + 1 + 3  # profile, reachable, waiting, the last target: see _decide
 
     ports: ClassVar[tuple[Port, ...]] = (
         *vector("target", RPY, "rad", "Target orientation of P in B", causality="input", event=True, **DEG),
@@ -83,11 +84,12 @@ class PointingCommander(Slave):
     def event(self, t: float, h: float) -> bool:
         """A new target, or another try of one whose path was unreachable while moving."""
         target = self.values("target")
-        waiting, waited_for = bool(self.memory[19]), self.memory[20:23]
-        if waiting and np.array_equal(target, waited_for) and self.profile.remaining(t) > 0.0:
-            return True
+        was_reachable, waiting, known = bool(self.memory[18]), bool(self.memory[19]), self.memory[20:23]
+        if same_target(target, known) and not (waiting and self.profile.remaining(t) == 0.0):
+            return waiting
         decision = self.commander.redirect(self.profile, t, target)
-        if decision.refusal is not None:
+        # A host that leads the target out of reach step by step is told once.
+        if decision.refusal is not None and (was_reachable or not self.value("follow")):
             then = "tried again when the present motion has ended" if decision.retry else "the last one stays"
             self.warning(f"target {degrees(target)} refused at t = {t:.6g} s: {decision.refusal}; {then}")
         self._decide(decision, target)

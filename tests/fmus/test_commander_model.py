@@ -265,6 +265,31 @@ def test_follow_commands_each_target_at_once():
     assert not host.flag("moving") and host.flag("reachable")
 
 
+def test_follow_out_of_reach_is_said_once_and_ends():
+    host = commander(follow=True)
+    for roll in (8.5, 8.6, 8.8, 9.0, 9.1, 8.6):
+        host.set(**target((roll, 0.0, 0.0)))
+        host.step(H)
+    assert host.messages().count("refused") == 1
+    assert host.flag("reachable")
+    np.testing.assert_array_equal(orientation(host), np.radians([8.6, 0.0, 0.0]))
+
+
+@pytest.mark.parametrize("roll", [8.5, 20.0])
+def test_a_target_that_varies_by_rounding_is_one_target(roll):
+    """As from hosts that interpolate their inputs: same motion, one warning."""
+    plain, noisy = commander(), commander()
+    for k in range(3000):
+        noise = 1e-16 * (k % 3)
+        noisy.set(target__roll=np.radians(roll) + noise)
+        if k == 0:
+            plain.set(target__roll=np.radians(roll))
+        plain.step(H)
+        noisy.step(H)
+        np.testing.assert_array_equal(noisy.slave.y, plain.slave.y)
+    assert noisy.messages() == plain.messages()
+
+
 def test_geometry_is_that_of_the_parameters():
     """A longer stroke reaches what the identified one does not."""
     host = commander((10.5, 0.0, 0.0), coarse_stroke__min=-0.025, coarse_stroke__max=0.025)

@@ -20,6 +20,9 @@ from .reach import stroke_margin, why_unreachable
 # 4e-5 of the angle.
 DEFAULT_LIMITS = Limits(max_rate=0.0125, max_acceleration=2e-3, max_jerk=5e-4, min_duration=10.0)  # rad, s
 
+# Targets closer than this are one: hosts that interpolate their inputs vary them by rounding at every step.
+TARGET_RESOLUTION = 1e-12  # rad
+
 # Poses of a path that are tried.  Between two of them a leg can go beyond both by 4e-8 m (200 random paths
 # through the workspace).
 _PATH_POSES = 257
@@ -77,7 +80,7 @@ class Commander:
         refusal = self.refusal(target)
         if refusal is not None:
             return Decision(profile, refusal)
-        if np.array_equal(target, profile.target):
+        if same_target(target, profile.target):
             return Decision(profile, None)
         if self.limits is None:
             return Decision(Profile.hold(target, time), None)
@@ -115,6 +118,11 @@ class Commander:
             coarse, state.position, state.rate, pose.translation_B,
             pose.residual, margin, profile.remaining(times),
         ])  # fmt: skip
+
+
+def same_target(a: Array, b: Array) -> bool:
+    """Whether two targets, (3,) rad, are one."""
+    return bool(np.all(np.abs(a - b) <= TARGET_RESOLUTION))
 
 
 def to_numbers(profile: Profile) -> Array:
