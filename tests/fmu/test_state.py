@@ -248,7 +248,7 @@ def test_impossible_tables_are_refused(make):
 
 def test_impossible_texts_are_refused(sample):
     slave, content = sample
-    text = "a toy".encode()
+    text = b"a toy"
     start = content.index(struct.pack("<I", len(text)) + text)
     for encoded, problem in (
         (struct.pack("<I", 2**32 - 1) + text, "ends within a text"),
