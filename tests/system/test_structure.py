@@ -50,7 +50,7 @@ def test_the_file_keeps_to_the_dialect_that_all_tools_load():
         connected |= {(get(f"{end}Element"), get(f"{end}Connector")) for end in ("start", "end")}
     declared = []
     for component in root.iterfind(".//ssd:Component", NAMESPACES):
-        assert {"name", "type", "implementation", "source"} <= component.keys()
+        assert {"name", "type", "implementation", "source"} <= set(component.keys())
         for connector in component.iterfind(".//ssd:Connector", NAMESPACES):
             declared.append((component.get("name"), connector.get("name")))
             real = connector.find("ssc:Real", NAMESPACES)
