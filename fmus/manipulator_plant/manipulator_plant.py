@@ -12,7 +12,8 @@ from ps_fmu.fmu.slave import Slave
 from ps_fmu.fmu.variables import Port, numbered, vector
 from ps_fmu.manipulator.flat import entries, taken_from
 from ps_fmu.manipulator.parameters import load
-from ps_fmu.manipulator.plant import Plant, coarse_motion
+from ps_fmu.manipulator.plant import Convection, Plant, coarse_motion
+from ps_fmu.manipulator.practical import PlantModel
 
 PAPER = load()
 RPY = ("roll", "pitch", "yaw")
@@ -28,9 +29,9 @@ class ManipulatorPlant(Slave):
 
     model_description = "Pointing and stabilising manipulator with payload on a free flexible bus: linearised dynamics"
     # The state x of practical.PlantModel: coordinates and rates, then the coarse servos.
-    n_states: ClassVar[int] = 2 * (3 + 6 + len(PAPER.bus.modes) + 3 + len(PAPER.payload.truss_modes)) + 6
-    n_auxiliary: ClassVar[int] = 4  # rate-limited coarse reference (3, m) and the constant 1
-    n_memory: ClassVar[int] = 3  # coarse displacement at the pose of the linear model, m
+    n_states: ClassVar[int] = 2 * (3 + 6 + len(PAPER.bus.modes) + 3 + len(PAPER.payload.truss_modes)) + 9
+    n_auxiliary: ClassVar[int] = 10  # rate of the coarse reference (3, m/s), convective wrench (6), constant 1
+    n_memory: ClassVar[int] = 11  # coarse displacement at the pose of the linear model (3, m); plant.Convection (8)
 
     ports: ClassVar[tuple[Port, ...]] = (
         *numbered("fine_force", 3, "N", "Force of a fine actuator, positive extends the leg", causality="input"),
@@ -93,6 +94,8 @@ class ManipulatorPlant(Slave):
         ),
     )
 
+    plant: Plant
+    model: PlantModel
     said_of: tuple[float, ...] = ()  # the command beyond the stroke that the last warning was about
 
     def configure(self) -> None:
@@ -101,7 +104,8 @@ class ManipulatorPlant(Slave):
         command = self._command()
         self._use(command)
         self.x[:] = self.plant.initial_state(self.model)
-        self.a[:] = [*command, 1.0]
+        self.a[:-1], self.a[-1] = 0.0, 1.0
+        self.memory[3:] = 0.0
 
     def output_map(self) -> NDArray[np.float64]:
         """Outputs from [x; u; a] at the same instant."""
@@ -113,26 +117,30 @@ class ManipulatorPlant(Slave):
 
     def event(self, t: float, h: float) -> bool:
         """The coarse legs move: advance their reference, linearise anew where needed."""
+        owed, (since_pose, remaining) = self.memory[3:9], self.memory[9:11]
         motion = coarse_motion(
             self.plant,
             self.model,
             self.x,
-            self.a[:3],
+            Convection(owed.copy(), float(since_pose), float(remaining)),
             self._command(),
             h,
             float(self.value("relinearisation_distance")),
         )
         if motion.model is not self.model:
             self.model = motion.model
-            self.memory[:] = self.model.coarse_reference
+            self.memory[:3] = self.model.coarse_reference
             self.remap()
-        self.x[:], self.a[:3] = motion.state, motion.reference
+        convection = motion.convection
+        self.memory[3:] = [*convection.owed, convection.since_pose, convection.remaining]
+        self.x[:] = motion.state
+        self.a[:9] = [*motion.rate, *motion.wrench]
         return motion.moving
 
     def restore(self) -> None:
         """Rebuild the model that the restored memory stands for."""
         self._build()
-        self._use(self.memory.copy())
+        self._use(self.memory[:3].copy())
         self.remap()
 
     def _build(self) -> None:
@@ -147,7 +155,7 @@ class ManipulatorPlant(Slave):
 
     def _use(self, coarse_displacement: NDArray[np.float64]) -> None:
         self.model = self.plant.linearise(coarse_displacement)
-        self.memory[:] = coarse_displacement
+        self.memory[:3] = coarse_displacement
 
     def _command(self) -> NDArray[np.float64]:
         command = self.values("coarse_command")

@@ -10,13 +10,15 @@ from support.mechanics import PAPER, relative_error
 from ps_fmu.manipulator.discretise import zero_order_hold
 from ps_fmu.manipulator.dynamics import Pose
 from ps_fmu.manipulator.frequency import Practical
-from ps_fmu.manipulator.plant import Plant, coarse_motion
-from ps_fmu.manipulator.practical import OUTPUTS, carry_over, output_slices
+from ps_fmu.manipulator.plant import Convection, Plant, coarse_motion
+from ps_fmu.manipulator.practical import N_INPUTS, OUTPUTS, momentum, output_slices, servo_slices
 
 PLANT = Plant(PAPER.manipulator, PAPER.payload, PAPER.bus, PAPER.servo, PAPER.optics)
 STILL = np.zeros(3)
+REST = np.array([0.0] * (N_INPUTS - 1) + [1.0])  # no force, no motion, the constant 1
 SLOPE = np.array([0.004, -0.003, 0.002])  # m
 PLACE = output_slices()
+S, DS, R = servo_slices(20)
 
 
 def test_state_space_is_the_practical_plant() -> None:
@@ -39,7 +41,7 @@ def test_step_is_exact_for_a_held_input() -> None:
     """One long step equals many short ones, and both equal the exponential."""
     model = PLANT.linearise(STILL)
     rng = np.random.default_rng(3)
-    x, u = rng.normal(size=model.n_states) * 1e-4, rng.normal(size=13)
+    x, u = rng.normal(size=model.n_states) * 1e-4, rng.normal(size=N_INPUTS)
     p = sum(OUTPUTS.values())
     once = model.step_map(1e-3) @ np.concatenate([x, u])
     short, state = model.step_map(1e-4), x
@@ -58,7 +60,7 @@ def test_zero_order_hold_of_a_double_integrator() -> None:
 def test_outputs_at_rest_are_the_pose() -> None:
     model = PLANT.linearise(SLOPE)
     x = PLANT.initial_state(model)
-    y = model.output_map() @ np.concatenate([x, np.zeros(9), SLOPE, [1.0]])
+    y = model.output_map() @ np.concatenate([x, REST])
     np.testing.assert_allclose(y[PLACE["orientation"]], model.rpy, atol=1e-16)
     np.testing.assert_allclose(y[PLACE["relative_orientation"]], model.rpy, atol=1e-16)
     np.testing.assert_allclose(y[PLACE["coarse_displacement"]], SLOPE, atol=1e-18)
@@ -69,8 +71,8 @@ def test_outputs_at_rest_are_the_pose() -> None:
 def test_orientation_follows_forward_kinematics_to_first_order() -> None:
     model, near = PLANT.linearise(SLOPE), 1e-5 * np.array([1.0, -2.0, 0.5])
     x = PLANT.initial_state(model)
-    x[-6:-3] = SLOPE + near
-    y = model.output_map() @ np.concatenate([x, np.zeros(9), SLOPE, [1.0]])
+    x[S] = SLOPE + near
+    y = model.output_map() @ np.concatenate([x, REST])
     np.testing.assert_allclose(y[PLACE["orientation"]], PLANT.linearise(SLOPE + near).rpy, atol=2e-8)
 
 
@@ -78,7 +80,7 @@ def test_image_point_is_the_turned_boresight() -> None:
     model = PLANT.linearise(STILL)
     x = np.zeros(model.n_states)
     x[:20] = np.random.default_rng(4).normal(size=20) * 1e-6
-    y = model.output_map() @ np.concatenate([x, np.zeros(12), [1.0]])
+    y = model.output_map() @ np.concatenate([x, REST])
     theta = y[PLACE["payload_rotation"]]
     np.testing.assert_allclose(y[PLACE["los"]], np.cross(theta, [0.0, 0.0, 1.0])[:2], atol=1e-20)
 
@@ -86,50 +88,54 @@ def test_image_point_is_the_turned_boresight() -> None:
 def test_momentum_of_a_pushed_free_body() -> None:
     """A constant force for one second leaves exactly its impulse in the bus rows."""
     model = PLANT.linearise(STILL)
-    d, n = model.dynamics, model.dynamics.n
-    u = np.zeros(13)
+    u = np.zeros(N_INPUTS)
     u[3:9] = [1.0, 2.0, -1.0, 0.3, 0.2, -0.1]
     x = (model.step_map(1.0) @ np.concatenate([np.zeros(model.n_states), u]))[sum(OUTPUTS.values()) :]
-    np.testing.assert_allclose(d.M[d.slices["q_b"]] @ x[n : 2 * n], u[3:9], rtol=1e-9, atol=1e-11)
+    np.testing.assert_allclose(momentum(model, x), u[3:9], rtol=1e-9, atol=1e-11)
 
 
 def test_internal_forces_leave_the_momentum_alone() -> None:
     model = PLANT.linearise(STILL)
-    d, n = model.dynamics, model.dynamics.n
-    u = np.array([5.0, -3.0, 2.0, 0, 0, 0, 0, 0, 0, 1e-3, -1e-3, 5e-4, 1.0])  # fine forces and a coarse reference
+    n = model.dynamics.n
+    u = REST.copy()
+    u[:3], u[9:12] = [5.0, -3.0, 2.0], [2e-3, -3e-3, 1e-3]  # fine forces and a coarse motion
     x = (model.step_map(0.37) @ np.concatenate([np.zeros(model.n_states), u]))[sum(OUTPUTS.values()) :]
-    momentum = d.M[d.slices["q_b"]] @ x[n : 2 * n] + d.m_c[d.slices["q_b"]] @ x[-3:]
-    assert np.abs(momentum).max() < 1e-9
+    assert np.abs(momentum(model, x)).max() < 1e-9
     assert np.abs(x[n : 2 * n]).max() > 1e-4  # and yet it moves
 
 
-def test_carry_over_keeps_momentum_and_all_but_the_base_velocities() -> None:
-    old, new = PLANT.linearise(STILL), PLANT.linearise(SLOPE)
+def test_new_pose_owes_the_bus_the_momentum_it_takes() -> None:
+    """Coordinates and velocities are carried over; what they lose in momentum comes back as a wrench."""
+    old, h = PLANT.linearise(STILL), 1e-3
     x = np.random.default_rng(5).normal(size=old.n_states)
-    carried = carry_over(old.dynamics, new.dynamics, x)
-    n, q_b = old.dynamics.n, old.dynamics.slices["q_b"]
-
-    def momentum(model, state):
-        return model.dynamics.M[q_b] @ state[n : 2 * n] + model.dynamics.m_c[q_b] @ state[-3:]
-
-    np.testing.assert_allclose(momentum(new, carried), momentum(old, x), rtol=1e-9)
-    untouched = np.ones(len(x), dtype=bool)
-    untouched[n + q_b.start : n + q_b.stop] = False
-    np.testing.assert_array_equal(carried[untouched], x[untouched])
+    x[S], x[R] = SLOPE, SLOPE
+    convection = Convection(np.zeros(6), since_pose=5 * h)
+    motion = coarse_motion(PLANT, old, x, convection, SLOPE, h, 1e-5)
+    assert motion.model is not old
+    np.testing.assert_array_equal(motion.state, x)
+    owed = momentum(old, x) - momentum(motion.model, x)
+    given, convection = motion.wrench * h, motion.convection
+    for _ in range(10):
+        wrench, convection = convection.step(h)
+        given = given + wrench * h
+    np.testing.assert_allclose(given, owed, rtol=1e-12)
+    assert not convection.owed.any()
+    np.testing.assert_allclose(motion.wrench, owed / (5 * h))
 
 
 def run_slew(plant: Plant, command: np.ndarray, h: float, steps: int) -> tuple[np.ndarray, object, int]:
     """A step command, as the FMU executes it: state at the end, model, number of poses."""
     model = plant.linearise(STILL)
-    x, reference, poses, moving = plant.initial_state(model), STILL, 1, True
+    x, u, poses, moving, convection = plant.initial_state(model), REST.copy(), 1, True, Convection.none()
     step = model.step_map(h)
     for _ in range(steps):
         if moving:
-            motion = coarse_motion(plant, model, x, reference, command, h, 5e-5)
+            motion = coarse_motion(plant, model, x, convection, command, h, 5e-5)
             if motion.model is not model:
                 step, poses = motion.model.step_map(h), poses + 1
-            model, x, reference, moving = motion.model, motion.state, motion.reference, motion.moving
-        x = (step @ np.concatenate([x, np.zeros(9), reference, [1.0]]))[sum(OUTPUTS.values()) :]
+            model, x, convection, moving = motion.model, motion.state, motion.convection, motion.moving
+            u[9:12], u[12:18] = motion.rate, motion.wrench
+        x = (step @ np.concatenate([x, u]))[sum(OUTPUTS.values()) :]
     return x, model, poses
 
 
@@ -139,16 +145,14 @@ def test_slew_ends_exactly_at_the_command_and_leaves_no_momentum() -> None:
     x, model, poses = run_slew(plant, command, 1e-3, 3000)
     np.testing.assert_array_equal(model.coarse_reference, command)
     assert 15 < poses < 30
-    n, d = model.dynamics.n, model.dynamics
-    momentum = d.M[d.slices["q_b"]] @ x[n : 2 * n] + d.m_c[d.slices["q_b"]] @ x[-3:]
-    assert np.abs(momentum).max() < 1e-9
+    assert np.abs(momentum(model, x)).max() < 1e-9
 
 
 def test_rate_limit_and_stroke() -> None:
     model = PLANT.linearise(STILL)
     command = np.array([0.01, -0.01, 1e-9])
-    motion = coarse_motion(PLANT, model, PLANT.initial_state(model), STILL, command, 1e-3, 1e-4)
-    np.testing.assert_allclose(motion.reference, [5e-6, -5e-6, 1e-9])  # 5 mm/s for 1 ms
+    motion = coarse_motion(PLANT, model, PLANT.initial_state(model), Convection.none(), command, 1e-3, 1e-4)
+    np.testing.assert_allclose(motion.rate, [5e-3, -5e-3, 1e-6])  # m/s
     assert motion.moving
     np.testing.assert_array_equal(PLANT.within_stroke(np.array([0.5, -0.5, 0.01])), [0.02, -0.02, 0.01])
 
@@ -156,7 +160,7 @@ def test_rate_limit_and_stroke() -> None:
 def test_at_rest_at_the_command_nothing_moves() -> None:
     model = PLANT.linearise(SLOPE)
     x = PLANT.initial_state(model)
-    motion = coarse_motion(PLANT, model, x, SLOPE, SLOPE, 1e-3, 1e-4)
+    motion = coarse_motion(PLANT, model, x, Convection.none(), SLOPE, 1e-3, 1e-4)
     assert motion.model is model
     assert not motion.moving
     np.testing.assert_array_equal(motion.state, x)
@@ -167,7 +171,7 @@ def test_inactive_coordinates_stay_zero() -> None:
     plant = replace(PLANT, manipulator=replace(PAPER.manipulator, coarse_rods=rods))
     model = plant.linearise(STILL)
     e_c = model.dynamics.slices["e_c"]
-    u = np.concatenate([np.ones(9), 1e-4 * np.ones(3), [1.0]])
+    u = np.concatenate([np.ones(9), 1e-3 * np.ones(3), np.zeros(6), [1.0]])
     x = (model.step_map(0.1) @ np.concatenate([plant.initial_state(model), u]))[sum(OUTPUTS.values()) :]
     np.testing.assert_array_equal(x[e_c], 0.0)
     assert np.abs(x[0:3]).min() > 0.0

@@ -11,84 +11,19 @@ The values are in ``paper.toml``; :func:`load` reads them.
 from __future__ import annotations
 
 import tomllib
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from .checks import Array, Checked, ParameterError, frozen, inertia_tensor, number, quantity
 
 PAPER = Path(__file__).with_name("paper.toml")
 
 
-class ParameterError(ValueError):
-    """A parameter that cannot be used; the text starts with its name, for example ``payload.mass``."""
-
-    def __init__(self, name: str, problem: str) -> None:
-        super().__init__(f"{name}: {problem}")
-        self.name = name
-        self.problem = problem
-
-
-def quantity(unit: str, description: str) -> Any:
-    """A dataclass field with its unit and description."""
-    return field(metadata={"unit": unit, "description": description})
-
-
-def _frozen(value: Any, shape: tuple[int, ...], name: str) -> Array:
-    try:
-        array = np.array(value, dtype=float)
-    except (TypeError, ValueError) as error:
-        raise ParameterError(name, f"expected numbers of shape {shape}, got {value!r}") from error
-    if array.shape != shape:
-        raise ParameterError(name, f"expected shape {shape}, got {array.shape}")
-    if not np.isfinite(array).all():
-        raise ParameterError(name, f"every number must be finite, got {array.tolist()}")
-    array.setflags(write=False)
-    return array
-
-
-def _number(value: Any, name: str, *, above: float | None = None, at_least: float | None = None) -> float:
-    if isinstance(value, bool) or not isinstance(value, (int, float, np.floating, np.integer)):
-        raise ParameterError(name, f"expected a number, got {value!r}")
-    number = float(value)
-    if not np.isfinite(number):
-        raise ParameterError(name, f"must be finite, got {number}")
-    if above is not None and not number > above:
-        raise ParameterError(name, f"must be greater than {above:g}, got {number:g}")
-    if at_least is not None and number < at_least:
-        raise ParameterError(name, f"must not be less than {at_least:g}, got {number:g}")
-    return number
-
-
-def _inertia(value: Any, name: str) -> Array:
-    """A symmetric positive definite inertia whose principal moments satisfy the triangle inequality."""
-    array = _frozen(value, (3, 3), name)
-    if not np.allclose(array, array.T, rtol=0.0, atol=1e-9 * np.abs(array).max()):
-        raise ParameterError(name, f"must be symmetric, got {array.tolist()}")
-    moments = np.linalg.eigvalsh(array)
-    if moments[0] <= 0.0:
-        raise ParameterError(name, f"must be positive definite; its principal moments are {moments.tolist()} kg.m2")
-    if moments[2] > (moments[0] + moments[1]) * (1.0 + 1e-9):
-        raise ParameterError(
-            name,
-            f"no rigid body has the principal moments {moments.tolist()} kg.m2: "
-            "the largest exceeds the sum of the others",
-        )
-    return array
-
-
-class _Checked:
-    """Base of the parameter classes: ``_check`` normalises and validates each field."""
-
-    def _set(self, name: str, value: object) -> None:
-        object.__setattr__(self, name, value)
-
-
 @dataclass(frozen=True)
-class LegPart(_Checked):
+class LegPart(Checked):
     """The lower or the upper part of a leg, slender and symmetric about the leg's axis (eq A12)."""
 
     mass: float = quantity("kg", "Mass")
@@ -96,13 +31,13 @@ class LegPart(_Checked):
     radial_inertia: float = quantity("kg.m2", "Moment of inertia about a radial axis through the centre of mass")
 
     def __post_init__(self) -> None:
-        self._set("mass", _number(self.mass, "mass", at_least=0.0))
-        self._set("com_distance", _number(self.com_distance, "com_distance"))
-        self._set("radial_inertia", _number(self.radial_inertia, "radial_inertia", at_least=0.0))
+        self._set("mass", number(self.mass, "mass", at_least=0.0))
+        self._set("com_distance", number(self.com_distance, "com_distance"))
+        self._set("radial_inertia", number(self.radial_inertia, "radial_inertia", at_least=0.0))
 
 
 @dataclass(frozen=True, eq=False)
-class CoarseLeg(_Checked):
+class CoarseLeg(Checked):
     """A coarse leg: joints, lower and upper part."""
 
     base_joint_B: Array = quantity("m", "Joint on the base, in B")
@@ -111,8 +46,8 @@ class CoarseLeg(_Checked):
     upper: LegPart = quantity("", "Part at the platform")
 
     def __post_init__(self) -> None:
-        self._set("base_joint_B", _frozen(self.base_joint_B, (3,), "base_joint"))
-        self._set("platform_joint_P", _frozen(self.platform_joint_P, (3,), "platform_joint"))
+        self._set("base_joint_B", frozen(self.base_joint_B, (3,), "base_joint"))
+        self._set("platform_joint_P", frozen(self.platform_joint_P, (3,), "platform_joint"))
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,20 +59,20 @@ class FineLeg(CoarseLeg):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self._set("stiffness", _number(self.stiffness, "stiffness", above=0.0))
-        self._set("damping", _number(self.damping, "damping", at_least=0.0))
+        self._set("stiffness", number(self.stiffness, "stiffness", above=0.0))
+        self._set("damping", number(self.damping, "damping", at_least=0.0))
 
 
 @dataclass(frozen=True)
-class CoarseRods(_Checked):
+class CoarseRods(Checked):
     """Axial flexibility of the coarse rods; stiffness zero means rigid rods."""
 
     axial_stiffness: float = quantity("N/m", "Axial stiffness of each coarse rod; 0 = rigid")
     damping_ratio: float = quantity("1", "Damping ratio of each rod against the mass it carries")
 
     def __post_init__(self) -> None:
-        self._set("axial_stiffness", _number(self.axial_stiffness, "axial_stiffness", at_least=0.0))
-        self._set("damping_ratio", _number(self.damping_ratio, "damping_ratio", at_least=0.0))
+        self._set("axial_stiffness", number(self.axial_stiffness, "axial_stiffness", at_least=0.0))
+        self._set("damping_ratio", number(self.damping_ratio, "damping_ratio", at_least=0.0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,7 +92,7 @@ class Geometry:
 
 
 @dataclass(frozen=True, eq=False)
-class Manipulator(_Checked):
+class Manipulator(Checked):
     """The six legs and the nominal pose."""
 
     nominal_translation_B: Array = quantity("m", "Origin of P at zero roll, pitch and yaw, in B")
@@ -167,8 +102,8 @@ class Manipulator(_Checked):
     coarse_rods: CoarseRods = quantity("", "Flexibility of the coarse rods")
 
     def __post_init__(self) -> None:
-        self._set("nominal_translation_B", _frozen(self.nominal_translation_B, (3,), "nominal_translation"))
-        self._set("coarse_stroke", _frozen(self.coarse_stroke, (2,), "coarse_stroke"))
+        self._set("nominal_translation_B", frozen(self.nominal_translation_B, (3,), "nominal_translation"))
+        self._set("coarse_stroke", frozen(self.coarse_stroke, (2,), "coarse_stroke"))
         if not self.coarse_stroke[0] < 0.0 < self.coarse_stroke[1]:
             raise ParameterError(
                 "coarse_stroke", f"min must be below 0 and max above, got {self.coarse_stroke.tolist()} m"
@@ -208,7 +143,7 @@ class Manipulator(_Checked):
 
 
 @dataclass(frozen=True, eq=False)
-class TrussMode(_Checked):
+class TrussMode(Checked):
     """A point mass on the payload (secondary mirror on its truss) that moves along one direction."""
 
     mass: float = quantity("kg", "Moving mass, part of the payload's mass")
@@ -218,18 +153,18 @@ class TrussMode(_Checked):
     damping_ratio: float = quantity("1", "Damping ratio")
 
     def __post_init__(self) -> None:
-        self._set("mass", _number(self.mass, "mass", at_least=0.0))
-        self._set("position_P", _frozen(self.position_P, (3,), "position"))
-        direction = _frozen(self.direction_P, (3,), "direction")
+        self._set("mass", number(self.mass, "mass", at_least=0.0))
+        self._set("position_P", frozen(self.position_P, (3,), "position"))
+        direction = frozen(self.direction_P, (3,), "direction")
         if np.linalg.norm(direction) < 1e-9:
             raise ParameterError("direction", "must not be the zero vector")
         self._set("direction_P", direction)
-        self._set("frequency", _number(self.frequency, "frequency", at_least=0.0))
-        self._set("damping_ratio", _number(self.damping_ratio, "damping_ratio", at_least=0.0))
+        self._set("frequency", number(self.frequency, "frequency", at_least=0.0))
+        self._set("damping_ratio", number(self.damping_ratio, "damping_ratio", at_least=0.0))
 
 
 @dataclass(frozen=True, eq=False)
-class Payload(_Checked):
+class Payload(Checked):
     """Payload and platform as one body, and the modes of the payload's truss."""
 
     mass: float = quantity("kg", "Mass, truss included")
@@ -238,13 +173,13 @@ class Payload(_Checked):
     truss_modes: tuple[TrussMode, ...] = quantity("", "Truss modes")
 
     def __post_init__(self) -> None:
-        self._set("mass", _number(self.mass, "mass", above=0.0))
-        self._set("com_P", _frozen(self.com_P, (3,), "com"))
-        self._set("inertia_P", _inertia(self.inertia_P, "inertia"))
+        self._set("mass", number(self.mass, "mass", above=0.0))
+        self._set("com_P", frozen(self.com_P, (3,), "com"))
+        self._set("inertia_P", inertia_tensor(self.inertia_P, "inertia"))
 
 
 @dataclass(frozen=True, eq=False)
-class BusMode(_Checked):
+class BusMode(Checked):
     """A mass-normalised flexible mode of the bus (solar arrays): a column of M_b12 in eq 25, M_b22 = identity."""
 
     frequency: float = quantity("Hz", "Natural frequency with the bus held; 0 = rigid")
@@ -254,13 +189,13 @@ class BusMode(_Checked):
     )
 
     def __post_init__(self) -> None:
-        self._set("frequency", _number(self.frequency, "frequency", at_least=0.0))
-        self._set("damping_ratio", _number(self.damping_ratio, "damping_ratio", at_least=0.0))
-        self._set("participation_B", _frozen(self.participation_B, (6,), "participation"))
+        self._set("frequency", number(self.frequency, "frequency", at_least=0.0))
+        self._set("damping_ratio", number(self.damping_ratio, "damping_ratio", at_least=0.0))
+        self._set("participation_B", frozen(self.participation_B, (6,), "participation"))
 
 
 @dataclass(frozen=True, eq=False)
-class Bus(_Checked):
+class Bus(Checked):
     """The spacecraft bus (the paper's support module)."""
 
     mass: float = quantity("kg", "Mass")
@@ -269,13 +204,13 @@ class Bus(_Checked):
     modes: tuple[BusMode, ...] = quantity("", "Flexible modes")
 
     def __post_init__(self) -> None:
-        self._set("mass", _number(self.mass, "mass", above=0.0))
-        self._set("com_B", _frozen(self.com_B, (3,), "com"))
-        self._set("inertia_B", _inertia(self.inertia_B, "inertia"))
+        self._set("mass", number(self.mass, "mass", above=0.0))
+        self._set("com_B", frozen(self.com_B, (3,), "com"))
+        self._set("inertia_B", inertia_tensor(self.inertia_B, "inertia"))
 
 
 @dataclass(frozen=True)
-class CoarseServo(_Checked):
+class CoarseServo(Checked):
     """Position servo of each coarse actuator: second order, its command limited in rate."""
 
     frequency: float = quantity("Hz", "Natural frequency")
@@ -283,23 +218,23 @@ class CoarseServo(_Checked):
     rate_limit: float = quantity("m/s", "Largest rate of the reference that the servo follows")
 
     def __post_init__(self) -> None:
-        self._set("frequency", _number(self.frequency, "frequency", above=0.0))
-        self._set("damping_ratio", _number(self.damping_ratio, "damping_ratio", above=0.0))
-        self._set("rate_limit", _number(self.rate_limit, "rate_limit", above=0.0))
+        self._set("frequency", number(self.frequency, "frequency", above=0.0))
+        self._set("damping_ratio", number(self.damping_ratio, "damping_ratio", above=0.0))
+        self._set("rate_limit", number(self.rate_limit, "rate_limit", above=0.0))
 
 
 @dataclass(frozen=True)
-class Optics(_Checked):
+class Optics(Checked):
     """The optical payload as far as the image point needs it: boresight along z of P."""
 
     focal_length: float = quantity("m", "Effective focal length: image-point displacement per radian")
 
     def __post_init__(self) -> None:
-        self._set("focal_length", _number(self.focal_length, "focal_length", above=0.0))
+        self._set("focal_length", number(self.focal_length, "focal_length", above=0.0))
 
 
 @dataclass(frozen=True)
-class FeedforwardFilters(_Checked):
+class FeedforwardFilters(Checked):
     """Filters of the practical controller (eq 55): Chebyshev II low-pass M(s), high-pass inside H1(s) and H2(s)."""
 
     lowpass_order: int = quantity("1", "Order of the Chebyshev type II low-pass M(s)")
@@ -320,11 +255,11 @@ class FeedforwardFilters(_Checked):
             "highpass_frequency",
             "highpass_damping_ratio",
         ):
-            self._set(name, _number(getattr(self, name), name, above=0.0))
+            self._set(name, number(getattr(self, name), name, above=0.0))
 
 
 @dataclass(frozen=True, eq=False)
-class Noise(_Checked):
+class Noise(Checked):
     """Band-limited white disturbance wrench on the bus."""
 
     band: Array = quantity("Hz", "Edges of the band")
@@ -334,10 +269,10 @@ class Noise(_Checked):
     )
 
     def __post_init__(self) -> None:
-        self._set("band", _frozen(self.band, (2,), "band"))
+        self._set("band", frozen(self.band, (2,), "band"))
         if not 0.0 < self.band[0] < self.band[1]:
             raise ParameterError("band", f"expected 0 < min < max, got {self.band.tolist()} Hz")
-        psd = _frozen(self.wrench_psd_B, (6, 6), "wrench_psd")
+        psd = frozen(self.wrench_psd_B, (6, 6), "wrench_psd")
         if not np.allclose(psd, psd.T, rtol=0.0, atol=1e-9 * max(np.abs(psd).max(), 1e-300)):
             raise ParameterError("wrench_psd", "must be symmetric")
         if np.linalg.eigvalsh(psd)[0] < -1e-6 * max(np.trace(psd), 1e-300):
@@ -386,7 +321,7 @@ def load(path: Path | None = None, bus: str = "OSM") -> Parameters:
         servo=_build(CoarseServo, _entry(table, "servo", ""), "servo"),
         optics=_build(Optics, _entry(table, "optics", ""), "optics"),
         filters=_build(FeedforwardFilters, _entry(table, "filters", ""), "filters"),
-        known_com_P=_frozen(
+        known_com_P=frozen(
             _entry(_entry(table, "isolator", ""), "known_com_P", "isolator"), (3,), "isolator.known_com_P"
         ),
         noise=_build(Noise, _entry(table, "noise", ""), "noise"),

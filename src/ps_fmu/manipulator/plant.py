@@ -2,6 +2,14 @@
 
 Between poses everything is linear (:class:`.practical.PlantModel`).  What is not linear happens here: the rate
 limit of the coarse servos, the stroke, and the choice of a new pose.  Nothing here knows of FMI.
+
+Momentum.  At a new pose all coordinates and velocities stay as they are, but the masses they belong to are others:
+the linear and angular momentum that these velocities stand for changes.  In reality this is the convective part of the
+inertial forces, ``(dM/ds s') q' + (dm_c/ds s') s'``, which acts while the legs move.  So the difference is
+given back to the bus as a *convective wrench* over a time as long as that since the pose before.  Total momentum is
+conserved, a slew leaves no drift behind, and the accelerometers feel what turns the bus: a jump of the velocities
+would be hidden from them, and an isolator that integrates acceleration would be off by some per cent of the bus's
+reaction.  Convective forces within the mechanism (between payload and legs) are neglected.
 """
 
 from __future__ import annotations
@@ -14,7 +22,7 @@ from numpy.typing import NDArray
 from .dynamics import Pose, assemble
 from .forward import forward_kinematics
 from .parameters import Bus, CoarseServo, Manipulator, Optics, Payload
-from .practical import PlantModel, carry_over
+from .practical import PlantModel, momentum, servo_slices
 
 Array = NDArray[np.float64]
 
@@ -57,48 +65,75 @@ class Plant:
     def initial_state(self, model: PlantModel) -> Array:
         """Everything at rest at the pose of ``model``."""
         x = np.zeros(model.n_states)
-        x[2 * model.dynamics.n : 2 * model.dynamics.n + 3] = model.coarse_reference
+        s, _, r = servo_slices(model.dynamics.n)
+        x[s] = x[r] = model.coarse_reference
         return x
+
+
+@dataclass(frozen=True, eq=False)
+class Convection:
+    """Momentum that changes of pose have taken from the model and that the bus has yet to be given."""
+
+    owed: Array  # (6,) N.s, N.m.s, B axes about its origin
+    since_pose: float = 0.0  # s, time since the model was made
+    remaining: float = 0.0  # s, time over which the rest is given
+
+    @classmethod
+    def none(cls) -> Convection:
+        """At rest."""
+        return cls(np.zeros(6))
+
+    def at_new_pose(self, taken: Array) -> Convection:
+        """A new model has been made; its velocities stand for ``taken`` (6,) less momentum."""
+        return Convection(self.owed + taken, 0.0, self.since_pose)
+
+    def step(self, h: float) -> tuple[Array, Convection]:
+        """The wrench (6,) to apply over a step of ``h`` (s), and what is left after it."""
+        if self.remaining <= 1.5 * h:  # the last step: leave nothing behind
+            return self.owed / h, Convection(np.zeros(6), self.since_pose + h)
+        wrench = self.owed / self.remaining
+        return wrench, Convection(self.owed - wrench * h, self.since_pose + h, self.remaining - h)
 
 
 @dataclass(frozen=True, eq=False)
 class CoarseMotion:
     """What a step of moving coarse legs asks for."""
 
-    reference: Array  # (3,) rate-limited reference for the servos, m
+    rate: Array  # (3,) rate of the servos' reference over the step, m/s
+    wrench: Array  # (6,) convective wrench over the step, N, N.m, B axes about its origin
     state: Array  # (n,) state of the plant, about the pose of ``model``
     model: PlantModel  # the same as before, or one about a new pose
+    convection: Convection
     moving: bool  # ask again before the next step
 
 
 def coarse_motion(
-    plant: Plant, model: PlantModel, x: Array, reference: Array, command: Array, h: float, resolution: float
+    plant: Plant, model: PlantModel, x: Array, convection: Convection, command: Array, h: float, resolution: float
 ) -> CoarseMotion:
-    """Advance the servos' reference by one step and choose the pose to linearise about.
+    """The servos' reference on its way to the command over the next step, and the pose to linearise about.
 
     Parameters
     ----------
-    x: state of ``model``.  reference: (3,) reference of the last step, m.  command: (3,) within the stroke, m.
-    h: step, s.  resolution: largest distance of a leg from the pose of the model, m.
+    x: state of ``model``.  command: (3,) within the stroke, m.  h: step, s.
+    resolution: largest distance of a leg from the pose of the model, m.
 
     Raises
     ------
     ForwardKinematicsError: the legs have reached lengths that no pose has.
     """
-    furthest = plant.servo.rate_limit * h
-    gap = command - reference
-    reference = np.where(np.abs(gap) <= furthest, command, reference + np.clip(gap, -furthest, furthest))
-    n = model.dynamics.n
-    s, ds = x[2 * n : 2 * n + 3], x[2 * n + 3 :]
-    arrived = bool((reference == command).all())
-    at_rest = arrived and max(np.abs(s - command).max(), np.abs(ds).max()) < AT_REST
+    s, ds, r = servo_slices(model.dynamics.n)
+    limit = plant.servo.rate_limit
+    rate = np.clip((command - x[r]) / h, -limit, limit)
+    at_rest = max(np.abs(x[r] - command).max(), np.abs(x[s] - command).max(), np.abs(x[ds]).max()) < AT_REST
     if at_rest:  # exactly there: the final pose is the commanded one, not one within the resolution
         x = x.copy()
-        x[2 * n : 2 * n + 3], x[2 * n + 3 :] = command, 0.0
-        s = x[2 * n : 2 * n + 3]
-    distance = np.abs(s - model.coarse_reference).max()
+        x[s] = x[r] = command
+        x[ds] = rate[:] = 0.0
+    distance = np.abs(x[s] - model.coarse_reference).max()
     if distance > resolution or (at_rest and distance > 0.0):
-        new = plant.linearise(s)
-        x = carry_over(model.dynamics, new.dynamics, x)
+        new = plant.linearise(x[s])
+        convection = convection.at_new_pose(momentum(model, x) - momentum(new, x))
         model = new
-    return CoarseMotion(reference, x, model, moving=not at_rest)
+    wrench, convection = convection.step(h)
+    moving = not at_rest or bool(wrench.any())
+    return CoarseMotion(rate, wrench, x, model, convection, moving)

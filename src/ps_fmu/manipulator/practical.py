@@ -1,14 +1,18 @@
 """The practical plant as a linear time-invariant system about a pose: what the plant FMU steps.
 
-State ``x`` (46 with the paper's modes), input ``u`` and output ``y``::
+State ``x`` (49 with the paper's modes), input ``u`` and output ``y``::
 
-    x = [q, q', s, s']       q as in :mod:`.dynamics` (20), s: coarse-actuator displacement (3) from nominal length
-    u = [f_f, w_b, r, 1]     fine forces (3, N), base wrench (6, B at its origin), coarse reference (3, m), constant 1
+    x = [q, q', s, s', r]    q as in :mod:`.dynamics` (20), s: coarse-actuator displacement (3) from nominal length,
+                             r: its reference (3)
+    u = [f_f, w_b, r', w_c, 1]   fine forces (3, N), base wrench (6, B at its origin), rate of the coarse reference
+                             (3, m/s), convective wrench (6, as w_b; see :mod:`.plant`), constant 1
     y = see OUTPUTS
 
 The coarse actuators are second-order servos that follow ``r`` whatever the load, so that their acceleration drives
-the rest through ``m_c``: a slew shakes payload and bus.  The constant input carries the pose about which the model
-is linearised, so that orientation and coarse displacement are absolute.
+the rest through ``m_c``: a slew shakes payload and bus.  The reference moves at a constant rate over a step.  Were it
+to jump at each step, the accelerations sampled at the ends of the steps would not be those between them, and an
+isolator that integrates them would drift away.  The constant input carries the pose about which the model is
+linearised, so that orientation and coarse displacement are absolute.
 """
 
 from __future__ import annotations
@@ -43,6 +47,10 @@ OUTPUTS: dict[str, int] = {
 }
 
 
+#: Size of ``u``.
+N_INPUTS = 19
+
+
 def output_slices() -> dict[str, slice]:
     """Place of each group in ``y``."""
     places, start = {}, 0
@@ -50,6 +58,11 @@ def output_slices() -> dict[str, slice]:
         places[name] = slice(start, start + size)
         start += size
     return places
+
+
+def servo_slices(n: int) -> tuple[slice, slice, slice]:
+    """Places of ``s``, ``s'`` and ``r`` in the state, for n coordinates."""
+    return slice(2 * n, 2 * n + 3), slice(2 * n + 3, 2 * n + 6), slice(2 * n + 6, 2 * n + 9)
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,20 +85,21 @@ class PlantModel:
 
     @property
     def n_states(self) -> int:
-        """Size of ``x``: 2 n + 6."""
-        return 2 * self.dynamics.n + 6
+        """Size of ``x``: 2 n + 9."""
+        return 2 * self.dynamics.n + 9
 
     def matrices(self) -> tuple[Array, Array, Array, Array]:
         """A, B, C, D of ``x' = A x + B u``, ``y = C x + D u``."""
         d, n = self.dynamics, self.dynamics.n
-        A, B = np.zeros((self.n_states, self.n_states)), np.zeros((self.n_states, 13))
-        dq, s, ds = slice(n, 2 * n), slice(2 * n, 2 * n + 3), slice(2 * n + 3, 2 * n + 6)
+        A, B = np.zeros((self.n_states, self.n_states)), np.zeros((self.n_states, N_INPUTS))
+        dq, s, ds, r = slice(n, 2 * n), *servo_slices(n)
         on = np.flatnonzero(d.active)
         A[on, n + on] = 1.0  # q' = dq, for what can move
         A[s, ds] = np.eye(3)
         omega = 2.0 * np.pi * self.servo.frequency
         A[ds, s], A[ds, ds] = -(omega**2) * np.eye(3), -2.0 * self.servo.damping_ratio * omega * np.eye(3)
-        B[ds, 9:12] = omega**2 * np.eye(3)
+        A[ds, r] = omega**2 * np.eye(3)
+        B[r, 9:12] = np.eye(3)
 
         # M q'' = - K q - C q' + [f_f; w_b; 0] - m_c s''
         pick = np.ix_(on, on)
@@ -97,6 +111,7 @@ class PlantModel:
         A[np.ix_(rows, on)] = -mobility @ d.K[pick]
         A[np.ix_(rows, rows)] = -mobility @ d.C[pick]
         B[rows, 0:9] = mobility @ force[on]
+        B[rows, 12:18] = B[rows, 3:9]
         A[rows, :] -= coupling @ A[ds, :]
         B[rows, :] -= coupling @ B[ds, :]
         C, D = self._output_matrices(A[dq], B[dq])
@@ -108,11 +123,11 @@ class PlantModel:
         R_PB = d.pose.rotation_BP.T
         place = output_slices()
         p = sum(OUTPUTS.values())
-        C, D = np.zeros((p, self.n_states)), np.zeros((p, 13))
+        C, D = np.zeros((p, self.n_states)), np.zeros((p, N_INPUTS))
         q_b = d.slices["q_b"]
         t_b, r_b = slice(q_b.start, q_b.start + 3), slice(q_b.start + 3, q_b.stop)
         dt_b, dr_b = slice(n + t_b.start, n + t_b.stop), slice(n + r_b.start, n + r_b.stop)
-        s, one = slice(2 * n, 2 * n + 3), 12
+        s, one = servo_slices(n)[0], N_INPUTS - 1
         C[place["base_acceleration"]], D[place["base_acceleration"]] = (
             acceleration_x[t_b],
             acceleration_u[t_b],
@@ -154,26 +169,8 @@ class PlantModel:
         return step_map(*self.matrices(), h)
 
 
-def carry_over(old: Dynamics, new: Dynamics, x: Array) -> Array:
-    """The state for a model about a new pose: same coordinates and velocities, same total momentum.
-
-    The mass matrix changes with the pose.  Keeping all velocities would let the momentum of payload, legs and bus
-    jump; a free bus would keep the difference as drift for ever.  So the six base velocities are those that leave
-    linear and angular momentum (the ``q_b`` rows of ``M q' + m_c s'``) as they were.
-
-    Parameters
-    ----------
-    old, new: dynamics about the two poses.  x: state (2 n + 6,).
-    """
-    n = new.n
-    q_b = new.slices["q_b"]
-    velocity, servo = x[n : 2 * n] * new.active, x[2 * n + 3 :]
-    momentum = old.M[q_b] @ velocity + old.m_c[q_b] @ servo
-    others = velocity.copy()
-    others[q_b] = 0.0
-    result = x.copy()
-    result[n : 2 * n] = others
-    result[n + q_b.start : n + q_b.stop] = np.linalg.solve(
-        new.M[q_b, q_b], momentum - new.M[q_b] @ others - new.m_c[q_b] @ servo
-    )
-    return result
+def momentum(model: PlantModel, x: Array) -> Array:
+    """Linear and angular momentum of everything, (6,), B axes about its origin: the q_b rows of ``M q' + m_c s'``."""
+    d, n = model.dynamics, model.dynamics.n
+    q_b = d.slices["q_b"]
+    return np.asarray(d.M[q_b] @ (x[n : 2 * n] * d.active) + d.m_c[q_b] @ x[servo_slices(n)[1]])

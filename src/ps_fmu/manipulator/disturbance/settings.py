@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..parameters import Noise, ParameterError, Parameters, _Checked, _frozen, _number, quantity
+from ..checks import Checked, ParameterError, frozen, number, quantity, truth
+from ..parameters import Noise, Parameters
 from .spectrum import HIGHEST
 
 Array = NDArray[np.float64]
@@ -18,13 +18,13 @@ N_TONES = 3
 
 
 @dataclass(frozen=True, eq=False)
-class BusCentre(_Checked):
+class BusCentre(Checked):
     """The point that the noise acts on."""
 
     com_B: Array = quantity("m", "Centre of mass of the bus, where the noise acts, in B")
 
     def __post_init__(self) -> None:
-        self._set("com_B", _frozen(self.com_B, (3,), "com"))
+        self._set("com_B", frozen(self.com_B, (3,), "com"))
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,21 +42,22 @@ class NoiseSource(Noise):
         super().__post_init__()
         if self.band[1] > HIGHEST:
             raise ParameterError("band.max", f"must not exceed {HIGHEST:g} Hz, got {self.band[1]:g} Hz")
-        self._set("enabled", _truth(self.enabled, "enabled"))
-        self._set("multisine", _truth(self.multisine, "multisine"))
-        self._set("scale", _number(self.scale, "scale", at_least=0.0))
-        self._set("period", _number(self.period, "period", at_least=1.0))
+        self._set("enabled", truth(self.enabled, "enabled"))
+        self._set("multisine", truth(self.multisine, "multisine"))
+        self._set("scale", number(self.scale, "scale", at_least=0.0))
+        self._set("period", number(self.period, "period", at_least=1.0))
         if self.period > 1000.0:
             raise ParameterError("period", f"must not exceed 1000 s (memory), got {self.period:g} s")
         if self.period * self.band[0] < 2.0:
             raise ParameterError(
-                "period", f"must hold two cycles of band.min = {self.band[0]:g} Hz, "
-                f"that is {2.0 / self.band[0]:g} s, got {self.period:g} s"
+                "period",
+                f"must hold two cycles of band.min = {self.band[0]:g} Hz, "
+                f"that is {2.0 / self.band[0]:g} s, got {self.period:g} s",
             )
 
 
 @dataclass(frozen=True, eq=False)
-class Wheel(_Checked):
+class Wheel(Checked):
     """A reaction wheel: where it is and how its speed goes."""
 
     enabled: bool = quantity("", "Wheel on")
@@ -69,20 +70,20 @@ class Wheel(_Checked):
     ramp_duration: float = quantity("s", "Time that the change of speed takes")
 
     def __post_init__(self) -> None:
-        self._set("enabled", _truth(self.enabled, "enabled"))
-        self._set("scale", _number(self.scale, "scale", at_least=0.0))
-        self._set("spin_axis_B", _frozen(self.spin_axis_B, (3,), "spin_axis"))
+        self._set("enabled", truth(self.enabled, "enabled"))
+        self._set("scale", number(self.scale, "scale", at_least=0.0))
+        self._set("spin_axis_B", frozen(self.spin_axis_B, (3,), "spin_axis"))
         if np.linalg.norm(self.spin_axis_B) < 1e-9:
             raise ParameterError("spin_axis", "must not be the zero vector")
-        self._set("position_B", _frozen(self.position_B, (3,), "position"))
-        self._set("initial_speed", _number(self.initial_speed, "initial_speed"))
-        self._set("final_speed", _number(self.final_speed, "final_speed"))
-        self._set("ramp_start", _number(self.ramp_start, "ramp_start"))
-        self._set("ramp_duration", _number(self.ramp_duration, "ramp_duration", at_least=0.0))
+        self._set("position_B", frozen(self.position_B, (3,), "position"))
+        self._set("initial_speed", number(self.initial_speed, "initial_speed"))
+        self._set("final_speed", number(self.final_speed, "final_speed"))
+        self._set("ramp_start", number(self.ramp_start, "ramp_start"))
+        self._set("ramp_duration", number(self.ramp_duration, "ramp_duration", at_least=0.0))
 
 
 @dataclass(frozen=True, eq=False)
-class ToneSettings(_Checked):
+class ToneSettings(Checked):
     """A sine; no amplitude means off."""
 
     frequency: float = quantity("Hz", "Frequency of the sine")
@@ -91,14 +92,14 @@ class ToneSettings(_Checked):
     torque_B: Array = quantity("N.m", "Amplitude of the sine's torque, in B at its origin")
 
     def __post_init__(self) -> None:
-        self._set("frequency", _number(self.frequency, "frequency", at_least=1e-4))
-        self._set("phase", _number(self.phase, "phase"))
-        self._set("force_B", _frozen(self.force_B, (3,), "force"))
-        self._set("torque_B", _frozen(self.torque_B, (3,), "torque"))
+        self._set("frequency", number(self.frequency, "frequency", at_least=1e-4))
+        self._set("phase", number(self.phase, "phase"))
+        self._set("force_B", frozen(self.force_B, (3,), "force"))
+        self._set("torque_B", frozen(self.torque_B, (3,), "torque"))
 
 
 @dataclass(frozen=True, eq=False)
-class ChirpSettings(_Checked):
+class ChirpSettings(Checked):
     """A sweep; no amplitude means off."""
 
     initial_frequency: float = quantity("Hz", "Frequency at the start of the sweep")
@@ -110,17 +111,17 @@ class ChirpSettings(_Checked):
     torque_B: Array = quantity("N.m", "Amplitude of the sweep's torque, in B at its origin")
 
     def __post_init__(self) -> None:
-        self._set("initial_frequency", _number(self.initial_frequency, "initial_frequency", above=0.0))
-        self._set("final_frequency", _number(self.final_frequency, "final_frequency", above=0.0))
-        self._set("start", _number(self.start, "start"))
-        self._set("duration", _number(self.duration, "duration", above=0.0))
-        self._set("logarithmic", _truth(self.logarithmic, "logarithmic"))
-        self._set("force_B", _frozen(self.force_B, (3,), "force"))
-        self._set("torque_B", _frozen(self.torque_B, (3,), "torque"))
+        self._set("initial_frequency", number(self.initial_frequency, "initial_frequency", above=0.0))
+        self._set("final_frequency", number(self.final_frequency, "final_frequency", above=0.0))
+        self._set("start", number(self.start, "start"))
+        self._set("duration", number(self.duration, "duration", above=0.0))
+        self._set("logarithmic", truth(self.logarithmic, "logarithmic"))
+        self._set("force_B", frozen(self.force_B, (3,), "force"))
+        self._set("torque_B", frozen(self.torque_B, (3,), "torque"))
 
 
 @dataclass(frozen=True)
-class RecordingSettings(_Checked):
+class RecordingSettings(Checked):
     """A file; no path means off."""
 
     path: str = quantity("", "CSV file with time, force and torque in B at its origin; empty: none")
@@ -130,12 +131,12 @@ class RecordingSettings(_Checked):
     def __post_init__(self) -> None:
         if not isinstance(self.path, str):
             raise ParameterError("path", f"expected text, got {self.path!r}")
-        self._set("repeat", _truth(self.repeat, "repeat"))
-        self._set("scale", _number(self.scale, "scale"))
+        self._set("repeat", truth(self.repeat, "repeat"))
+        self._set("scale", number(self.scale, "scale"))
 
 
 @dataclass(frozen=True, eq=False)
-class DisturbanceSettings(_Checked):
+class DisturbanceSettings(Checked):
     """All kinds; what is on is added up."""
 
     seed: int = quantity("1", "Seed of everything random: noise, initial phases of the wheels")
@@ -151,13 +152,13 @@ class DisturbanceSettings(_Checked):
         if isinstance(self.seed, bool) or self.seed != int(self.seed) or self.seed < 0:
             raise ParameterError("seed", f"expected a whole number, 0 or greater, got {self.seed!r}")
         self._set("seed", int(self.seed))
-        self._set("rise_time", _number(self.rise_time, "rise_time", at_least=0.1))
+        self._set("rise_time", number(self.rise_time, "rise_time", at_least=0.1))
         if self.rise_time > 20.0:
             raise ParameterError("rise_time", f"must not exceed 20 s, got {self.rise_time:g} s")
         if self.chirp.duration < 2.0 * self.rise_time and np.any([self.chirp.force_B, self.chirp.torque_B]):
             raise ParameterError(
-                "chirp.duration", f"must be at least twice the rise_time of {self.rise_time:g} s, "
-                f"got {self.chirp.duration:g} s"
+                "chirp.duration",
+                f"must be at least twice the rise_time of {self.rise_time:g} s, got {self.chirp.duration:g} s",
             )
 
 
@@ -170,26 +171,29 @@ def default_settings(parameters: Parameters) -> DisturbanceSettings:
         seed=1,
         rise_time=2.0,
         bus=BusCentre(com_B),
-        noise=NoiseSource(
-            noise.band, noise.wrench_psd_B, enabled=True, multisine=False, scale=1.0, period=100.0
-        ),
+        noise=NoiseSource(noise.band, noise.wrench_psd_B, enabled=True, multisine=False, scale=1.0, period=100.0),
         wheels=tuple(
             Wheel(
-                enabled=False, scale=1.0, spin_axis_B=np.array(axis), position_B=com_B,
-                initial_speed=200.0, final_speed=200.0, ramp_start=0.0, ramp_duration=0.0,
+                enabled=False,
+                scale=1.0,
+                spin_axis_B=np.array(axis),
+                position_B=com_B,
+                initial_speed=200.0,
+                final_speed=200.0,
+                ramp_start=0.0,
+                ramp_duration=0.0,
             )
             for axis in axes[:N_WHEELS]
         ),
         tones=(ToneSettings(frequency=1.0, phase=0.0, force_B=zero, torque_B=zero),) * N_TONES,
         chirp=ChirpSettings(
-            initial_frequency=0.1, final_frequency=500.0, start=0.0, duration=60.0, logarithmic=True,
-            force_B=zero, torque_B=zero,
+            initial_frequency=0.1,
+            final_frequency=500.0,
+            start=0.0,
+            duration=60.0,
+            logarithmic=True,
+            force_B=zero,
+            torque_B=zero,
         ),
         recording=RecordingSettings(path="", repeat=False, scale=1.0),
     )
-
-
-def _truth(value: Any, name: str) -> bool:
-    if value not in (False, True):
-        raise ParameterError(name, f"expected true or false, got {value!r}")
-    return bool(value)

@@ -1,0 +1,84 @@
+"""Checks of the parameter dataclasses: quantities with units, arrays that cannot change, errors with names."""
+
+from __future__ import annotations
+
+from dataclasses import field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+class ParameterError(ValueError):
+    """A parameter that cannot be used; the text starts with its name, for example ``payload.mass``."""
+
+    def __init__(self, name: str, problem: str) -> None:
+        super().__init__(f"{name}: {problem}")
+        self.name = name
+        self.problem = problem
+
+
+def quantity(unit: str, description: str) -> Any:
+    """A dataclass field with its unit and description."""
+    return field(metadata={"unit": unit, "description": description})
+
+
+def frozen(value: Any, shape: tuple[int, ...], name: str) -> Array:
+    """A read-only array of finite numbers.  Raises ParameterError, naming ``name``, for anything else."""
+    try:
+        array = np.array(value, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise ParameterError(name, f"expected numbers of shape {shape}, got {value!r}") from error
+    if array.shape != shape:
+        raise ParameterError(name, f"expected shape {shape}, got {array.shape}")
+    if not np.isfinite(array).all():
+        raise ParameterError(name, f"every number must be finite, got {array.tolist()}")
+    array.setflags(write=False)
+    return array
+
+
+def number(value: Any, name: str, *, above: float | None = None, at_least: float | None = None) -> float:
+    """A finite number within bounds.  Raises ParameterError, naming ``name``, for anything else."""
+    if isinstance(value, bool) or not isinstance(value, (int, float, np.floating, np.integer)):
+        raise ParameterError(name, f"expected a number, got {value!r}")
+    result = float(value)
+    if not np.isfinite(result):
+        raise ParameterError(name, f"must be finite, got {result}")
+    if above is not None and not result > above:
+        raise ParameterError(name, f"must be greater than {above:g}, got {result:g}")
+    if at_least is not None and result < at_least:
+        raise ParameterError(name, f"must not be less than {at_least:g}, got {result:g}")
+    return result
+
+
+def inertia_tensor(value: Any, name: str) -> Array:
+    """A symmetric positive definite inertia whose principal moments satisfy the triangle inequality."""
+    array = frozen(value, (3, 3), name)
+    if not np.allclose(array, array.T, rtol=0.0, atol=1e-9 * np.abs(array).max()):
+        raise ParameterError(name, f"must be symmetric, got {array.tolist()}")
+    moments = np.linalg.eigvalsh(array)
+    if moments[0] <= 0.0:
+        raise ParameterError(name, f"must be positive definite; its principal moments are {moments.tolist()} kg.m2")
+    if moments[2] > (moments[0] + moments[1]) * (1.0 + 1e-9):
+        raise ParameterError(
+            name,
+            f"no rigid body has the principal moments {moments.tolist()} kg.m2: "
+            "the largest exceeds the sum of the others",
+        )
+    return array
+
+
+def truth(value: Any, name: str) -> bool:
+    """A truth value, also given as 0 or 1.  Raises ParameterError, naming ``name``, for anything else."""
+    if value not in (False, True):
+        raise ParameterError(name, f"expected true or false, got {value!r}")
+    return bool(value)
+
+
+class Checked:
+    """Base of the parameter classes, whose ``__post_init__`` checks each field and stores it in its own type."""
+
+    def _set(self, name: str, value: object) -> None:
+        object.__setattr__(self, name, value)
