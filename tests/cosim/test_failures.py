@@ -209,6 +209,13 @@ def test_ctrl_c_inside_an_fmu_ends_the_run_after_the_step(failing, collect):
     assert signal.getsignal(signal.SIGINT) is before
 
 
+def test_ctrl_c_inside_the_initialisation_of_an_fmu(failing, collect):
+    master, error = run(failing("", "ToyInterrupting").with_parameters({"clock.at": -1.0}), collect)
+    assert isinstance(error, KeyboardInterrupt)
+    assert master._slaves["clock"].phase is Phase.FREED
+    assert collect.time.size == 0
+
+
 def test_ctrl_c_while_an_observer_works(failing, collect):
     class Pressing:
         def block(self, first_index, time, values):

@@ -91,7 +91,7 @@ def test_an_fmu_that_can_be_instantiated_only_once(make_system, rewrite, toys):
     [
         ("a.gian", 1.0, "no such variable; did you mean gain?"),
         ("a.y", 1.0, "causality output"),
-        ("a.gain", "2", "a.gain (given by the caller): gain is of type Real; got '2' (str)"),
+        ("a.gain", "2", "a.gain (given by the caller): expected a value of type Real, got '2' (str)"),
         ("a.gain", True, "got True (bool)"),
         ("a.gain", float("inf"), "finite"),
     ],

@@ -17,13 +17,25 @@ def test_messages_are_shown_once(caplog):
     assert messages.counts == {1: 3, 0: 3}
 
 
+def test_errors_are_left_to_the_exception_that_they_explain(caplog):
+    messages = MessageLog("plant")
+    with caplog.at_level(logging.WARNING):
+        messages.add(3, "", "the mass is negative")
+        assert messages.take() == ("[fmi2Error] the mass is negative",)
+        messages.show_held()
+        assert caplog.records == []
+        messages.add(3, "", "nobody asked")
+        messages.show_held()
+    assert [record.getMessage() for record in caplog.records] == ["plant: [fmi2Error] nobody asked"]
+
+
 def test_a_chatty_fmu_does_not_fill_the_memory(caplog):
     messages = MessageLog("plant")
     with caplog.at_level(logging.WARNING):
         for number in range(10 * REMEMBERED):
-            messages.add(3, "", f"number {number}")
-    assert list(messages.recent)[-1] == f"[fmi2Error] number {10 * REMEMBERED - 1}"
-    assert len(messages.recent) == KEPT
+            messages.add(1, "", f"number {number}")
+    assert messages.take()[-1] == f"[fmi2Warning] number {10 * REMEMBERED - 1}"
+    assert len(messages.take()) == KEPT
     assert len(caplog.records) == REMEMBERED + 2
     assert "too many different messages" in caplog.records[-1].getMessage()
 
@@ -38,7 +50,7 @@ def test_each_instance_is_heard_and_others_go_to_fmpy(capfd):
     speak[0](callbacks[0].componentEnvironment, b"first", 3, None, b"from nobody")
     forget(callbacks[1])
     assert (first.counts, second.counts) == ({0: 1}, {3: 1})
-    assert list(second.recent) == ["[fmi2Error] from the second"]
+    assert second.take() == ("[fmi2Error] from the second",)
     assert "[ERROR] from nobody" in capfd.readouterr().out
 
 

@@ -50,7 +50,9 @@ def variable_of(description: ModelDescription, name: str) -> ModelVariable:
     """A variable by name.  Raises :class:`UsageError` with the closest names."""
     variables = variables_of(description)
     if name not in variables:
-        raise UsageError(f"the FMU {description.modelName} has no variable {name!r}{closest(name, variables)}")
+        raise UsageError(
+            f"the FMU {description.modelName} has no variable {name!r}{closest(name, variables)}"
+        )
     return variables[name]
 
 
@@ -62,7 +64,9 @@ def unit_of(variable: ModelVariable) -> str | None:
 
 def settable(variable: ModelVariable, running: bool) -> str | None:
     """Why the master may not set a variable, or None if it may (FMI 2.0.4, section 2.2.7)."""
-    if variable.causality == "input" or (variable.causality == "parameter" and variable.variability == "tunable"):
+    if variable.causality == "input" or (
+        variable.causality == "parameter" and variable.variability == "tunable"
+    ):
         return None
     if variable.causality == "parameter":
         return "is a fixed parameter: set it before initialisation" if running else None
@@ -72,29 +76,29 @@ def settable(variable: ModelVariable, running: bool) -> str | None:
 def typed_value(variable: ModelVariable, value: Value) -> Value:
     """``value`` as the exact FMI type of the variable; a whole number is taken for a Real.
 
-    Raises :class:`UsageError`: another type, not finite, outside the declared minimum and maximum.
+    Raises :class:`UsageError`, without the name: another type, not finite, outside the declared bounds.
     """
     kind = variable.type
     result: Value
     if kind == "Real" and isinstance(value, (int, float)) and not isinstance(value, bool):
         result = float(value)
         if not math.isfinite(result):
-            raise UsageError(f"{variable.name}: expected a finite number, got {value!r}")
-    elif kind == "Boolean" and isinstance(value, bool):
-        return value
+            raise UsageError(f"expected a finite number, got {value!r}")
     elif kind in ("Integer", "Enumeration") and isinstance(value, int) and not isinstance(value, bool):
         if not -(2**31) <= value < 2**31:
-            raise UsageError(f"{variable.name}: {value} does not fit a 32-bit integer")
+            raise UsageError(f"{value} does not fit a 32-bit integer")
         result = value
+    elif kind == "Boolean" and isinstance(value, bool):
+        return value
     elif kind == "String" and isinstance(value, str):
         if "\0" in value:
-            raise UsageError(f"{variable.name}: the text contains a NUL character")
+            raise UsageError("the text contains a NUL character")
         return value
     else:
-        raise UsageError(f"{variable.name} is of type {kind}; got {value!r} ({type(value).__name__})")
+        raise UsageError(f"expected a value of type {kind}, got {value!r} ({type(value).__name__})")
     low, high = (_bound(text) for text in (variable.min, variable.max))
     if (low is not None and result < low) or (high is not None and result > high):
-        raise UsageError(f"{variable.name}: {value!r} is outside [{variable.min}, {variable.max}]")
+        raise UsageError(f"{value!r} is outside [{variable.min or '-inf'}, {variable.max or 'inf'}]")
     return result
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import logging
+import math
 from collections.abc import Collection, Mapping
 from pathlib import Path
 
@@ -12,8 +14,15 @@ from .rows import Layout, Rows
 from .slaves import Slave
 from .structure import Port, System, Value
 
+log = logging.getLogger("ps_fmu.cosim")
 
-def load(system: System, descriptions: Mapping[str, ModelDescription], folder: Path, slaves: dict[str, Slave]) -> None:
+SETTLED = 1e-9
+"""A value of a loop that changes less in the last pass, absolutely or relatively, has settled."""
+
+
+def load(
+    system: System, descriptions: Mapping[str, ModelDescription], folder: Path, slaves: dict[str, Slave]
+) -> None:
     """Unpack and instantiate each component; what is loaded is in ``slaves`` also when a later one fails.
 
     Raises :class:`SystemFileError` or :class:`SlaveError`.
@@ -54,7 +63,21 @@ def _propagate(slaves: Mapping[str, Slave], wiring: Wiring, cut: Collection[Port
     """In the order that the FMUs' dependencies give; round a loop as often as there are FMUs."""
     for group in wiring.order:
         connections = [c for c in wiring.connections if c.source in group.outputs and c.target not in cut]
+        values: dict[Port, Value] = {}
+        before = values
         for _ in range(group.passes):
+            before = values
             values = {p: slaves[p.component].get([p.variable], start)[p.variable] for p in group.outputs}
             for c in connections:
                 slaves[c.target.component].set({c.target.variable: values[c.source]}, start)
+        moving = [str(p) for p, value in values.items() if p in before and not _equal(value, before[p])]
+        if moving:
+            log.warning(
+                "initial values in a loop still change after %d passes: %s", group.passes, ", ".join(moving)
+            )
+
+
+def _equal(value: Value, other: Value) -> bool:
+    if isinstance(value, str) or isinstance(other, str):
+        return value == other
+    return math.isclose(value, other, rel_tol=SETTLED, abs_tol=SETTLED)

@@ -70,7 +70,9 @@ def jacobi(plan: Plan, rows: Rows, times: Sequence[float], step: float, interrup
         rows.filled = place + done
 
 
-def gauss_seidel(plan: Plan, rows: Rows, times: Sequence[float], step: float, interrupted: Sequence[Any]) -> None:
+def gauss_seidel(
+    plan: Plan, rows: Rows, times: Sequence[float], step: float, interrupted: Sequence[Any]
+) -> None:
     """As :func:`jacobi`, one FMU after the other in the order of the plan."""
     place = rows.filled
     now, size = c_double(), c_double(step)

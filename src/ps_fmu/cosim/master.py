@@ -85,8 +85,6 @@ class Master:
         self._set: dict[Port, Value] = {}
         self._folder: tempfile.TemporaryDirectory[str] | None = None
         self._index = 0
-        for group in self.wiring.loops:
-            log.info("initial values pass round a loop: %s", ", ".join(map(str, group)))
 
     # ---- what is known -----------------------------------------------------------------------------------
 
@@ -141,11 +139,15 @@ class Master:
         if self._folder is not None:
             raise UsageError("the system is already initialised, or closed: make a new Master")
         self._folder = tempfile.TemporaryDirectory(prefix="fmus_", ignore_cleanup_errors=True)
+        start = self.clock.start
         try:
-            load(self.system, self._descriptions, Path(self._folder.name), self._slaves)
-            initialise(self._slaves, self.system, self.wiring, self._set, self.clock.start)
-            first_row(self._slaves, self._layout, self._rows, self.clock.start)
-            self._make_plan()
+            with noted_interrupts() as interrupted:
+                load(self.system, self._descriptions, Path(self._folder.name), self._slaves)
+                initialise(self._slaves, self.system, self.wiring, self._set, start)
+                first_row(self._slaves, self._layout, self._rows, start)
+                self._make_plan()
+            if interrupted:
+                raise KeyboardInterrupt
         except BaseException as error:
             self._abort(error)
             raise

@@ -32,26 +32,39 @@ REMEMBERED = 200
 
 
 class MessageLog:
-    """Messages of one instance.  ``counts`` holds the number of messages by status."""
+    """Messages of one instance.
+
+    Warnings are logged when they come, each text once.  Errors are held for the exception that they explain;
+    :meth:`show_held` logs those that no exception took.  ``counts`` holds the number of messages by status.
+    """
 
     def __init__(self, component: str) -> None:
         self.component = component
-        self.recent: deque[str] = deque(maxlen=KEPT)
         self.counts: dict[int, int] = {}
+        self._recent: deque[str] = deque(maxlen=KEPT)
+        self._held: deque[str] = deque(maxlen=KEPT)
         self._shown: set[str] = set()
 
     def add(self, status: int, category: str, text: str) -> None:
-        """Keep a message; show it unless it has been shown or says that all is well."""
+        """Take a message of the FMU."""
         self.counts[status] = self.counts.get(status, 0) + 1
         line = f"[{status_name(status)}] {text.strip()}"
         if status == 0:
             log.debug("%s: %s", self.component, line)
             return
-        self.recent.append(line)
-        self.show(line)
+        self._recent.append(line)
+        if status == 1:
+            self.show(line)
+        else:
+            self._held.append(line)
+
+    def take(self) -> tuple[str, ...]:
+        """The last messages, for an exception."""
+        self._held.clear()
+        return tuple(self._recent)
 
     def show(self, line: str) -> None:
-        """Log a warning once."""
+        """Log a warning, unless this text has been logged before."""
         if line in self._shown or len(self._shown) > REMEMBERED:
             return
         self._shown.add(line)
@@ -59,12 +72,19 @@ class MessageLog:
         if len(self._shown) > REMEMBERED:
             log.warning("%s: too many different messages; the rest is only counted", self.component)
 
+    def show_held(self) -> None:
+        """Log the errors that belong to no exception."""
+        while self._held:
+            self.show(self._held.popleft())
+
 
 _listeners: dict[int, MessageLog] = {}
 _numbers = itertools.count(1)
 
 
-def _receive(environment: int | None, instance: bytes, status: int, category: bytes | None, text: bytes | None) -> None:
+def _receive(
+    environment: int | None, instance: bytes, status: int, category: bytes | None, text: bytes | None
+) -> None:
     listener = _listeners.get(environment or 0)
     if listener is None:  # an FMU that someone else loaded: what FMPy itself would have done
         printLogMessage(environment, instance, status, category, text or b"")

@@ -98,7 +98,9 @@ def make_plan(
         starts = len(real_sources), len(discrete_sources)
         sets = []
         for family, ports in wired[name].items():
-            buffer, taken = (real_inputs, real_sources) if family == "Real" else (discrete_inputs, discrete_sources)
+            buffer, taken = (
+                (real_inputs, real_sources) if family == "Real" else (discrete_inputs, discrete_sources)
+            )
             places = layout.real if family == "Real" else layout.discrete
             address = buffer.ctypes.data + len(taken) * ITEM_BYTES[family]
             sets.append(_access(slave, "Set", family, ports, address))

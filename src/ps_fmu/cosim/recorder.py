@@ -204,7 +204,9 @@ def _factor(step: float, storage_step: float) -> int:
     ratio = storage_step / step
     factor = round(ratio) if np.isfinite(ratio) else 0
     if factor < 1 or abs(ratio - factor) > ON_GRID * factor:
-        raise UsageError(f"storage_step: expected a whole multiple of the step {step!r} s, got {storage_step!r} s")
+        raise UsageError(
+            f"storage_step: expected a whole multiple of the step {step!r} s, got {storage_step!r} s"
+        )
     return factor
 
 

@@ -53,7 +53,8 @@ class Phase(Enum):
 _ADVICE = {
     DISCARD: "Steps are not repeated with a smaller size: choose a smaller step, or correct the values it objects to.",
     ERROR: "The instance cannot go on: correct what it complains about and start again.",
-    FATAL: "The FMU is corrupt and is not called again, not even to free it: start again in a new process.",
+    FATAL: "The FMU is not called again, not even to free it: correct what it complains about and start again, "
+    "in a new process if need be.",
 }
 
 
@@ -71,9 +72,8 @@ class Slave:
         self.messages = MessageLog(self.name)
         self.warnings = 0
         extract(component.source, folder)
-        # Some FMUs decode no escapes in the location of their resources, and crash.
-        uri = folder.absolute().as_uri()
-        if "%" in uri:
+        # Some FMUs decode no escapes but %20 in the location of their resources, and crash.
+        if "%" in folder.absolute().as_uri().replace("%20", ""):
             raise SystemFileError(
                 component.source,
                 f"is unpacked in {folder}, which some FMUs cannot read: point TMPDIR to a folder "
@@ -85,13 +85,14 @@ class Slave:
             self._fmu.instantiate(callbacks=self._callbacks, loggingOn=True)
         except Exception as error:
             forget(self._callbacks)
+            messages = self.messages.take()
             raise SlaveError(
-                f"{self.name}: fmi2Instantiate failed: {error}{self._said()}",
+                f"{self.name}: fmi2Instantiate failed: {error}{_quoted(messages)}",
                 component=self.name,
                 function="fmi2Instantiate",
                 status=None,
                 time=None,
-                messages=tuple(self.messages.recent),
+                messages=messages,
             ) from error
         self.address: int = self._fmu.component
         self.phase = Phase.INSTANTIATED
@@ -120,6 +121,7 @@ class Slave:
 
     def free(self) -> None:
         """fmi2FreeInstance and unloading of the library; nothing after fmi2Fatal."""
+        self.messages.show_held()
         if self.phase not in (Phase.FATAL, Phase.FREED):
             self.phase = Phase.FREED
             self._fmu.freeInstance()
@@ -172,20 +174,16 @@ class Slave:
             details += self._last_successful_time()
         elif status != DISCARD:
             self.phase = Phase.FATAL if status == FATAL else Phase.ERROR
+        messages = self.messages.take()
         raise SlaveError(
-            f"{self.name}: {where} returned {status_name(status)}{details}{self._said()}\n  {advice}",
+            f"{self.name}: {where} returned {status_name(status)}{details}{_quoted(messages)}\n  {advice}",
             component=self.name,
             function=function,
             status=status,
             time=time,
             variables=variables,
-            messages=tuple(self.messages.recent),
+            messages=messages,
         )
-
-    def _said(self) -> str:
-        if not self.messages.recent:
-            return "\n  The FMU logged nothing."
-        return "\n  The FMU says:\n" + "\n".join("    " + line.replace("\n", "\n    ") for line in self.messages.recent)
 
     def _last_successful_time(self) -> str:
         value = c_double()
@@ -194,7 +192,9 @@ class Slave:
             return ""
         return f", last successful time {value.value:.9g} s"
 
-    def _call(self, function: str, *arguments: Any, time: float | None = None, variables: Sequence[str] = ()) -> None:
+    def _call(
+        self, function: str, *arguments: Any, time: float | None = None, variables: Sequence[str] = ()
+    ) -> None:
         status = getattr(self._fmu.dll, function)(self.address, *arguments)
         self.check(function, status, time, variables)
 
@@ -212,6 +212,13 @@ class Slave:
         address = ctypes.cast(getattr(self._fmu.dll, function), c_void_p).value
         assert address is not None
         return address
+
+
+def _quoted(messages: Sequence[str]) -> str:
+    """The last messages of an FMU as part of an error text."""
+    if not messages:
+        return "\n  The FMU logged nothing."
+    return "\n  The FMU says:\n" + "\n".join("    " + line.replace("\n", "\n    ") for line in messages)
 
 
 def _load(component: Component, description: ModelDescription, folder: Path) -> FMU2Slave:

@@ -124,7 +124,9 @@ class _Reader:
         group = only_child(element, "ssd:Connectors", self.ssd)
         connectors = [self.connector(child) for child in group.children] if group is not None else []
         self.unique([(c.name, c.line) for c in connectors], f"connector of {name!r}:")
-        return Component(name, self.source(element, name), tuple(connectors), self.parameters(element), element.line)
+        return Component(
+            name, self.source(element, name), tuple(connectors), self.parameters(element), element.line
+        )
 
     def connector(self, element: Element) -> Connector:
         check_element(element, self.ssd)
@@ -164,9 +166,13 @@ class _Reader:
             check_element(binding, self.ssd)
             given = binding.attributes
             if given.get("type", PARAMETER_TYPE) != PARAMETER_TYPE or given.get("sourceBase", "SSD") != "SSD":
-                raise self.fail(f"a parameter binding must be of type {PARAMETER_TYPE!r} and sourceBase 'SSD'", binding)
+                raise self.fail(
+                    f"a parameter binding must be of type {PARAMETER_TYPE!r} and sourceBase 'SSD'", binding
+                )
             if given.get("prefix"):
-                raise self.fail("a prefix of a parameter binding is not supported: name them in full", binding)
+                raise self.fail(
+                    "a prefix of a parameter binding is not supported: name them in full", binding
+                )
             inline = only_child(binding, "ssd:ParameterValues", self.ssd)
             if (inline is None) == ("source" not in given):
                 raise self.fail("a parameter binding needs a source or values, not both", binding)

@@ -1,4 +1,4 @@
-"""Sends SIGINT to its own process in the middle of a step, as a Ctrl-C at a bad moment."""
+"""Sends SIGINT to its own process in the middle of a step, or of the initialisation where that is before zero."""
 
 import os
 import signal
@@ -13,6 +13,10 @@ class ToyInterrupting(Fmi2Slave):
         self.clock = 0.0
         self.register_variable(Real("at", causality=Fmi2Causality.parameter, variability=Fmi2Variability.fixed))
         self.register_variable(Real("clock", causality=Fmi2Causality.output))
+
+    def exit_initialization_mode(self):
+        if self.at < 0.0:
+            os.kill(os.getpid(), signal.SIGINT)
 
     def do_step(self, current_time, step_size):
         if abs(current_time - self.at) < 0.5 * step_size:
