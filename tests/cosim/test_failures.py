@@ -216,17 +216,18 @@ def test_ctrl_c_inside_the_initialisation_of_an_fmu(failing, collect):
     assert collect.time.size == 0
 
 
-def test_ctrl_c_while_an_observer_works(failing, collect):
+@pytest.mark.parametrize(("pressed", "rows"), [(4, 8), (8, 11)])
+def test_ctrl_c_while_an_observer_takes_a_block_or_the_last_one(failing, collect, pressed, rows):
     class Pressing:
         def block(self, first_index, time, values):
-            if first_index == 4:
+            if first_index == pressed:
                 os.kill(os.getpid(), signal.SIGINT)
 
     master = Master(failing("none"), H, block_rows=4)
     with pytest.raises(KeyboardInterrupt), master:
         master.initialise()
         master.run(0.1, [Pressing(), collect])
-    assert len(collect.time) == 8
+    assert len(collect.time) == rows
 
 
 def test_an_exception_of_a_stock_slave_is_fatal_and_reported(toys, tmp_path):

@@ -176,8 +176,12 @@ def test_arguments_are_checked_before_anything_runs(oscillator):
             with pytest.raises(UsageError, match=reason):
                 master.run(1.0, events=[event])
         master.run(1.0)  # none of that did any harm
-    with pytest.raises(UsageError, match="closed"):
-        master.run(1.0)
+    for use in (lambda: master.run(1.0), lambda: master.get("mass.mass"), lambda: master.set("mass.mass", 1.0)):
+        with pytest.raises(UsageError, match="closed"):
+            use()
+    with pytest.raises(UsageError, match="fmi2GetReal cannot be called, the instance is freed"):
+        master._slaves["mass"].get(["mass"], 0.0)
+    master.close()
 
 
 def test_time_does_not_accumulate_rounding(oscillator, collect):

@@ -23,13 +23,12 @@ from .interrupt import noted_interrupts
 from .loops import SCHEMES
 from .plan import Plan, make_plan
 from .rows import Column, Rows, layout_of
-from .slaves import FATAL, Phase, Slave
+from .slaves import Phase, Slave
 from .structure import Port, System, Value, port_of
 
 log = logging.getLogger("ps_fmu.cosim")
 
 BLOCK_ROWS = 1000
-
 
 Event = tuple[float, str, Value]
 """From this time [s] on, this input or tunable parameter (component.variable) has this value."""
@@ -116,8 +115,8 @@ class Master:
     def get(self, name: str) -> Value:
         """Value of any variable, ``component.variable``, at the current communication point."""
         port = self._port(name)
-        if port.component not in self._slaves:
-            raise UsageError(f"{name}: the system is not initialised")
+        if self._plan is None:
+            raise UsageError(f"{name}: the system is not initialised, or closed")
         return self._slaves[port.component].get([port.variable], self.time)[port.variable]
 
     def set(self, name: str, value: Value) -> None:
@@ -127,6 +126,8 @@ class Master:
         variable, not of its type, a fixed parameter after the initialisation.
         """
         port = self._port(name)
+        if self._plan is None and self._folder is not None:
+            raise UsageError(f"{name}: the system is closed")
         self._apply(port, self._checked(port, value, running=self._plan is not None))
 
     # ---- life --------------------------------------------------------------------------------------------
@@ -148,8 +149,8 @@ class Master:
                 self._make_plan()
             if interrupted:
                 raise KeyboardInterrupt
-        except BaseException as error:
-            self._abort(error)
+        except BaseException:
+            self._abort()
             raise
 
     def run(
@@ -178,18 +179,20 @@ class Master:
                 self._advance(end, schedule, observers, progress, interrupted)
         except BaseException as error:
             error.add_note(f"The simulation of {self.system.path} stopped at t = {self.time:.9g} s.")
-            self._abort(error)
+            self._abort()
             raise
 
     def close(self) -> None:
         """Terminate and free all FMUs; safe to call twice.  Raises the :class:`SlaveError` of a terminate."""
         self._plan = None
         failures = []
+        self._silence_fatal()
         for slave in self._slaves.values():
             try:
                 slave.terminate(self.time)
             except SlaveError as error:
                 failures.append(error)
+        self._silence_fatal()
         for slave in self._slaves.values():
             slave.free()
         if self._folder is not None:
@@ -206,7 +209,7 @@ class Master:
         if error is None:
             self.close()
         else:
-            self._abort(error)
+            self._abort()
 
     # ---- how ---------------------------------------------------------------------------------------------
 
@@ -228,7 +231,7 @@ class Master:
     def _apply(self, port: Port, value: Value) -> None:
         new = port not in self._set
         self._set[port] = value
-        if port.component in self._slaves:
+        if self._plan is not None:
             self._slaves[port.component].set({port.variable: value}, self.time)
             if new and any(port == c.target for c in self.wiring.connections):
                 self._make_plan()
@@ -280,17 +283,20 @@ class Master:
                     if progress is not None:
                         wall = wall_clock.perf_counter() - began
                         progress(self.time, wall, (self.time - begin) / wall)
+            if interrupted:  # while the observers took the last block
+                raise KeyboardInterrupt
         except BaseException as error:
             deliver(rows, clock, self.columns, observers, error)
 
-    def _abort(self, error: BaseException) -> None:
+    def _silence_fatal(self) -> None:
+        """After fmi2Fatal all instances of that FMU are corrupt, not only one (FMI 2.0.4, section 2.1.3)."""
+        corrupt = {slave.source.resolve() for slave in self._slaves.values() if slave.phase is Phase.FATAL}
+        for slave in self._slaves.values():
+            if slave.source.resolve() in corrupt:
+                slave.phase = Phase.FATAL
+
+    def _abort(self) -> None:
         """Free everything after a failure, without hiding it behind another one."""
-        if isinstance(error, SlaveError) and error.status == FATAL:
-            # fmi2Fatal: all instances of this FMU are corrupt (FMI 2.0.4, section 2.1.3).
-            source = self._slaves[error.component].source.resolve()
-            for slave in self._slaves.values():
-                if slave.source.resolve() == source:
-                    slave.phase = Phase.FATAL
         try:
             self.close()
         except CosimError as second:

@@ -20,7 +20,7 @@ from fmpy.model_description import ModelDescription
 
 from .archive import extract
 from .description import typed_value, variables_of
-from .errors import SlaveError, SystemFileError, status_name
+from .errors import SlaveError, SystemFileError, UsageError, status_name
 from .messages import MessageLog, forget, listen
 from .structure import Component, Value
 
@@ -195,6 +195,10 @@ class Slave:
     def _call(
         self, function: str, *arguments: Any, time: float | None = None, variables: Sequence[str] = ()
     ) -> None:
+        if self.phase in (Phase.FATAL, Phase.FREED):
+            raise UsageError(
+                f"{self.name}: {function} cannot be called, the instance is {self.phase.name.lower()}"
+            )
         status = getattr(self._fmu.dll, function)(self.address, *arguments)
         self.check(function, status, time, variables)
 
