@@ -1,5 +1,6 @@
 """FMU files: they stand alone, are reproducible, and each runs its own code."""
 
+import ctypes
 import hashlib
 import os
 import shutil
@@ -80,9 +81,7 @@ def test_a_built_fmu_is_valid(built, name):
 
 def test_simulate_fmu_equals_the_slave(built, make):
     times = np.arange(101) * STEP
-    signal = np.array(
-        list(zip(times, np.sin(times), strict=True)), dtype=[("time", np.float64), ("load", np.float64)]
-    )
+    signal = np.array(list(zip(times, np.sin(times), strict=True)), dtype=[("time", np.float64), ("load", np.float64)])
     result = simulate_fmu(
         str(built["oscillator"]),
         stop_time=1.0,
@@ -149,6 +148,17 @@ def test_loading_leaves_no_trace_in_the_search_path(built, tmp_path):
         run.fmu.freeInstance()
         shutil.rmtree(tmp_path / str(i))
     assert sys.path == before
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="the fault is in pythonfmu's Linux library")
+def test_the_library_is_finalised_once_at_exit(built, tmp_path):
+    run = Run(built["limiter"], tmp_path)
+    (package,) = (p.name for p in (tmp_path / "resources").iterdir() if p.is_dir())
+    library = run.fmu.dll
+    address = ctypes.cast(library.finalizePythonInterpreter, ctypes.c_void_p).value
+    assert sys.modules[f"{package}.fmu.farewell"]._registered == {address}
+    run.fmu.terminate()
+    run.fmu.freeInstance()
 
 
 def test_an_fmu_carries_what_it_needs_under_its_own_names(built):
@@ -227,7 +237,10 @@ def test_a_missing_project_file_is_noticed(tmp_path, monkeypatch):
     [
         (("import numpy as np", "import numpy as np\nimport helper"), "helper.py"),
         (("import numpy as np", "import numpy as np\nimport ps_fmu.fmu"), "write 'from ... import ...'"),
-        (("import numpy as np", "import numpy as np\nfrom ps_fmu.nothing import x"), "No module named 'ps_fmu.nothing'"),
+        (
+            ("import numpy as np", "import numpy as np\nfrom ps_fmu.nothing import x"),
+            "No module named 'ps_fmu.nothing'",
+        ),
         (('Port("wave", "output", "N"', 'Port("wave", "output", "furlong"'), "port wave: unit 'furlong' is not known"),
         (("self.memory[0] = self.value", "1 / 0; self.memory[0] = self.value"), "ZeroDivisionError"),
         (("class Waves", "def broken(:\n\nclass Waves"), "SyntaxError"),

@@ -14,7 +14,9 @@ def root(toys):
 
 def names(root, tag, attribute):
     variables = [variable.get("name") for variable in root.iter("ScalarVariable")]
-    return {variables[int(u.get("index")) - 1]: u.get(attribute) for u in root.iterfind(f"ModelStructure/{tag}/Unknown")}
+    return {
+        variables[int(u.get("index")) - 1]: u.get(attribute) for u in root.iterfind(f"ModelStructure/{tag}/Unknown")
+    }
 
 
 def test_attributes_of_the_root(root):

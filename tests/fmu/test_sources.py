@@ -65,7 +65,10 @@ def test_only_what_is_imported_is_carried(packages):
         ("é = 1; from ps_fmu.a import b\n", "é = 1; from ps_fmu_12.a import b\n"),
         ("def f():\n    from ps_fmu import a; from ps_fmu import b\n", None),
         ("from ps_fmu_tools import a\nfrom .ps_fmu import b\n", "from ps_fmu_tools import a\nfrom .ps_fmu import b\n"),
-        ("'''ps_fmu is a package'''\nx = 'of ps_fmu'  # ps_fmu\n", "'''ps_fmu is a package'''\nx = 'of ps_fmu'  # ps_fmu\n"),
+        (
+            "'''ps_fmu is a package'''\nx = 'of ps_fmu'  # ps_fmu\n",
+            "'''ps_fmu is a package'''\nx = 'of ps_fmu'  # ps_fmu\n",
+        ),
     ],
 )
 def test_imports_are_renamed_and_nothing_else(source, expected):
