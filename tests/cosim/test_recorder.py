@@ -152,7 +152,7 @@ PROCESS = """
     recorder = Recorder(sys.argv[1], "run", columns=columns, step=1.0)
     if sys.argv[2] == "limit":
         signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-        resource.setrlimit(resource.RLIMIT_FSIZE, (2_000_000, 2_000_000))
+        resource.setrlimit(resource.RLIMIT_FSIZE, (4_000_000, 4_000_000))
     try:
         for first in range(0, 100_000, 1000):
             index = first + np.arange(1000)
@@ -196,13 +196,13 @@ def test_a_full_disk_ends_the_run_with_the_results_kept(make_system, path, monke
     with pytest.raises(RecorderError, match=full) as caught, Master(system, 1e-3) as master:
         master.initialise()
         with Recorder(path, "run", columns=master.columns, step=master.step) as recorder:
-            master.run(2.0, [recorder])
+            master.run(4.0, [recorder])
             monkeypatch.setattr("shutil.disk_usage", lambda folder: type("Usage", (), {"free": 1000})())
-            master.run(2.0, [recorder])
-    assert "2000 rows stored" in str(caught.value)
+            master.run(4.0, [recorder])
+    assert "4000 rows stored" in str(caught.value)
     assert "Recorder" in caught.value.__notes__[0]
     with netCDF4.Dataset(path) as data:
-        assert len(data["run"]["time"]) == 2000
+        assert len(data["run"]["time"]) == 4000
 
 
 def test_a_killed_process_leaves_a_readable_file(path):
