@@ -85,6 +85,13 @@ def test_outputs_set_by_configure_itself(make, put):
     assert slave.get_real([0, 1]) == [1.0, 0.0]
 
 
+def test_the_start_time_belongs_to_the_configuration(toys):
+    slave = toys["waves"](instance_name="w")
+    assert slave.get_real([1]) == [0.0]
+    slave.setup_experiment(5.0)
+    assert slave.get_real([1]) == [5.0]
+
+
 def test_what_is_not_set_is_not_configured_again(make, put):
     slave = make("waves", until="initialisation")
     calls = []

@@ -177,6 +177,25 @@ def test_a_bug_in_an_event_is_told_with_its_traceback(make, put, capfd):
         assert "test_stepping.py" in text
 
 
+def test_an_interrupt_is_passed_on_and_leaves_no_trace(make, put):
+    slave = make("oscillator")
+    run(slave, 2)
+
+    def interrupted(t, h):
+        slave.x[:] = 7.0
+        raise KeyboardInterrupt
+
+    slave.event = interrupted
+    put(slave, reference=0.05)
+    before = everything(slave)
+    with pytest.raises(KeyboardInterrupt):
+        slave.do_step(2 * H, H)
+    assert everything(slave) == before
+    del slave.event
+    run(slave, 1, first=2)
+    assert slave.memory[0] == 1.0
+
+
 def test_an_event_may_be_requested_at_configuration(make):
     slave = make("oscillator", until="initialisation")
     slave.request_event()  # forgotten: configure() comes later

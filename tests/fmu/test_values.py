@@ -132,6 +132,24 @@ def test_unchanged_values_are_no_event(make, put):
     assert slave.memory[0] == 1.0
 
 
+def test_discrete_variables_are_remembered_and_still_checked(make):
+    slave = make("oscillator")
+    engage = refs(slave, "engage")
+    for value in (True, True, False, False, True):
+        slave.set_boolean(engage, [value])
+        assert slave.get_boolean(engage) == [value]
+        assert slave.do_step(slave._time, 0.01)
+    assert slave.memory[0] == 2.0  # one event per change
+    for _ in range(2):
+        with pytest.raises(Refused, match="engage = 2"):
+            slave.set_boolean(engage, [2])
+        with pytest.raises(Refused, match="1 value references, but 2 values"):
+            slave.set_boolean(engage, [True, True])
+    slave.terminate()
+    with pytest.raises(Refused, match="terminated"):
+        slave.set_boolean(engage, [True])
+
+
 def test_groups_of_names():
     class Groups(Slave):
         ports = (

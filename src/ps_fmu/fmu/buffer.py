@@ -92,11 +92,14 @@ class Buffer:
     def reader(self, kind: str, references: list[int]) -> Callable[[], list[Any]]:
         """A function that reads these variables, of type ``kind``, into a list.  Refuses as :meth:`ports`."""
         self.ports(kind, references)
-        n = len(references)
-        if kind != "Real" or n == 0:
-            return lambda: [self.typed(reference) for reference in references]
-        if references == list(range(references[0], references[0] + n)):
-            return self.data[references[0] : references[0] + n].tolist
+        if kind != "Real":
+            own = list(references)
+            return lambda: [self.typed(reference) for reference in own]
+        if not references:
+            return list
+        first, n = references[0], len(references)
+        if references == list(range(first, first + n)):
+            return self.data[first : first + n].tolist
         index = np.array(references)
         return lambda: self.data[index].tolist()
 

@@ -96,7 +96,7 @@ def _pythonfmu_build(script: Path, output: Path) -> Path:
     with _imports_undone(script.stem), contextlib.redirect_stdout(io.StringIO()):
         try:
             return Path(FmuBuilder.build_FMU(script, dest=output / "stock.fmu", **CAPABILITIES))
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             raise BuildError(f"{script.parent.name}: {type(error).__name__}: {error}") from error
 
 

@@ -19,12 +19,12 @@ class Model(Fmi2Slave):
         [y; x] <- step_map(h) @ [x; u; a]     each step
         y       = output_map() @ [x; u; a]    in initialisation mode
 
-    y: all outputs that are not Strings, in the order of ``ports`` (Booleans as 0 and 1); x: states; u: Real
-        inputs that are not events; a: auxiliary inputs that the model itself sets, for example the constant
-        1.  An output that an event computes is a component of ``a`` copied by the map.
+    y are all outputs in the order of ``ports``, Booleans as 0 and 1 (declare them last: hosts then read the Reals in
+    one piece); x the states; u the Real inputs that are not events; a auxiliary inputs that the model sets itself, for
+    example the constant 1.  An output that an event computes is a component of ``a`` that the map copies.
 
-    What a step or an event needs later lies in x, a or memory, or is rebuilt from them by :meth:`restore`.
-    All of it must stay finite.
+    What a step or an event needs later lies in x, a or memory, or is rebuilt from them by :meth:`restore`.  All of it
+    must stay finite.
     """
 
     ports: ClassVar[tuple[Port, ...]] = ()

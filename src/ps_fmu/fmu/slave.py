@@ -73,7 +73,7 @@ class Slave(Stepper):
             raise Refused(f"stop time {stop!r} s: expected a number above the start time {start_time!r} s")
         self._start = self._time = self._origin = float(start_time)
         self._stop = float(stop)
-        self._ready = True
+        self._ready = self._stale = True
         self._stale = True  # outputs may have been read before; a model may use the start time
 
     @guarded
@@ -103,7 +103,7 @@ class Slave(Stepper):
     def _enter(self, phase: Phase) -> None:
         self._phase = phase
         self._forget_lists()
-        self._close()
+        self.remap()
 
     def _configure(self) -> None:
         """Build the model and the outputs from parameters and inputs.  All or nothing."""

@@ -187,7 +187,7 @@ class Stepper(Values):
         return self.block_rows > 0 and self._count - self._block >= len(self._table)
 
     def _new_plain_step(self) -> Callable[[], bool]:
-        if self.block_rows:
+        if self.block_rows > 0:
             if self._is_used_up():
                 self._fill_table()
             return self._step_by_row()
@@ -228,13 +228,13 @@ class Stepper(Values):
         return finished
 
     def _step_by_row(self) -> Callable[[], bool]:
-        table, y, block, n = self._table, self.y, self._block, len(self._table)
+        y, rows = self.y, iter(self._table[self._count - self._block :])
 
         def step() -> bool:
-            row = self._count - block
-            if row >= n:
+            row = next(rows, None)
+            if row is None:
                 return False
-            y[:] = table[row]
+            y[:] = row
             return True
 
         return step

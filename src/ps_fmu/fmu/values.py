@@ -7,7 +7,7 @@ from math import isfinite
 from typing import Any, ClassVar, TypeVar
 
 from .buffer import Array, Buffer, runs
-from .guard import Refused, escape
+from .guard import Refused, escape, guarded
 from .layout import Layout
 from .model import Model
 from .state import Phase
@@ -16,6 +16,7 @@ from .variables import Value
 _MOST_LISTS = 256  # remembered lists of value references, per instance and direction
 
 T = TypeVar("T")
+Key = tuple[str | int, ...]  # FMI type, value references
 Reader = Callable[[], list[Any]]
 Write = tuple[Callable[..., None], int, int]  # function of the values first to last - 1, which it stores; first; last
 Watch = tuple[Array, int, int]  # part of the buffer that the values first to last - 1 are compared with; first; last
@@ -25,14 +26,14 @@ Writer = tuple[list[Watch], list[Write]]
 class Values(Model):
     """Typed access to one buffer.
 
-    While stepping, hosts repeat the same few calls: the list of references of a call leads to a function that
-    reads, or to views that take the values, checked once.
+    While stepping, hosts repeat the same few calls: the list of references of a call, checked once, leads to a
+    function that reads, or to functions that store.  All else goes by ``_get`` and ``_set``.
     """
 
     layout: ClassVar[Layout]
 
     def _allocate(self) -> None:
-        """The only place where the arrays of an instance are made."""
+        """The place where the arrays of an instance are made, once."""
         layout = self.layout
         self._buffer = Buffer(layout)
         data = self._buffer.data
@@ -65,38 +66,26 @@ class Values(Model):
 
     def get_real(self, vrs: list[int]) -> list[float]:
         try:
-            if vrs == self._last_read:
-                return self._last_reader()
-            reader = self._readers.get(tuple(vrs))
-            return self._get("Real", vrs) if reader is None else reader()
+            return self._last_reader() if vrs == self._last_read else self._read("Real", vrs)
         except BaseException as error:
             escape(self, error)
             raise
 
+    @guarded
     def get_integer(self, vrs: list[int]) -> list[int]:
-        try:
-            return self._get("Integer", vrs)
-        except BaseException as error:
-            escape(self, error)
-            raise
+        return self._read("Integer", vrs)
 
+    @guarded
     def get_boolean(self, vrs: list[int]) -> list[bool]:
-        try:
-            return self._get("Boolean", vrs)
-        except BaseException as error:
-            escape(self, error)
-            raise
+        return self._read("Boolean", vrs)
 
+    @guarded
     def get_string(self, vrs: list[int]) -> list[str]:
-        try:
-            return self._get("String", vrs)
-        except BaseException as error:
-            escape(self, error)
-            raise
+        return self._read("String", vrs)
 
     def set_real(self, vrs: list[int], values: list[float]) -> None:
         try:
-            writer = self._last_writer if vrs == self._last_written else self._writers.get(tuple(vrs))
+            writer = self._last_writer if vrs == self._last_written else self._writers.get(("Real", *vrs))
             if writer is None or len(values) != len(vrs) or not isfinite(sum(values)):
                 self._set("Real", vrs, values)
                 return
@@ -111,46 +100,48 @@ class Values(Model):
             escape(self, error)
             raise
 
+    @guarded
     def set_integer(self, vrs: list[int], values: list[int]) -> None:
-        try:
-            self._set("Integer", vrs, values)
-        except BaseException as error:
-            escape(self, error)
-            raise
+        self._set_unless_same("Integer", vrs, values)
 
+    @guarded
     def set_boolean(self, vrs: list[int], values: list[bool]) -> None:
-        try:
-            self._set("Boolean", vrs, values)
-        except BaseException as error:
-            escape(self, error)
-            raise
+        self._set_unless_same("Boolean", vrs, values)
 
+    @guarded
     def set_string(self, vrs: list[int], values: list[str]) -> None:
-        try:
-            self._set("String", vrs, values)
-        except BaseException as error:
-            escape(self, error)
-            raise
+        self._set_unless_same("String", vrs, values)
 
     # --- Behind them --------------------------------------------------------------------
 
     def _forget_lists(self) -> None:
         """To be called when the phase changes: what may be read or set without further checks has changed."""
-        self._readers: dict[tuple[int, ...], Reader] = {}
-        self._writers: dict[tuple[int, ...], Writer] = {}
+        self._readers: dict[Key, Reader] = {}
+        self._writers: dict[Key, Writer] = {}  # Real
+        self._comparers: dict[Key, Reader] = {}  # other types: what may be set, and its present values
         # Most hosts use one list all the time, and to compare lists is quicker than to hash a tuple.
         self._last_read: list[int] | None = None
         self._last_reader: Reader = list
         self._last_written: list[int] | None = None
         self._last_writer: Writer = ([], [])
 
+    def _read(self, kind: str, references: list[int]) -> list[Any]:
+        reader = self._readers.get((kind, *references))
+        return self._get(kind, references) if reader is None else reader()
+
+    def _set_unless_same(self, kind: str, references: list[int], values: list[Any]) -> None:
+        comparer = self._comparers.get((kind, *references))
+        if comparer is None or comparer() != values:
+            self._set(kind, references, values)
+
     def _get(self, kind: str, references: list[int]) -> list[Any]:
         reader = self._buffer.reader(kind, references)
         if self._stale and any(self.layout.by_reference[vr].causality == "output" for vr in references):
             self._configure()
-        if self._phase >= Phase.STEPPING and kind == "Real":
-            _remember(self._readers, references, reader)
-            self._last_read, self._last_reader = list(references), reader
+        if self._phase >= Phase.STEPPING:
+            _remember(self._readers, (kind, *references), reader)
+            if kind == "Real":
+                self._last_read, self._last_reader = list(references), reader
         return reader()
 
     def _set(self, kind: str, references: list[int], values: Sequence[Any]) -> None:
@@ -174,8 +165,11 @@ class Values(Model):
             if self._buffer.raw(reference) != new:
                 self._buffer.store(reference, new)
                 self._on_change(port.event)
-        if self._phase == Phase.STEPPING and kind == "Real" and references:
-            self._remember_writer(references)
+        if self._phase == Phase.STEPPING and references:
+            if kind == "Real":
+                self._remember_writer(references)
+            else:
+                _remember(self._comparers, (kind, *references), self._buffer.reader(kind, references))
 
     def _remember_writer(self, references: list[int]) -> None:
         watched: list[Watch] = []
@@ -185,7 +179,7 @@ class Values(Model):
                 watched.append((self._buffer.data[start : start + last - first], first, last))
             else:
                 free.append((self._buffer.writer(start, last - first), first, last))
-        _remember(self._writers, references, (watched, free))
+        _remember(self._writers, ("Real", *references), (watched, free))
         self._last_written, self._last_writer = list(references), (watched, free)
 
     def _is_watched(self, reference: int) -> bool:
@@ -200,7 +194,7 @@ class Values(Model):
         raise NotImplementedError
 
 
-def _remember(lists: dict[tuple[int, ...], T], references: list[int], value: T) -> None:
+def _remember(lists: dict[Key, T], key: Key, value: T) -> None:
     if len(lists) >= _MOST_LISTS:
         lists.clear()
-    lists[tuple(references)] = value
+    lists[key] = value
