@@ -39,7 +39,7 @@ def test_names_are_those_of_the_fmu() -> None:
     layout = slave_class("manipulator_plant").layout
     assert output_names() == [layout.by_reference[i].name.replace(".", "_") for i in range(layout.y.stop)]
     inputs = [layout.by_reference[i].name.replace(".", "_") for i in range(layout.u.start, layout.u.stop)]
-    assert FINE_FORCES + BASE_WRENCH == inputs
+    assert inputs == FINE_FORCES + BASE_WRENCH
 
 
 def test_plant_response_is_the_practical_plants() -> None:
