@@ -252,7 +252,7 @@ def _stack(axes: Axes, panel: Panel) -> None:
         if panel.target is not None:
             axes.plot(envelope.time, panel.target[row] * factor, color="black", lw=1.2, ls=(0, (4, 4)))
     if panel.target is not None:
-        axes.plot([], [], color="black", lw=1.2, ls=(0, (4, 4)), label="target")
+        axes.plot([], [], color="black", lw=1.2, ls=(0, (1.5, 1.5)), label="target")
     label(axes, panel.title, unit)
     _legend(axes, loc="center left", bbox_to_anchor=(1.0, 0.5))
 
