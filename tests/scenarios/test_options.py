@@ -12,7 +12,7 @@ def test_defaults():
     options = RunOptions(**GOOD)
     assert options.step_s == 1e-4
     assert options.steps == 200_000
-    assert options.storage_stride == 1
+    assert options.storage_stride == 10
     assert options.seed == 1
     assert options.scheme == "jacobi"
 
@@ -44,8 +44,22 @@ def test_impossible_options_are_named(changed, text):
         RunOptions(**GOOD | changed)
 
 
-def test_storage_step_in_steps():
-    assert RunOptions(**GOOD, storage_step_s=1e-3).storage_stride == 10
+@pytest.mark.parametrize(
+    ("scenario", "step", "given", "stored"),
+    [
+        ("isolation", 1e-4, None, 1e-3),
+        ("table2", 1e-4, None, 1e-2),
+        ("slew", 1e-3, None, 1e-2),
+        ("slew", 4e-3, None, 8e-3),  # the nearest whole number of steps
+        ("isolation", 0.02, None, 0.02),
+        ("isolation", 1e-4, 1e-4, 1e-4),
+        ("table2", 1e-4, 0.5, 0.5),
+    ],
+)
+def test_time_between_stored_rows(scenario, step, given, stored):
+    options = RunOptions(**GOOD | {"scenario": scenario, "step_s": step, "storage_step_s": given})
+    assert options.storage_s == pytest.approx(stored, rel=1e-12)
+    assert options.storage_stride == round(stored / step)
 
 
 def test_the_output_folder_is_made_and_left_empty(tmp_path):

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -13,9 +15,10 @@ from ..cosim import System, Value
 from ..pointing import plots
 from ..pointing.metrics import rejection_percent
 from ..pointing.report import Picture, Table
-from .common import Case, Outcome, run_case
+from .cases import Case, Outcome, run_case
 from .jitter import Jitter
 from .options import RunOptions
+from .setup import real_start
 
 Array = NDArray[np.float64]
 
@@ -27,7 +30,7 @@ AXES = ("x", "y", "z")
 class Comparison:
     """The payload's jitter at one orientation without and with the isolator."""
 
-    orientation_deg: tuple[float, float, float]  # roll, pitch, yaw
+    target_deg: tuple[float, float, float]  # roll, pitch, yaw
     passive: Jitter
     active: Jitter
     outcomes: tuple[Outcome, Outcome]
@@ -48,41 +51,78 @@ class Comparison:
         return rejection_percent(self.rms_passive, self.rms_active)
 
     @property
-    def warnings(self) -> tuple[str, ...]:
-        """What the two runs warned of, each text once."""
-        return tuple(dict.fromkeys(text for outcome in self.outcomes for text in outcome.warnings))
+    def reachable(self) -> bool:
+        """The commander took the target; otherwise the runs were at the nominal orientation."""
+        return self.active.reachable
+
+    @property
+    def orientation_deg(self) -> tuple[float, float, float]:
+        """Where the runs were: the target, or what the platform kept if that is out of reach."""
+        if self.reachable:
+            return self.target_deg
+        roll, pitch, yaw = np.degrees(self.active.orientation).tolist()
+        return roll, pitch, yaw
+
+    @property
+    def entry(self) -> dict[str, object]:
+        """What summary.json says of the orientation besides the three lists."""
+        return {
+            "target_deg": self.target_deg,
+            "reachable": self.reachable,
+            "mean_passive_rad": self.passive.statistics.mean,
+            "mean_active_rad": self.active.statistics.mean,
+            "peak_passive_rad": self.passive.statistics.peak,
+            "peak_active_rad": self.active.statistics.peak,
+            # Mean of the second half of the window less that of the first half.
+            "drift_passive_rad": self.passive.drift,
+            "drift_active_rad": self.active.drift,
+            "image_rms_radius_passive_m": self.passive.scatter.radius_rms,
+            "image_rms_radius_active_m": self.active.scatter.radius_rms,
+            "saturated_fraction": self.active.saturated,
+        }
 
 
 def compare(
     system: System,
     options: RunOptions,
-    orientation_deg: tuple[float, float, float],
+    target_deg: tuple[float, float, float],
     *,
     values: Mapping[str, Value] | None = None,
+    lead_steps: int = 0,
     prefix: str = "",
-    select: Sequence[str] | None = None,
 ) -> Comparison:
-    """Run the system passive, then active, with the commander's target at ``orientation_deg`` from the start.
+    """Run the system passive, then active, with the commander's target at ``target_deg`` from the start.
 
     Parameters
     ----------
     values: further start values of both runs, by ``component.variable``.
+    lead_steps: steps to run before the duration of the options, left out of the statistics.
     prefix: of the two groups in results.nc, for scenarios with several orientations.
-    select: columns to store; by default all.
     """
-    target = {name: float(np.radians(angle)) for name, angle in zip(TARGET, orientation_deg, strict=True)}
-    jitters, outcomes = [], []
-    for name, enabled in (("passive", False), ("active", True)):
-        case = Case(prefix + name, {**(values or {}), **target, "isolator.enabled": enabled})
-        found: list[Jitter] = []
+    target = {name: float(np.radians(angle)) for name, angle in zip(TARGET, target_deg, strict=True)}
+    steps = lead_steps + options.steps
+    judge = partial(Jitter, step_s=options.step_s, steps=steps, lead_steps=lead_steps)
+    found = [
+        run_case(
+            system,
+            options,
+            Case(prefix + name, {**(values or {}), **target, "isolator.enabled": enabled}),
+            judge,
+            duration_s=steps * options.step_s,
+        )
+        for name, enabled in (("passive", False), ("active", True))
+    ]
+    (first, passive), (second, active) = found
+    return Comparison(target_deg, passive, active, (first, second))
 
-        def observe(columns, found=found):  # type: ignore[no-untyped-def]
-            found.append(Jitter(columns, step_s=options.step_s, steps=options.steps))
-            return found[0].observers
 
-        outcomes.append(run_case(system, options, case, observe, select=select))
-        jitters += found
-    return Comparison(orientation_deg, jitters[0], jitters[1], (outcomes[0], outcomes[1]))
+def target_of(system: System) -> tuple[float, float, float]:
+    """Roll, pitch and yaw (deg) of the target that the commander will start with.
+
+    Parameter files give it in rad; rounding to 1e-12 deg gives back what was meant.
+    """
+    roll, pitch, yaw = (round(math.degrees(real_start(system, name)), 12) for name in TARGET)
+    return roll, pitch, yaw
 
 
 HEADER = ("orientation (deg)", "axis", "passive RMS (rad)", "active RMS (rad)", "rejection (%)")
@@ -90,12 +130,17 @@ HEADER = ("orientation (deg)", "axis", "passive RMS (rad)", "active RMS (rad)", 
 
 def rows(comparison: Comparison) -> list[tuple[str, ...]]:
     """The results of an orientation as rows under :data:`HEADER`."""
-    first = "({:g}, {:g}, {:g})".format(*comparison.orientation_deg)
+    first = angles(comparison.orientation_deg)
     columns = (comparison.rms_passive, comparison.rms_active, comparison.rejection)
     return [
         (first if i == 0 else "", axis, f"{columns[0][i]:.3e}", f"{columns[1][i]:.3e}", f"{columns[2][i]:.2f}")
         for i, axis in enumerate(AXES)
     ]
+
+
+def angles(orientation_deg: tuple[float, float, float]) -> str:
+    """Roll, pitch and yaw (deg) as text."""
+    return "({:g}, {:g}, {:g})".format(*orientation_deg)
 
 
 def index_table(comparison: Comparison) -> Table | None:
@@ -104,22 +149,18 @@ def index_table(comparison: Comparison) -> Table | None:
     if passive is None or active is None:
         return None
     header = ("axis", "APE passive", "APE active", "RPE passive", "RPE active", "MPE passive", "MPE active")
-    found = [
-        (
-            axis,
-            *(
-                f"{values[i]:.3e}"
-                for pair in (
-                    (passive.ape_rms, active.ape_rms),
-                    (passive.rpe_rms, active.rpe_rms),
-                    (passive.mpe_rms, active.mpe_rms),
-                )
-                for values in pair
-            ),
-        )
-        for i, axis in enumerate(AXES)
-    ]
-    return Table(f"ECSS-E-ST-60-10C indices, RMS (rad), window {passive.window_s:g} s", header, found)
+    pairs = (
+        (passive.ape_rms, active.ape_rms),
+        (passive.rpe_rms, active.rpe_rms),
+        (passive.mpe_rms, active.mpe_rms),
+    )
+    found = [(axis, *(f"{values[i]:.3e}" for pair in pairs for values in pair)) for i, axis in enumerate(AXES)]
+    return Table(
+        f"ECSS-E-ST-60-10C indices, RMS (rad): absolute (APE), relative to the mean over {passive.window_s:g} s (RPE) "
+        "and that mean (MPE)",
+        header,
+        found,
+    )
 
 
 def draw(comparison: Comparison, folder: Path, prefix: str = "") -> list[Picture]:
@@ -137,7 +178,15 @@ def draw(comparison: Comparison, folder: Path, prefix: str = "") -> list[Picture
         plots.spectra(
             path, frequency, passive.spectrum[1], active.spectrum[1], names, "rad", title=f"Payload rotation, {where}"
         )
-        pictures.append(Picture(path, "Its power spectral density, and the RMS of all that lies below a frequency."))
+        segment_s = 1.0 / frequency[1]
+        pictures.append(
+            Picture(
+                path,
+                f"Power spectral density (Welch, segments of {segment_s:.3g} s), and the RMS of all that lies below a "
+                "frequency. Each segment's mean is taken out: what is slower than a segment is missing, so the curves "
+                "end below the RMS of the table, the more so the shorter the run.",
+            )
+        )
     path = folder / f"{prefix}image_point.png"
     plots.image_point(path, passive.scatter, active.scatter, title=f"Image point, {where}")
     pictures.append(Picture(path, "Image point of the boresight with its convex hull, passive and active."))

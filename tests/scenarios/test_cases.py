@@ -1,6 +1,7 @@
 import pytest
 
-from ps_fmu.scenarios.common import progress_bar, text_table
+from ps_fmu.scenarios.cases import progress_bar
+from ps_fmu.scenarios.publish import text_table
 
 
 def test_table_for_the_terminal():

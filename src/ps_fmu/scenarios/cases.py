@@ -1,0 +1,167 @@
+"""Run the system once: a case of a scenario, stored in a group of results.nc, with a progress bar."""
+
+from __future__ import annotations
+
+import logging
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import Protocol, TypeVar
+
+from ..cosim import Column, Event, Master, Observer, Recorder, System, Value
+from .options import RESULTS, RunOptions
+from .setup import user_parameters
+
+QUIET_INTERVAL_S = 10.0  # between the lines of the progress bar in a log file
+
+
+@dataclass(frozen=True)
+class Case:
+    """One run of the system within a scenario.
+
+    ``name`` is its group in results.nc.  ``values`` are what makes it this case: start values of parameters and
+    inputs by ``component.variable``, stronger than the user's parameter files.
+    """
+
+    name: str
+    values: Mapping[str, Value] = field(default_factory=dict)
+    events: Sequence[Event] = ()
+
+    @property
+    def changed(self) -> set[str]:
+        """Names of what the events set."""
+        return {name for _, name, _ in self.events}
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How a case went: seconds that passed, and what the user should know."""
+
+    case: Case
+    simulated_s: float
+    wall_s: float
+    warnings: tuple[str, ...]
+
+    @property
+    def real_time_factor(self) -> float:
+        """Simulated seconds per second."""
+        return self.simulated_s / self.wall_s
+
+
+class Analysis(Protocol):
+    """What is to be learnt from a run, block by block."""
+
+    @property
+    def observers(self) -> Sequence[Observer]:
+        """The observers that feed it."""
+
+
+A = TypeVar("A", bound=Analysis)
+Progress = Callable[[float, float, float], None]
+"""Takes simulated time [s], wall time [s], simulated over wall time."""
+
+
+def run_case(
+    system: System,
+    options: RunOptions,
+    case: Case,
+    analyse: Callable[[tuple[Column, ...]], A],
+    *,
+    duration_s: float | None = None,
+) -> tuple[Outcome, A]:
+    """Run one case from its start to ``duration_s`` (by default that of the options) and free the FMUs.
+
+    ``analyse`` makes the analysis of the run once its columns are known.  All outputs are stored in the case's
+    group of results.nc.  Raises :class:`ps_fmu.cosim.CosimError` (what is wrong, where and when) and
+    KeyboardInterrupt; the analysis and the file have then all complete rows.
+    """
+    duration = options.duration_s if duration_s is None else duration_s
+    wall = [0.0]
+
+    def note(simulated: float, passed: float, factor: float) -> None:
+        wall[0] = passed
+        show(simulated, passed, factor)
+
+    with (
+        _warnings() as messages,
+        Master(system.with_parameters(case.values), options.step_s, options.scheme) as master,
+        progress_bar(case.name, duration, options.progress) as show,
+        _recorder(master, options, case) as recorder,
+    ):
+        messages += [*_overruled(options, case), *_unconnected(master, case)]
+        master.initialise()
+        analysis = analyse(master.columns)
+        master.run(duration, [recorder, *analysis.observers], case.events, note)
+        return Outcome(case, duration, wall[0], tuple(messages)), analysis
+
+
+def _recorder(master: Master, options: RunOptions, case: Case) -> Recorder:
+    path = options.output / RESULTS
+    return Recorder(
+        path,
+        case.name,
+        columns=master.columns,
+        step=master.step,
+        storage_step=options.storage_stride * master.step,
+        attributes={"scenario": options.scenario, "scheme": options.scheme, "step_s": options.step_s},
+        append=path.exists(),
+    )
+
+
+def _unconnected(master: Master, case: Case) -> Iterator[str]:
+    for item in master.open_inputs:
+        if str(item.port) not in case.values.keys() | case.changed:
+            yield f"{item.port} is not connected and stays at {item.start} {item.unit or ''}".rstrip()
+
+
+def _overruled(options: RunOptions, case: Case) -> Iterator[str]:
+    for name, entry in user_parameters(options).items():
+        if name in case.values.keys() - case.changed and case.values[name] != entry.value:
+            yield f"{name} ({entry.origin}) is not used: case {case.name} sets it to {case.values[name]}"
+
+
+@contextmanager
+def _warnings() -> Iterator[list[str]]:
+    """Collects what the co-simulation warns of, each text once, and shows it above the progress bar."""
+    from tqdm import tqdm
+
+    texts: list[str] = []
+
+    class Collector(logging.Handler):
+        def emit(self, record: logging.LogRecord) -> None:
+            if (text := record.getMessage()) not in texts:
+                texts.append(text)
+                tqdm.write(text, file=sys.stderr)
+
+    collector = Collector(logging.WARNING)
+    logger = logging.getLogger("ps_fmu.cosim")
+    logger.addHandler(collector)
+    try:
+        yield texts
+    finally:
+        logger.removeHandler(collector)
+
+
+@contextmanager
+def progress_bar(name: str, duration_s: float, shown: bool) -> Iterator[Progress]:
+    """A bar on the error stream with the simulated seconds and the real-time factor.
+
+    Where the error stream is no terminal, a line every :data:`QUIET_INTERVAL_S`.
+    """
+    from tqdm import tqdm
+
+    with tqdm(
+        total=duration_s,
+        desc=name,
+        disable=not shown,
+        bar_format="{desc}: {percentage:3.0f}% |{bar}| {n:.1f}/{total:.1f} s [{elapsed}<{remaining}{postfix}]",
+        file=sys.stderr,
+        mininterval=0.1 if sys.stderr.isatty() else QUIET_INTERVAL_S,
+    ) as bar:
+
+        def advance(simulated: float, passed: float, factor: float) -> None:
+            bar.set_postfix_str(f"{factor:.1f} x real time", refresh=False)
+            bar.update(simulated - bar.n)
+
+        yield advance
