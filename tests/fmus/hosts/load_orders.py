@@ -73,7 +73,7 @@ def main() -> int:
         first = text if first is None else first
         good = status == 0 and text == first and numpy.isfinite(sum(map(sum, json.loads(text).values())))
         failures += not good
-        print(" ".join(path.stem for path in order), "same" if good else f"DIFFERENT, exit code {status}")
+        print(" ".join(path.stem for path in order), "same" if good else f"DIFFERENT, exit code {status}", flush=True)
     return 1 if failures else 0
 
 

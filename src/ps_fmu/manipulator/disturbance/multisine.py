@@ -45,10 +45,9 @@ class Multisine:
         """Force (N) and torque (N.m) at ascending times (n,) in s, shape (n, 6)."""
         wrench = np.zeros((time.size, 6))
         first, risen = np.searchsorted(time, [0.0, self._rise_time])
-        for steady in self._steady:
-            wrench[first:] += steady(time[first:])
-        for start in self._start:
+        for start, steady in zip(self._start, self._steady, strict=True):
             wrench[first:risen] += start(time[first:risen])
+            wrench[risen:] += steady(time[risen:])
         return wrench
 
     def _add(self, layer: Layer, inputs: Array, seed: int) -> None:
@@ -58,10 +57,9 @@ class Multisine:
         lines = inputs @ (np.sqrt(2.0 * spacing) * np.exp(1j * phases))
         g, g_1, g_2 = (layer.sample(lines, integrals) for integrals in (2, 1, 0))
         self._steady.append(Table(g_2, layer.rate))
-        # While W rises, the rest: d2/dt2 ((W - 1) G).
+        # While W rises: d2/dt2 (W G), exactly zero at the start.
         index = np.arange(-_MARGIN, int(np.ceil(self._rise_time * layer.rate)) + _MARGIN + 1)
         weight = ramp(index / layer.rate, self._rise_time)
-        weight = weight._replace(value=weight.value - 1.0)
         rows = np.mod(index, layer.points)
-        rest = weight.second_derivative(g[rows], g_1[rows], g_2[rows])
-        self._start.append(Table(rest, layer.rate, index[0] / layer.rate))
+        rising = weight.second_derivative(g[rows], g_1[rows], g_2[rows])
+        self._start.append(Table(rising, layer.rate, index[0] / layer.rate))
