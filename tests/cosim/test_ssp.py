@@ -57,6 +57,6 @@ def test_two_fmus_of_one_name_are_refused(folder, rewrite):
     changed = rewrite(folder / "resources" / "ToyMass.fmu", {"<fmiModelDescription": '<fmiModelDescription author="x"'})
     shutil.copy(changed, folder / "resources" / "other")
     text = ssd_text({"one": "ToyMass", "two": "ToyMass"}, [], after=EXPERIMENT)
-    before, name, after = text.rpartition("resources/ToyMass.fmu")
+    before, _, after = text.rpartition("resources/ToyMass.fmu")
     with pytest.raises(SystemFileError, match=r"different file ToyMass\.fmu"):
         write(folder, before + "resources/other/ToyMass.fmu" + after)

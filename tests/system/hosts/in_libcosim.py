@@ -7,8 +7,8 @@ import json
 import sys
 
 from libcosimpy import _internal
-from libcosimpy.CosimLogging import CosimLogLevel, log_output_level
 from libcosimpy.CosimExecution import CosimExecution
+from libcosimpy.CosimLogging import CosimLogLevel, log_output_level
 from libcosimpy.CosimObserver import CosimObserver
 
 
