@@ -24,7 +24,8 @@ from numpy.typing import NDArray
 
 from .dynamics import Pose, assemble
 from .forward import forward_kinematics
-from .parameters import Bus, CoarseServo, Manipulator, Optics, Payload
+from .kinematics import KinematicsError
+from .parameters import Bus, CoarseServo, Manipulator, Optics, ParameterError, Payload
 from .practical import PlantModel, momentum, servo_slices
 
 Array = NDArray[np.float64]
@@ -51,13 +52,19 @@ class Plant:
 
         Raises
         ------
-        ForwardKinematicsError: no pose has these leg lengths.
+        ParameterError: no usable pose has these leg lengths; since they are within the stroke, it names the stroke.
         """
         geometry = self.manipulator.geometry
         lengths = geometry.nominal_lengths.copy()
         lengths[:3] += coarse_displacement
-        found = forward_kinematics(geometry, lengths)
-        dynamics = assemble(self.manipulator, self.payload, self.bus, Pose(found.translation_B, found.R))
+        try:
+            found = forward_kinematics(geometry, lengths)
+            dynamics = assemble(self.manipulator, self.payload, self.bus, Pose(found.translation_B, found.R))
+        except KinematicsError as error:
+            at = ", ".join(f"{1e3 * displacement:.4g}" for displacement in coarse_displacement)
+            raise ParameterError(
+                "coarse_stroke", f"too large: no usable pose with the coarse legs at ({at}) mm from nominal; {error}"
+            ) from error
         return PlantModel(dynamics, self.servo, self.optics, np.array(coarse_displacement), found.orientation)
 
     def within_stroke(self, command: Array) -> Array:
@@ -136,7 +143,7 @@ def coarse_motion(
 
     Raises
     ------
-    ForwardKinematicsError: the legs have reached lengths that no pose has.
+    ParameterError: the legs have reached lengths that no usable pose has.
     """
     s, ds, r = servo_slices(model.dynamics.n)
     limit = plant.servo.rate_limit
