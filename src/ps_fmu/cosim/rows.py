@@ -6,7 +6,7 @@ a row.  Integers and Booleans (C int in FMI) go into a block of their own and ar
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -60,41 +60,47 @@ def layout_of(descriptions: Mapping[str, ModelDescription]) -> Layout:
     )
 
 
-class Rows:
-    """A block of ``capacity`` rows behind the row that came before them, allocated once.
+class Kind:
+    """Outputs of one kind of numbers: those of the last communication point, and the rows of a block.
 
-    ``values`` (capacity + 1, columns) and ``discrete`` (capacity + 1, discrete columns); row 0 is the row
-    before the block, rows 1 to ``filled`` are complete, ``first_index`` counts row 1 from the start of the
-    simulation. ``takes`` and ``addresses`` are prepared per row because making a view costs as much as an
-    FMI call.
+    The FMUs write to ``latest``, always to the same addresses.  ``rows`` are memory views: to copy a row through them
+    takes half the time that numpy needs (0.12 instead of 0.29 us for 62 numbers).
+    """
+
+    def __init__(self, places: Mapping[Port, int], values: NDArray[Any]) -> None:
+        self.places = places
+        self.latest = np.zeros(len(places), values.dtype)
+        self.rows: list[memoryview] = [row.data for row in values]
+
+
+class Rows:
+    """A block of ``capacity`` rows, allocated once.
+
+    The first ``filled`` rows are complete; ``first_index`` counts row 0 from the start of the simulation.
     """
 
     def __init__(self, layout: Layout, capacity: int) -> None:
         self.capacity = capacity
-        self.values: Array = np.zeros((capacity + 1, len(layout.columns)))
-        self.discrete: NDArray[np.int32] = np.zeros((capacity + 1, len(layout.discrete)), dtype=np.int32)
-        self.n_real = len(layout.real)
+        self._values: Array = np.zeros((capacity, len(layout.columns)))
+        self._discrete: NDArray[np.int32] = np.zeros((capacity, len(layout.discrete)), dtype=np.int32)
+        self.real = Kind(layout.real, self._values[:, : len(layout.real)])
+        self.discrete = Kind(layout.discrete, self._discrete)
         self.filled = 0
         self.first_index = 0
-        self.takes: list[Callable[..., Any]] = [row.take for row in self.values]
-        self.discrete_takes: list[Callable[..., Any]] = [row.take for row in self.discrete]
-        self.addresses = _row_addresses(self.values)
-        self.discrete_addresses = _row_addresses(self.discrete)
+
+    def store_latest(self) -> None:
+        """The latest outputs are the next row."""
+        for kind in (self.real, self.discrete):
+            kind.rows[self.filled][:] = kind.latest.data
+        self.filled += 1
 
     def complete(self) -> Array:
         """The complete rows, discrete columns filled in: a view that the next step overwrites."""
-        rows = slice(1, self.filled + 1)
-        self.values[rows, self.n_real :] = self.discrete[rows]
-        return self.values[rows]
+        rows = slice(0, self.filled)
+        self._values[rows, len(self.real.places) :] = self._discrete[rows]
+        return self._values[rows]
 
     def next_block(self) -> None:
         """Start a new block behind the last complete row."""
-        self.values[0] = self.values[self.filled]
-        self.discrete[0] = self.discrete[self.filled]
         self.first_index += self.filled
         self.filled = 0
-
-
-def _row_addresses(array: NDArray[Any]) -> list[int]:
-    base, stride = array.ctypes.data, array.strides[0]
-    return [base + row * stride for row in range(len(array))]
