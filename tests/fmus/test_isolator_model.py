@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.mechanics import PAPER, pose_at
+from support.mechanics import ORIENTATIONS_DEG, PAPER, pose_at
 from support.models import Host
 
 from ps_fmu.manipulator.feedforward import Controller, gains, lowpass
@@ -28,16 +28,19 @@ def run(host: Host, steps: int, start: int = 0) -> np.ndarray:
     return np.array(forces)
 
 
-def test_forces_are_those_of_the_controller() -> None:
+@pytest.mark.parametrize("rpy_deg", ORIENTATIONS_DEG)
+def test_forces_are_those_of_the_controller(rpy_deg: tuple[float, float, float]) -> None:
     known = replace(PAPER.payload, com_P=PAPER.known_com_P)
-    found = gains(PAPER.manipulator, known, pose_at((0.0, 0.0, 0.0)))
+    found = gains(PAPER.manipulator, known, pose_at(rpy_deg))
     c = Controller(found, lowpass(PAPER.filters), PAPER.filters)
     step, x, expected = c.step_map(H), np.zeros(c.n_states), []
     for k in range(50):
         result = step @ np.concatenate([x, list(acceleration(k).values())])
         expected.append(result[:3])
         x = result[3:]
-    np.testing.assert_allclose(run(Host("feedforward_isolator").run_mode(), 50), expected, rtol=1e-10, atol=1e-14)
+    names = ("orientation__roll", "orientation__pitch", "orientation__yaw")
+    host = Host("feedforward_isolator", **dict(zip(names, np.radians(rpy_deg).tolist(), strict=True))).run_mode()
+    np.testing.assert_allclose(run(host, 50), expected, rtol=1e-10, atol=1e-14)
 
 
 def test_payload_as_known_has_no_truss_that_its_mass_would_have_to_carry() -> None:

@@ -9,9 +9,11 @@ from support.mechanics import PAPER, relative_error
 
 from ps_fmu.manipulator.discretise import zero_order_hold
 from ps_fmu.manipulator.dynamics import Pose
+from ps_fmu.manipulator.forward import forward_kinematics
 from ps_fmu.manipulator.frequency import Practical
 from ps_fmu.manipulator.plant import Convection, Plant, coarse_motion
 from ps_fmu.manipulator.practical import N_INPUTS, OUTPUTS, momentum, output_slices, servo_slices
+from ps_fmu.manipulator.rotations import rotation_from_vector
 
 PLANT = Plant(PAPER.manipulator, PAPER.payload, PAPER.bus, PAPER.servo, PAPER.optics)
 STILL = np.zeros(3)
@@ -76,13 +78,43 @@ def test_orientation_follows_forward_kinematics_to_first_order() -> None:
     np.testing.assert_allclose(y[PLACE["orientation"]], PLANT.linearise(SLOPE + near).rpy, atol=2e-8)
 
 
-def test_image_point_is_the_turned_boresight() -> None:
-    model = PLANT.linearise(STILL)
-    x = np.zeros(model.n_states)
-    x[:20] = np.random.default_rng(4).normal(size=20) * 1e-6
+def test_outputs_are_those_of_the_moved_mechanism() -> None:
+    """Frames and signs, against legs of other lengths on a base that has moved; first order in the motion."""
+    plant = replace(PLANT, optics=replace(PLANT.optics, focal_length=2.5))
+    model = plant.linearise(SLOPE)
+    d, pose = model.dynamics, model.dynamics.pose
+    x = plant.initial_state(model)
+    x[: 2 * d.n] = 1e-7 * np.random.default_rng(6).normal(size=2 * d.n)  # m, rad, m/s, rad/s
     y = model.output_map() @ np.concatenate([x, REST])
-    theta = y[PLACE["payload_rotation"]]
-    np.testing.assert_allclose(y[PLACE["los"]], np.cross(theta, [0.0, 0.0, 1.0])[:2], atol=1e-20)
+    found = {group: y[place] for group, place in PLACE.items()}
+    d_f, e_c = x[d.slices["d_f"]], x[d.slices["e_c"]]
+    t_b, theta_b = x[3:6], x[6:9]
+
+    geometry = plant.manipulator.geometry
+    lengths = geometry.nominal_lengths + np.concatenate([SLOPE + e_c, d_f])
+    relative = forward_kinematics(geometry, lengths)
+    base = rotation_from_vector(theta_b)
+    turned = base @ relative.R @ pose.rotation_BP.T  # of the platform, in B
+    theta_B = 0.5 * np.array([turned[2, 1] - turned[1, 2], turned[0, 2] - turned[2, 0], turned[1, 0] - turned[0, 1]])
+    theta_P = pose.rotation_BP.T @ theta_B
+    boresight_P = pose.rotation_BP.T @ turned @ pose.rotation_BP @ [0.0, 0.0, 1.0]
+    expected = {
+        "base_velocity": x[d.n + 3 : d.n + 6],
+        "base_angular_velocity": x[d.n + 6 : d.n + 9],
+        "base_position": t_b,
+        "base_rotation": theta_b,
+        "payload_position": t_b + base @ relative.translation_B - pose.translation_B,
+        "payload_rotation": theta_P,
+        "fine_displacement": d_f,
+        "coarse_displacement": SLOPE,
+        "orientation": model.rpy,
+        "relative_orientation": relative.orientation,
+        "los": 2.5 * boresight_P[:2],
+    }
+    assert set(expected) == {group for group in OUTPUTS if "acceleration" not in group}
+    for group, value in expected.items():
+        np.testing.assert_allclose(found[group], value, rtol=0.0, atol=1e-10, err_msg=group)
+    assert np.abs(relative.orientation - model.rpy).min() > 1e-8
 
 
 def test_momentum_of_a_pushed_free_body() -> None:
