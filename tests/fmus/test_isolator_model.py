@@ -143,10 +143,37 @@ def test_sampled_controller_is_the_controller_at_its_own_period() -> None:
     np.testing.assert_array_equal(forces[4:7], np.repeat(forces[3:4], 3, axis=0))
 
 
-def test_period_must_be_a_multiple_of_the_step() -> None:
-    host = Host("feedforward_isolator", sample_time=2.5 * H).run_mode()
+@pytest.mark.parametrize("period", [2.5 * H, 4e-10])
+def test_period_must_be_a_multiple_of_the_step(period: float) -> None:
+    host = Host("feedforward_isolator", sample_time=period).run_mode()
     assert not host.slave.do_step(0.0, H)
-    assert "sample_time: 0.0025 s is not a multiple" in host.messages()
+    assert f"sample_time: {period:g} s is not a multiple" in host.messages()
+
+
+def test_period_outlives_a_change_of_step() -> None:
+    """The controller samples at its own times, whatever the steps between them."""
+    host = Host("feedforward_isolator", sample_time=4 * H).run_mode()
+    time, changed, before = 0.0, [], [0.0, 0.0, 0.0]
+    for k, h in enumerate([H, H, *[0.5 * H] * 20, *[2.0 * H] * 4]):
+        host.set(**acceleration(k))
+        assert host.slave.do_step(time, h)
+        time += h
+        if host.get(*FORCES) != before:
+            changed.append(round(time / H))
+        before = host.get(*FORCES)
+    assert changed == [4, 8, 12, 16, 20]
+
+
+def test_rounding_of_the_orientation_is_no_turn() -> None:
+    host = Host("feedforward_isolator", orientation__roll=0.1).run_mode()
+    controller = host.slave.controller
+    for k in range(20):
+        host.set(orientation__roll=0.1 + 1e-16 * (k // 3))
+        host.step(H)
+    assert host.slave.controller is controller
+    host.set(orientation__roll=0.1 + 1e-9)
+    host.step(H, 2)
+    assert host.slave.controller is not controller
 
 
 def test_unreachable_orientation_is_said_and_can_be_put_right() -> None:
