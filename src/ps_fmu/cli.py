@@ -27,6 +27,7 @@ def parser() -> argparse.ArgumentParser:
     top = argparse.ArgumentParser(prog="ps-fmu", description="FMUs of a pointing manipulator.")
     commands = top.add_subparsers(title="commands", required=True, metavar="COMMAND")
     _add_build(commands)
+    _add_check(commands)
     _add_ssp(commands)
     _add_crosscheck(commands)
     return top
@@ -59,6 +60,24 @@ def _build(options: argparse.Namespace) -> int:
         print(f"ps-fmu build: {error}", file=sys.stderr)
         return EXIT_FAILED
     return EXIT_OK
+
+
+def _add_check(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    check = commands.add_parser(
+        "check",
+        help="check FMU files of any maker",
+        description="Check archive, model description and behaviour of FMUs.  Exit code 1 if any check failed.",
+    )
+    check.add_argument("fmus", type=Path, nargs="+", metavar="FMU")
+    check.set_defaults(run=_check)
+
+
+def _check(options: argparse.Namespace) -> int:
+    from .check.fmu_check import check_fmu
+    from .check.table import show
+
+    passed = [show(str(path), check_fmu(path), lambda line: print(line, flush=True)) for path in options.fmus]
+    return EXIT_OK if all(passed) else EXIT_FAILED
 
 
 def _add_ssp(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
