@@ -104,6 +104,7 @@ class Slave(Stepper):
         self._phase = phase
         self._forget_lists()
         self.remap()
+        self._close()
 
     def _configure(self) -> None:
         """Build the model and the outputs from parameters and inputs.  All or nothing."""
