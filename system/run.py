@@ -63,7 +63,7 @@ def options_of(arguments: argparse.Namespace) -> RunOptions:
         scheme=arguments.scheme,
         storage_step_s=arguments.storage_step,
         fmus=None if arguments.ssp else ROOT / "build" / "fmus",
-        progress=sys.stderr.isatty(),
+        progress=True,
     ).claim_output()
 
 

@@ -73,7 +73,7 @@ class Comparison:
             "mean_active_rad": self.active.statistics.mean,
             "peak_passive_rad": self.passive.statistics.peak,
             "peak_active_rad": self.active.statistics.peak,
-            # Mean of the second half of the window less that of the first half.
+            # Second half of the window less first half, pointing.drift.
             "drift_passive_rad": self.passive.drift,
             "drift_active_rad": self.active.drift,
             "image_rms_radius_passive_m": self.passive.scatter.radius_rms,

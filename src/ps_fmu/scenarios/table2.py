@@ -106,8 +106,8 @@ def _drift(found: list[Comparison]) -> str:
         for jitter in (comparison.passive, comparison.active)
     ]
     return (
-        "Drift: the means over the second and the first half of the window differ by "
-        f"{100.0 * np.max(ratios):.1f} % of the RMS at most (any axis, orientation, passive or active)."
+        "Drift: the weighted means over the second and the first half of the window differ by "
+        f"{100.0 * np.max(ratios):.2f} % of the RMS at most (any axis, orientation, passive or active)."
     )
 
 
