@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import scipy.signal
 from scipy.linalg import expm
 from support.mechanics import PAPER, relative_error
 
@@ -154,6 +155,40 @@ def test_new_pose_owes_the_bus_the_momentum_it_takes() -> None:
     np.testing.assert_allclose(given, owed, rtol=1e-9)  # differences of momenta up to 1e4
     assert not convection.owed.any()
     np.testing.assert_allclose(motion.wrench, owed / (5 * h), rtol=1e-9)
+
+
+def test_convective_wrench_acts_as_long_as_the_pose_before_lasted() -> None:
+    h, taken = 1e-3, np.arange(1.0, 7.0)
+    convection = Convection.none()
+    for _ in range(4):
+        wrench, convection = convection.step(h)
+        assert not wrench.any()
+    convection, given = convection.at_new_pose(taken), []
+    for _ in range(6):
+        wrench, convection = convection.step(h)
+        given.append(wrench)
+    np.testing.assert_allclose(given, np.outer([1, 1, 1, 1, 0, 0], taken / (4 * h)))
+    # The next pose, after six steps, begins with what is owed by then.
+    convection = convection.at_new_pose(taken)
+    for _ in range(2):
+        wrench, convection = convection.step(h)
+    wrench, _ = convection.at_new_pose(taken).step(h)
+    np.testing.assert_allclose(wrench, (taken + 4.0 / 6.0 * taken) / (2 * h))
+
+
+@pytest.mark.parametrize("damping_ratio", [0.3, 1.0, 2.0])
+def test_servos_are_second_order(damping_ratio: float) -> None:
+    servo = replace(PLANT.servo, frequency=3.0, damping_ratio=damping_ratio)
+    model = replace(PLANT, servo=servo).linearise(STILL)
+    x, times = np.zeros(model.n_states), np.arange(1, 200) * 5e-3  # s
+    x[R] = [1e-3, -2e-3, 0.0]  # m
+    step, found = model.step_map(5e-3), []
+    for _ in times:
+        x = (step @ np.concatenate([x, REST]))[sum(OUTPUTS.values()) :]
+        found.append(x[S])
+    omega = 2.0 * np.pi * 3.0  # rad/s
+    _, expected = scipy.signal.step(([omega**2], [1.0, 2.0 * damping_ratio * omega, omega**2]), T=np.r_[0.0, times])
+    np.testing.assert_allclose(found, np.outer(expected[1:], [1e-3, -2e-3, 0.0]), rtol=0.0, atol=1e-12)
 
 
 def run_slew(
