@@ -44,6 +44,15 @@ def test_wheel_amplitude_and_frequency_at_constant_speed(speed):
     np.testing.assert_allclose(turn, np.sin(order * speed * STEP))
 
 
+def test_wheel_amplitude_follows_the_square_of_the_present_speed():
+    harmonic = Harmonics(np.array([1.0]), np.array([1e-7]))
+    profile = SpeedProfile(initial=100.0, final=-300.0, start=3.0, duration=5.0)
+    wheel = WheelSource(profile, np.array([0.0, 0.0, 1.0]), np.zeros(3), (1,), force=harmonic, torque=NOTHING)
+    times = np.array([2.5, 4.0, 4.25, 6.0, 9.0])  # s; at 4.25 s the wheel stands still
+    size = np.linalg.norm(wheel(times)[:, :3], axis=1)
+    np.testing.assert_allclose(size, 1e-7 * np.array([100.0, 20.0, 0.0, 140.0, 300.0]) ** 2, atol=1e-15)
+
+
 def test_wheel_torque_harmonics_act_as_a_couple():
     harmonic = Harmonics(np.array([1.0]), np.array([1e-9]))
     wheel = WheelSource(
