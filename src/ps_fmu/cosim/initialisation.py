@@ -55,7 +55,7 @@ def first_row(slaves: Mapping[str, Slave], rows: Rows, start: float) -> None:
     """Read all outputs into the first row of the block.  Raises :class:`SlaveError`."""
     for kind in (rows.real, rows.discrete):
         for port, place in kind.places.items():
-            kind.latest[place] = slaves[port.component].get([port.variable], start)[port.variable]
+            kind.values[place] = slaves[port.component].get([port.variable], start)[port.variable]
     rows.store_latest()
 
 

@@ -28,18 +28,19 @@ def advance(plan: Plan, rows: Rows, times: Sequence[float], interrupted: Sequenc
         )
         for stage in plan.stages
     ]
-    latest, latest_discrete = rows.real.latest.data, rows.discrete.latest.data
-    places = slice(rows.filled, rows.filled + len(times))
-    for time, row, discrete_row in zip(times, rows.real.rows[places], rows.discrete.rows[places], strict=True):
-        if interrupted:
-            return
-        now.value = time
-        for gathers, functions, calls in stages:
-            for take, sources, inputs in gathers:
-                take(sources, None, inputs, "clip")  # any mode but "raise" spares a copy
-            remaining = iter(functions)
-            for status in filter(None, map(call, remaining)):
-                calls[-1 - length_hint(remaining)].check(status, time, plan.step)
-        row[:] = latest
-        discrete_row[:] = latest_discrete
-        rows.filled += 1
+    latest, done = rows.latest_row, rows.filled
+    try:
+        for time, row in zip(times, rows.rows[done : done + len(times)], strict=True):
+            if interrupted:
+                return
+            now.value = time
+            for gathers, functions, calls in stages:
+                for take, sources, inputs in gathers:
+                    take(sources, None, inputs, "clip")  # any mode but "raise" spares a copy
+                remaining = iter(functions)
+                for status in filter(None, map(call, remaining)):
+                    calls[-1 - length_hint(remaining)].check(status, time, plan.step)
+            row[:] = latest
+            done += 1
+    finally:
+        rows.filled = done

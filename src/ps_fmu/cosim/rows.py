@@ -60,45 +60,50 @@ def layout_of(descriptions: Mapping[str, ModelDescription]) -> Layout:
     )
 
 
-class Kind:
-    """Outputs of one kind of numbers: those of the last communication point, and the rows of a block.
+@dataclass(frozen=True, eq=False)
+class Latest:
+    """The outputs of one kind of numbers at the last communication point; FMUs write to it by address."""
 
-    The FMUs write to ``latest``, always to the same addresses.  ``rows`` are memory views: to copy a row through them
-    takes half the time that numpy needs (0.12 instead of 0.29 us for 62 numbers).
-    """
-
-    def __init__(self, places: Mapping[Port, int], values: NDArray[Any]) -> None:
-        self.places = places
-        self.latest = np.zeros(len(places), values.dtype)
-        self.rows: list[memoryview] = [row.data for row in values]
+    places: Mapping[Port, int]
+    values: NDArray[Any]
 
 
 class Rows:
-    """A block of ``capacity`` rows, allocated once.
+    """A block of ``capacity`` rows, allocated once, and the latest outputs, which become the next row.
 
     The first ``filled`` rows are complete; ``first_index`` counts row 0 from the start of the simulation.
+
+    Integers and Booleans, C int in FMI, lie in the places of the doubles that they become when the block is
+    complete, so that a row is one copy.  ``rows`` and ``latest_row`` are memory views: such a copy takes half of the
+    time that numpy needs (0.13 instead of 0.29 us for 65 numbers).
     """
 
     def __init__(self, layout: Layout, capacity: int) -> None:
         self.capacity = capacity
-        self._values: Array = np.zeros((capacity, len(layout.columns)))
-        self._discrete: NDArray[np.int32] = np.zeros((capacity, len(layout.discrete)), dtype=np.int32)
-        self.real = Kind(layout.real, self._values[:, : len(layout.real)])
-        self.discrete = Kind(layout.discrete, self._discrete)
         self.filled = 0
         self.first_index = 0
+        self._values: Array = np.zeros((capacity, len(layout.columns)))
+        self._n_real, self._n_discrete = len(layout.real), len(layout.discrete)
+        latest = np.zeros(len(layout.columns))
+        self.real = Latest(layout.real, latest[: self._n_real])
+        self.discrete = Latest(layout.discrete, self._integers(latest))
+        self.rows: list[memoryview] = [row.data for row in self._values]
+        self.latest_row: memoryview = latest.data
+
+    def _integers(self, rows: Array) -> NDArray[np.int32]:
+        """The C ints at the end of rows, a view."""
+        return rows[..., self._n_real :].view(np.int32)[..., : self._n_discrete]
 
     def store_latest(self) -> None:
         """The latest outputs are the next row."""
-        for kind in (self.real, self.discrete):
-            kind.rows[self.filled][:] = kind.latest.data
+        self.rows[self.filled][:] = self.latest_row
         self.filled += 1
 
     def complete(self) -> Array:
-        """The complete rows, discrete columns filled in: a view that the next step overwrites."""
-        rows = slice(0, self.filled)
-        self._values[rows, len(self.real.places) :] = self._discrete[rows]
-        return self._values[rows]
+        """The complete rows as numbers: a view that the next step overwrites."""
+        values = self._values[: self.filled]
+        values[:, self._n_real :] = self._integers(values).copy()
+        return values
 
     def next_block(self) -> None:
         """Start a new block behind the last complete row."""
