@@ -57,7 +57,7 @@ def test_isolation(make_options, capsys):
     np.testing.assert_allclose(summary["rejection_percent"], 100.0 * (1.0 - active / passive), rtol=1e-12)
     assert summary["reachable"] is True
     assert summary["warnings"] == []
-    assert "what is slower than a segment is missing" in page
+    assert "the curves end below the RMS of the table" in page
     text = capsys.readouterr().out
     assert "passive RMS (rad)" in text and f"{passive[0]:.3e}" in text and "x real time" in text
 

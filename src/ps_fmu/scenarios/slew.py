@@ -7,14 +7,13 @@ from __future__ import annotations
 
 import math
 
-from ..cosim import System
 from ..pointing.metrics import rejection_percent
 from .cases import Case, run_case
 from .comparison import TARGET, angles, target_of
 from .jitter import ROTATION
 from .options import OptionError, RunOptions
 from .publish import Findings, publish, text_table
-from .setup import load_system, user_parameters
+from .setup import load_system
 from .slew_record import SlewRecord
 from .slew_report import CASES, Slews, draw, entry, tables, verdict, when
 
@@ -37,7 +36,8 @@ def run(options: RunOptions) -> None:
     if options.duration_s <= start_s:
         raise OptionError(f"--duration: the slew begins at {start_s:g} s, got {options.duration_s:g} s")
     system = load_system(options, {"disturbance.noise.enabled": False})
-    target_deg = _target(options, system)
+    given_deg = target_of(system)
+    target_deg = given_deg if any(given_deg) else DEFAULT_TARGET_DEG
     found, outcomes = [], []
     for name, enabled in zip(CASES, (False, True), strict=True):
         at_rest = dict.fromkeys(TARGET, 0.0)
@@ -71,10 +71,3 @@ def run(options: RunOptions) -> None:
             more={"slew": entry(slews)},
         ),
     )
-
-
-def _target(options: RunOptions, system: System) -> tuple[float, float, float]:
-    """Roll, pitch and yaw (deg) to slew to."""
-    if not user_parameters(options).keys() & set(TARGET):
-        return DEFAULT_TARGET_DEG
-    return target_of(system)
