@@ -74,9 +74,13 @@ class Values(Model):
     def get_integer(self, vrs: list[int]) -> list[int]:
         return self._read("Integer", vrs)
 
-    @guarded
     def get_boolean(self, vrs: list[int]) -> list[bool]:
-        return self._read("Boolean", vrs)
+        try:
+            reader = self._readers.get(("Boolean", *vrs))
+            return self._get("Boolean", vrs) if reader is None else reader()
+        except BaseException as error:
+            escape(self, error)
+            raise
 
     @guarded
     def get_string(self, vrs: list[int]) -> list[str]:
