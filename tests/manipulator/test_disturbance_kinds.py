@@ -177,6 +177,13 @@ def _pairs():
     return [(axes[i], axes[j]) for i in range(6) for j in range(i, 6)]
 
 
+def test_equal_wheels_have_phases_of_their_own():
+    axis = {f"wheel_2.spin_axis.{a}": value for a, value in zip("xyz", (1.0, 0.0, 0.0), strict=True)}
+    times = 5.0 + np.arange(1000) * STEP
+    one, other = (Disturbance(with_values(QUIET, {f"wheel_{i}.enabled": True} | axis))(times) for i in (1, 2))
+    assert np.abs(one - other).max() > 0.1 * np.abs(one).max()
+
+
 def test_scale_and_seed():
     times = np.arange(30_000, 30_100) * STEP
     one = Disturbance(DEFAULTS)(times)
