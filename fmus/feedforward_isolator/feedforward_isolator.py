@@ -168,6 +168,8 @@ class FeedforwardIsolator(Slave):
                 self.held_force[:] = force
             force[:] = self.held_force
         force[:] = self.delay.push(force, float(self.value("delay")), self.step_size)
+        if not self.enabled:  # at once, whatever is still on its way
+            force[:] = 0.0
         limit = float(self.value("force_limit"))
         if limit:
             self.y[3] = float(np.abs(force).max() > limit)

@@ -65,6 +65,14 @@ def test_disabled_gives_no_force_but_goes_on_measuring() -> None:
     assert not run(switched, 3, 40).any()
 
 
+@pytest.mark.parametrize("start", [{}, {"delay": 0.02}, {"sample_time": 10 * H}], ids=str)
+def test_switching_off_takes_the_force_away_at_once(start: dict) -> None:
+    host = Host("feedforward_isolator", **start).run_mode()
+    assert run(host, 45)[-1].any()
+    host.set(enabled=False)
+    assert not run(host, 40, 45).any()
+
+
 def test_gains_follow_the_orientation() -> None:
     there = Host("feedforward_isolator", orientation__roll=0.1).run_mode()
     turned = Host("feedforward_isolator").run_mode()
