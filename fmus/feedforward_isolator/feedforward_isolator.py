@@ -141,20 +141,19 @@ class FeedforwardIsolator(Slave):
 
     def event(self, t: float, h: float) -> bool:
         """The platform turns, the isolator is switched, or the controller's next period begins."""
-        orientation = self.values("orientation")
-        off = np.abs(orientation - self.gain_orientation).max()
-        at_rest = bool((orientation == self.last_orientation).all())
+        # In every step of a slew: with lists of three, this takes 2 us instead of 7 with arrays.
+        orientation = self.orientation.tolist()
+        off = max(abs(new - old) for new, old in zip(orientation, self.gain_orientation.tolist(), strict=True))
+        at_rest = orientation == self.last_orientation.tolist()
         self.last_orientation[:] = orientation
-        if off > max(float(self.value("orientation_resolution")), SAME_ORIENTATION) or (
-            at_rest and off > SAME_ORIENTATION
-        ):
-            self._use(orientation)
+        if off > self.resolution or (at_rest and off > SAME_ORIENTATION):
+            self._use(self.orientation)
             off = 0.0
-        if bool(self.value("enabled")) != self.enabled:
+        if self.wanted[0] != self.enabled:
             self._use(self.gain_orientation.copy())
         if self.sampled and self.since_sample[0] == 0.0:
             self.a[:] = self.u
-        return bool(off > SAME_ORIENTATION) or self.sampled
+        return off > SAME_ORIENTATION or self.sampled
 
     def finish_step(self) -> None:
         """Hold, delay and limit the forces, behind the linear map."""
@@ -189,6 +188,8 @@ class FeedforwardIsolator(Slave):
             filters,
             lowpass(filters),
         )
+        self.orientation, self.wanted = self.view("orientation"), self.view("enabled")
+        self.resolution = max(float(values["orientation_resolution"]), SAME_ORIENTATION)
         self.gain_orientation, self.last_orientation = self.memory[0:3], self.memory[3:6]  # rad
         self.since_sample, self.held_force = self.memory[6:7], self.memory[7:10]  # s; N
         self.delay = DelayLine(self.memory[10:])

@@ -117,24 +117,15 @@ class ManipulatorPlant(Slave):
 
     def event(self, t: float, h: float) -> bool:
         """The coarse legs move: advance their reference, linearise anew where needed."""
-        owed, (since_pose, remaining) = self.memory[3:9], self.memory[9:11]
-        motion = coarse_motion(
-            self.plant,
-            self.model,
-            self.x,
-            Convection(owed.copy(), float(since_pose), float(remaining)),
-            self._command(),
-            h,
-            float(self.value("relinearisation_distance")),
-        )
+        convection = Convection(self.memory[3:9], *self.memory[9:11].tolist())
+        motion = coarse_motion(self.plant, self.model, self.x, convection, self._command(), h, self.resolution)
         if motion.model is not self.model:
             self.model = motion.model
             self.memory[:3] = self.model.coarse_reference
             self.remap()
-        convection = motion.convection
-        self.memory[3:] = [*convection.owed, convection.since_pose, convection.remaining]
+        self.memory[3:9], self.memory[9], self.memory[10] = motion.convection
         self.x[:] = motion.state
-        self.a[:9] = [*motion.rate, *motion.wrench]
+        self.a[:3], self.a[3:9] = motion.rate, motion.wrench
         return motion.moving
 
     def restore(self) -> None:
@@ -152,19 +143,20 @@ class ManipulatorPlant(Slave):
             taken_from(PAPER.servo, values, "servo"),
             taken_from(PAPER.optics, values, "optics"),
         )
+        self.command = self.view("coarse_command")
+        self.resolution = float(values["relinearisation_distance"])
 
     def _use(self, coarse_displacement: NDArray[np.float64]) -> None:
         self.model = self.plant.linearise(coarse_displacement)
         self.memory[:3] = coarse_displacement
 
     def _command(self) -> NDArray[np.float64]:
-        command = self.values("coarse_command")
-        held = self.plant.within_stroke(command)
-        if (held != command).any() and tuple(command) != self.said_of:
-            self.said_of = tuple(command)
-            worst = int(np.argmax(np.abs(held - command)))
+        held = self.plant.within_stroke(self.command)
+        if held.tolist() != self.command.tolist() and tuple(self.command) != self.said_of:
+            self.said_of = tuple(self.command)
+            worst = int(np.argmax(np.abs(held - self.command)))
             self.warning(
-                f"coarse_command_{worst + 1}: {command[worst]:.6g} m is outside the stroke "
+                f"coarse_command_{worst + 1}: {self.command[worst]:.6g} m is outside the stroke "
                 f"{self.plant.manipulator.coarse_stroke.tolist()} m; held at its end"
             )
         return held
