@@ -54,14 +54,12 @@ def gains(manipulator: Manipulator, payload: Payload, pose: Pose) -> Gains:
         pose.translation_B,
         pose.rotation_BP,
     )
-    stiffness = np.diag([leg.stiffness for leg in manipulator.fine_legs])
-    damping = np.diag([leg.damping for leg in manipulator.fine_legs])
     follow = np.linalg.solve(J.J_theta_f, J.J_theta_b)  # fine elongation that undoes the base rotation
     mass = payload_mass(payload, pose.rotation_BP) + legs.alpha
     return Gains(
         acceleration=J.J_pf.T @ (mass @ (J.J_pb - J.J_pf @ follow) + legs.alpha_beta),
-        velocity=-damping @ follow,
-        displacement=-stiffness @ follow,
+        velocity=-np.array([[leg.damping] for leg in manipulator.fine_legs]) * follow,
+        displacement=-np.array([[leg.stiffness] for leg in manipulator.fine_legs]) * follow,
     )
 
 

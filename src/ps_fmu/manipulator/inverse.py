@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -231,6 +232,7 @@ def _sphere_triangle(geometry: Geometry, R: Array) -> tuple[Array, Array, Array,
     return c1, u, v, cross(u, v)
 
 
+@lru_cache(maxsize=8)
 def _nominal_side(geometry: Geometry) -> float:
     """On which side of the plane of the sphere centres the nominal pose lies: +1 along w, or -1."""
     c1, _, _, w = _sphere_triangle(geometry, np.eye(3))

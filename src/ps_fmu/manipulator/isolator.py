@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from .dynamics import Pose
 from .feedforward import Controller, Lowpass, gains
-from .inverse import inverse_kinematics
+from .inverse import trilaterate
 from .parameters import FeedforwardFilters, Manipulator, Payload
 from .rotations import rotation_matrix
 
@@ -36,14 +36,15 @@ class Isolator:
         ------
         UnreachableOrientationError: the three fine legs cannot meet at this orientation.
         """
-        found = inverse_kinematics(self.manipulator.geometry, orientation)
+        R = rotation_matrix(orientation)
+        found = trilaterate(self.manipulator.geometry, R)
         if not found.solved:
             degrees = ", ".join(f"{angle:.4g}" for angle in np.degrees(orientation))
             raise UnreachableOrientationError(
                 f"orientation ({degrees}) deg: no pose with the fine legs at rest; "
                 f"they miss each other by {np.max(np.abs(found.gaps)):.3g} m"
             )
-        pose = Pose(found.translation_B, rotation_matrix(orientation))
+        pose = Pose(found.translation_B, R)
         return Controller(gains(self.manipulator, self.payload, pose), self.lowpass, self.filters)
 
 

@@ -119,10 +119,9 @@ def orientation_rate_map(orientation: Array) -> Array:
 
 def rotation_from_vector(vector: Array) -> Array:
     """Rotation by the angle ``|vector|`` (rad) about ``vector`` (Rodrigues); (..., 3) to (..., 3, 3)."""
-    angle = np.linalg.norm(vector, axis=-1)[..., None, None]
+    angle = np.maximum(np.linalg.norm(vector, axis=-1), 1e-150)[..., None, None]  # sin(a)/a is 1 at zero, too
     S = skew(vector)
-    # sinc keeps both factors smooth through angle zero.
-    return np.eye(3) + np.sinc(angle / np.pi) * S + 0.5 * np.sinc(angle / (2.0 * np.pi)) ** 2 * (S @ S)
+    return np.eye(3) + np.sin(angle) / angle * S + 2.0 * (np.sin(0.5 * angle) / angle) ** 2 * (S @ S)
 
 
 def _sines_cosines(orientation: Array) -> tuple[Array, Array, Array, Array]:
