@@ -43,6 +43,12 @@ def _add_build(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     build.add_argument(
         "--fmus", type=Path, metavar="DIR", help="folder of the sources (default: fmus/ of the checkout)"
     )
+    build.add_argument(
+        "--interpreter",
+        type=Path,
+        metavar="PYTHON",
+        help="note this Python in the FMUs, for hosts that do not run one; ties them to this machine",
+    )
     build.set_defaults(run=_build)
 
 
@@ -51,7 +57,7 @@ def _build(options: argparse.Namespace) -> int:
 
     try:
         for folder in find(options.fmus or default_fmus(), options.only):
-            fmu = build_one(folder, options.output)
+            fmu = build_one(folder, options.output, options.interpreter)
             print(f"{fmu}  {fmu.stat().st_size / 1e3:.0f} kB", flush=True)
     except (BuildError, OSError) as error:
         print(f"ps-fmu build: {error}", file=sys.stderr)

@@ -28,7 +28,11 @@ class Refused(ValueError):
 
 
 class FmuError(RuntimeError):
-    """What the native library gets to see: one line, safe as a printf format."""
+    """What the native library gets to see: safe as a printf format."""
+
+    def __repr__(self) -> str:
+        """The text alone: the library logs this."""
+        return str(self)
 
 
 def describe(error: BaseException) -> str:
