@@ -42,6 +42,7 @@ def parser() -> argparse.ArgumentParser:
         "--parameters", type=Path, nargs="+", action="extend", default=[], metavar="F.ssv",
         help="files with other values, by component.parameter; later ones win",
     )  # fmt: skip
+    p.add_argument("--ssp", type=Path, metavar="FILE.ssp", help="the system with its FMUs, made by ps-fmu ssp")
     p.add_argument("--output", type=Path, metavar="DIR", help="folder of the results (results/SCENARIO)")
     p.add_argument("--scheme", choices=SCHEMES, default=SCHEMES[0], help="order of exchange (%(default)s)")
     p.add_argument("--storage-step", type=float, metavar="S", help="time between stored rows (--step)")
@@ -53,7 +54,7 @@ def options_of(arguments: argparse.Namespace) -> RunOptions:
     duration, output = arguments.duration, arguments.output
     return RunOptions(
         scenario=arguments.scenario,
-        system=ROOT / "system" / "SystemStructure.ssd",
+        system=arguments.ssp or ROOT / "system" / "SystemStructure.ssd",
         output=output if output is not None else Path("results", arguments.scenario),
         duration_s=duration if duration is not None else DEFAULT_DURATION_S[arguments.scenario],
         step_s=arguments.step,
@@ -61,7 +62,7 @@ def options_of(arguments: argparse.Namespace) -> RunOptions:
         parameters=tuple(arguments.parameters),
         scheme=arguments.scheme,
         storage_step_s=arguments.storage_step,
-        fmus=ROOT / "build" / "fmus",
+        fmus=None if arguments.ssp else ROOT / "build" / "fmus",
         progress=sys.stderr.isatty(),
     ).claim_output()
 
@@ -74,7 +75,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     except OptionError as error:
         command_line.error(str(error))
     try:
-        ensure_built(ROOT / "build" / "fmus", ROOT)
+        if options.fmus is not None:
+            ensure_built(options.fmus, ROOT)
         importlib.import_module(f"ps_fmu.scenarios.{options.scenario}").run(options)
     except KeyboardInterrupt:
         return ended("interrupted", options.output, 130)

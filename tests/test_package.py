@@ -10,12 +10,13 @@ PACKAGE = ROOT / "src" / "ps_fmu"
 MODULES = sorted(PACKAGE.rglob("*.py"))
 SOURCES = MODULES + sorted((ROOT / "fmus").rglob("*.py")) + sorted((ROOT / "system").rglob("*.py"))
 
-# What each part may import of the others: scenarios -> cosim, pointing -> fmu -> manipulator.
+# What each part may import of the others: scenarios -> check, cosim, pointing -> fmu -> manipulator.
 MAY_IMPORT = {
     "manipulator": set(),
     "fmu": {"manipulator"},
     "cosim": {"fmu", "manipulator"},
     "pointing": {"fmu", "manipulator"},
+    "check": {"cosim", "fmu", "manipulator"},
     "scenarios": {"cosim", "pointing", "fmu", "manipulator"},
 }
 

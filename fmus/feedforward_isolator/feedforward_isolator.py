@@ -22,13 +22,13 @@ from ps_fmu.manipulator.isolator import (
 from ps_fmu.manipulator.parameters import load
 
 PAPER = load()
-#: The payload as the controller knows it: its centre of mass is some millimetres off.
-KNOWN_PAYLOAD = replace(PAPER.payload, com_P=PAPER.known_com_P)
+#: The payload as the controller knows it: its centre of mass is some millimetres off, and the truss is rigid.
+KNOWN_PAYLOAD = replace(PAPER.payload, com_P=PAPER.known_com_P, truss_modes=())
 
 
 def known(name: str) -> bool:
     """What the gains (52)-(54) need of the parameter set: no stroke, no rod flexibility, no inertia."""
-    return not name.startswith(("coarse_stroke", "coarse_rods", "payload.inertia", "payload.truss"))
+    return not name.startswith(("coarse_stroke", "coarse_rods", "payload.inertia"))
 
 
 class FeedforwardIsolator(Slave):

@@ -27,6 +27,7 @@ def parser() -> argparse.ArgumentParser:
     top = argparse.ArgumentParser(prog="ps-fmu", description="FMUs of a pointing manipulator.")
     commands = top.add_subparsers(title="commands", required=True, metavar="COMMAND")
     _add_build(commands)
+    _add_ssp(commands)
     return top
 
 
@@ -61,6 +62,50 @@ def _build(options: argparse.Namespace) -> int:
             print(f"{fmu}  {fmu.stat().st_size / 1e3:.0f} kB", flush=True)
     except (BuildError, OSError) as error:
         print(f"ps-fmu build: {error}", file=sys.stderr)
+        return EXIT_FAILED
+    return EXIT_OK
+
+
+def _add_ssp(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    ssp = commands.add_parser(
+        "ssp",
+        help="write the system as one .ssp file",
+        description="Write wiring, FMUs and start values into one SSP 1.0 archive for other simulators.",
+    )
+    ssp.add_argument("--output", type=Path, required=True, metavar="FILE.ssp")
+    ssp.add_argument(
+        "--system",
+        type=Path,
+        default=Path("system/SystemStructure.ssd"),
+        metavar="FILE.ssd",
+        help="default: %(default)s",
+    )
+    ssp.add_argument(
+        "--fmus", type=Path, default=Path("build/fmus"), metavar="DIR", help="the built FMUs (default: %(default)s)"
+    )
+    ssp.add_argument(
+        "--parameters",
+        type=Path,
+        nargs="+",
+        action="extend",
+        default=[],
+        metavar="F.ssv",
+        help="files with other start values, by component.parameter; later ones win",
+    )
+    ssp.set_defaults(run=_ssp)
+
+
+def _ssp(options: argparse.Namespace) -> int:
+    from .cosim import CosimError, read_parameters, read_system, write_ssp
+
+    try:
+        system = read_system(options.system, options.fmus)
+        for path in options.parameters:
+            system = system.with_parameters(read_parameters(path))
+        write_ssp(system, options.output)
+        print(f"{options.output}  {options.output.stat().st_size / 1e3:.0f} kB")
+    except (CosimError, OSError) as error:
+        print(f"ps-fmu ssp: {error}", file=sys.stderr)
         return EXIT_FAILED
     return EXIT_OK
 

@@ -40,6 +40,11 @@ def test_forces_are_those_of_the_controller() -> None:
     np.testing.assert_allclose(run(Host("feedforward_isolator").run_mode(), 50), expected, rtol=1e-10, atol=1e-14)
 
 
+def test_payload_as_known_has_no_truss_that_its_mass_would_have_to_carry() -> None:
+    light = Host("feedforward_isolator", payload__mass=0.3, payload__com__z=-1.0).run_mode()
+    assert run(light, 3).any()
+
+
 def test_no_force_in_initialisation_mode_whatever_the_inputs() -> None:
     """Strictly proper: no algebraic loop with the plant at the start."""
     host = Host("feedforward_isolator", **acceleration(5))

@@ -69,9 +69,21 @@ def test_start_beyond_the_stroke_is_held() -> None:
     assert host.get("coarse_displacement_3") == [0.02]
 
 
-def test_impossible_parameter_is_named() -> None:
-    host = Host("manipulator_plant", payload__mass=-1.0)
-    with pytest.raises(Exception, match=r"payload\.mass: must be greater than 0"):
+@pytest.mark.parametrize(
+    ("start", "text"),
+    [
+        ({"payload__mass": -1.0}, r"payload\.mass: must be greater than 0"),
+        ({"payload__truss_mode_1__mass": 20.0}, r"payload\.truss_mode_1\.mass: too large"),
+        ({"bus__mode_2__participation__tz": 200.0}, r"bus\.mode_2\.participation: too large"),
+        (
+            {"coarse_stroke__max": 0.3, "coarse_command_1": 0.25},
+            r"coarse_stroke: too large: no usable pose with the coarse legs at \(250, 0, 0\) mm",
+        ),
+    ],
+)
+def test_impossible_parameter_is_named(start: dict[str, float], text: str) -> None:
+    host = Host("manipulator_plant", **start)
+    with pytest.raises(Exception, match=text):
         host.slave.exit_initialization_mode()
 
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from ps_fmu.manipulator.dynamics import rigid_body_mass
 from ps_fmu.manipulator.flat import entries, taken_from, with_values
 from ps_fmu.manipulator.parameters import PAPER, BusMode, ParameterError, load
 
@@ -37,12 +38,76 @@ def test_arrays_cannot_be_changed() -> None:
             0.0,
             "payload.truss_mode_1.direction: must not be the zero vector",
         ),
+        ("payload.truss_mode_1.mass", 20.0, r"payload\.truss_mode_1\.mass: too large: the modes"),  # payload: 14.89 kg
+        ("payload.truss_mode_2.position.z", 9.0, r"payload\.truss_mode_2\.mass: too large: the modes"),
+        ("payload.mass", 0.3, r"payload\.truss_mode_1\.mass: too large: the modes"),
         ("payload.colour", 1.0, "payload.colour: no such parameter"),
     ],
 )
 def test_impossible_payload_is_named(name: str, value: float, text: str) -> None:
     with pytest.raises(ParameterError, match=text):
         with_values(load().payload, {name: value}, "payload")
+
+
+@pytest.mark.parametrize(("name", "value"), [("tx", 100.0), ("rz", -120.0)])
+@pytest.mark.parametrize("bus", ["OSM", "LSM"])
+def test_bus_modes_that_move_more_than_the_bus_are_named(bus: str, name: str, value: float) -> None:
+    with pytest.raises(ParameterError, match=r"^bus\.mode_1\.participation: too large"):
+        with_values(load(bus=bus).bus, {f"bus.mode_1.participation.{name}": value}, "bus")
+    rigid = {f"bus.mode_1.participation.{name}": value, "bus.mode_1.frequency": 0.0}
+    assert not with_values(load(bus=bus).bus, rigid, "bus").modes[0].active
+
+
+def test_what_modes_may_move_is_where_the_mass_matrix_becomes_indefinite() -> None:
+    """Just below and just above the largest participation, and the largest mass at the end of the truss."""
+    paper = load()
+    shift = rigid_body_mass(paper.bus.mass, paper.bus.com_B, paper.bus.inertia_B)
+    shift -= sum(np.outer(mode.participation_B, mode.participation_B) for mode in paper.bus.modes[1:])
+    direction = paper.bus.modes[0].participation_B
+    largest = 1.0 / np.sqrt(direction @ np.linalg.solve(shift, direction))
+    for factor, possible in ((1.0 - 1e-6, True), (1.0 + 1e-6, False)):
+        mode = replace(paper.bus.modes[0], participation_B=factor * largest * direction)
+        modes = (*paper.bus.modes[1:], mode)
+        if possible:
+            replace(paper.bus, modes=modes)
+        else:
+            with pytest.raises(ParameterError, match="mode_6"):
+                replace(paper.bus, modes=modes)
+    for mass in np.arange(0.5, 8.0, 0.5):
+        truss = tuple(replace(mode, mass=float(mass)) for mode in paper.payload.truss_modes)
+        M = np.zeros((8, 8))
+        M[:6, :6] = rigid_body_mass(paper.payload.mass, paper.payload.com_P, paper.payload.inertia_P)
+        for k, mode in enumerate(truss, 6):
+            M[k, k] = mass
+            M[:6, k] = M[k, :6] = mass * np.concatenate([mode.direction_P, np.cross(mode.position_P, mode.direction_P)])
+        if np.linalg.eigvalsh(M)[0] > 0.0:
+            replace(paper.payload, truss_modes=truss)
+        else:
+            with pytest.raises(ParameterError, match="truss_mode_"):
+                replace(paper.payload, truss_modes=truss)
+    assert np.linalg.eigvalsh(M)[0] < 0.0
+
+
+def test_almost_coincident_legs_are_singular() -> None:
+    """The limit is that of the Jacobians: what is accepted here is not refused by them later."""
+    manipulator = load().manipulator
+    with pytest.raises(ParameterError, match=r"geometry: the six legs are singular.*condition number 1\.9e\+06"):
+        replace(
+            manipulator,
+            fine_legs=tuple(
+                replace(
+                    fine,
+                    base_joint_B=coarse.base_joint_B + 1e-6 * np.eye(3)[axis],
+                    platform_joint_P=coarse.platform_joint_P + 1e-6 * np.eye(3)[axis],
+                )
+                for fine, coarse, axis in zip(manipulator.fine_legs, manipulator.coarse_legs, (0, 1, 0), strict=True)
+            ),
+        )
+
+
+def test_more_attenuation_than_numbers_hold_is_named() -> None:
+    with pytest.raises(ParameterError, match="lowpass_stop_attenuation: must not be more than 200"):
+        replace(load().filters, lowpass_stop_attenuation=1e4)
 
 
 @pytest.mark.parametrize(
@@ -107,8 +172,8 @@ def test_flat_values_come_back() -> None:
     bus = load().bus
     flat = {entry.name: entry.value for entry in entries(bus, "bus")}
     assert entries(with_values(bus, flat, "bus"), "bus") == entries(bus, "bus")
-    for name in ("bus.com.y", "bus.mode_3.participation.rx", "bus.mass"):
-        changed = {entry.name: entry.value for entry in entries(with_values(bus, {name: 5.0}, "bus"), "bus")}
+    for name, value in (("bus.com.y", 5.0), ("bus.mode_3.participation.rx", 5.0), ("bus.mass", 5000.0)):
+        changed = {entry.name: entry.value for entry in entries(with_values(bus, {name: value}, "bus"), "bus")}
         assert {key for key in flat if changed[key] != flat[key]} == {name}
 
 
@@ -118,8 +183,8 @@ def test_off_diagonal_inertia_stays_symmetric() -> None:
 
 
 def test_taken_from_passes_over_other_names() -> None:
-    bus = taken_from(load().bus, {"bus.mass": 1.0, "payload.mass": 2.0}, "bus")
-    assert bus.mass == 1.0
+    bus = taken_from(load().bus, {"bus.mass": 1000.0, "payload.mass": 2.0}, "bus")
+    assert bus.mass == 1000.0
 
 
 def test_mode_needs_six_participations() -> None:

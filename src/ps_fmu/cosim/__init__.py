@@ -5,6 +5,7 @@ from .errors import CosimError, RecorderError, SlaveError, SystemFileError, Usag
 from .master import Event, Master
 from .recorder import Recorder
 from .rows import Column
+from .ssp import write_ssp
 from .structure import Port, System, Value
 from .system import read_parameters, read_system
 
@@ -25,4 +26,5 @@ __all__ = [
     "WiringError",
     "read_parameters",
     "read_system",
+    "write_ssp",
 ]

@@ -39,7 +39,9 @@ def frozen(value: Any, shape: tuple[int, ...], name: str) -> Array:
     return array
 
 
-def number(value: Any, name: str, *, above: float | None = None, at_least: float | None = None) -> float:
+def number(
+    value: Any, name: str, *, above: float | None = None, at_least: float | None = None, at_most: float | None = None
+) -> float:
     """A finite number within bounds.  Raises ParameterError, naming ``name``, for anything else."""
     if isinstance(value, bool) or not isinstance(value, (int, float, np.floating, np.integer)):
         raise ParameterError(name, f"expected a number, got {value!r}")
@@ -50,6 +52,8 @@ def number(value: Any, name: str, *, above: float | None = None, at_least: float
         raise ParameterError(name, f"must be greater than {above:g}, got {result:g}")
     if at_least is not None and result < at_least:
         raise ParameterError(name, f"must not be less than {at_least:g}, got {result:g}")
+    if at_most is not None and result > at_most:
+        raise ParameterError(name, f"must not be more than {at_most:g}, got {result:g}")
     return result
 
 

@@ -123,7 +123,7 @@ def assemble(manipulator: Manipulator, payload: Payload, bus: Bus, pose: Pose) -
         omega = TWO_PI * mode.frequency
         M[q_b, k] = M[k, q_b] = mode.participation_B  # M_b12
         M[k, k], C[k, k], K[k, k] = 1.0, 2.0 * mode.damping_ratio * omega, omega**2
-        active[k] = mode.frequency > 0.0
+        active[k] = mode.active
     for i, truss in enumerate(payload.truss_modes):
         k = x_t.start + i
         omega = TWO_PI * truss.frequency
@@ -137,7 +137,7 @@ def assemble(manipulator: Manipulator, payload: Payload, bus: Bus, pose: Pose) -
             2.0 * truss.damping_ratio * omega * truss.mass,
             omega**2 * truss.mass,
         )
-        active[k] = truss.frequency > 0.0 and truss.mass > 0.0
+        active[k] = truss.active
     m_c = M[:, e_c].copy()
     rods = manipulator.coarse_rods
     for k in range(e_c.start, e_c.stop):

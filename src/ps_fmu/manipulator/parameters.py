@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from .checks import Array, Checked, ParameterError, frozen, inertia_tensor, number, quantity
+from .modes import BusMode, TrussMode, carries_its_modes
 
 PAPER = Path(__file__).with_name("paper.toml")
 
@@ -114,20 +115,23 @@ class Manipulator(Checked):
         self._check_geometry()
 
     def _check_geometry(self) -> None:
+        # Here, since kinematics needs this module.
+        from .kinematics import LARGEST_CONDITION, condition_number, platform_jacobian
+
         geometry = self.geometry
-        lengths = geometry.nominal_lengths
         names = [f"{kind}_leg_{i}" for kind in ("coarse", "fine") for i in (1, 2, 3)]
-        for name, length in zip(names, lengths, strict=True):
+        for name, length in zip(names, geometry.nominal_lengths, strict=True):
             if length < 1e-3:  # m; a leg shorter than this has no direction worth the name
                 raise ParameterError(name, f"its two joints coincide at the nominal pose (length {length:g} m)")
-        legs_B = geometry.nominal_translation_B + geometry.platform_joints_P - geometry.base_joints_B
-        n_B = legs_B / lengths[:, None]
-        jacobian = np.hstack([n_B, np.cross(geometry.platform_joints_P, n_B)])
-        jacobian[:, 3:] /= max(float(np.abs(geometry.platform_joints_P).max()), 1e-3)  # rad as m at the joint radius
-        if np.linalg.cond(jacobian) > 1e8:
+        condition = float("inf")  # all platform joints in one point
+        if np.any(geometry.platform_joints_P):
+            J_lp = platform_jacobian(geometry, geometry.nominal_translation_B, np.eye(3))
+            condition = float(condition_number(geometry, J_lp))
+        if not condition <= LARGEST_CONDITION:
             raise ParameterError(
                 "geometry",
-                "the six legs are singular at the nominal pose (|J_lp| = 0, eq 12); move the joints apart",
+                f"the six legs are singular at the nominal pose (|J_lp| = 0, eq 12; condition number {condition:.1e}, "
+                f"at most {LARGEST_CONDITION:.0e}); move the joints apart",
             )
 
     @property
@@ -143,27 +147,6 @@ class Manipulator(Checked):
 
 
 @dataclass(frozen=True, eq=False)
-class TrussMode(Checked):
-    """A point mass on the payload (secondary mirror on its truss) that moves along one direction."""
-
-    mass: float = quantity("kg", "Moving mass, part of the payload's mass")
-    position_P: Array = quantity("m", "Position of the moving mass, in P")
-    direction_P: Array = quantity("1", "Direction of motion, in P")
-    frequency: float = quantity("Hz", "Natural frequency with the platform held; 0 = rigid")
-    damping_ratio: float = quantity("1", "Damping ratio")
-
-    def __post_init__(self) -> None:
-        self._set("mass", number(self.mass, "mass", at_least=0.0))
-        self._set("position_P", frozen(self.position_P, (3,), "position"))
-        direction = frozen(self.direction_P, (3,), "direction")
-        if np.linalg.norm(direction) < 1e-9:
-            raise ParameterError("direction", "must not be the zero vector")
-        self._set("direction_P", direction)
-        self._set("frequency", number(self.frequency, "frequency", at_least=0.0))
-        self._set("damping_ratio", number(self.damping_ratio, "damping_ratio", at_least=0.0))
-
-
-@dataclass(frozen=True, eq=False)
 class Payload(Checked):
     """Payload and platform as one body, and the modes of the payload's truss."""
 
@@ -176,22 +159,15 @@ class Payload(Checked):
         self._set("mass", number(self.mass, "mass", above=0.0))
         self._set("com_P", frozen(self.com_P, (3,), "com"))
         self._set("inertia_P", inertia_tensor(self.inertia_P, "inertia"))
-
-
-@dataclass(frozen=True, eq=False)
-class BusMode(Checked):
-    """A mass-normalised flexible mode of the bus (solar arrays): a column of M_b12 in eq 25, M_b22 = identity."""
-
-    frequency: float = quantity("Hz", "Natural frequency with the bus held; 0 = rigid")
-    damping_ratio: float = quantity("1", "Damping ratio")
-    participation_B: Array = quantity(
-        "sqrt(kg)|sqrt(kg).m", "Participation in B at its origin: three translations, then three rotations"
-    )
-
-    def __post_init__(self) -> None:
-        self._set("frequency", number(self.frequency, "frequency", at_least=0.0))
-        self._set("damping_ratio", number(self.damping_ratio, "damping_ratio", at_least=0.0))
-        self._set("participation_B", frozen(self.participation_B, (6,), "participation"))
+        carries_its_modes(
+            self.mass,
+            self.inertia_P,
+            (
+                (f"truss_mode_{i}.mass", mode.participation_at(self.com_P))
+                for i, mode in enumerate(self.truss_modes, 1)
+                if mode.active
+            ),
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -207,6 +183,15 @@ class Bus(Checked):
         self._set("mass", number(self.mass, "mass", above=0.0))
         self._set("com_B", frozen(self.com_B, (3,), "com"))
         self._set("inertia_B", inertia_tensor(self.inertia_B, "inertia"))
+        carries_its_modes(
+            self.mass,
+            self.inertia_B,
+            (
+                (f"mode_{i}.participation", mode.participation_at(self.com_B))
+                for i, mode in enumerate(self.modes, 1)
+                if mode.active
+            ),
+        )
 
 
 @dataclass(frozen=True)
@@ -249,6 +234,7 @@ class FeedforwardFilters(Checked):
             # An even order passes 10^(-attenuation/20) straight through: an algebraic loop with the plant.
             raise ParameterError("lowpass_order", f"expected an odd whole number from 1 to 9, got {order!r}")
         self._set("lowpass_order", int(order))
+        number(self.lowpass_stop_attenuation, "lowpass_stop_attenuation", at_most=200.0)  # dB; doubles hold 300
         for name in (
             "lowpass_stop_frequency",
             "lowpass_stop_attenuation",

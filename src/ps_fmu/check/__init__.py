@@ -1,0 +1,1 @@
+"""Is an FMU as the standard asks, and does it run?  For FMUs of any maker."""

@@ -1,0 +1,100 @@
+"""Write a system as one file: an SSP 1.0 archive with the wiring, the FMUs and the start values.
+
+Each component has one parameter set of its own.  It holds what somebody who runs the file in a simulator may want to
+choose: the inputs that no connection feeds, the switches and counts (Boolean and Integer parameters), and whatever the
+system states.  Real parameters that keep their value stay in the FMU alone, where they have description and bounds: a
+copy of two hundred masses and frequencies would only hide the few values that matter, and go out of date.
+
+A variant of a system is another archive, with other values in the same sets.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from pathlib import Path, PurePosixPath
+
+from fmpy.model_description import ModelDescription
+
+from ..fmu import archive
+from .description import read_description, typed_value, variables_of
+from .errors import SystemFileError, UsageError
+from .graph import check_wiring
+from .ssp_xml import fmu_place, parameter_set_xml, parameters_place, structure_xml
+from .structure import Component, Parameter, System, Value
+from .system import SSD_NAME
+from .xmlfile import read_xml
+
+_PLAIN = re.compile(r"[A-Za-z0-9_.-]+")
+
+
+def write_ssp(system: System, output: Path) -> None:
+    """Write a system, see :func:`read_system`, into the file ``output``; the same system gives the same bytes.
+
+    Raises
+    ------
+    WiringError, SystemFileError: the parts do not fit together, or an FMU cannot be read.
+    UsageError: the system states no step or stop time, which libcosim cannot do without.
+    OSError: the file cannot be written.
+    """
+    step, stop_time = system.experiment.step, system.experiment.stop_time
+    if step is None or stop_time is None:
+        missing = "step" if step is None else "stop time"
+        raise UsageError(f"{system.path} states no {missing} in its default experiment: an archive needs one")
+    descriptions = {c.name: read_description(c.source) for c in system.components}
+    wiring = check_wiring(system, descriptions)
+    open_inputs = [item.port for item in wiring.open_inputs]
+
+    files: dict[PurePosixPath, bytes] = {}
+    for component in system.components:
+        content = component.source.read_bytes()
+        if files.setdefault(_place(component), content) != content:
+            text = f"another component has a different file {component.source.name}: rename one of the two"
+            raise SystemFileError(component.source, text)
+        own_inputs = [port.variable for port in open_inputs if port.component == component.name]
+        values = chosen_values(component, descriptions[component.name], own_inputs)
+        files[PurePosixPath(parameters_place(component))] = parameter_set_xml(values, descriptions[component.name])
+    files[PurePosixPath(SSD_NAME)] = structure_xml(system, descriptions, _names(system), step, stop_time)
+    partial = output.with_name(f"{output.name}.partial")
+    archive.write(partial, files)
+    partial.replace(output)
+
+
+def chosen_values(
+    component: Component, description: ModelDescription, open_inputs: Iterable[str]
+) -> dict[str, Parameter]:
+    """Start values that go into the component's parameter set, in the order of the model description."""
+    inputs = set(open_inputs)
+    chosen = {}
+    for name, variable in variables_of(description).items():
+        switch = variable.causality == "parameter" and variable.type in ("Boolean", "Integer")
+        if name in component.parameters:
+            entry = component.parameters[name]
+            chosen[name] = Parameter(typed_value(variable, entry.value), entry.unit, entry.origin)
+        elif (name in inputs or switch) and variable.start is not None:
+            value = _start(variable.type, variable.start)
+            chosen[name] = Parameter(value, variable.unit, "start value of the FMU")
+    return chosen
+
+
+def _start(kind: str, text: str) -> Value:
+    """A start value, as text in the model description, as its FMI type."""
+    if kind == "Boolean":
+        return str(text).lower() in ("true", "1")
+    if kind == "Real":
+        return float(text)
+    return str(text) if kind == "String" else int(text)
+
+
+def _place(component: Component) -> PurePosixPath:
+    if not _PLAIN.fullmatch(component.source.name):
+        text = "the name of an FMU in an archive may have letters, digits, _, - and . only"
+        raise SystemFileError(component.source, text)
+    return PurePosixPath(fmu_place(component))
+
+
+def _names(system: System) -> dict[str, str]:
+    """Name and description of the system, as the file it was read from has them."""
+    element = read_xml(system.path).find("ssd:System")
+    given = element.attributes if element is not None else {}
+    return {key: given[key] for key in ("name", "description") if key in given}

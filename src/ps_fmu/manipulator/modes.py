@@ -1,0 +1,94 @@
+"""Flexible modes of payload and bus as parameters, and what a body can carry of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from .checks import Array, Checked, ParameterError, frozen, number, quantity
+
+
+@dataclass(frozen=True, eq=False)
+class TrussMode(Checked):
+    """A point mass on the payload (secondary mirror on its truss) that moves along one direction."""
+
+    mass: float = quantity("kg", "Moving mass, part of the payload's mass")
+    position_P: Array = quantity("m", "Position of the moving mass, in P")
+    direction_P: Array = quantity("1", "Direction of motion, in P")
+    frequency: float = quantity("Hz", "Natural frequency with the platform held; 0 = rigid")
+    damping_ratio: float = quantity("1", "Damping ratio")
+
+    def __post_init__(self) -> None:
+        self._set("mass", number(self.mass, "mass", at_least=0.0))
+        self._set("position_P", frozen(self.position_P, (3,), "position"))
+        direction = frozen(self.direction_P, (3,), "direction")
+        if np.linalg.norm(direction) < 1e-9:
+            raise ParameterError("direction", "must not be the zero vector")
+        self._set("direction_P", direction)
+        self._set("frequency", number(self.frequency, "frequency", at_least=0.0))
+        self._set("damping_ratio", number(self.damping_ratio, "damping_ratio", at_least=0.0))
+
+    @property
+    def active(self) -> bool:
+        """Whether it moves at all."""
+        return self.frequency > 0.0 and self.mass > 0.0
+
+    def participation_at(self, point_P: Array) -> Array:
+        """Mass-normalised participation at a point of the payload (3,), m: (6,), sqrt(kg) and sqrt(kg).m, in P."""
+        along_P = self.direction_P / np.linalg.norm(self.direction_P)
+        arm_P = self.position_P - point_P
+        return np.asarray(np.sqrt(self.mass) * np.concatenate([along_P, np.cross(arm_P, along_P)]))
+
+
+@dataclass(frozen=True, eq=False)
+class BusMode(Checked):
+    """A mass-normalised flexible mode of the bus (solar arrays): a column of M_b12 in eq 25, M_b22 = identity."""
+
+    frequency: float = quantity("Hz", "Natural frequency with the bus held; 0 = rigid")
+    damping_ratio: float = quantity("1", "Damping ratio")
+    participation_B: Array = quantity(
+        "sqrt(kg)|sqrt(kg).m", "Participation in B at its origin: three translations, then three rotations"
+    )
+
+    def __post_init__(self) -> None:
+        self._set("frequency", number(self.frequency, "frequency", at_least=0.0))
+        self._set("damping_ratio", number(self.damping_ratio, "damping_ratio", at_least=0.0))
+        self._set("participation_B", frozen(self.participation_B, (6,), "participation"))
+
+    @property
+    def active(self) -> bool:
+        """Whether it moves at all."""
+        return self.frequency > 0.0
+
+    def participation_at(self, point_B: Array) -> Array:
+        """Participation at another point of the bus (3,), m: (6,), as ``participation_B``."""
+        translation, rotation = self.participation_B[:3], self.participation_B[3:]
+        return np.concatenate([translation, rotation - np.cross(point_B, translation)])
+
+
+def carries_its_modes(mass: float, inertia_com: Array, modes: Iterable[tuple[str, Array]]) -> None:
+    """Refuse modes that move more mass than the body has: its mass matrix would be indefinite, its motion explode.
+
+    Parameters
+    ----------
+    mass, inertia_com: of the whole body, kg, and (3, 3) about the centre of mass, kg.m2.
+    modes: name of the entry to blame and mass-normalised participation (6,) at the centre of mass, sqrt(kg) and
+        sqrt(kg).m.
+
+    Raises
+    ------
+    ParameterError: names the first mode that leaves the body without mass or inertia in some direction.
+    """
+    left = np.zeros((6, 6))
+    left[:3, :3], left[3:, 3:] = mass * np.eye(3), inertia_com
+    scale = 1.0 / np.sqrt(np.outer(np.diag(left), np.diag(left)))
+    for name, participation in modes:
+        left -= np.outer(participation, participation)
+        if not np.linalg.eigvalsh(left * scale)[0] > 1e-9:
+            raise ParameterError(
+                name,
+                "too large: the modes so far would move more mass or inertia than the whole body has in some direction "
+                "(its mass and inertia include what the modes move)",
+            )

@@ -1,0 +1,174 @@
+"""The system as one .ssp file: same bytes, same wiring, and the same numbers in every importer that is installed."""
+
+import importlib.util
+import json
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from fmpy.ssp.simulation import simulate_ssp
+from fmpy.ssp.ssd import read_ssv, validate_tree
+from lxml import etree
+from support.cosim import Collect
+
+from ps_fmu.cli import main
+from ps_fmu.cosim import Master, System, read_system, write_ssp
+from ps_fmu.cosim.description import read_description, variables_of
+
+ROOT = Path(__file__).parents[2]
+SSD = ROOT / "system" / "SystemStructure.ssd"
+HOSTS = Path(__file__).parent / "hosts"
+STEP, STEPS = 1e-4, 200  # s
+CHOSEN = {"plant.payload.mass": 40.0, "commander.target.roll": 0.01, "disturbance.seed": 7, "isolator.enabled": True}
+READ = {
+    "plant": ("payload.mass", "payload_rotation.x", "base_acceleration.z", "los.y"),
+    "isolator": ("enabled", "fine_force_1"),
+    "commander": ("target.roll", "coarse_command_1"),
+    "disturbance": ("base_force.x",),
+}
+FLAT = (
+    '<ssv:ParameterSet xmlns:ssv="http://ssp-standard.org/SSP1/SystemStructureParameterValues" version="1.0"'
+    ' name="initialValues"><ssv:Parameters><ssv:Parameter name="plant.payload.mass"><ssv:Real value="40.0"/>'
+    "</ssv:Parameter></ssv:Parameters></ssv:ParameterSet>"
+)
+
+
+@pytest.fixture(scope="module")
+def system(built_fmus: Path) -> System:
+    """The system of this project, with values that are not those of the FMUs."""
+    return read_system(SSD, built_fmus).with_parameters(CHOSEN)
+
+
+@pytest.fixture(scope="module")
+def archive(system: System, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("ssp") / "pointing.ssp"
+    write_ssp(system, path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def expected(system: System) -> dict[str, float]:
+    """What our own master reads at the end, from the system as it was before it became an archive."""
+    with Master(system, STEP) as master:
+        master.initialise()
+        master.run(STEPS * STEP)
+        return {f"{c}.{name}": master.get(f"{c}.{name}") for c, names in READ.items() for name in names}
+
+
+def columns(system: System, duration: float) -> dict[str, np.ndarray]:
+    collect = Collect()
+    with Master(system, STEP) as master:
+        master.initialise()
+        master.run(duration, [collect])
+        return {column.name: values for column, values in zip(master.columns, collect.values.T, strict=True)}
+
+
+def shape(element: ElementTree.Element) -> tuple:
+    """An element as data: numbers by value, units in any order, without the parameter bindings."""
+    attributes = {}
+    for key, text in element.attrib.items():
+        try:
+            attributes[key] = float(text)
+        except ValueError:
+            attributes[key] = text
+    children = [shape(e) for e in element if not e.tag.endswith("}ParameterBindings")]
+    return element.tag, attributes, sorted(children, key=str) if element.tag.endswith("}Units") else children
+
+
+def test_the_same_system_gives_the_same_bytes(system, archive, tmp_path):
+    write_ssp(system, tmp_path / "again.ssp")
+    assert (tmp_path / "again.ssp").read_bytes() == archive.read_bytes()
+    with zipfile.ZipFile(archive) as opened:
+        assert opened.namelist() == sorted(opened.namelist())
+        assert {entry.date_time for entry in opened.infolist()} == {(1980, 1, 1, 0, 0, 0)}
+
+
+def test_the_archive_says_what_the_description_says(archive):
+    """Only the bindings are new; what is written for other tools is what was measured to work."""
+    with zipfile.ZipFile(archive) as opened:
+        written = opened.read("SystemStructure.ssd")
+    assert shape(ElementTree.fromstring(written)) == shape(ElementTree.fromstring(SSD.read_bytes()))
+    assert b"<ssd:SystemStructureDescription xmlns:ssd=" in written
+
+
+def test_the_files_fit_their_schemas(archive):
+    with zipfile.ZipFile(archive) as opened:
+        validate_tree(etree.fromstring(opened.read("SystemStructure.ssd")), "SystemStructureDescription.xsd")
+        sets = [name for name in opened.namelist() if name.endswith(".ssv")]
+        assert sets == [f"resources/{name}.ssv" for name in ("commander", "disturbance", "isolator", "plant")]
+        for name in sets:
+            root = etree.fromstring(opened.read(name))
+            validate_tree(root, "SystemStructureParameterValues.xsd")
+            assert root.get("name") == "initialValues"
+
+
+def test_the_sets_hold_open_inputs_switches_and_what_was_chosen(archive):
+    stated = {f"{c.name}.{name}": p.value for c in read_system(archive).components for name, p in c.parameters.items()}
+    assert CHOSEN.items() <= stated.items()
+    assert {"commander.target.yaw", "disturbance.noise.enabled", "isolator.filters.lowpass_order"} <= stated.keys()
+    assert [name for name in stated if name.startswith("plant.")] == ["plant.payload.mass"]
+
+
+def test_the_archive_runs_as_the_description_does(system, archive):
+    direct, packed = columns(system, 0.02), columns(read_system(archive), 0.02)
+    assert direct.keys() == packed.keys()
+    for name, values in direct.items():
+        np.testing.assert_array_equal(packed[name], values, err_msg=name)
+
+
+@pytest.mark.parametrize(("tool", "module"), [("libcosim", "libcosimpy"), ("ecos", "ecospy")])
+def test_another_importer_gets_the_same_numbers(tool, module, system, archive, expected):
+    """The whole loop, Jacobi at the archive's step; values that are not those of the FMUs have arrived."""
+    if importlib.util.find_spec(module) is None:
+        pytest.skip(f"{tool} is not installed: pip install {module}")
+    wanted: dict[str, dict] = {}
+    for component in system.components:
+        variables = variables_of(read_description(component.source))
+        wanted[component.name] = {n: (variables[n].valueReference, variables[n].type) for n in READ[component.name]}
+    extra = [str(STEP)] if tool == "ecos" else []
+    command = [sys.executable, str(HOSTS / f"in_{tool}.py"), str(archive), json.dumps(wanted), str(STEPS), *extra]
+    run = subprocess.run(command, capture_output=True, text=True, timeout=120)
+    assert run.returncode == 0, run.stdout + run.stderr
+    values = json.loads(run.stdout.splitlines()[-1])
+    assert values.keys() == expected.keys()
+    for name, value in expected.items():
+        assert values[name] == pytest.approx(value, rel=1e-9, abs=0.0), name
+    assert values["plant.payload.mass"] == 40.0
+    assert values["plant.payload_rotation.x"] != 0.0
+
+
+def test_fmpy_runs_the_archive(built_fmus, tmp_path):
+    """FMPy starts from zero inputs, labels its rows one step early, and takes values from one flat set only."""
+    system, flat, path = read_system(SSD, built_fmus), tmp_path / "flat.ssv", tmp_path / "pointing.ssp"
+    flat.write_text(FLAT)
+    write_ssp(system, path)
+    theirs = simulate_ssp(str(path), stop_time=0.02 - STEP / 2, step_size=STEP, parameter_set=read_ssv(str(flat)))
+    ours = columns(system.with_parameters({"plant.payload.mass": 40.0}), 0.02)
+    for name in ("plant.base_acceleration.x", "isolator.fine_force_1"):
+        np.testing.assert_array_equal(theirs[name], ours[name][1:], err_msg=name)
+    assert not np.array_equal(columns(system, 0.02)["isolator.fine_force_1"], ours["isolator.fine_force_1"])
+
+
+def test_the_command(built_fmus, tmp_path, capsys):
+    output, flat = tmp_path / "pointing.ssp", tmp_path / "flat.ssv"
+    flat.write_text(FLAT)
+    arguments = ["ssp", "--output", str(output), "--system", str(SSD), "--fmus", str(built_fmus)]
+    assert main([*arguments, "--parameters", str(flat)]) == 0
+    assert capsys.readouterr().out.startswith(str(output))
+    assert read_system(output).component("plant").parameters["payload.mass"].value == 40.0
+    flat.write_text(FLAT.replace("payload.mass", "payload.maas"))
+    assert main([*arguments, "--parameters", str(flat)]) == 1
+    assert "did you mean payload.mass" in capsys.readouterr().err
+
+
+def test_a_scenario_runs_from_the_archive(archive, tmp_path):
+    """The summary names the values of the archive, and no FMU of the checkout was needed."""
+    command = [sys.executable, str(ROOT / "system" / "run.py"), "isolation", "--ssp", str(archive)]
+    command += ["--duration", "0.02", "--output", str(tmp_path)]
+    run = subprocess.run(command, capture_output=True, text=True, timeout=120)
+    assert run.returncode == 0, run.stdout + run.stderr
+    assert "plant.payload.mass" in (tmp_path / "report.html").read_text(encoding="utf-8")
