@@ -19,8 +19,8 @@ from pathlib import Path
 
 FOLDER = Path(__file__).parent
 COMPILER = "0.17.0"  # of ziglang; the same is asked for in pyproject.toml
-SOURCES = ("text.c", "find.c", "python.c", "launcher.c")
-HEADERS = ("text.h", "find.h", "python.h")
+SOURCES = ("text.c", "find.c", "python.c", "instance.c", "launcher.c")
+HEADERS = ("text.h", "find.h", "python.h", "instance.h")
 TARGETS = {"linux64": "x86_64-linux-gnu.2.17"}  # platform of FMI -> target of zig
 FLAGS = (
     "-std=c99", "-D_GNU_SOURCE", "-O2", "-g0", "-Wall", "-Wextra", "-Werror", "-fPIC", "-fvisibility=hidden",
