@@ -37,7 +37,7 @@ def bound(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     """The toys as FMUs in which this interpreter is noted; unpacked."""
     folder = tmp_path_factory.mktemp("bound")
     return {
-        path.name: unpack(build_one(path, folder, Path(sys.executable)), folder / path.name)
+        path.name: unpack(build_one(path, folder, interpreter=Path(sys.executable)), folder / path.name)
         for path in sorted(MODELS.iterdir())
     }
 
@@ -47,6 +47,12 @@ def plain(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A toy as it is built without being told otherwise; unpacked."""
     folder = tmp_path_factory.mktemp("plain")
     return unpack(build_one(MODELS / "oscillator", folder), folder / "oscillator")
+
+
+@pytest.fixture(scope="session")
+def bundled(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A toy with a Python of its own, as an FMU."""
+    return build_one(MODELS / "oscillator", tmp_path_factory.mktemp("bundled"), bundled=True)
 
 
 @pytest.fixture

@@ -16,11 +16,13 @@ import tempfile
 import uuid
 from collections.abc import Iterable, Iterator
 from pathlib import Path, PurePosixPath
+from typing import Any
 
 import pythonfmu
 from pythonfmu.builder import FmuBuilder
 
 from . import archive, smoke
+from .bundle import BundleError, bundle
 from .description import CAPABILITIES
 from .documentation import page
 from .entry import entry_source
@@ -60,19 +62,18 @@ def find(fmus: Path, only: Iterable[str] = ()) -> list[Path]:
     return [found[name] for name in only] or list(found.values())
 
 
-def build_all(
-    output: Path, fmus: Path | None = None, only: Iterable[str] = (), interpreter: Path | None = None
-) -> list[Path]:
-    """Build the FMUs of a checkout into the folder ``output``; their paths.  Raises BuildError."""
-    return [build_one(folder, output, interpreter) for folder in find(fmus or default_fmus(), only)]
+def build_all(output: Path, fmus: Path | None = None, only: Iterable[str] = (), **variant: Any) -> list[Path]:
+    """Build the FMUs of a checkout into the folder ``output``; their paths.  As :func:`build_one` otherwise."""
+    return [build_one(folder, output, **variant) for folder in find(fmus or default_fmus(), only)]
 
 
-def build_one(folder: Path, output: Path, interpreter: Path | None = None) -> Path:
+def build_one(folder: Path, output: Path, *, interpreter: Path | None = None, bundled: bool = False) -> Path:
     """Build the FMU in ``folder`` into the folder ``output``, as ``<class>.fmu``; its path.
 
     Parameters
     ----------
     interpreter: noted in the FMU as the Python for hosts that do not run one; that ties the FMU to this machine.
+    bundled: put a Python of its own into the FMU, see :mod:`.bundle`.
 
     Raises
     ------
@@ -86,11 +87,11 @@ def build_one(folder: Path, output: Path, interpreter: Path | None = None) -> Pa
     with tempfile.TemporaryDirectory(prefix="ps_fmu_build_") as temporary:
         try:
             stock = _pythonfmu_build(script, Path(temporary))
-            name, files = _repackaged(stock, script, interpreter)
+            name, files = _repackaged(stock, script, interpreter, bundled)
             fmu = Path(temporary) / f"{name}.fmu"
             archive.write(fmu, files)
             smoke.check(fmu)
-        except (SourceError, smoke.SmokeError) as error:
+        except (SourceError, BundleError, smoke.SmokeError) as error:
             raise BuildError(f"{folder.name}: {error}") from None
         result = output / fmu.name
         partial = result.with_suffix(".partial")
@@ -123,7 +124,7 @@ def _imports_undone(script: str) -> Iterator[None]:
             sys.modules[script] = before
 
 
-def _repackaged(stock: Path, script: Path, interpreter: Path | None) -> tuple[str, Files]:
+def _repackaged(stock: Path, script: Path, interpreter: Path | None, bundled: bool) -> tuple[str, Files]:
     """Model name and files of the final FMU, from pythonfmu's and the sources."""
     built = archive.read(stock)
     files = _binaries(built)
@@ -145,7 +146,10 @@ def _repackaged(stock: Path, script: Path, interpreter: Path | None) -> tuple[st
     files[_RESOURCES / "slavemodule.txt"] = entry.encode()
     guid = f"{{{uuid.UUID(bytes=digest[:16])}}}"
     files[_DESCRIPTION] = files[_DESCRIPTION].replace(b'guid=""', f'guid="{guid}"'.encode(), 1)
-    files[_RESOURCES / "launcher.txt"] = _launcher_notes(guid, foreign(sources), interpreter)
+    modules = foreign(sources)
+    files[_RESOURCES / "launcher.txt"] = _launcher_notes(guid, modules, interpreter)
+    if bundled:
+        files |= {PurePosixPath("binaries/linux64") / name: content for name, content in bundle(modules).items()}
     return model, files
 
 

@@ -61,6 +61,7 @@ void python_free(Python *python)
     free(python->home);
     free(python->version);
     free(python->search);
+    free(python->preload);
     memset(python, 0, sizeof *python);
 }
 
@@ -226,43 +227,68 @@ static bool try_interpreter(const char *program, const char *origin, const Needs
     return fit;
 }
 
+/* Entries "a:b" of a bundle's notes as full paths, one per line.  False if one is missing. */
+static bool full_paths(const char *home, const char *notes, const char *key, char **paths, Text *why)
+{
+    char *entries = line_value(notes, key), *rest = NULL;
+    Text result = {0};
+    bool complete = entries != NULL;
+    for (char *entry = complete ? strtok_r(entries, ":", &rest) : NULL; entry != NULL; entry = strtok_r(NULL, ":", &rest)) {
+        if (!has_file(home, entry)) {
+            text_add(why, "\n  runtime in the FMU: %s/%s is missing", home, entry);
+            complete = false;
+        }
+        text_add(&result, "%s/%s\n", home, entry);
+    }
+    free(entries);
+    *paths = result.data;
+    return complete;
+}
+
+static char *bundle_notes(const char *home)
+{
+    char *path = formatted("%s/bundle.txt", home), *notes = path != NULL ? file_text(path) : NULL;
+    free(path);
+    return notes;
+}
+
 /* A Python in the folder "python" beside this library; bundle.txt says what is in it. */
 static bool try_bundle(const char *binaries, const char *library, Python *found, Text *why)
 {
-    char *home = formatted("%s/python", binaries), *notes_path = formatted("%s/python/bundle.txt", binaries);
-    char *notes = notes_path != NULL ? file_text(notes_path) : NULL;
-    char *name = line_value(notes, "library"), *search = line_value(notes, "entries"), *entry, *rest = NULL;
-    Text entries = {0};
+    char *home = formatted("%s/python", binaries), *notes = home != NULL ? bundle_notes(home) : NULL;
     bool fit = false;
-    if (notes == NULL || name == NULL || search == NULL) {
-        text_add(why, "\n  runtime in the FMU: none in %s", home);
+    if (notes == NULL) {
+        text_add(why, "\n  runtime in the FMU: none");
     } else if (library != NULL) {
         text_add(why, "\n  runtime in the FMU: not used, since the process has loaded %s already", library);
-    } else {
-        fit = has_file(home, name);
-        if (!fit)
-            text_add(why, "\n  runtime in the FMU: %s/%s is missing", home, name);
-        for (entry = strtok_r(search, ":", &rest); entry != NULL; entry = strtok_r(NULL, ":", &rest)) {
-            if (!has_file(home, entry)) { /* without its standard library, Python ends the process */
-                text_add(why, "\n  runtime in the FMU: %s/%s is missing", home, entry);
-                fit = false;
-            }
-            text_add(&entries, "%s/%s\n", home, entry);
-        }
+    } else { /* all of it has to be there: without its standard library, Python ends the process */
+        fit = full_paths(home, notes, "library", &found->library, why) &&
+              full_paths(home, notes, "entries", &found->search, why) &&
+              full_paths(home, notes, "preload", &found->preload, why);
     }
     if (fit) {
-        found->library = formatted("%s/%s", home, name);
+        found->library[strcspn(found->library, "\n")] = '\0';
         found->version = line_value(notes, "version");
         found->home = strdup(home);
-        found->search = strdup(entries.data != NULL ? entries.data : "");
+    } else {
+        python_free(found);
     }
-    text_free(&entries);
     free(home);
-    free(notes_path);
     free(notes);
-    free(name);
-    free(search);
     return fit;
+}
+
+char *bundled_packages(const char *binaries, const char *version)
+{
+    char *home = formatted("%s/python", binaries), *notes = home != NULL ? bundle_notes(home) : NULL;
+    char *own = line_value(notes, "version"), *folder = line_value(notes, "packages");
+    bool same = own != NULL && strncmp(version, own, strlen(own)) == 0;
+    char *result = same && folder != NULL ? formatted("%s/%s", home, folder) : NULL;
+    free(home);
+    free(notes);
+    free(own);
+    free(folder);
+    return result;
 }
 
 static bool try_path(const Needs *needs, const char *library, Python *found, Text *why)

@@ -33,6 +33,8 @@ typedef struct PyThreadState PyThreadState;
     X(PyList_New, PyObject *, (ptrdiff_t))                                                                             \
     X(PyList_Append, int, (PyObject *, PyObject *))                                                                    \
     X(PyUnicode_DecodeFSDefault, PyObject *, (const char *))                                                           \
+    X(PySequence_Contains, int, (PyObject *, PyObject *))                                                              \
+    X(PySys_GetObject, PyObject *, (const char *))                                                                     \
     X(PySys_SetObject, int, (const char *, PyObject *))                                                                \
     X(PyRun_SimpleString, int, (const char *))
 
@@ -54,6 +56,7 @@ typedef struct {
     unsigned long generation;
     bool watched;         /* Python calls on_finalise */
     int calls;            /* under way */
+    bool bundled;         /* Python was started from the runtime in an FMU */
     int closing;          /* exit() was called */
     pthread_t closer;     /* by this thread */
 } Shared;
@@ -276,6 +279,31 @@ static void set_search_path(char *entries)
     api.Py_DecRef(list);
 }
 
+/* Libraries in a bundle; others that need them find them by the name within them. */
+static void preload(char *libraries)
+{
+    char *rest = NULL;
+    for (char *path = libraries != NULL ? strtok_r(libraries, "\n", &rest) : NULL; path != NULL;
+         path = strtok_r(NULL, "\n", &rest))
+        dlopen(path, RTLD_NOW | RTLD_LOCAL);
+}
+
+/* Python runs from another FMU's runtime, which may lack packages that this FMU's has. */
+static void add_bundled_packages(const char *binaries)
+{
+    char *folder = bundled_packages(binaries, api.Py_GetVersion());
+    if (folder == NULL)
+        return;
+    int state = api.PyGILState_Ensure();
+    PyObject *list = api.PySys_GetObject("path"), *entry = api.PyUnicode_DecodeFSDefault(folder);
+    if (list == NULL || entry == NULL ||
+        (api.PySequence_Contains(list, entry) == 0 && api.PyList_Append(list, entry) != 0))
+        api.PyErr_Clear();
+    api.Py_DecRef(entry);
+    api.PyGILState_Release(state);
+    free(folder);
+}
+
 static void initialise(Python *python)
 {
     Belongings kept;
@@ -296,6 +324,7 @@ static void initialise(Python *python)
     else
         api.Py_DecRef(module);
     give_back(&kept);
+    shared.bundled = python->home != NULL;
     atexit(on_exit_of_process);
     api.PyEval_SaveThread();
 }
@@ -305,6 +334,7 @@ static bool start_one(const Needs *needs, const char *binaries, const char *libr
     Python found = {0};
     Text rejections = {0};
     bool fit = find_python(needs, binaries, library, &found, &rejections);
+    preload(found.preload);
     if (!fit) {
         text_add(why, "no Python was found that can run this FMU. It needs Python %s or newer with a shared libpython%s%s."
                       " Tried:%s\nName one by the environment variable PS_FMU_PYTHON=/path/to/python3",
@@ -358,6 +388,8 @@ bool python_start(const Needs *needs, const char *binaries, Text *why)
         return false;
     if (!version_fits(needs, why))
         return false;
+    if (shared.bundled)
+        add_bundled_packages(binaries);
     if (!shared.watched)
         watch_for_finalisation();
     return true;
