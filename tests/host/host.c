@@ -311,7 +311,7 @@ static double now(void)
 static void cost(Fmu *fmu, long n)
 {
     Run run;
-    double times[3] = {0.0, 0.0, 0.0}, values[MOST] = {0.0};
+    double times[3] = {0.0, 0.0, 0.0}, values[MOST] = {0.0}, results[MOST];
     instantiate(&run, fmu);
     initialise(&run);
     for (long i = 0; i < 100; i++)
@@ -322,7 +322,7 @@ static void cost(Fmu *fmu, long n)
         double t1 = now();
         EXPECT(fmu->DoStep(run.component, (double)i * fmu->step, fmu->step, fmi2True) == fmi2OK);
         double t2 = now();
-        fmu->GetReal(run.component, fmu->outputs, fmu->n_outputs, values);
+        fmu->GetReal(run.component, fmu->outputs, fmu->n_outputs, results);
         double t3 = now();
         times[0] += t1 - t0;
         times[1] += t2 - t1;

@@ -1,13 +1,21 @@
 """FMUs with a Python of their own, on a machine that has none."""
 
 import shutil
+import subprocess
+import zipfile
 
 import pytest
 from support.host import told, unpack
 
-from ps_fmu.fmu.bundle import BundleError, bundle
+from ps_fmu.fmu.bundle import BundleError, bundle, check
 
 NOWHERE = {"PATH": "/nonexistent"}
+SPY = """
+import sys
+used = [line.split()[5] for line in open("/proc/self/maps") if ".so" in line]
+used += [module.__file__ for module in list(sys.modules.values()) if getattr(module, "__file__", None)]
+print(*used, file=sys.stderr)
+"""
 
 
 def test_it_runs_where_there_is_no_python(host, bundled, bound, tmp_path):
@@ -23,14 +31,10 @@ def test_it_runs_where_there_is_no_python(host, bundled, bound, tmp_path):
 
 def test_it_uses_no_file_of_this_machines_python(host_program, bundled, tmp_path):
     """All libraries and modules come from the FMU, but for those of the C library."""
-    import subprocess
-
     folder = unpack(bundled, tmp_path / "alone")
     package = next((folder / "resources").glob("ps_fmu_*"))
-    spy = "import sys\nfor line in open('/proc/self/maps'):\n    if '.so' in line: print(line.split()[5], file=sys.stderr)\n"
-    spy += "for m in list(sys.modules.values()):\n    if getattr(m, '__file__', None): print(m.__file__, file=sys.stderr)\n"
     with (package / "oscillator.py").open("a") as script:
-        script.write(spy)
+        script.write(SPY)
     command = [str(host_program), "run", "1", str(told(folder))]
     run = subprocess.run(command, env=NOWHERE, capture_output=True, text=True)
     used = set(run.stderr.split())
@@ -55,6 +59,16 @@ def test_an_incomplete_runtime_is_turned_down(host, bundled, tmp_path, lost):
     assert "is missing" in run.stderr
 
 
-def test_a_package_that_is_not_installed(monkeypatch):
+def test_a_model_that_needs_more_than_is_bundled(bundled, tmp_path):
+    less = tmp_path / "less.fmu"
+    with zipfile.ZipFile(bundled) as complete, zipfile.ZipFile(less, "w") as result:
+        for name in complete.namelist():
+            if "/numpy/linalg/" not in name:
+                result.writestr(name, complete.read(name))
+    with pytest.raises(BundleError, match=r"does not run with what is bundled:[\s\S]*numpy\.linalg"):
+        check(less)
+
+
+def test_a_package_that_is_not_installed():
     with pytest.raises(BundleError, match="the FMU needs nowhere_to_be_found, which is not installed"):
         bundle(["nowhere_to_be_found"])

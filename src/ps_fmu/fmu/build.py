@@ -23,6 +23,7 @@ from pythonfmu.builder import FmuBuilder
 
 from . import archive, smoke
 from .bundle import BundleError, bundle
+from .bundle import check as check_bundle
 from .description import CAPABILITIES
 from .documentation import page
 from .entry import entry_source
@@ -91,6 +92,8 @@ def build_one(folder: Path, output: Path, *, interpreter: Path | None = None, bu
             fmu = Path(temporary) / f"{name}.fmu"
             archive.write(fmu, files)
             smoke.check(fmu)
+            if bundled:
+                check_bundle(fmu)
         except (SourceError, BundleError, smoke.SmokeError) as error:
             raise BuildError(f"{folder.name}: {error}") from None
         result = output / fmu.name

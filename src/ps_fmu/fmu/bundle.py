@@ -20,6 +20,7 @@ import marshal
 import subprocess
 import sys
 import sysconfig
+import tempfile
 import zipfile
 from collections.abc import Iterable, Iterator
 from pathlib import Path, PurePosixPath
@@ -44,12 +45,13 @@ _EXTENSIONS_LEFT_OUT = (
     "_xx", "nis", "ossaudiodev", "readline", "spwd", "xx",
 )  # fmt: skip
 # Of packages: what is only for developing with them, and for testing them.
-_PACKAGE_PARTS_LEFT_OUT = {"__pycache__", "tests", "f2py", "include", "_pyinstaller"}
+_PACKAGE_PARTS_LEFT_OUT = {"__pycache__", "tests", "include", "_pyinstaller"}
 _PACKAGE_FILES_LEFT_OUT = (".pyi", ".pxd", ".h", ".a", ".pyc", ".typed")
 
 # Part of every Linux that can load the launcher and pythonfmu's library.
 _ALWAYS_THERE = (
-    "ld-linux", "libc.so", "libc-", "libdl", "libgcc_s", "libm.so", "libm-", "libpthread", "librt", "libstdc++", "libutil",
+    "ld-linux", "libc.so", "libc-", "libdl", "libgcc_s", "libm.so", "libm-", "libpthread", "librt", "libstdc++",
+    "libutil",
 )  # fmt: skip
 
 
@@ -84,6 +86,36 @@ def bundle(modules: Iterable[str]) -> Files:
     files |= {f"{_PACKAGES}/{name}": content for name, content in packages.items()}
     files |= {f"lib/system/{name}": path.read_bytes() for name, path in libraries.items()}
     return {_ROOT / name: content for name, content in files.items()}
+
+
+def check(fmu: Path) -> None:
+    """Run the model of an FMU with what is in its bundle, and nothing else.  Raises BundleError if it fails."""
+    with tempfile.TemporaryDirectory(prefix="ps_fmu_bundle_") as folder, zipfile.ZipFile(fmu) as content:
+        content.extractall(folder)
+        command = [sys.executable, "-I", "-S", "-B", "-c", _TRIAL, folder, f"binaries/linux64/{_ROOT}"]
+        run = subprocess.run(command, capture_output=True, text=True)
+    if run.returncode != 0:
+        raise BundleError(f"the model does not run with what is bundled:\n{run.stderr}")
+
+
+# The life of a slave without a host, since there is none that comes without Python.
+_TRIAL = """
+import os, sys
+folder, home = sys.argv[1], os.path.join(*sys.argv[1:])
+notes = dict(line.rstrip().split("=", 1) for line in open(os.path.join(home, "bundle.txt")))
+sys.path[:] = [os.path.join(home, entry) for entry in notes["entries"].split(":")]
+sys.path.insert(0, os.path.join(folder, "resources"))
+import importlib, xml.etree.ElementTree
+description = xml.etree.ElementTree.parse(os.path.join(folder, "modelDescription.xml")).getroot()
+model = description.find("CoSimulation").get("modelIdentifier")
+step = float(description.find("DefaultExperiment").get("stepSize"))
+with open(os.path.join(folder, "resources", "slavemodule.txt")) as name:
+    slave = getattr(importlib.import_module(name.read().strip()), model)(instance_name="trial")
+slave.setup_experiment(0.0)
+slave.enter_initialization_mode()
+slave.exit_initialization_mode()
+assert slave.do_step(0.0, step) and slave.do_step(step, step), slave.log_queue
+"""
 
 
 def _libpython() -> Path:
