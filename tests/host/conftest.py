@@ -5,14 +5,14 @@ from __future__ import annotations
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import pytest
 from support.host import unpack
 
 from ps_fmu.fmu.build import build_one
-from ps_fmu.fmu.launcher.compile import fmi_headers
+from ps_fmu.fmu.launcher.compile import FOLDER, SOURCES, fmi_headers
 
 HERE = Path(__file__).parent
 MODELS = HERE.parent / "fmu" / "models"
@@ -26,10 +26,26 @@ def host_program(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The compiled host."""
     program = tmp_path_factory.mktemp("host") / "host"
     compiler = ["cc"] if shutil.which("cc") else [sys.executable, "-m", "ziglang", "cc"]
+    compile_c(compiler, [HERE / "host.c"], program)
+    return program
+
+
+def compile_c(compiler: list[str], sources: Sequence[Path], result: Path) -> None:
     flags = ["-std=c99", "-D_GNU_SOURCE", "-O1", "-Wall", "-Wextra", "-Werror", "-I", str(fmi_headers())]
     libraries = ["-ldl", "-lpthread", "-lm"]
-    subprocess.run([*compiler, *flags, str(HERE / "host.c"), "-o", str(program), *libraries], check=True)
-    return program
+    subprocess.run([*compiler, *flags, *map(str, sources), "-o", str(result), *libraries], check=True)
+
+
+@pytest.fixture(scope="session")
+def sanitized(bound: dict[str, Path], tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """Host, and toy as an unpacked FMU whose launcher is compiled with checks of memory and undefined behaviour."""
+    folder = tmp_path_factory.mktemp("sanitized")
+    checks = ["cc", "-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-g"]
+    compile_c(checks, [HERE / "host.c"], folder / "host")
+    shutil.copytree(bound["oscillator"], folder / "oscillator")
+    library = folder / "oscillator" / "binaries" / "linux64" / "Oscillator.so"
+    compile_c([*checks, "-fPIC", "-shared", "-fvisibility=hidden"], [FOLDER / name for name in SOURCES], library)
+    return folder / "host", folder / "oscillator"
 
 
 @pytest.fixture(scope="session")

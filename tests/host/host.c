@@ -9,6 +9,8 @@
    threads  eight threads, each with its own instances, N steps
    leave    exit() while four threads step
    keep     instances and libraries are never freed
+   embed    runs Python itself, from the library HOST_LIBPYTHON, which other libraries do not see; finalises it, and
+            frees an instance even later
    cost     mean time of the calls over N steps, in us
 */
 #include <dlfcn.h>
@@ -301,6 +303,29 @@ static void threads(Work *w, int n_threads, int join)
         pthread_join(ids[i], NULL);
 }
 
+static void embed(Fmu *fmus, int n_fmus, long n)
+{
+    void (*initialise_python)(int), (*restore)(void *), *(*save)(void);
+    int (*finalise)(void);
+    void *python = dlopen(getenv("HOST_LIBPYTHON"), RTLD_NOW | RTLD_LOCAL);
+    EXPECT(python != NULL);
+    *(void **)&initialise_python = dlsym(python, "Py_InitializeEx");
+    *(void **)&save = dlsym(python, "PyEval_SaveThread");
+    *(void **)&restore = dlsym(python, "PyEval_RestoreThread");
+    *(void **)&finalise = dlsym(python, "Py_FinalizeEx");
+    initialise_python(0);
+    void *state = save();
+    Work all = {fmus, n_fmus, n};
+    Run late;
+    run_all(fmus, n_fmus, n, 1);
+    threads(&all, 2, 1);
+    instantiate(&late, fmus);
+    restore(state);
+    EXPECT(finalise() == 0);
+    EXPECT(fmus->SetupExperiment(late.component, 0, 0.0, 0.0, 0, 0.0) == fmi2Error);
+    fmus->FreeInstance(late.component);
+}
+
 static double now(void)
 {
     struct timespec time;
@@ -366,7 +391,10 @@ int main(int argc, char **argv)
             run_all(fmus, n_fmus, n, 0);
         else if (strcmp(mode, "faults") == 0)
             faults(fmus, n);
-        else if (strcmp(mode, "threads") == 0)
+        else if (strcmp(mode, "embed") == 0) {
+            embed(fmus, n_fmus, n);
+            return 0; /* locale and handlers are this host's own doing */
+        } else if (strcmp(mode, "threads") == 0)
             threads(&all, 8, 1);
         else if (strcmp(mode, "leave") == 0) {
             Run run; /* Python is up before the threads are */

@@ -4,6 +4,7 @@ import itertools
 import os
 import subprocess
 import sys
+import sysconfig
 from pathlib import Path
 
 import pytest
@@ -189,6 +190,17 @@ def test_an_error_at_import_comes_with_its_traceback(host, plain):
     assert "Traceback" in logged
     assert "ValueError: 100 %n" in logged
     assert script.name in logged
+
+
+def test_a_host_that_embeds_python(host, bound):
+    """The launcher makes its libpython global, and stays away from it once the host has finalised it."""
+    libpython = Path(sysconfig.get_config_var("LIBDIR")) / sysconfig.get_config_var("INSTSONAME")
+    own = {"PYTHONHOME": sys.base_prefix, "PYTHONPATH": sysconfig.get_path("platlib")}
+    expected = host("run", 20, told(bound["oscillator"])).stdout
+    run = host("embed", 20, told(bound["oscillator"]), HOST_LIBPYTHON=str(libpython), **own)
+    assert run.returncode == 0
+    assert run.stdout == 3 * expected
+    assert "fmi2SetupExperiment: not possible any more: the host has finalised Python" in run.stderr
 
 
 def test_python_hosts_end_well(bound):
