@@ -2,6 +2,7 @@
 
 import itertools
 import os
+import shutil
 import subprocess
 import sys
 import sysconfig
@@ -9,7 +10,8 @@ from pathlib import Path
 
 import pytest
 from fmpy import read_model_description
-from fmpy.fmi2 import FMU2Slave
+from fmpy.fmi1 import FMICallException
+from fmpy.fmi2 import FMU2Slave, fmi2CallbackFunctions, fmi2CallbackLoggerTYPE
 from support.host import told
 
 ANSWER = "printf 'version={}\\nprogram=x\\nmissing={}\\nlibrary=/x\\nentries=/\\ncomplete=1\\n'"
@@ -190,6 +192,42 @@ def test_an_error_at_import_comes_with_its_traceback(host, plain):
     assert "Traceback" in logged
     assert "ValueError: 100 %n" in logged
     assert script.name in logged
+
+
+def test_a_bug_in_a_model_is_an_error_with_its_traceback(bound, tmp_path):
+    folder = tmp_path / "buggy"
+    shutil.copytree(bound["oscillator"], folder)
+    (package,) = (folder / "resources").glob("ps_fmu_*")
+    script = package / "oscillator.py"
+    script.write_text(script.read_text().replace("if target > 1.0:", "if 1.0 / (target - 0.25) > 1e9:"))
+    description = read_model_description(str(folder))
+    references = {v.name: v.valueReference for v in description.modelVariables}
+    slave = FMU2Slave(
+        guid=description.guid, unzipDirectory=str(folder), modelIdentifier="Oscillator", instanceName="buggy 100%d"
+    )
+    logged = []
+    callbacks = fmi2CallbackFunctions()
+    callbacks.logger = fmi2CallbackLoggerTYPE(lambda *call: logged.append(call[2:5]))
+    slave.instantiate(callbacks=callbacks, loggingOn=True)
+    for _ in range(2):
+        slave.setupExperiment(startTime=0.0)
+        slave.enterInitializationMode()
+        slave.exitInitializationMode()
+        slave.setReal([references["reference"]], [0.25])
+        for _ in range(500):
+            with pytest.raises(FMICallException) as error:
+                slave.doStep(0.0, 0.01)
+            assert error.value.status == 3  # fmi2Error
+        slave.setReal([references["reference"]], [0.1])
+        slave.doStep(0.0, 0.01)
+        slave.reset()
+    slave.freeInstance()
+    assert len(logged) == 1000
+    status, category, text = logged[-1]
+    assert (status, category) == (3, b"logStatusError")
+    assert text.startswith(b"Oscillator 'buggy 100%%d': ZeroDivisionError: ")  # a printf format
+    assert b"Traceback" in text
+    assert b"oscillator.py" in text
 
 
 def test_a_host_that_embeds_python(host, bound):
