@@ -20,6 +20,7 @@ try:
     from ps_fmu.scenarios.options import (
         DEFAULT_DURATION_S,
         DEFAULT_STEP_S,
+        DEFAULT_STORAGE_STEP_S,
         RESULTS,
         SCHEMES,
         OptionError,
@@ -32,10 +33,13 @@ except ModuleNotFoundError as missing:
 
 def parser() -> argparse.ArgumentParser:
     """The command line."""
-    durations = ", ".join(f"{name} {seconds:g}" for name, seconds in DEFAULT_DURATION_S.items())
+    durations, storage = (
+        ", ".join(f"{name} {seconds:g}" for name, seconds in default.items())
+        for default in (DEFAULT_DURATION_S, DEFAULT_STORAGE_STEP_S)
+    )
     p = argparse.ArgumentParser(prog="run.py", description=__doc__.splitlines()[0] if __doc__ else None)
     p.add_argument("scenario", nargs="?", default="isolation", choices=list(DEFAULT_DURATION_S))
-    p.add_argument("--duration", type=float, metavar="S", help=f"simulated seconds per run ({durations})")
+    p.add_argument("--duration", type=float, metavar="S", help=f"seconds to simulate and judge, per run ({durations})")
     p.add_argument("--step", type=float, default=DEFAULT_STEP_S, metavar="S", help="seconds (%(default)s)")
     p.add_argument("--seed", type=int, default=1, metavar="N", help="seed of the disturbance (%(default)s)")
     p.add_argument(
@@ -45,7 +49,7 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("--ssp", type=Path, metavar="FILE.ssp", help="the system with its FMUs, made by ps-fmu ssp")
     p.add_argument("--output", type=Path, metavar="DIR", help="folder of the results (results/SCENARIO)")
     p.add_argument("--scheme", choices=SCHEMES, default=SCHEMES[0], help="order of exchange (%(default)s)")
-    p.add_argument("--storage-step", type=float, metavar="S", help="time between stored rows (--step)")
+    p.add_argument("--storage-step", type=float, metavar="S", help=f"seconds between stored rows ({storage})")
     return p
 
 
@@ -63,7 +67,7 @@ def options_of(arguments: argparse.Namespace) -> RunOptions:
         scheme=arguments.scheme,
         storage_step_s=arguments.storage_step,
         fmus=None if arguments.ssp else ROOT / "build" / "fmus",
-        progress=sys.stderr.isatty(),
+        progress=True,
     ).claim_output()
 
 

@@ -25,6 +25,8 @@ from ps_fmu.manipulator.parameters import load
 PAPER = load()
 #: The payload as the controller knows it: its centre of mass is some millimetres off, and the truss is rigid.
 KNOWN_PAYLOAD = replace(PAPER.payload, com_P=PAPER.known_com_P, truss_modes=())
+#: An orientation this close (rad) is the same: a plant at rest varies it by rounding.
+SAME_ORIENTATION = 1e-12
 
 
 def known(name: str) -> bool:
@@ -144,14 +146,16 @@ class FeedforwardIsolator(Slave):
         off = np.abs(orientation - self.gain_orientation).max()
         at_rest = bool((orientation == self.last_orientation).all())
         self.last_orientation[:] = orientation
-        if off > float(self.value("orientation_resolution")) or (at_rest and off > 0.0):
+        if off > max(float(self.value("orientation_resolution")), SAME_ORIENTATION) or (
+            at_rest and off > SAME_ORIENTATION
+        ):
             self._use(orientation)
             off = 0.0
         if bool(self.value("enabled")) != self.enabled:
             self._use(self.gain_orientation.copy())
-        if self.sampled and self.phase_count[0] == 0.0:
+        if self.sampled and self.since_sample[0] == 0.0:
             self.a[:] = self.u
-        return bool(off > 0.0) or self.sampled
+        return bool(off > SAME_ORIENTATION) or self.sampled
 
     def finish_step(self) -> None:
         """Hold, delay and limit the forces, behind the linear map."""
@@ -162,12 +166,16 @@ class FeedforwardIsolator(Slave):
 
     def _hold_delay_limit(self, force: NDArray[np.float64]) -> None:
         if self.sampled:
-            period = whole_steps("sample_time", float(self.value("sample_time")), self.step_size)
-            self.phase_count[0] = (self.phase_count[0] + 1.0) % period
-            if self.phase_count[0] == 0.0:
+            period = float(self.value("sample_time"))
+            whole_steps("sample_time", period, self.step_size)
+            self.since_sample[0] += self.step_size
+            if self.since_sample[0] > period - 0.5 * self.step_size:
+                self.since_sample[0] = 0.0
                 self.held_force[:] = force
             force[:] = self.held_force
         force[:] = self.delay.push(force, float(self.value("delay")), self.step_size)
+        if not self.enabled:  # at once, whatever is still on its way
+            force[:] = 0.0
         limit = float(self.value("force_limit"))
         if limit:
             self.y[3] = float(np.abs(force).max() > limit)
@@ -188,7 +196,7 @@ class FeedforwardIsolator(Slave):
             lowpass(filters),
         )
         self.gain_orientation, self.last_orientation = self.memory[0:3], self.memory[3:6]  # rad
-        self.phase_count, self.held_force = self.memory[6:7], self.memory[7:10]  # steps into the period; N
+        self.since_sample, self.held_force = self.memory[6:7], self.memory[7:10]  # s; N
         self.delay = DelayLine(self.memory[10:])
         self.sampled = bool(values["sample_time"])
         self.finishing = bool(values["sample_time"] or values["delay"] or values["force_limit"])

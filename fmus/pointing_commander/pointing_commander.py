@@ -41,7 +41,7 @@ class PointingCommander(Slave):
     """Turns the payload platform to a target orientation; refuses what the mechanism cannot reach."""
 
     model_description = "Pointing commander: coarse actuator commands for a target orientation of P in B"
-    block_rows: ClassVar[int] = 256
+    block_rows: ClassVar[int] = 1024  # 1.3 us a row in motion; 1.9 us in tables of 256
     n_memory: ClassVar[int] = 18 + 1 + 1 + 3  # profile, reachable, waiting, the last target: see _decide
 
     ports: ClassVar[tuple[Port, ...]] = (

@@ -27,7 +27,9 @@ def parser() -> argparse.ArgumentParser:
     top = argparse.ArgumentParser(prog="ps-fmu", description="FMUs of a pointing manipulator.")
     commands = top.add_subparsers(title="commands", required=True, metavar="COMMAND")
     _add_build(commands)
+    _add_check(commands)
     _add_ssp(commands)
+    _add_crosscheck(commands)
     return top
 
 
@@ -67,6 +69,24 @@ def _build(options: argparse.Namespace) -> int:
         print(f"ps-fmu build: {error}", file=sys.stderr)
         return EXIT_FAILED
     return EXIT_OK
+
+
+def _add_check(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    check = commands.add_parser(
+        "check",
+        help="check FMU files of any maker",
+        description="Check archive, model description and behaviour of FMUs.  Exit code 1 if any check failed.",
+    )
+    check.add_argument("fmus", type=Path, nargs="+", metavar="FMU")
+    check.set_defaults(run=_check)
+
+
+def _check(options: argparse.Namespace) -> int:
+    from .check.fmu_check import check_fmu
+    from .check.table import show
+
+    passed = [show(str(path), check_fmu(path), lambda line: print(line, flush=True)) for path in options.fmus]
+    return EXIT_OK if all(passed) else EXIT_FAILED
 
 
 def _add_ssp(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -111,6 +131,48 @@ def _ssp(options: argparse.Namespace) -> int:
         print(f"ps-fmu ssp: {error}", file=sys.stderr)
         return EXIT_FAILED
     return EXIT_OK
+
+
+def _add_crosscheck(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    crosscheck = commands.add_parser(
+        "crosscheck",
+        help="compare the FMUs with their reference runs",
+        description="Run each FMU with its inputs and options (FMI cross-check rules 4.1) and compare.",
+    )
+    crosscheck.add_argument(
+        "--fmus", type=Path, default=Path("build/fmus"), metavar="DIR", help="the built FMUs (default: %(default)s)"
+    )
+    crosscheck.add_argument(
+        "--references",
+        type=Path,
+        default=Path("fmus"),
+        metavar="DIR",
+        help="folder whose folders hold <Model>_ref.opt (default: %(default)s)",
+    )
+    crosscheck.add_argument("--write", action="store_true", help="write new reference solutions instead")
+    crosscheck.set_defaults(run=_crosscheck)
+
+
+def _crosscheck(options: argparse.Namespace) -> int:
+    from .check.crosscheck import CrossCheckError, deviation, find, read_options, read_table, simulate, write_table
+
+    failed = False
+    try:
+        for reference in find(options.references):
+            result = simulate(options.fmus / f"{reference.model}.fmu", reference)
+            if options.write:
+                write_table(reference.results, result)
+                print(f"{reference.results}  {len(result)} rows", flush=True)
+                continue
+            tolerance = read_options(reference.options).relative_tolerance
+            found = deviation(result, read_table(reference.results))
+            failed |= found > tolerance
+            verdict = "agrees" if found <= tolerance else "DIFFERS"
+            print(f"{reference.model:24}{verdict}  relative deviation {found:.1e}, allowed {tolerance:.1e}", flush=True)
+    except (CrossCheckError, OSError) as error:
+        print(f"ps-fmu crosscheck: {error}", file=sys.stderr)
+        return EXIT_FAILED
+    return EXIT_FAILED if failed else EXIT_OK
 
 
 if __name__ == "__main__":

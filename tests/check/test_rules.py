@@ -1,5 +1,6 @@
 """Each rule finds the fault that is made for it, and no other rule does."""
 
+import re
 from pathlib import Path
 from zipfile import ZipFile
 
@@ -106,6 +107,12 @@ def test_a_fault_is_found_by_its_rule_alone(rule, old, new):
     assert str(problems[0]).endswith(f"[{rule}, FMI 2.0.4, {problems[0].rule.section}]")
 
 
+def test_the_documents_count_the_rules():
+    root = Path(__file__).parents[2]
+    for document in (root / "README.md", root / "fmus" / "README.md"):
+        assert f"{len(RULES)} rules" in document.read_text().replace("\n", " ")
+
+
 def test_every_rule_has_a_fault_that_it_finds():
     names = [rule.name for rule in RULES]
     assert len(set(names)) == len(names)
@@ -131,3 +138,25 @@ def test_what_is_no_description_is_refused(text):
 @pytest.mark.parametrize("text", ["<a/>", "<fmiModelDescription/>", BASE.replace(" index=", " place=")])
 def test_a_rule_never_stumbles(text):
     assert broken(text)
+
+
+@pytest.mark.parametrize("value", ["", "-1", "9" * 5000, "NaN", "\u00b2", "1e999", "1 2 x", "&#10;", " 1 ", "1_0"])
+def test_no_value_of_an_attribute_makes_a_rule_fail(value):
+    """Whatever stands in whichever attribute: problems are found, or there are none."""
+    for spot in list(re.finditer(r'(?<==")[^"]*', BASE))[2:]:  # after the XML declaration
+        assert all(map(str, broken(BASE[: spot.start()] + value + BASE[spot.end() :])))
+
+
+def test_many_variables_take_no_time_to_speak_of():
+    """10 000 outputs; anything quadratic would be felt at once."""
+    numbers = range(1, 10_001)
+    variables = "".join(
+        f'<ScalarVariable name="y{k}" valueReference="{k}" causality="output"><Real/></ScalarVariable>' for k in numbers
+    )
+    unknowns = "".join(f'<Unknown index="{k}" dependencies=""/>' for k in numbers)
+    text = (
+        '<fmiModelDescription fmiVersion="2.0" guid="1"><CoSimulation modelIdentifier="Many"/><ModelVariables>'
+        f"{variables}</ModelVariables><ModelStructure><Outputs>{unknowns}</Outputs>"
+        f"<InitialUnknowns>{unknowns}</InitialUnknowns></ModelStructure></fmiModelDescription>"
+    )
+    assert broken(text) == []

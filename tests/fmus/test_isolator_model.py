@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.mechanics import PAPER, pose_at
+from support.mechanics import ORIENTATIONS_DEG, PAPER, pose_at
 from support.models import Host
 
 from ps_fmu.manipulator.feedforward import Controller, gains, lowpass
@@ -28,16 +28,19 @@ def run(host: Host, steps: int, start: int = 0) -> np.ndarray:
     return np.array(forces)
 
 
-def test_forces_are_those_of_the_controller() -> None:
+@pytest.mark.parametrize("rpy_deg", ORIENTATIONS_DEG)
+def test_forces_are_those_of_the_controller(rpy_deg: tuple[float, float, float]) -> None:
     known = replace(PAPER.payload, com_P=PAPER.known_com_P)
-    found = gains(PAPER.manipulator, known, pose_at((0.0, 0.0, 0.0)))
+    found = gains(PAPER.manipulator, known, pose_at(rpy_deg))
     c = Controller(found, lowpass(PAPER.filters), PAPER.filters)
     step, x, expected = c.step_map(H), np.zeros(c.n_states), []
     for k in range(50):
         result = step @ np.concatenate([x, list(acceleration(k).values())])
         expected.append(result[:3])
         x = result[3:]
-    np.testing.assert_allclose(run(Host("feedforward_isolator").run_mode(), 50), expected, rtol=1e-10, atol=1e-14)
+    names = ("orientation__roll", "orientation__pitch", "orientation__yaw")
+    host = Host("feedforward_isolator", **dict(zip(names, np.radians(rpy_deg).tolist(), strict=True))).run_mode()
+    np.testing.assert_allclose(run(host, 50), expected, rtol=1e-10, atol=1e-14)
 
 
 def test_payload_as_known_has_no_truss_that_its_mass_would_have_to_carry() -> None:
@@ -60,6 +63,14 @@ def test_disabled_gives_no_force_but_goes_on_measuring() -> None:
     np.testing.assert_allclose(run(switched, 20, 20), expected[20:], rtol=1e-12)
     switched.set(enabled=False)
     assert not run(switched, 3, 40).any()
+
+
+@pytest.mark.parametrize("start", [{}, {"delay": 0.02}, {"sample_time": 10 * H}], ids=str)
+def test_switching_off_takes_the_force_away_at_once(start: dict) -> None:
+    host = Host("feedforward_isolator", **start).run_mode()
+    assert run(host, 45)[-1].any()
+    host.set(enabled=False)
+    assert not run(host, 40, 45).any()
 
 
 def test_gains_follow_the_orientation() -> None:
@@ -140,10 +151,37 @@ def test_sampled_controller_is_the_controller_at_its_own_period() -> None:
     np.testing.assert_array_equal(forces[4:7], np.repeat(forces[3:4], 3, axis=0))
 
 
-def test_period_must_be_a_multiple_of_the_step() -> None:
-    host = Host("feedforward_isolator", sample_time=2.5 * H).run_mode()
+@pytest.mark.parametrize("period", [2.5 * H, 4e-10])
+def test_period_must_be_a_multiple_of_the_step(period: float) -> None:
+    host = Host("feedforward_isolator", sample_time=period).run_mode()
     assert not host.slave.do_step(0.0, H)
-    assert "sample_time: 0.0025 s is not a multiple" in host.messages()
+    assert f"sample_time: {period:g} s is not a multiple" in host.messages()
+
+
+def test_period_outlives_a_change_of_step() -> None:
+    """The controller samples at its own times, whatever the steps between them."""
+    host = Host("feedforward_isolator", sample_time=4 * H).run_mode()
+    time, changed, before = 0.0, [], [0.0, 0.0, 0.0]
+    for k, h in enumerate([H, H, *[0.5 * H] * 20, *[2.0 * H] * 4]):
+        host.set(**acceleration(k))
+        assert host.slave.do_step(time, h)
+        time += h
+        if host.get(*FORCES) != before:
+            changed.append(round(time / H))
+        before = host.get(*FORCES)
+    assert changed == [4, 8, 12, 16, 20]
+
+
+def test_rounding_of_the_orientation_is_no_turn() -> None:
+    host = Host("feedforward_isolator", orientation__roll=0.1).run_mode()
+    controller = host.slave.controller
+    for k in range(20):
+        host.set(orientation__roll=0.1 + 1e-16 * (k // 3))
+        host.step(H)
+    assert host.slave.controller is controller
+    host.set(orientation__roll=0.1 + 1e-9)
+    host.step(H, 2)
+    assert host.slave.controller is not controller
 
 
 def test_unreachable_orientation_is_said_and_can_be_put_right() -> None:

@@ -13,7 +13,7 @@ from ps_fmu.manipulator.disturbance import (
     default_settings,
     read_harmonics,
 )
-from ps_fmu.manipulator.disturbance.wheels import FORCE_HARMONICS, TORQUE_HARMONICS, wheel_plane
+from ps_fmu.manipulator.disturbance.wheels import FORCE_HARMONICS, TORQUE_HARMONICS
 from ps_fmu.manipulator.flat import entries, with_values
 from ps_fmu.manipulator.parameters import ParameterError, load
 
@@ -26,8 +26,9 @@ STEP = 1e-4  # s
 # --- Wheels -----------------------------------------------------------------------------
 
 
-def test_wheel_amplitude_and_frequency_at_constant_speed():
-    speed, order, coefficient = 300.0, 2.0, 1e-7  # rad/s, 1, N/(rad/s)^2
+@pytest.mark.parametrize("speed", [300.0, -300.0])  # rad/s
+def test_wheel_amplitude_and_frequency_at_constant_speed(speed):
+    order, coefficient = 2.0, 1e-7  # 1, N/(rad/s)^2
     harmonic = Harmonics(np.array([order]), np.array([coefficient]))
     axis, position = np.array([1.0, 2.0, -0.5]), np.array([0.1, 0.4, -2.0])
     wheel = WheelSource(
@@ -38,9 +39,18 @@ def test_wheel_amplitude_and_frequency_at_constant_speed():
     np.testing.assert_allclose(np.linalg.norm(force, axis=1), coefficient * speed**2)
     np.testing.assert_allclose(force @ axis, 0.0, atol=1e-12)
     np.testing.assert_allclose(torque, np.cross(position, force))
-    one, other = wheel_plane(axis)
-    angle = np.unwrap(np.arctan2(force @ other, force @ one))
-    np.testing.assert_allclose(np.diff(angle), order * speed * STEP)  # turns with the wheel, right-handed
+    # It turns with the wheel, right-handed about the spin axis: the axis of the turn from one sample to the next.
+    turn = np.cross(force[:-1], force[1:]) @ axis / np.linalg.norm(axis) / (coefficient * speed**2) ** 2
+    np.testing.assert_allclose(turn, np.sin(order * speed * STEP))
+
+
+def test_wheel_amplitude_follows_the_square_of_the_present_speed():
+    harmonic = Harmonics(np.array([1.0]), np.array([1e-7]))
+    profile = SpeedProfile(initial=100.0, final=-300.0, start=3.0, duration=5.0)
+    wheel = WheelSource(profile, np.array([0.0, 0.0, 1.0]), np.zeros(3), (1,), force=harmonic, torque=NOTHING)
+    times = np.array([2.5, 4.0, 4.25, 6.0, 9.0])  # s; at 4.25 s the wheel stands still
+    size = np.linalg.norm(wheel(times)[:, :3], axis=1)
+    np.testing.assert_allclose(size, 1e-7 * np.array([100.0, 20.0, 0.0, 140.0, 300.0]) ** 2, atol=1e-15)
 
 
 def test_wheel_torque_harmonics_act_as_a_couple():
@@ -165,6 +175,13 @@ def test_noise_acts_at_the_centre_of_mass():
 def _pairs():
     axes = ("fx", "fy", "fz", "tx", "ty", "tz")
     return [(axes[i], axes[j]) for i in range(6) for j in range(i, 6)]
+
+
+def test_equal_wheels_have_phases_of_their_own():
+    axis = {f"wheel_2.spin_axis.{a}": value for a, value in zip("xyz", (1.0, 0.0, 0.0), strict=True)}
+    times = 5.0 + np.arange(1000) * STEP
+    one, other = (Disturbance(with_values(QUIET, {f"wheel_{i}.enabled": True} | axis))(times) for i in (1, 2))
+    assert np.abs(one - other).max() > 0.1 * np.abs(one).max()
 
 
 def test_scale_and_seed():

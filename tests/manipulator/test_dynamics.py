@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from support.mechanics import PAPER, dynamics_at, pose_at, reference_cases, reference_pose, rigid
 
-from ps_fmu.manipulator.dynamics import Pose, payload_mass, rigid_body_mass
+from ps_fmu.manipulator.dynamics import payload_mass, rigid_body_mass
 from ps_fmu.manipulator.kinematics import jacobians, leg_vectors, platform_joints_B
 from ps_fmu.manipulator.legs import leg_mass
 from ps_fmu.manipulator.parameters import LegPart
@@ -153,6 +153,39 @@ def test_rod_and_truss_frequencies_of_the_notes() -> None:
     assert 350.0 < frequencies[-1] < 380.0
 
 
+def test_each_flexible_coordinate_has_its_frequency_and_damping_ratio() -> None:
+    """With all other coordinates held."""
+    d = dynamics_at(pose_at((8.5, 0.0, 0.0)))
+    rods = PAPER.manipulator.coarse_rods
+    expected = {
+        "x_m": [(mode.frequency, mode.damping_ratio) for mode in PAPER.bus.modes],
+        "x_t": [(mode.frequency, mode.damping_ratio) for mode in PAPER.payload.truss_modes],
+        "e_c": [(np.sqrt(rods.axial_stiffness / m) / (2.0 * np.pi), rods.damping_ratio) for m in np.diag(d.M)[15:18]],
+    }
+    assert d.slices["e_c"] == slice(15, 18)
+    for group, values in expected.items():
+        M, C, K = (np.diag(matrix)[d.slices[group]] for matrix in (d.M, d.C, d.K))
+        found = np.column_stack([np.sqrt(K / M) / (2.0 * np.pi), C / (2.0 * np.sqrt(K * M))])
+        np.testing.assert_allclose(found, values, rtol=1e-12)
+
+
+@given(orientations, st.integers(0, 2**32 - 1))
+def test_truss_masses_move_with_the_platform_and_along_their_own_direction(rpy_deg, seed) -> None:
+    """What their motion adds to the kinetic energy, from the velocity of each point mass."""
+    pose = pose_at(rpy_deg)
+    d = dynamics_at(pose)
+    rate = np.random.default_rng(seed).normal(size=d.n)
+    twist, R = d.platform_rows() @ rate, pose.rotation_BP
+    added = 0.0
+    for mode, own in zip(PAPER.payload.truss_modes, rate[d.slices["x_t"]], strict=True):
+        held = twist[:3] + np.cross(twist[3:], R @ mode.position_P)
+        moving = held + own * (R @ mode.direction_P)
+        added += 0.5 * mode.mass * (moving @ moving - held @ held)
+    still = rate.copy()
+    still[d.slices["x_t"]] = 0.0
+    assert 0.5 * (rate @ d.M @ rate - still @ d.M @ still) == pytest.approx(added, rel=1e-6)  # of 1e4 J
+
+
 def test_switched_off_groups_are_inactive_and_keep_their_place() -> None:
     pose = pose_at((0.0, 0.0, 0.0))
     off = replace(
@@ -165,14 +198,3 @@ def test_switched_off_groups_are_inactive_and_keep_their_place() -> None:
     assert d.n == dynamics_at(pose).n == 20
     assert d.active.tolist() == [True] * 9 + [False] * 11
     np.testing.assert_allclose(d.M[:9, :9], bare.M[:9, :9], rtol=1e-14)
-
-
-def test_coarse_motion_enters_through_the_rods_column() -> None:
-    d = dynamics_at(pose_at((0.0, 0.0, 0.0)))
-    np.testing.assert_array_equal(d.m_c, d.M[:, d.slices["e_c"]])
-
-
-def test_pose_is_what_was_asked() -> None:
-    pose = pose_at((1.0, 2.0, 3.0))
-    assert isinstance(pose, Pose)
-    np.testing.assert_allclose(pose.rotation_BP @ pose.rotation_BP.T, np.eye(3), atol=1e-15)

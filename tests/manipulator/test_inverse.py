@@ -157,6 +157,15 @@ def test_stroke_names_the_leg_and_the_excess():
     assert why_unreachable(GEOMETRY, inverse_kinematics(GEOMETRY, np.zeros(3))) is None
 
 
+def test_stroke_margin_is_that_of_the_nearer_end():
+    geometry = replace(GEOMETRY, coarse_stroke=np.array([-0.01, 0.03]))
+    d_c = np.array([[-0.009, 0.0, 0.029], [-0.012, 0.01, 0.0], [0.0, 0.01, 0.034]])
+    np.testing.assert_allclose(
+        stroke_margin(geometry, d_c), [[0.001, 0.01, 0.001], [-0.002, 0.02, 0.01], [0.01, 0.02, -0.004]], atol=1e-17
+    )
+    assert within_stroke(geometry, d_c).tolist() == [True, False, False]
+
+
 def test_the_end_of_the_stroke_counts_as_within():
     for d_c in ([0.02, -0.02, 0.02], [-0.02, -0.02, -0.02]):
         forward = forward_kinematics(GEOMETRY, lengths_of(d_c))

@@ -4,14 +4,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import scipy.signal
 from scipy.linalg import expm
 from support.mechanics import PAPER, relative_error
 
 from ps_fmu.manipulator.discretise import zero_order_hold
 from ps_fmu.manipulator.dynamics import Pose
+from ps_fmu.manipulator.forward import forward_kinematics
 from ps_fmu.manipulator.frequency import Practical
 from ps_fmu.manipulator.plant import Convection, Plant, coarse_motion
 from ps_fmu.manipulator.practical import N_INPUTS, OUTPUTS, momentum, output_slices, servo_slices
+from ps_fmu.manipulator.rotations import rotation_from_vector
 
 PLANT = Plant(PAPER.manipulator, PAPER.payload, PAPER.bus, PAPER.servo, PAPER.optics)
 STILL = np.zeros(3)
@@ -76,13 +79,43 @@ def test_orientation_follows_forward_kinematics_to_first_order() -> None:
     np.testing.assert_allclose(y[PLACE["orientation"]], PLANT.linearise(SLOPE + near).rpy, atol=2e-8)
 
 
-def test_image_point_is_the_turned_boresight() -> None:
-    model = PLANT.linearise(STILL)
-    x = np.zeros(model.n_states)
-    x[:20] = np.random.default_rng(4).normal(size=20) * 1e-6
+def test_outputs_are_those_of_the_moved_mechanism() -> None:
+    """Frames and signs, against legs of other lengths on a base that has moved; first order in the motion."""
+    plant = replace(PLANT, optics=replace(PLANT.optics, focal_length=2.5))
+    model = plant.linearise(SLOPE)
+    d, pose = model.dynamics, model.dynamics.pose
+    x = plant.initial_state(model)
+    x[: 2 * d.n] = 1e-7 * np.random.default_rng(6).normal(size=2 * d.n)  # m, rad, m/s, rad/s
     y = model.output_map() @ np.concatenate([x, REST])
-    theta = y[PLACE["payload_rotation"]]
-    np.testing.assert_allclose(y[PLACE["los"]], np.cross(theta, [0.0, 0.0, 1.0])[:2], atol=1e-20)
+    found = {group: y[place] for group, place in PLACE.items()}
+    d_f, e_c = x[d.slices["d_f"]], x[d.slices["e_c"]]
+    t_b, theta_b = x[3:6], x[6:9]
+
+    geometry = plant.manipulator.geometry
+    lengths = geometry.nominal_lengths + np.concatenate([SLOPE + e_c, d_f])
+    relative = forward_kinematics(geometry, lengths)
+    base = rotation_from_vector(theta_b)
+    turned = base @ relative.R @ pose.rotation_BP.T  # of the platform, in B
+    theta_B = 0.5 * np.array([turned[2, 1] - turned[1, 2], turned[0, 2] - turned[2, 0], turned[1, 0] - turned[0, 1]])
+    theta_P = pose.rotation_BP.T @ theta_B
+    boresight_P = pose.rotation_BP.T @ turned @ pose.rotation_BP @ [0.0, 0.0, 1.0]
+    expected = {
+        "base_velocity": x[d.n + 3 : d.n + 6],
+        "base_angular_velocity": x[d.n + 6 : d.n + 9],
+        "base_position": t_b,
+        "base_rotation": theta_b,
+        "payload_position": t_b + base @ relative.translation_B - pose.translation_B,
+        "payload_rotation": theta_P,
+        "fine_displacement": d_f,
+        "coarse_displacement": SLOPE,
+        "orientation": model.rpy,
+        "relative_orientation": relative.orientation,
+        "los": 2.5 * boresight_P[:2],
+    }
+    assert set(expected) == {group for group in OUTPUTS if "acceleration" not in group}
+    for group, value in expected.items():
+        np.testing.assert_allclose(found[group], value, rtol=0.0, atol=1e-10, err_msg=group)
+    assert np.abs(relative.orientation - model.rpy).min() > 1e-8
 
 
 def test_momentum_of_a_pushed_free_body() -> None:
@@ -122,6 +155,40 @@ def test_new_pose_owes_the_bus_the_momentum_it_takes() -> None:
     np.testing.assert_allclose(given, owed, rtol=1e-9)  # differences of momenta up to 1e4
     assert not convection.owed.any()
     np.testing.assert_allclose(motion.wrench, owed / (5 * h), rtol=1e-9)
+
+
+def test_convective_wrench_acts_as_long_as_the_pose_before_lasted() -> None:
+    h, taken = 1e-3, np.arange(1.0, 7.0)
+    convection = Convection.none()
+    for _ in range(4):
+        wrench, convection = convection.step(h)
+        assert not wrench.any()
+    convection, given = convection.at_new_pose(taken), []
+    for _ in range(6):
+        wrench, convection = convection.step(h)
+        given.append(wrench)
+    np.testing.assert_allclose(given, np.outer([1, 1, 1, 1, 0, 0], taken / (4 * h)))
+    # The next pose, after six steps, begins with what is owed by then.
+    convection = convection.at_new_pose(taken)
+    for _ in range(2):
+        wrench, convection = convection.step(h)
+    wrench, _ = convection.at_new_pose(taken).step(h)
+    np.testing.assert_allclose(wrench, (taken + 4.0 / 6.0 * taken) / (2 * h))
+
+
+@pytest.mark.parametrize("damping_ratio", [0.3, 1.0, 2.0])
+def test_servos_are_second_order(damping_ratio: float) -> None:
+    servo = replace(PLANT.servo, frequency=3.0, damping_ratio=damping_ratio)
+    model = replace(PLANT, servo=servo).linearise(STILL)
+    x, times = np.zeros(model.n_states), np.arange(1, 200) * 5e-3  # s
+    x[R] = [1e-3, -2e-3, 0.0]  # m
+    step, found = model.step_map(5e-3), []
+    for _ in times:
+        x = (step @ np.concatenate([x, REST]))[sum(OUTPUTS.values()) :]
+        found.append(x[S])
+    omega = 2.0 * np.pi * 3.0  # rad/s
+    _, expected = scipy.signal.step(([omega**2], [1.0, 2.0 * damping_ratio * omega, omega**2]), T=np.r_[0.0, times])
+    np.testing.assert_allclose(found, np.outer(expected[1:], [1e-3, -2e-3, 0.0]), rtol=0.0, atol=1e-12)
 
 
 def run_slew(

@@ -4,7 +4,7 @@ import scipy.signal
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ps_fmu.pointing.spectra import CrossWelch, Welch, cumulative_rms
+from ps_fmu.pointing.spectra import CrossWelch, Welch, cumulative_rms, log_bands
 
 NAMES = ["a.x", "b.v"]
 
@@ -123,3 +123,17 @@ def test_a_run_shorter_than_a_segment_is_an_error(columns, feed):
 def test_a_segment_of_two_steps_is_refused(columns):
     with pytest.raises(ValueError, match="four at least"):
         Welch(columns, NAMES, segment_s=0.02, step_s=0.01)
+
+
+def test_bands_of_a_logarithmic_axis():
+    """Few bins stay as they are, many become their mean; lines of a multisine become a density."""
+    frequency = np.arange(100_001) * 0.01  # Hz
+    lines = np.where((np.arange(100_001) % 20) == 10, 20.0, 0.0)  # 0.2 Hz apart: a density of 1 on average
+    middle, mean = log_bands(frequency, np.array([np.ones(100_001), lines]))
+    assert (middle[0], mean.shape) == (0.01, (2, len(middle)))
+    np.testing.assert_allclose(mean[0], 1.0, rtol=1e-12)
+    np.testing.assert_array_equal(middle[:10], frequency[1:11])
+    assert (np.diff(middle) > 0.0).all()
+    # 2 or 3 lines in the bands at 20 Hz, 116 in those at 1 kHz
+    np.testing.assert_allclose(mean[1, (middle > 20.0) & (middle < 999.0)], 1.0, atol=0.5)
+    np.testing.assert_allclose(mean[1, (middle > 500.0) & (middle < 950.0)], 1.0, atol=0.05)

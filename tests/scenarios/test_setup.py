@@ -25,6 +25,9 @@ def test_the_value_of_the_fmu_the_scenario_or_the_user(make_options, ssv):
     assert parameters["plant.payload.mass"] == 30
     assert parameters["disturbance.noise.scale"] == 0.5
     assert parameters["storage step (s)"] == 1e-3
+    assert parameters["disturbance.seed"] == 4
+    # What is set to what the FMU has anyway is no news.
+    assert "plant.payload.mass" not in given_parameters(options, load_system(options, {"plant.payload.mass": 14.89}))
 
 
 @pytest.mark.parametrize(
@@ -47,6 +50,12 @@ def test_the_noise_ends_where_the_step_would_fold_it(make_options, capsys):
     fine = make_options("isolation", 1.0, step_s=4e-4)
     assert start_value(load_system(fine), BAND) == 1000.0
     assert capsys.readouterr().err == ""
+
+
+def test_a_band_that_the_system_itself_sets_ends_there_too(make_options):
+    """An archive holds all start values."""
+    options = make_options("isolation", 1.0, step_s=1e-3)
+    assert start_value(load_system(options, {BAND: 1000.0}), BAND) == pytest.approx(400.0)
 
 
 def test_a_band_that_the_user_sets_stays(make_options, ssv, capsys):

@@ -16,8 +16,9 @@ from ..cosim.xmlfile import Element, parse_xml
 
 TYPES = ("Real", "Integer", "Boolean", "String", "Enumeration")
 _INHERITED = ("unit", "displayUnit", "min", "max", "nominal", "quantity", "relativeQuantity", "unbounded")
-_REAL = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?|[+-]?INF|NaN")
-_INTEGER = re.compile(r"[+-]?\d+")
+_REAL = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?|[+-]?INF|NaN", re.ASCII)
+_INTEGER = re.compile(r"[+-]?[0-9]{1,18}")
+_INDEX = re.compile(r"[0-9]{1,18}")
 
 
 @dataclass(frozen=True)
@@ -123,7 +124,7 @@ def number(text: str, kind: str) -> float:
 
 def index_of(text: str | None) -> int:
     """An index of ModelStructure; 0, which no variable has, for anything else."""
-    return int(text) if text is not None and text.isascii() and text.isdigit() else 0
+    return int(text) if text is not None and _INDEX.fullmatch(text) else 0
 
 
 def _variable(index: int, element: Element, types: Mapping[str | None, Element]) -> Variable:

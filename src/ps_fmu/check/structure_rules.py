@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
 from itertools import pairwise
 
@@ -98,7 +99,7 @@ def _is_known(variable: Variable, part: str, states: set[int]) -> bool:
 def _list_differs(description: Description, part: str, wanted: list[Variable]) -> Found:
     structure = description.root.find("ModelStructure")
     line = structure.line if structure is not None else description.root.line
-    listed = [unknown.index for unknown in description.unknowns(part)]
+    listed = Counter(unknown.index for unknown in description.unknowns(part))
     for variable in wanted:
         if variable.index not in listed:
             yield line, f"{part}: {variable.name} (index {variable.index}) is missing"
@@ -108,5 +109,5 @@ def _list_differs(description: Description, part: str, wanted: list[Variable]) -
         name = variable_there.name if variable_there is not None else "no variable"
         if unknown.index not in allowed:
             yield unknown.line, f"{part}: index {unknown.index} ({name}) does not belong here"
-        elif listed.count(unknown.index) > 1:
+        elif listed[unknown.index] > 1:
             yield unknown.line, f"{part}: {name} (index {unknown.index}) is listed more than once"

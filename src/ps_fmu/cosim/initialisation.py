@@ -10,7 +10,7 @@ from pathlib import Path
 from fmpy.model_description import ModelDescription
 
 from .graph import Wiring
-from .rows import Layout, Rows
+from .rows import Rows
 from .slaves import Slave
 from .structure import Port, System, Value
 
@@ -51,12 +51,12 @@ def initialise(
         slave.exit_initialisation(start)
 
 
-def first_row(slaves: Mapping[str, Slave], layout: Layout, rows: Rows, start: float) -> None:
+def first_row(slaves: Mapping[str, Slave], rows: Rows, start: float) -> None:
     """Read all outputs into the first row of the block.  Raises :class:`SlaveError`."""
-    for places, row in ((layout.real, rows.values[1]), (layout.discrete, rows.discrete[1])):
-        for port, place in places.items():
-            row[place] = slaves[port.component].get([port.variable], start)[port.variable]
-    rows.filled = 1
+    for kind in (rows.real, rows.discrete):
+        for port, place in kind.places.items():
+            kind.values[place] = slaves[port.component].get([port.variable], start)[port.variable]
+    rows.store_latest()
 
 
 def _propagate(slaves: Mapping[str, Slave], wiring: Wiring, cut: Collection[Port], start: float) -> None:

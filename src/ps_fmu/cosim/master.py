@@ -20,8 +20,8 @@ from .errors import CosimError, SlaveError, UsageError
 from .graph import OpenInput, check_wiring
 from .initialisation import first_row, initialise, load
 from .interrupt import noted_interrupts
-from .loops import SCHEMES
-from .plan import Plan, make_plan
+from .loops import advance
+from .plan import SCHEMES, Plan, make_plan
 from .rows import Column, Rows, layout_of
 from .slaves import Phase, Slave
 from .structure import Port, System, Value, port_of
@@ -145,7 +145,7 @@ class Master:
             with noted_interrupts() as interrupted:
                 load(self.system, self._descriptions, Path(self._folder.name), self._slaves)
                 initialise(self._slaves, self.system, self.wiring, self._set, start)
-                first_row(self._slaves, self._layout, self._rows, start)
+                first_row(self._slaves, self._rows, start)
                 self._make_plan()
             if interrupted:
                 raise KeyboardInterrupt
@@ -237,8 +237,9 @@ class Master:
                 self._make_plan()
 
     def _make_plan(self) -> None:
-        order = self.wiring.stepping if self.scheme == "gauss-seidel" else tuple(self._slaves)
-        self._plan = make_plan(self._slaves, self.wiring, self._layout, order, self._set.keys())
+        self._plan = make_plan(
+            self._slaves, self.wiring, self._rows, self.clock.step, self.scheme, self._set.keys()
+        )
 
     def _schedule(self, events: Iterable[Event], end: int) -> list[tuple[int, Port, Value]]:
         schedule = []
@@ -261,7 +262,7 @@ class Master:
         progress: Progress | None,
         interrupted: list[int],
     ) -> None:
-        loop, rows, clock = SCHEMES[self.scheme], self._rows, self.clock
+        rows, clock = self._rows, self.clock
         begin, began = self.time, wall_clock.perf_counter()
         try:
             while self._index < end:
@@ -273,7 +274,7 @@ class Master:
                 before = rows.filled
                 assert self._plan is not None
                 try:
-                    loop(self._plan, rows, clock.times(self._index, count).tolist(), clock.step, interrupted)
+                    advance(self._plan, rows, clock.times(self._index, count).tolist(), interrupted)
                 finally:
                     self._index += rows.filled - before
                 if interrupted:

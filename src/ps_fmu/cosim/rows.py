@@ -6,7 +6,7 @@ a row.  Integers and Booleans (C int in FMI) go into a block of their own and ar
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -60,41 +60,52 @@ def layout_of(descriptions: Mapping[str, ModelDescription]) -> Layout:
     )
 
 
-class Rows:
-    """A block of ``capacity`` rows behind the row that came before them, allocated once.
+@dataclass(frozen=True, eq=False)
+class Latest:
+    """The outputs of one kind of numbers at the last communication point; FMUs write to it by address."""
 
-    ``values`` (capacity + 1, columns) and ``discrete`` (capacity + 1, discrete columns); row 0 is the row
-    before the block, rows 1 to ``filled`` are complete, ``first_index`` counts row 1 from the start of the
-    simulation. ``takes`` and ``addresses`` are prepared per row because making a view costs as much as an
-    FMI call.
+    places: Mapping[Port, int]
+    values: NDArray[Any]
+
+
+class Rows:
+    """A block of ``capacity`` rows, allocated once, and the latest outputs, which become the next row.
+
+    The first ``filled`` rows are complete; ``first_index`` counts row 0 from the start of the simulation.
+
+    Integers and Booleans, C int in FMI, lie in the places of the doubles that they become when the block is
+    complete, so that a row is one copy.  ``rows`` and ``latest_row`` are memory views: such a copy takes half of the
+    time that numpy needs (0.13 instead of 0.29 us for 65 numbers).
     """
 
     def __init__(self, layout: Layout, capacity: int) -> None:
         self.capacity = capacity
-        self.values: Array = np.zeros((capacity + 1, len(layout.columns)))
-        self.discrete: NDArray[np.int32] = np.zeros((capacity + 1, len(layout.discrete)), dtype=np.int32)
-        self.n_real = len(layout.real)
         self.filled = 0
         self.first_index = 0
-        self.takes: list[Callable[..., Any]] = [row.take for row in self.values]
-        self.discrete_takes: list[Callable[..., Any]] = [row.take for row in self.discrete]
-        self.addresses = _row_addresses(self.values)
-        self.discrete_addresses = _row_addresses(self.discrete)
+        self._values: Array = np.zeros((capacity, len(layout.columns)))
+        self._n_real, self._n_discrete = len(layout.real), len(layout.discrete)
+        latest = np.zeros(len(layout.columns))
+        self.real = Latest(layout.real, latest[: self._n_real])
+        self.discrete = Latest(layout.discrete, self._integers(latest))
+        self.rows: list[memoryview] = [row.data for row in self._values]
+        self.latest_row: memoryview = latest.data
+
+    def _integers(self, rows: Array) -> NDArray[np.int32]:
+        """The C ints at the end of rows, a view."""
+        return rows[..., self._n_real :].view(np.int32)[..., : self._n_discrete]
+
+    def store_latest(self) -> None:
+        """The latest outputs are the next row."""
+        self.rows[self.filled][:] = self.latest_row
+        self.filled += 1
 
     def complete(self) -> Array:
-        """The complete rows, discrete columns filled in: a view that the next step overwrites."""
-        rows = slice(1, self.filled + 1)
-        self.values[rows, self.n_real :] = self.discrete[rows]
-        return self.values[rows]
+        """The complete rows as numbers: a view that the next step overwrites."""
+        values = self._values[: self.filled]
+        values[:, self._n_real :] = self._integers(values).copy()
+        return values
 
     def next_block(self) -> None:
         """Start a new block behind the last complete row."""
-        self.values[0] = self.values[self.filled]
-        self.discrete[0] = self.discrete[self.filled]
         self.first_index += self.filled
         self.filled = 0
-
-
-def _row_addresses(array: NDArray[Any]) -> list[int]:
-    base, stride = array.ctypes.data, array.strides[0]
-    return [base + row * stride for row in range(len(array))]

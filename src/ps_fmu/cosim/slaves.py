@@ -69,6 +69,7 @@ class Slave:
         self.name = component.name
         self.source = component.source
         self.variables = variables_of(description)
+        self.runs_python = (description.generationTool or "").startswith("PythonFMU")
         self.messages = MessageLog(self.name)
         self.warnings = 0
         extract(component.source, folder)

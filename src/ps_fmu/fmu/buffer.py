@@ -92,16 +92,20 @@ class Buffer:
     def reader(self, kind: str, references: list[int]) -> Callable[[], list[Any]]:
         """A function that reads these variables, of type ``kind``, into a list.  Refuses as :meth:`ports`."""
         self.ports(kind, references)
-        if kind != "Real":
-            own = list(references)
-            return lambda: [self.typed(reference) for reference in own]
         if not references:
             return list
         first, n = references[0], len(references)
-        if references == list(range(first, first + n)):
-            return self.data[first : first + n].tolist
-        index = np.array(references)
-        return lambda: self.data[index].tolist()
+        if kind == "String":
+            own = list(references)
+            return lambda: [self.typed(reference) for reference in own]
+        read: Callable[[], list[Any]] = self.data[first : first + n].tolist
+        if references != list(range(first, first + n)):
+            index = np.array(references)
+            read = lambda: self.data[index].tolist()  # noqa: E731
+        if kind == "Real":
+            return read
+        convert = _PYTHON_TYPES[kind]
+        return lambda: list(map(convert, read()))
 
     def writer(self, reference: int, n: int) -> Callable[..., None]:
         """A function of n doubles that stores them from ``reference`` on.

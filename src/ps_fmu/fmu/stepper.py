@@ -35,8 +35,10 @@ class Stepper(Values):
         self._source = self._buffer.data[layout.source]
         self._target = self._buffer.data[layout.target]
         self._work = aligned(self._target.size)
+        self._kept = np.empty_like(self._buffer.data)
         # A closure, since its names cost least to look up.  False: not finite, or no row left; nothing is changed.
         self._plain_step: Callable[[], bool] | None = None
+        self._next_step: Callable[[], bool] = self._due_step
         self._maps: list[tuple[float, Array]] = []
         self._table = np.empty((0, self.y.size))
         self._block = 0  # count at the start of the table
@@ -56,7 +58,7 @@ class Stepper(Values):
         """The map is out of date (new pose, new parameter): ask ``step_map`` again before the next step."""
         self._maps.clear()
         self._plain_step = None
-        self._close()
+        self._next_step = self._due_step
 
     def discard_rows(self) -> None:
         """The rest of the table is out of date: ask ``rows`` again before the next step."""
@@ -64,12 +66,12 @@ class Stepper(Values):
         self._block = self._count
         self._next_rows = _FIRST_ROWS
         self._plain_step = None
-        self._close()
+        self._next_step = self._due_step
 
     def request_event(self) -> None:
         """Have ``event`` called before the next step; for ``configure`` of models that start in motion."""
         self._pending = True
-        self._close()
+        self._next_step = self._due_step
 
     @property
     def step_size(self) -> float:
@@ -98,7 +100,7 @@ class Stepper(Values):
                 abs(current_time - self._time) <= self._time_slack
                 and abs(step_size - self._step) <= self._step_slack
                 and current_time <= self._last_start
-                and self._plain_step()  # type: ignore[misc]
+                and self._next_step()
             ):
                 self._time = current_time + step_size
                 self._count += 1
@@ -130,13 +132,35 @@ class Stepper(Values):
         self.log(report(text), Fmi2Status.error)
 
     def _careful_step(self, t: float, h: float) -> None:
-        """A step that checks all, or one with an event before it.  All or nothing."""
+        """A step that checks all.  All or nothing."""
         self._check_step(t, h)
-        kept, clock = self._buffer.data.copy(), self._clock()
-        table, due = self._table, self._pending
+        clock, table = self._clock(), self._table
         try:
             if not (abs(h - self._step) <= SAME_STEP * self._step and self._is_on_grid(t)):
                 self._restart_count(t, h)
+            self._full_step()
+        except BaseException:
+            self._recall(clock, table)
+            raise
+        self._time = t + h
+        self._count += 1
+        self._time_slack = SAME_TIME * self._step
+        self._last_start = self._stop - (1.0 - SAME_TIME) * self._step
+        self._step_slack = SAME_STEP * self._step
+
+    def _due_step(self) -> bool:
+        """A step before which something is due.  False: the host has drifted off the grid; nothing is changed."""
+        return self._is_on_grid(self._time) and self._full_step()
+
+    def _full_step(self) -> bool:
+        """A step with all that is due before it: an event, a new map, a new table.  All or nothing.
+
+        A slew has an event in every step, so this is quick, too: 4 us where the checks of times take another 4.
+        """
+        data, kept = self._buffer.data, self._kept
+        kept[:] = data
+        due, table, block = self._pending, self._table, self._block
+        try:
             if due:
                 self._pending = False
                 again = self.event(self._now(), self._step)
@@ -146,16 +170,14 @@ class Stepper(Values):
             if not self._plain_step():
                 raise Refused(f"the step leads to numbers that are not finite: {self._not_finite()}")
         except BaseException:
-            self._buffer.data[:] = kept
+            data[:] = kept
             if due:
                 self._rebuild()
-            self._recall(clock, table)
+            self._pending = due
+            self._put_table(table, block)
             raise
-        self._time = t + h
-        self._count += 1
-        self._time_slack = SAME_TIME * self._step
-        self._last_start = self._stop - (1.0 - SAME_TIME) * self._step
-        self._step_slack = -1.0 if self._pending else SAME_STEP * self._step
+        self._next_step = self._due_step if self._pending else self._plain_step
+        return True
 
     def _now(self) -> float:
         """Present time on the grid of whole steps, s."""
@@ -302,13 +324,18 @@ class Stepper(Values):
         """Go back to an earlier clock; ``table`` is the one that belongs to it."""
         self._phase = clock.phase
         self._ready, self._stale, self._pending = clock.ready, clock.stale, clock.pending
-        self._count, self._block = clock.count, clock.block
+        self._count = clock.count
         self._start, self._stop, self._time = clock.start, clock.stop, clock.time
         self._origin, self._step = clock.origin, clock.step
-        self._table = table
+        self._put_table(table, clock.block)
+        self._close()
+
+    def _put_table(self, table: Array, block: int) -> None:
+        """Go on with a table that begins at count ``block``."""
+        self._table, self._block = table, block
         self._next_rows = min(4 * len(table), self.block_rows) if len(table) else _FIRST_ROWS
         self._plain_step = None
-        self._close()
+        self._next_step = self._due_step
 
     def _table_again(self, clock: Clock) -> Array:
         """The table that was current at ``clock``, computed from the buffer as it is now."""

@@ -18,9 +18,8 @@ _MOST_LISTS = 256  # remembered lists of value references, per instance and dire
 T = TypeVar("T")
 Key = tuple[str | int, ...]  # FMI type, value references
 Reader = Callable[[], list[Any]]
-Write = tuple[Callable[..., None], int, int]  # function of the values first to last - 1, which it stores; first; last
-Watch = tuple[Array, int, int]  # part of the buffer that the values first to last - 1 are compared with; first; last
-Writer = tuple[list[Watch], list[Write]]
+Write = tuple[Callable[..., None], Array, int, int]  # stores the values first to last - 1; their place; first; last
+Writer = tuple[list[Write], list[Write], list[Write]]  # with limits; events without; neither
 
 
 class Values(Model):
@@ -75,9 +74,13 @@ class Values(Model):
     def get_integer(self, vrs: list[int]) -> list[int]:
         return self._read("Integer", vrs)
 
-    @guarded
     def get_boolean(self, vrs: list[int]) -> list[bool]:
-        return self._read("Boolean", vrs)
+        try:
+            reader = self._readers.get(("Boolean", *vrs))
+            return self._get("Boolean", vrs) if reader is None else reader()
+        except BaseException as error:
+            escape(self, error)
+            raise
 
     @guarded
     def get_string(self, vrs: list[int]) -> list[str]:
@@ -89,12 +92,17 @@ class Values(Model):
             if writer is None or len(values) != len(vrs) or not isfinite(sum(values)):
                 self._set("Real", vrs, values)
                 return
-            watched, free = writer
-            for view, first, last in watched:
-                if view.tolist() != values[first:last]:
+            limited, events, free = writer
+            for _, place, first, last in limited:
+                if place.tolist() != values[first:last]:
                     self._set("Real", vrs, values)
                     return
-            for store, first, last in free:
+            for store, place, first, last in events:
+                new = values[first:last]
+                if place.tolist() != new:
+                    store(*new)
+                    self._on_change(True)
+            for store, _, first, last in free:
                 store(*values[first:last])
         except BaseException as error:
             escape(self, error)
@@ -123,7 +131,7 @@ class Values(Model):
         self._last_read: list[int] | None = None
         self._last_reader: Reader = list
         self._last_written: list[int] | None = None
-        self._last_writer: Writer = ([], [])
+        self._last_writer: Writer = ([], [], [])
 
     def _read(self, kind: str, references: list[int]) -> list[Any]:
         reader = self._readers.get((kind, *references))
@@ -172,20 +180,19 @@ class Values(Model):
                 _remember(self._comparers, (kind, *references), self._buffer.reader(kind, references))
 
     def _remember_writer(self, references: list[int]) -> None:
-        watched: list[Watch] = []
-        free: list[Write] = []
-        for start, first, last in runs(references, self._is_watched):
-            if self._is_watched(start):
-                watched.append((self._buffer.data[start : start + last - first], first, last))
-            else:
-                free.append((self._buffer.writer(start, last - first), first, last))
-        _remember(self._writers, ("Real", *references), (watched, free))
-        self._last_written, self._last_writer = list(references), (watched, free)
+        writer: Writer = ([], [], [])
+        for start, first, last in runs(references, self._treatment):
+            place = self._buffer.data[start : start + last - first]
+            writer[self._treatment(start)].append((self._buffer.writer(start, last - first), place, first, last))
+        _remember(self._writers, ("Real", *references), writer)
+        self._last_written, self._last_writer = list(references), writer
 
-    def _is_watched(self, reference: int) -> bool:
-        """Does a new value of this variable need a check, or is it an event?"""
+    def _treatment(self, reference: int) -> int:
+        """What a new value of this variable needs: 0 a check, 1 an event, 2 nothing.  An index of Writer."""
         port = self.layout.by_reference[reference]
-        return port.event or port.min is not None or port.max is not None
+        if port.min is not None or port.max is not None:
+            return 0
+        return 1 if port.event else 2
 
     def _configure(self) -> None:
         raise NotImplementedError

@@ -52,14 +52,14 @@ class StepError(ValueError):
 
 
 def whole_steps(name: str, interval: float, h: float) -> int:
-    """Whole steps of ``h`` (s) in ``interval`` (s).
+    """Whole steps of ``h`` (s) in ``interval`` (s); none for an interval of zero alone.
 
     Raises
     ------
     StepError: not a multiple of the step; the text starts with ``name``.
     """
     count = round(interval / h)
-    if abs(interval / h - count) > 1e-6 * max(count, 1):
+    if abs(interval / h - count) > 1e-6 * count:
         raise StepError(f"{name}: {interval:g} s is not a multiple of the communication step {h:g} s")
     return count
 

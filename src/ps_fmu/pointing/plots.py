@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from .envelope import Envelope
 from .scatter import Scatter
-from .spectra import cumulative_rms
+from .spectra import cumulative_rms, log_bands
 from .style import ACTIVE, AXES, PASSIVE, REFERENCE, draw, engineering, label, largest, pretty
 
 if TYPE_CHECKING:
@@ -64,7 +64,8 @@ def spectra(
 ) -> None:
     """Densities (signals, frequencies) in unit^2/Hz; below them the RMS of all that lies under a frequency.
 
-    The axes end ``DECADES`` below the largest density: what is lower is rounding.
+    Densities are averaged over hundredths of a decade.  The axes end ``DECADES`` below the largest: what is lower is
+    rounding.
     """
     if passive.shape != (len(names), len(frequency)) or active.shape != passive.shape:
         raise ValueError(
@@ -83,7 +84,8 @@ def spectra(
             for psd, rms, colour, case in zip(
                 (passive, active), sums, (PASSIVE, ACTIVE), ("passive", "active"), strict=True
             ):
-                density.loglog(frequency[1:], _positive(psd[column, 1:]), color=colour, label=case, lw=1.2)
+                middle, mean = log_bands(frequency, psd[column])
+                density.loglog(middle, _positive(mean), color=colour, label=case, lw=1.2)
                 below.loglog(frequency[1:], _positive(rms[column, 1:]) * factor, color=colour, label=case)
             density.set_title(short(name))
             below.set_xlabel("frequency (Hz)")

@@ -159,3 +159,20 @@ def cumulative_rms(frequency: Array, psd: Array, *, from_high: bool = False) -> 
     if from_high:
         return np.sqrt(np.cumsum(psd[..., ::-1], axis=-1)[..., ::-1] * spacing[0])
     return np.sqrt(np.cumsum(psd, axis=-1) * spacing[0])
+
+
+def log_bands(frequency: Array, psd: Array, *, per_decade: int = 100) -> tuple[Array, Array]:
+    """Mean frequency and mean density in bands of equal ratio, for figures on logarithmic axes.
+
+    Where a band holds no more than one frequency the spectrum is as it was.  Single lines of a multisine become a
+    density when bands are wider than their distance.  ``frequency`` ascends; 0 Hz, which no such axis shows, is left
+    out.  Returns (bands,) and, along the last axis of ``psd``, (..., bands).
+    """
+    positive = frequency > 0.0
+    band = np.floor(per_decade * np.log10(frequency[positive]) + 1e-9)
+    starts = np.flatnonzero(np.diff(band, prepend=-np.inf))
+    counts = np.diff(starts, append=len(band))
+    return (
+        np.add.reduceat(frequency[positive], starts) / counts,
+        np.add.reduceat(psd[..., positive], starts, axis=-1) / counts,
+    )

@@ -86,13 +86,15 @@ def run_case(
     with (
         _warnings() as messages,
         Master(system.with_parameters(case.values), options.step_s, options.scheme) as master,
-        progress_bar(case.name, duration, options.progress) as show,
-        _recorder(master, options, case) as recorder,
     ):
         messages += [*_overruled(options, case), *_unconnected(master, case)]
         master.initialise()
         analysis = analyse(master.columns)
-        master.run(duration, [recorder, *analysis.observers], case.events, note)
+        with (
+            progress_bar(case.name, duration, options.progress) as show,
+            _recorder(master, options, case) as recorder,
+        ):
+            master.run(duration, [recorder, *analysis.observers], case.events, note)
         return Outcome(case, duration, wall[0], tuple(messages)), analysis
 
 

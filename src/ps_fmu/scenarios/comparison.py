@@ -73,7 +73,7 @@ class Comparison:
             "mean_active_rad": self.active.statistics.mean,
             "peak_passive_rad": self.passive.statistics.peak,
             "peak_active_rad": self.active.statistics.peak,
-            # Mean of the second half of the window less that of the first half.
+            # Second half of the window less first half, pointing.drift.
             "drift_passive_rad": self.passive.drift,
             "drift_active_rad": self.active.drift,
             "image_rms_radius_passive_m": self.passive.scatter.radius_rms,
@@ -182,9 +182,10 @@ def draw(comparison: Comparison, folder: Path, prefix: str = "") -> list[Picture
         pictures.append(
             Picture(
                 path,
-                f"Power spectral density (Welch, segments of {segment_s:.3g} s), and the RMS of all that lies below a "
-                "frequency. Each segment's mean is taken out: what is slower than a segment is missing, so the curves "
-                "end below the RMS of the table, the more so the shorter the run.",
+                f"Power spectral density (Welch, segments of {segment_s:.3g} s, averaged over hundredths of a decade), "
+                "and the RMS of all that lies below a frequency. Each segment's mean is taken out: what is slower "
+                "than a segment is missing, so the curves end below the RMS of the table, the more so the shorter "
+                "the run.",
             )
         )
     path = folder / f"{prefix}image_point.png"

@@ -19,8 +19,8 @@ def run(options: RunOptions) -> None:
     rise = real_start(system, "disturbance.rise_time")
     text = [
         "Four FMUs in co-simulation: plant, commander, isolator and disturbance source. The disturbance acts on the "
-        "bus twice, without and with the feedforward isolator. The figures cover the whole run; the disturbance rises "
-        f"from zero over the first {rise:g} s.",
+        "bus twice, without and with the feedforward isolator. Tables and figures cover the whole run; the "
+        f"disturbance rises from zero over the first {rise:g} s.",
     ]
     if not found.reachable:
         text.insert(0, f"The target {angles(found.target_deg)} deg is out of reach: the platform stayed where it was.")

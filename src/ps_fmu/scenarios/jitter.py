@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..pointing.arrival import LastRow
+from ..pointing.drift import DriftObserver
 from ..pointing.envelope import Envelope, EnvelopeObserver
 from ..pointing.indices import Indices, PerformanceIndices
 from ..pointing.metrics import SignalStatistics, Statistics
@@ -48,7 +49,7 @@ class Jitter:
         start_s = (lead_steps + 0.5) * step_s if lead_steps else -math.inf
         counted = steps - lead_steps
         self._statistics = Statistics(columns, ROTATION, start_s=start_s)
-        self._second_half = Statistics(columns, ROTATION, start_s=(steps - counted // 2 + 0.5) * step_s)
+        self._drift = DriftObserver(columns, ROTATION, start_s=lead_steps * step_s, end_s=steps * step_s)
         self._scatter = ScatterObserver(columns, IMAGE_POINT, start_s=start_s)
         self._envelope = EnvelopeObserver(columns, ROTATION)
         self._state = LastRow(columns, (*ORIENTATION, REACHABLE))
@@ -70,7 +71,7 @@ class Jitter:
         """The observers, for :meth:`ps_fmu.cosim.Master.run`."""
         found = (
             self._statistics,
-            self._second_half,
+            self._drift,
             self._scatter,
             self._envelope,
             self._state,
@@ -87,16 +88,8 @@ class Jitter:
 
     @property
     def drift(self) -> Array:
-        """Mean of the second half less mean of the first half of the payload's rotation, (3,), rad.
-
-        NaN for a run of a single step.
-        """
-        whole = self._statistics.result()
-        if whole.count < 3:
-            return np.full(len(ROTATION), np.nan)
-        second = self._second_half.result()
-        # mean of all = (n1 first + n2 second) / (n1 + n2)
-        return (second.mean - whole.mean) * whole.count / (whole.count - second.count)
+        """Second half less first half of the payload's rotation, (3,), rad; NaN for a run of a few steps."""
+        return self._drift.result()
 
     @property
     def scatter(self) -> Scatter:

@@ -5,8 +5,10 @@ from __future__ import annotations
 import sys
 from collections.abc import Mapping
 
+from fmpy.model_description import ModelVariable
+
 from ..cosim import System, UsageError, Value, read_parameters, read_system
-from ..cosim.description import read_description, typed_value, variable_of
+from ..cosim.description import read_description, typed_value, variable_of, variables_of
 from ..cosim.structure import Parameter, port_of
 from ..pointing.summary import FmuFile
 from .options import RunOptions
@@ -22,14 +24,15 @@ HIGHEST_PER_RATE = 0.4
 def load_system(options: RunOptions, defaults: Mapping[str, Value] | None = None) -> System:
     """The system of the options, with the scenario's ``defaults``, the seed, and then the user's parameter files.
 
-    Where the step is too long for the band of the noise, and nobody has set that band, it is lowered and the
-    terminal says so.
+    Where the step is too long for the band of the noise, and no parameter file sets that band, it is lowered and
+    the terminal says so.
 
     Raises :class:`ps_fmu.cosim.SystemFileError` or :class:`ps_fmu.cosim.UsageError` naming the file and line.
     """
     system = read_system(options.system, options.fmus)
-    system = system.with_parameters({**(defaults or {}), SEED: options.seed})
-    return _without_aliases(system.with_parameters(user_parameters(options)), options.step_s)
+    given = user_parameters(options)
+    system = system.with_parameters({**(defaults or {}), SEED: options.seed}).with_parameters(given)
+    return system if HIGHEST_NOISE in given else _without_aliases(system, options.step_s)
 
 
 def user_parameters(options: RunOptions) -> dict[str, Parameter]:
@@ -48,15 +51,13 @@ def start_value(system: System, name: str) -> Value:
     port = port_of(name)
     component = system.component(port.component)
     variable = variable_of(read_description(component.source), port.variable)
-    if (given := component.parameters.get(port.variable)) is not None:
-        try:
-            return typed_value(variable, given.value)
-        except UsageError as error:
-            raise UsageError(f"{name} ({given.origin}): {error}") from error
-    text = str(variable.start)
-    if variable.type == "Boolean":
-        return text in ("true", "1")
-    return float(text) if variable.type == "Real" else text
+    given = component.parameters.get(port.variable)
+    if given is None:
+        return _own_start(variable)
+    try:
+        return typed_value(variable, given.value)
+    except UsageError as error:
+        raise UsageError(f"{name} ({given.origin}): {error}") from error
 
 
 def real_start(system: System, name: str) -> float:
@@ -65,16 +66,22 @@ def real_start(system: System, name: str) -> float:
 
 
 def given_parameters(options: RunOptions, system: System) -> dict[str, object]:
-    """Options and all values that differ from those of the FMUs, for report and summary."""
+    """Options, the seed, and all start values that differ from those of the FMUs, for report and summary."""
     given: dict[str, object] = {
         "scenario": options.scenario,
         "duration (s)": options.duration_s,
         "step (s)": options.step_s,
         "storage step (s)": options.storage_s,
         "scheme": options.scheme,
+        SEED: start_value(system, SEED),
     }
     for component in system.components:
-        given |= {f"{component.name}.{name}": entry.value for name, entry in component.parameters.items()}
+        variables = variables_of(read_description(component.source))
+        given |= {
+            f"{component.name}.{name}": entry.value
+            for name, entry in component.parameters.items()
+            if entry.value != _own_start(variables[name])
+        }
     return given
 
 
@@ -83,12 +90,18 @@ def fmu_files(system: System) -> tuple[FmuFile, ...]:
     return tuple(FmuFile.of(component.source) for component in system.components)
 
 
+def _own_start(variable: ModelVariable) -> Value:
+    text = str(variable.start)
+    if variable.type == "Boolean":
+        return text in ("true", "1")
+    if variable.type == "Real":
+        return float(text)
+    return int(text) if variable.type in ("Integer", "Enumeration") else text
+
+
 def _without_aliases(system: System, step_s: float) -> System:
-    port = port_of(HIGHEST_NOISE)
-    if port.variable in system.component(port.component).parameters or not start_value(system, NOISE):
-        return system
     highest = HIGHEST_PER_RATE / step_s
-    if highest >= real_start(system, HIGHEST_NOISE):
+    if not start_value(system, NOISE) or highest >= real_start(system, HIGHEST_NOISE):
         return system
     print(
         f"The noise ends at {highest:g} Hz: a step of {step_s:g} s would fold what is above down to low "

@@ -30,6 +30,8 @@ Array = NDArray[np.float64]
 Row = tuple[str, ...]
 
 CASES = ("isolator_off", "isolator_on")
+REQUIRED_DEG = 1e-8
+ORIENTATIONS = (("nominal", ORIENTATION), ("relative", RELATIVE))
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,6 +76,19 @@ def when(slews: Slews) -> list[str]:
     ]
 
 
+def verdict(slews: Slews) -> list[str]:
+    """Which orientations meet the requirement, as a sentence."""
+    if not slews.on.reachable:
+        return []
+    found = []
+    for what, names in ORIENTATIONS:
+        for case, slew in slews.both:
+            worst = float(np.abs(slews.error_deg(slew, names)).max())
+            met = "met" if worst <= REQUIRED_DEG else "not met"
+            found.append(f"{what} orientation, isolator {case}: {worst:.1e} deg ({met})")
+    return [f"Largest error, {REQUIRED_DEG:g} deg being required: {'; '.join(found)}."]
+
+
 def tables(slews: Slews) -> list[Table]:
     """Errors, their origin, the bus's reaction, and what the slew shakes."""
     return [_errors(slews), _origin(slews), _reaction(slews), _shaking(slews), _fine_legs(slews)]
@@ -81,11 +96,11 @@ def tables(slews: Slews) -> list[Table]:
 
 def _errors(slews: Slews) -> Table:
     rows = _rows(
-        (what, case, slews.error_deg(slew, names))
-        for what, names in (("nominal (coarse legs)", ORIENTATION), ("relative to the bus", RELATIVE))
-        for case, slew in slews.both
+        (what, case, slews.error_deg(slew, names)) for what, names in ORIENTATIONS for case, slew in slews.both
     )
-    return Table("Orientation less target (deg)", ("orientation", "isolator", "roll", "pitch", "yaw"), rows)
+    return Table(
+        "Orientation of the platform less target (deg)", ("orientation", "isolator", "roll", "pitch", "yaw"), rows
+    )
 
 
 def _origin(slews: Slews) -> Table:
@@ -93,7 +108,7 @@ def _origin(slews: Slews) -> Table:
     for case, slew in slews.both:
         shares = slew.shares
         rows += [
-            ("relative less nominal (fine legs)", case, np.degrees(shares.fine)),
+            ("relative less nominal", case, np.degrees(shares.fine)),
             ("+ rotation of the bus", case, np.degrees(shares.bus)),
             ("- rotation of the payload (jitter)", case, np.degrees(shares.jitter)),
             ("= left over", case, np.degrees(shares.left)),
@@ -165,6 +180,7 @@ def entry(slews: Slews) -> dict[str, object]:
         "profile_end_s": arrival.ended_s,
         "judged_s": arrival.final_s,
         "settled_60_s": arrival.settled,
+        "required_deg": REQUIRED_DEG,
         **{name: _case(slews, slew) for name, slew in zip(CASES, (slews.off, slews.on), strict=True)},
     }
 

@@ -1,0 +1,115 @@
+"""All checks of one FMU file: archive, model description, other checkers, a life in FMPy."""
+
+from __future__ import annotations
+
+import importlib.util
+import subprocess
+import sys
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+
+from ..cosim.archive import check_archive, read_member
+from ..cosim.errors import SystemFileError
+from ..cosim.xmlfile import MAXIMUM_BYTES
+from . import life_cycle
+from .reading import Description, read
+from .rules import RULES, check_description
+
+PASSED, FAILED, NOT_RUN = "passed", "FAILED", "not run"
+_DESCRIPTION = "modelDescription.xml"
+_FMUTOOL = "fmu_manipulation_toolbox"
+_TIMEOUT = 120.0  # s
+
+
+@dataclass(frozen=True)
+class Row:
+    """A check, how it ended, and what there is to say: for a failure one line per problem."""
+
+    check: str
+    verdict: str
+    details: tuple[str, ...] = ()
+
+
+def check_fmu(path: Path) -> Iterator[Row]:
+    """The rows of the checks, as they are made.  Nothing is unpacked or loaded from an archive that is not safe."""
+    try:
+        members = check_archive(path)
+        description = read(read_member(path, _DESCRIPTION, MAXIMUM_BYTES), path / _DESCRIPTION)
+    except SystemFileError as error:
+        yield Row("archive", FAILED, (str(error),))
+        return
+    problems = archive_problems(members, description)
+    size = f"{len(members)} files, {path.stat().st_size / 1e6:.1f} MB"
+    yield Row("archive", FAILED, tuple(problems)) if problems else Row("archive", PASSED, (size,))
+
+    version = description.root.attributes.get("fmiVersion", "")
+    if not version.startswith("2."):
+        yield Row("model description", NOT_RUN, (f"the rules are those of FMI 2.0, the file says {version!r}",))
+    else:
+        broken = tuple(map(str, check_description(description)))
+        said = broken or (f"{len(RULES)} rules of FMI 2.0.4 beyond the schema",)
+        yield Row("model description", FAILED if broken else PASSED, said)
+    yield _fmpy_validate(path)
+    yield _fmutool(path)
+    yield from _life(path, version, description)
+
+
+def archive_problems(members: Sequence[str], description: Description) -> list[str]:
+    """What a safe archive lacks (FMI 2.0.4, section 2.3): libraries of the right name, or sources."""
+    problems = []
+    folded: dict[str, str] = {}
+    for name in members:
+        other = folded.setdefault(name.lower(), name)
+        if other != name:
+            problems.append(f"{other} and {name} are one file where case does not matter")
+    for child in description.root.children:
+        if child.tag not in ("CoSimulation", "ModelExchange"):
+            continue
+        identifier = child.attributes.get("modelIdentifier", "")
+        paths = [PurePosixPath(name) for name in members]
+        libraries = [p for p in paths if len(p.parts) == 3 and p.parts[0] == "binaries" and p.stem == identifier]
+        if not libraries and not any(p.parts[0] == "sources" for p in paths):
+            problems.append(f"there is neither a library binaries/<platform>/{identifier}.* nor a folder sources")
+    return problems
+
+
+def _fmpy_validate(path: Path) -> Row:
+    from fmpy.validation import validate_fmu
+
+    problems = validate_fmu(str(path))
+    return Row("FMPy validate", FAILED if problems else PASSED, tuple(problems))
+
+
+def _fmutool(path: Path) -> Row:
+    name = "fmutool -check"
+    if importlib.util.find_spec(_FMUTOOL) is None:
+        return Row(name, NOT_RUN, ("fmu-manipulation-toolbox is not installed",))
+    command = [sys.executable, "-m", f"{_FMUTOOL}.cli.fmutool", "-input", str(path.resolve()), "-check"]
+    try:
+        run = subprocess.run(command, capture_output=True, text=True, errors="replace", timeout=_TIMEOUT)
+    except subprocess.TimeoutExpired:
+        return Row(name, FAILED, (f"did not end within {_TIMEOUT:g} s",))
+    lines = (run.stdout + run.stderr).splitlines()
+    errors = [line.partition("|")[2].strip() for line in lines if line.startswith(("ERROR", "CRITICAL"))]
+    if run.returncode != 0 and not errors:
+        errors = [f"exit code {run.returncode}", *lines[-5:]]
+    return Row(name, FAILED if errors else PASSED, tuple(errors))
+
+
+def _life(path: Path, version: str, description: Description) -> Iterator[Row]:
+    from fmpy import platform, supported_platforms
+
+    there = supported_platforms(str(path))
+    reason = None
+    if not version.startswith("2."):
+        reason = f"FMI {version} is not run here"
+    elif description.root.find("CoSimulation") is None:
+        reason = "the FMU is for model exchange"
+    elif platform not in there:
+        reason = f"no library for {platform}, there are some for {', '.join(there) or 'no platform'}"
+    if reason is not None:
+        yield Row("life cycle", NOT_RUN, (reason,))
+        return
+    for stage, problem in life_cycle.run(path):
+        yield Row(f"life: {stage}", FAILED if problem else PASSED, tuple(problem.splitlines()))

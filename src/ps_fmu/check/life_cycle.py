@@ -1,0 +1,198 @@
+"""The life of an FMU in FMPy, stage by stage, in a process of its own: what crashes there does no harm here.
+
+:func:`run` starts this very file as a script; it must not import anything of the package.  The script writes a line for
+each stage when it begins and when it ends, so that a crash has a stage too.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import signal
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+STEPS = 10
+_TIMEOUT = 120.0  # s
+_TAIL = 12  # lines of output that a failure repeats
+Result = tuple[str, str]
+"""A stage and what went wrong in it; nothing if nothing did."""
+
+
+def run(fmu: Path) -> list[Result]:
+    """The stages that were begun, in order; after the first that failed there are no more."""
+    with tempfile.TemporaryDirectory(prefix="fmu_life_") as folder:
+        report = Path(folder) / "report"
+        command = [sys.executable, "-I", "-B", __file__, str(fmu), folder, str(report)]
+        try:
+            process = subprocess.run(command, capture_output=True, text=True, errors="replace", timeout=_TIMEOUT)
+            code, output = process.returncode, process.stdout + process.stderr
+        except subprocess.TimeoutExpired:
+            code, output = None, ""
+        lines = report.read_text(encoding="utf-8").splitlines() if report.is_file() else []
+    stages: dict[str, str | None] = {}
+    for line in lines:
+        stage, problem = json.loads(line)
+        stages[stage] = problem
+    if code != 0 and all(problem == "" for problem in stages.values()):
+        stages["end of the process"] = None  # after the last stage: a destructor or exit handler
+    tail = "\n".join(output.splitlines()[-_TAIL:])
+    return [(stage, _ending(code, tail) if problem is None else problem) for stage, problem in stages.items()]
+
+
+def _ending(code: int | None, output: str) -> str:
+    """Why a process is no more that never said how its last stage ended."""
+    if code is None:
+        return f"did not end within {_TIMEOUT:g} s"
+    how = f"the process was killed by {signal.Signals(-code).name}" if code < 0 else f"the process exited with {code}"
+    return f"{how}\n{output}".rstrip()
+
+
+class Life:
+    """Drives one FMU through its stages; what must not happen raises."""
+
+    def __init__(self, fmu: Path, folder: str) -> None:
+        from fmpy import extract, read_model_description
+
+        self.folder = str(extract(str(fmu), unzipdir=str(Path(folder) / "fmu")))
+        self.description = read_model_description(self.folder, validate=False)
+        experiment = self.description.defaultExperiment
+        start = getattr(experiment, "startTime", None)
+        step = getattr(experiment, "stepSize", None)
+        self.start = float(start) if start else 0.0
+        self.step = float(step) if step else 1e-2  # s
+        self.outputs: dict[str, list[int]] = {"Real": [], "Integer": [], "Boolean": []}
+        for variable in self.description.modelVariables:
+            kind = "Integer" if variable.type == "Enumeration" else variable.type
+            if variable.causality == "output" and kind in self.outputs:
+                self.outputs[kind].append(variable.valueReference)
+
+    def instance(self, name: str) -> Any:
+        """A new instance, ready to be set up."""
+        from fmpy.fmi2 import FMU2Slave
+
+        slave = FMU2Slave(
+            guid=self.description.guid,
+            unzipDirectory=self.folder,
+            modelIdentifier=self.description.coSimulation.modelIdentifier,
+            instanceName=name,
+        )
+        slave.instantiate()
+        return slave
+
+    def initialise(self, slave: Any) -> list[float]:
+        """To the first communication point; the outputs there."""
+        slave.setupExperiment(startTime=self.start)
+        slave.enterInitializationMode()
+        slave.exitInitializationMode()
+        return self.read(slave)
+
+    def steps(self, slave: Any, first: int = 0, count: int = STEPS) -> list[float]:
+        """Steps from number ``first`` on; the outputs after the last."""
+        for k in range(first, first + count):
+            slave.doStep(self.start + k * self.step, self.step)
+        return self.read(slave)
+
+    def read(self, slave: Any) -> list[float]:
+        """All outputs.  Raises AssertionError if one is not finite."""
+        values: list[float] = []
+        for kind, references in self.outputs.items():
+            if references:
+                values += getattr(slave, f"get{kind}")(references)
+        bad = [value for value in values if not math.isfinite(value)]
+        assert not bad, f"{len(bad)} of {len(values)} outputs are not finite"
+        return values
+
+    def from_state(self, slave: Any, serialised: bool) -> None:
+        """A step, and the same step again after the state was set back, in this instance."""
+        state = slave.getFMUstate()
+        if serialised:
+            content = slave.serializeFMUstate(state)
+            slave.freeFMUstate(state)
+        expected = self.steps(slave, STEPS)
+        if serialised:
+            state = slave.deSerializeFMUstate(content)
+        slave.setFMUstate(state)
+        again = self.steps(slave, STEPS)
+        slave.setFMUstate(state)
+        slave.freeFMUstate(state)
+        assert again == expected, f"the same steps from the same state give other outputs: {_first(again, expected)}"
+
+
+def live(fmu: Path, folder: str, stage: Callable[[str], Any]) -> None:
+    """All stages."""
+    with stage("load"):
+        life = Life(fmu, folder)
+        slave = life.instance("first")
+    with stage("initialise"):
+        begin = life.initialise(slave)
+    with stage("steps"):
+        expected = life.steps(slave)
+    abilities = life.description.coSimulation
+    if abilities.canGetAndSetFMUstate:
+        with stage("get and set state"):
+            life.from_state(slave, serialised=False)
+    if abilities.canGetAndSetFMUstate and abilities.canSerializeFMUstate:
+        with stage("serialise state"):
+            life.from_state(slave, serialised=True)
+    with stage("reset"):
+        slave.reset()
+        again = life.initialise(slave)
+        assert again == begin, f"other outputs than in the first run after initialisation: {_first(again, begin)}"
+        again = life.steps(slave)
+        assert again == expected, f"other outputs than in the first run: {_first(again, expected)}"
+    if not abilities.canBeInstantiatedOnlyOncePerProcess:
+        with stage("second instance"):
+            slave.reset()
+            other = life.instance("second")
+            for one in (slave, other):
+                life.initialise(one)
+            for k in range(STEPS):
+                results = [life.steps(one, k, 1) for one in (slave, other)]
+            other.terminate()
+            other.freeInstance()
+            for again in results:
+                assert again == expected, f"two instances disturb each other: {_first(again, expected)}"
+    with stage("terminate and free"):
+        slave.terminate()
+        slave.freeInstance()
+
+
+def _first(values: list[float], expected: list[float]) -> str:
+    pairs = [f"{value!r} instead of {want!r}" for value, want in zip(values, expected, strict=True) if value != want]
+    return f"{pairs[0]}, and {len(pairs) - 1} more"
+
+
+def main(fmu: str, folder: str, report: str) -> int:
+    """Write a line ``[stage, problem]`` per stage and outcome; a problem of None says that it has begun."""
+    with open(report, "w", encoding="utf-8") as file:
+
+        def note(stage: str, problem: str | None) -> None:
+            file.write(json.dumps([stage, problem]) + "\n")
+            file.flush()
+
+        @contextmanager
+        def stage(name: str) -> Iterator[None]:
+            note(name, None)
+            try:
+                yield
+            except Exception as error:
+                note(name, f"{type(error).__name__}: {error}".strip())
+                raise
+            note(name, "")
+
+        try:
+            live(Path(fmu), folder, stage)
+        except Exception:  # noted with its stage
+            return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.modules["ps_fmu"] = None  # type: ignore[assignment]  # an FMU must not lean on what checks it
+    sys.exit(main(*sys.argv[1:]))

@@ -1,0 +1,128 @@
+"""``ps-fmu check``: clean on our FMUs, and a fault of another maker's FMU is found, named and survived."""
+
+import importlib.util
+import zipfile
+from pathlib import Path
+
+import pytest
+from pythonfmu.builder import FmuBuilder
+
+from ps_fmu.check import fmu_check
+from ps_fmu.check.fmu_check import FAILED, NOT_RUN, PASSED, Row, check_fmu
+from ps_fmu.check.table import SHOWN, show
+from ps_fmu.cli import main
+
+TOYS = Path(__file__).parent / "toys"
+LIFE = ["load", "initialise", "steps", "get and set state", "serialise state", "reset", "second instance"]
+
+
+@pytest.fixture(scope="module")
+def toys(tmp_path_factory) -> dict[str, Path]:
+    """FMUs as plain pythonfmu makes them."""
+    folder = tmp_path_factory.mktemp("toys")
+    options = {"forgetful": {"canGetAndSetFMUstate": True}}
+    return {
+        source.stem: Path(FmuBuilder.build_FMU(source, dest=folder, **options.get(source.stem, {})))
+        for source in sorted(TOYS.glob("*.py"))
+    }
+
+
+@pytest.fixture
+def rows(monkeypatch):
+    """``rows(path)``: the rows by check, as if fmutool, which takes a second, were not installed."""
+    monkeypatch.setattr(fmu_check, "_FMUTOOL", "no_such_module")
+    return lambda path: {row.check: row for row in check_fmu(path)}
+
+
+def rewritten(source: Path, target: Path, change) -> Path:
+    """A copy of an archive; ``change(name, content)`` gives new content, or None to leave the member out."""
+    with zipfile.ZipFile(source) as old, zipfile.ZipFile(target, "w") as new:
+        for name in old.namelist():
+            if (content := change(name, old.read(name))) is not None:
+                new.writestr(name, content)
+    return target
+
+
+def test_our_fmus_pass_everything(built_fmus, capsys, rows):
+    names = ("ManipulatorPlant", "PointingCommander", "FeedforwardIsolator", "DisturbanceSource")
+    code = main(["check", *(str(built_fmus / f"{name}.fmu") for name in names)])
+    text = capsys.readouterr().out
+    assert code == 0, text
+    assert text.count("  11 passed, 1 not run\n") == 4  # fmutool's part is in tests/fmus
+    assert all(f"life: {stage}" in text for stage in LIFE)
+
+
+def test_a_plain_pythonfmu_fmu_runs_but_is_not_described_well(toys, rows):
+    found = rows(toys["plain"])
+    for check in ("model description", "FMPy validate"):
+        assert found[check].verdict == FAILED
+        assert any("InitialUnknowns" in detail for detail in found[check].details)
+    assert found["fmutool -check"] == Row("fmutool -check", NOT_RUN, ("fmu-manipulation-toolbox is not installed",))
+    assert {row.verdict for check, row in found.items() if check.startswith("life")} == {PASSED}
+    assert "life: get and set state" not in found
+
+
+def test_a_state_that_is_not_all_of_it_is_noticed(toys, rows):
+    found = rows(toys["forgetful"])["life: get and set state"]
+    assert found.verdict == FAILED
+    assert "30.0 instead of 20.0" in found.details[0]
+
+
+def test_a_crash_ends_with_its_stage_and_signal(toys, rows):
+    found = rows(toys["crashing"])
+    assert found["life: steps"].verdict == FAILED
+    assert found["life: steps"].details[0] == "the process was killed by SIGKILL"
+    assert "life: reset" not in found
+
+
+@pytest.mark.skipif(importlib.util.find_spec("fmu_manipulation_toolbox") is None, reason="fmutool is not installed")
+def test_fmutool_is_asked(toys, tmp_path):
+    assert fmu_check._fmutool(toys["plain"]).verdict == PASSED
+    broken = rewritten(
+        toys["plain"], tmp_path / "broken.fmu", lambda name, content: content.replace(b'causality="input"', b"")
+        .replace(b'<Unknown index="2"', b'<Unknown index="1"') if name.endswith(".xml") else content
+    )  # fmt: skip
+    assert fmu_check._fmutool(broken).verdict == FAILED
+
+
+def test_archives_that_are_not_safe_are_not_opened(toys, tmp_path, rows):
+    """No other check is made; nothing leaves the archive."""
+    cut, outside, empty = (tmp_path / f"{name}.fmu" for name in ("cut", "outside", "empty"))
+    cut.write_bytes(toys["plain"].read_bytes()[:10_000])
+    rewritten(toys["plain"], outside, lambda _, content: content)
+    with zipfile.ZipFile(outside, "a") as archive:
+        archive.writestr("../outside.txt", "x")
+    zipfile.ZipFile(empty, "w").close()
+    for path, reason in ((cut, "ZIP"), (outside, "leaves the target folder"), (empty, "has no modelDescription.xml")):
+        found = rows(path)
+        assert list(found) == ["archive"]
+        assert found["archive"].verdict == FAILED
+        assert reason in found["archive"].details[0]
+    assert main(["check", str(cut)]) == 1
+
+
+@pytest.mark.parametrize(
+    ("change", "check", "reason"),
+    [
+        (lambda n, c: None if n.startswith("binaries") else c, "archive", "neither a library"),
+        (lambda n, c: None if n.startswith("binaries/linux64") else c, "life cycle", "no library for"),
+        (lambda n, c: c.replace(b'fmiVersion="2.0"', b'fmiVersion="3.0"'), "life cycle", "FMI 3.0 is not run here"),
+        (lambda n, c: c.replace(b"CoSimulation", b"ModelExchange"), "life cycle", "for model exchange"),
+        (lambda n, c: b"" if n.endswith(".so") else c, "life: load", ""),
+    ],
+)
+def test_what_cannot_be_run_says_why(change, check, reason, toys, tmp_path, rows):
+    found = rows(rewritten(toys["plain"], tmp_path / "changed.fmu", change))
+    assert found[check].verdict == (NOT_RUN if check == "life cycle" else FAILED)
+    assert reason in found[check].details[0]
+
+
+def test_the_table_counts_and_shortens():
+    written: list[str] = []
+    many = tuple(f"problem {k}" for k in range(SHOWN + 3))
+    rows = [Row("one", PASSED, ("fine",)), Row("two", FAILED, many), Row("three", NOT_RUN, ("why",))]
+    assert show("A.fmu", rows, written.append) is False
+    assert written[0] == "A.fmu"
+    assert written[-1] == "  1 passed, 1 FAILED, 1 not run"
+    assert "    and 3 more" in written
+    assert show("A.fmu", rows[:1], written.append) is True
