@@ -51,7 +51,7 @@ static bool load_wrapper(Text *why)
 static bool is_wanted(const Instance *m, const char *category)
 {
     for (size_t i = 0; i < m->n_categories; i++)
-        if (strcmp(m->categories[i], category) == 0)
+        if (strcmp(m->categories[i], category) == 0 || strcmp(m->categories[i], "logAll") == 0)
             return true;
     return m->n_categories == 0;
 }
