@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .kinematics import KinematicsError, leg_lengths, platform_jacobian
+from .kinematics import KinematicsError, leg_rows, platform_joints_B
 from .parameters import Array, Geometry
 from .rotations import roll_pitch_yaw, rotation_from_vector
 
@@ -83,14 +83,17 @@ def forward_kinematics(
     residuals: list[float] = []
     converged = False
     for _ in range(max_steps + 1):
-        error = lengths - leg_lengths(geometry, translation_B, R)
-        residuals.append(float(np.max(np.abs(error), initial=0.0)))
+        arms_B = platform_joints_B(geometry, R)
+        legs_B = translation_B[..., None, :] + arms_B - geometry.base_joints_B
+        length = np.linalg.norm(legs_B, axis=-1)
+        error = lengths - length
+        residuals.append(float(np.abs(error).max(initial=0.0)))
         # One step after the tolerance is met takes what is left of the error down to rounding.
         if converged or not np.isfinite(residuals[-1]):
             break
         converged = residuals[-1] <= TOLERANCE
         try:
-            step = np.linalg.solve(platform_jacobian(geometry, translation_B, R), error[..., None])[..., 0]
+            step = np.linalg.solve(leg_rows(arms_B, legs_B / length[..., None]), error[..., None])[..., 0]
         except np.linalg.LinAlgError:
             break
         translation_B = translation_B + step[..., :3]

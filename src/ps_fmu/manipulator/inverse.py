@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from .kinematics import KinematicsError, displacements, platform_joints_B
 from .parameters import Array, Geometry
-from .rotations import rotation_matrix
+from .rotations import cross, rotation_matrix
 
 BoolArray = NDArray[np.bool_]
 
@@ -97,7 +97,7 @@ def trilaterate(geometry: Geometry, R: Array) -> Translation:
     # The height of the triangle against its longest side: below rounding, the centres lie on a line.
     collinear = ww[..., 0] <= 1e-24 * np.maximum(np.sum(u * u, axis=-1), np.sum(v * v, axis=-1)) ** 2
     with np.errstate(divide="ignore", invalid="ignore"):
-        in_plane = (a * np.cross(v, w) + b * np.cross(w, u)) / ww  # radical centre, from c1
+        in_plane = (a * cross(v, w) + b * cross(w, u)) / ww  # radical centre, from c1
         height_squared = r1**2 - np.sum(in_plane * in_plane, axis=-1)
         solved = ~collinear & (height_squared >= 0.0)
         height = np.where(solved, np.sqrt(height_squared), np.nan)[..., None]
@@ -228,7 +228,7 @@ def _sphere_triangle(geometry: Geometry, R: Array) -> tuple[Array, Array, Array,
     centres = geometry.base_joints_B[3:] - platform_joints_B(geometry, R)[..., 3:, :]
     c1 = centres[..., 0, :]
     u, v = centres[..., 1, :] - c1, centres[..., 2, :] - c1
-    return c1, u, v, np.cross(u, v)
+    return c1, u, v, cross(u, v)
 
 
 def _nominal_side(geometry: Geometry) -> float:

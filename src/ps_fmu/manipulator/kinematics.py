@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .parameters import Array, Geometry
+from .rotations import cross
 
 # Condition number of the length-scaled J_lp beyond which a pose counts as singular.  It is 4.2 to 4.7 in
 # the whole workspace of the identified geometry; at 1e6 a leg error of 1 um can move the platform joints by
@@ -122,12 +123,12 @@ def platform_joints_B(geometry: Geometry, R: Array) -> Array:
 def platform_jacobian(geometry: Geometry, translation_B: Array, R: Array) -> Array:
     """J_lp, eq (6): rows ``[n_i, (R r_pi) x n_i]``; (..., 6, 6), in axes of B."""
     r_p = platform_joints_B(geometry, R)
-    return _leg_rows(r_p, _unit(translation_B[..., None, :] + r_p - geometry.base_joints_B))
+    return leg_rows(r_p, _unit(translation_B[..., None, :] + r_p - geometry.base_joints_B))
 
 
 def base_jacobian(geometry: Geometry, translation_B: Array, R: Array) -> Array:
     """J_lb, eq (7): rows ``[n_i, r_bi x n_i]``; (..., 6, 6), in axes of B."""
-    return _leg_rows(geometry.base_joints_B, _unit(leg_vectors(geometry, translation_B, R)))
+    return leg_rows(geometry.base_joints_B, _unit(leg_vectors(geometry, translation_B, R)))
 
 
 def jacobians(geometry: Geometry, translation_B: Array, R: Array) -> Jacobians:
@@ -232,5 +233,6 @@ def _unit(vectors: Array) -> Array:
     return np.asarray(vectors / np.linalg.norm(vectors, axis=-1, keepdims=True))
 
 
-def _leg_rows(joints_B: Array, n_B: Array) -> Array:
-    return np.concatenate([n_B, np.cross(joints_B, n_B)], axis=-1)
+def leg_rows(joints_B: Array, n_B: Array) -> Array:
+    """Rows ``[n_i, r_i x n_i]`` of eqs (6) and (7), (..., 6, 6): joints r_i (m) and leg directions n_i, (..., 6, 3)."""
+    return np.concatenate([n_B, cross(joints_B, n_B)], axis=-1)

@@ -46,27 +46,36 @@ def leg_mass(legs: Sequence[CoarseLeg], geometry: Geometry, translation_B: Array
     translation_B, rotation_BP: the pose, (3,) m and (3, 3).
     """
     vectors_B = leg_vectors(geometry, translation_B, rotation_BP)
-    arms_B = platform_joints_B(geometry, rotation_BP)
-    alpha, alpha_beta, beta = np.zeros((6, 6)), np.zeros((6, 6)), np.zeros((6, 6))
-    for i, leg in enumerate(legs):
-        length = float(np.linalg.norm(vectors_B[i]))
-        n_B = vectors_B[i] / length
-        across = np.eye(3) - np.outer(n_B, n_B)  # P-perpendicular of (A8)
-        at_platform = _point_jacobian(arms_B[i])  # J_p of (A5)
-        at_base = _point_jacobian(geometry.base_joints_B[i])  # J_b of (A5)
-        up, low = leg.upper, leg.lower
-        turning = (
-            up.radial_inertia + up.mass * up.com_distance**2 + low.radial_inertia + low.mass * low.com_distance**2
-        ) / length**2
-        m_alpha = turning - 2.0 * up.mass * up.com_distance / length  # (A19)
-        m_beta = turning - 2.0 * low.mass * low.com_distance / length  # (A22)
-        m_alpha_beta = turning - (up.mass * up.com_distance + low.mass * low.com_distance) / length  # (A25)
-        alpha += at_platform.T @ (up.mass * np.eye(3) + m_alpha * across) @ at_platform  # (A17)
-        beta += at_base.T @ (low.mass * np.eye(3) + m_beta * across) @ at_base  # (A20)
-        alpha_beta -= m_alpha_beta * at_platform.T @ across @ at_base  # (A23)
-    return LegMass(alpha, alpha_beta, beta)
+    length = np.linalg.norm(vectors_B, axis=-1)
+    n_B = vectors_B / length[:, None]
+    across = np.eye(3) - n_B[:, :, None] * n_B[:, None, :]  # P-perpendicular of (A8), (6, 3, 3)
+    at_platform = _point_jacobian(platform_joints_B(geometry, rotation_BP))  # J_p of (A5)
+    at_base = _point_jacobian(geometry.base_joints_B)  # J_b of (A5)
+    (m_u, m_l), (c_u, c_l), (I_u, I_l) = np.array(
+        [
+            [[part.mass, part.com_distance, part.radial_inertia] for part in (leg.upper, leg.lower)]
+            for leg in legs
+        ]
+    ).T
+    turning = (I_u + m_u * c_u**2 + I_l + m_l * c_l**2) / length**2
+    m_alpha = turning - 2.0 * m_u * c_u / length  # (A19)
+    m_beta = turning - 2.0 * m_l * c_l / length  # (A22)
+    m_alpha_beta = turning - (m_u * c_u + m_l * c_l) / length  # (A25)
+    to_platform, to_base = at_platform.transpose(0, 2, 1), at_base.transpose(0, 2, 1)
+    alpha = to_platform @ (_isotropic(m_u) + m_alpha[:, None, None] * across) @ at_platform  # (A17)
+    beta = to_base @ (_isotropic(m_l) + m_beta[:, None, None] * across) @ at_base  # (A20)
+    alpha_beta = -to_platform @ (m_alpha_beta[:, None, None] * across) @ at_base  # (A23)
+    return LegMass(alpha.sum(axis=0), alpha_beta.sum(axis=0), beta.sum(axis=0))
 
 
-def _point_jacobian(arm_B: Array) -> Array:
-    """(3, 6): velocity of a point at ``arm_B`` from the twist of its body, eq (A5)."""
-    return np.hstack([np.eye(3), -skew(arm_B)])
+def _isotropic(mass: Array) -> Array:
+    """(n, 3, 3) from (n,): the mass in all directions."""
+    return np.asarray(mass[:, None, None] * np.eye(3))
+
+
+def _point_jacobian(arms_B: Array) -> Array:
+    """(n, 3, 6) from (n, 3): velocities of points at ``arms_B`` from the twist of their body, eq (A5)."""
+    jacobian = np.zeros((len(arms_B), 3, 6))
+    jacobian[:, :, :3] = np.eye(3)
+    jacobian[:, :, 3:] = -skew(arms_B)
+    return jacobian

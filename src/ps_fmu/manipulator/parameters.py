@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import tomllib
 from dataclasses import dataclass, fields
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -85,11 +86,11 @@ class Geometry:
     nominal_translation_B: Array
     coarse_stroke: Array
 
-    @property
+    @cached_property
     def nominal_lengths(self) -> Array:
         """Joint-to-joint lengths at the nominal pose (zero roll, pitch and yaw), shape (6,), m."""
         legs_B = self.nominal_translation_B + self.platform_joints_P - self.base_joints_B
-        return np.asarray(np.linalg.norm(legs_B, axis=1))
+        return frozen(np.linalg.norm(legs_B, axis=1), (6,), "nominal_lengths")
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,7 +135,7 @@ class Manipulator(Checked):
                 f"at most {LARGEST_CONDITION:.0e}); move the joints apart",
             )
 
-    @property
+    @cached_property
     def geometry(self) -> Geometry:
         """The joints as arrays."""
         legs: tuple[CoarseLeg, ...] = self.coarse_legs + self.fine_legs

@@ -29,7 +29,7 @@ PUBLISHED: dict[Triple, tuple[Triple, Triple, Triple]] = {
     (0.0, 0.0, 14.0): ((1.64e-5, 5.63e-6, 5.37e-6), (99.4, 96.9, 98.9), (99.35, 98.50, 98.90)),
 }
 PERIOD = "disturbance.noise.period"
-PAPER_PERIOD_S = 100.0  # as long as the runs of the paper
+USUAL_PERIOD_S = 100.0  # lines from 0.105 Hz on, each 0.01 Hz
 SHORTEST_PERIOD_S, LONGEST_PERIOD_S = 20.0, 1000.0  # two cycles of 0.1 Hz; the memory of the disturbance source
 
 HOW = (
@@ -86,7 +86,7 @@ def run(options: RunOptions) -> None:
 def period_s(duration_s: float) -> float:
     """Period of the disturbance [s]: the duration, or the largest part of it that the disturbance source takes."""
     period = duration_s / math.ceil(duration_s / LONGEST_PERIOD_S)
-    return period if period >= SHORTEST_PERIOD_S else PAPER_PERIOD_S
+    return period if period >= SHORTEST_PERIOD_S else USUAL_PERIOD_S
 
 
 def _window(system: System, options: RunOptions, lead_steps: int) -> str:
@@ -96,10 +96,10 @@ def _window(system: System, options: RunOptions, lead_steps: int) -> str:
     periods = options.duration_s / period
     if periods > 0.5 and abs(periods - round(periods)) < 1e-9:
         coarse = (
-            f" In periods below {PAPER_PERIOD_S:g} s few lines lie at the lowest frequencies, where the motion is: the "
+            f" In periods below {USUAL_PERIOD_S:g} s few lines lie at the lowest frequencies, where the motion is: the "
             "values are not those of Table 2."
         )
-        return f"{text}: {round(periods)} of its periods.{coarse if period < PAPER_PERIOD_S else ''}"
+        return f"{text}: {round(periods)} of its periods.{coarse if period < USUAL_PERIOD_S else ''}"
     return f"{text}: not a whole number of its periods of {period:g} s, so the values are not those of Table 2."
 
 
