@@ -12,7 +12,11 @@ import pytest
 from fmpy import read_model_description
 from fmpy.fmi1 import FMICallException
 from fmpy.fmi2 import FMU2Slave, fmi2CallbackFunctions, fmi2CallbackLoggerTYPE
-from support.host import told
+from support.host import told, unpack
+
+from ps_fmu.fmu.build import build_one
+
+MODELS = Path(__file__).parents[1] / "fmu" / "models"
 
 ANSWER = "printf 'version={}\\nprogram=x\\nmissing={}\\nlibrary=/x\\nentries=/\\ncomplete=1\\n'"
 TOYS = ("limiter", "oscillator", "waves")
@@ -194,12 +198,11 @@ def test_an_error_at_import_comes_with_its_traceback(host, plain):
     assert script.name in logged
 
 
-def test_a_bug_in_a_model_is_an_error_with_its_traceback(bound, tmp_path):
-    folder = tmp_path / "buggy"
-    shutil.copytree(bound["oscillator"], folder)
-    (package,) = (folder / "resources").glob("ps_fmu_*")
-    script = package / "oscillator.py"
+def test_a_bug_in_a_model_is_an_error_with_its_traceback(tmp_path):
+    shutil.copytree(MODELS / "oscillator", tmp_path / "oscillator")
+    script = tmp_path / "oscillator" / "oscillator.py"
     script.write_text(script.read_text().replace("if target > 1.0:", "if 1.0 / (target - 0.25) > 1e9:"))
+    folder = unpack(build_one(tmp_path / "oscillator", tmp_path), tmp_path / "buggy")
     description = read_model_description(str(folder))
     references = {v.name: v.valueReference for v in description.modelVariables}
     slave = FMU2Slave(

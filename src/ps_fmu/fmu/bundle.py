@@ -13,10 +13,9 @@ and its packages were built for.  The launcher finds it beside itself, in the fo
 from __future__ import annotations
 
 import importlib.metadata
-import importlib.util
 import io
 import json
-import marshal
+import py_compile
 import subprocess
 import sys
 import sysconfig
@@ -127,10 +126,13 @@ def _libpython() -> Path:
     raise BundleError(f"{sys.executable} was built without a shared libpython (looked in {', '.join(folders)})")
 
 
-def _compiled(source: bytes, name: str) -> bytes:
+def _compiled(path: Path, name: str) -> bytes:
     """A .pyc that is never checked against its source; the same bytes wherever it is made."""
-    code = marshal.dumps(compile(source, name, "exec", dont_inherit=True, optimize=0))
-    return importlib.util.MAGIC_NUMBER + b"\x01\0\0\0" + importlib.util.source_hash(source) + code
+    with tempfile.TemporaryDirectory() as folder:
+        result = Path(folder) / "module.pyc"
+        mode = py_compile.PycInvalidationMode.UNCHECKED_HASH
+        py_compile.compile(str(path), str(result), name, doraise=True, optimize=0, invalidation_mode=mode)
+        return result.read_bytes()
 
 
 def _standard_library(folder: Path) -> bytes:
@@ -140,7 +142,7 @@ def _standard_library(folder: Path) -> bytes:
             name = path.relative_to(folder)
             if not _LEFT_OUT.intersection(name.parts) and not any("config-" in part for part in name.parts):
                 entry = zipfile.ZipInfo(str(name.with_suffix(".pyc")), archive.DATE)
-                library.writestr(entry, _compiled(path.read_bytes(), str(name)))
+                library.writestr(entry, _compiled(path, str(name)))
     return content.getvalue()
 
 
@@ -160,7 +162,7 @@ def _packages(modules: Iterable[str]) -> Iterator[tuple[str, bytes]]:
                 continue
             path, name = Path(str(file.locate())), str(file)
             if name.endswith(".py"):
-                yield f"{name}c", _compiled(path.read_bytes(), name)
+                yield f"{name}c", _compiled(path, name)
             elif not name.endswith(_PACKAGE_FILES_LEFT_OUT) and file.name not in ("RECORD", "INSTALLER", "REQUESTED"):
                 yield name, path.read_bytes()
 
