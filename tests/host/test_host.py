@@ -67,6 +67,17 @@ def test_every_load_order_gives_the_same_results(host, bound):
         assert run.stdout == "".join(alone[name] for name in order)
 
 
+def test_the_four_fmus_of_the_system(host, built_fmus, tmp_path):
+    files = [told(unpack(fmu, tmp_path / fmu.stem), step=1e-4) for fmu in sorted(built_fmus.glob("*.fmu"))]
+    environment = {"PS_FMU_PYTHON": sys.executable, "OMP_NUM_THREADS": "1"}
+    alone = [host("run", 100, file, **environment).stdout for file in files]
+    assert len(alone) == 4
+    for order in (files, files[::-1]):
+        run = host("run", 100, *order, **environment)
+        assert run.returncode == 0, run.stderr
+        assert sorted(run.stdout.splitlines(keepends=True)) == sorted(alone)
+
+
 def test_unloading_and_loading_again(host, bound):
     run = host("reload", 10, told(bound["oscillator"]), told(bound["waves"]))
     assert (run.returncode, run.stderr) == (0, "")

@@ -14,8 +14,8 @@ def unpack(fmu: Path, folder: Path) -> Path:
     return folder
 
 
-def told(folder: Path, uri: str | None = None, library: Path | None = None) -> Path:
-    """What the host has to know about an unpacked FMU: a file."""
+def told(folder: Path, uri: str | None = None, step: float = 0.01) -> Path:
+    """What the host has to know about an unpacked FMU, as a file; the step in s."""
     description = read_model_description(str(folder))
     reals = {
         cause: [str(v.valueReference) for v in description.modelVariables if (v.causality, v.type) == (cause, "Real")]
@@ -23,10 +23,10 @@ def told(folder: Path, uri: str | None = None, library: Path | None = None) -> P
     }
     model = description.coSimulation.modelIdentifier
     lines = {
-        "library": library or folder / "binaries" / "linux64" / f"{model}.so",
+        "library": folder / "binaries" / "linux64" / f"{model}.so",
         "uri": (folder / "resources").as_uri() if uri is None else uri,
         "guid": description.guid,
-        "step": "0.01",
+        "step": repr(step),
         "inputs": " ".join(reals["input"][:2]),
         "outputs": " ".join(reals["output"]),
     }
