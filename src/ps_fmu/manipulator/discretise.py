@@ -28,10 +28,18 @@ def zero_order_hold(A: Array, B: Array, h: float) -> tuple[Array, Array]:
 
 
 def step_map(A: Array, B: Array, C: Array, D: Array, h: float) -> Array:
-    """One step as one matrix: ``[y; x](t + h) = M @ [x; u](t)``, shape (p + n, n + m).
+    """One step as one matrix: ``[y; x](t + h) = M @ [x; u](t)``, shape (p + n, n + m), see :func:`held_step_map`."""
+    return held_step_map(*zero_order_hold(A, B, h), C, D)
+
+
+def held_step_map(Ad: Array, Bd: Array, C: Array, D: Array) -> Array:
+    """As :func:`step_map`, from the exponential (Ad, Bd).
 
     The output is that of the end of the step, with the input that was held during it:
     ``y = C x(t + h) + D u(t)``.
     """
-    Ad, Bd = zero_order_hold(A, B, h)
-    return np.block([[C @ Ad, C @ Bd + D], [Ad, Bd]])
+    (p, n), m = C.shape, Bd.shape[1]
+    step = np.empty((p + n, n + m))
+    step[:p, :n], step[:p, n:] = C @ Ad, C @ Bd + D
+    step[p:, :n], step[p:, n:] = Ad, Bd
+    return step

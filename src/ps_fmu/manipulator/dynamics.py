@@ -16,6 +16,7 @@ the stretch of its rod.  Centrifugal and Coriolis terms are neglected, as in the
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +24,7 @@ from numpy.typing import NDArray
 from .kinematics import Jacobians, jacobians
 from .legs import LegMass, leg_mass
 from .parameters import Bus, Manipulator, Payload
-from .rotations import skew
+from .rotations import cross, skew
 
 Array = NDArray[np.float64]
 
@@ -79,7 +80,10 @@ def rigid_body_mass(mass: float, com: Array, inertia_com: Array) -> Array:
     ``com`` (3,) and ``inertia_com`` (3, 3, about the centre of mass) are in the axes of the result.
     """
     rho = skew(com)
-    return np.block([[mass * np.eye(3), -mass * rho], [mass * rho, inertia_com - mass * rho @ rho]])
+    M = np.empty((6, 6))
+    M[:3, :3], M[:3, 3:] = mass * np.eye(3), -mass * rho
+    M[3:, :3], M[3:, 3:] = mass * rho, inertia_com - mass * rho @ rho
+    return M
 
 
 def payload_mass(payload: Payload, rotation_BP: Array) -> Array:
@@ -93,58 +97,92 @@ def bus_mass(bus: Bus) -> Array:
 
 
 def assemble(manipulator: Manipulator, payload: Payload, bus: Bus, pose: Pose) -> Dynamics:
-    """The full model at a pose; modes with frequency or stiffness zero are inactive."""
-    J = jacobians(manipulator.geometry, pose.translation_B, pose.rotation_BP)
-    legs = leg_mass(
-        manipulator.coarse_legs + manipulator.fine_legs,
-        manipulator.geometry,
-        pose.translation_B,
-        pose.rotation_BP,
-    )
-    n_bus, n_truss = len(bus.modes), len(payload.truss_modes)
-    slices = _places({"d_f": 3, "q_b": 6, "x_m": n_bus, "e_c": 3, "x_t": n_truss})
-    n = slices["x_t"].stop
-    d_f, q_b, x_m, e_c, x_t = (slices[group] for group in GROUPS)
+    """The full model at one pose, see :class:`System`."""
+    return System(manipulator, payload, bus).at(pose)
 
-    # Platform and base twist from q, then the quadratic forms of eqs (20)-(23).
-    platform, base = np.zeros((6, n)), np.zeros((6, n))
-    platform[:, d_f], platform[:, q_b], platform[:, e_c] = J.J_pf, J.J_pb, J.J_pc
-    base[:, q_b] = np.eye(6)
-    M_p = payload_mass(payload, pose.rotation_BP)
-    cross = platform.T @ legs.alpha_beta @ base
-    M = platform.T @ (M_p + legs.alpha) @ platform + cross + cross.T + base.T @ (bus_mass(bus) + legs.beta) @ base
-    C, K = np.zeros((n, n)), np.zeros((n, n))
-    active = np.ones(n, dtype=bool)
 
-    for i, leg in enumerate(manipulator.fine_legs):
-        K[i, i], C[i, i] = leg.stiffness, leg.damping
-    for i, mode in enumerate(bus.modes):
-        k = x_m.start + i
-        omega = TWO_PI * mode.frequency
-        M[q_b, k] = M[k, q_b] = mode.participation_B  # M_b12
-        M[k, k], C[k, k], K[k, k] = 1.0, 2.0 * mode.damping_ratio * omega, omega**2
-        active[k] = mode.active
-    for i, truss in enumerate(payload.truss_modes):
-        k = x_t.start + i
-        omega = TWO_PI * truss.frequency
-        # The mass moves with the platform and along its own direction: a point mass in the quadratic form.
-        arm_B = pose.rotation_BP @ truss.position_P
-        along_B = pose.rotation_BP @ (truss.direction_P / np.linalg.norm(truss.direction_P))
-        M[:, k] += truss.mass * (np.hstack([along_B, np.cross(arm_B, along_B)]) @ platform)
-        M[k, :] = M[:, k]
-        M[k, k], C[k, k], K[k, k] = (
-            truss.mass,
-            2.0 * truss.damping_ratio * omega * truss.mass,
-            omega**2 * truss.mass,
+@dataclass(frozen=True, eq=False)
+class System:
+    """Manipulator, payload and bus; what does not depend on the pose is made once.
+
+    Modes with frequency or stiffness zero are inactive.
+    """
+
+    manipulator: Manipulator
+    payload: Payload
+    bus: Bus
+
+    def at(self, pose: Pose) -> Dynamics:
+        """The full model at a pose."""
+        geometry = self.manipulator.geometry
+        J = jacobians(geometry, pose.translation_B, pose.rotation_BP)
+        all_legs = self.manipulator.coarse_legs + self.manipulator.fine_legs
+        legs = leg_mass(all_legs, geometry, pose.translation_B, pose.rotation_BP)
+        d_f, q_b, _, e_c, x_t = (self._slices[group] for group in GROUPS)
+        M_fixed, C_fixed, K, active = self._fixed
+
+        # Platform twist from q, then the quadratic forms of eqs (20)-(23); that of the base is q_b itself.
+        platform = np.zeros((6, len(active)))
+        platform[:, d_f], platform[:, q_b], platform[:, e_c] = J.J_pf, J.J_pb, J.J_pc
+        M = M_fixed + platform.T @ (payload_mass(self.payload, pose.rotation_BP) + legs.alpha) @ platform
+        both = platform.T @ legs.alpha_beta
+        M[:, q_b] += both
+        M[q_b, :] += both.T
+        M[q_b, q_b] += legs.beta
+        # The masses of the truss modes move with the platform and along their own directions: point masses.
+        mass, position_P, direction_P = self._truss
+        along_B = direction_P @ pose.rotation_BP.T
+        moments_B = cross(position_P @ pose.rotation_BP.T, along_B)
+        with_platform = mass[:, None] * (np.hstack([along_B, moments_B]) @ platform)
+        M[x_t, :] += with_platform
+        M[:, x_t] += with_platform.T
+        C = C_fixed.copy()
+        rods, on_rods = self.manipulator.coarse_rods, np.arange(e_c.start, e_c.stop)
+        C[on_rods, on_rods] = 2.0 * rods.damping_ratio * np.sqrt(rods.axial_stiffness * M[on_rods, on_rods])
+        return Dynamics(pose, J, legs, M, C, K, M[:, e_c].copy(), active, self._slices)
+
+    @cached_property
+    def _slices(self) -> dict[str, slice]:
+        n_bus, n_truss = len(self.bus.modes), len(self.payload.truss_modes)
+        return _places({"d_f": 3, "q_b": 6, "x_m": n_bus, "e_c": 3, "x_t": n_truss})
+
+    @cached_property
+    def _truss(self) -> tuple[Array, Array, Array]:
+        """Mass (n,) kg, position (n, 3) m and direction (n, 3) of the truss modes, in P."""
+        modes = self.payload.truss_modes
+        directions = [mode.direction_P / np.linalg.norm(mode.direction_P) for mode in modes]
+        positions = [mode.position_P for mode in modes]
+        return (
+            np.array([mode.mass for mode in modes]),
+            np.reshape(positions, (-1, 3)),
+            np.reshape(directions, (-1, 3)),
         )
-        active[k] = truss.active
-    m_c = M[:, e_c].copy()
-    rods = manipulator.coarse_rods
-    for k in range(e_c.start, e_c.stop):
-        K[k, k] = rods.axial_stiffness
-        C[k, k] = 2.0 * rods.damping_ratio * np.sqrt(rods.axial_stiffness * M[k, k])
-        active[k] = rods.axial_stiffness > 0.0
-    return Dynamics(pose, J, legs, M, C, K, m_c, active, slices)
+
+    @cached_property
+    def _fixed(self) -> tuple[Array, Array, Array, NDArray[np.bool_]]:
+        """M, C, K without what the pose adds, and which coordinates are active; M of the bus alone, eq (25)."""
+        d_f, q_b, x_m, e_c, x_t = (self._slices[group] for group in GROUPS)
+        n = x_t.stop
+        M, C, K, active = np.zeros((n, n)), np.zeros((n, n)), np.zeros((n, n)), np.ones(n, dtype=bool)
+        M[q_b, q_b] = bus_mass(self.bus)
+        for k, leg in enumerate(self.manipulator.fine_legs, d_f.start):
+            K[k, k], C[k, k] = leg.stiffness, leg.damping
+        for k, mode in enumerate(self.bus.modes, x_m.start):
+            omega = TWO_PI * mode.frequency
+            M[q_b, k] = M[k, q_b] = mode.participation_B  # M_b12
+            M[k, k], C[k, k], K[k, k] = 1.0, 2.0 * mode.damping_ratio * omega, omega**2
+            active[k] = mode.active
+        for k, truss in enumerate(self.payload.truss_modes, x_t.start):
+            omega, mass = TWO_PI * truss.frequency, truss.mass
+            M[k, k], C[k, k], K[k, k] = mass, 2.0 * truss.damping_ratio * omega * mass, omega**2 * mass
+            active[k] = truss.active
+        stiffness = self.manipulator.coarse_rods.axial_stiffness
+        for k in range(e_c.start, e_c.stop):
+            K[k, k] = stiffness
+        active[e_c] = stiffness > 0.0
+        for shared in (K, active):
+            shared.setflags(write=False)
+        return M, C, K, active
 
 
 def _places(sizes: dict[str, int]) -> dict[str, slice]:

@@ -16,11 +16,12 @@ the six accelerations, as second-order sections: one polynomial of ninth order l
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .discretise import step_map
+from .discretise import held_step_map, zero_order_hold
 from .dynamics import Pose, payload_mass
 from .kinematics import jacobians
 from .legs import leg_mass
@@ -132,36 +133,55 @@ class Controller:
 
     def matrices(self) -> tuple[Array, Array, Array, Array]:
         """A, B, C, D of ``x' = A x + B a``, ``f = C x + D a``."""
-        n, order, low = self.n_states, self.lowpass.order, self.lowpass
-        omega = 2.0 * np.pi * self.filters.highpass_frequency
-        A, B, C, D = np.zeros((n, n)), np.zeros((n, 6)), np.zeros((3, n)), np.zeros((3, 6))
-        p, v = slice(0, 6), slice(6, 12)
-        A[p, v] = np.eye(6)
-        A[v, p], A[v, v] = (
-            -(omega**2) * np.eye(6),
-            -2.0 * self.filters.highpass_damping_ratio * omega * np.eye(6),
-        )
-        B[v] = np.eye(6)
-        C[:, p], C[:, v] = self.gains.displacement, self.gains.velocity
-        for i in range(3):
-            m = slice(12 + i * order, 12 + (i + 1) * order)
-            A[m, m] = low.A
-            B[m] = np.outer(low.b, self.gains.acceleration[i])
-            C[i, m] = low.c
-            D[i] = low.d * self.gains.acceleration[i]
-        return A, B, C, D
+        A, B = _filters(self.lowpass, self.filters)
+        return A, self._driven(B), *self._outputs()
 
     def output_map(self) -> Array:
         """[C D]: force from state and input at the same instant."""
-        _, _, C, D = self.matrices()
-        return np.hstack([C, D])
+        return np.hstack(self._outputs())
 
     def step_map(self, h: float) -> Array:
-        """[f; x](t + h) from [x; a](t), see :func:`.discretise.step_map`."""
-        return step_map(*self.matrices(), h)
+        """[f; x](t + h) from [x; a](t), see :func:`.discretise.held_step_map`."""
+        Ad, Bd = _held_filters(self.lowpass, self.filters, h)
+        return held_step_map(Ad, self._driven(Bd), *self._outputs())
 
     def response(self, s: Complex) -> Complex:
         """K_we(s) from base acceleration to fine force, (..., 3, 6)."""
         A, B, C, D = self.matrices()
         s = np.asarray(s, dtype=complex)[..., None, None]
         return np.asarray(C @ np.linalg.solve(s * np.eye(len(A)) - A, B.astype(complex)) + D)
+
+    def _driven(self, B: Array) -> Array:
+        """What drives the filters, (n, 6): :func:`_filters`' B with the forces made from the acceleration."""
+        return np.asarray(B[:, :6] + B[:, 6:] @ self.gains.acceleration)
+
+    def _outputs(self) -> tuple[Array, Array]:
+        """C and D."""
+        C, low = np.zeros((3, self.n_states)), self.lowpass
+        C[:, :6], C[:, 6:12] = self.gains.displacement, self.gains.velocity
+        for i in range(3):
+            C[i, 12 + i * low.order : 12 + (i + 1) * low.order] = low.c
+        return C, low.d * self.gains.acceleration
+
+
+def _filters(lowpass: Lowpass, filters: FeedforwardFilters) -> tuple[Array, Array]:
+    """A and B of ``x' = A x + B [q_b''; K_a q_b'']``, (n, n) and (n, 9): the part that no pose changes."""
+    n, omega = 12 + 3 * lowpass.order, 2.0 * np.pi * filters.highpass_frequency
+    A, B = np.zeros((n, n)), np.zeros((n, 9))
+    p, v = slice(0, 6), slice(6, 12)
+    A[p, v] = np.eye(6)
+    A[v, p], A[v, v] = -(omega**2) * np.eye(6), -2.0 * filters.highpass_damping_ratio * omega * np.eye(6)
+    B[v, :6] = np.eye(6)
+    for i in range(3):
+        m = slice(12 + i * lowpass.order, 12 + (i + 1) * lowpass.order)
+        A[m, m], B[m, 6 + i] = lowpass.A, lowpass.b
+    return A, B
+
+
+@lru_cache(maxsize=8)
+def _held_filters(lowpass: Lowpass, filters: FeedforwardFilters, h: float) -> tuple[Array, Array]:
+    """The filters over a step of ``h`` (s) with the input held; read-only."""
+    held = zero_order_hold(*_filters(lowpass, filters), h)
+    for matrix in held:
+        matrix.setflags(write=False)
+    return held

@@ -18,11 +18,12 @@ Convective forces within the mechanism (between payload and legs) are neglected:
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .dynamics import Pose, assemble
+from .dynamics import Pose, System
 from .forward import forward_kinematics
 from .kinematics import KinematicsError
 from .parameters import Bus, CoarseServo, Manipulator, Optics, ParameterError, Payload
@@ -59,13 +60,17 @@ class Plant:
         lengths[:3] += coarse_displacement
         try:
             found = forward_kinematics(geometry, lengths)
-            dynamics = assemble(self.manipulator, self.payload, self.bus, Pose(found.translation_B, found.R))
+            dynamics = self._system.at(Pose(found.translation_B, found.R))
         except KinematicsError as error:
             at = ", ".join(f"{1e3 * displacement:.4g}" for displacement in coarse_displacement)
             raise ParameterError(
                 "coarse_stroke", f"too large: no usable pose with the coarse legs at ({at}) mm from nominal; {error}"
             ) from error
         return PlantModel(dynamics, self.servo, self.optics, np.array(coarse_displacement), found.orientation)
+
+    @cached_property
+    def _system(self) -> System:
+        return System(self.manipulator, self.payload, self.bus)
 
     def within_stroke(self, command: Array) -> Array:
         """The command (3,), m, with each leg kept within its stroke."""

@@ -22,7 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .discretise import step_map
+from .discretise import held_step_map, zero_order_hold
 from .dynamics import Dynamics
 from .parameters import CoarseServo, Optics
 from .rotations import orientation_rate_map
@@ -103,17 +103,14 @@ class PlantModel:
 
         # M q'' = - K q - C q' + [f_f; w_b; 0] - m_c s''
         pick = np.ix_(on, on)
-        mobility = np.linalg.inv(d.M[pick])
-        force = np.zeros((n, 9))
-        force[d.slices["d_f"], 0:3], force[d.slices["q_b"], 3:9] = np.eye(3), np.eye(6)
-        coupling = mobility @ d.m_c[on]
-        rows = n + on
-        A[np.ix_(rows, on)] = -mobility @ d.K[pick]
-        A[np.ix_(rows, rows)] = -mobility @ d.C[pick]
-        B[rows, 0:9] = mobility @ force[on]
-        B[rows, 12:18] = B[rows, 3:9]
-        A[rows, :] -= coupling @ A[ds, :]
-        B[rows, :] -= coupling @ B[ds, :]
+        mobility = np.zeros((n, n))  # zero for what cannot move
+        mobility[pick] = np.linalg.inv(d.M[pick])
+        coupling = mobility @ d.m_c
+        A[dq, :n] = -mobility @ d.K
+        A[dq, dq] = -mobility @ d.C
+        A[dq, 2 * n :] = -coupling @ A[ds, 2 * n :]
+        B[dq, 0:3], B[dq, 3:9] = mobility[:, d.slices["d_f"]], mobility[:, d.slices["q_b"]]
+        B[dq, 12:18] = B[dq, 3:9]
         C, D = self._output_matrices(A[dq], B[dq])
         return A, B, C, D
 
@@ -165,8 +162,12 @@ class PlantModel:
         return np.hstack([C, D])
 
     def step_map(self, h: float) -> Array:
-        """[y; x](t + h) from [x; u](t), see :func:`.discretise.step_map`."""
-        return step_map(*self.matrices(), h)
+        """[y; x](t + h) from [x; u](t), see :func:`.discretise.held_step_map`."""
+        A, B, C, D = self.matrices()
+        # The convective wrench acts as the base wrench does, and the constant moves nothing: without their columns the
+        # exponential takes 0.11 instead of 0.14 ms.
+        Ad, Bd = zero_order_hold(A, B[:, :12], h)
+        return held_step_map(Ad, np.hstack([Bd, Bd[:, 3:9], np.zeros((len(A), 1))]), C, D)
 
 
 def momentum(model: PlantModel, x: Array) -> Array:
