@@ -4,14 +4,14 @@ VERSION_CHECK := import sys; sys.exit(not (3, 11) <= sys.version_info < (3, 14))
 PYTHON ?= $(shell for p in python3.11 python3.12 python3.13 python3; do \
 	$$p -c '$(VERSION_CHECK)' 2>/dev/null && { echo $$p; break; }; done)
 BIN := .venv/bin
-FMU_SOURCES := $(shell find src fmus -name '*.py' -o -name '*.toml' -o -name '*.csv' -o -name 'README.md')
+FMU_SOURCES := $(shell find src fmus -name '*.py' -o -name '*.toml' -o -name '*.csv' -o -name 'README.md' -o -name 'launcher.so')
 
 # The matrices are small (below 100 x 100): threads in BLAS cost more than they bring.
 export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 export MPLBACKEND := Agg
 
-.PHONY: run test fmus bench lint clean
+.PHONY: run test fmus launcher bench lint clean
 .DELETE_ON_ERROR:
 
 run: fmus  ## the default scenario: isolation at the nominal orientation, passive then active
@@ -21,6 +21,9 @@ test: lint fmus  ## what the continuous integration runs
 	$(BIN)/python -m pytest $(ARGS)
 
 fmus: build/fmus/.built  ## the four FMUs in build/fmus
+
+launcher: .venv/.installed  ## the launcher in the package, compiled again: the same bytes from the same sources
+	$(BIN)/python -m ps_fmu.fmu.launcher.compile
 
 bench: fmus
 	$(BIN)/python benchmarks/step_cost.py $(ARGS)

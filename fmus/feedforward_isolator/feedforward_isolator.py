@@ -16,6 +16,7 @@ from ps_fmu.manipulator.flat import entries, taken_from
 from ps_fmu.manipulator.isolator import (
     DelayLine,
     Isolator,
+    StepError,
     UnreachableOrientationError,
     whole_steps,
 )
@@ -157,7 +158,12 @@ class FeedforwardIsolator(Slave):
 
     def finish_step(self) -> None:
         """Hold, delay and limit the forces, behind the linear map."""
-        force = self.y[:3]
+        try:
+            self._hold_delay_limit(self.y[:3])
+        except StepError as error:
+            raise ModelError(str(error)) from None
+
+    def _hold_delay_limit(self, force: NDArray[np.float64]) -> None:
         if self.sampled:
             period = float(self.value("sample_time"))
             whole_steps("sample_time", period, self.step_size)

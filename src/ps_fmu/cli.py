@@ -46,6 +46,15 @@ def _add_build(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     build.add_argument(
         "--fmus", type=Path, metavar="DIR", help="folder of the sources (default: fmus/ of the checkout)"
     )
+    build.add_argument(
+        "--interpreter",
+        type=Path,
+        metavar="PYTHON",
+        help="note this Python in the FMUs, for hosts that do not run one; ties them to this machine",
+    )
+    build.add_argument(
+        "--bundle", action="store_true", help="put a Python into each FMU, with the packages it needs (20 to 60 MB)"
+    )
     build.set_defaults(run=_build)
 
 
@@ -54,7 +63,7 @@ def _build(options: argparse.Namespace) -> int:
 
     try:
         for folder in find(options.fmus or default_fmus(), options.only):
-            fmu = build_one(folder, options.output)
+            fmu = build_one(folder, options.output, interpreter=options.interpreter, bundled=options.bundle)
             print(f"{fmu}  {fmu.stat().st_size / 1e3:.0f} kB", flush=True)
     except (BuildError, OSError) as error:
         print(f"ps-fmu build: {error}", file=sys.stderr)

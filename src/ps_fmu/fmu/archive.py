@@ -7,7 +7,7 @@ import zipfile
 from collections.abc import Mapping
 from pathlib import Path, PurePosixPath
 
-_DATE = (1980, 1, 1, 0, 0, 0)  # the earliest that a zip file can state
+DATE = (1980, 1, 1, 0, 0, 0)  # the earliest that a zip file can state
 _PERMISSIONS = {True: 0o100755, False: 0o100644}  # executable or not
 
 
@@ -30,7 +30,7 @@ def write(path: Path, files: Mapping[PurePosixPath, bytes]) -> None:
     """Write a zip archive: entries sorted, dates and permissions fixed."""
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED, compresslevel=9) as archive:
         for name in sorted(files):
-            entry = zipfile.ZipInfo(str(name), _DATE)
+            entry = zipfile.ZipInfo(str(name), DATE)
             entry.compress_type = zipfile.ZIP_DEFLATED
             entry.create_system = 3  # Unix, also where it is made elsewhere
             entry.external_attr = _PERMISSIONS[name.suffix in (".so", ".dylib", ".dll")] << 16

@@ -16,17 +16,22 @@ import tempfile
 import uuid
 from collections.abc import Iterable, Iterator
 from pathlib import Path, PurePosixPath
+from typing import Any
 
 import pythonfmu
 from pythonfmu.builder import FmuBuilder
 
 from . import archive, smoke
+from .bundle import BundleError, bundle
+from .bundle import check as check_bundle
 from .description import CAPABILITIES
 from .documentation import page
 from .entry import entry_source
-from .sources import Files, SourceError, closure, imported, renamed
+from .launcher.compile import library
+from .sources import Files, SourceError, closure, foreign, imported, renamed
 
 PACKAGE = Path(__file__).resolve().parents[1]
+_OLDEST_PYTHON = "3.11"
 _RESOURCES = PurePosixPath("resources")
 _DESCRIPTION = PurePosixPath("modelDescription.xml")
 _GUID = re.compile(rb'guid="[^"]*"')
@@ -58,13 +63,18 @@ def find(fmus: Path, only: Iterable[str] = ()) -> list[Path]:
     return [found[name] for name in only] or list(found.values())
 
 
-def build_all(output: Path, fmus: Path | None = None, only: Iterable[str] = ()) -> list[Path]:
-    """Build the FMUs of a checkout into the folder ``output``; their paths.  Raises BuildError."""
-    return [build_one(folder, output) for folder in find(fmus or default_fmus(), only)]
+def build_all(output: Path, fmus: Path | None = None, only: Iterable[str] = (), **variant: Any) -> list[Path]:
+    """Build the FMUs of a checkout into the folder ``output``; their paths.  As :func:`build_one` otherwise."""
+    return [build_one(folder, output, **variant) for folder in find(fmus or default_fmus(), only)]
 
 
-def build_one(folder: Path, output: Path) -> Path:
+def build_one(folder: Path, output: Path, *, interpreter: Path | None = None, bundled: bool = False) -> Path:
     """Build the FMU in ``folder`` into the folder ``output``, as ``<class>.fmu``; its path.
+
+    Parameters
+    ----------
+    interpreter: noted in the FMU as the Python for hosts that do not run one; that ties the FMU to this machine.
+    bundled: put a Python of its own into the FMU, see :mod:`.bundle`.
 
     Raises
     ------
@@ -78,11 +88,13 @@ def build_one(folder: Path, output: Path) -> Path:
     with tempfile.TemporaryDirectory(prefix="ps_fmu_build_") as temporary:
         try:
             stock = _pythonfmu_build(script, Path(temporary))
-            name, files = _repackaged(stock, script)
+            name, files = _repackaged(stock, script, interpreter, bundled)
             fmu = Path(temporary) / f"{name}.fmu"
             archive.write(fmu, files)
             smoke.check(fmu)
-        except (SourceError, smoke.SmokeError) as error:
+            if bundled:
+                check_bundle(fmu)
+        except (SourceError, BundleError, smoke.SmokeError) as error:
             raise BuildError(f"{folder.name}: {error}") from None
         result = output / fmu.name
         partial = result.with_suffix(".partial")
@@ -115,10 +127,10 @@ def _imports_undone(script: str) -> Iterator[None]:
             sys.modules[script] = before
 
 
-def _repackaged(stock: Path, script: Path) -> tuple[str, Files]:
+def _repackaged(stock: Path, script: Path, interpreter: Path | None, bundled: bool) -> tuple[str, Files]:
     """Model name and files of the final FMU, from pythonfmu's and the sources."""
     built = archive.read(stock)
-    files = {name: content for name, content in built.items() if name.parts[0] == "binaries"}
+    files = _binaries(built)
     files[_DESCRIPTION] = _GUID.sub(b'guid=""', built[_DESCRIPTION], count=1)
     model = _model_name(built[_DESCRIPTION])
     files |= _documentation(script.parent, model)
@@ -135,9 +147,36 @@ def _repackaged(stock: Path, script: Path) -> tuple[str, Files]:
     entry = f"{script.stem}_{digest.hex()[:12]}"
     files[_RESOURCES / f"{entry}.py"] = entry_source(package, script.stem, model)
     files[_RESOURCES / "slavemodule.txt"] = entry.encode()
-    guid = f'guid="{{{uuid.UUID(bytes=digest[:16])}}}"'.encode()
-    files[_DESCRIPTION] = files[_DESCRIPTION].replace(b'guid=""', guid, 1)
+    guid = f"{{{uuid.UUID(bytes=digest[:16])}}}"
+    files[_DESCRIPTION] = files[_DESCRIPTION].replace(b'guid=""', f'guid="{guid}"'.encode(), 1)
+    modules = foreign(sources)
+    files[_RESOURCES / "launcher.txt"] = _launcher_notes(guid, modules, interpreter)
+    if bundled:
+        files |= {PurePosixPath("binaries/linux64") / name: content for name, content in bundle(modules).items()}
     return model, files
+
+
+def _binaries(built: Files) -> Files:
+    """pythonfmu's libraries as they are; where there is a launcher, that takes the name that hosts look for."""
+    files: Files = {}
+    for name, content in built.items():
+        if name.parts[0] != "binaries":
+            continue
+        launcher = library(name.parent.name)
+        if launcher.is_file():
+            files[name.with_name("libpythonfmu-export.so")] = content
+            files[name] = launcher.read_bytes()
+        else:
+            files[name] = content
+    return files
+
+
+def _launcher_notes(guid: str, modules: list[str], interpreter: Path | None) -> bytes:
+    """What the launcher has to know: which FMU this is, and what a Python has to have for it."""
+    lines = [f"guid={guid}", f"python={_OLDEST_PYTHON}", f"modules={' '.join(modules)}"]
+    if interpreter is not None:
+        lines.append(f"interpreter={interpreter.absolute()}")
+    return ("\n".join(lines) + "\n").encode()
 
 
 def _model_name(description: bytes) -> str:

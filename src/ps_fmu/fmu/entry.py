@@ -25,7 +25,9 @@ try:
     importlib.import_module("{package}.fmu.guard").keep_alive(globals())  # see there
 except BaseException:
     traceback.print_exc()  # the library tells only hosts that log
-    raise
+    # It logs what repr() gives, which has to be safe as a printf format.
+    _failure = type("Failure", (ImportError,), {{"__repr__": ImportError.__str__}})
+    raise _failure(traceback.format_exc().replace("%", "%%")) from None
 finally:
     if os.path.isfile(os.path.join(sys.path[0], __name__ + ".py")):
         del sys.path[0]  # one entry more at each instantiation, by the library

@@ -28,7 +28,11 @@ class Refused(ValueError):
 
 
 class FmuError(RuntimeError):
-    """What the native library gets to see: one line, safe as a printf format."""
+    """What the native library gets to see: safe as a printf format."""
+
+    def __repr__(self) -> str:
+        """The text alone: the library logs this."""
+        return str(self)
 
 
 def describe(error: BaseException) -> str:
@@ -42,7 +46,7 @@ def describe(error: BaseException) -> str:
 
 
 def report(text: str, error: BaseException | None = None) -> str:
-    """Print on stderr, with the traceback unless the error is one of our own refusals; returns the text."""
+    """Print on stderr, with the traceback unless the error is one of our own refusals; returns what was printed."""
     if error is not None and not isinstance(error, (ModelError, Refused)):
         text = f"{text}\n{''.join(traceback.format_exception(error)).rstrip()}"
     # Where the host has closed stderr, the FMI status has to do.
@@ -110,6 +114,5 @@ def escape_class(cls: Any, error: BaseException) -> None:
 
 
 def _raise_reported(label: str, error: BaseException) -> NoReturn:
-    text = f"{label}: {describe(error)}"
-    report(text, error)
+    text = report(f"{label}: {describe(error)}", error)
     raise FmuError(text.replace("%", "%%")) from error

@@ -24,7 +24,6 @@ import numpy as np
 from pythonfmu.enums import Fmi2Status
 
 from .. import __version__
-from .farewell import finalize_once
 from .guard import ModelError, Refused, guarded, guarded_class, report
 from .layout import Layout
 from .state import Phase, State, from_bytes, to_bytes
@@ -60,8 +59,6 @@ class Slave(Stepper):
         super().__init__(**kwargs)
         self.label = f"{type(self).__name__} {self.instance_name!r}"
         self.hosted = "logger" in kwargs  # only pythonfmu's native library passes one
-        if self.hosted and self.resources is not None:
-            finalize_once(self.resources, type(self).__name__)
         self._allocate()
         self.instances.add(self)
 

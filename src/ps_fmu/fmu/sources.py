@@ -9,6 +9,7 @@ from __future__ import annotations
 import ast
 import importlib.util
 import re
+import sys
 from collections.abc import Collection, Iterator
 from pathlib import Path, PurePosixPath
 
@@ -75,6 +76,18 @@ def closure(script: Path, roots: dict[str, Path], hollow: Collection[str] = ()) 
             if path.name == "__init__.py":
                 files |= {arcname.with_name(data.name): data.read_bytes() for data in _data(path.parent)}
     return files
+
+
+def foreign(files: Files) -> list[str]:
+    """Names of the top-level packages that some sources import, wherever in them, and neither hold nor find in
+    Python's standard library.
+    """
+    found: set[str] = set()
+    for name, content in files.items():
+        if name.suffix == ".py":
+            package = ".".join(name.parent.parts)
+            found |= {_top(module) for module in imported(content.decode(), str(name), package)}
+    return sorted(found - {name.parts[0] for name in files} - sys.stdlib_module_names - {""})
 
 
 def _module_files(name: str, folder: Path) -> Iterator[Path]:

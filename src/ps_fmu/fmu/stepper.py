@@ -9,7 +9,7 @@ import numpy as np
 from pythonfmu.enums import Fmi2Status
 
 from .buffer import Array, aligned
-from .guard import Refused, describe, escape, report
+from .guard import ModelError, Refused, describe, escape, report
 from .state import Clock, Phase
 from .values import Values
 
@@ -91,7 +91,10 @@ class Stepper(Values):
     # --- For hosts ----------------------------------------------------------------------
 
     def do_step(self, current_time: float, step_size: float) -> bool:
-        """One step; False (fmi2Discard) if it was refused: then nothing has changed, and the log says why."""
+        """One step; False (fmi2Discard) if it was refused: then nothing has changed, and the log says why.
+
+        Any other exception is a fault of the model (fmi2Error); nothing has changed then either.
+        """
         try:
             if (
                 abs(current_time - self._time) <= self._time_slack
@@ -104,7 +107,7 @@ class Stepper(Values):
             else:
                 self._careful_step(current_time, step_size)
             return True
-        except Exception as error:
+        except (ModelError, Refused) as error:
             self._refuse_step(error)
             return False
         except BaseException as error:
@@ -126,7 +129,7 @@ class Stepper(Values):
 
     def _refuse_step(self, error: Exception) -> None:
         text = f"{self.label}: step from t = {self._time:.9g} s refused: {describe(error)}"
-        self.log(report(text, error), Fmi2Status.error)
+        self.log(report(text), Fmi2Status.error)
 
     def _careful_step(self, t: float, h: float) -> None:
         """A step that checks all.  All or nothing."""

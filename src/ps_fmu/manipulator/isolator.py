@@ -48,16 +48,20 @@ class Isolator:
         return Controller(gains(self.manipulator, self.payload, pose), self.lowpass, self.filters)
 
 
+class StepError(ValueError):
+    """A time that does not fit the communication step."""
+
+
 def whole_steps(name: str, interval: float, h: float) -> int:
     """Whole steps of ``h`` (s) in ``interval`` (s); none for an interval of zero alone.
 
     Raises
     ------
-    ValueError: not a multiple of the step; the text starts with ``name``.
+    StepError: not a multiple of the step; the text starts with ``name``.
     """
     count = round(interval / h)
     if abs(interval / h - count) > 1e-6 * count:
-        raise ValueError(f"{name}: {interval:g} s is not a multiple of the communication step {h:g} s")
+        raise StepError(f"{name}: {interval:g} s is not a multiple of the communication step {h:g} s")
     return count
 
 
@@ -82,11 +86,11 @@ class DelayLine:
 
         Raises
         ------
-        ValueError: the delay is no multiple of the step, or longer than :data:`LONGEST_DELAY` steps.
+        StepError: the delay is no multiple of the step, or longer than :data:`LONGEST_DELAY` steps.
         """
         steps = whole_steps("delay", delay, h)
         if steps > LONGEST_DELAY:
-            raise ValueError(f"delay: {delay:g} s is {steps} steps of {h:g} s; at most {LONGEST_DELAY} are kept")
+            raise StepError(f"delay: {delay:g} s is {steps} steps of {h:g} s; at most {LONGEST_DELAY} are kept")
         if self.memory[1] != h:
             self._resample(h)
         ring = self.memory[2:].reshape(LONGEST_DELAY, 3)

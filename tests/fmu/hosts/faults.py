@@ -14,7 +14,7 @@ from fmpy import extract, read_model_description
 from fmpy.fmi1 import FMICallException
 from fmpy.fmi2 import FMU2Slave
 
-ERRORS = (2, 4)  # fmi2Discard, fmi2Fatal
+ERRORS = (2, 3)  # fmi2Discard, fmi2Error
 
 
 def resident() -> int:

@@ -1,0 +1,348 @@
+#include "find.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <poll.h>
+#include <signal.h>
+#include <spawn.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <sys/wait.h>
+#include <time.h>
+#include <unistd.h>
+
+extern char **environ;
+
+enum {
+    PROBE_TIMEOUT = 30,  /* s */
+    MOST_ON_PATH = 8,    /* interpreters called python3 that are tried */
+    MOST_OUTPUT = 1 << 16 /* bytes */
+};
+
+/* Run by a candidate: tells about itself in lines key=value.  "missing" is the reason it cannot be used. */
+static const char PROBE[] =
+    "import importlib.util, os, sys, sysconfig\n"
+    "get = sysconfig.get_config_var\n"
+    "version = '%d.%d' % sys.version_info[:2]\n"
+    "folders = [get('LIBDIR') or '', sys.base_prefix + '/lib', os.path.dirname(os.path.realpath(sys.executable))]\n"
+    "folders += [folders[0] + '/' + (get('MULTIARCH') or '')]\n"
+    "names = [get('INSTSONAME') or '', get('LDLIBRARY') or '', 'libpython' + version + '.so.1.0']\n"
+    "shared = [f + '/' + n for f in folders for n in names if '.so' in n and os.path.isfile(f + '/' + n)]\n"
+    "with open('/proc/self/maps') as maps:\n"
+    "    shared = [m.split(None, 5)[5].strip() for m in maps if '/libpython' + version + '.so' in m] + shared\n"
+    "search = [entry for entry in sys.path if os.path.isabs(entry)]\n"
+    "sys.path[:] = search\n"
+    "absent = [name for name in sys.argv[1:] if importlib.util.find_spec(name) is None]\n"
+    "missing = ''\n"
+    "if absent: missing = 'lacks ' + ', '.join(absent)\n"
+    "elif get('Py_GIL_DISABLED'): missing = 'a build without the global interpreter lock'\n"
+    "elif sys.maxsize < 2**32: missing = 'a 32-bit build'\n"
+    "elif not shared: missing = 'built without a shared libpython (looked in %s)' % ', '.join(folders)\n"
+    "sys.stdout.buffer.write(os.fsencode('\\nversion=%s\\nprogram=%s\\nmissing=%s\\nlibrary=%s\\nentries=%s\\n'\n"
+    "    % (version, sys.executable, missing, shared[0] if shared else '', os.pathsep.join(search))))\n"
+    "sys.stdout.buffer.write(b'complete=1\\n')\n";
+
+bool version_at_least(const char *version, const char *oldest)
+{
+    int major, minor, wanted_major, wanted_minor;
+    if (sscanf(oldest, "%d.%d", &wanted_major, &wanted_minor) != 2)
+        return true;
+    if (sscanf(version, "%d.%d", &major, &minor) != 2)
+        return false;
+    return major > wanted_major || (major == wanted_major && minor >= wanted_minor);
+}
+
+void python_free(Python *python)
+{
+    free(python->library);
+    free(python->program);
+    free(python->home);
+    free(python->version);
+    free(python->search);
+    free(python->preload);
+    memset(python, 0, sizeof *python);
+}
+
+/* --- The child process ------------------------------------------------------------------------------------------ */
+
+/* The environment without what a host may have set for its own libraries and its own Python; new memory. */
+static char **child_environment(void)
+{
+    size_t n = 0;
+    while (environ != NULL && environ[n] != NULL)
+        n++;
+    char **result = calloc(n + 1, sizeof *result);
+    size_t kept = 0;
+    for (size_t i = 0; result != NULL && i < n; i++)
+        if (strncmp(environ[i], "LD_", 3) != 0 && strncmp(environ[i], "PYTHON", 6) != 0)
+            result[kept++] = environ[i];
+    return result;
+}
+
+static pid_t start(const char *program, char *const arguments[], int output)
+{
+    pid_t child = -1;
+    posix_spawn_file_actions_t files;
+    posix_spawnattr_t attributes;
+    sigset_t none, all;
+    char **environment = child_environment();
+    sigemptyset(&none);
+    sigfillset(&all);
+    sigdelset(&all, SIGKILL); /* these two cannot be set, and older systems take the attempt for a failure */
+    sigdelset(&all, SIGSTOP);
+    posix_spawn_file_actions_init(&files);
+    posix_spawnattr_init(&attributes);
+    posix_spawn_file_actions_addopen(&files, STDIN_FILENO, "/dev/null", O_RDONLY, 0);
+    posix_spawn_file_actions_adddup2(&files, output, STDOUT_FILENO);
+    posix_spawn_file_actions_adddup2(&files, output, STDERR_FILENO);
+    posix_spawnattr_setsigmask(&attributes, &none);
+    posix_spawnattr_setsigdefault(&attributes, &all);
+    posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF);
+    int error = environment == NULL ? ENOMEM
+                                    : posix_spawn(&child, program, &files, &attributes, arguments, environment);
+    posix_spawnattr_destroy(&attributes);
+    posix_spawn_file_actions_destroy(&files);
+    free(environment);
+    errno = error;
+    return error == 0 ? child : -1;
+}
+
+static long milliseconds(void)
+{
+    struct timespec now;
+    clock_gettime(CLOCK_MONOTONIC, &now);
+    return now.tv_sec * 1000L + now.tv_nsec / 1000000L;
+}
+
+/* What the child prints until it closes its output, or the time is up (then false). */
+static bool read_output(int input, Text *output)
+{
+    long end = milliseconds() + 1000L * PROBE_TIMEOUT;
+    for (;;) {
+        struct pollfd ready = {.fd = input, .events = POLLIN};
+        long left = end - milliseconds();
+        int n = left > 0 ? poll(&ready, 1, (int)left) : 0;
+        if (n < 0 && errno == EINTR)
+            continue;
+        char part[4096];
+        ssize_t size = n > 0 ? read(input, part, sizeof part) : -1;
+        if (size < 0 && n > 0 && errno == EINTR)
+            continue;
+        if (size <= 0)
+            return size == 0;
+        if (output->used < MOST_OUTPUT)
+            text_add_bytes(output, part, (size_t)size);
+    }
+}
+
+/* Run the probe; false with a reason if it could not be run to its end. */
+static bool run_probe(const char *program, const Needs *needs, Text *output, Text *reason)
+{
+    char *arguments[64] = {(char *)program, "-E", "-c", (char *)PROBE};
+    char *modules = strdup(needs->modules != NULL ? needs->modules : ""), *rest = NULL;
+    size_t n = 4;
+    for (char *name = modules != NULL ? strtok_r(modules, " ", &rest) : NULL; name != NULL && n < 63;
+         name = strtok_r(NULL, " ", &rest))
+        arguments[n++] = name;
+    int ends[2];
+    pid_t child = -1;
+    if (pipe2(ends, O_CLOEXEC) == 0) {
+        child = start(program, arguments, ends[1]);
+        int error = errno;
+        close(ends[1]);
+        if (child < 0)
+            text_add(reason, "cannot be started: %s", strerror(error));
+        else if (!read_output(ends[0], output)) {
+            kill(child, SIGKILL);
+            text_add(reason, "did not answer within %d s", PROBE_TIMEOUT);
+        }
+        close(ends[0]);
+    } else {
+        text_add(reason, "no pipe: %s", strerror(errno));
+    }
+    /* Hosts that ignore SIGCHLD, or wait for any child, take the status: the output has to do. */
+    while (child > 0 && waitpid(child, NULL, 0) < 0 && errno == EINTR)
+        continue;
+    free(modules);
+    return reason->used == 0;
+}
+
+/* --- Candidates ------------------------------------------------------------------------------------------------- */
+
+static bool same_file(const char *a, const char *b)
+{
+    struct stat first, second;
+    return stat(a, &first) == 0 && stat(b, &second) == 0 && first.st_dev == second.st_dev &&
+           first.st_ino == second.st_ino;
+}
+
+static const char *last_line(Text *text)
+{
+    while (text->used > 0 && text->data[text->used - 1] == '\n')
+        text->data[--text->used] = '\0';
+    const char *newline = text->used > 0 ? strrchr(text->data, '\n') : NULL;
+    return newline != NULL ? newline + 1 : text->used > 0 ? text->data : "nothing";
+}
+
+/* Judge an interpreter by what it says about itself. */
+static void judge(const Needs *needs, const char *library, Text *output, Python *found, Text *reason)
+{
+    char *complete = line_value(output->data, "complete"), *missing = line_value(output->data, "missing");
+    found->version = line_value(output->data, "version");
+    found->program = line_value(output->data, "program");
+    found->library = line_value(output->data, "library");
+    found->search = line_value(output->data, "entries");
+    for (char *at = found->search; at != NULL && *at != '\0'; at++)
+        if (*at == ':')
+            *at = '\n';
+    if (complete == NULL || missing == NULL || found->library == NULL || found->search == NULL)
+        text_add(reason, "failed, its last words: %s", last_line(output));
+    else if (needs->python != NULL && !version_at_least(found->version, needs->python))
+        text_add(reason, "Python %s, %s or newer is needed", found->version, needs->python);
+    else if (missing[0] != '\0')
+        text_add(reason, "Python %s, %s", found->version, missing);
+    else if (library != NULL && !same_file(library, found->library))
+        text_add(reason, "belongs to %s, but the process has loaded %s already", found->library, library);
+    free(complete);
+    free(missing);
+}
+
+static bool try_interpreter(const char *program, const char *origin, const Needs *needs, const char *library,
+                            Python *found, Text *why)
+{
+    Text output = {0}, reason = {0};
+    if (access(program, X_OK) != 0)
+        text_add(&reason, "%s", strerror(errno));
+    else if (run_probe(program, needs, &output, &reason))
+        judge(needs, library, &output, found, &reason);
+    bool fit = reason.used == 0;
+    if (!fit) {
+        text_add(why, "\n  %s: %s: %s", origin, program, reason.data);
+        python_free(found);
+    }
+    text_free(&output);
+    text_free(&reason);
+    return fit;
+}
+
+/* Entries "a:b" of a bundle's notes as full paths, one per line.  False if one is missing. */
+static bool full_paths(const char *home, const char *notes, const char *key, char **paths, Text *why)
+{
+    char *entries = line_value(notes, key), *rest = NULL;
+    Text result = {0};
+    bool complete = entries != NULL;
+    for (char *entry = complete ? strtok_r(entries, ":", &rest) : NULL; entry != NULL; entry = strtok_r(NULL, ":", &rest)) {
+        if (!has_file(home, entry)) {
+            text_add(why, "\n  runtime in the FMU: %s/%s is missing", home, entry);
+            complete = false;
+        }
+        text_add(&result, "%s/%s\n", home, entry);
+    }
+    free(entries);
+    *paths = result.data;
+    return complete;
+}
+
+static char *bundle_notes(const char *home)
+{
+    char *path = formatted("%s/bundle.txt", home), *notes = path != NULL ? file_text(path) : NULL;
+    free(path);
+    return notes;
+}
+
+/* A Python in the folder "python" beside this library; bundle.txt says what is in it. */
+static bool try_bundle(const char *binaries, const char *library, Python *found, Text *why)
+{
+    char *home = formatted("%s/python", binaries), *notes = home != NULL ? bundle_notes(home) : NULL;
+    bool fit = false;
+    if (notes == NULL) {
+        text_add(why, "\n  runtime in the FMU: none");
+    } else if (library != NULL) {
+        text_add(why, "\n  runtime in the FMU: not used, since the process has loaded %s already", library);
+    } else { /* all of it has to be there: without its standard library, Python ends the process */
+        fit = full_paths(home, notes, "library", &found->library, why) &&
+              full_paths(home, notes, "entries", &found->search, why) &&
+              full_paths(home, notes, "preload", &found->preload, why);
+    }
+    if (fit) {
+        found->library[strcspn(found->library, "\n")] = '\0';
+        found->version = line_value(notes, "version");
+        found->home = strdup(home);
+    } else {
+        python_free(found);
+    }
+    free(home);
+    free(notes);
+    return fit;
+}
+
+char *bundled_packages(const char *binaries, const char *version)
+{
+    char *home = formatted("%s/python", binaries), *notes = home != NULL ? bundle_notes(home) : NULL;
+    char *own = line_value(notes, "version"), *folder = line_value(notes, "packages");
+    bool same = own != NULL && strncmp(version, own, strlen(own)) == 0;
+    char *result = same && folder != NULL ? formatted("%s/%s", home, folder) : NULL;
+    free(home);
+    free(notes);
+    free(own);
+    free(folder);
+    return result;
+}
+
+static bool try_path(const Needs *needs, const char *library, Python *found, Text *why)
+{
+    const char *set = getenv("PATH");
+    char *path = strdup(set != NULL ? set : "/usr/local/bin:/usr/bin:/bin"), *rest = NULL;
+    char *tried[MOST_ON_PATH];
+    size_t n = 0;
+    bool fit = false;
+    for (char *folder = path != NULL ? strtok_r(path, ":", &rest) : NULL; folder != NULL && !fit && n < MOST_ON_PATH;
+         folder = strtok_r(NULL, ":", &rest)) {
+        char *program = folder[0] == '/' ? formatted("%s/python3", folder) : NULL;
+        bool known = program == NULL || access(program, X_OK) != 0;
+        for (size_t i = 0; i < n && !known; i++)
+            known = same_file(program, tried[i]);
+        if (known) {
+            free(program);
+            continue;
+        }
+        tried[n++] = program;
+        fit = try_interpreter(program, "PATH", needs, library, found, why);
+    }
+    if (n == 0)
+        text_add(why, "\n  PATH: no python3 in %s", set != NULL ? set : "the usual places (PATH is not set)");
+    for (size_t i = 0; i < n; i++)
+        free(tried[i]);
+    free(path);
+    return fit;
+}
+
+bool find_python(const Needs *needs, const char *binaries, const char *library, Python *found, Text *why)
+{
+    const char *chosen = getenv("PS_FMU_PYTHON");
+    if (chosen != NULL && chosen[0] != '\0') /* the user's word: nothing else instead */
+        return try_interpreter(chosen, "PS_FMU_PYTHON", needs, library, found, why);
+    text_add(why, "\n  PS_FMU_PYTHON: not set");
+
+    if (try_bundle(binaries, library, found, why))
+        return true;
+
+    if (needs->interpreter == NULL)
+        text_add(why, "\n  interpreter noted at build: none");
+    else if (try_interpreter(needs->interpreter, "interpreter noted at build", needs, library, found, why))
+        return true;
+
+    const char *folder = getenv("VIRTUAL_ENV");
+    if (folder != NULL && folder[0] != '\0') {
+        char *program = formatted("%s/bin/python", folder);
+        bool fit = program != NULL && try_interpreter(program, "VIRTUAL_ENV", needs, library, found, why);
+        free(program);
+        if (fit)
+            return true;
+    } else {
+        text_add(why, "\n  VIRTUAL_ENV: not set");
+    }
+    return try_path(needs, library, found, why);
+}

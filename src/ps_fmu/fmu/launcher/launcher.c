@@ -1,0 +1,371 @@
+/* The library of an FMU that hosts load: it has Python running, and passes calls on to pythonfmu's own library.
+
+   What it adds: hosts need not be prepared for Python; faults that pythonfmu calls fatal are errors, after which the
+   instance can be reset or freed; arguments that would crash pythonfmu's library are refused; log messages have a
+   category.  Texts that come from Python are safe as printf formats already (see guard.py and slave.py); those made
+   here become so in instance.c. */
+#include "instance.h"
+#include "python.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+/* In one call; beyond them something is wrong with the host, and pythonfmu does not survive a lack of memory. */
+#define MOST_VALUES ((size_t)1 << 24)
+#define MOST_BYTES ((size_t)1 << 28)
+
+const char *fmi2GetTypesPlatform(void)
+{
+    return fmi2TypesPlatform;
+}
+
+const char *fmi2GetVersion(void)
+{
+    return fmi2Version;
+}
+
+fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, fmi2String uri,
+                              const fmi2CallbackFunctions *functions, fmi2Boolean visible, fmi2Boolean logging)
+{
+    Instance *m = calloc(1, sizeof *m);
+    char *copy = strdup(name != NULL ? name : "");
+    if (m == NULL || copy == NULL) {
+        free(copy);
+        free(m);
+        return NULL;
+    }
+    m->name = copy;
+    m->logging = logging != fmi2False;
+    if (functions != NULL)
+        m->host = *functions;
+    Text why = {0};
+    if (copy[0] == '\0' || !is_utf8(copy))
+        text_add(&why, "the instance name is empty or not UTF-8");
+    else if (type != fmi2CoSimulation)
+        text_add(&why, "this FMU is for co-simulation only");
+    else if (instance_begin(m, guid, uri, visible, &why))
+        return m;
+    if (why.used > 0)
+        instance_refuse(m, "fmi2Instantiate", why.data);
+    text_free(&why);
+    instance_end(m);
+    return NULL;
+}
+
+void fmi2FreeInstance(fmi2Component c)
+{
+    if (c != NULL)
+        instance_end(c);
+}
+
+/* --- Calls ------------------------------------------------------------------------------------------------------ */
+
+static Instance *enter(fmi2Component c, const char *function)
+{
+    Instance *m = c;
+    if (m == NULL) {
+        fprintf(stderr, "%s: called without an instance\n", function);
+        return NULL;
+    }
+    if (!python_enter(m->generation)) {
+        if (m->generation != python_generation()) /* otherwise the process is about to end: nobody listens any more */
+            instance_refuse(m, function, "not possible any more: the host has finalised Python");
+        return NULL;
+    }
+    return m;
+}
+
+/* pythonfmu takes every exception for fatal; guard.py has put right what makes them so. */
+static fmi2Status leave(fmi2Status status)
+{
+    python_leave();
+    return status == fmi2Fatal ? fmi2Error : status;
+}
+
+#define CALL(inner_call)                                                                                               \
+    Instance *m = enter(c, __func__);                                                                                  \
+    return m != NULL ? leave(wrapper.inner_call) : fmi2Error
+
+fmi2Status fmi2SetupExperiment(fmi2Component c, fmi2Boolean has_tolerance, fmi2Real tolerance, fmi2Real start,
+                               fmi2Boolean has_stop, fmi2Real stop)
+{
+    Instance *m = enter(c, __func__);
+    if (m == NULL)
+        return fmi2Error;
+    fmi2Status status = leave(wrapper.SetupExperiment(m->inner, has_tolerance, tolerance, start, has_stop, stop));
+    if (status == fmi2OK)
+        m->time = start;
+    return status;
+}
+
+fmi2Status fmi2EnterInitializationMode(fmi2Component c)
+{
+    CALL(EnterInitializationMode(m->inner));
+}
+
+fmi2Status fmi2ExitInitializationMode(fmi2Component c)
+{
+    CALL(ExitInitializationMode(m->inner));
+}
+
+fmi2Status fmi2Terminate(fmi2Component c)
+{
+    CALL(Terminate(m->inner));
+}
+
+fmi2Status fmi2Reset(fmi2Component c)
+{
+    CALL(Reset(m->inner));
+}
+
+fmi2Status fmi2DoStep(fmi2Component c, fmi2Real time, fmi2Real step, fmi2Boolean no_set_state)
+{
+    Instance *m = enter(c, __func__);
+    if (m == NULL)
+        return fmi2Error;
+    fmi2Status status = leave(wrapper.DoStep(m->inner, time, step, no_set_state));
+    if (status == fmi2OK)
+        m->time = time + step;
+    return status;
+}
+
+static const char *fault_of_values(size_t n, const void *references, const void *values)
+{
+    if (n > 0 && (references == NULL || values == NULL))
+        return "value references or values are NULL";
+    return n > MOST_VALUES ? "impossible number of values" : NULL;
+}
+
+static const char *fault_of_texts(size_t n, const fmi2String texts[])
+{
+    for (size_t i = 0; i < n; i++)
+        if (texts[i] == NULL || !is_utf8(texts[i]))
+            return "a text is NULL or not UTF-8";
+    return NULL;
+}
+
+#define ACCESS(name, type)                                                                                             \
+    fmi2Status fmi2##name(fmi2Component c, const fmi2ValueReference vr[], size_t n, type value[])                      \
+    {                                                                                                                  \
+        Instance *m = enter(c, "fmi2" #name);                                                                          \
+        if (m == NULL)                                                                                                 \
+            return fmi2Error;                                                                                          \
+        const char *fault = fault_of_values(n, vr, value);                                                             \
+        return leave(fault != NULL ? instance_refuse(m, "fmi2" #name, fault) : wrapper.name(m->inner, vr, n, value));           \
+    }
+
+ACCESS(GetReal, fmi2Real)
+ACCESS(GetInteger, fmi2Integer)
+ACCESS(GetBoolean, fmi2Boolean)
+ACCESS(GetString, fmi2String)
+ACCESS(SetReal, const fmi2Real)
+ACCESS(SetInteger, const fmi2Integer)
+ACCESS(SetBoolean, const fmi2Boolean)
+
+fmi2Status fmi2SetString(fmi2Component c, const fmi2ValueReference vr[], size_t n, const fmi2String value[])
+{
+    Instance *m = enter(c, __func__);
+    if (m == NULL)
+        return fmi2Error;
+    const char *fault = fault_of_values(n, vr, value);
+    if (fault == NULL)
+        fault = fault_of_texts(n, value);
+    return leave(fault != NULL ? instance_refuse(m, __func__, fault) : wrapper.SetString(m->inner, vr, n, value));
+}
+
+/* --- FMU states ------------------------------------------------------------------------------------------------- */
+
+/* Where a state is in the list; n_states if it is none of ours.  From the end: the newest is asked for most. */
+static size_t place_of(const Instance *m, fmi2FMUstate state)
+{
+    for (size_t i = m->n_states; i > 0; i--)
+        if (m->states[i - 1] == state)
+            return i - 1;
+    return m->n_states;
+}
+
+static bool is_state(const Instance *m, fmi2FMUstate state)
+{
+    return state != NULL && place_of(m, state) < m->n_states;
+}
+
+static void free_state(Instance *m, fmi2FMUstate state)
+{
+    m->states[place_of(m, state)] = m->states[m->n_states - 1];
+    m->n_states--;
+    wrapper.FreeFMUstate(m->inner, &state);
+}
+
+/* Hand a new state out, in place of the one that the host had there. */
+static fmi2Status hand_out(Instance *m, fmi2FMUstate *place, fmi2FMUstate state)
+{
+    fmi2FMUstate *states = realloc(m->states, (m->n_states + 1) * sizeof *states);
+    if (states == NULL) {
+        wrapper.FreeFMUstate(m->inner, &state);
+        return instance_refuse(m, "FMU state", "out of memory");
+    }
+    m->states = states;
+    m->states[m->n_states++] = state;
+    if (is_state(m, *place) && *place != state)
+        free_state(m, *place);
+    *place = state;
+    return fmi2OK;
+}
+
+static const char NO_STATE[] = "this is no FMU state of this instance";
+
+fmi2Status fmi2GetFMUstate(fmi2Component c, fmi2FMUstate *state)
+{
+    Instance *m = enter(c, __func__);
+    if (m == NULL)
+        return fmi2Error;
+    if (state == NULL)
+        return leave(instance_refuse(m, __func__, "no place for the state"));
+    fmi2FMUstate new = NULL;
+    fmi2Status status = wrapper.GetFMUstate(m->inner, &new);
+    return leave(status == fmi2OK ? hand_out(m, state, new) : status);
+}
+
+fmi2Status fmi2SetFMUstate(fmi2Component c, fmi2FMUstate state)
+{
+    Instance *m = enter(c, __func__);
+    if (m == NULL)
+        return fmi2Error;
+    return leave(is_state(m, state) ? wrapper.SetFMUstate(m->inner, state) : instance_refuse(m, __func__, NO_STATE));
+}
+
+fmi2Status fmi2FreeFMUstate(fmi2Component c, fmi2FMUstate *state)
+{
+    Instance *m = enter(c, __func__);
+    if (m == NULL)
+        return fmi2Error;
+    if (state == NULL || *state == NULL)
+        return leave(fmi2OK);
+    if (!is_state(m, *state))
+        return leave(instance_refuse(m, __func__, NO_STATE));
+    free_state(m, *state);
+    *state = NULL;
+    return leave(fmi2OK);
+}
+
+fmi2Status fmi2SerializedFMUstateSize(fmi2Component c, fmi2FMUstate state, size_t *size)
+{
+    Instance *m = enter(c, __func__);
+    if (m == NULL)
+        return fmi2Error;
+    if (!is_state(m, state) || size == NULL)
+        return leave(instance_refuse(m, __func__, NO_STATE));
+    return leave(wrapper.SerializedFMUstateSize(m->inner, state, size));
+}
+
+fmi2Status fmi2SerializeFMUstate(fmi2Component c, fmi2FMUstate state, fmi2Byte bytes[], size_t size)
+{
+    Instance *m = enter(c, __func__);
+    if (m == NULL)
+        return fmi2Error;
+    if (!is_state(m, state) || bytes == NULL)
+        return leave(instance_refuse(m, __func__, NO_STATE));
+    size_t needed = 0; /* pythonfmu copies as many bytes as asked for, be there so many or not */
+    fmi2Status status = wrapper.SerializedFMUstateSize(m->inner, state, &needed);
+    if (status == fmi2OK && size < needed)
+        return leave(instance_refuse(m, __func__, "less room than fmi2SerializedFMUstateSize asks for"));
+    return leave(status == fmi2OK ? wrapper.SerializeFMUstate(m->inner, state, bytes, needed) : status);
+}
+
+fmi2Status fmi2DeSerializeFMUstate(fmi2Component c, const fmi2Byte bytes[], size_t size, fmi2FMUstate *state)
+{
+    Instance *m = enter(c, __func__);
+    if (m == NULL)
+        return fmi2Error;
+    if (state == NULL || bytes == NULL || size > MOST_BYTES)
+        return leave(instance_refuse(m, __func__, "no bytes, or no place for the state"));
+    fmi2FMUstate new = NULL;
+    fmi2Status status = wrapper.DeSerializeFMUstate(m->inner, bytes, size, &new);
+    return leave(status == fmi2OK ? hand_out(m, state, new) : status);
+}
+
+/* --- What needs no Python --------------------------------------------------------------------------------------- */
+
+fmi2Status fmi2SetDebugLogging(fmi2Component c, fmi2Boolean logging, size_t n, const fmi2String categories[])
+{
+    Instance *m = c;
+    if (m == NULL || (n > 0 && categories == NULL))
+        return fmi2Error;
+    instance_forget_categories(m);
+    m->logging = logging != fmi2False;
+    m->categories = calloc(n > 0 ? n : 1, sizeof *m->categories);
+    for (size_t i = 0; m->categories != NULL && i < n; i++) {
+        char *copy = categories[i] != NULL ? strdup(categories[i]) : NULL;
+        if (copy != NULL)
+            m->categories[m->n_categories++] = copy;
+    }
+    return fmi2OK;
+}
+
+static fmi2Status not_supported(fmi2Component c, const char *function)
+{
+    return c != NULL ? instance_refuse(c, function, "this FMU does not support it") : fmi2Error;
+}
+
+fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const fmi2ValueReference unknown[], size_t n_unknown,
+                                        const fmi2ValueReference known[], size_t n_known, const fmi2Real direction[],
+                                        fmi2Real result[])
+{
+    (void)unknown, (void)n_unknown, (void)known, (void)n_known, (void)direction, (void)result;
+    return not_supported(c, __func__);
+}
+
+fmi2Status fmi2SetRealInputDerivatives(fmi2Component c, const fmi2ValueReference vr[], size_t n,
+                                       const fmi2Integer order[], const fmi2Real value[])
+{
+    (void)vr, (void)n, (void)order, (void)value;
+    return not_supported(c, __func__);
+}
+
+fmi2Status fmi2GetRealOutputDerivatives(fmi2Component c, const fmi2ValueReference vr[], size_t n,
+                                        const fmi2Integer order[], fmi2Real value[])
+{
+    (void)vr, (void)n, (void)order, (void)value;
+    return not_supported(c, __func__);
+}
+
+fmi2Status fmi2CancelStep(fmi2Component c)
+{
+    return not_supported(c, __func__);
+}
+
+/* Steps are never pending. */
+fmi2Status fmi2GetStatus(fmi2Component c, const fmi2StatusKind kind, fmi2Status *value)
+{
+    (void)c, (void)kind, (void)value;
+    return fmi2Discard;
+}
+
+fmi2Status fmi2GetRealStatus(fmi2Component c, const fmi2StatusKind kind, fmi2Real *value)
+{
+    if (c == NULL || value == NULL || kind != fmi2LastSuccessfulTime)
+        return fmi2Discard;
+    *value = ((Instance *)c)->time;
+    return fmi2OK;
+}
+
+fmi2Status fmi2GetIntegerStatus(fmi2Component c, const fmi2StatusKind kind, fmi2Integer *value)
+{
+    (void)c, (void)kind, (void)value;
+    return fmi2Discard;
+}
+
+fmi2Status fmi2GetBooleanStatus(fmi2Component c, const fmi2StatusKind kind, fmi2Boolean *value)
+{
+    if (c == NULL || value == NULL || kind != fmi2Terminated)
+        return fmi2Discard;
+    *value = fmi2False;
+    return fmi2OK;
+}
+
+fmi2Status fmi2GetStringStatus(fmi2Component c, const fmi2StatusKind kind, fmi2String *value)
+{
+    (void)c, (void)kind, (void)value;
+    return fmi2Discard;
+}

@@ -1,0 +1,396 @@
+#include "python.h"
+
+#include <dlfcn.h>
+#include <link.h>
+#include <locale.h>
+#include <pthread.h>
+#include <signal.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+
+typedef struct PyObject PyObject;
+typedef struct PyThreadState PyThreadState;
+
+/* Name, type of the result, arguments: all of the stable interface of Python 3.11 to 3.13. */
+#define FUNCTIONS(X)                                                                                                   \
+    X(Py_IsInitialized, int, (void))                                                                                   \
+    X(Py_InitializeEx, void, (int))                                                                                    \
+    X(Py_AtExit, int, (void (*)(void)))                                                                                \
+    X(Py_GetVersion, const char *, (void))                                                                             \
+    X(Py_SetProgramName, void, (const wchar_t *))                                                                      \
+    X(Py_SetPythonHome, void, (const wchar_t *))                                                                       \
+    X(Py_DecRef, void, (PyObject *))                                                                                   \
+    X(PyErr_Clear, void, (void))                                                                                       \
+    X(PyEval_SaveThread, PyThreadState *, (void))                                                                      \
+    X(PyEval_RestoreThread, void, (PyThreadState *))                                                                   \
+    X(PyGILState_Ensure, int, (void))                                                                                  \
+    X(PyGILState_Release, void, (int))                                                                                 \
+    X(PyGILState_GetThisThreadState, PyThreadState *, (void))                                                          \
+    X(PyThreadState_Clear, void, (PyThreadState *))                                                                    \
+    X(PyThreadState_DeleteCurrent, void, (void))                                                                       \
+    X(PyImport_ImportModule, PyObject *, (const char *))                                                               \
+    X(PyList_New, PyObject *, (ptrdiff_t))                                                                             \
+    X(PyList_Append, int, (PyObject *, PyObject *))                                                                    \
+    X(PyUnicode_DecodeFSDefault, PyObject *, (const char *))                                                           \
+    X(PySequence_Contains, int, (PyObject *, PyObject *))                                                              \
+    X(PySys_GetObject, PyObject *, (const char *))                                                                     \
+    X(PySys_SetObject, int, (const char *, PyObject *))                                                                \
+    X(PyRun_SimpleString, int, (const char *))
+
+static struct {
+#define MEMBER(name, result, arguments) result(*name) arguments;
+    FUNCTIONS(MEMBER)
+#undef MEMBER
+} api;
+static bool loaded; /* is api filled? */
+
+/* --- What all launchers in a process share ---------------------------------------------------------------------- */
+
+/* Each FMU has its own copy of this library, with its own static variables.  A symbol of the kind "unique" is one for
+   the whole process, even where hosts load with RTLD_LOCAL.  The number is the version of this layout. */
+typedef struct {
+    pthread_once_t once;
+    pthread_mutex_t lock;
+    pthread_key_t thread; /* -> Thread, of threads whose Python state is kept */
+    unsigned long generation;
+    bool watched;         /* Python calls on_finalise */
+    int calls;            /* under way */
+    bool bundled;         /* Python was started from the runtime in an FMU */
+    int closing;          /* exit() was called */
+    pthread_t closer;     /* by this thread */
+} Shared;
+
+extern __attribute__((visibility("default"))) Shared ps_fmu_launcher_1;
+__asm__(".pushsection .bss.ps_fmu_launcher_1,\"aw\",@nobits\n"
+        ".balign 64\n"
+        ".globl ps_fmu_launcher_1\n"
+        ".type ps_fmu_launcher_1,@gnu_unique_object\n"
+        ".size ps_fmu_launcher_1,256\n"
+        "ps_fmu_launcher_1: .zero 256\n"
+        ".popsection");
+#define shared ps_fmu_launcher_1
+typedef char shared_fits[sizeof(Shared) <= 256 ? 1 : -1];
+
+/* A thread that has a state in Python because of us. */
+typedef struct {
+    PyThreadState *state;
+    unsigned long generation;
+} Thread;
+
+static __thread int depth; /* calls of this thread under way */
+
+/* A host's thread ends.  PyGILState_Release would look for its own thread-specific data, which may be gone by now. */
+static void on_thread_end(void *value)
+{
+    Thread *thread = value;
+    if (loaded && thread->generation == python_generation() && !__atomic_load_n(&shared.closing, __ATOMIC_SEQ_CST) &&
+        api.Py_IsInitialized()) {
+        api.PyEval_RestoreThread(thread->state);
+        api.PyThreadState_Clear(thread->state);
+        api.PyThreadState_DeleteCurrent();
+    }
+    free(thread);
+}
+
+static void set_up_shared(void)
+{
+    pthread_mutexattr_t recursive;
+    pthread_mutexattr_init(&recursive);
+    pthread_mutexattr_settype(&recursive, PTHREAD_MUTEX_RECURSIVE);
+    pthread_mutex_init(&shared.lock, &recursive);
+    pthread_mutexattr_destroy(&recursive);
+    pthread_key_create(&shared.thread, on_thread_end);
+}
+
+void python_lock(void)
+{
+    pthread_once(&shared.once, set_up_shared);
+    if (pthread_mutex_trylock(&shared.lock) == 0)
+        return;
+    /* Who holds it will want the global interpreter lock: wait without. */
+    int (*is_initialised)(void), (*holds)(void);
+    PyThreadState *(*save)(void);
+    void (*restore)(PyThreadState *);
+    *(void **)&is_initialised = dlsym(RTLD_DEFAULT, "Py_IsInitialized");
+    *(void **)&holds = dlsym(RTLD_DEFAULT, "PyGILState_Check");
+    *(void **)&save = dlsym(RTLD_DEFAULT, "PyEval_SaveThread");
+    *(void **)&restore = dlsym(RTLD_DEFAULT, "PyEval_RestoreThread");
+    bool to_release = is_initialised && holds && save && restore && is_initialised() && holds();
+    PyThreadState *state = to_release ? save() : NULL;
+    pthread_mutex_lock(&shared.lock);
+    if (to_release)
+        restore(state);
+}
+
+void python_unlock(void)
+{
+    pthread_mutex_unlock(&shared.lock);
+}
+
+unsigned long python_generation(void)
+{
+    return __atomic_load_n(&shared.generation, __ATOMIC_SEQ_CST);
+}
+
+static void on_finalise(void)
+{
+    __atomic_add_fetch(&shared.generation, 1, __ATOMIC_SEQ_CST);
+    shared.watched = false; /* Python forgets about it as well */
+}
+
+/* --- Calls ------------------------------------------------------------------------------------------------------ */
+
+/* Otherwise each call would create and destroy a thread state, which costs ten times as much as a plain call. */
+static void keep_thread_state(void)
+{
+    Thread *thread = pthread_getspecific(shared.thread);
+    if (thread != NULL && thread->generation == shared.generation)
+        return;
+    if (thread == NULL && api.PyGILState_GetThisThreadState() != NULL)
+        return; /* a thread of Python's own */
+    if (thread == NULL)
+        thread = malloc(sizeof *thread);
+    if (thread == NULL)
+        return;
+    api.PyGILState_Ensure();
+    thread->generation = shared.generation;
+    thread->state = api.PyEval_SaveThread();
+    pthread_setspecific(shared.thread, thread);
+}
+
+bool python_enter(unsigned long generation)
+{
+    __atomic_add_fetch(&shared.calls, 1, __ATOMIC_SEQ_CST);
+    bool closed = __atomic_load_n(&shared.closing, __ATOMIC_SEQ_CST) && !pthread_equal(shared.closer, pthread_self());
+    if (closed || generation != python_generation()) {
+        __atomic_sub_fetch(&shared.calls, 1, __ATOMIC_SEQ_CST);
+        return false;
+    }
+    depth++;
+    keep_thread_state();
+    return true;
+}
+
+void python_leave(void)
+{
+    depth--;
+    __atomic_sub_fetch(&shared.calls, 1, __ATOMIC_SEQ_CST);
+}
+
+/* The end of a process whose Python is ours.  Python is not finalised: numpy does not stand it, and hosts may free
+   their instances even later.  The global interpreter lock is kept, so that no other thread goes on. */
+static void on_exit_of_process(void)
+{
+    enum { PATIENCE = 2000 }; /* ms */
+    const struct timespec millisecond = {.tv_nsec = 1000000};
+    if (!api.Py_IsInitialized())
+        return;
+    shared.closer = pthread_self();
+    __atomic_store_n(&shared.closing, 1, __ATOMIC_SEQ_CST);
+    for (int i = 0; i < PATIENCE && __atomic_load_n(&shared.calls, __ATOMIC_SEQ_CST) > depth; i++)
+        nanosleep(&millisecond, NULL);
+    api.PyGILState_Ensure();
+    api.PyRun_SimpleString("import atexit, sys\n"
+                           "atexit._run_exitfuncs()\n"
+                           "for stream in (sys.stdout, sys.stderr):\n"
+                           "    if stream is not None and not stream.closed:\n"
+                           "        stream.flush()\n");
+}
+
+/* --- Attaching and starting ------------------------------------------------------------------------------------- */
+
+/* The path of a libpython that the process has loaded; for dl_iterate_phdr. */
+static int is_libpython(struct dl_phdr_info *info, size_t size, void *result)
+{
+    (void)size;
+    const char *slash = info->dlpi_name != NULL ? strrchr(info->dlpi_name, '/') : NULL;
+    if (slash == NULL || strncmp(slash, "/libpython3.", 12) != 0 || strncmp(slash, "/libpython3.so", 14) == 0)
+        return 0;
+    *(const char **)result = info->dlpi_name;
+    return 1;
+}
+
+static bool load_functions(Text *why)
+{
+#define LOAD(name, result, arguments)                                                                                  \
+    *(void **)&api.name = dlsym(RTLD_DEFAULT, #name);                                                                  \
+    if (api.name == NULL) {                                                                                            \
+        text_add(why, "the Python in this process lacks the function %s", #name);                                      \
+        return false;                                                                                                  \
+    }
+    FUNCTIONS(LOAD)
+#undef LOAD
+    loaded = true;
+    return true;
+}
+
+static void set_flag(const char *name)
+{
+    int *flag = dlsym(RTLD_DEFAULT, name);
+    if (flag != NULL)
+        *flag = 1;
+}
+
+/* Signal handlers, locale and environment of the host, which Python changes even when told not to. */
+typedef struct {
+    struct sigaction handlers[65];
+    char *locale, *variable;
+} Belongings;
+
+static void keep_belongings(Belongings *kept)
+{
+    for (int i = 1; i < 65; i++)
+        sigaction(i, NULL, &kept->handlers[i]);
+    const char *locale = setlocale(LC_CTYPE, NULL), *variable = getenv("LC_CTYPE");
+    kept->locale = locale != NULL ? strdup(locale) : NULL;
+    kept->variable = variable != NULL ? strdup(variable) : NULL;
+}
+
+static void give_back(Belongings *kept)
+{
+    struct sigaction now;
+    for (int i = 1; i < 65; i++)
+        if (sigaction(i, NULL, &now) == 0 && now.sa_handler != kept->handlers[i].sa_handler)
+            sigaction(i, &kept->handlers[i], NULL);
+    if (kept->locale != NULL)
+        setlocale(LC_CTYPE, kept->locale);
+    const char *variable = getenv("LC_CTYPE");
+    if (kept->variable == NULL && variable != NULL)
+        unsetenv("LC_CTYPE");
+    else if (kept->variable != NULL && (variable == NULL || strcmp(variable, kept->variable) != 0))
+        setenv("LC_CTYPE", kept->variable, 1);
+    free(kept->locale);
+    free(kept->variable);
+}
+
+static void set_search_path(char *entries)
+{
+    PyObject *list = api.PyList_New(0);
+    char *rest = NULL;
+    for (char *entry = strtok_r(entries, "\n", &rest); entry != NULL; entry = strtok_r(NULL, "\n", &rest)) {
+        PyObject *item = api.PyUnicode_DecodeFSDefault(entry);
+        if (item == NULL || api.PyList_Append(list, item) != 0)
+            api.PyErr_Clear();
+        api.Py_DecRef(item);
+    }
+    if (api.PySys_SetObject("path", list) != 0)
+        api.PyErr_Clear();
+    api.Py_DecRef(list);
+}
+
+/* Libraries in a bundle; others that need them find them by the name within them. */
+static void preload(char *libraries)
+{
+    char *rest = NULL;
+    for (char *path = libraries != NULL ? strtok_r(libraries, "\n", &rest) : NULL; path != NULL;
+         path = strtok_r(NULL, "\n", &rest))
+        dlopen(path, RTLD_NOW | RTLD_LOCAL);
+}
+
+/* Python runs from another FMU's runtime, which may lack packages that this FMU's has. */
+static void add_bundled_packages(const char *binaries)
+{
+    char *folder = bundled_packages(binaries, api.Py_GetVersion());
+    if (folder == NULL)
+        return;
+    int state = api.PyGILState_Ensure();
+    PyObject *list = api.PySys_GetObject("path"), *entry = api.PyUnicode_DecodeFSDefault(folder);
+    if (list == NULL || entry == NULL ||
+        (api.PySequence_Contains(list, entry) == 0 && api.PyList_Append(list, entry) != 0))
+        api.PyErr_Clear();
+    api.Py_DecRef(entry);
+    api.PyGILState_Release(state);
+    free(folder);
+}
+
+static void initialise(Python *python)
+{
+    Belongings kept;
+    keep_belongings(&kept);
+    set_flag("Py_IgnoreEnvironmentFlag");
+    set_flag("Py_NoUserSiteDirectory");
+    set_flag("Py_NoSiteFlag"); /* the search path is known already */
+    set_flag("Py_UTF8Mode");   /* whatever the locale of the host */
+    if (python->program != NULL)
+        api.Py_SetProgramName(widened(python->program)); /* Python keeps the pointer */
+    if (python->home != NULL)
+        api.Py_SetPythonHome(widened(python->home));
+    api.Py_InitializeEx(0);
+    set_search_path(python->search);
+    PyObject *module = api.PyImport_ImportModule("signal"); /* takes SIGINT over when it is first imported */
+    if (module == NULL)
+        api.PyErr_Clear();
+    else
+        api.Py_DecRef(module);
+    give_back(&kept);
+    shared.bundled = python->home != NULL;
+    atexit(on_exit_of_process);
+    api.PyEval_SaveThread();
+}
+
+static bool start_one(const Needs *needs, const char *binaries, const char *library, Text *why)
+{
+    Python found = {0};
+    Text rejections = {0};
+    bool fit = find_python(needs, binaries, library, &found, &rejections);
+    preload(found.preload);
+    if (!fit) {
+        text_add(why, "no Python was found that can run this FMU. It needs Python %s or newer with a shared libpython%s%s."
+                      " Tried:%s\nName one by the environment variable PS_FMU_PYTHON=/path/to/python3",
+                 needs->python != NULL ? needs->python : "3", needs->modules != NULL ? " and with " : "",
+                 needs->modules != NULL ? needs->modules : "", rejections.data != NULL ? rejections.data : "");
+    } else if (dlopen(found.library, RTLD_NOW | RTLD_GLOBAL) == NULL) {
+        text_add(why, "%s cannot be loaded: %s", found.library, dlerror());
+        fit = false;
+    } else {
+        fit = load_functions(why);
+        if (fit)
+            initialise(&found);
+    }
+    text_free(&rejections);
+    python_free(&found);
+    return fit;
+}
+
+static bool version_fits(const Needs *needs, Text *why)
+{
+    const char *version = api.Py_GetVersion();
+    if (needs->python == NULL || version_at_least(version, needs->python))
+        return true;
+    text_add(why, "this process runs Python %.*s; the FMU needs %s or newer", (int)strcspn(version, " "), version,
+             needs->python);
+    return false;
+}
+
+/* Has to be done with the lock of the interpreter, if there is one to be had. */
+static void watch_for_finalisation(void)
+{
+    int state = api.PyGILState_Ensure();
+    shared.watched = api.Py_AtExit(on_finalise) == 0;
+    api.PyGILState_Release(state);
+}
+
+bool python_start(const Needs *needs, const char *binaries, Text *why)
+{
+    const char *library = NULL;
+    dl_iterate_phdr(is_libpython, &library);
+    /* A plugin may have loaded Python for itself alone: numpy needs its symbols to be global. */
+    if (library != NULL && dlsym(RTLD_DEFAULT, "Py_IsInitialized") == NULL &&
+        dlopen(library, RTLD_NOW | RTLD_GLOBAL | RTLD_NOLOAD) == NULL) {
+        text_add(why, "the loaded %s cannot be made global: %s", library, dlerror());
+        return false;
+    }
+    bool present = dlsym(RTLD_DEFAULT, "Py_IsInitialized") != NULL;
+    if (present && !load_functions(why))
+        return false;
+    if (!(present && api.Py_IsInitialized()) && !start_one(needs, binaries, library, why))
+        return false;
+    if (!version_fits(needs, why))
+        return false;
+    if (shared.bundled)
+        add_bundled_packages(binaries);
+    if (!shared.watched)
+        watch_for_finalisation();
+    return true;
+}

@@ -1,0 +1,416 @@
+/* A small FMI 2.0 host without Python: loads FMUs, runs them in the ways that hosts do, prints what came out.
+
+   host MODE N FMU...     FMU: a text file with library=, uri=, guid=, step=, inputs= and outputs= (value references
+                          of Reals, separated by blanks), and optionally text= (value reference of a String)
+
+   run      N steps, all FMUs side by side, two instances of each; prints the outputs of the first instances
+   reload   N times: load, run ten steps, unload
+   faults   N mistakes at each entry point, then reset and ten steps; prints the growth of memory in kB as well
+   threads  eight threads, each with its own instances, N steps
+   leave    exit() while four threads step
+   keep     instances and libraries are never freed
+   embed    runs Python itself, from the library HOST_LIBPYTHON, which other libraries do not see; finalises it, and
+            frees an instance even later
+   cost     mean time of the calls over N steps, in us
+*/
+#include <dlfcn.h>
+#include <locale.h>
+#include <math.h>
+#include <pthread.h>
+#include <signal.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+#include <unistd.h>
+
+#include "fmi2Functions.h"
+
+#define FUNCTIONS(X)                                                                                                   \
+    X(Instantiate) X(FreeInstance) X(SetupExperiment) X(EnterInitializationMode) X(ExitInitializationMode)             \
+    X(Terminate) X(Reset) X(GetReal) X(GetString) X(SetReal) X(SetInteger) X(SetBoolean) X(SetString) X(GetFMUstate)   \
+    X(SetFMUstate) X(FreeFMUstate) X(SerializedFMUstateSize) X(SerializeFMUstate) X(DeSerializeFMUstate) X(DoStep)     \
+    X(GetRealStatus)
+
+enum { MOST = 64 };
+
+typedef struct {
+    char library[1024], uri[1024], guid[128];
+    double step;
+    fmi2ValueReference inputs[MOST], outputs[MOST];
+    size_t n_inputs, n_outputs;
+    int text;
+    void *handle;
+#define MEMBER(name) fmi2##name##TYPE *name;
+    FUNCTIONS(MEMBER)
+#undef MEMBER
+} Fmu;
+
+typedef struct {
+    Fmu *fmu;
+    fmi2Component component;
+    double results[MOST];
+} Run;
+
+static int logged;
+static int leaving; /* exit() is being called: errors are as they have to be */
+
+static void fail(const char *what)
+{
+    if (leaving)
+        for (;;)
+            pause();
+    fprintf(stderr, "host: %s\n", what);
+    _exit(1);
+}
+
+#define EXPECT(condition) ((condition) ? (void)0 : fail(#condition))
+
+static void log_message(fmi2ComponentEnvironment environment, fmi2String name, fmi2Status status, fmi2String category,
+                        fmi2String message, ...)
+{
+    (void)environment;
+    EXPECT(name != NULL && category != NULL && status != fmi2Fatal);
+    char text[16384];
+    va_list arguments; /* as most hosts do: the message is a printf format */
+    va_start(arguments, message);
+    vsnprintf(text, sizeof text, message, arguments);
+    va_end(arguments);
+    if (logged++ < 30)
+        fprintf(stderr, "[%s] %d %s: %s\n", name, status, category, text);
+}
+
+static const fmi2CallbackFunctions callbacks = {log_message, calloc, free, NULL, NULL};
+
+static size_t references(const char *text, fmi2ValueReference *result)
+{
+    size_t n = 0;
+    char *end;
+    for (long value = strtol(text, &end, 10); end != text && n < MOST; value = strtol(text, &end, 10)) {
+        result[n++] = (fmi2ValueReference)value;
+        text = end;
+    }
+    return n;
+}
+
+static void read_fmu(const char *path, Fmu *fmu)
+{
+    FILE *file = fopen(path, "r");
+    char line[2048];
+    EXPECT(file != NULL);
+    fmu->text = -1;
+    while (fgets(line, sizeof line, file) != NULL) {
+        line[strcspn(line, "\n")] = '\0';
+        char *value = strchr(line, '=');
+        EXPECT(value != NULL);
+        *value++ = '\0';
+        if (strcmp(line, "library") == 0)
+            strncpy(fmu->library, value, sizeof fmu->library - 1);
+        else if (strcmp(line, "uri") == 0)
+            strncpy(fmu->uri, value, sizeof fmu->uri - 1);
+        else if (strcmp(line, "guid") == 0)
+            strncpy(fmu->guid, value, sizeof fmu->guid - 1);
+        else if (strcmp(line, "step") == 0)
+            fmu->step = atof(value);
+        else if (strcmp(line, "inputs") == 0)
+            fmu->n_inputs = references(value, fmu->inputs);
+        else if (strcmp(line, "outputs") == 0)
+            fmu->n_outputs = references(value, fmu->outputs);
+        else if (strcmp(line, "text") == 0)
+            fmu->text = atoi(value);
+    }
+    fclose(file);
+}
+
+static void load(Fmu *fmu)
+{
+    fmu->handle = dlopen(fmu->library, RTLD_NOW | RTLD_LOCAL);
+    if (fmu->handle == NULL)
+        fail(dlerror());
+#define LOAD(name) EXPECT((*(void **)&fmu->name = dlsym(fmu->handle, "fmi2" #name)) != NULL);
+    FUNCTIONS(LOAD)
+#undef LOAD
+}
+
+static void instantiate(Run *run, Fmu *fmu)
+{
+    run->fmu = fmu;
+    run->component = fmu->Instantiate("host 100%s", fmi2CoSimulation, fmu->guid, fmu->uri, &callbacks, 0, 1);
+    if (run->component == NULL)
+        exit(3);
+}
+
+static void initialise(Run *run)
+{
+    const Fmu *fmu = run->fmu;
+    EXPECT(fmu->SetupExperiment(run->component, 0, 0.0, 0.0, 0, 0.0) == fmi2OK);
+    EXPECT(fmu->EnterInitializationMode(run->component) == fmi2OK);
+    EXPECT(fmu->ExitInitializationMode(run->component) == fmi2OK);
+}
+
+static void step(Run *run, long i)
+{
+    const Fmu *fmu = run->fmu;
+    double values[MOST];
+    for (size_t k = 0; k < fmu->n_inputs; k++)
+        values[k] = sin(0.01 * (double)i + (double)k);
+    EXPECT(fmu->SetReal(run->component, fmu->inputs, fmu->n_inputs, values) == fmi2OK);
+    EXPECT(fmu->DoStep(run->component, (double)i * fmu->step, fmu->step, fmi2True) == fmi2OK);
+    EXPECT(fmu->GetReal(run->component, fmu->outputs, fmu->n_outputs, run->results) == fmi2OK);
+}
+
+static void finish(Run *run)
+{
+    double end;
+    EXPECT(run->fmu->GetRealStatus(run->component, fmi2LastSuccessfulTime, &end) == fmi2OK && end > 0.0);
+    EXPECT(run->fmu->Terminate(run->component) == fmi2OK);
+    run->fmu->FreeInstance(run->component);
+}
+
+static void print(const Run *run)
+{
+    for (size_t k = 0; k < run->fmu->n_outputs; k++)
+        printf("%.17g ", run->results[k]);
+    printf("\n");
+}
+
+static void run_all(Fmu *fmus, int n_fmus, long n, int end)
+{
+    Run runs[2 * MOST];
+    for (int i = 0; i < 2 * n_fmus; i++) {
+        instantiate(&runs[i], &fmus[i / 2]);
+        initialise(&runs[i]);
+    }
+    for (long k = 0; k < n; k++)
+        for (int i = 0; i < 2 * n_fmus; i++)
+            step(&runs[i], k);
+    for (int i = 0; i < 2 * n_fmus; i++) {
+        EXPECT(memcmp(runs[i].results, runs[i - i % 2].results, fmus[i / 2].n_outputs * sizeof(double)) == 0);
+        if (i % 2 == 0)
+            print(&runs[i]);
+        if (end)
+            finish(&runs[i]);
+    }
+}
+
+static long resident(void)
+{
+    long size = 0, pages = 0;
+    FILE *file = fopen("/proc/self/statm", "r");
+    EXPECT(file != NULL && fscanf(file, "%ld %ld", &size, &pages) == 2);
+    fclose(file);
+    return pages * sysconf(_SC_PAGESIZE) / 1024;
+}
+
+static void mistakes(Run *run)
+{
+    const Fmu *f = run->fmu;
+    fmi2Component c = run->component;
+    fmi2ValueReference bad = 999999, huge = 0xffffffffu;
+    double nan = NAN, out;
+    int number = 1;
+    const char *text = "\xff\xfe", *odd = "100%n%s";
+    fmi2FMUstate state = NULL, wild = (fmi2FMUstate)&out;
+    EXPECT(f->GetReal(c, &bad, 1, &out) == fmi2Error);
+    EXPECT(f->GetReal(c, &huge, 1, &out) == fmi2Error);
+    EXPECT(f->GetReal(c, NULL, 1, &out) == fmi2Error);
+    EXPECT(f->GetReal(c, f->outputs, (size_t)1 << 60, &out) == fmi2Error);
+    EXPECT(f->GetString(c, f->outputs, 1, &text) == fmi2Error);
+    EXPECT(f->SetReal(c, f->outputs, 1, &nan) == fmi2Error);
+    EXPECT(f->n_inputs == 0 || f->SetReal(c, f->inputs, 1, &nan) == fmi2Error);
+    EXPECT(f->SetInteger(c, &bad, 1, &number) == fmi2Error);
+    EXPECT(f->SetBoolean(c, &bad, 1, &number) == fmi2Error);
+    text = "\xff\xfe";
+    EXPECT(f->SetString(c, &bad, 1, &text) == fmi2Error);
+    EXPECT(f->SetString(c, &bad, 1, &odd) == fmi2Error);
+    EXPECT(f->DoStep(c, 0.0, -1.0, fmi2True) != fmi2OK);
+    EXPECT(f->DoStep(c, 1e6, 1.0, fmi2True) != fmi2OK);
+    EXPECT(f->SetupExperiment(c, 0, 0.0, 0.0, 0, 0.0) == fmi2Error);
+    EXPECT(f->EnterInitializationMode(c) == fmi2Error);
+    EXPECT(f->ExitInitializationMode(c) == fmi2Error);
+    EXPECT(f->SetFMUstate(c, NULL) == fmi2Error);
+    EXPECT(f->SetFMUstate(c, wild) == fmi2Error);
+    EXPECT(f->FreeFMUstate(c, &wild) == fmi2Error);
+    EXPECT(f->DeSerializeFMUstate(c, "hostile", 7, &state) == fmi2Error && state == NULL);
+    EXPECT(f->Terminate(NULL) == fmi2Error);
+    EXPECT(f->Instantiate("other", fmi2CoSimulation, "another", f->uri, &callbacks, 0, 0) == NULL);
+    EXPECT(f->Instantiate("other", fmi2ModelExchange, f->guid, f->uri, &callbacks, 0, 0) == NULL);
+    EXPECT(f->Instantiate(NULL, fmi2CoSimulation, f->guid, f->uri, NULL, 0, 1) == NULL);
+}
+
+static void states(Run *run)
+{
+    const Fmu *f = run->fmu;
+    fmi2Component c = run->component;
+    fmi2FMUstate state = NULL, copy = NULL;
+    size_t size = 0;
+    EXPECT(f->GetFMUstate(c, &state) == fmi2OK);
+    EXPECT(f->GetFMUstate(c, &state) == fmi2OK); /* in place of the first */
+    EXPECT(f->SerializedFMUstateSize(c, state, &size) == fmi2OK && size > 0);
+    char *bytes = malloc(size);
+    EXPECT(f->SerializeFMUstate(c, state, bytes, size - 1) == fmi2Error);
+    EXPECT(f->SerializeFMUstate(c, state, bytes, size) == fmi2OK);
+    EXPECT(f->DeSerializeFMUstate(c, bytes, size, &copy) == fmi2OK);
+    EXPECT(f->SetFMUstate(c, copy) == fmi2OK);
+    EXPECT(f->FreeFMUstate(c, &state) == fmi2OK && state == NULL);
+    EXPECT(f->FreeFMUstate(c, &state) == fmi2OK);
+    EXPECT(f->FreeFMUstate(c, &copy) == fmi2OK);
+    EXPECT(f->GetFMUstate(c, &state) == fmi2OK); /* freed with the instance */
+    free(bytes);
+}
+
+static void faults(Fmu *fmu, long n)
+{
+    Run run;
+    instantiate(&run, fmu);
+    initialise(&run);
+    for (long i = 0; i < n / 2; i++)
+        mistakes(&run);
+    long before = resident();
+    for (long i = 0; i < n / 2; i++)
+        mistakes(&run);
+    long growth = resident() - before;
+    EXPECT(fmu->Reset(run.component) == fmi2OK);
+    initialise(&run);
+    states(&run);
+    for (long i = 0; i < 10; i++)
+        step(&run, i);
+    print(&run);
+    finish(&run);
+    printf("%ld\n", growth);
+}
+
+typedef struct {
+    Fmu *fmus;
+    int n_fmus;
+    long n;
+} Work;
+
+static void *work(void *argument)
+{
+    const Work *w = argument;
+    run_all(w->fmus, w->n_fmus, w->n, 1);
+    return NULL;
+}
+
+static void threads(Work *w, int n_threads, int join)
+{
+    pthread_t ids[8];
+    for (int i = 0; i < n_threads; i++)
+        EXPECT(pthread_create(&ids[i], NULL, work, w) == 0);
+    for (int i = 0; i < n_threads && join; i++)
+        pthread_join(ids[i], NULL);
+}
+
+static void embed(Fmu *fmus, int n_fmus, long n)
+{
+    void (*initialise_python)(int), (*restore)(void *), *(*save)(void);
+    int (*finalise)(void);
+    void *python = dlopen(getenv("HOST_LIBPYTHON"), RTLD_NOW | RTLD_LOCAL);
+    EXPECT(python != NULL);
+    *(void **)&initialise_python = dlsym(python, "Py_InitializeEx");
+    *(void **)&save = dlsym(python, "PyEval_SaveThread");
+    *(void **)&restore = dlsym(python, "PyEval_RestoreThread");
+    *(void **)&finalise = dlsym(python, "Py_FinalizeEx");
+    initialise_python(0);
+    void *state = save();
+    Work all = {fmus, n_fmus, n};
+    Run late;
+    run_all(fmus, n_fmus, n, 1);
+    threads(&all, 2, 1);
+    instantiate(&late, fmus);
+    restore(state);
+    EXPECT(finalise() == 0);
+    EXPECT(fmus->SetupExperiment(late.component, 0, 0.0, 0.0, 0, 0.0) == fmi2Error);
+    fmus->FreeInstance(late.component);
+}
+
+static double now(void)
+{
+    struct timespec time;
+    clock_gettime(CLOCK_MONOTONIC, &time);
+    return (double)time.tv_sec * 1e6 + (double)time.tv_nsec * 1e-3;
+}
+
+static void cost(Fmu *fmu, long n)
+{
+    Run run;
+    double times[3] = {0.0, 0.0, 0.0}, values[MOST] = {0.0}, results[MOST];
+    instantiate(&run, fmu);
+    initialise(&run);
+    for (long i = 0; i < 100; i++)
+        step(&run, i);
+    for (long i = 100; i < n + 100; i++) {
+        double t0 = now();
+        fmu->SetReal(run.component, fmu->inputs, fmu->n_inputs, values);
+        double t1 = now();
+        EXPECT(fmu->DoStep(run.component, (double)i * fmu->step, fmu->step, fmi2True) == fmi2OK);
+        double t2 = now();
+        fmu->GetReal(run.component, fmu->outputs, fmu->n_outputs, results);
+        double t3 = now();
+        times[0] += t1 - t0;
+        times[1] += t2 - t1;
+        times[2] += t3 - t2;
+    }
+    printf("set %.2f step %.2f get %.2f\n", times[0] / (double)n, times[1] / (double)n, times[2] / (double)n);
+    finish(&run);
+}
+
+static void on_signal(int number)
+{
+    (void)number;
+}
+
+int main(int argc, char **argv)
+{
+    static Fmu fmus[MOST];
+    EXPECT(argc >= 4 && argc <= MOST);
+    const char *mode = argv[1];
+    long n = atol(argv[2]);
+    int n_fmus = argc - 3;
+    struct sigaction handler = {.sa_handler = on_signal}, after;
+    sigaction(SIGINT, &handler, NULL);
+    for (int i = 0; i < n_fmus; i++)
+        read_fmu(argv[3 + i], &fmus[i]);
+    if (strcmp(mode, "reload") == 0) {
+        for (long k = 0; k < n; k++) {
+            for (int i = 0; i < n_fmus; i++)
+                load(&fmus[i]);
+            run_all(fmus, n_fmus, 10, 1);
+            for (int i = 0; i < n_fmus; i++)
+                dlclose(fmus[i].handle);
+        }
+    } else {
+        for (int i = 0; i < n_fmus; i++)
+            load(&fmus[i]);
+        Work all = {fmus, n_fmus, n}, endless = {fmus, n_fmus, 1L << 40};
+        if (strcmp(mode, "run") == 0)
+            run_all(fmus, n_fmus, n, 1);
+        else if (strcmp(mode, "keep") == 0)
+            run_all(fmus, n_fmus, n, 0);
+        else if (strcmp(mode, "faults") == 0)
+            faults(fmus, n);
+        else if (strcmp(mode, "embed") == 0) {
+            embed(fmus, n_fmus, n);
+            return 0; /* locale and handlers are this host's own doing */
+        } else if (strcmp(mode, "threads") == 0)
+            threads(&all, 8, 1);
+        else if (strcmp(mode, "leave") == 0) {
+            Run run; /* Python is up before the threads are */
+            instantiate(&run, fmus);
+            threads(&endless, 4, 0);
+            usleep(300000);
+            leaving = 1;
+            return 0;
+        } else if (strcmp(mode, "cost") == 0)
+            cost(fmus, n);
+        else
+            fail("which mode?");
+    }
+    sigaction(SIGINT, NULL, &after);
+    EXPECT(after.sa_handler == on_signal);
+    EXPECT(strcmp(setlocale(LC_CTYPE, NULL), "C") == 0);
+    EXPECT(getenv("LC_CTYPE") == NULL);
+    return 0;
+}

@@ -1,0 +1,74 @@
+"""FMUs with a Python of their own, on a machine that has none."""
+
+import shutil
+import subprocess
+import zipfile
+
+import pytest
+from support.host import told, unpack
+
+from ps_fmu.fmu.bundle import BundleError, bundle, check
+
+NOWHERE = {"PATH": "/nonexistent"}
+SPY = """
+import sys
+used = [line.split()[5] for line in open("/proc/self/maps") if ".so" in line]
+used += [module.__file__ for module in list(sys.modules.values()) if getattr(module, "__file__", None)]
+print(*used, file=sys.stderr)
+"""
+
+
+def test_it_runs_where_there_is_no_python(host, bundled, bound, tmp_path):
+    first, second = (told(unpack(bundled, tmp_path / name)) for name in ("first", "second"))
+    expected = host("run", 200, told(bound["oscillator"])).stdout
+    run = host("run", 200, first, second, **NOWHERE)
+    assert (run.returncode, run.stderr) == (0, "")
+    assert run.stdout == 2 * expected
+    for mode in ("keep", "threads", "leave", "reload"):
+        run = host(mode, 5, first, **NOWHERE)
+        assert (run.returncode, run.stderr) == (0, "")
+
+
+def test_it_uses_no_file_of_this_machines_python(host_program, bundled, tmp_path):
+    """All libraries and modules come from the FMU, but for those of the C library."""
+    folder = unpack(bundled, tmp_path / "alone")
+    package = next((folder / "resources").glob("ps_fmu_*"))
+    with (package / "oscillator.py").open("a") as script:
+        script.write(SPY)
+    command = [str(host_program), "run", "1", str(told(folder))]
+    run = subprocess.run(command, env=NOWHERE, capture_output=True, text=True)
+    used = set(run.stderr.split())
+    assert run.returncode == 0
+    assert len(used) > 50
+    system = ("/lib/", "/lib64/", "/usr/lib/")
+    outside = {path for path in used if not path.startswith(str(folder))}
+    assert all(path.startswith(system) and "python" not in path for path in outside), outside
+    assert len(outside) < 10
+
+
+@pytest.mark.parametrize("lost", ["lib/python3*.zip", "lib/libpython*", "lib/site-packages", "lib/system/libz*"])
+def test_an_incomplete_runtime_is_turned_down(host, bundled, tmp_path, lost):
+    folder = unpack(bundled, tmp_path / "broken")
+    home = folder / "binaries" / "linux64" / "python"
+    for path in home.glob(lost):
+        path.rename(path.with_name("hidden"))
+    run = host("run", 1, told(folder), **NOWHERE)
+    shutil.rmtree(folder)
+    assert run.returncode == 3
+    assert "runtime in the FMU: " in run.stderr
+    assert "is missing" in run.stderr
+
+
+def test_a_model_that_needs_more_than_is_bundled(bundled, tmp_path):
+    less = tmp_path / "less.fmu"
+    with zipfile.ZipFile(bundled) as complete, zipfile.ZipFile(less, "w") as result:
+        for name in complete.namelist():
+            if "/numpy/linalg/" not in name:
+                result.writestr(name, complete.read(name))
+    with pytest.raises(BundleError, match=r"does not run with what is bundled:[\s\S]*numpy\.linalg"):
+        check(less)
+
+
+def test_a_package_that_is_not_installed():
+    with pytest.raises(BundleError, match="the FMU needs nowhere_to_be_found, which is not installed"):
+        bundle(["nowhere_to_be_found"])

@@ -1,0 +1,270 @@
+"""FMUs in a host that knows nothing of Python, with nothing set around it."""
+
+import itertools
+import os
+import shutil
+import subprocess
+import sys
+import sysconfig
+from pathlib import Path
+
+import pytest
+from fmpy import read_model_description
+from fmpy.fmi1 import FMICallException
+from fmpy.fmi2 import FMU2Slave, fmi2CallbackFunctions, fmi2CallbackLoggerTYPE
+from support.host import told, unpack
+
+from ps_fmu.fmu.build import build_one
+
+MODELS = Path(__file__).parents[1] / "fmu" / "models"
+
+ANSWER = "printf 'version={}\\nprogram=x\\nmissing={}\\nlibrary=/x\\nentries=/\\ncomplete=1\\n'"
+TOYS = ("limiter", "oscillator", "waves")
+
+
+def values(line):
+    return [float(word) for word in line.split()]
+
+
+def run_in_fmpy(folder, n):
+    """Outputs after n steps with the inputs of the C host."""
+    from math import sin
+
+    description = read_model_description(str(folder))
+    slave = FMU2Slave(
+        guid=description.guid,
+        unzipDirectory=str(folder),
+        modelIdentifier=description.coSimulation.modelIdentifier,
+        instanceName="fmpy",
+    )
+    settings = dict(line.split("=", 1) for line in told(folder).read_text().splitlines())
+    inputs, outputs = ([int(word) for word in settings[key].split()] for key in ("inputs", "outputs"))
+    slave.instantiate()
+    slave.setupExperiment(startTime=0.0)
+    slave.enterInitializationMode()
+    slave.exitInitializationMode()
+    for i in range(n):
+        slave.setReal(inputs, [sin(0.01 * i + k) for k in range(len(inputs))])
+        slave.doStep(i * 0.01, 0.01)
+    result = slave.getReal(outputs)
+    slave.terminate()
+    slave.freeInstance()
+    return result
+
+
+@pytest.mark.parametrize("name", TOYS)
+def test_a_thousand_steps_equal_those_in_fmpy(host, bound, name):
+    run = host("run", 1000, told(bound[name]))
+    assert (run.returncode, run.stderr) == (0, "")
+    assert values(run.stdout) == run_in_fmpy(bound[name], 1000)
+
+
+def test_every_load_order_gives_the_same_results(host, bound):
+    alone = {name: host("run", 20, told(bound[name])).stdout for name in TOYS}
+    for order in itertools.permutations(TOYS):
+        run = host("run", 20, *(told(bound[name]) for name in order))
+        assert (run.returncode, run.stderr) == (0, "")
+        assert run.stdout == "".join(alone[name] for name in order)
+
+
+def test_the_four_fmus_of_the_system(host, built_fmus, tmp_path):
+    files = [told(unpack(fmu, tmp_path / fmu.stem), step=1e-4) for fmu in sorted(built_fmus.glob("*.fmu"))]
+    environment = {"PS_FMU_PYTHON": sys.executable, "OMP_NUM_THREADS": "1"}
+    alone = [host("run", 100, file, **environment).stdout for file in files]
+    assert len(alone) == 4
+    for order in (files, files[::-1]):
+        run = host("run", 100, *order, **environment)
+        assert run.returncode == 0, run.stderr
+        assert sorted(run.stdout.splitlines(keepends=True)) == sorted(alone)
+
+
+def test_unloading_and_loading_again(host, bound):
+    run = host("reload", 10, told(bound["oscillator"]), told(bound["waves"]))
+    assert (run.returncode, run.stderr) == (0, "")
+    assert len(set(run.stdout.splitlines())) == 2
+
+
+@pytest.mark.parametrize("mode", ["keep", "threads", "leave"])
+def test_hosts_that_end_in_their_own_ways(host, bound, mode):
+    """Instances never freed; eight threads; exit() while threads step."""
+    for _ in range(3):
+        run = host(mode, 30, told(bound["oscillator"]), told(bound["waves"]))
+        assert (run.returncode, run.stderr) == (0, "")
+        assert len(set(run.stdout.splitlines())) == (0 if mode == "leave" else 2)
+
+
+def test_a_thousand_mistakes_then_reset_and_a_correct_run(host, bound):
+    expected = host("run", 10, told(bound["oscillator"])).stdout
+    run = host("faults", 1000, told(bound["oscillator"]))
+    assert run.returncode == 0, run.stderr[-3000:]
+    outputs, growth = run.stdout.splitlines()
+    assert values(outputs) == values(expected)
+    assert int(growth) < 1000  # kB over 12 000 mistakes
+    assert "there is no variable with value reference 999999" in run.stderr
+    assert "[host 100%s] 3 logStatusError: Oscillator 'host 100%s': " in run.stderr
+    assert "the host expects GUID another, this FMU has {" in run.stderr
+
+
+@pytest.mark.parametrize(
+    "form",
+    ["file://{}", "file://localhost{}", "file:{}", "{}", "FILE://{}/", "file:///nowhere", "http://elsewhere/x", ""],
+)
+def test_forms_of_the_resource_location(host, plain, tmp_path, form):
+    folder = tmp_path / "a b ä#+"
+    folder.symlink_to(plain)
+    for path in (str(folder), folder.as_uri().removeprefix("file://")):
+        uri = form.format(f"{path}/resources")
+        run = host("run", 5, told(folder, uri), PS_FMU_PYTHON=sys.executable)
+        assert (run.returncode, run.stderr) == (0, "")
+        assert len(values(run.stdout)) == 2
+
+
+class TestFindingPython:
+    def failure(self, host, folder, **environment):
+        run = host("run", 1, told(folder), **environment)
+        assert (run.returncode, run.stdout) == (3, "")
+        own, logged = run.stderr.split("[host 100%s] 3 logStatusError: ")
+        assert own == f"host 100%s: {logged}"  # printed and logged
+        return logged
+
+    def test_nothing_to_be_found_is_one_error_that_lists_all(self, host, plain, tmp_path):
+        text = self.failure(host, plain, PATH=str(tmp_path), VIRTUAL_ENV=str(tmp_path / "venv"))
+        places = ["PS_FMU_PYTHON: not set", "runtime in the FMU: none", "interpreter noted at build: none"]
+        places += [f"VIRTUAL_ENV: {tmp_path}/venv/bin/python: No such file", f"PATH: no python3 in {tmp_path}"]
+        assert [text.index(place) for place in places] == sorted(text.index(place) for place in places)
+        assert "Python 3.11 or newer with a shared libpython and with numpy" in text
+
+    @pytest.mark.parametrize(
+        ("script", "problem"),
+        [
+            ("echo oops >&2; exit 1", "failed, its last words: oops"),
+            ("kill -9 $$", "failed, its last words: nothing"),
+            (ANSWER.format("3.9", ""), "Python 3.9, 3.11 or newer is needed"),
+            (ANSWER.format("3.12", "lacks numpy"), "Python 3.12, lacks numpy"),
+        ],
+    )
+    def test_why_an_interpreter_is_turned_down(self, host, plain, tmp_path, script, problem):
+        program = tmp_path / "python3"
+        program.write_text(f"#!/bin/sh\n{script}\n")
+        program.chmod(0o755)
+        assert f"PS_FMU_PYTHON: {program}: {problem}" in self.failure(host, plain, PS_FMU_PYTHON=str(program))
+        assert f"PATH: {program}: {problem}" in self.failure(host, plain, PATH=str(tmp_path))
+
+    def test_an_interpreter_without_the_modules_of_the_fmu(self, host, plain, tmp_path):
+        notes = plain / "resources" / "launcher.txt"
+        original = notes.read_text()
+        notes.write_text(original.replace("modules=numpy", "modules=numpy nowhere_to_be_found"))
+        try:
+            text = self.failure(host, plain, PS_FMU_PYTHON=sys.executable)
+        finally:
+            notes.write_text(original)
+        assert "lacks nowhere_to_be_found" in text
+
+    @pytest.mark.parametrize("variable", ["PS_FMU_PYTHON", "VIRTUAL_ENV", "PATH"])
+    def test_each_way_of_naming_one(self, host, plain, tmp_path, variable):
+        # Not a copy: what an interpreter finds depends on where it is.
+        (tmp_path / "bin").mkdir()
+        for name in ("python", "python3"):
+            (tmp_path / "bin" / name).write_text(f'#!/bin/sh\nexec {sys.executable} "$@"\n')
+            (tmp_path / "bin" / name).chmod(0o755)
+        place = {"PS_FMU_PYTHON": tmp_path / "bin" / "python", "VIRTUAL_ENV": tmp_path, "PATH": tmp_path / "bin"}
+        run = host("run", 5, told(plain), **{variable: str(place[variable])})
+        assert (run.returncode, run.stderr) == (0, "")
+
+    def test_what_hosts_set_for_themselves_does_no_harm(self, host, plain):
+        spoilt = {"PYTHONHOME": "/nowhere", "PYTHONPATH": "/nowhere", "PYTHONSTARTUP": "/x", "LD_LIBRARY_PATH": "/x"}
+        run = host("run", 5, told(plain), PS_FMU_PYTHON=sys.executable, **spoilt)
+        assert (run.returncode, run.stderr) == (0, "")
+
+    def test_the_machine_is_named_only_on_demand(self, plain, bound):
+        assert "interpreter=" not in (plain / "resources" / "launcher.txt").read_text()
+        assert f"interpreter={sys.executable}" in (bound["oscillator"] / "resources" / "launcher.txt").read_text()
+
+
+def test_an_incomplete_fmu_is_told(host, plain):
+    (entry,) = (plain / "resources").glob("oscillator_*.py")
+    hidden = entry.with_suffix(".hidden")
+    entry.rename(hidden)
+    try:
+        run = host("run", 1, told(plain), PS_FMU_PYTHON=sys.executable)
+    finally:
+        hidden.rename(entry)
+    assert run.returncode == 3
+    assert f"the FMU is not complete: {entry} is missing" in run.stderr
+
+
+def test_an_error_at_import_comes_with_its_traceback(host, plain):
+    (package,) = (plain / "resources").glob("ps_fmu_*")
+    script = package / "oscillator.py"
+    original = script.read_text()
+    script.write_text(original + "\nraise ValueError('100 %n')\n")
+    try:
+        run = host("run", 1, told(plain), PS_FMU_PYTHON=sys.executable)
+    finally:
+        script.write_text(original)
+    assert run.returncode == 3
+    logged = run.stderr[run.stderr.index("logStatusError: ") :]
+    assert "Traceback" in logged
+    assert "ValueError: 100 %n" in logged
+    assert script.name in logged
+
+
+def test_a_bug_in_a_model_is_an_error_with_its_traceback(tmp_path):
+    shutil.copytree(MODELS / "oscillator", tmp_path / "oscillator")
+    script = tmp_path / "oscillator" / "oscillator.py"
+    script.write_text(script.read_text().replace("if target > 1.0:", "if 1.0 / (target - 0.25) > 1e9:"))
+    folder = unpack(build_one(tmp_path / "oscillator", tmp_path), tmp_path / "buggy")
+    description = read_model_description(str(folder))
+    references = {v.name: v.valueReference for v in description.modelVariables}
+    slave = FMU2Slave(
+        guid=description.guid, unzipDirectory=str(folder), modelIdentifier="Oscillator", instanceName="buggy 100%d"
+    )
+    logged = []
+    callbacks = fmi2CallbackFunctions()
+    callbacks.logger = fmi2CallbackLoggerTYPE(lambda *call: logged.append(call[2:5]))
+    slave.instantiate(callbacks=callbacks, loggingOn=True)
+    for _ in range(2):
+        slave.setupExperiment(startTime=0.0)
+        slave.enterInitializationMode()
+        slave.exitInitializationMode()
+        slave.setReal([references["reference"]], [0.25])
+        for _ in range(500):
+            with pytest.raises(FMICallException) as error:
+                slave.doStep(0.0, 0.01)
+            assert error.value.status == 3  # fmi2Error
+        slave.setReal([references["reference"]], [0.1])
+        slave.doStep(0.0, 0.01)
+        slave.reset()
+    slave.freeInstance()
+    assert len(logged) == 1000
+    status, category, text = logged[-1]
+    assert (status, category) == (3, b"logStatusError")
+    assert text.startswith(b"Oscillator 'buggy 100%%d': ZeroDivisionError: ")  # a printf format
+    assert b"Traceback" in text
+    assert b"oscillator.py" in text
+
+
+def test_a_host_that_embeds_python(host, bound):
+    """The launcher makes its libpython global, and stays away from it once the host has finalised it."""
+    libpython = Path(sysconfig.get_config_var("LIBDIR")) / sysconfig.get_config_var("INSTSONAME")
+    own = {"PYTHONHOME": sys.base_prefix, "PYTHONPATH": sysconfig.get_path("platlib")}
+    expected = host("run", 20, told(bound["oscillator"])).stdout
+    run = host("embed", 20, told(bound["oscillator"]), HOST_LIBPYTHON=str(libpython), **own)
+    assert run.returncode == 0
+    assert run.stdout == 3 * expected
+    assert "fmi2SetupExperiment: not possible any more: the host has finalised Python" in run.stderr
+
+
+def test_python_hosts_end_well(bound):
+    """The library of pythonfmu alone corrupts memory at the exit of some of these runs."""
+    program = (
+        "import sys\n"
+        "from pathlib import Path\n"
+        f"sys.path[:0] = [{str(Path(__file__).parents[1])!r}, {str(Path(__file__).parent)!r}]\n"
+        "from test_host import run_in_fmpy\n"
+        "print([run_in_fmpy(Path(folder), 3) for folder in sys.argv[1:]])\n"
+    )
+    command = [sys.executable, "-c", program, *map(str, bound.values())]
+    for _ in range(5):
+        run = subprocess.run(command, env=dict(os.environ), capture_output=True, text=True, timeout=120)
+        assert (run.returncode, run.stderr) == (0, "")
