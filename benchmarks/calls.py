@@ -1,0 +1,100 @@
+"""What single calls cost: of each FMU in the default system, and of FMPy's wrapper with lists of 30 numbers."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from statistics import median
+from time import perf_counter
+from typing import Any
+
+from fmpy import extract, read_model_description
+from fmpy.fmi2 import FMU2Slave
+
+from ps_fmu.cosim import System
+from ps_fmu.cosim.description import read_description
+from ps_fmu.cosim.graph import check_wiring
+from ps_fmu.cosim.initialisation import first_row, initialise, load
+from ps_fmu.cosim.plan import Call, make_plan
+from ps_fmu.cosim.rows import Rows, layout_of
+from ps_fmu.cosim.slaves import Slave
+
+CALLS = 500
+ROUNDS = 15
+
+
+def of_each_fmu(system: System, step: float) -> dict[str, dict[str, float]]:
+    """Component -> function -> us a step, called as the master calls them."""
+    descriptions = {c.name: read_description(c.source) for c in system.components}
+    wiring = check_wiring(system, descriptions)
+    rows = Rows(layout_of(descriptions), 1)
+    slaves: dict[str, Slave] = {}
+    with tempfile.TemporaryDirectory(prefix="ps_fmu_bench_") as folder:
+        load(system, descriptions, Path(folder), slaves)
+        initialise(slaves, system, wiring, {}, 0.0)
+        first_row(slaves, rows, 0.0)
+        plan = make_plan(slaves, wiring, rows, step, "jacobi", ())
+        (stage,) = plan.stages
+        for gather in stage.gathers:
+            gather.inputs[:] = gather.outputs[gather.sources]
+        costs: dict[str, dict[str, float]] = {name: {} for name in slaves}
+        for call in stage.calls:
+            costs[call.slave.name][call.function] = _cost(_advancing(call, plan.now, step))
+        for slave in slaves.values():
+            slave.terminate(0.0)
+            slave.free()
+    return costs
+
+
+def _advancing(call: Call, now: Any, step: float) -> Callable[[], int]:
+    """The call; for fmi2DoStep, with a time that advances."""
+    if call.function != "fmi2DoStep":
+        return call.invoke
+    count = -1
+
+    def do_step() -> int:
+        nonlocal count
+        count += 1
+        now.value = count * step
+        return call.invoke()
+
+    return do_step
+
+
+def _cost(call: Callable[[], object]) -> float:
+    """Median over rounds of the time of a call, us."""
+    times = []
+    for _ in range(ROUNDS):
+        begin = perf_counter()
+        for _ in range(CALLS):
+            call()
+        times.append((perf_counter() - begin) / CALLS * 1e6)
+    return median(times)
+
+
+def of_fmpy_lists(probe: Path) -> dict[str, float]:
+    """set, get -> us for a call of FMPy's setReal and getReal with 30 numbers."""
+    with tempfile.TemporaryDirectory(prefix="ps_fmu_bench_") as folder:
+        extract(str(probe), unzipdir=folder)
+        description = read_model_description(folder)
+        slave: Any = FMU2Slave(
+            guid=description.guid,
+            unzipDirectory=folder,
+            modelIdentifier=description.coSimulation.modelIdentifier,
+            instanceName="probe",
+        )
+        slave.instantiate()
+        slave.setupExperiment(startTime=0.0)
+        slave.enterInitializationMode()
+        slave.exitInitializationMode()
+        inputs = [v.valueReference for v in description.modelVariables if v.causality == "input"]
+        outputs = [v.valueReference for v in description.modelVariables if v.causality == "output"]
+        values = [0.1 * i for i in range(len(inputs))]
+        costs = {
+            "set": _cost(lambda: slave.setReal(inputs, values)),
+            "get": _cost(lambda: slave.getReal(outputs)),
+        }
+        slave.terminate()
+        slave.freeInstance()
+    return costs

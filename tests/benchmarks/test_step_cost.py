@@ -1,0 +1,29 @@
+"""The benchmark runs: all three contenders compute the same, and every figure is there.  How fast is not tested."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+SCRIPT = Path(__file__).parents[2] / "benchmarks" / "step_cost.py"
+
+
+def test_one_round(built_fmus: Path, tmp_path: Path) -> None:
+    output = tmp_path / "step_cost.json"
+    run = subprocess.run(
+        [sys.executable, SCRIPT, "--rounds", "1", "--output", output], capture_output=True, text=True, timeout=240
+    )
+    assert "Traceback" not in run.stderr, run.stderr
+    found = json.loads(output.read_text())
+    assert run.returncode == (1 if "MISSED" in run.stderr else 0)
+    assert len(found["median_us"]) == 3
+    assert set(found["us_per_call"]) == {"disturbance", "commander", "plant", "isolator"}
+    assert set(found["us_per_fmpy_call_of_30_reals"]["ours"]) == {"set", "get"}
+    assert found["ours/textbook"] > 0.0
+    assert "x real time" in run.stdout
+
+
+def test_impossible_number_of_rounds() -> None:
+    run = subprocess.run([sys.executable, SCRIPT, "--rounds", "0"], capture_output=True, text=True, timeout=60)
+    assert run.returncode == 2
+    assert "--rounds: expected at least 1" in run.stderr
