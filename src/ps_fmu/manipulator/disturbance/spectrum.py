@@ -29,9 +29,12 @@ HIGHEST = 0.4 * FAST_RATE  # Hz
 def factor(psd: Array) -> Array:
     """L (6, r) with L L^T = psd (6, 6), from its eigenvalues; r counts those above 1e-9 of the largest.
 
-    A Cholesky factor does not exist: an identified spectrum has eigenvalues at and just below zero.
+    A Cholesky factor does not exist: an identified spectrum has eigenvalues at and just below zero.  Eigenvectors have
+    no sign of their own: the largest component is made positive, so that a seed means the same noise with any LAPACK.
     """
     eigenvalues, vectors = np.linalg.eigh(psd)
+    largest = np.take_along_axis(vectors, np.abs(vectors).argmax(axis=0)[None, :], axis=0)
+    vectors = vectors * np.sign(largest)
     keep = eigenvalues > 1e-9 * max(eigenvalues[-1], 0.0)
     return np.asarray(vectors[:, keep] * np.sqrt(eigenvalues[keep]))
 
