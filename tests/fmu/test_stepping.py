@@ -66,6 +66,18 @@ def test_a_host_that_drifts_off_the_grid_is_followed_too(make):
     assert abs(slave.y[1] - t) <= 1.1e-3 * 1e-3
 
 
+def test_a_host_that_drifts_is_followed_through_steps_with_events(make, put):
+    slave = make("oscillator")
+    t = 0.0
+    for i in range(3000):
+        put(slave, reference=1e-3 * (1 + i % 2))
+        h = 1e-3 * (1 + 9e-7)  # taken for 1e-3
+        assert slave.do_step(t, h)
+        assert abs(slave.event_times[-1] - t) <= 1.1e-3 * 1e-3
+        t += h
+    assert len(slave.event_times) == 3000
+
+
 @pytest.mark.parametrize(
     ("time", "step", "problem"),
     [

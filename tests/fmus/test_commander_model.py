@@ -299,11 +299,23 @@ def test_geometry_is_that_of_the_parameters():
 
 def test_a_row_does_not_depend_on_its_table():
     host = commander()
-    host.set(**target((8.5, -3.0, 5.0)))
+    host.set(**target((5.0, -2.0, 3.0)))
     host.step(H)
     whole = host.slave.rows(0.0, H, 256)
     parts = np.vstack([host.slave.rows(k * H, H, n) for k, n in ((0, 1), (1, 7), (8, 90), (98, 158))])
     np.testing.assert_array_equal(parts, whole)
+    assert (whole[0] != whole[-1]).any()
+
+
+def test_a_row_at_rest_does_not_depend_on_its_table():
+    """The table that the motion ends in, and the one after it."""
+    host = commander()
+    host.set(**target((5.0, -2.0, 3.0)))
+    host.step(H)
+    first = int(host.slave.profile.end_time / H) - 50
+    whole = host.slave.rows(first * H, H, 100)
+    np.testing.assert_array_equal(host.slave.rows((first + 60) * H, H, 40), whole[60:])
+    assert (whole[0] != whole[-1]).any()
 
 
 @pytest.mark.parametrize("moment", [0, 1, 300, 1500, 4000])

@@ -230,6 +230,21 @@ def test_slew_is_the_same_on_a_bus_that_moves() -> None:
     assert np.abs(still[6:9]).max() > 1e-6  # rad, the reaction of the bus
 
 
+def test_a_command_that_creeps_makes_no_new_pose_until_it_stays() -> None:
+    """A slew begins with less than 1e-12 m a step: each would be a pose that the legs have reached."""
+    model = PLANT.linearise(SLOPE)
+    x, convection = PLANT.initial_state(model), Convection.none()
+    for k in range(1, 6):
+        command = SLOPE + k * 1e-13  # m
+        motion = coarse_motion(PLANT, model, x, convection, command, 1e-4, 1e-4)
+        assert motion.model is model
+        assert motion.moving
+        x, convection = motion.state, motion.convection
+        np.testing.assert_array_equal(x[S], command)
+    motion = coarse_motion(PLANT, model, x, convection, command, 1e-4, 1e-4)
+    np.testing.assert_array_equal(motion.model.coarse_reference, command)
+
+
 def test_rate_limit_and_stroke() -> None:
     model = PLANT.linearise(STILL)
     command = np.array([0.01, -0.01, 1e-9])
