@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ps_fmu.fmu.parameters import parameter_ports
+from ps_fmu.fmu.parameters import parameter_ports, refuses_parameters
 from ps_fmu.fmu.slave import ModelError, Slave
 from ps_fmu.fmu.variables import Port, numbered, vector
 from ps_fmu.manipulator.feedforward import lowpass
@@ -123,6 +123,7 @@ class FeedforwardIsolator(Slave):
         ),
     )
 
+    @refuses_parameters
     def configure(self) -> None:
         """Build the controller for the present orientation, filters at rest."""
         self.x[:] = self.a[:] = self.memory[:] = 0.0
@@ -180,6 +181,7 @@ class FeedforwardIsolator(Slave):
             self.y[3] = float(np.abs(force).max() > limit)
             np.clip(force, -limit, limit, out=force)
 
+    @refuses_parameters
     def restore(self) -> None:
         """Rebuild the controller that the restored memory stands for."""
         self._build()

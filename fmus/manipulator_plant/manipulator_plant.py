@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ps_fmu.fmu.parameters import parameter_ports
+from ps_fmu.fmu.parameters import parameter_ports, refuses_parameters
 from ps_fmu.fmu.slave import Slave
 from ps_fmu.fmu.variables import Port, numbered, vector
 from ps_fmu.manipulator.flat import entries, taken_from
@@ -98,6 +98,7 @@ class ManipulatorPlant(Slave):
     model: PlantModel
     said_of: tuple[float, ...] = ()  # the command beyond the stroke that the last warning was about
 
+    @refuses_parameters
     def configure(self) -> None:
         """Build the system from the parameters and put it at rest at the commanded pose."""
         self._build()
@@ -115,6 +116,7 @@ class ManipulatorPlant(Slave):
         """[y; x] at the end of a step from [x; u; a] at its start."""
         return self.model.step_map(h)
 
+    @refuses_parameters
     def event(self, t: float, h: float) -> bool:
         """The coarse legs move: advance their reference, linearise anew where needed."""
         convection = Convection(self.memory[3:9], *self.memory[9:11].tolist())
@@ -128,6 +130,7 @@ class ManipulatorPlant(Slave):
         self.a[:3], self.a[3:9] = motion.rate, motion.wrench
         return motion.moving
 
+    @refuses_parameters
     def restore(self) -> None:
         """Rebuild the model that the restored memory stands for."""
         self._build()

@@ -7,6 +7,7 @@ import pytest
 from support.mechanics import ORIENTATIONS_DEG, PAPER, pose_at
 from support.models import Host
 
+from ps_fmu.fmu.slave import ModelError
 from ps_fmu.manipulator.feedforward import Controller, gains, lowpass
 
 FORCES = ("fine_force_1", "fine_force_2", "fine_force_3")
@@ -206,3 +207,13 @@ def test_state_continues_bit_for_bit(start: dict) -> None:
     second.slave._set_fmu_state(second.slave._fmu_state_from_bytes(data))
     second.count = 33
     np.testing.assert_array_equal(run(second, 20, 33), expected)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("payload__mass", -1.0), ("fine_leg_2__stiffness", 0.0), ("filters__lowpass_stop_frequency", 0.0)],
+)
+def test_impossible_parameter_is_named(name: str, value: float) -> None:
+    host = Host("feedforward_isolator", **{name: value})
+    with pytest.raises(ModelError, match=name.replace("__", r"\.")):
+        host.run_mode()

@@ -5,7 +5,7 @@ import pytest
 from support.mechanics import PAPER
 from support.models import Host, slave_class
 
-from ps_fmu.fmu.slave import Refused
+from ps_fmu.fmu.slave import ModelError, Refused
 from ps_fmu.manipulator.practical import OUTPUTS, output_slices
 
 ORIENTATION = ("orientation.roll", "orientation.pitch", "orientation.yaw")
@@ -83,7 +83,7 @@ def test_start_beyond_the_stroke_is_held() -> None:
 )
 def test_impossible_parameter_is_named(start: dict[str, float], text: str) -> None:
     host = Host("manipulator_plant", **start)
-    with pytest.raises(Exception, match=text):
+    with pytest.raises(ModelError, match=text):
         host.slave.exit_initialization_mode()
 
 

@@ -127,6 +127,7 @@ def test_what_cannot_be_used_is_named_and_ends_with_1(tmp_path, name, value, tex
     run = started("--duration 0.1 --parameters given.ssv --output out", tmp_path)
     assert run.returncode == 1
     assert text in run.stderr
+    assert "Traceback" not in run.stderr
     assert run.stderr.endswith("run.py: nothing was stored\n")
     assert not (tmp_path / "out" / "results.nc").exists()
 

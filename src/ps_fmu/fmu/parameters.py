@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import functools
+from collections.abc import Callable, Iterable
+from typing import Any, TypeVar
 
 from ..manipulator.flat import Entry
+from ..manipulator.parameters import ParameterError
+from .guard import ModelError
 from .variables import Port, Type
+
+F = TypeVar("F", bound=Callable[..., Any])
 
 _DISPLAY = {"rad": "deg"}
 _TYPES: dict[type, Type] = {bool: "Boolean", int: "Integer", str: "String"}
@@ -30,3 +36,16 @@ def parameter_ports(entries: Iterable[Entry]) -> tuple[Port, ...]:
                 )
             )
     return tuple(ports)
+
+
+def refuses_parameters(method: F) -> F:
+    """For methods of models: their ParameterError, which names the parameter, becomes a ModelError, a refusal."""
+
+    @functools.wraps(method)
+    def wrapper(self: Any, *args: Any) -> Any:
+        try:
+            return method(self, *args)
+        except ParameterError as error:
+            raise ModelError(str(error)) from None
+
+    return wrapper  # type: ignore[return-value]
