@@ -154,6 +154,17 @@ def test_either_layer_may_be_empty(kind):
         np.testing.assert_allclose((values**2).mean(axis=0), np.diag(PSD) * np.ptp(band), rtol=0.2)
 
 
+def test_times_far_apart_do_not_cost_what_lies_between(monkeypatch):
+    made = []
+    synthesise = GaussianNoise._synthesise
+    monkeypatch.setattr(GaussianNoise, "_synthesise", lambda *a: made.append(a[-1]) or synthesise(*a))
+    times = np.array([1e3, 2e3, 1e9])
+    together = GaussianNoise(PSD, LOW_BAND, seed=5)(times)
+    assert len(made) <= 12  # two blocks alive at a time, two layers
+    for time, expected in zip(times, together, strict=True):
+        np.testing.assert_array_equal(GaussianNoise(PSD, LOW_BAND, seed=5)(np.array([time]))[0], expected)
+
+
 @KINDS
 def test_no_noise_at_all(kind):
     assert not kind(np.zeros((6, 6)), NOISE.band, seed=1)(np.arange(10) * 1.0).any()

@@ -45,7 +45,9 @@ class GaussianNoise:
         wrench = np.zeros((time.size, 6))
         for layer in self._layers:
             hop = 0.5 * layer.period
-            for index in range(int(time[0] // hop), int(time[-1] // hop) + 2):
+            # Only blocks that the times fall into: steps of a thousand seconds must not make all in between.
+            places = np.unique(time // hop).tolist()
+            for index in sorted({int(place) + later for place in places for later in (0, 1)}):
                 block = self._block(layer, index)
                 first, end = np.searchsorted(time, [block.start, block.end])
                 wrench[first:end] += block(time[first:end])
