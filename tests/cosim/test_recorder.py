@@ -113,6 +113,26 @@ def test_the_cut_into_blocks_does_not_matter():
     assert len(Decimator(7, filtered).finish()) == 0
 
 
+def test_decimation_by_a_large_factor_is_done_in_stages():
+    """Every second of a run at 1e-4 s: one filter would hold 520 000 rows of all columns."""
+    factor, n = 10_000, 400_000
+    time = np.arange(n) / factor  # in stored rows
+    signal = np.sin(2 * np.pi * 0.3 * time) + np.sin(2 * np.pi * 0.7 * time)  # the second one is above Nyquist
+    rows = np.column_stack([time, signal])
+    decimator = Decimator(factor, np.array([False, True]))
+    found = np.concatenate([*(decimator.push(block) for block in np.split(rows, 400)), decimator.finish()])
+    np.testing.assert_allclose(found[:, 0], np.arange(40), atol=1e-12)
+    inside = slice(5, -5)  # the ends feel that the signal is held there
+    np.testing.assert_allclose(found[inside, 1], np.sin(2 * np.pi * 0.3 * found[inside, 0]), atol=0.02)
+
+
+def test_storage_step_that_no_stages_make_is_refused():
+    with pytest.raises(UsageError, match=r"20014 steps cannot be filtered .* that 10007 does not divide"):
+        Decimator(2 * 10_007, np.array([True]))
+    Decimator(2 * 101, np.array([True]))
+
+
+
 def test_arguments_are_checked(path):
     with pytest.raises(UsageError, match="whole multiple"):
         Recorder(path, "run", columns=COLUMNS, step=1e-3, storage_step=1.5e-3)

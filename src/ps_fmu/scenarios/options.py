@@ -55,6 +55,10 @@ class RunOptions:
         _multiple("--duration", self.duration_s, self.step_s)
         if self.storage_step_s is not None:
             _multiple("--storage-step", self.storage_step_s, self.step_s)
+            if self.storage_step_s > self.duration_s * (1.0 + 1e-9):
+                raise OptionError(
+                    f"--storage-step: {self.storage_step_s!r} s is longer than the run of {self.duration_s!r} s"
+                )
         if not 0 <= self.seed < 2**31:
             raise OptionError(f"--seed: expected a whole number from 0 to 2147483647, got {self.seed}")
         for path in self.parameters:
