@@ -1,5 +1,6 @@
 """Settings for all tests: one thread in the linear algebra, repeatable property tests."""
 
+import ctypes
 import os
 from pathlib import Path
 
@@ -15,6 +16,21 @@ settings.register_profile("repeatable", derandomize=True, max_examples=25, deadl
 settings.load_profile("repeatable")
 
 ROOT = Path(__file__).parents[1]
+
+
+def pytest_unconfigure() -> None:
+    """Let plain pythonfmu FMUs, which some tests load, release their interpreter state before the process ends.
+
+    Their library does so twice otherwise, in a static pointer's destructor and in its own, and corrupts the heap.
+    """
+    maps = Path("/proc/self/maps")
+    if not maps.is_file():
+        return
+    paths = {line.split(maxsplit=5)[-1].removesuffix(" (deleted)") for line in maps.read_text().splitlines()}
+    for path in sorted(path for path in paths if "/binaries/linux64/" in path):
+        library = ctypes.CDLL(path, mode=os.RTLD_NOLOAD | os.RTLD_NOW)
+        if hasattr(library, "finalizePythonInterpreter"):
+            library.finalizePythonInterpreter()
 
 
 @pytest.fixture(scope="session")
