@@ -1,15 +1,18 @@
 """Runs a scenario of the pointing manipulator: four FMUs, wired as SystemStructure.ssd says.
 
 Writes summary.json, results.nc, figures and report.html into the output folder.
-Exit codes: 0 done, 1 the run failed, 2 an argument cannot be used, 130 interrupted (results so far are kept).
+Exit codes: 0 done, 1 the run failed, 2 an argument cannot be used, 130 interrupted by Ctrl-C or SIGTERM (results so
+far are kept).
 """
 
 from __future__ import annotations
 
 import argparse
 import importlib
+import signal
 import sys
 from collections.abc import Sequence
+from contextlib import ExitStack
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -26,7 +29,10 @@ try:
         OptionError,
         RunOptions,
     )
+    from ps_fmu.scenarios.output import held
     from ps_fmu.scenarios.sources import ensure_built
+except KeyboardInterrupt:
+    sys.exit(130)
 except ModuleNotFoundError as missing:
     sys.exit(f"{missing}: run `make run` once, then use .venv/bin/python system/run.py")
 
@@ -74,18 +80,20 @@ def options_of(arguments: argparse.Namespace) -> RunOptions:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the scenario that the arguments name; returns the exit code."""
     command_line = parser()
-    try:
-        options = options_of(command_line.parse_args(argv))
-    except OptionError as error:
-        command_line.error(str(error))
-    try:
-        if options.fmus is not None:
-            ensure_built(options.fmus, ROOT)
-        importlib.import_module(f"ps_fmu.scenarios.{options.scenario}").run(options)
-    except KeyboardInterrupt:
-        return ended("interrupted", options.output, 130)
-    except (BuildError, CosimError, OSError, ValueError) as error:
-        return ended("\n".join([str(error), *getattr(error, "__notes__", ())]), options.output, 1)
+    with ExitStack() as stack:
+        try:
+            options = options_of(command_line.parse_args(argv))
+            stack.enter_context(held(options.output))
+        except OptionError as error:
+            command_line.error(str(error))
+        try:
+            if options.fmus is not None:
+                ensure_built(options.fmus, ROOT)
+            importlib.import_module(f"ps_fmu.scenarios.{options.scenario}").run(options)
+        except KeyboardInterrupt:
+            return ended("interrupted", options.output, 130)
+        except (BuildError, CosimError, OSError, ValueError) as error:
+            return ended("\n".join([str(error), *getattr(error, "__notes__", ())]), options.output, 1)
     return 0
 
 
@@ -97,5 +105,12 @@ def ended(why: str, output: Path, code: int) -> int:
     return code
 
 
+def stop_like_ctrl_c() -> None:
+    """Have SIGTERM, by which schedulers and containers end a run, do what Ctrl-C does, unless that is ignored."""
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGTERM, lambda *_: signal.raise_signal(signal.SIGINT))
+
+
 if __name__ == "__main__":
+    stop_like_ctrl_c()
     sys.exit(main())

@@ -69,13 +69,6 @@ def test_the_output_folder_is_made_and_left_empty(tmp_path):
     assert os.listdir(options.output) == []
 
 
-def test_results_of_an_earlier_run_are_removed_and_nothing_else(tmp_path):
-    for name in ("summary.json", "results.nc", "report.html", "notes.txt"):
-        (tmp_path / name).write_text("")
-    RunOptions(**GOOD | {"output": tmp_path}).claim_output()
-    assert os.listdir(tmp_path) == ["notes.txt"]
-
-
 def test_an_output_that_is_a_file_is_refused(tmp_path):
     (tmp_path / "a").write_text("")
     with pytest.raises(OptionError, match=r"--output: cannot write in .*a: "):

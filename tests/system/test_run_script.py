@@ -57,7 +57,8 @@ def test_the_default_scenario(tmp_path):
         )
 
 
-def test_ctrl_c_during_a_run_leaves_what_was_simulated(tmp_path):
+@pytest.mark.parametrize("stop", [signal.SIGINT, signal.SIGTERM])
+def test_ctrl_c_during_a_run_leaves_what_was_simulated(tmp_path, stop):
     """The progress bar on a terminal says when the run is under way."""
     ours, theirs = pty.openpty()
     termios.tcsetwinsize(theirs, (24, 100))
@@ -76,7 +77,7 @@ def test_ctrl_c_during_a_run_leaves_what_was_simulated(tmp_path):
             except OSError:  # the other end was closed: the process is gone
                 break
             if not sent and re.search(r"passive: .* (?!0\.0/)[\d.]+/60\.0 s", shown):
-                process.send_signal(signal.SIGINT)
+                process.send_signal(stop)
                 sent = True
         output, _ = process.communicate(timeout=FINISHED_WITHIN_S)
     os.close(ours)

@@ -10,9 +10,17 @@ from pathlib import Path
 def write_atomically(path: Path, content: bytes | str) -> None:
     """Write ``content`` to ``path`` so that a reader sees the old file or the new one, never a part.
 
-    Text is written as UTF-8.  Raises ``OSError`` (no such folder, full disk); nothing is left behind then.
+    Text is written as UTF-8.  Raises ``OSError`` with the path (no such folder, full disk); nothing is left behind
+    then.
     """
     data = content.encode() if isinstance(content, str) else content
+    try:
+        _write(path, data)
+    except OSError as error:  # a write that fails, as on a full disk, does not say where
+        raise OSError(error.errno, error.strerror or str(error), str(path)) from error
+
+
+def _write(path: Path, data: bytes) -> None:
     handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
     try:
         with os.fdopen(handle, "wb") as file:

@@ -84,7 +84,6 @@ class RunOptions:
     def claim_output(self) -> RunOptions:
         """Make the output folder and try to write there, before anything is computed.
 
-        The results of an earlier run are removed: they must not pass for those of a run that stops early.
         Returns the options with the absolute path; raises :class:`OptionError` if it cannot be used.
         """
         folder = self.output.absolute()
@@ -92,8 +91,6 @@ class RunOptions:
             folder.mkdir(parents=True, exist_ok=True)
             with tempfile.TemporaryFile(dir=folder) as file:
                 file.write(b"\0")
-            for name in (RESULTS, SUMMARY, REPORT):
-                (folder / name).unlink(missing_ok=True)
         except OSError as error:
             raise OptionError(f"--output: cannot write in {folder}: {error.strerror or error}") from error
         return replace(self, output=folder)
