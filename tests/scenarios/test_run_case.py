@@ -70,12 +70,15 @@ def test_what_an_fmu_warns_of_is_passed_on_once(options, capsys, ssv):
     assert capsys.readouterr().err.count(message) == 1
 
 
-def test_a_parameter_that_the_case_sets_otherwise_is_reported(options, ssv):
-    given = RunOptions(**vars(options) | {"parameters": (ssv({TARGET: 0.1, "isolator.enabled": False}),)})
+def test_parameters_that_are_not_used_are_reported(options, ssv, capsys):
+    values = {TARGET: 0.1, "isolator.enabled": False, "plant.base_force.x": 3.0}
+    given = RunOptions(**vars(options) | {"parameters": (ssv(values),)})
     outcome, _ = run(given, passive({TARGET: 0.0}))
-    (message,) = [text for text in outcome.warnings if "is not used" in text]
-    assert message.startswith(f"{TARGET} (") and message.endswith("case passive sets it to 0.0")
-    assert "given.ssv, line 4" in message
+    by_case, by_wire = (text for text in outcome.warnings if "is not used" in text)
+    assert by_case.startswith(f"{TARGET} (") and by_case.endswith("case passive sets it to 0.0")
+    assert "given.ssv, line 4" in by_case
+    assert by_wire.endswith("given.ssv, line 6) is not used: it is connected to disturbance.base_force.x")
+    assert f"{by_case}\n{by_wire}\n" in capsys.readouterr().err
 
 
 def test_an_unreachable_target_is_refused_and_the_run_goes_on(options, capsys):

@@ -43,6 +43,15 @@ def test_wrong_entries_are_named_with_their_file(make_options, ssv, values, text
         load_system(options)
 
 
+def test_a_start_value_in_another_unit_is_refused(make_options, ssv):
+    """The scenarios read the target before the FMU does: degrees must not pass for radians."""
+    path = ssv({"commander.target.roll": 8.5})
+    path.write_text(path.read_text().replace('value="8.5"', 'value="8.5" unit="deg"'))
+    system = load_system(make_options("isolation", 1.0, parameters=(path,)))
+    with pytest.raises(UsageError, match=r"target\.roll \(.*line 4\): is given in 'deg', its unit is 'rad'"):
+        start_value(system, "commander.target.roll")
+
+
 def test_the_noise_ends_where_the_step_would_fold_it(make_options, capsys):
     options = make_options("isolation", 1.0, step_s=1e-3)
     assert start_value(load_system(options), BAND) == pytest.approx(400.0)

@@ -87,7 +87,10 @@ def run_case(
         _warnings() as messages,
         Master(system.with_parameters(case.values), options.step_s, options.scheme) as master,
     ):
-        messages += [*_overruled(options, case), *_unconnected(master, case)]
+        unused = [*_overruled(options, case), *_fed(options, master)]
+        for text in unused:
+            print(text, file=sys.stderr)
+        messages += [*unused, *_unconnected(master, case)]
         master.initialise()
         analysis = analyse(master.columns)
         with (
@@ -121,6 +124,13 @@ def _overruled(options: RunOptions, case: Case) -> Iterator[str]:
     for name, entry in user_parameters(options).items():
         if name in case.values.keys() - case.changed and case.values[name] != entry.value:
             yield f"{name} ({entry.origin}) is not used: case {case.name} sets it to {case.values[name]}"
+
+
+def _fed(options: RunOptions, master: Master) -> Iterator[str]:
+    sources = {str(connection.target): connection.source for connection in master.wiring.connections}
+    for name, entry in user_parameters(options).items():
+        if name in sources:
+            yield f"{name} ({entry.origin}) is not used: it is connected to {sources[name]}"
 
 
 @contextmanager

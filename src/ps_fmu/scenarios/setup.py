@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from fmpy.model_description import ModelVariable
 
 from ..cosim import System, UsageError, Value, read_parameters, read_system
-from ..cosim.description import read_description, typed_value, variable_of, variables_of
+from ..cosim.description import read_description, typed_value, unit_of, variable_of, variables_of
 from ..cosim.structure import Parameter, port_of
 from ..pointing.summary import FmuFile
 from .options import RunOptions
@@ -46,7 +46,7 @@ def user_parameters(options: RunOptions) -> dict[str, Parameter]:
 def start_value(system: System, name: str) -> Value:
     """The value that ``component.variable`` will start with: as set in the system, or else as its FMU has it.
 
-    Raises :class:`ps_fmu.cosim.UsageError` for a value that is not of the variable's type.
+    Raises :class:`ps_fmu.cosim.UsageError` for a value that is not of the variable's type or unit.
     """
     port = port_of(name)
     component = system.component(port.component)
@@ -54,6 +54,8 @@ def start_value(system: System, name: str) -> Value:
     given = component.parameters.get(port.variable)
     if given is None:
         return _own_start(variable)
+    if given.unit and unit_of(variable) and given.unit != unit_of(variable):
+        raise UsageError(f"{name} ({given.origin}): is given in {given.unit!r}, its unit is {unit_of(variable)!r}")
     try:
         return typed_value(variable, given.value)
     except UsageError as error:
