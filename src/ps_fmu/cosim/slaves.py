@@ -125,6 +125,7 @@ class Slave:
         self.messages.show_held()
         if self.phase not in (Phase.FATAL, Phase.FREED):
             self.phase = Phase.FREED
+            _release_pythonfmu_once(self._fmu.dll)
             self._fmu.freeInstance()
             forget(self._callbacks)
 
@@ -224,6 +225,17 @@ def _quoted(messages: Sequence[str]) -> str:
     if not messages:
         return "\n  The FMU logged nothing."
     return "\n  The FMU says:\n" + "\n".join("    " + line.replace("\n", "\n    ") for line in messages)
+
+
+def _release_pythonfmu_once(library: ctypes.CDLL) -> None:
+    """Before the library of a plain pythonfmu FMU (0.7) is unloaded, have it drop its interpreter state.
+
+    It does so twice otherwise, in a static pointer's destructor and in its own, and the second time writes to freed
+    memory: "corrupted double-linked list" in one of some ten runs.  The library exports this call for that purpose.
+    Our own FMUs bring a launcher that sees to it and exports nothing of the kind.
+    """
+    if hasattr(library, "finalizePythonInterpreter"):
+        library.finalizePythonInterpreter()
 
 
 def _load(component: Component, description: ModelDescription, folder: Path) -> FMU2Slave:
