@@ -149,12 +149,17 @@ def test_slew(make_options, ssv):
     assert summary["rms_active_rad"] == on["payload_rotation_rms_rad"]
 
 
-def test_slew_that_ends_early_is_judged_at_its_end(make_options, ssv, capsys):
-    options = make_options("slew", 4.0, step_s=0.02, parameters=(ssv(QUICK_SLEW),))
+@pytest.mark.parametrize(
+    ("duration_s", "profile_end_s", "text"),
+    [(20.0, 11.0, "leaves less than 60 s"), (4.0, None, "the run ends at 4.0000 s, before the profile does")],
+)
+def test_slew_that_ends_early_is_judged_at_its_end(make_options, ssv, capsys, duration_s, profile_end_s, text):
+    options = make_options("slew", duration_s, step_s=0.02, parameters=(ssv(QUICK_SLEW),))
     slew = run(options)["slew"]
     assert slew["settled_60_s"] is False
-    assert slew["judged_s"] == pytest.approx(4.0)
-    assert "leaves less than 60 s" in capsys.readouterr().out
+    assert slew["profile_end_s"] == pytest.approx(profile_end_s, abs=0.05)
+    assert slew["judged_s"] == pytest.approx(duration_s)
+    assert text in capsys.readouterr().out
 
 
 def test_slew_to_where_the_platform_cannot_go(make_options, ssv, capsys):

@@ -67,7 +67,10 @@ def when(slews: Slews) -> list[str]:
     target = angles(slews.target_deg)
     if arrival.ended_s is None:
         return [f"The commander refused the target {target} deg: nothing moved."]
-    ended = f"The target becomes {target} deg at {slews.start_s:g} s; the profile ends at {arrival.ended_s:.4f} s."
+    begins = f"The target becomes {target} deg at {slews.start_s:g} s;"
+    if arrival.after is None:
+        return [f"{begins} the run ends at {arrival.final_s:.4f} s, before the profile does. Run longer."]
+    ended = f"{begins} the profile ends at {arrival.ended_s:.4f} s."
     if arrival.settled:
         return [f"{ended} The orientation is judged {SETTLE_S:g} s later, at {arrival.final_s:.4f} s."]
     return [
@@ -177,7 +180,7 @@ def entry(slews: Slews) -> dict[str, object]:
         "target_deg": slews.target_deg,
         "reachable": slews.on.reachable,
         "target_changed_s": slews.start_s,
-        "profile_end_s": arrival.ended_s,
+        "profile_end_s": arrival.ended_s if arrival.after is not None else None,
         "judged_s": arrival.final_s,
         "settled_60_s": arrival.settled,
         "required_deg": REQUIRED_DEG,
