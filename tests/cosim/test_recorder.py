@@ -1,5 +1,6 @@
 """Results on disk: content, decimation, and what is left when something goes wrong."""
 
+import resource
 import signal
 import subprocess
 import sys
@@ -124,6 +125,22 @@ def test_decimation_by_a_large_factor_is_done_in_stages():
     np.testing.assert_allclose(found[:, 0], np.arange(40), atol=1e-12)
     inside = slice(5, -5)  # the ends feel that the signal is held there
     np.testing.assert_allclose(found[inside, 1], np.sin(2 * np.pi * 0.3 * found[inside, 0]), atol=0.02)
+
+
+def test_memory_does_not_grow_with_the_rows(path):
+    columns = [Column(f"plant.y_{i}", "m", "Real", "") for i in range(60)]
+    block = np.random.default_rng(1).standard_normal((1000, 60))  # 0.5 MB
+
+    def resident_bytes():
+        with open("/proc/self/statm") as file:
+            return int(file.read().split()[1]) * resource.getpagesize()
+
+    with Recorder(path, "run", columns=columns, step=1.0) as recorder:
+        for number in range(160):
+            if number == 20:
+                before = resident_bytes()
+            recorder.block(1000 * number, np.arange(1000.0) + 1000 * number, block)
+        assert resident_bytes() - before < 20e6  # 67 MB were written since
 
 
 def test_storage_step_that_no_stages_make_is_refused():

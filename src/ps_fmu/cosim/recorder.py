@@ -135,6 +135,8 @@ class Recorder:
         kind = STORAGE[column.type][0]
         variable = group.createVariable(column.name, kind, ("time",), chunksizes=(CHUNK_ROWS,))
         variable.set_auto_maskandscale(False)
+        # By default 64 MB of written chunks stay in memory, per variable: gigabytes in all, as a run goes on.
+        variable.set_var_chunk_cache(size=2 * CHUNK_ROWS * STORAGE[column.type][1], nelems=7)
         variable.units = UDUNITS.get(column.unit, column.unit)
         variable.long_name = column.description or column.name
         if column.type == "Boolean":
