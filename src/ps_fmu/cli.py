@@ -11,6 +11,8 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from .analysis.command import add_parser as add_analyse
+
 EXIT_OK = 0
 EXIT_FAILED = 1  # argparse exits with 2 on arguments that it does not understand
 
@@ -30,6 +32,7 @@ def parser() -> argparse.ArgumentParser:
     _add_check(commands)
     _add_ssp(commands)
     _add_crosscheck(commands)
+    add_analyse(commands)
     return top
 
 

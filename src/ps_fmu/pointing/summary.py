@@ -78,14 +78,14 @@ class RunSummary:
         """The content of the file: numbers, strings, lists and dictionaries; NaN and infinities are None."""
         own = {item.name: getattr(self, item.name) for item in fields(self) if item.name != "more"}
         own["fmus"] = [{"name": fmu.name, "sha256": fmu.sha256} for fmu in self.fmus]
-        return {key: _plain(value, key) for key, value in {**own, **self.more}.items()}
+        return {key: plain(value, key) for key, value in {**own, **self.more}.items()}
 
     def write(self, path: Path) -> None:
         """Write the file in one go; raises ``OSError`` and leaves what was there if that fails."""
         write_atomically(path, json.dumps(self.as_dict(), indent=2, allow_nan=False) + "\n")
 
 
-def _plain(value: object, key: str) -> object:
+def plain(value: object, key: str) -> object:
     """``value`` as JSON knows it; raises ``TypeError`` naming the entry it cannot turn into JSON."""
     if isinstance(value, np.ndarray | np.generic):
         value = value.tolist()
@@ -96,7 +96,7 @@ def _plain(value: object, key: str) -> object:
     if isinstance(value, Path):
         return str(value)
     if isinstance(value, Mapping):
-        return {str(name): _plain(entry, f"{key}.{name}") for name, entry in value.items()}
+        return {str(name): plain(entry, f"{key}.{name}") for name, entry in value.items()}
     if isinstance(value, Sequence):
-        return [_plain(entry, f"{key}[{place}]") for place, entry in enumerate(value)]
+        return [plain(entry, f"{key}[{place}]") for place, entry in enumerate(value)]
     raise TypeError(f"{key}: a {type(value).__name__} has no place in JSON")

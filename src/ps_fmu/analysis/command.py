@@ -1,0 +1,71 @@
+"""``ps-fmu analyse NAME``: the analyses, and what they have in common on the command line."""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+from ..cosim.errors import CosimError
+from ..fmu.build import BuildError
+from .result import Analysis
+
+#: Name -> what it is about.  Each is a module of this package with ``analyse(options) -> Analysis``.
+ANALYSES: dict[str, str] = {}
+
+
+@dataclass(frozen=True)
+class Options:
+    """What every analysis is told."""
+
+    output: Path
+    """Folder of the results; it exists."""
+    fmus: Path = Path("build/fmus")
+    """The built FMUs."""
+    system: Path = Path("system/SystemStructure.ssd")
+    seed: int = 1
+    progress: bool = True
+    """Show progress bars on stderr."""
+
+
+def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """The subcommand ``analyse`` with one subcommand for each of :data:`ANALYSES`."""
+    analyse = commands.add_parser("analyse", help="the paper's numbers and figures, recomputed")
+    names = analyse.add_subparsers(title="analyses", required=True, metavar="NAME", dest="analysis")
+    for name, what in ANALYSES.items():
+        parser = names.add_parser(name, help=what, description=what)
+        parser.add_argument("--output", type=Path, metavar="DIR", help=f"folder of the results (results/{name})")
+        parser.add_argument("--fmus", type=Path, default=Options.fmus, metavar="DIR", help="default: %(default)s")
+        parser.add_argument("--system", type=Path, default=Options.system, metavar="F.ssd", help="default: %(default)s")
+        parser.add_argument("--seed", type=int, default=Options.seed, metavar="N", help="default: %(default)s")
+        parser.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run the analysis that the arguments name, write and print its results; the exit code."""
+    name = arguments.analysis
+    output = arguments.output or Path("results", name)
+    try:
+        output.mkdir(parents=True, exist_ok=True)
+        progress = sys.stderr is not None and sys.stderr.isatty()
+        options = Options(output, arguments.fmus, arguments.system, arguments.seed, progress)
+        analysis: Analysis = importlib.import_module(f".{name}", __package__).analyse(options)
+        analysis.write(output)
+    except (BuildError, CosimError, OSError, ValueError) as error:
+        print(f"ps-fmu analyse {name}: {error}", file=sys.stderr)
+        return 1
+    show(analysis)
+    print(f"results in {output}")
+    return 0
+
+
+def show(analysis: Analysis) -> None:
+    """Print text and tables."""
+    from ..scenarios.publish import text_table
+
+    print(analysis.title, *analysis.text, sep="\n")
+    for table in analysis.all_tables():
+        print(f"\n{table.caption}\n{text_table(table.header, table.rows)}")
+

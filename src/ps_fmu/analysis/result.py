@@ -1,0 +1,129 @@
+"""What an analysis finds, and how it is written: JSON, Markdown, report.html, pictures."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from ..paper import Published, published
+from ..pointing.files import write_atomically
+from ..pointing.report import Picture, Report, Table
+from ..pointing.summary import plain, versions
+
+
+@dataclass(frozen=True)
+class Finding:
+    """A number of the paper beside ours, in the paper's unit.
+
+    ``computed`` comes from the equations, ``cosimulated`` from the running FMUs; None: not found this way.
+    """
+
+    key: str  # of published.toml
+    computed: float | None = None
+    cosimulated: float | None = None
+    remark: str = ""
+
+    @property
+    def published(self) -> Published:
+        """What the paper says.  Raises KeyError for a key that published.toml does not have."""
+        return published()[self.key]
+
+    @property
+    def value(self) -> float:
+        """Ours: the co-simulated one if there is one."""
+        found = self.computed if self.cosimulated is None else self.cosimulated
+        return math.nan if found is None else found
+
+    @property
+    def difference(self) -> str:
+        """Ours against the paper: relative, in percent, for a value; otherwise whether it holds."""
+        said, ours = self.published, self.value
+        if said.relation == ">":
+            return "holds" if ours > said.value else "does not hold"
+        if said.relation == "<":
+            return "holds" if ours < said.value else "does not hold"
+        if said.relation == "~":
+            return f"x {ours / said.value:.2g}"
+        if said.value == 0.0 or said.unit in ("%", "deg", "dB"):
+            return f"{ours - said.value:+.2g} {said.unit}"
+        return f"{100.0 * (ours / said.value - 1.0):+.2g} %"
+
+
+FINDINGS_HEADER = ("where", "number", "unit", "published", "computed", "co-simulated", "difference", "remark")
+
+
+def findings_table(findings: Sequence[Finding], caption: str = "Published and ours") -> Table:
+    """Findings as a table under :data:`FINDINGS_HEADER`."""
+
+    def text(value: float | None) -> str:
+        return "-" if value is None else f"{value:.6g}"
+
+    rows = [
+        (
+            f.published.where,
+            f.published.what,
+            f.published.unit,
+            f.published.text,
+            text(f.computed),
+            text(f.cosimulated),
+            f.difference,
+            "; ".join(filter(None, (f.published.remark, f.remark))),
+        )
+        for f in findings
+    ]
+    return Table(caption, FINDINGS_HEADER, rows)
+
+
+@dataclass(frozen=True)
+class Analysis:
+    """The result of one analysis; ``data`` holds whatever else belongs into the JSON file, in SI units."""
+
+    name: str  # of the files
+    title: str
+    text: Sequence[str]  # paragraphs: what was computed, from which equations, and what it says
+    findings: Sequence[Finding] = ()
+    tables: Sequence[Table] = ()
+    pictures: Sequence[Picture] = ()
+    data: Mapping[str, object] = field(default_factory=dict)
+
+    def all_tables(self) -> list[Table]:
+        """The table of findings, if there are any, and the others."""
+        return ([findings_table(self.findings)] if self.findings else []) + list(self.tables)
+
+    def markdown(self) -> str:
+        """Text and tables as Markdown."""
+        parts = [f"# {self.title}", *self.text, *map(_markdown_table, self.all_tables())]
+        parts += [f"![{picture.caption}]({picture.path.name})" for picture in self.pictures]
+        return "\n\n".join(parts) + "\n"
+
+    def write(self, output: Path) -> None:
+        """Write NAME.json, NAME.md and NAME.html into a folder that exists.  Raises OSError."""
+        findings = [
+            {
+                "key": f.key, "where": f.published.where, "what": f.published.what, "unit": f.published.unit,
+                "published": f.published.value, "relation": f.published.relation,
+                "computed": f.computed, "cosimulated": f.cosimulated, "difference": f.difference, "remark": f.remark,
+            }
+            for f in self.findings
+        ]  # fmt: skip
+        content = plain({"analysis": self.name, "findings": findings, **self.data, "versions": versions()}, self.name)
+        write_atomically(output / f"{self.name}.json", json.dumps(content, indent=2, allow_nan=False) + "\n")
+        write_atomically(output / f"{self.name}.md", self.markdown())
+        Report(
+            title=self.title,
+            text=self.text,
+            tables=self.all_tables(),
+            pictures=self.pictures,
+            versions=versions(),
+        ).write(output / f"{self.name}.html")
+
+
+def _markdown_table(table: Table) -> str:
+    def row(cells: Sequence[str]) -> str:
+        return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
+
+    lines = [row(table.header), row(["---"] * len(table.header)), *map(row, table.rows)]
+    return f"**{table.caption}**\n\n" + "\n".join(lines)
