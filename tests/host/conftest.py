@@ -12,7 +12,8 @@ import pytest
 from support.host import unpack
 
 from ps_fmu.fmu.build import build_one
-from ps_fmu.fmu.launcher.compile import FOLDER, SOURCES, fmi_headers
+from ps_fmu.fmu.launcher.compile import LAUNCHER
+from ps_fmu.fmu.native import fmi_headers
 
 HERE = Path(__file__).parent
 MODELS = HERE.parent / "fmu" / "models"
@@ -44,7 +45,8 @@ def sanitized(bound: dict[str, Path], tmp_path_factory: pytest.TempPathFactory) 
     compile_c(checks, [HERE / "host.c"], folder / "host")
     shutil.copytree(bound["oscillator"], folder / "oscillator")
     library = folder / "oscillator" / "binaries" / "linux64" / "Oscillator.so"
-    compile_c([*checks, "-fPIC", "-shared", "-fvisibility=hidden"], [FOLDER / name for name in SOURCES], library)
+    sources = [LAUNCHER.folder / name for name in LAUNCHER.sources]
+    compile_c([*checks, "-fPIC", "-shared", "-fvisibility=hidden"], sources, library)
     return folder / "host", folder / "oscillator"
 
 

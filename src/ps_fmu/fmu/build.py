@@ -27,7 +27,7 @@ from .bundle import check as check_bundle
 from .description import CAPABILITIES
 from .documentation import page
 from .entry import entry_source
-from .launcher.compile import library
+from .launcher.compile import LAUNCHER
 from .sources import Files, SourceError, closure, foreign, imported, renamed
 
 PACKAGE = Path(__file__).resolve().parents[1]
@@ -162,8 +162,8 @@ def _binaries(built: Files) -> Files:
     for name, content in built.items():
         if name.parts[0] != "binaries":
             continue
-        launcher = library(name.parent.name)
-        if launcher.is_file():
+        launcher = LAUNCHER.path(name.parent.name)
+        if launcher is not None:
             files[name.with_name("libpythonfmu-export.so")] = content
             files[name] = launcher.read_bytes()
         else:
