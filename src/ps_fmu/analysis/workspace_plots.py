@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from itertools import combinations
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -31,7 +31,8 @@ def envelope_figure(path: Path, reach: Reach) -> None:
     colours = ScalarMappable(scale, colormaps["viridis"])
 
     def paint(figure: Figure) -> None:
-        upper, lower = np.atleast_1d(figure.subfigures(2, 1, height_ratios=(1.9, 1.0)))
+        parts: Any = figure.subfigures(2, 1, height_ratios=(1.9, 1.0))
+        upper, lower = parts
         space = upper.add_subplot(projection="3d")
         for face in _faces(reach.surface.coarse_displacement):
             space.plot_surface(
