@@ -34,6 +34,7 @@ PACKAGE = Path(__file__).resolve().parents[1]
 _OLDEST_PYTHON = "3.11"
 _RESOURCES = PurePosixPath("resources")
 _DESCRIPTION = PurePosixPath("modelDescription.xml")
+_WRAPPER = {".so": "libpythonfmu-export.so", ".dll": "pythonfmu-export.dll"}  # names that the launcher looks for
 _GUID = re.compile(rb'guid="[^"]*"')
 
 
@@ -164,7 +165,7 @@ def _binaries(built: Files) -> Files:
             continue
         launcher = LAUNCHER.path(name.parent.name)
         if launcher is not None:
-            files[name.with_name("libpythonfmu-export.so")] = content
+            files[name.with_name(_WRAPPER[name.suffix])] = content
             files[name] = launcher.read_bytes()
         else:
             files[name] = content
