@@ -107,6 +107,10 @@ class Loop:
         found = np.array([pole for start in rough[usable] if (pole := self._refined(start)) is not None])
         return _from_the_right(_distinct(np.concatenate([found, found[found.imag > 0.0].conj()])))
 
+    def plant_poles(self) -> Complex:
+        """Poles of the plant alone, rad/s."""
+        return np.asarray(np.linalg.eigvals(plant_system(self.model).A).astype(complex))
+
     def _refined(self, start: complex) -> complex | None:
         """Pole near ``start`` by Newton's method; None if there is none within 10 %.
 
