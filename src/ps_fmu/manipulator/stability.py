@@ -51,6 +51,12 @@ class Loop:
         """The same loop with another delay, s."""
         return replace(self, delay=delay)
 
+    def inverted(self) -> Loop:
+        """The loop with the force in the opposite direction: L with its sign changed, critical point -1."""
+        g = self.controller.gains
+        gains = replace(g, acceleration=-g.acceleration, velocity=-g.velocity, displacement=-g.displacement)
+        return replace(self, controller=replace(self.controller, gains=gains))
+
     def transfer(self, s: ArrayLike) -> Complex:
         """L(s), (..., 6, 6), from base acceleration to the base acceleration that its force makes."""
         s = np.asarray(s, dtype=complex)
