@@ -84,9 +84,9 @@ def sensitivity_figure(path: Path, verdicts: Mapping[str, Verdict]) -> None:
         lower.plot([], [], color=REFERENCE, linestyle=":", label="bound (64)")
         lower.plot([], [], color=REFERENCE, linestyle="--", label="1 / |Delta| of the delay: T below is safe (62)")
         upper.set_ylabel("largest singular value of S")
-        lower.set(ylabel="largest singular value", xlabel="frequency (Hz)", ylim=(1e-3, 1e3))
+        lower.set(ylabel="largest singular value", xlabel="frequency (Hz)", ylim=(1e-5, 1e3))
         upper.legend(ncols=4, loc="lower center", bbox_to_anchor=(0.5, 1.0))
-        lower.legend(loc="upper right")
+        lower.legend(loc="lower right")
         figure.suptitle("Sensitivity with delay 0.02 s, and the small-gain condition")
 
     draw(path, 10.0, 9.0, paint)
