@@ -1,7 +1,8 @@
 """The part of a shared library (ELF) that is loaded: without debug information, symbol table and section headers.
 
-``zig objcopy`` would do it but is not implemented for ELF (ziglang 0.17), and ``strip`` need not be installed.  All that
-is wanted is to cut the file behind its last segment: dynamic linkers look at segments only (System V ABI, chapter 5).
+``zig objcopy`` would do it but is not implemented for ELF (ziglang 0.17), and ``strip`` need not be installed.  All
+that is wanted is to cut the file behind its last segment: dynamic linkers look at segments only (System V ABI,
+chapter 5).
 """
 
 from __future__ import annotations
