@@ -59,6 +59,20 @@ def test_an_incomplete_runtime_is_turned_down(host, bundled, tmp_path, lost):
     assert "is missing" in run.stderr
 
 
+def test_a_bundle_is_the_plain_fmu_and_a_runtime(bundled, plain, bundles, tmp_path):
+    """As the fixture puts those of the system together."""
+    folder = unpack(bundled, tmp_path / "bundled")
+    runtime = folder / "binaries" / "linux64" / "python"
+    assert contents(runtime) == contents(bundles["commander"] / "binaries" / "linux64" / "python")
+    shutil.rmtree(runtime)
+    assert contents(folder) == contents(plain)
+
+
+def contents(folder):
+    files = (path for path in folder.rglob("*") if path.is_file() and "__pycache__" not in path.parts)
+    return {str(path.relative_to(folder)): path.read_bytes() for path in files}
+
+
 def test_a_model_that_needs_more_than_is_bundled(bundled, tmp_path):
     less = tmp_path / "less.fmu"
     with zipfile.ZipFile(bundled) as complete, zipfile.ZipFile(less, "w") as result:
