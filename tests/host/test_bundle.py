@@ -46,6 +46,18 @@ def test_it_uses_no_file_of_this_machines_python(host_program, bundled, tmp_path
     assert len(outside) < 10
 
 
+def test_it_says_what_it_holds_under_which_licence_and_needs_no_tool(bundled):
+    with zipfile.ZipFile(bundled) as archive:
+        names = archive.namelist()
+        description = archive.read("modelDescription.xml")
+    assert b'needsExecutionTool="false"' in description
+    licences = {name.removeprefix("documentation/licenses/") for name in names if "/licenses/" in name}
+    system = {name.rpartition("/")[2] for name in names if "/lib/system/" in name}
+    assert {"license.txt", "pythonfmu.txt", "python.txt", "numpy/LICENSE.txt"} <= licences
+    assert system
+    assert {f"{name}.txt" for name in system} <= licences
+
+
 @pytest.mark.parametrize("lost", ["lib/python3*.zip", "lib/libpython*", "lib/site-packages", "lib/system/libz*"])
 def test_an_incomplete_runtime_is_turned_down(host, bundled, tmp_path, lost):
     folder = unpack(bundled, tmp_path / "broken")
