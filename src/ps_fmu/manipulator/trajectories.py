@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from itertools import combinations
 
 import numpy as np
@@ -29,19 +30,26 @@ def quadrilateral(geometry: Geometry, plane: str, count: int) -> Array:
     """
     if count < 5:
         raise ValueError(f"a quadrilateral needs five points or more, got {count}")
+    return _along(_corners(geometry, plane), count)
+
+
+@lru_cache(maxsize=8)
+def _corners(geometry: Geometry, plane: str) -> Array:
+    """Corners of the quadrilateral, (4, 3), rad."""
     direction = np.linspace(0.0, 2.0 * np.pi, _DIRECTIONS, endpoint=False)
     rays = np.zeros((_DIRECTIONS, 3))
     rays[:, PLANES[plane]] = np.column_stack([np.cos(direction), np.sin(direction)])
     edge = rays * reach_along(geometry, lambda size: size[..., None] * rays, _DIRECTIONS, np.radians(40.0))[:, None]
     corners = edge[_largest_quadrilateral(edge[:, PLANES[plane]])]
-
-    def along(points: int) -> Array:
-        way = np.linspace(0.0, 4.0, points)
-        return np.stack([np.interp(way, np.arange(5.0), np.append(side, side[0])) for side in corners.T], axis=1)
-
-    sides = along(401)
+    sides = _along(corners, 401)
     scale = reach_along(geometry, lambda size: size[..., None] * sides, len(sides), 1.0).min()
-    return np.asarray(_MARGIN * scale * along(count))
+    return np.asarray(_MARGIN * scale * corners)
+
+
+def _along(corners: Array, count: int) -> Array:
+    """Points evenly along the closed line through the corners, (count, 3)."""
+    way = np.linspace(0.0, 4.0, count)
+    return np.stack([np.interp(way, np.arange(5.0), np.append(side, side[0])) for side in corners.T], axis=1)
 
 
 def _largest_quadrilateral(edge: Array) -> list[int]:
