@@ -12,7 +12,7 @@ from ps_fmu.scenarios.options import OptionError
 def test_platform_points_where_it_is_told_to(make_options, capsys, monkeypatch):
     """Closed form to rounding; Algorithm 1 as its error limit of 1e-6 m allows, 4e-4 deg.  One plane and the walk."""
     monkeypatch.setattr(trajectories, "PLANES", {"roll-pitch": (0, 1)})
-    options = make_options("trajectories", 30.0, step_s=5e-3)
+    options = make_options("trajectories", 44.0, step_s=5e-3)
     trajectories.run(options)
     summary = json.loads((options.output / "summary.json").read_text())
     found = {(path["path"], path["inverse_kinematics"]): path for path in summary["paths"]}

@@ -11,7 +11,7 @@ DEFAULT_DURATION_S = {
     "isolation": 20.0,  # at the nominal orientation; passive, then active
     "table2": 100.0,  # window of the statistics, at each of four orientations; passive, then active
     "slew": 100.0,  # profile, then at least 60 s to settle
-    "trajectories": 60.0,  # up to 21 targets of a path; four paths, each with two solvers
+    "trajectories": 60.0,  # up to 25 targets of a path; four paths, each with two solvers
 }
 # Each step would be 0.5 GB per case of 100 s. Figures and statistics use every step whatever is stored.
 DEFAULT_STORAGE_STEP_S = {"isolation": 1e-3, "table2": 1e-2, "slew": 1e-2, "trajectories": 1e-2}
