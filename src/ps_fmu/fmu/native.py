@@ -72,8 +72,8 @@ class Program:
 
         Compiler, flags and the SHA-256 of all files that go in: where they are equal, so are the results.
         """
-        sources = {name for platform in self.targets for name in self.sources_for(platform)}
-        files = {name: self.folder / name for name in (*sorted(sources), *self.headers)}
+        names = [name for platform in self.targets for name in self.sources_for(platform)]
+        files = {name: self.folder / name for name in (*names, *self.headers)}
         files |= {path.name: path for path in sorted(fmi_headers().glob("fmi2*.h"))}
         content = {
             "compiler": f"ziglang {COMPILER}",
