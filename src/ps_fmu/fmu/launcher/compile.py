@@ -34,7 +34,7 @@ LAUNCHER = Program(
     headers=("text.h", "find.h", "python.h", "instance.h", "platform.h", "windows/wide.h"),
     targets={
         "linux64": _linux("x86_64-linux-gnu.2.17"),
-        "aarch64-linux": _linux("aarch64-linux-gnu.2.17"),
+        "aarch64-linux": _linux("aarch64-linux-gnu.2.17"),  # pythonfmu 0.7 has no library for it to go with
         "win64": _WINDOWS,
     },
 )
