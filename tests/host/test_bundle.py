@@ -71,13 +71,13 @@ def test_an_incomplete_runtime_is_turned_down(host, bundled, tmp_path, lost):
     assert "is missing" in run.stderr
 
 
-def test_a_bundle_is_the_plain_fmu_and_a_runtime(bundled, plain, bundles, tmp_path):
+def test_binaries_are_those_of_the_plain_fmu_and_a_runtime(bundled, plain, bundles, tmp_path):
     """As the fixture puts those of the system together."""
-    folder = unpack(bundled, tmp_path / "bundled")
-    runtime = folder / "binaries" / "linux64" / "python"
+    binaries = unpack(bundled, tmp_path / "bundled") / "binaries"
+    runtime = binaries / "linux64" / "python"
     assert contents(runtime) == contents(bundles["commander"] / "binaries" / "linux64" / "python")
     shutil.rmtree(runtime)
-    assert contents(folder) == contents(plain)
+    assert contents(binaries) == contents(plain / "binaries")
 
 
 def contents(folder):
