@@ -36,8 +36,8 @@ static const char PROBE[] =
     "if absent: missing = 'lacks ' + ', '.join(absent)\n"
     "elif get('Py_GIL_DISABLED'): missing = 'a build without the global interpreter lock'\n"
     "elif sys.maxsize < 2**32: missing = 'a 32-bit build'\n"
-    "elif not shared: missing = 'built without a shared %s (looked in %s)' % (\n"
-    "    'python3.dll' if os.name == 'nt' else 'libpython', ', '.join(folders))\n"
+    "elif not shared: missing = '%s (looked in %s)' % (\n"
+    "    'comes without python3.dll' if os.name == 'nt' else 'built without a shared libpython', ', '.join(folders))\n"
     "sys.stdout.buffer.write(os.fsencode('\\nversion=%s\\nprogram=%s\\nmissing=%s\\nlibrary=%s\\nentries=%s\\n'\n"
     "    % (version, sys.executable, missing, shared[0] if shared else '', os.pathsep.join(search))))\n"
     "sys.stdout.buffer.write(b'complete=1\\n')\n";
