@@ -134,7 +134,7 @@ static bool is_complete(char **folder, Text *why)
     else if (strstr(resources, "%20") != NULL || strstr(resources, "file://") != NULL)
         text_add(why, "pythonfmu misreads paths that contain %%20 or file://: unpack the FMU elsewhere than in %s", resources);
     else if (!make_plain(folder))
-        text_add(why, "pythonfmu misreads paths beyond ASCII here: unpack the FMU elsewhere than in %s", resources);
+        text_add(why, "pythonfmu misreads this path: unpack the FMU in an ASCII path, not in %s", resources);
     free(path);
     free(content);
     free(script);

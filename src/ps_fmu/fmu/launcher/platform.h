@@ -1,5 +1,5 @@
-/* What differs between operating systems, in the folders posix and windows.  Texts and paths are UTF-8; results
-   that are char * are new memory.  A function that gets a `reason` adds to it why it failed. */
+/* What differs between operating systems, in the folders posix and windows.  Texts and paths are UTF-8; results that are
+   char * are new memory.  A function that gets a `reason` adds to it why it failed. */
 #ifndef PS_FMU_PLATFORM_H
 #define PS_FMU_PLATFORM_H
 
@@ -38,9 +38,8 @@ bool make_plain(char **path);
    own Python, until it closes its output or the time is up.  False if it could not be run to its end. */
 bool run_program(char *const arguments[], int timeout, size_t most_output, Text *output, Text *reason);
 
-/* Both keep the library in the process for good. */
-char *own_folder(void); /* the folder of the launcher */
-void *open_library(const char *path, Text *reason);
+char *own_folder(void);                              /* of the launcher */
+void *open_library(const char *path, Text *reason);  /* that stays in the process for good */
 void *library_symbol(void *library, const char *name);
 
 /* The path of a library of Python that the process has loaded; NULL if there is none. */

@@ -275,7 +275,8 @@ static bool start_one(const Needs *needs, const char *binaries, const char *libr
         text_add(why, "no Python was found that can run this FMU. It needs Python %s or newer with a shared libpython%s%s."
                       " Tried:%s\nName one by the environment variable PS_FMU_PYTHON=/path/to/%s",
                  needs->python != NULL ? needs->python : "3", needs->modules != NULL ? " and with " : "",
-                 needs->modules != NULL ? needs->modules : "", rejections.data != NULL ? rejections.data : "", PYTHONS[0]);
+                 needs->modules != NULL ? needs->modules : "", rejections.data != NULL ? rejections.data : "",
+                 PYTHONS[0]);
     } else if (!share_python(found.library, false, &reason)) {
         text_add(why, "%s cannot be loaded: %s", found.library, reason.data);
         fit = false;

@@ -44,7 +44,7 @@ void *open_library(const char *path, Text *reason)
     if (library == NULL)
         add_error(reason, error);
     if (library == NULL && error == ERROR_MOD_NOT_FOUND && is_readable(path))
-        text_add(reason, "; another one that it needs is missing, perhaps MSVCP140.dll of the Microsoft Visual C++ runtime");
+        text_add(reason, "; one that it needs is missing, perhaps MSVCP140.dll of the Microsoft Visual C++ runtime");
     return library;
 }
 
@@ -90,32 +90,40 @@ char *loaded_python(void)
     return result;
 }
 
-/* Symbols are always found by libraries that name this one; pythonfmu's library names python3.dll. */
+static void *python; /* where python_symbol looks */
+
+/* python3.dll, which pythonfmu's library names: the one that is loaded, or else the one beside a python311.dll. */
+static void *stable_python(const char *library, Text *reason)
+{
+    HMODULE loaded = GetModuleHandleW(L"python3.dll");
+    const char *slash = strrchr(library, '\\');
+    char *path = slash != NULL ? formatted("%.*s\\python3.dll", (int)(slash - library), library) : NULL;
+    void *stable = loaded != NULL ? (void *)loaded : path != NULL ? open_library(path, reason) : NULL;
+    if (stable == NULL)
+        text_add(reason, ": %s, which pythonfmu's library needs", path != NULL ? path : "python3.dll");
+    free(path);
+    return stable;
+}
+
 bool share_python(const char *library, bool is_loaded, Text *reason)
 {
-    if (!is_loaded && open_library(library, reason) == NULL)
+    static const char function[] = "Py_IsInitialized";
+    (void)is_loaded; /* then it stays for good */
+    void *opened = open_library(library, reason), *stable = opened != NULL ? stable_python(library, reason) : NULL;
+    if (stable == NULL)
         return false;
-    if (GetModuleHandleW(L"python3.dll") != NULL)
-        return true;
-    char *stable = strdup(library), *name = stable != NULL ? strrchr(stable, '\\') : NULL;
-    if (name == NULL || strlen(name) < sizeof "\\python3.dll") {
-        text_add(reason, "%s is no path of a python3*.dll", library);
-    } else {
-        strcpy(name, "\\python3.dll");
-        if (open_library(stable, reason) == NULL)
-            text_add(reason, ": %s, which pythonfmu's library needs", stable);
+    if (library_symbol(stable, function) != library_symbol(opened, function)) {
+        text_add(reason, "the process has loaded a python3.dll of another Python");
+        return false;
     }
-    free(stable);
-    return reason->used == 0;
+    __atomic_store_n(&python, opened, __ATOMIC_RELEASE);
+    return true;
 }
 
 void *python_symbol(const char *name)
 {
-    static HMODULE python; /* stays in the process */
-    HMODULE module = __atomic_load_n(&python, __ATOMIC_ACQUIRE);
-    if (module == NULL) {
-        module = python_module();
-        __atomic_store_n(&python, module, __ATOMIC_RELEASE);
-    }
-    return module != NULL ? (void *)GetProcAddress(module, name) : NULL;
+    void *library = __atomic_load_n(&python, __ATOMIC_ACQUIRE);
+    if (library == NULL) /* this launcher has not come to Python yet */
+        library = python_module();
+    return library != NULL ? library_symbol(library, name) : NULL;
 }

@@ -15,10 +15,11 @@ char *narrowed(const wchar_t *text)
 void add_error(Text *reason, DWORD error)
 {
     wchar_t text[512];
-    DWORD n = FormatMessageW(FORMAT_MESSAGE_FROM_SYSTEM | FORMAT_MESSAGE_IGNORE_INSERTS, NULL, error, 0, text, 511, NULL);
+    DWORD flags = FORMAT_MESSAGE_FROM_SYSTEM | FORMAT_MESSAGE_IGNORE_INSERTS;
+    DWORD n = FormatMessageW(flags, NULL, error, 0, text, sizeof text / sizeof *text, NULL);
     while (n > 0 && wcschr(L"\r\n. ", text[n - 1]) != NULL)
         n--;
-    text[n] = L'\0';
+    text[n] = L'\0'; /* n is below the size, since the system ends the text too */
     char *narrow = narrowed(text);
     text_add(reason, "%s (error %lu)", narrow != NULL ? narrow : "", error);
     free(narrow);
