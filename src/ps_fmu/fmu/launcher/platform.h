@@ -1,5 +1,5 @@
-/* What differs between operating systems, in the folders posix and windows.  Texts and paths are UTF-8; results that are
-   char * are new memory.  A function that gets a `reason` adds to it why it failed. */
+/* What differs between operating systems, in the folders posix and windows.  Texts and paths are UTF-8; results that
+   are char * are new memory.  A function that gets a `reason` adds to it why it failed. */
 #ifndef PS_FMU_PLATFORM_H
 #define PS_FMU_PLATFORM_H
 
