@@ -24,6 +24,7 @@ fmus: build/fmus/.built  ## the four FMUs in build/fmus
 
 launcher: .venv/.installed  ## what is compiled in the package, made again: the same bytes from the same sources
 	$(BIN)/python -m ps_fmu.fmu.launcher.compile
+	$(BIN)/python -m ps_fmu.check.host.compile
 	$(BIN)/python -m ps_fmu.cosim.native
 
 bench: fmus

@@ -51,6 +51,12 @@ class Loop:
         """The same loop with another delay, s."""
         return replace(self, delay=delay)
 
+    def inverted(self) -> Loop:
+        """The loop with the force in the opposite direction: L with its sign changed, critical point -1."""
+        g = self.controller.gains
+        gains = replace(g, acceleration=-g.acceleration, velocity=-g.velocity, displacement=-g.displacement)
+        return replace(self, controller=replace(self.controller, gains=gains))
+
     def transfer(self, s: ArrayLike) -> Complex:
         """L(s), (..., 6, 6), from base acceleration to the base acceleration that its force makes."""
         s = np.asarray(s, dtype=complex)
@@ -106,6 +112,10 @@ class Loop:
         usable = (np.abs(rough) > 1e-6) & (np.abs(rough) < _PADE_ORDER / self.delay) & (rough.imag >= 0.0)
         found = np.array([pole for start in rough[usable] if (pole := self._refined(start)) is not None])
         return _from_the_right(_distinct(np.concatenate([found, found[found.imag > 0.0].conj()])))
+
+    def plant_poles(self) -> Complex:
+        """Poles of the plant alone, rad/s."""
+        return np.asarray(np.linalg.eigvals(plant_system(self.model).A).astype(complex))
 
     def _refined(self, start: complex) -> complex | None:
         """Pole near ``start`` by Newton's method; None if there is none within 10 %.
