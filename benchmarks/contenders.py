@@ -1,4 +1,4 @@
-"""Three ways to simulate the default system, step for step the same: each keeps every output of every step.
+"""Ways to simulate the default system, step for step the same: each keeps every output of every step.
 
 Jacobi: all subsystems see the outputs of the last communication point.
 """
@@ -45,10 +45,10 @@ class Contender(Protocol):
 
 
 class CoSimulation:
-    """Our FMUs under our master."""
+    """FMUs under our master, whose loop is in C or, not ``compiled``, in Python."""
 
-    def __init__(self, system: System, step: float, steps: int) -> None:
-        self._master = Master(system, step, block_rows=steps)
+    def __init__(self, system: System, step: float, steps: int, compiled: bool = True) -> None:
+        self._master = Master(system, step, compiled=compiled)
         self._duration = step * steps
         self.columns = self._master.columns
         self.rows = np.empty((steps, len(self.columns)))
@@ -58,9 +58,9 @@ class CoSimulation:
 
     def block(self, first_index: int, time: Array, values: Array) -> None:
         """Observer: keep what comes."""
-        start = (first_index - 1) % len(self.rows)
         if first_index == 0:
-            self.initial[:], values, start = values[0], values[1:], 0
+            self.initial[:], values, first_index = values[0], values[1:], 1
+        start = (first_index - 1) % len(self.rows)
         self.rows[start : start + len(values)] = values
 
     def run(self) -> None:
