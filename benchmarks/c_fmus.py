@@ -13,20 +13,20 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
+from stock import model_in
 
-from ps_fmu.cosim import Component, System
+from ps_fmu.cosim import System
+from ps_fmu.cosim.structure import Component
+from ps_fmu.fmu.build import default_fmus, find
 from ps_fmu.fmu.core import by_columns
 from ps_fmu.fmu.launcher.compile import LAUNCHER
 from ps_fmu.fmu.native import Program, Target
 from ps_fmu.fmu.slave import Slave
 
-Array = NDArray[np.float64]
-
 PLATFORM = "linux64"
 MODEL = Program(
     "model",
-    Path(__file__).parent / "c_fmus",
+    Path(__file__).parent,
     sources=("model.c", str(LAUNCHER.folder / "kernel.c")),
     headers=(),
     targets={
@@ -40,19 +40,18 @@ MODEL = Program(
 )
 
 
-def build_c_fmus(system: System, initial: Mapping[str, float], folders: Mapping[str, Path], step: float, rows: int,
-                 output: Path) -> Path:
+def build_c_fmus(system: System, initial: Mapping[str, float], step: float, rows: int, output: Path) -> None:
     """Build the FMUs of a system again in C, under the same names.
 
     Parameters
     ----------
     initial: outputs at the start, by ``component.variable``
-    folders: that of the slave's script, by the name of its model
     step: communication step [s]
     rows: the longest run [steps]
     output: folder of the FMUs
     """
     library = MODEL.compiled(PLATFORM)
+    folders = {model_in(folder): folder for folder in find(default_fmus())}
     for component in system.components:
         model = component.source.stem
         with zipfile.ZipFile(component.source) as ours, zipfile.ZipFile(output / f"{model}.fmu", "w") as fmu:
@@ -60,7 +59,6 @@ def build_c_fmus(system: System, initial: Mapping[str, float], folders: Mapping[
             fmu.writestr(f"binaries/{PLATFORM}/{model}.so", library)
             slave = _at_start(_slave_class(folders[model]), component, system, initial)
             fmu.writestr("resources/model.bin", _numbers(slave, step, rows))
-    return output
 
 
 def _slave_class(folder: Path) -> type[Slave]:
@@ -91,7 +89,7 @@ def _at_start(slave_class: type[Slave], component: Component, system: System, in
 def _numbers(slave: Slave, step: float, rows: int) -> bytes:
     """The content of model.bin."""
     layout = slave.layout
-    data = slave.buffer.data.copy()
+    data = slave._buffer.data.copy()
     if not slave.do_step(0.0, step):
         raise RuntimeError(f"{slave.label}: the first step was refused")
     data[layout.a] = slave.a  # what an event before the first step may have set

@@ -51,10 +51,16 @@ class CoSimulation:
         self._master = Master(system, step, compiled=compiled)
         self._duration = step * steps
         self.columns = self._master.columns
+        self.names = [column.name for column in self.columns]
         self.rows = np.empty((steps, len(self.columns)))
         self._master.initialise()
         self.initial = np.empty(len(self.columns))
         self.run()  # the first round is longer by the row after initialisation, and not compared
+
+    @property
+    def initial_values(self) -> dict[str, float]:
+        """Outputs after the initialisation, by ``component.variable``."""
+        return dict(zip(self.names, self.initial.tolist(), strict=True))
 
     def block(self, first_index: int, time: Array, values: Array) -> None:
         """Observer: keep what comes."""

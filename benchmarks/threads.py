@@ -11,8 +11,9 @@ from contenders import CoSimulation
 
 from ps_fmu.cosim import System
 
-STEPS = 20_000  # a round
+STEPS = 10_000  # a round
 ROUNDS = 7
+STEPS_IN_ALL = (2 * ROUNDS + 1) * STEPS
 
 
 def throughput_of_two(system: System, step: float) -> float:

@@ -37,18 +37,22 @@ class Table:
         """
         position = (time - self.start) * self.rate
         nearest = np.rint(position)
-        if np.all(np.abs(position - nearest) < _SNAP):
+        on_grid = np.abs(position - nearest) < _SNAP
+        if on_grid.all():
             return self._rows(nearest)
-        position = np.where(np.abs(position - nearest) < _SNAP, nearest, position)
+        position = np.where(on_grid, nearest, position)
         below = np.floor(position)
-        s = position - below
+        distances = [position - below - node for node in _NODES]
         rows = np.zeros((time.size, self.values.shape[1]))
         for i, node in enumerate(_NODES):
             weight = np.full(time.size, _SCALE[i])
-            for other in np.delete(_NODES, i):
-                weight *= s - other
+            for distance in (*distances[:i], *distances[i + 1 :]):
+                weight *= distance
             rows += weight[:, None] * self._rows(below + node)
         return rows
 
     def _rows(self, index: Array) -> Array:
-        return self.values[np.mod(index.astype(np.int64), self.values.shape[0])]
+        place = index.astype(np.int64)
+        if place.size and (place.min() < 0 or place.max() >= len(self.values)):
+            place %= len(self.values)  # as slow as all the rest
+        return self.values.take(place, axis=0)
