@@ -22,8 +22,9 @@ test: lint fmus  ## what the continuous integration runs
 
 fmus: build/fmus/.built  ## the four FMUs in build/fmus
 
-launcher: .venv/.installed  ## the launcher in the package, compiled again: the same bytes from the same sources
+launcher: .venv/.installed  ## launcher and C host in the package, compiled again: the same bytes from the same sources
 	$(BIN)/python -m ps_fmu.fmu.launcher.compile
+	$(BIN)/python -m ps_fmu.check.host.compile
 
 bench: fmus
 	$(BIN)/python benchmarks/step_cost.py $(ARGS)

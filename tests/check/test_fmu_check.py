@@ -1,6 +1,8 @@
 """``ps-fmu check``: clean on our FMUs, and a fault of another maker's FMU is found, named and survived."""
 
 import importlib.util
+import os
+import sys
 import zipfile
 from pathlib import Path
 
@@ -14,6 +16,7 @@ from ps_fmu.cli import main
 
 TOYS = Path(__file__).parent / "toys"
 LIFE = ["load", "initialise", "steps", "get and set state", "serialise state", "reset", "second instance"]
+OURS = ("ManipulatorPlant", "PointingCommander", "FeedforwardIsolator", "DisturbanceSource")
 
 
 @pytest.fixture(scope="module")
@@ -43,13 +46,14 @@ def rewritten(source: Path, target: Path, change) -> Path:
     return target
 
 
-def test_our_fmus_pass_everything(built_fmus, capsys, rows):
-    names = ("ManipulatorPlant", "PointingCommander", "FeedforwardIsolator", "DisturbanceSource")
-    code = main(["check", *(str(built_fmus / f"{name}.fmu") for name in names)])
+def test_our_fmus_pass_everything(built_fmus, capsys, rows, monkeypatch):
+    monkeypatch.setenv("PATH", str(Path(sys.executable).parent), prepend=os.pathsep)  # of a host with Python and numpy
+    code = main(["check", *(str(built_fmus / f"{name}.fmu") for name in OURS)])
     text = capsys.readouterr().out
     assert code == 0, text
-    assert text.count("  11 passed, 1 not run\n") == 4  # fmutool's part is in tests/fmus
-    assert all(f"life: {stage}" in text for stage in LIFE)
+    counts = [line for line in text.splitlines() if " passed, " in line]
+    assert counts == ["  26 passed, 1 not run"] * 3 + ["  25 passed, 1 not run"]  # fmutool: tests/fmus; no inputs
+    assert all(f"{host}: {stage}" in text for stage in LIFE for host in ("FMPy", "C host"))
 
 
 def test_a_plain_pythonfmu_fmu_runs_but_is_not_described_well(toys, rows):
@@ -59,23 +63,29 @@ def test_a_plain_pythonfmu_fmu_runs_but_is_not_described_well(toys, rows):
         assert any("InitialUnknowns" in detail for detail in found[check].details)
     assert found["fmutool -check"] == Row("fmutool -check", NOT_RUN, ("fmu-manipulation-toolbox is not installed",))
     # pythonfmu's library releases a pointer twice at exit, which now and then ends the process with SIGABRT.
-    stages = {check: row.verdict for check, row in found.items() if check.startswith("life")}
-    stages.pop("life: end of the process", None)
+    stages = {check: row.verdict for check, row in found.items() if check.startswith("FMPy: ")}
+    stages.pop("FMPy: end of the process")
     assert set(stages.values()) == {PASSED}
-    assert "life: get and set state" not in found
+    assert "FMPy: get and set state" not in found
+
+
+def test_a_plain_pythonfmu_fmu_does_not_load_where_there_is_no_python(toys, rows):
+    found = rows(toys["plain"])["C host: load"]
+    assert found.verdict == FAILED
+    assert "undefined symbol: _Py" in found.details[0]
 
 
 def test_a_state_that_is_not_all_of_it_is_noticed(toys, rows):
-    found = rows(toys["forgetful"])["life: get and set state"]
+    found = rows(toys["forgetful"])["FMPy: get and set state"]
     assert found.verdict == FAILED
     assert "30.0 instead of 20.0" in found.details[0]
 
 
 def test_a_crash_ends_with_its_stage_and_signal(toys, rows):
     found = rows(toys["crashing"])
-    assert found["life: steps"].verdict == FAILED
-    assert found["life: steps"].details[0] == "the process was killed by SIGKILL"
-    assert "life: reset" not in found
+    assert found["FMPy: steps"].verdict == FAILED
+    assert found["FMPy: steps"].details[0] == "the process was killed by SIGKILL"
+    assert "FMPy: reset" not in found
 
 
 @pytest.mark.skipif(importlib.util.find_spec("fmu_manipulation_toolbox") is None, reason="fmutool is not installed")
@@ -108,24 +118,27 @@ def test_archives_that_are_not_safe_are_not_opened(toys, tmp_path, rows):
     ("change", "check", "reason"),
     [
         (lambda n, c: None if n.startswith("binaries") else c, "archive", "neither a library"),
-        (lambda n, c: None if n.startswith("binaries/linux64") else c, "life cycle", "no library for"),
-        (lambda n, c: c.replace(b'fmiVersion="2.0"', b'fmiVersion="3.0"'), "life cycle", "FMI 3.0 is not run here"),
-        (lambda n, c: c.replace(b"CoSimulation", b"ModelExchange"), "life cycle", "for model exchange"),
-        (lambda n, c: b"" if n.endswith(".so") else c, "life: load", ""),
+        (lambda n, c: None if n.startswith("binaries/linux64") else c, "life in FMPy", "no library for"),
+        (lambda n, c: c.replace(b'fmiVersion="2.0"', b'fmiVersion="3.0"'), "life in FMPy", "FMI 3.0 is not run here"),
+        (lambda n, c: c.replace(b"CoSimulation", b"ModelExchange"), "life in FMPy", "for model exchange"),
+        (lambda n, c: b"" if n.endswith(".so") else c, "FMPy: load", ""),
     ],
 )
 def test_what_cannot_be_run_says_why(change, check, reason, toys, tmp_path, rows):
     found = rows(rewritten(toys["plain"], tmp_path / "changed.fmu", change))
-    assert found[check].verdict == (NOT_RUN if check == "life cycle" else FAILED)
+    assert found[check].verdict == (NOT_RUN if check == "life in FMPy" else FAILED)
     assert reason in found[check].details[0]
+    if check == "life in FMPy":
+        assert found["life in a C host"] == Row("life in a C host", NOT_RUN, found[check].details)
 
 
 def test_the_table_counts_and_shortens():
     written: list[str] = []
     many = tuple(f"problem {k}" for k in range(SHOWN + 3))
-    rows = [Row("one", PASSED, ("fine",)), Row("two", FAILED, many), Row("three", NOT_RUN, ("why",))]
+    rows = [Row("one", PASSED, ("fine",)), Row("two", FAILED, many), Row("three", NOT_RUN, ("why", "and more of it"))]
     assert show("A.fmu", rows, written.append) is False
     assert written[0] == "A.fmu"
     assert written[-1] == "  1 passed, 1 FAILED, 1 not run"
     assert "    and 3 more" in written
+    assert [line.split() for line in written[-3:-1]] == [["three", "not", "run", "why"], ["and", "more", "of", "it"]]
     assert show("A.fmu", rows[:1], written.append) is True

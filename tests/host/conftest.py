@@ -17,6 +17,7 @@ from ps_fmu.fmu.native import fmi_headers
 
 HERE = Path(__file__).parent
 MODELS = HERE.parent / "fmu" / "models"
+HOST_SOURCES = (HERE / "host.c", HERE / "fmu.c")
 TIMEOUT = 120.0  # s
 
 Host = Callable[..., "subprocess.CompletedProcess[str]"]
@@ -27,7 +28,7 @@ def host_program(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The compiled host."""
     program = tmp_path_factory.mktemp("host") / "host"
     compiler = ["cc"] if shutil.which("cc") else [sys.executable, "-m", "ziglang", "cc"]
-    compile_c(compiler, [HERE / "host.c"], program)
+    compile_c(compiler, HOST_SOURCES, program)
     return program
 
 
@@ -42,7 +43,7 @@ def sanitized(bound: dict[str, Path], tmp_path_factory: pytest.TempPathFactory) 
     """Host, and toy as an unpacked FMU whose launcher is compiled with checks of memory and undefined behaviour."""
     folder = tmp_path_factory.mktemp("sanitized")
     checks = ["cc", "-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-g"]
-    compile_c(checks, [HERE / "host.c"], folder / "host")
+    compile_c(checks, HOST_SOURCES, folder / "host")
     shutil.copytree(bound["oscillator"], folder / "oscillator")
     library = folder / "oscillator" / "binaries" / "linux64" / "Oscillator.so"
     sources = [LAUNCHER.folder / name for name in LAUNCHER.sources]

@@ -1,7 +1,6 @@
 /* A small FMI 2.0 host without Python: loads FMUs, runs them in the ways that hosts do, prints what came out.
 
-   host MODE N FMU...     FMU: a text file with library=, uri=, guid=, step=, inputs= and outputs= (value references
-                          of Reals, separated by blanks), and optionally text= (value reference of a String)
+   host MODE N FMU...     FMU: a text file, see read_fmu
 
    run      N steps, all FMUs side by side, two instances of each; prints the outputs of the first instances
    reload   N times: load, run ten steps, unload
@@ -13,39 +12,15 @@
             frees an instance even later
    cost     mean time of the calls over N steps, in us
 */
+#include "fmu.h"
+
 #include <dlfcn.h>
-#include <locale.h>
 #include <math.h>
 #include <pthread.h>
-#include <signal.h>
-#include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
 #include <unistd.h>
-
-#include "fmi2Functions.h"
-
-#define FUNCTIONS(X)                                                                                                   \
-    X(Instantiate) X(FreeInstance) X(SetupExperiment) X(EnterInitializationMode) X(ExitInitializationMode)             \
-    X(Terminate) X(Reset) X(GetReal) X(GetString) X(SetReal) X(SetInteger) X(SetBoolean) X(SetString) X(GetFMUstate)   \
-    X(SetFMUstate) X(FreeFMUstate) X(SerializedFMUstateSize) X(SerializeFMUstate) X(DeSerializeFMUstate) X(DoStep)     \
-    X(GetRealStatus)
-
-enum { MOST = 64 };
-
-typedef struct {
-    char library[1024], uri[1024], guid[128];
-    double step;
-    fmi2ValueReference inputs[MOST], outputs[MOST];
-    size_t n_inputs, n_outputs;
-    int text;
-    void *handle;
-#define MEMBER(name) fmi2##name##TYPE *name;
-    FUNCTIONS(MEMBER)
-#undef MEMBER
-} Fmu;
 
 typedef struct {
     Fmu *fmu;
@@ -53,92 +28,10 @@ typedef struct {
     double results[MOST];
 } Run;
 
-static int logged;
-static int leaving; /* exit() is being called: errors are as they have to be */
-
-static void fail(const char *what)
-{
-    if (leaving)
-        for (;;)
-            pause();
-    fprintf(stderr, "host: %s\n", what);
-    _exit(1);
-}
-
-#define EXPECT(condition) ((condition) ? (void)0 : fail(#condition))
-
-static void log_message(fmi2ComponentEnvironment environment, fmi2String name, fmi2Status status, fmi2String category,
-                        fmi2String message, ...)
-{
-    (void)environment;
-    EXPECT(name != NULL && category != NULL && status != fmi2Fatal);
-    char text[16384];
-    va_list arguments; /* as most hosts do: the message is a printf format */
-    va_start(arguments, message);
-    vsnprintf(text, sizeof text, message, arguments);
-    va_end(arguments);
-    if (logged++ < 30)
-        fprintf(stderr, "[%s] %d %s: %s\n", name, status, category, text);
-}
-
-static const fmi2CallbackFunctions callbacks = {log_message, calloc, free, NULL, NULL};
-
-static size_t references(const char *text, fmi2ValueReference *result)
-{
-    size_t n = 0;
-    char *end;
-    for (long value = strtol(text, &end, 10); end != text && n < MOST; value = strtol(text, &end, 10)) {
-        result[n++] = (fmi2ValueReference)value;
-        text = end;
-    }
-    return n;
-}
-
-static void read_fmu(const char *path, Fmu *fmu)
-{
-    FILE *file = fopen(path, "r");
-    char line[2048];
-    EXPECT(file != NULL);
-    fmu->text = -1;
-    while (fgets(line, sizeof line, file) != NULL) {
-        line[strcspn(line, "\n")] = '\0';
-        char *value = strchr(line, '=');
-        EXPECT(value != NULL);
-        *value++ = '\0';
-        if (strcmp(line, "library") == 0)
-            strncpy(fmu->library, value, sizeof fmu->library - 1);
-        else if (strcmp(line, "uri") == 0)
-            strncpy(fmu->uri, value, sizeof fmu->uri - 1);
-        else if (strcmp(line, "guid") == 0)
-            strncpy(fmu->guid, value, sizeof fmu->guid - 1);
-        else if (strcmp(line, "step") == 0)
-            fmu->step = atof(value);
-        else if (strcmp(line, "inputs") == 0)
-            fmu->n_inputs = references(value, fmu->inputs);
-        else if (strcmp(line, "outputs") == 0)
-            fmu->n_outputs = references(value, fmu->outputs);
-        else if (strcmp(line, "text") == 0)
-            fmu->text = atoi(value);
-    }
-    fclose(file);
-}
-
-static void load(Fmu *fmu)
-{
-    fmu->handle = dlopen(fmu->library, RTLD_NOW | RTLD_LOCAL);
-    if (fmu->handle == NULL)
-        fail(dlerror());
-#define LOAD(name) EXPECT((*(void **)&fmu->name = dlsym(fmu->handle, "fmi2" #name)) != NULL);
-    FUNCTIONS(LOAD)
-#undef LOAD
-}
-
 static void instantiate(Run *run, Fmu *fmu)
 {
     run->fmu = fmu;
-    run->component = fmu->Instantiate("host 100%s", fmi2CoSimulation, fmu->guid, fmu->uri, &callbacks, 0, 1);
-    if (run->component == NULL)
-        exit(3);
+    run->component = new_instance(fmu, "host 100%s");
 }
 
 static void initialise(Run *run)
@@ -326,13 +219,6 @@ static void embed(Fmu *fmus, int n_fmus, long n)
     fmus->FreeInstance(late.component);
 }
 
-static double now(void)
-{
-    struct timespec time;
-    clock_gettime(CLOCK_MONOTONIC, &time);
-    return (double)time.tv_sec * 1e6 + (double)time.tv_nsec * 1e-3;
-}
-
 static void cost(Fmu *fmu, long n)
 {
     Run run;
@@ -357,11 +243,6 @@ static void cost(Fmu *fmu, long n)
     finish(&run);
 }
 
-static void on_signal(int number)
-{
-    (void)number;
-}
-
 int main(int argc, char **argv)
 {
     static Fmu fmus[MOST];
@@ -369,8 +250,7 @@ int main(int argc, char **argv)
     const char *mode = argv[1];
     long n = atol(argv[2]);
     int n_fmus = argc - 3;
-    struct sigaction handler = {.sa_handler = on_signal}, after;
-    sigaction(SIGINT, &handler, NULL);
+    handle_signals();
     for (int i = 0; i < n_fmus; i++)
         read_fmu(argv[3 + i], &fmus[i]);
     if (strcmp(mode, "reload") == 0) {
@@ -408,9 +288,6 @@ int main(int argc, char **argv)
         else
             fail("which mode?");
     }
-    sigaction(SIGINT, NULL, &after);
-    EXPECT(after.sa_handler == on_signal);
-    EXPECT(strcmp(setlocale(LC_CTYPE, NULL), "C") == 0);
-    EXPECT(getenv("LC_CTYPE") == NULL);
+    expect_belongings();
     return 0;
 }

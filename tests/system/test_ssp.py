@@ -95,6 +95,16 @@ def test_the_archive_says_what_the_description_says(archive):
     assert b"<ssd:SystemStructureDescription xmlns:ssd=" in written
 
 
+def test_no_component_has_annotations(archive):
+    """OMSimulator refuses the whole system otherwise."""
+    with zipfile.ZipFile(archive) as opened:
+        root = ElementTree.fromstring(opened.read("SystemStructure.ssd"))
+    space = root.tag.removesuffix("SystemStructureDescription")
+    components = list(root.iter(f"{space}Component"))
+    assert len(components) == 4
+    assert all(component.find(f"{space}Annotations") is None for component in components)
+
+
 def test_the_files_fit_their_schemas(archive):
     with zipfile.ZipFile(archive) as opened:
         validate_tree(etree.fromstring(opened.read("SystemStructure.ssd")), "SystemStructureDescription.xsd")

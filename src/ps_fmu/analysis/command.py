@@ -13,7 +13,10 @@ from ..fmu.build import BuildError
 from .result import Analysis
 
 #: Name -> what it is about.  Each is a module of this package with ``analyse(options) -> Analysis``.
-ANALYSES: dict[str, str] = {}
+ANALYSES = {
+    "workspace": "Table 1 and Fig 6: the orientations within reach, singular values of the Jacobian",
+    "stability": "Fig 10: the internal loop with delay, in the paper's reading and in that of its equation (48)",
+}
 
 
 @dataclass(frozen=True)

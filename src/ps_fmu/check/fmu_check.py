@@ -1,18 +1,20 @@
-"""All checks of one FMU file: archive, model description, other checkers, a life in FMPy."""
+"""All checks of one FMU file: archive, model description, other checkers, its life in two hosts."""
 
 from __future__ import annotations
 
 import importlib.util
+import os
 import subprocess
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path, PurePosixPath
+from pathlib import Path
+from platform import machine
 
 from ..cosim.archive import check_archive, read_member
 from ..cosim.errors import SystemFileError
 from ..cosim.xmlfile import MAXIMUM_BYTES
-from . import life_cycle
+from . import archive_rules, lives, stages
 from .reading import Description, read
 from .rules import RULES, check_description
 
@@ -39,7 +41,7 @@ def check_fmu(path: Path) -> Iterator[Row]:
     except SystemFileError as error:
         yield Row("archive", FAILED, (str(error),))
         return
-    problems = archive_problems(members, description)
+    problems = archive_rules.problems(path, description)
     size = f"{len(members)} files, {path.stat().st_size / 1e6:.1f} MB"
     yield Row("archive", FAILED, tuple(problems)) if problems else Row("archive", PASSED, (size,))
 
@@ -52,26 +54,7 @@ def check_fmu(path: Path) -> Iterator[Row]:
         yield Row("model description", FAILED if broken else PASSED, said)
     yield _fmpy_validate(path)
     yield _fmutool(path)
-    yield from _life(path, version, description)
-
-
-def archive_problems(members: Sequence[str], description: Description) -> list[str]:
-    """What a safe archive lacks (FMI 2.0.4, section 2.3): libraries of the right name, or sources."""
-    problems = []
-    folded: dict[str, str] = {}
-    for name in members:
-        other = folded.setdefault(name.lower(), name)
-        if other != name:
-            problems.append(f"{other} and {name} are one file where case does not matter")
-    for child in description.root.children:
-        if child.tag not in ("CoSimulation", "ModelExchange"):
-            continue
-        identifier = child.attributes.get("modelIdentifier", "")
-        paths = [PurePosixPath(name) for name in members]
-        libraries = [p for p in paths if len(p.parts) == 3 and p.parts[0] == "binaries" and p.stem == identifier]
-        if not libraries and not any(p.parts[0] == "sources" for p in paths):
-            problems.append(f"there is neither a library binaries/<platform>/{identifier}.* nor a folder sources")
-    return problems
+    yield from _lives(path, version, members, description)
 
 
 def _fmpy_validate(path: Path) -> Row:
@@ -97,7 +80,7 @@ def _fmutool(path: Path) -> Row:
     return Row(name, FAILED if errors else PASSED, tuple(errors))
 
 
-def _life(path: Path, version: str, description: Description) -> Iterator[Row]:
+def _lives(path: Path, version: str, members: Sequence[str], description: Description) -> Iterator[Row]:
     from fmpy import platform, supported_platforms
 
     there = supported_platforms(str(path))
@@ -109,7 +92,33 @@ def _life(path: Path, version: str, description: Description) -> Iterator[Row]:
     elif platform not in there:
         reason = f"no library for {platform}, there are some for {', '.join(there) or 'no platform'}"
     if reason is not None:
-        yield Row("life cycle", NOT_RUN, (reason,))
+        yield Row("life in FMPy", NOT_RUN, (reason,))
+        yield Row("life in a C host", NOT_RUN, (reason,))
         return
-    for stage, problem in life_cycle.run(path):
-        yield Row(f"life: {stage}", FAILED if problem else PASSED, tuple(problem.splitlines()))
+    yield from _stages("FMPy", lives.in_fmpy(path))
+    yield from _life_in_c_host(path, platform, members, description)
+
+
+def _life_in_c_host(path: Path, platform: str, members: Sequence[str], description: Description) -> Iterator[Row]:
+    """Where an FMU of ours finds no Python, once more with one named to it: that is the machine's lack, not its own."""
+    host = lives.c_host(platform)
+    if host is None:
+        yield Row("life in a C host", NOT_RUN, (f"the host was not compiled for {platform} on {machine()}",))
+        return
+    try:
+        found = lives.in_c_host(host, path, description, platform)
+        stage, problem = found[-1]
+        if stage == "instantiate" and problem and lives.looks_for_python(members):
+            python = os.environ.get(lives.PYTHON_VARIABLE, sys.executable)
+            told = f"once more with {lives.PYTHON_VARIABLE}={python}"
+            yield Row("C host, nothing set", NOT_RUN, (told, *problem.splitlines()))
+            found = lives.in_c_host(host, path, description, platform, **{lives.PYTHON_VARIABLE: python})
+    except OSError as error:
+        yield Row("life in a C host", NOT_RUN, (f"the host cannot be started: {error}",))
+        return
+    yield from _stages("C host", found)
+
+
+def _stages(host: str, found: Iterable[stages.Result]) -> Iterator[Row]:
+    for stage, problem in found:
+        yield Row(f"{host}: {stage}", FAILED if problem else PASSED, tuple(problem.splitlines()))

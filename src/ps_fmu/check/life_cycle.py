@@ -1,56 +1,19 @@
-"""The life of an FMU in FMPy, stage by stage, in a process of its own: what crashes there does no harm here.
+"""The life of an FMU in FMPy, stage by stage, as a program of its own: see :mod:`.stages`.
 
-:func:`run` starts this very file as a script; it must not import anything of the package.  The script writes a line for
-each stage when it begins and when it ends, so that a crash has a stage too.
+It must not import anything of the package, which an FMU could lean on.
 """
 
 from __future__ import annotations
 
 import json
 import math
-import signal
-import subprocess
 import sys
-import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 STEPS = 10
-_TIMEOUT = 120.0  # s
-_TAIL = 12  # lines of output that a failure repeats
-Result = tuple[str, str]
-"""A stage and what went wrong in it; nothing if nothing did."""
-
-
-def run(fmu: Path) -> list[Result]:
-    """The stages that were begun, in order; after the first that failed there are no more."""
-    with tempfile.TemporaryDirectory(prefix="fmu_life_") as folder:
-        report = Path(folder) / "report"
-        command = [sys.executable, "-I", "-B", __file__, str(fmu), folder, str(report)]
-        try:
-            process = subprocess.run(command, capture_output=True, text=True, errors="replace", timeout=_TIMEOUT)
-            code, output = process.returncode, process.stdout + process.stderr
-        except subprocess.TimeoutExpired:
-            code, output = None, ""
-        lines = report.read_text(encoding="utf-8").splitlines() if report.is_file() else []
-    stages: dict[str, str | None] = {}
-    for line in lines:
-        stage, problem = json.loads(line)
-        stages[stage] = problem
-    if code != 0 and all(problem == "" for problem in stages.values()):
-        stages["end of the process"] = None  # after the last stage: a destructor or exit handler
-    tail = "\n".join(output.splitlines()[-_TAIL:])
-    return [(stage, _ending(code, tail) if problem is None else problem) for stage, problem in stages.items()]
-
-
-def _ending(code: int | None, output: str) -> str:
-    """Why a process is no more that never said how its last stage ended."""
-    if code is None:
-        return f"did not end within {_TIMEOUT:g} s"
-    how = f"the process was killed by {signal.Signals(-code).name}" if code < 0 else f"the process exited with {code}"
-    return f"{how}\n{output}".rstrip()
 
 
 class Life:
@@ -190,6 +153,7 @@ def main(fmu: str, folder: str, report: str) -> int:
             live(Path(fmu), folder, stage)
         except Exception:  # noted with its stage
             return 1
+        note("end of the process", None)
     return 0
 
 

@@ -8,7 +8,7 @@ from .fmu_check import FAILED, NOT_RUN, PASSED, Row
 
 SHOWN = 10
 """Problems of one check that are shown; the rest is counted."""
-_WIDTH = 26
+_WIDTH = 28
 
 
 def show(title: str, rows: Iterable[Row], write: Callable[[str], None]) -> bool:
@@ -17,13 +17,11 @@ def show(title: str, rows: Iterable[Row], write: Callable[[str], None]) -> bool:
     count = {PASSED: 0, FAILED: 0, NOT_RUN: 0}
     for row in rows:
         count[row.verdict] += 1
-        if row.verdict != FAILED:
-            write(f"  {row.check:{_WIDTH}}{row.verdict}  {'; '.join(row.details)}".rstrip())
-            continue
-        write(f"  {row.check:{_WIDTH}}{row.verdict}")
-        for detail in row.details[:SHOWN]:
+        beside, below = ("", row.details) if row.verdict == FAILED else (row.details[:1], row.details[1:])
+        write(f"  {row.check:{_WIDTH}}{row.verdict}  {''.join(beside)}".rstrip())
+        for detail in below[:SHOWN]:
             write(f"    {detail}")
-        if len(row.details) > SHOWN:
-            write(f"    and {len(row.details) - SHOWN} more")
+        if len(below) > SHOWN:
+            write(f"    and {len(below) - SHOWN} more")
     write("  " + ", ".join(f"{number} {verdict}" for verdict, number in count.items() if number))
     return count[FAILED] == 0

@@ -63,7 +63,7 @@ def structure_xml(
     units: dict[str, Unit] = {}
     for component in system.components:
         connected = {end.variable for end in ends if end.component == component.name}
-        _add_component(elements, component, descriptions[component.name], connected, step, units)
+        _add_component(elements, component, descriptions[component.name], connected, units)
     connections = SubElement(top, "ssd:Connections")
     for c in system.connections:
         SubElement(
@@ -88,10 +88,12 @@ def _add_component(
     component: Component,
     description: ModelDescription,
     connected: Collection[str],
-    step: float,
     units: dict[str, Unit],
 ) -> None:
-    """A component with its connected ports; adds the units of these to ``units``."""
+    """A component with its connected ports; adds the units of these to ``units``.
+
+    It has no annotations: OMSimulator refuses a system in which a component has any.
+    """
     variables = variables_of(description)
     element = SubElement(
         elements,
@@ -109,7 +111,6 @@ def _add_component(
             SubElement(connector, f"ssc:{_TYPES[variable.type]}", _unit(variable, description, units))
     bindings = SubElement(element, "ssd:ParameterBindings")
     SubElement(bindings, "ssd:ParameterBinding", type=PARAMETER_TYPE, source=parameters_place(component))
-    SubElement(_annotation(element, "com.opensimulationplatform"), "osp:StepSizeHint", value=repr(step))
 
 
 def _add_master(top: Element, step: float) -> None:

@@ -1,0 +1,83 @@
+"""Figures of the workspace analysis."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import combinations
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..pointing.style import ACTIVE, PASSIVE, REFERENCE, draw
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from .workspace import Reach
+
+ANGLES = ("roll", "pitch", "yaw")
+
+
+def envelope_figure(path: Path, reach: Reach) -> None:
+    """The surface in three dimensions, and its three projections with the largest cube."""
+    from matplotlib import colormaps
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import Normalize
+
+    angles = np.degrees(reach.surface.orientation)
+    condition = reach.surface.condition
+    scale = Normalize(condition.min(), condition.max())
+    colours = ScalarMappable(scale, colormaps["viridis"])
+
+    def paint(figure: Figure) -> None:
+        parts: Any = figure.subfigures(2, 1, height_ratios=(1.9, 1.0))
+        upper, lower = parts
+        space = upper.add_subplot(projection="3d")
+        for face in _faces(reach.surface.coarse_displacement):
+            space.plot_surface(
+                *np.moveaxis(angles[face], -1, 0), facecolors=colours.to_rgba(condition[face]),
+                rstride=1, cstride=1, shade=False, linewidth=0.2, edgecolor="#00000040",
+            )  # fmt: skip
+        space.set(xlabel="roll (deg)", ylabel="pitch (deg)", zlabel="yaw (deg)")
+        space.xaxis.labelpad = space.yaxis.labelpad = 12.0
+        space.view_init(elev=22.0, azim=-52.0)
+        space.set_box_aspect((1.0, 1.0, 1.0), zoom=0.95)
+        upper.colorbar(colours, ax=space, label="condition number of the Jacobian", shrink=0.7, pad=0.08)
+        a = reach.cube
+        for axes, (i, j) in zip(lower.subplots(1, 3), combinations(range(3), 2), strict=True):
+            axes.scatter(angles[:, i], angles[:, j], color=REFERENCE, s=1.5, label="surface")
+            axes.plot([-a, a, a, -a, -a], [-a, -a, a, a, -a], color=PASSIVE, label=f"largest cube, ±{a:.1f} deg")
+            axes.set(xlabel=f"{ANGLES[i]} (deg)", ylabel=f"{ANGLES[j]} (deg)", aspect="equal")
+        lower.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=2, markerscale=4.0)
+        figure.suptitle("Workspace with the fine legs at nominal length")
+
+    draw(path, 11.0, 13.0, paint)
+
+
+def _faces(displacement: np.ndarray) -> Iterator[np.ndarray]:
+    """Places of the points of each face of the joint space, (n, n), neighbours side by side."""
+    for axis in range(3):
+        for end in (displacement.min(), displacement.max()):
+            places = np.flatnonzero(displacement[:, axis] == end)
+            n = round(places.size**0.5)
+            yield places.reshape(n, n)
+
+
+def cone_figure(path: Path, reach: Reach) -> None:
+    """Tilt of the boresight over azimuth, polar."""
+
+    def closed(values: np.ndarray) -> np.ndarray:
+        return np.append(values, values[0])
+
+    def paint(figure: Figure) -> None:
+        axes = figure.add_subplot(projection="polar")
+        azimuth = np.radians(closed(reach.azimuth))
+        axes.plot(azimuth, closed(reach.cone_with_twist), color=ACTIVE, label="best twist")
+        axes.plot(azimuth, closed(reach.cone), color=PASSIVE, label="no twist")
+        axes.plot(azimuth, np.full_like(azimuth, 8.5), color=REFERENCE, linestyle="--", label="8.5 deg")
+        axes.set_ylim(0.0, None)
+        axes.set_title("Largest tilt of the boresight (deg) by direction\n0° = towards x of B, 90° = towards y of B")
+        axes.legend(loc="lower left", bbox_to_anchor=(0.95, 0.9))
+
+    draw(path, 9.0, 7.5, paint)
