@@ -14,28 +14,52 @@ from ps_fmu.cosim import SystemFileError
 BASE = (Path(__file__).parent / "description.xml").read_text()
 NAMES = ("ManipulatorPlant", "PointingCommander", "FeedforwardIsolator", "DisturbanceSource")
 
+INTERFACE = re.search(r"<CoSimulation.*</CoSimulation>", BASE, re.DOTALL)[0]
+
 # Rule, text of the description, what it becomes.
 MUTATIONS = [
+    ("encoding", ' encoding="UTF-8"', ""),
+    ("encoding", "UTF-8", "ISO-8859-1"),
     ("version", 'fmiVersion="2.0"', 'fmiVersion="2.0.4"'),
     ("guid", 'guid="{1}"', 'guid=""'),
     ("date", "2023-02-08T12:30:00Z", "2023-02-08T12:30:00+00:00"),
     ("date", "2023-02-08T12:30:00Z", "2023-02-30T12:30:00Z"),
     ("date", "2023-02-08T12:30:00Z", "2023-2-8T12:30:00Z"),
-    ("interface", '<CoSimulation modelIdentifier="Everything"/>', ""),
+    ("interface", INTERFACE, ""),
+    ("capabilities", 'canGetAndSetFMUstate="true"', ""),
+    ("source-files", 'name="b.c"', 'name="a.c"'),
     ("identifier", 'modelIdentifier="Everything"', 'modelIdentifier="every-thing"'),
     ("identifier", 'modelIdentifier="Everything"', 'modelIdentifier="1st"'),
     ("units", '<Unit name="m">', '<Unit name="m"/><Unit name="m">'),
-    ("display-units", 'name="mrad" factor="1e3"', 'name="deg" factor="1e3"'),
-    ("display-units", 'name="mrad" factor="1e3"', 'name="mrad" factor="0"'),
+    ("display-units", 'name="cycle"', 'name="rev"'),
+    ("conversions", 'name="mrad" factor="1e3"', 'name="mrad" factor="0"'),
+    ("conversions", 'name="mrad" factor="1e3"', 'name="gon" factor="63.7" offset="none"'),
+    ("conversions", '<BaseUnit m="1"/>', '<BaseUnit m="1.0"/>'),
+    ("base-units", '<BaseUnit m="1"/>', '<BaseUnit m="1" s="-1"/>'),
+    ("base-units", '<BaseUnit m="1"/>', '<BaseUnit m="1" factor="1000"/>'),
+    ("base-units", 'K="1" offset="273.15"', 'K="1" offset="273"'),
+    ("display-conversions", 'factor="57.2958"', 'factor="0.0174533"'),
+    ("display-conversions", 'name="deg" factor="57.2958"', 'name="deg" factor="57.2958" offset="1"'),
+    ("display-conversions", 'name="mrad" factor="1e3"', 'name="mm" factor="1e3"'),
+    ("display-conversions", 'offset="32"', 'offset="-459.67"'),
     ("types", "</TypeDefinitions>", '<SimpleType name="Mode"><Enumeration/></SimpleType></TypeDefinitions>'),
     ("types", "</TypeDefinitions>", '<SimpleType name="count"><Integer/></SimpleType></TypeDefinitions>'),
+    ("type-units", 'name="Unused"><Real unit="m"', 'name="Unused"><Real unit="gon"'),
+    ("type-units", 'name="Unused"><Real unit="m" ', 'name="Unused"><Real '),
+    ("type-bounds", 'min="0" max="1"', 'min="0" max="-1"'),
+    ("type-bounds", 'max="1" nominal="1"', 'max="one" nominal="1"'),
+    ("type-bounds", 'max="1" nominal="1"', 'max="1" nominal="INF"'),
     ("enumerations", '<Item name="on"', '<Item name="off"'),
     ("enumerations", 'name="on" value="2"', 'name="on" value="1"'),
     ("log-categories", 'name="logStatusError"', 'name="logAll"'),
     ("experiment", 'stopTime="10"', 'stopTime="0"'),
     ("experiment", 'stepSize="0.01"', 'stepSize="0"'),
+    ("experiment", 'stepSize="0.01"', 'stepSize="11"'),
+    ("vendor-annotations", 'name="Two"', 'name="One"'),
     ("experiment", 'tolerance="1e-6"', 'tolerance="small"'),
     ("names", 'name="alias"', 'name="y"'),
+    ("names", 'name="alias"', 'name=""'),
+    ("derivative-names", 'name="count"', 'name="der(k)"'),
     ("references", 'name="angle" valueReference="2"', 'name="angle" valueReference="4"'),
     ("references", 'valueReference="3"><Real unit="m"', 'valueReference="3"><Real unit="rad"'),
     ("references", 'name="limit" valueReference="9"', 'name="limit" valueReference="7"'),
@@ -53,9 +77,12 @@ MUTATIONS = [
     ("independent", "</ModelVariables>",
      '<ScalarVariable name="t" valueReference="10" causality="independent"><Real/></ScalarVariable></ModelVariables>'),
     ("independent", 'causality="independent"><Real/>', 'causality="independent"><Integer/>'),
-    ("values", 'start="INF"', 'start="infinite"'),
+    ("finite", 'name="limit" valueReference="9" variability="constant"><Real start="5"',
+     'name="limit" valueReference="10" variability="constant"><Real start="INF"'),
+    ("values", 'name="limit" valueReference="9" variability="constant"><Real start="5"',
+     'name="limit" valueReference="10" variability="constant"><Real start="infinite"'),
     ("values", 'declaredType="Mode" start="1"', 'declaredType="Mode" start="1.5"'),
-    ("values", 'nominal="1"', 'nominal="0"'),
+    ("values", 'max="9" nominal="1"', 'max="9" nominal="0"'),
     ("bounds", 'start="2" min="0"', 'start="2" min="3"'),
     ("bounds", 'declaredType="Angle" start="1"', 'declaredType="Angle" start="5"'),
     ("bounds", '<Real unit="rad" displayUnit="deg" min="-4"', '<Real unit="rad" displayUnit="deg" min="2"'),
@@ -67,6 +94,9 @@ MUTATIONS = [
     ("derivative", 'valueReference="3"><Real unit="m"', 'valueReference="3"><Real unit="m" derivative="10"'),
     ("derivative", 'valueReference="3"><Real unit="m"', 'valueReference="3"><Real unit="m" derivative="99"'),
     ("derivative", 'valueReference="3"><Real unit="m"', 'valueReference="3"><Real unit="m" derivative="6"'),
+    ("model-exchange", 'name="u" valueReference="1"',
+     'name="u" valueReference="1" canHandleMultipleSetPerTimeInstant="true"'),
+    ("model-exchange", 'initial="exact"><Real start="0"/>', 'initial="exact"><Real start="0" reinit="true"/>'),
     ("outputs", '<Unknown index="10" dependencies=""/>', ""),
     ("outputs", '<Unknown index="10" dependencies=""/>', '<Unknown index="10"/><Unknown index="1"/>'),
     ("outputs", '<Unknown index="10" dependencies=""/>', '<Unknown index="10"/><Unknown index="10"/>'),
@@ -82,6 +112,8 @@ MUTATIONS = [
     ("dependencies-kind", '"dependent fixed dependent"', '"dependent fixed"'),
     ("dependencies-kind", '"dependent fixed dependent"', '"dependent fixed odd"'),
     ("dependencies-kind", '"constant dependent"', '"fixed dependent"'),
+    ("dependencies-kind", '<Unknown index="10" dependencies=""/>',
+     '<Unknown index="10" dependencies="1" dependenciesKind="fixed"/>'),
 ]  # fmt: skip
 
 
@@ -155,6 +187,7 @@ def test_many_variables_take_no_time_to_speak_of():
     )
     unknowns = "".join(f'<Unknown index="{k}" dependencies=""/>' for k in numbers)
     text = (
+        '<?xml version="1.0" encoding="UTF-8"?>'
         '<fmiModelDescription fmiVersion="2.0" guid="1"><CoSimulation modelIdentifier="Many"/><ModelVariables>'
         f"{variables}</ModelVariables><ModelStructure><Outputs>{unknowns}</Outputs>"
         f"<InitialUnknowns>{unknowns}</InitialUnknowns></ModelStructure></fmiModelDescription>"

@@ -8,13 +8,13 @@ import subprocess
 import sys
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from platform import machine
 
 from ..cosim.archive import check_archive, read_member
 from ..cosim.errors import SystemFileError
 from ..cosim.xmlfile import MAXIMUM_BYTES
-from . import lives, stages
+from . import archive_rules, lives, stages
 from .reading import Description, read
 from .rules import RULES, check_description
 
@@ -41,7 +41,7 @@ def check_fmu(path: Path) -> Iterator[Row]:
     except SystemFileError as error:
         yield Row("archive", FAILED, (str(error),))
         return
-    problems = archive_problems(members, description)
+    problems = archive_rules.problems(path, description)
     size = f"{len(members)} files, {path.stat().st_size / 1e6:.1f} MB"
     yield Row("archive", FAILED, tuple(problems)) if problems else Row("archive", PASSED, (size,))
 
@@ -55,25 +55,6 @@ def check_fmu(path: Path) -> Iterator[Row]:
     yield _fmpy_validate(path)
     yield _fmutool(path)
     yield from _lives(path, version, members, description)
-
-
-def archive_problems(members: Sequence[str], description: Description) -> list[str]:
-    """What a safe archive lacks (FMI 2.0.4, section 2.3): libraries of the right name, or sources."""
-    problems = []
-    folded: dict[str, str] = {}
-    for name in members:
-        other = folded.setdefault(name.lower(), name)
-        if other != name:
-            problems.append(f"{other} and {name} are one file where case does not matter")
-    for child in description.root.children:
-        if child.tag not in ("CoSimulation", "ModelExchange"):
-            continue
-        identifier = child.attributes.get("modelIdentifier", "")
-        paths = [PurePosixPath(name) for name in members]
-        libraries = [p for p in paths if len(p.parts) == 3 and p.parts[0] == "binaries" and p.stem == identifier]
-        if not libraries and not any(p.parts[0] == "sources" for p in paths):
-            problems.append(f"there is neither a library binaries/<platform>/{identifier}.* nor a folder sources")
-    return problems
 
 
 def _fmpy_validate(path: Path) -> Row:

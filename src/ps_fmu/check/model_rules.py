@@ -1,4 +1,4 @@
-"""Rules for the root of a model description, its units, types, log categories and default experiment."""
+"""Rules for the root of a model description, what it says of the interface, log categories and default experiment."""
 
 from __future__ import annotations
 
@@ -14,6 +14,12 @@ Found = Iterator[tuple[int, str]]
 _DATE = "%Y-%m-%dT%H:%M:%SZ"
 _DATE_FORM = re.compile(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\dZ", re.ASCII)
 _C_IDENTIFIER = re.compile(r"[A-Za-z_]\w*", re.ASCII)
+
+
+def encoding(description: Description) -> Found:
+    """The first line says that the file is in UTF-8."""
+    if description.encoding is None or description.encoding.upper() != "UTF-8":
+        yield 1, f'the encoding is stated as {description.encoding!r}, expected encoding="UTF-8" in the first line'
 
 
 def version(description: Description) -> Found:
@@ -57,45 +63,30 @@ def identifier(description: Description) -> Found:
             yield element.line, f"modelIdentifier {name!r} is not a C identifier"
 
 
-def unit_names(description: Description) -> Found:
-    """Each unit is defined once."""
-    yield from _repeated(description.units, "unit")
+def capabilities(description: Description) -> Found:
+    """A state that can be serialised can be had at all."""
+    for element in _interfaces(description):
+        flags = {name for name, value in element.attributes.items() if value in ("true", "1")}
+        if "canSerializeFMUstate" in flags and "canGetAndSetFMUstate" not in flags:
+            yield element.line, f"{element.tag}: canSerializeFMUstate needs canGetAndSetFMUstate"
 
 
-def display_unit_names(description: Description) -> Found:
-    """Each display unit is defined once within its unit, with a factor that can be divided by."""
-    for unit in description.units:
-        displays = unit.all("DisplayUnit")
-        yield from _repeated(displays, f"display unit of {unit.attributes.get('name')!r}:")
-        for display in displays:
-            factor = number(display.attributes.get("factor", "1"), "Real")
-            if not math.isfinite(factor) or factor == 0.0:
-                name, text = display.attributes.get("name"), display.attributes.get("factor")
-                yield display.line, f"display unit {name!r} has the factor {text!r}"
+def source_files(description: Description) -> Found:
+    """Each source file is listed once."""
+    for element in _interfaces(description):
+        files = element.find("SourceFiles")
+        yield from repeated(files.all("File") if files is not None else (), f"{element.tag}: source file")
 
 
-def type_names(description: Description) -> Found:
-    """Each type is defined once, and no variable has its name."""
-    yield from _repeated(description.types, "type")
-    variables = {variable.name for variable in description.variables}
-    for element in description.types:
-        if element.attributes.get("name") in variables:
-            yield element.line, f"type {element.attributes['name']!r} has the name of a variable"
-
-
-def enumerations(description: Description) -> Found:
-    """The items of an enumeration have names of their own and values of their own."""
-    for element in description.types:
-        for kind in element.all("Enumeration"):
-            items = kind.all("Item")
-            what = f"of enumeration {element.attributes.get('name')!r}:"
-            yield from _repeated(items, f"item {what}")
-            yield from _repeated(items, f"value {what}", "value")
+def vendor_annotations(description: Description) -> Found:
+    """Each tool has its annotations in one element."""
+    group = description.root.find("VendorAnnotations")
+    yield from repeated(group.all("Tool") if group is not None else (), "vendor annotations of tool")
 
 
 def log_categories(description: Description) -> Found:
     """Each log category is defined once."""
-    yield from _repeated(description.categories, "log category")
+    yield from repeated(description.categories, "log category")
 
 
 def experiment(description: Description) -> Found:
@@ -108,15 +99,19 @@ def experiment(description: Description) -> Found:
     for name, value in given.items():
         if not math.isfinite(value) or (name in ("stepSize", "tolerance") and value <= 0.0):
             yield element.line, f"{name} of the default experiment is {element.attributes[name]!r}"
-    if given.get("stopTime", math.inf) <= given.get("startTime", 0.0):
+    duration = given.get("stopTime", math.inf) - given.get("startTime", 0.0)
+    if duration <= 0.0:
         yield element.line, "the default experiment does not end after its start"
+    elif given.get("stepSize", 0.0) > duration:
+        yield element.line, "the step of the default experiment is longer than the experiment"
 
 
 def _interfaces(description: Description) -> list[Element]:
     return [child for child in description.root.children if child.tag in ("ModelExchange", "CoSimulation")]
 
 
-def _repeated(elements: Iterable[Element], what: str, attribute: str = "name") -> Found:
+def repeated(elements: Iterable[Element], what: str, attribute: str = "name") -> Found:
+    """Elements whose attribute has been there before."""
     seen: dict[str | None, int] = {}
     for element in elements:
         name = element.attributes.get(attribute)

@@ -17,6 +17,7 @@ from ..cosim.xmlfile import Element, parse_xml
 TYPES = ("Real", "Integer", "Boolean", "String", "Enumeration")
 _INHERITED = ("unit", "displayUnit", "min", "max", "nominal", "quantity", "relativeQuantity", "unbounded")
 _REAL = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?|[+-]?INF|NaN", re.ASCII)
+_ENCODING = re.compile(rb"""(?:\xef\xbb\xbf)?<\?xml[^>]*\sencoding\s*=\s*["']([\w.-]+)["']""", re.ASCII)
 _INTEGER = re.compile(r"[+-]?[0-9]{1,18}")
 _INDEX = re.compile(r"[0-9]{1,18}")
 
@@ -26,7 +27,7 @@ class Variable:
     """A ScalarVariable.
 
     ``index`` counts from 1 as ModelStructure does; ``attributes`` are those of Real, Integer, ... with what a declared
-    type adds; ``stated_initial`` is None where the file is silent.
+    type adds; ``own`` are those of the ScalarVariable itself; ``stated_initial`` is None where the file is silent.
     """
 
     index: int
@@ -37,6 +38,7 @@ class Variable:
     variability: str
     stated_initial: str | None
     attributes: Mapping[str, str]
+    own: Mapping[str, str]
     line: int
 
     @property
@@ -62,9 +64,13 @@ class Unknown:
 
 @dataclass(frozen=True)
 class Description:
-    """A model description.  ``root`` is the element ``fmiModelDescription``."""
+    """A model description.
+
+    ``root`` is the element ``fmiModelDescription``, ``encoding`` what the XML declaration states, if there is one.
+    """
 
     root: Element
+    encoding: str | None
 
     @cached_property
     def types(self) -> list[Element]:
@@ -108,7 +114,8 @@ def read(data: bytes, path: Path) -> Description:
 
     Raises :class:`ps_fmu.cosim.SystemFileError` if it is not XML, or has a document type declaration.
     """
-    return Description(parse_xml(data, path))
+    stated = _ENCODING.match(data)
+    return Description(parse_xml(data, path), stated[1].decode("ascii") if stated else None)
 
 
 def number(text: str, kind: str) -> float:
@@ -143,6 +150,7 @@ def _variable(index: int, element: Element, types: Mapping[str | None, Element])
         given.get("variability", "continuous"),
         given.get("initial"),
         {**inherited, **own},
+        given,
         element.line,
     )
 

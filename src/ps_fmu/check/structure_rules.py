@@ -76,15 +76,17 @@ def dependencies_order(description: Description) -> Found:
 
 
 def dependencies_kind(description: Description) -> Found:
-    """dependenciesKind has one allowed word for each dependency."""
+    """dependenciesKind has one allowed word for each dependency; other than ``dependent`` they are for Reals."""
     for part in _PARTS:
         for unknown in description.unknowns(part):
             if unknown.kinds is None:
                 continue
             if unknown.dependencies is None or len(unknown.kinds) != len(unknown.dependencies):
                 yield unknown.line, f"{part}: unknown {unknown.index}: not one dependenciesKind for each dependency"
+            variable = description.variable(unknown.index)
+            factors = variable is None or variable.type == "Real"
             for kind in unknown.kinds:
-                if kind not in _KINDS[part]:
+                if kind not in _KINDS[part] or not (factors or kind == "dependent"):
                     yield unknown.line, f"{part}: unknown {unknown.index}: dependenciesKind {kind!r} is not allowed"
 
 

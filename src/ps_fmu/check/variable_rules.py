@@ -10,6 +10,7 @@ from itertools import pairwise
 from .reading import Description, Variable, index_of, number
 
 Found = Iterator[tuple[int, str]]
+_SPECIAL = ("INF", "+INF", "-INF", "NaN")
 
 # The table of section 2.2.7: for each causality and variability what `initial` may be, the default first.
 _A, _B, _C, _D = ("exact",), ("calculated", "approx"), ("calculated", "exact", "approx"), ()
@@ -39,27 +40,33 @@ def initial_of(variable: Variable) -> str | None:
 
 
 def names(description: Description) -> Found:
-    """Each name is there once."""
+    """Each name is there once, and none is empty."""
     seen: dict[str, int] = {}
     for variable in description.variables:
-        if variable.name in seen:
+        if not variable.name:
+            yield variable.line, "a variable has no name"
+        elif variable.name in seen:
             yield variable.line, f"the name {variable.name!r} is also in line {seen[variable.name]}"
         seen.setdefault(variable.name, variable.line)
 
 
 def references(description: Description) -> Found:
-    """Variables with one value reference and type are one value: one of them can be set, all have one unit."""
+    """Variables with one value reference and type are one value: one of them can be set, all have one unit, ..."""
     shared: dict[tuple[str, str], list[Variable]] = defaultdict(list)
     for variable in description.variables:
         kind = "Integer" if variable.type == "Enumeration" else variable.type  # one pair of functions for both
         shared[kind, variable.reference].append(variable)
     for aliases in shared.values():
+        constants = [a.start for a in aliases if a.variability == "constant"]
         problems = [
             ("more than one can be set", sum(map(_settable, aliases)) > 1),
+            ("one can be set, another is independent",
+             any(map(_settable, aliases)) and any(a.causality == "independent" for a in aliases)),
             ("more than one has a start value", sum(_starts(a) for a in aliases) > 1),
-            ("some are constant", len({a.variability == "constant" for a in aliases}) > 1),
+            ("some are constant", 0 < len(constants) < len(aliases)),
+            ("constants with different values", len(set(constants)) > 1),
             ("their units differ", len({a.attributes.get("unit") for a in aliases}) > 1),
-        ]
+        ]  # fmt: skip
         listed = ", ".join(a.name for a in aliases)
         for text, broken in problems:
             if broken:
@@ -121,6 +128,15 @@ def independent(description: Description) -> Found:
             yield v.line, f"{v.name}: the independent variable is a {v.type}, expected a Real"
 
 
+def finite(description: Description) -> Found:
+    """The file has no infinite numbers and no NaN."""
+    for v in description.variables:
+        for attribute in ("start", "min", "max", "nominal"):
+            text = v.attributes.get(attribute, "")
+            if v.type == "Real" and text.strip() in _SPECIAL:
+                yield v.line, f"{v.name}: {attribute} {text!r} is not allowed in the file"
+
+
 def values(description: Description) -> Found:
     """start, min, max and nominal are values of the variable's type; nominal is positive."""
     for v in description.variables:
@@ -128,6 +144,8 @@ def values(description: Description) -> Found:
             text = v.attributes.get(attribute)
             if text is None or v.type == "String" or (v.type == "Boolean" and text in ("true", "false", "0", "1")):
                 continue
+            if v.type == "Real" and text.strip() in _SPECIAL:
+                continue  # is for the rule "finite"
             value = number(text, v.type)
             if math.isnan(value) or (attribute == "nominal" and not value > 0.0):
                 yield v.line, f"{v.name}: {attribute} {text!r} is not possible for a {v.type}"
@@ -174,7 +192,7 @@ def display_unit(description: Description) -> Found:
         if own is None:
             yield v.line, f"{v.name}: the display unit {name!r} has no unit"
         elif own in displays and name not in displays[own]:
-            yield v.line, f"{v.name}: the unit {own!r} has no display unit {name!r}"
+            yield v.line, f"{v.name}: the unit {own!r} has no display unit {name!r}, which tools then ignore"
 
 
 def derivative(description: Description) -> Found:
@@ -189,3 +207,26 @@ def derivative(description: Description) -> Found:
             yield v.line, f"{v.name}: derivative {text!r} is not the index of a continuous Real"
         elif states[text] > 1:
             yield v.line, f"{v.name}: {state.name} has more than one derivative"
+
+
+def model_exchange(description: Description) -> Found:
+    """What is for model exchange only is not in a description without it: how often to set, what is set anew."""
+    offered = description.root.find("ModelExchange") is not None
+    states = {index_of(v.attributes.get("derivative")) for v in description.variables}
+    for v in description.variables:
+        allowed = {
+            "canHandleMultipleSetPerTimeInstant": (v.own, v.causality == "input", "inputs"),
+            "reinit": (v.attributes, v.index in states, "continuous-time states"),
+        }
+        for attribute, (given, fits, expected) in allowed.items():
+            if attribute in given and not (offered and fits):
+                yield v.line, f"{v.name}: {attribute} is for {expected} in model exchange"
+
+
+def derivative_names(description: Description) -> Found:
+    """Where names are structured, der(...) is the derivative of something, and so a Real."""
+    if description.root.attributes.get("variableNamingConvention") != "structured":
+        return
+    for v in description.variables:
+        if v.name.startswith("der(") and v.type != "Real":
+            yield v.line, f"{v.name}: a derivative is a Real, this is of type {v.type}"

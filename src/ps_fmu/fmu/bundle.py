@@ -1,7 +1,9 @@
 """A Python of its own for an FMU: interpreter, standard library without its rarer parts, and the packages it needs.
 
 It is this very interpreter's, and so runs on Linux of the same architecture with a glibc not older than the one that it
-and its packages were built for.  The launcher finds it beside itself, in the folder ``python``::
+and its packages were built for.  Of the interpreter's own libraries it has what is loaded, without debug information
+(which saves 10 MB); those of packages are as they were installed.  The launcher finds it beside itself, in the folder
+``python``::
 
     bundle.txt                what the launcher has to know
     lib/libpython3.11.so.1.0
@@ -25,6 +27,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path, PurePosixPath
 
 from . import archive
+from .elf import loaded
 from .sources import Files
 
 _ROOT = PurePosixPath("python")
@@ -78,10 +81,10 @@ def bundle(modules: Iterable[str]) -> Files:
     }
     files = {
         "bundle.txt": "".join(f"{key}={value}\n" for key, value in notes.items()).encode(),
-        notes["library"]: libpython.read_bytes(),
+        notes["library"]: loaded(libpython.read_bytes()),
         _ZIP: _standard_library(standard),
     }
-    files |= {f"{_DYNLOAD}/{path.name}": path.read_bytes() for path in extensions.values()}
+    files |= {f"{_DYNLOAD}/{path.name}": loaded(path.read_bytes()) for path in extensions.values()}
     files |= {f"{_PACKAGES}/{name}": content for name, content in packages.items()}
     files |= {f"lib/system/{name}": path.read_bytes() for name, path in libraries.items()}
     return {_ROOT / name: content for name, content in files.items()}

@@ -76,7 +76,7 @@ def _next_row(core: Core) -> Step:
 
     def compute() -> bool:
         row = core.count - core.block
-        if row >= len(table):
+        if not 0 <= row < len(table):
             return False
         work[:] = table[row]
         return True
