@@ -21,7 +21,7 @@ from ps_fmu.cosim.description import read_description
 from ps_fmu.cosim.graph import check_wiring
 from ps_fmu.cosim.initialisation import first_row, initialise, load
 from ps_fmu.cosim.plan import Call, Plan, Stage, make_plan
-from ps_fmu.cosim.rows import Rows, layout_of
+from ps_fmu.cosim.rows import Array, Rows, layout_of
 from ps_fmu.cosim.slaves import Slave
 
 CALLS = 500
@@ -58,7 +58,7 @@ def _in_loop(plan: Plan, rows: Rows, calls: tuple[Call, ...]) -> float:
     costs = []
     for n in range(ROUNDS):
         rows.filled = 0
-        times = np.arange(n * CALLS, (n + 1) * CALLS) * plan.step
+        times: Array = np.arange(n * CALLS, (n + 1) * CALLS, dtype=np.float64) * plan.step
         begin = perf_counter()
         loop.advance(times, c_int())
         costs.append((perf_counter() - begin) / CALLS * 1e6)
@@ -101,5 +101,7 @@ def of_fmpy_lists(probe: Path) -> dict[str, float]:
             "get": _cost(lambda: slave.getReal(outputs)),
         }
         slave.terminate()
+        if hasattr(slave.dll, "finalizePythonInterpreter"):  # otherwise pythonfmu's library does so twice
+            slave.dll.finalizePythonInterpreter()
         slave.freeInstance()
     return costs

@@ -120,6 +120,7 @@ class StockFmus:
         """Free the FMUs."""
         for fmu in self._fmus:
             fmu.slave.terminate()
+            fmu.slave.dll.finalizePythonInterpreter()  # otherwise it does so twice
             fmu.slave.freeInstance()
         shutil.rmtree(self._folder, ignore_errors=True)
 

@@ -11,9 +11,10 @@ import json
 import platform
 import sys
 import tempfile
+from collections import deque
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from statistics import median
+from statistics import mean, median
 from time import perf_counter
 from typing import Any
 
@@ -24,7 +25,7 @@ from contenders import Contender, CoSimulation, StockFmus, Textbook
 from figures import missed, report
 from importers import IMPORTERS, in_importer
 from stock import build_probes, build_stock
-from threads import STEPS_IN_ALL, throughput_of_two
+from threads import throughput_of_two
 from tqdm import tqdm
 
 from ps_fmu.cosim import System, read_system
@@ -34,7 +35,8 @@ ROOT = Path(__file__).resolve().parents[1]
 SSD = ROOT / "system" / "SystemStructure.ssd"
 STEP = 1e-4  # s
 STEPS = 4000  # a round; the disturbance source is asked for a new table twice
-IN_IMPORTER = 11, 5000  # rounds, steps
+MOST_OF_OTHERS = 10
+"""Rounds of the importers and of the threads, if there are not fewer in all."""
 SAME = 1e-9
 """All must agree within this fraction of each output's largest value in the last round."""
 
@@ -68,7 +70,7 @@ def measure(system: System, rounds: int, folder: Path) -> dict[str, Any]:
         (folder / name).mkdir()
     stock, probes = build_stock(folder / "stock"), build_probes(folder)
     ours = CoSimulation(system, STEP, STEPS)
-    longest = max((rounds + 1) * STEPS, STEPS_IN_ALL) + 1
+    longest = (2 * rounds + 1) * STEPS + 1  # in the threads
     build_c_fmus(system, ours.initial_values, STEP, longest, folder / "C")
     in_c = read_system(SSD, folder / "C")
     contenders: dict[str, Contender] = {
@@ -82,17 +84,19 @@ def measure(system: System, rounds: int, folder: Path) -> dict[str, Any]:
     for name, contender in contenders.items():
         expect_same(name, dict(zip(ours.names, contender.rows.T, strict=True)), ours)
         contender.close()
-    costs |= in_importers(system, folder)
+    fewer = min(rounds, MOST_OF_OTHERS)
+    costs |= in_importers(system, fewer, folder)
     middle = {name: median(values) for name, values in costs.items()}
     return {
         "us_per_step": middle["ours"],
         "ratios": {name: value / middle["ours"] for name, value in middle.items()},
         "ours_to_c_fmus": middle["ours"] / middle["C FMUs"],
-        "two_threads": throughput_of_two(system, STEP),
-        "two_threads_c_fmus": throughput_of_two(in_c, STEP),
+        "two_threads": throughput_of_two(system, STEP, STEPS, fewer),
+        "two_threads_c_fmus": throughput_of_two(in_c, STEP, STEPS, fewer),
         "real_time_factor": STEP * 1e6 / middle["ours"],
         "median_us": middle,
         "min_us": {name: min(values) for name, values in costs.items()},
+        "mean_us": {name: mean(values) for name, values in costs.items()},
         "rounds": rounds,
         "steps_per_round": STEPS,
         "us_per_call": of_each_fmu(system, STEP),
@@ -101,24 +105,25 @@ def measure(system: System, rounds: int, folder: Path) -> dict[str, Any]:
 
 
 def take_turns(contenders: Mapping[str, Contender], rounds: int) -> dict[str, list[float]]:
-    """Contender -> us per step in each round."""
+    """Contender -> us per step in each round; each round begins with the next one, so that none is always the first."""
     costs: dict[str, list[float]] = {name: [] for name in contenders}
-    for _ in tqdm(range(rounds), unit="round"):
-        for name, contender in contenders.items():
+    order = deque(contenders)
+    for _ in tqdm(range(rounds), unit="round", mininterval=1.0):
+        order.rotate(-1)
+        for name in order:
             begin = perf_counter()
-            contender.run()
+            contenders[name].run()
             costs[name].append((perf_counter() - begin) / STEPS * 1e6)
     return costs
 
 
-def in_importers(system: System, folder: Path) -> dict[str, list[float]]:
-    """Importer -> us per step in each round, the first left out: the FMUs are initialised in it."""
-    rounds, steps = IN_IMPORTER
-    ours = CoSimulation(system, STEP, rounds * steps)
+def in_importers(system: System, rounds: int, folder: Path) -> dict[str, list[float]]:
+    """Importer -> us per step in each round; one more before them is left out: the FMUs are initialised in it."""
+    ours = CoSimulation(system, STEP, (1 + rounds) * STEPS)
     ours.close()
     costs = {}
     for importer in IMPORTERS:
-        times, values = in_importer(importer, system, STEP, steps, rounds, folder)
+        times, values = in_importer(importer, system, STEP, STEPS, 1 + rounds, folder)
         costs[importer] = times[1:]
         expect_same(importer, {name: np.array([value]) for name, value in values.items()}, ours)
     return costs

@@ -11,17 +11,13 @@ from contenders import CoSimulation
 
 from ps_fmu.cosim import System
 
-STEPS = 10_000  # a round
-ROUNDS = 7
-STEPS_IN_ALL = (2 * ROUNDS + 1) * STEPS
 
-
-def throughput_of_two(system: System, step: float) -> float:
+def throughput_of_two(system: System, step: float, steps: int, rounds: int) -> float:
     """Steps per second of two systems in two threads, over those of one alone: 2 at best."""
-    pair = [CoSimulation(system, step, STEPS) for _ in range(2)]
+    pair = [CoSimulation(system, step, steps) for _ in range(2)]
     ratios = []
     with ThreadPoolExecutor(len(pair)) as pool:
-        for _ in range(ROUNDS):
+        for _ in range(rounds):
             alone = _time(pool, pair[:1])
             ratios.append(len(pair) * alone / _time(pool, pair))
     for simulation in pair:

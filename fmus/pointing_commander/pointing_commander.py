@@ -72,6 +72,9 @@ class PointingCommander(Slave):
         ),
     )  # fmt: skip
 
+    at_rest: NDArray[np.float64]
+    """Rows behind the end of the profile, which are all the same: not computed for each table."""
+
     def configure(self) -> None:
         """Rest at the initial target."""
         self._build()
@@ -127,7 +130,7 @@ class PointingCommander(Slave):
 
     def _follow(self, profile: Profile) -> None:
         self.profile = profile
-        self.at_rest = np.empty((0, self.y.size))  # rows behind its end, all the same: not computed for each table
+        self.at_rest = np.empty((0, self.y.size))
 
     def _decide(self, decision: Decision, target: NDArray[np.float64]) -> None:
         self._follow(decision.profile)
