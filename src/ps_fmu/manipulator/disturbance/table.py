@@ -41,14 +41,14 @@ class Table:
             return self._rows(nearest)
         position = np.where(np.abs(position - nearest) < _SNAP, nearest, position)
         below = np.floor(position)
-        s = position - below
+        offsets = [position - below - node for node in _NODES]
         rows = np.zeros((time.size, self.values.shape[1]))
         for i, node in enumerate(_NODES):
             weight = np.full(time.size, _SCALE[i])
-            for other in np.delete(_NODES, i):
-                weight *= s - other
+            for other in offsets[:i] + offsets[i + 1 :]:
+                weight *= other
             rows += weight[:, None] * self._rows(below + node)
         return rows
 
     def _rows(self, index: Array) -> Array:
-        return self.values[np.mod(index.astype(np.int64), self.values.shape[0])]
+        return np.take(self.values, index.astype(np.int64), axis=0, mode="wrap")
