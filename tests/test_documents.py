@@ -27,9 +27,11 @@ def test_commands_of_the_readme_exist():
 
 
 @pytest.mark.parametrize("suffix", [".svg", ".png"])
-def test_the_loop_is_drawn(tmp_path, suffix):
-    spec = importlib.util.spec_from_file_location("draw_loop", ROOT / "docs" / "draw_loop.py")
+@pytest.mark.parametrize("name", ["loop", "step"])
+def test_the_pictures_are_drawn(tmp_path, name, suffix):
+    script = ROOT / "docs" / f"draw_{name}.py"
+    spec = importlib.util.spec_from_file_location(script.stem, script)
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
-    module.draw(tmp_path / f"loop{suffix}")
-    assert (tmp_path / f"loop{suffix}").stat().st_size > 10_000
+    module.draw(tmp_path / f"{name}{suffix}")
+    assert (tmp_path / f"{name}{suffix}").stat().st_size > 10_000

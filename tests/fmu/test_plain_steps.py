@@ -90,7 +90,7 @@ def test_a_result_that_is_not_finite_changes_nothing(instructions, matrix):
 
 
 def test_nothing_to_be_done(instructions):
-    core, data = core_of(1, 1, 0)
+    core, _ = core_of(1, 1, 0)
     core.use_nothing()
     assert not by_kernel(instructions, core)
 

@@ -110,7 +110,7 @@ class Core(ctypes.Structure):
 def core_for(layout: Layout, data: Array) -> Core:
     """The core of an instance with the buffer ``data``; no step is a plain one yet."""
     memory = aligned(-(-ctypes.sizeof(Core) // 64) * 8)  # whole cache lines: another thread steps the next instance
-    core = Core.from_buffer(memory)
+    core = Core.from_buffer(memory.data)
     core.magic, core.size = _MAGIC, ctypes.sizeof(Core)
     source, target = data[layout.source], data[layout.target]
     core.n_references, core.n_source, core.n_target = data.size, source.size, target.size

@@ -50,7 +50,8 @@ class Slave(Stepper):
             raise TypeError(f"{cls.__name__}: no __init__ please; what a model needs is made in configure()")
         if cls.block_rows and cls.n_states:
             raise TypeError(f"{cls.__name__}: n_states = {cls.n_states}, but with block_rows there are no states")
-        if cls.limit_flag and not any((p.name, p.causality, p.type) == (cls.limit_flag, "output", "Boolean") for p in cls.ports):
+        flags = {port.name for port in cls.ports if port.causality == "output" and port.type == "Boolean"}
+        if cls.limit_flag and cls.limit_flag not in flags:
             raise TypeError(f"{cls.__name__}: limit_flag = {cls.limit_flag!r} is no Boolean output")
         for name in _CALLED_OFTEN:
             setattr(cls, name, getattr(cls, name))

@@ -24,8 +24,8 @@ class Stepper(Values):
     """Makes steps: plain ones by :func:`.plain_step`, and all else by :meth:`_careful_step`.
 
     A step is a plain one as long as the host goes on at the expected time with the same step size and nothing is due.
-    The launcher makes those by itself, by the same words of ``_core``; without one, and where ``finish_step`` is called,
-    :meth:`do_step` does.
+    The launcher makes those by itself, from the words in ``_core``; where there is none, and before ``finish_step``,
+    :meth:`do_step` does, by the same rule.
 
     Times are counted in integers (``origin + count * step``) wherever the model sees them, so that they do not
     collect rounding; the host's own times are only compared with each other.

@@ -10,7 +10,7 @@ from ..native import CompileError, Program, Target
 _LINUX = Target(
     "x86_64-linux-gnu.2.17",
     "launcher.so",
-    ("-D_GNU_SOURCE", "-fPIC", "-ffp-contract=off", "-fvisibility=hidden", "-shared", "-s", "-Wl,-z,nodelete", "-Wl,--build-id=none"),
+    ("-D_GNU_SOURCE", "-fPIC", "-fvisibility=hidden", "-shared", "-s", "-Wl,-z,nodelete", "-Wl,--build-id=none"),
     ("-lpthread", "-ldl"),
 )
 

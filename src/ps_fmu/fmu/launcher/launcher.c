@@ -186,17 +186,6 @@ fmi2Status fmi2SetString(fmi2Component c, const fmi2ValueReference vr[], size_t 
     return leave(fault != NULL ? instance_refuse(m, __func__, fault) : wrapper.SetString(m->inner, vr, n, value));
 }
 
-/* For tests and measurements: how many steps the instance has made natively and in Python since it was made or reset. */
-FMI2_Export fmi2Status ps_fmu_steps(fmi2Component c, int64_t *native, int64_t *python)
-{
-    const Instance *m = c;
-    if (m == NULL || m->core == NULL || m->generation != python_generation())
-        return fmi2Error;
-    *native = m->core->native_steps;
-    *python = m->core->python_steps;
-    return fmi2OK;
-}
-
 /* --- FMU states ------------------------------------------------------------------------------------------------- */
 
 /* Where a state is in the list; n_states if it is none of ours.  From the end: the newest is asked for most. */

@@ -98,3 +98,13 @@ GET(Boolean, fmi2Boolean, CORE_BOOLEAN, true, raw != 0.0 ? fmi2True : fmi2False)
 SET(Real, fmi2Real, CORE_REAL, value[i])
 SET(Integer, fmi2Integer, CORE_INTEGER, (double)value[i])
 SET(Boolean, fmi2Boolean, CORE_BOOLEAN, value[i] != fmi2False ? 1.0 : 0.0)
+
+fmi2Status ps_fmu_steps(fmi2Component c, int64_t *native, int64_t *python)
+{
+    const Instance *m = c;
+    if (m == NULL || m->core == NULL || m->generation != python_generation())
+        return fmi2Error;
+    *native = m->core->native_steps;
+    *python = m->core->python_steps;
+    return fmi2OK;
+}
