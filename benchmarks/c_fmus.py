@@ -6,18 +6,15 @@ disturbance and commander are as long as the run.
 
 from __future__ import annotations
 
-import importlib.util
-import sys
 import zipfile
 from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
-from stock import model_in
+from c_host import slave_class
 
 from ps_fmu.cosim import System
 from ps_fmu.cosim.structure import Component
-from ps_fmu.fmu.build import default_fmus, find
 from ps_fmu.fmu.core import by_columns
 from ps_fmu.fmu.launcher.compile import LAUNCHER
 from ps_fmu.fmu.native import Program, Target
@@ -51,26 +48,13 @@ def build_c_fmus(system: System, initial: Mapping[str, float], step: float, rows
     output: folder of the FMUs
     """
     library = MODEL.compiled(PLATFORM)
-    folders = {model_in(folder): folder for folder in find(default_fmus())}
     for component in system.components:
         model = component.source.stem
         with zipfile.ZipFile(component.source) as ours, zipfile.ZipFile(output / f"{model}.fmu", "w") as fmu:
             fmu.writestr("modelDescription.xml", ours.read("modelDescription.xml"))
             fmu.writestr(f"binaries/{PLATFORM}/{model}.so", library)
-            slave = _at_start(_slave_class(folders[model]), component, system, initial)
+            slave = _at_start(slave_class(model), component, system, initial)
             fmu.writestr("resources/model.bin", _numbers(slave, step, rows))
-
-
-def _slave_class(folder: Path) -> type[Slave]:
-    name = f"benchmark_{folder.name}"
-    spec = importlib.util.spec_from_file_location(name, folder / f"{folder.name}.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module
-    spec.loader.exec_module(module)
-    (found,) = [c for c in vars(module).values() if isinstance(c, type) and issubclass(c, Slave) and c is not Slave]
-    return found
 
 
 def _at_start(slave_class: type[Slave], component: Component, system: System, initial: Mapping[str, float]) -> Slave:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
+import c_host
+
 Figures = Mapping[str, Any]
 
 LABELS = {
@@ -24,6 +26,7 @@ TARGETS: tuple[tuple[str, Callable[[Figures], float], float], ...] = (
     ("stock over our FMUs", lambda found: found["ratios"]["stock"], -30.0),
     ("libcosim over our master", lambda found: found["ratios"]["libcosim"], -10.0),
     ("Ecos over our master", lambda found: found["ratios"]["Ecos"], -2.0),
+    ("us added by the launcher", lambda found: c_host.overhead(found["us_per_call_in_c_host"]), 1.5),
     ("throughput of two threads", lambda found: found["two_threads"], -1.6),
 )
 
@@ -62,4 +65,5 @@ def report(found: Figures) -> str:
     lines.append("\nus per FMPy call with lists of 30 Reals")
     for name, calls in found["us_per_fmpy_call_of_30_reals"].items():
         lines.append(f"  {name:<14}" + "  ".join(f"{call} {cost:.1f}" for call, cost in calls.items()))
+    lines.append(f"\n{c_host.report(found['us_per_call_in_c_host'])}")
     return "\n".join(lines)

@@ -18,6 +18,7 @@ from statistics import mean, median
 from time import perf_counter
 from typing import Any
 
+import c_host
 import numpy as np
 from c_fmus import build_c_fmus
 from calls import of_each_fmu, of_fmpy_lists
@@ -100,6 +101,7 @@ def measure(system: System, rounds: int, folder: Path) -> dict[str, Any]:
         "rounds": rounds,
         "steps_per_round": STEPS,
         "us_per_call": of_each_fmu(system, STEP),
+        "us_per_call_in_c_host": c_host.measure(system.component("plant").source.parent),
         "us_per_fmpy_call_of_30_reals": dict(zip(("stock", "ours"), map(of_fmpy_lists, probes), strict=True)),
     }
 

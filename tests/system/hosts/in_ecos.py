@@ -3,19 +3,11 @@
 Prints the same.
 """
 
-import ctypes
 import json
 import sys
-from importlib.metadata import files
-from pathlib import Path
 from time import perf_counter
 
-
-def load_tbb() -> None:
-    """Ecos is linked to libtbb.so.12 and does not bring it; PyPI's tbb does, in a folder that no loader searches."""
-    for file in files("tbb") or ():
-        if file.name == "libtbb.so.12":
-            ctypes.CDLL(str(Path(file.locate()).resolve()), ctypes.RTLD_GLOBAL)
+from ecos_library import load_tbb
 
 
 def main(archive: str, variables: str, steps: str, step: str, rounds: str = "1") -> None:
