@@ -4,14 +4,14 @@ VERSION_CHECK := import sys; sys.exit(not (3, 11) <= sys.version_info < (3, 14))
 PYTHON ?= $(shell for p in python3.11 python3.12 python3.13 python3; do \
 	$$p -c '$(VERSION_CHECK)' 2>/dev/null && { echo $$p; break; }; done)
 BIN := .venv/bin
-FMU_SOURCES := $(shell find src fmus -name '*.py' -o -name '*.toml' -o -name '*.csv' -o -name 'README.md' -o -name 'launcher.so')
+FMU_SOURCES := $(shell find src fmus -name '*.py' -o -name '*.toml' -o -name '*.csv' -o -name 'README.md' -o -name 'launcher.so' -o -name 'icon.png')
 
 # The matrices are small (below 100 x 100): threads in BLAS cost more than they bring.
 export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 export MPLBACKEND := Agg
 
-.PHONY: run test fmus launcher bench lint clean
+.PHONY: run test fmus launcher importers bench lint clean
 .DELETE_ON_ERROR:
 
 run: fmus  ## the default scenario: isolation at the nominal orientation, passive then active
@@ -26,6 +26,8 @@ launcher: .venv/.installed  ## launcher and C host in the package, compiled agai
 	$(BIN)/python -m ps_fmu.fmu.launcher.compile
 	$(BIN)/python -m ps_fmu.check.host.compile
 
+importers: .venv-importers/.installed  ## tools that cannot share .venv, for the tests (0.9 GB)
+
 bench: fmus
 	$(BIN)/python benchmarks/step_cost.py $(ARGS)
 
@@ -34,7 +36,7 @@ lint: .venv/.installed
 	$(BIN)/mypy
 
 clean:
-	rm -rf build dist results .venv .mypy_cache .pytest_cache .ruff_cache .hypothesis src/*.egg-info
+	rm -rf build dist results .venv .venv-importers .mypy_cache .pytest_cache .ruff_cache .hypothesis src/*.egg-info
 
 build/fmus/.built: .venv/.installed $(FMU_SOURCES)
 	$(BIN)/ps-fmu build --output build/fmus
@@ -47,4 +49,10 @@ build/fmus/.built: .venv/.installed $(FMU_SOURCES)
 	@$(PYTHON) -m venv .venv || { \
 		echo "The virtual environment could not be made; on Debian and Ubuntu: apt install python3-venv" >&2; exit 1; }
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
+	@touch $@
+
+# CoFMUPy insists on FMPy 0.3.20 and streamlit 1.12.
+.venv-importers/.installed: Makefile
+	$(PYTHON) -m venv .venv-importers
+	.venv-importers/bin/python -m pip install --quiet --disable-pip-version-check cofmupy==1.0.0
 	@touch $@

@@ -17,6 +17,7 @@ from statistics import median
 from time import perf_counter
 from typing import Any
 
+import c_host
 import numpy as np
 from calls import of_each_fmu, of_fmpy_lists
 from contenders import Contender, CoSimulation, StockFmus, Textbook
@@ -34,7 +35,7 @@ SAME = 1e-9
 """All three must agree within this fraction of each output's largest value in the last round."""
 
 # Ratio of medians, or us, at most.
-TARGETS = {"ours/stock": 0.25, "ours/textbook": 2.5, "us_per_step": 100.0}
+TARGETS = {"ours/stock": 0.25, "ours/textbook": 2.5, "us_per_step": 100.0, "us_added_by_launcher": 1.5}
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -58,6 +59,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 
     result = summary(times)
     result |= {"us_per_call": fmu_calls, "us_per_fmpy_call_of_30_reals": list_calls}
+    c_calls = c_host.measure(fmus)
+    result |= {"us_per_call_in_c_host": c_calls, "us_added_by_launcher": c_host.overhead(c_calls)}
     result |= {"python": platform.python_version(), "numpy": np.__version__, "machine": platform.machine()}
     print(report(result))
     if arguments.output is not None:
@@ -120,6 +123,7 @@ def report(result: Mapping[str, Any]) -> str:
     lines.append("\nus per FMPy call with lists of 30 Reals")
     for name, calls in result["us_per_fmpy_call_of_30_reals"].items():
         lines.append(f"  {name:<14}" + "  ".join(f"{call} {cost:.1f}" for call, cost in calls.items()))
+    lines.append(f"\n{c_host.report(result['us_per_call_in_c_host'])}")
     return "\n".join(lines)
 
 

@@ -18,6 +18,16 @@ settings.load_profile("repeatable")
 ROOT = Path(__file__).parents[1]
 
 
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """Say which other tools the FMUs were run in, and which were not there."""
+    from support.importers import summary
+
+    if lines := summary():
+        terminalreporter.section("importers")
+        for line in lines:
+            terminalreporter.line(line)
+
+
 def pytest_unconfigure() -> None:
     """Let plain pythonfmu FMUs, which some tests load, release their interpreter state before the process ends.
 

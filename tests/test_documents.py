@@ -4,7 +4,9 @@ import importlib.util
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
+from matplotlib import image
 
 ROOT = Path(__file__).parents[1]
 DOCUMENTS = sorted([*ROOT.glob("*.md"), *ROOT.glob("fmus/**/*.md")])
@@ -26,12 +28,25 @@ def test_commands_of_the_readme_exist():
     assert "make test" in readme
 
 
-@pytest.mark.parametrize("suffix", [".svg", ".png"])
-@pytest.mark.parametrize("name", ["loop", "step"])
-def test_the_pictures_are_drawn(tmp_path, name, suffix):
-    script = ROOT / "docs" / f"draw_{name}.py"
-    spec = importlib.util.spec_from_file_location(script.stem, script)
+def script(name):
+    """A script of docs/ as a module."""
+    spec = importlib.util.spec_from_file_location(name, ROOT / "docs" / f"{name}.py")
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
-    module.draw(tmp_path / f"{name}{suffix}")
+    return module
+
+
+@pytest.mark.parametrize("suffix", [".svg", ".png"])
+@pytest.mark.parametrize("name", ["loop", "step"])
+def test_the_diagrams_are_drawn(tmp_path, name, suffix):
+    script(f"draw_{name}").draw(tmp_path / f"{name}{suffix}")
     assert (tmp_path / f"{name}{suffix}").stat().st_size > 10_000
+
+
+def test_the_icons_are_those_that_the_script_draws(tmp_path):
+    icons = script("draw_icons")
+    for name in icons.DRAWINGS:
+        icons.draw(name, tmp_path / "icon.png")
+        drawn, kept = (image.imread(path) for path in (tmp_path / "icon.png", ROOT / "fmus" / name / "icon.png"))
+        assert drawn.shape == (128, 128, 4)
+        np.testing.assert_allclose(drawn, kept, atol=0.02)

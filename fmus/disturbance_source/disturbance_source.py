@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ps_fmu.fmu.parameters import parameter_ports
 from ps_fmu.fmu.slave import ModelError, Slave
+from ps_fmu.fmu.terminals import Terminal
 from ps_fmu.fmu.variables import Port, Value, vector
 from ps_fmu.manipulator.disturbance import Disturbance, default_settings
 from ps_fmu.manipulator.flat import entries, taken_from
@@ -25,9 +26,19 @@ class DisturbanceSource(Slave):
     n_memory: ClassVar[int] = 1  # start time of the experiment, s: the disturbance counts its time from there
 
     ports: ClassVar[tuple[Port, ...]] = (
-        *vector("base_force", "xyz", "N", "Disturbance force on the bus, in B", causality="output"),
-        *vector("base_torque", "xyz", "N.m", "Disturbance torque at its origin, in B", causality="output"),
+        *vector(
+            "base_force", "xyz", "N", "Disturbance force on the bus at the origin of B, in B",
+            causality="output", nominal=10.0,
+        ),
+        *vector(
+            "base_torque", "xyz", "N.m", "Disturbance torque on the bus about the origin of B, in B",
+            causality="output", nominal=10.0,
+        ),
         *parameter_ports(entries(DEFAULTS)),
+    )  # fmt: skip
+
+    terminals: ClassVar[tuple[Terminal, ...]] = (
+        Terminal("base_disturbance", ("base_force", "base_torque"), "Wrench that shakes the bus, at the origin of B"),
     )
 
     def configure(self) -> None:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ps_fmu.fmu.parameters import parameter_ports, refuses_parameters
 from ps_fmu.fmu.slave import ModelError, Slave
+from ps_fmu.fmu.terminals import Terminal
 from ps_fmu.fmu.variables import Port, numbered, vector
 from ps_fmu.manipulator.feedforward import lowpass
 from ps_fmu.manipulator.flat import entries, taken_from
@@ -45,82 +46,54 @@ class FeedforwardIsolator(Slave):
 
     ports: ClassVar[tuple[Port, ...]] = (
         *vector(
-            "base_acceleration",
-            "xyz",
-            "m/s2",
-            "Measured acceleration of the origin of B, in B",
-            causality="input",
+            "base_acceleration", "xyz", "m/s2", "Measured acceleration of the origin of B, in B",
+            causality="input", nominal=1e-3,
         ),
         *vector(
-            "base_angular_acceleration",
-            "xyz",
-            "rad/s2",
-            "Measured angular acceleration of B, in B",
-            causality="input",
+            "base_angular_acceleration", "xyz", "rad/s2", "Measured angular acceleration of B, in B",
+            causality="input", nominal=1e-3,
         ),
         *vector(
-            "orientation",
-            ("roll", "pitch", "yaw"),
-            "rad",
-            "Nominal orientation of P in B, for the gains",
-            causality="input",
-            event=True,
-            display_unit="deg",
+            "orientation", ("roll", "pitch", "yaw"), "rad", "Nominal orientation of P in B, for the gains",
+            causality="input", event=True, display_unit="deg", nominal=0.1,
         ),
         Port(
-            "enabled",
-            "input",
-            type="Boolean",
-            start=True,
-            description="False: no force; the filters go on measuring",
+            "enabled", "input", type="Boolean", start=True,
+            description="False: no force; the filters go on measuring, so that it can be switched on at any time",
         ),
         # At rest and strictly proper: the force is zero in initialisation mode whatever the inputs are.
         *numbered(
-            "fine_force",
-            3,
-            "N",
-            "Force demanded of a fine actuator, positive extends the leg",
-            causality="output",
-            initially_depends_on=(),
+            "fine_force", 3, "N", "Force demanded of a fine actuator, positive extends the leg",
+            causality="output", initially_depends_on=(), nominal=0.1,
         ),
-        Port(
-            "saturated",
-            "output",
-            type="Boolean",
-            description="A force is at its limit",
-            initially_depends_on=(),
-        ),
+        Port("saturated", "output", type="Boolean", description="A force is at force_limit", initially_depends_on=()),
         *parameter_ports(
             entries(PAPER.manipulator, keep=known)
             + entries(KNOWN_PAYLOAD, "payload", keep=known)
             + entries(PAPER.filters, "filters")
         ),
+        Port("force_limit", "parameter", "N", "Largest force of a fine actuator; 0 = no limit", min=0.0),
         Port(
-            "force_limit",
-            "parameter",
-            "N",
-            "Largest force of a fine actuator; 0 = no limit",
-            start=0.0,
-            min=0.0,
-        ),
-        Port("delay", "parameter", "s", "Pure delay of the forces, a multiple of the step", start=0.0, min=0.0),
-        Port(
-            "sample_time",
-            "parameter",
-            "s",
-            "Period of the controller, a multiple of the step; 0 = every step",
-            start=0.0,
-            min=0.0,
+            "delay", "parameter", "s", "Pure delay of the forces, a multiple of the step, at most 1000 steps",
+            min=0.0, display_unit="ms",
         ),
         Port(
-            "orientation_resolution",
-            "parameter",
-            "rad",
-            "The gains are computed anew when the orientation is this far "
-            "from that of the last ones, and when it has come to rest",
-            start=1e-4,
-            min=0.0,
-            display_unit="deg",
+            "sample_time", "parameter", "s", "Period of a digital controller, a multiple of the step; 0 = every step",
+            min=0.0, display_unit="ms",
+        ),
+        Port(
+            "orientation_resolution", "parameter", "rad",
+            "Turn after which the gains are renewed; they are also when the orientation has come to rest",
+            start=1e-4, min=0.0, display_unit="deg",
+        ),
+    )  # fmt: skip
+
+    terminals: ClassVar[tuple[Terminal, ...]] = (
+        Terminal("fine_actuators", ("fine_force",), "Forces of the fine actuators"),
+        Terminal(
+            "measurements",
+            ("base_acceleration", "base_angular_acceleration", "orientation"),
+            "Accelerometers at the origin of B, and the nominal orientation of P",
         ),
     )
 

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ps_fmu.fmu.parameters import parameter_ports, refuses_parameters
 from ps_fmu.fmu.slave import Slave
+from ps_fmu.fmu.terminals import Terminal
 from ps_fmu.fmu.variables import Port, numbered, vector
 from ps_fmu.manipulator.flat import entries, taken_from
 from ps_fmu.manipulator.parameters import load
@@ -17,11 +18,13 @@ from ps_fmu.manipulator.practical import PlantModel
 
 PAPER = load()
 RPY = ("roll", "pitch", "yaw")
+INPUT: dict[str, Any] = {"causality": "input"}
 OUTPUT: dict[str, Any] = {"causality": "output"}
-POSE: dict[str, Any] = {"causality": "output", "display_unit": "deg"}
+POSE: dict[str, Any] = {"causality": "output", "display_unit": "deg", "nominal": 0.1}
 # Everything starts at rest and undeformed: these depend on nothing in initialisation mode.
 AT_REST: dict[str, Any] = {"causality": "output", "initially_depends_on": ()}
-JITTER: dict[str, Any] = AT_REST | {"display_unit": "urad"}
+MICROMETRES: dict[str, Any] = AT_REST | {"display_unit": "um"}
+MICRORADIANS: dict[str, Any] = AT_REST | {"display_unit": "urad"}
 
 
 class ManipulatorPlant(Slave):
@@ -34,49 +37,51 @@ class ManipulatorPlant(Slave):
     n_memory: ClassVar[int] = 11  # coarse displacement at the pose of the linear model (3, m); plant.Convection (8)
 
     ports: ClassVar[tuple[Port, ...]] = (
-        *numbered("fine_force", 3, "N", "Force of a fine actuator, positive extends the leg", causality="input"),
+        # Nominal values: magnitudes under the default disturbance, and in a slew.
+        *numbered("fine_force", 3, "N", "Force of a fine actuator, positive extends the leg", nominal=0.1, **INPUT),
         *vector(
-            "base_force",
-            "xyz",
-            "N",
-            "Disturbance force on the bus at the origin of B, in B",
-            causality="input",
+            "base_force", "xyz", "N", "Disturbance force on the bus at the origin of B, in B", nominal=10.0, **INPUT
         ),
         *vector(
-            "base_torque",
-            "xyz",
-            "N.m",
-            "Disturbance torque on the bus about the origin of B, in B",
-            causality="input",
+            "base_torque", "xyz", "N.m", "Disturbance torque on the bus about the origin of B, in B",
+            nominal=10.0, **INPUT,
         ),
         *numbered(
-            "coarse_command",
-            3,
-            "m",
-            "Commanded displacement of a coarse actuator from its nominal length",
-            causality="input",
-            event=True,
+            "coarse_command", 3, "m", "Commanded displacement of a coarse actuator from its nominal length",
+            event=True, display_unit="mm", nominal=0.01, **INPUT,
         ),
         # Outputs: the order of practical.OUTPUTS.
-        *vector("base_acceleration", "xyz", "m/s2", "Acceleration of the origin of B, in B", **OUTPUT),
-        *vector("base_angular_acceleration", "xyz", "rad/s2", "Angular acceleration of B, in B", **OUTPUT),
-        *vector("base_velocity", "xyz", "m/s", "Velocity of the origin of B, in B", **AT_REST),
-        *vector("base_angular_velocity", "xyz", "rad/s", "Angular velocity of B, in B", **AT_REST),
-        *vector("base_position", "xyz", "m", "Displacement of the origin of B since the start, in B", **AT_REST),
-        *vector("base_rotation", "xyz", "rad", "Small rotation of B since the start, in B", **JITTER),
-        *vector("payload_position", "xyz", "m", "Displacement of the origin of P by vibration, in B", **AT_REST),
-        *vector("payload_rotation", "xyz", "rad", "Small rotation of P by vibration (jitter), in P", **JITTER),
-        *numbered("fine_displacement", 3, "m", "Elongation of a fine leg", **AT_REST),
+        *vector("base_acceleration", "xyz", "m/s2", "Acceleration of the origin of B, in B", nominal=1e-3, **OUTPUT),
+        *vector(
+            "base_angular_acceleration", "xyz", "rad/s2", "Angular acceleration of B, in B", nominal=1e-3, **OUTPUT
+        ),
+        *vector("base_velocity", "xyz", "m/s", "Velocity of the origin of B, in B", nominal=1e-5, **AT_REST),
+        *vector("base_angular_velocity", "xyz", "rad/s", "Angular velocity of B, in B", nominal=1e-5, **AT_REST),
+        *vector(
+            "base_position", "xyz", "m", "Displacement of the origin of B since the start, in B",
+            nominal=1e-5, **MICROMETRES,
+        ),
+        *vector(
+            "base_rotation", "xyz", "rad", "Small rotation of B since the start, in B", nominal=1e-5, **MICRORADIANS
+        ),
+        *vector(
+            "payload_position", "xyz", "m", "Displacement of the origin of P by vibration, in B",
+            nominal=1e-5, **MICROMETRES,
+        ),
+        *vector(
+            "payload_rotation", "xyz", "rad", "Small rotation of P by vibration (jitter), in P",
+            nominal=1e-6, **MICRORADIANS,
+        ),
+        *numbered("fine_displacement", 3, "m", "Elongation of a fine leg", nominal=1e-6, **MICROMETRES),
         *numbered(
-            "coarse_displacement",
-            3,
-            "m",
-            "Displacement of a coarse actuator from its nominal length",
-            **OUTPUT,
+            "coarse_displacement", 3, "m", "Displacement of a coarse actuator from its nominal length",
+            display_unit="mm", nominal=0.01, **OUTPUT,
         ),
         *vector("orientation", RPY, "rad", "Nominal orientation of P in B, by the coarse actuators alone", **POSE),
         *vector("relative_orientation", RPY, "rad", "Orientation of P in B with fine legs and rod stretch", **POSE),
-        *vector("los", "xy", "m", "Image point of the boresight on the image plane, axes of P", **AT_REST),
+        *vector(
+            "los", "xy", "m", "Image point of the boresight on the image plane, axes of P", nominal=1e-6, **MICROMETRES
+        ),
         *parameter_ports(
             entries(PAPER.manipulator)
             + entries(PAPER.payload, "payload")
@@ -85,12 +90,19 @@ class ManipulatorPlant(Slave):
             + entries(PAPER.optics, "optics")
         ),
         Port(
-            "relinearisation_distance",
-            "parameter",
-            "m",
-            start=2e-5,
-            min=1e-9,
+            "relinearisation_distance", "parameter", "m", start=2e-5, min=1e-9, display_unit="um",
             description="A new linear model is made when a coarse leg is this far from the pose of the last one",
+        ),
+    )  # fmt: skip
+
+    terminals: ClassVar[tuple[Terminal, ...]] = (
+        Terminal("fine_actuators", ("fine_force",), "Forces of the fine actuators"),
+        Terminal("coarse_actuators", ("coarse_command",), "Commands of the coarse actuators"),
+        Terminal("base_disturbance", ("base_force", "base_torque"), "Wrench that shakes the bus, at the origin of B"),
+        Terminal(
+            "measurements",
+            ("base_acceleration", "base_angular_acceleration", "orientation"),
+            "Accelerometers at the origin of B, and the nominal orientation of P",
         ),
     )
 

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ps_fmu.fmu.parameters import parameter_ports
 from ps_fmu.fmu.slave import ModelError, Slave
+from ps_fmu.fmu.terminals import Terminal
 from ps_fmu.fmu.variables import Port, numbered, vector
 from ps_fmu.manipulator.commander import (
     DEFAULT_ALGORITHM_1,
@@ -26,7 +27,9 @@ from ps_fmu.manipulator.parameters import ParameterError, load
 
 PAPER = load()
 RPY = ("roll", "pitch", "yaw")
-DEG: dict[str, Any] = {"display_unit": "deg"}
+DEG: dict[str, Any] = {"display_unit": "deg", "nominal": 0.1}
+DEG_PER_S: dict[str, Any] = {"display_unit": "deg/s", "nominal": 0.01}
+MM: dict[str, Any] = {"display_unit": "mm", "nominal": 0.01}
 OUTPUT: dict[str, Any] = {"causality": "output"}
 # The motion begins at rest, wherever the first target is.
 AT_REST: dict[str, Any] = {"causality": "output", "initially_depends_on": ()}
@@ -47,13 +50,18 @@ class PointingCommander(Slave):
     ports: ClassVar[tuple[Port, ...]] = (
         *vector("target", RPY, "rad", "Target orientation of P in B", causality="input", event=True, **DEG),
         # The order of Commander.table, then the two Booleans.
-        *numbered("coarse_command", 3, "m", "Command of a coarse actuator from nominal length", **OUTPUT),
+        *numbered("coarse_command", 3, "m", "Command of a coarse actuator from nominal length", **OUTPUT, **MM),
         *vector("orientation_command", RPY, "rad", "Commanded orientation of P in B", **OUTPUT, **DEG),
-        *vector("orientation_rate", RPY, "rad/s", "Time derivative of orientation_command", **AT_REST),
-        *vector("platform_position", "xyz", "m", "Commanded origin of P from that of B, in B", **OUTPUT),
-        Port("residual", "output", "m", "Largest |l_f - l_f0| of the commanded pose: error of d_f = 0"),
-        Port("stroke_margin", "output", "m", "Least distance of the coarse commands from the stroke ends"),
-        Port("time_to_go", unit="s", description="Time until the commanded motion ends", **AT_REST),
+        *vector("orientation_rate", RPY, "rad/s", "Time derivative of orientation_command", **AT_REST, **DEG_PER_S),
+        *vector("platform_position", "xyz", "m", "Commanded origin of P from that of B, in B", nominal=0.1, **OUTPUT),
+        Port(
+            "residual", "output", "m", "Largest deviation of a fine leg from its nominal length at the commanded pose",
+            min=0.0, nominal=1e-6, display_unit="um",
+        ),
+        Port("stroke_margin", "output", "m", "Least distance of the coarse commands from the stroke ends", **MM),
+        Port(
+            "time_to_go", unit="s", description="Time until the commanded motion ends", min=0.0, nominal=10.0, **AT_REST
+        ),
         Port("reachable", "output", type="Boolean", description="False: target refused, last good one stays"),
         Port("moving", type="Boolean", description="The commanded orientation is changing", **AT_REST),
         *parameter_ports(
@@ -70,6 +78,10 @@ class PointingCommander(Slave):
             description="Follow the target at once, without a profile: for hosts with smooth targets",
         ),
     )  # fmt: skip
+
+    terminals: ClassVar[tuple[Terminal, ...]] = (
+        Terminal("coarse_actuators", ("coarse_command",), "Commands of the coarse actuators"),
+    )
 
     def configure(self) -> None:
         """Rest at the initial target."""

@@ -19,6 +19,8 @@ def test_one_round(built_fmus: Path, tmp_path: Path) -> None:
     assert len(found["median_us"]) == 3
     assert set(found["us_per_call"]) == {"disturbance", "commander", "plant", "isolator"}
     assert set(found["us_per_fmpy_call_of_30_reals"]["ours"]) == {"set", "get"}
+    assert len(found["us_per_call_in_c_host"]) == 3
+    assert all(min(ways.values()) > 0.0 for ways in found["us_per_call_in_c_host"].values())
     assert found["ours/textbook"] > 0.0
     assert "x real time" in run.stdout
 

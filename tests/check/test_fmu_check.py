@@ -90,12 +90,13 @@ def test_a_crash_ends_with_its_stage_and_signal(toys, rows):
 
 @pytest.mark.skipif(importlib.util.find_spec("fmu_manipulation_toolbox") is None, reason="fmutool is not installed")
 def test_fmutool_is_asked(toys, tmp_path):
-    assert fmu_check._fmutool(toys["plain"]).verdict == PASSED
+    assert fmu_check._fmutool(toys["plain"], "2.0").verdict == PASSED
     broken = rewritten(
         toys["plain"], tmp_path / "broken.fmu", lambda name, content: content.replace(b'causality="input"', b"")
         .replace(b'<Unknown index="2"', b'<Unknown index="1"') if name.endswith(".xml") else content
     )  # fmt: skip
-    assert fmu_check._fmutool(broken).verdict == FAILED
+    assert fmu_check._fmutool(broken, "2.0").verdict == FAILED
+    assert fmu_check._fmutool(broken, "1.0").verdict == NOT_RUN
 
 
 def test_archives_that_are_not_safe_are_not_opened(toys, tmp_path, rows):

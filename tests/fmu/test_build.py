@@ -167,8 +167,10 @@ def test_an_fmu_carries_what_it_needs_under_its_own_names(built):
     inside = {name.removeprefix(f"resources/{package}/") for name in names if package in name}
     assert {"oscillator.py", "fmu/slave.py", "pythonfmu/fmi2slave.py"} <= inside
     assert not {"fmu/build.py", "fmu/smoke.py", "cli.py", "pythonfmu/builder.py"} & inside
-    for name in ("README.md", "index.html", "licenses/license.txt", "licenses/pythonfmu.txt"):
+    for name in ("index.html", "externalDependencies.txt", "licenses/license.txt", "licenses/pythonfmu.txt"):
         assert contents[f"documentation/{name}"]
+    assert "model.png" not in names  # the toy has no icon
+    assert not any(name.startswith("terminalsAndIcons") for name in names)
     for name, content in contents.items():
         if not name.startswith("binaries/"):
             assert str(SOURCE.parent).encode() not in content
@@ -233,6 +235,14 @@ def test_a_missing_project_file_is_noticed(tmp_path, monkeypatch):
         (('Port("wave", "output", "N"', 'Port("wave", "output", "furlong"'), "port wave: unit 'furlong' is not known"),
         (("self.memory[0] = self.value", "1 / 0; self.memory[0] = self.value"), "ZeroDivisionError"),
         (("class Waves", "def broken(:\n\nclass Waves"), "SyntaxError"),
+        (
+            (
+                "class Waves(Slave):\n",
+                "from ps_fmu.fmu.terminals import Terminal\n\n\n"
+                'class Waves(Slave):\n    terminals = (Terminal("t", ("torque",), ""),)\n',
+            ),
+            "Waves has no variable 'torque'",
+        ),
     ],
 )
 def test_sources_that_cannot_be_built_are_told(tmp_path, change, problem):

@@ -25,6 +25,7 @@ def test_attributes_of_the_root(root):
     assert root.get("variableNamingConvention") == "structured"
     for attribute in ("author", "license", "copyright", "version", "guid", "generationTool"):
         assert root.get(attribute)
+    assert root.get("generationTool").startswith("ps_fmu ")
     assert root.get("generationDateAndTime") == "2023-02-08T00:00:00Z"
 
 

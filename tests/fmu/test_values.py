@@ -113,7 +113,7 @@ def test_parameters_are_fixed_once_initialised(make, put):
 
 def test_bounds_and_types_of_parameters(make, put):
     slave = make("oscillator", until="initialisation")
-    with pytest.raises(Refused, match=r"parameter mass = 0.05: expected a value from 0.1 to inf kg"):
+    with pytest.raises(Refused, match=r"parameter mass = 0.05: expected at least 0.1 kg"):
         put(slave, mass=0.05)
     with pytest.raises(Refused, match="parameter substeps = 101: expected a value from 1 to 100"):
         put(slave, substeps=101)

@@ -75,7 +75,7 @@ def test_vector_and_numbered_names():
         ({"name": "a..b", "causality": "input"}, "identifiers"),
         ({"name": "a", "causality": "local"}, "causality"),
         ({"name": "a", "causality": "input", "start": math.nan}, "finite"),
-        ({"name": "a", "causality": "input", "start": 3.0, "max": 2.0}, "from -inf to 2"),
+        ({"name": "a", "causality": "input", "start": 3.0, "max": 2.0}, "at most 2"),
         ({"name": "a", "causality": "parameter", "start": "x"}, "number"),
         ({"name": "a", "causality": "parameter", "type": "Integer", "start": 1.5}, "whole number"),
         ({"name": "a", "causality": "parameter", "type": "Integer", "start": 2**31}, "32 bits"),

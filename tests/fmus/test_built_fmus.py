@@ -7,16 +7,20 @@ import xml.etree.ElementTree as ET
 import zipfile
 from pathlib import Path
 
+import fmpy
 import numpy as np
 import pytest
 from fmpy import read_model_description, simulate_fmu
 from fmpy.validation import validate_fmu
+from lxml import etree
 
+from ps_fmu.cosim import read_system
 from ps_fmu.fmu.build import build_one
 
 NAMES = ("ManipulatorPlant", "PointingCommander", "FeedforwardIsolator", "DisturbanceSource")
 FOLDERS = {name: "".join(f"_{c.lower()}" if c.isupper() else c for c in name).lstrip("_") for name in NAMES}
 ROOT = Path(__file__).parents[2]
+SCHEMA = Path(fmpy.__file__).parent / "schema" / "fmi3" / "fmi3TerminalsAndIcons.xsd"
 
 
 @pytest.fixture(params=NAMES)
@@ -94,6 +98,63 @@ def test_description_is_complete(fmu: Path) -> None:
         assert listed == outputs
     assert root.find("CoSimulation").get("canGetAndSetFMUstate") == "true"
     assert root.find("CoSimulation").get("canSerializeFMUstate") == "true"
+
+
+def test_quantities_have_magnitudes_and_bounds(fmu: Path) -> None:
+    """Real inputs and outputs have nominal values; what cannot be negative has a minimum."""
+    for variable in read_model_description(str(fmu)).modelVariables:
+        if variable.type != "Real":
+            continue
+        if variable.causality in ("input", "output"):
+            assert float(variable.nominal) > 0.0, variable.name
+        elif variable.name.rpartition(".")[2] in ("mass", "stiffness", "damping", "damping_ratio", "frequency"):
+            assert float(variable.min) >= 0.0, variable.name
+
+
+def test_an_icon_and_what_is_to_read(fmu: Path) -> None:
+    with zipfile.ZipFile(fmu) as archive:
+        names = set(archive.namelist())
+        icon = archive.read("model.png")
+        index = archive.read("documentation/licenses/license.txt").decode()
+    assert icon == (ROOT / "fmus" / FOLDERS[fmu.stem] / "icon.png").read_bytes()
+    assert icon.startswith(b"\x89PNG")
+    assert {"documentation/index.html", "documentation/externalDependencies.txt"} <= names
+    others = {name for name in names if name.startswith("documentation/licenses/") and "license.txt" not in name}
+    listed = {line.partition(":")[0] for line in index.partition("-----")[0].splitlines()[2:] if line}
+    assert {f"documentation/licenses/{name}" for name in listed} == others
+    if fmu.stem == "DisturbanceSource":
+        assert "wheel-radial-harmonics.txt" in listed
+
+
+def test_joining_terminals_of_one_name_wires_the_system(built_fmus) -> None:
+    """Four terminals joined are all connections of the system."""
+    schema = etree.XMLSchema(etree.parse(str(SCHEMA)))
+    members: dict[str, dict[str, list[str]]] = {}
+    causality: dict[tuple[str, str], str] = {}
+    for model in NAMES:
+        path = built_fmus / f"{model}.fmu"
+        root = etree.fromstring(zipfile.ZipFile(path).read("terminalsAndIcons/terminalsAndIcons.xml"))
+        schema.assertValid(root)
+        for terminal in root.iterfind("Terminals/Terminal"):
+            found = {m.get("memberName"): m.get("variableName") for m in terminal}
+            members.setdefault(terminal.get("name"), {})[model] = found
+        causality |= {(model, v.name): v.causality for v in read_model_description(str(path)).modelVariables}
+    joined = set()
+    for pair in members.values():
+        (one, ones), (other, others) = pair.items()
+        assert set(ones) == set(others)  # the rule "plug"
+        for member, variable in ones.items():
+            ends = [(one, variable), (other, others[member])]
+            start, end = sorted(ends, key=lambda end: causality[end] != "output")
+            assert (causality[start], causality[end]) == ("output", "input")
+            joined.add((start, end))
+    system = read_system(ROOT / "system" / "SystemStructure.ssd", built_fmus)
+    models = {component.name: component.source.stem for component in system.components}
+    assert len(members) == 4
+    assert joined == {
+        tuple((models[port.component], port.variable) for port in (connection.source, connection.target))
+        for connection in system.connections
+    }
 
 
 def test_ports_of_the_design(built_fmus) -> None:

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from support.models import FMUS, Host, slave_class
+from support.models import Host, slave_class
 
 from ps_fmu.fmu.slave import ModelError, Refused
 from ps_fmu.manipulator.forward import forward_kinematics
@@ -243,10 +243,9 @@ def test_algorithm_1_that_does_not_converge_refuses_the_target():
 @pytest.mark.parametrize(
     ("parameters", "text"),
     [
-        ({"max_rate": 0.0}, "max_rate: must be positive"),
-        ({"min_duration": -1.0}, "min_duration: must be finite"),
+        ({"max_rate": 0.0}, "max_rate: must be greater than 0"),
         ({"use_algorithm_1": True, "algorithm_1__mu": 0.9}, r"algorithm_1\.mu: .*2/lambda_max"),
-        ({"algorithm_1__epsilon": -1e-6}, r"algorithm_1\.epsilon: must be positive"),
+        ({"algorithm_1__epsilon": 0.0}, r"algorithm_1\.epsilon: must be greater than 0"),
         ({"coarse_stroke__min": 0.01}, "coarse_stroke: min must be below 0"),
     ],
 )
@@ -342,12 +341,6 @@ def test_state_continues_bit_for_bit(moment):
     second = Host("pointing_commander")
     second.slave._set_fmu_state(second.slave._fmu_state_from_bytes(data))
     np.testing.assert_array_equal(future(second), expected)
-
-
-def test_readme_names_every_variable():
-    text = (FMUS / "pointing_commander" / "README.md").read_text()
-    for port in slave_class("pointing_commander").ports:
-        assert f"`{port.name.split('.')[0].removesuffix('_2').removesuffix('_3')}" in text, port.name
 
 
 def test_experiment_that_starts_before_zero():

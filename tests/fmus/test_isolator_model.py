@@ -211,7 +211,7 @@ def test_state_continues_bit_for_bit(start: dict) -> None:
 
 @pytest.mark.parametrize(
     ("name", "value"),
-    [("payload__mass", -1.0), ("fine_leg_2__stiffness", 0.0), ("filters__lowpass_stop_frequency", 0.0)],
+    [("payload__mass", 0.0), ("fine_leg_2__stiffness", 0.0), ("filters__lowpass_stop_frequency", 0.0)],
 )
 def test_impossible_parameter_is_named(name: str, value: float) -> None:
     host = Host("feedforward_isolator", **{name: value})

@@ -72,7 +72,7 @@ def test_start_beyond_the_stroke_is_held() -> None:
 @pytest.mark.parametrize(
     ("start", "text"),
     [
-        ({"payload__mass": -1.0}, r"payload\.mass: must be greater than 0"),
+        ({"payload__mass": 0.0}, r"payload\.mass: must be greater than 0"),
         ({"payload__truss_mode_1__mass": 20.0}, r"payload\.truss_mode_1\.mass: too large"),
         ({"bus__mode_2__participation__tz": 200.0}, r"bus\.mode_2\.participation: too large"),
         (

@@ -1,24 +1,29 @@
-"""A host written in C, in an environment with nothing set, for the toys of tests/fmu."""
+"""Hosts written in C, in an environment with nothing set, for the toys of tests/fmu and for the wired system."""
 
 from __future__ import annotations
 
 import functools
+import os
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import pytest
 from support.host import unpack
 
+from ps_fmu.cosim import System, read_system
 from ps_fmu.fmu.build import build_one
+from ps_fmu.fmu.bundle import bundle
 from ps_fmu.fmu.launcher.compile import LAUNCHER
 from ps_fmu.fmu.native import fmi_headers
 
 HERE = Path(__file__).parent
 MODELS = HERE.parent / "fmu" / "models"
+SSD = HERE.parents[1] / "system" / "SystemStructure.ssd"
 HOST_SOURCES = (HERE / "host.c", HERE / "fmu.c")
+SYSTEM_SOURCES = (HERE / "system.c", HERE / "wired.c", HERE / "fmu.c")
 TIMEOUT = 120.0  # s
 
 Host = Callable[..., "subprocess.CompletedProcess[str]"]
@@ -27,9 +32,18 @@ Host = Callable[..., "subprocess.CompletedProcess[str]"]
 @pytest.fixture(scope="session")
 def host_program(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The compiled host."""
-    program = tmp_path_factory.mktemp("host") / "host"
+    return compiled(HOST_SOURCES, tmp_path_factory.mktemp("host") / "host")
+
+
+@pytest.fixture(scope="session")
+def system_program(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The compiled host of wired systems."""
+    return compiled(SYSTEM_SOURCES, tmp_path_factory.mktemp("host") / "system")
+
+
+def compiled(sources: Sequence[Path], program: Path) -> Path:
     compiler = ["cc"] if shutil.which("cc") else [sys.executable, "-m", "ziglang", "cc"]
-    compile_c(compiler, HOST_SOURCES, program)
+    compile_c(compiler, sources, program)
     return program
 
 
@@ -80,12 +94,57 @@ def bundled(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return build_one(MODELS / "oscillator", tmp_path_factory.mktemp("bundled"), bundled=True)
 
 
+@pytest.fixture(scope="session")
+def system(built_fmus: Path) -> System:
+    """The system of this project."""
+    return read_system(SSD, built_fmus)
+
+
+@pytest.fixture(scope="session")
+def unpacked(system: System, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """Its FMUs, by component."""
+    folder = tmp_path_factory.mktemp("unpacked")
+    return {component.name: unpack(component.source, folder / component.name) for component in system.components}
+
+
+@pytest.fixture(scope="session")
+def bundles(unpacked: dict[str, Path], tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Path]]:
+    """Its FMUs with Pythons of their own, by component.
+
+    Put together here: to build them so, which compresses and tries each, takes four times as long.  That it gives the
+    same is tested with a toy.
+    """
+    folder = tmp_path_factory.mktemp("bundles")
+    result = {name: shutil.copytree(plain, folder / name) for name, plain in unpacked.items()}
+    users: dict[str, list[Path]] = {}
+    for fmu in result.values():
+        notes = dict(line.split("=", 1) for line in (fmu / "resources" / "launcher.txt").read_text().splitlines())
+        users.setdefault(notes["modules"], []).append(fmu / "binaries" / "linux64")
+    for modules, (first, *others) in users.items():
+        for name, content in bundle(modules.split()).items():
+            (first / name).parent.mkdir(parents=True, exist_ok=True)
+            (first / name).write_bytes(content)
+        for other in others:
+            shutil.copytree(first / "python", other / "python", copy_function=os.link)
+    yield result
+    shutil.rmtree(folder)  # 0.3 GB
+
+
 @pytest.fixture
 def host(host_program: Path) -> Host:
     """``host("run", 1000, told(folder), variable=value)``: one run; environment: only what is named."""
+    return starter(host_program)
 
-    def start(mode: str, n: int, *fmus: Path, **environment: str) -> subprocess.CompletedProcess[str]:
-        command = [str(host_program), mode, str(n), *map(str, fmus)]
+
+@pytest.fixture
+def system_host(system_program: Path) -> Host:
+    """``system_host("pair", 100, wired(...), variable=value)``: the same for wired systems."""
+    return starter(system_program)
+
+
+def starter(program: Path) -> Host:
+    def start(mode: str, n: int, *arguments: object, **environment: str) -> subprocess.CompletedProcess[str]:
+        command = [str(program), mode, str(n), *map(str, arguments)]
         return subprocess.run(command, env=environment, capture_output=True, text=True, timeout=TIMEOUT)
 
     return start

@@ -46,6 +46,18 @@ def test_it_uses_no_file_of_this_machines_python(host_program, bundled, tmp_path
     assert len(outside) < 10
 
 
+def test_it_says_what_it_holds_under_which_licence_and_needs_no_tool(bundled):
+    with zipfile.ZipFile(bundled) as archive:
+        names = archive.namelist()
+        description = archive.read("modelDescription.xml")
+    assert b'needsExecutionTool="false"' in description
+    licences = {name.removeprefix("documentation/licenses/") for name in names if "/licenses/" in name}
+    system = {name.rpartition("/")[2] for name in names if "/lib/system/" in name}
+    assert {"license.txt", "pythonfmu.txt", "python.txt", "numpy/LICENSE.txt"} <= licences
+    assert system
+    assert {f"{name}.txt" for name in system} <= licences
+
+
 @pytest.mark.parametrize("lost", ["lib/python3*.zip", "lib/libpython*", "lib/site-packages", "lib/system/libz*"])
 def test_an_incomplete_runtime_is_turned_down(host, bundled, tmp_path, lost):
     folder = unpack(bundled, tmp_path / "broken")
@@ -57,6 +69,20 @@ def test_an_incomplete_runtime_is_turned_down(host, bundled, tmp_path, lost):
     assert run.returncode == 3
     assert "runtime in the FMU: " in run.stderr
     assert "is missing" in run.stderr
+
+
+def test_a_bundle_is_the_plain_fmu_and_a_runtime(bundled, plain, bundles, tmp_path):
+    """As the fixture puts those of the system together."""
+    folder = unpack(bundled, tmp_path / "bundled")
+    runtime = folder / "binaries" / "linux64" / "python"
+    assert contents(runtime) == contents(bundles["commander"] / "binaries" / "linux64" / "python")
+    shutil.rmtree(runtime)
+    assert contents(folder) == contents(plain)
+
+
+def contents(folder):
+    files = (path for path in folder.rglob("*") if path.is_file() and "__pycache__" not in path.parts)
+    return {str(path.relative_to(folder)): path.read_bytes() for path in files}
 
 
 def test_a_model_that_needs_more_than_is_bundled(bundled, tmp_path):

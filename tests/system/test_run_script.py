@@ -110,7 +110,7 @@ def test_no_space_for_the_results_ends_the_run_and_keeps_what_is_there(tmp_path)
 @pytest.mark.parametrize(
     ("name", "value", "text"),
     [
-        ("plant.payload.mass", "-1", "payload.mass: must be greater than 0"),
+        ("plant.payload.mass", "0", "payload.mass: must be greater than 0"),
         ("plant.payload.mass", "NaN", "given.ssv, line 3: parameter 'plant.payload.mass': expected a finite number"),
         (
             "plant.payload.weight",

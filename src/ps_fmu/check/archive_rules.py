@@ -45,17 +45,18 @@ def _same_name(names: list[str]) -> Iterator[str]:
 
 
 def _content(names: list[str], description: Description) -> Iterator[str]:
-    """Libraries of the right name, or sources; all sources that are listed."""
+    """Libraries of the right name, or sources; where there are sources, all that are listed."""
     paths = [PurePosixPath(name) for name in names]
+    with_sources = any(path.parts[0] == "sources" for path in paths)
     for child in description.root.children:
         if child.tag not in ("CoSimulation", "ModelExchange"):
             continue
         identifier = child.attributes.get("modelIdentifier", "")
         libraries = [p for p in paths if len(p.parts) == 3 and p.parts[0] == "binaries" and p.stem == identifier]
-        if not libraries and not any(p.parts[0] == "sources" for p in paths):
+        if not libraries and not with_sources:
             yield f"there is neither a library binaries/<platform>/{identifier}.* nor a folder sources"
         listed = child.find("SourceFiles")
         for file in listed.all("File") if listed is not None else ():
             name = file.attributes.get("name", "")
-            if PurePosixPath("sources", name) not in paths:
+            if with_sources and PurePosixPath("sources", name) not in paths:
                 yield f"{child.tag} lists the source file {name}, there is no sources/{name}"

@@ -53,7 +53,7 @@ def check_fmu(path: Path) -> Iterator[Row]:
         said = broken or (f"{len(RULES)} rules of FMI 2.0.4 beyond the schema",)
         yield Row("model description", FAILED if broken else PASSED, said)
     yield _fmpy_validate(path)
-    yield _fmutool(path)
+    yield _fmutool(path, version)
     yield from _lives(path, version, members, description)
 
 
@@ -64,8 +64,10 @@ def _fmpy_validate(path: Path) -> Row:
     return Row("FMPy validate", FAILED if problems else PASSED, tuple(problems))
 
 
-def _fmutool(path: Path) -> Row:
+def _fmutool(path: Path, version: str) -> Row:
     name = "fmutool -check"
+    if not version.startswith(("2.", "3.")):
+        return Row(name, NOT_RUN, (f"it checks FMI 2.0 and 3.0, the file says {version!r}",))
     if importlib.util.find_spec(_FMUTOOL) is None:
         return Row(name, NOT_RUN, ("fmu-manipulation-toolbox is not installed",))
     command = [sys.executable, "-m", f"{_FMUTOOL}.cli.fmutool", "-input", str(path.resolve()), "-check"]

@@ -23,7 +23,7 @@ Result = tuple[str, str]
 def watch(
     command: Sequence[str], report: Path, environment: Mapping[str, str] | None = None, limit: float = TIME_LIMIT
 ) -> list[Result]:
-    """Run a process that writes the file ``report``; the stages that were begun, in order.
+    """Run a process that writes the file ``report``, in the folder of that; the stages that were begun, in order.
 
     ``environment``: all that the process gets, by default what this one has.  After ``limit`` s it is killed, with
     whatever it started.  Raises OSError if it cannot be started.
@@ -31,7 +31,13 @@ def watch(
     output = report.with_suffix(".output")
     with output.open("wb") as file:
         process = subprocess.Popen(
-            command, stdin=subprocess.DEVNULL, stdout=file, stderr=file, env=environment, start_new_session=True
+            command,
+            stdin=subprocess.DEVNULL,
+            stdout=file,
+            stderr=file,
+            cwd=report.parent,
+            env=environment,
+            start_new_session=True,
         )
         try:
             code: int | None = process.wait(limit)

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path, PurePosixPath
 
 DATE = (1980, 1, 1, 0, 0, 0)  # the earliest that a zip file can state
+_COMPRESSION = 6  # 9 takes three times as long, 14 instead of 5 s with numpy and scipy, for 1 % less
 _PERMISSIONS = {True: 0o100755, False: 0o100644}  # executable or not
 
 
@@ -28,10 +29,10 @@ def digest(files: Mapping[PurePosixPath, bytes]) -> bytes:
 
 def write(path: Path, files: Mapping[PurePosixPath, bytes]) -> None:
     """Write a zip archive: entries sorted, dates and permissions fixed."""
-    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED, compresslevel=9) as archive:
+    with zipfile.ZipFile(path, "w") as archive:
         for name in sorted(files):
             entry = zipfile.ZipInfo(str(name), DATE)
             entry.compress_type = zipfile.ZIP_DEFLATED
             entry.create_system = 3  # Unix, also where it is made elsewhere
             entry.external_attr = _PERMISSIONS[name.suffix in (".so", ".dylib", ".dll")] << 16
-            archive.writestr(entry, files[name], compresslevel=9)
+            archive.writestr(entry, files[name], compresslevel=_COMPRESSION)

@@ -1,14 +1,13 @@
 """From a folder in ``fmus/`` to an FMU file that stands alone and is reproducible.
 
 pythonfmu's builder contributes native libraries and model description.  What this adds: only the Python
-files that the slave needs, under names made from their content; documentation and licences; a GUID from the
-content; the same bytes from the same source.  Each FMU has run by itself before it is written.
+files that the slave needs, under names made from their content; terminals, icon, documentation and licences; a GUID
+from the content; the same bytes from the same source.  Each FMU has run by itself before it is written.
 """
 
 from __future__ import annotations
 
 import contextlib
-import importlib.metadata
 import io
 import re
 import sys
@@ -19,21 +18,26 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 import pythonfmu
-from pythonfmu.builder import FmuBuilder
+from pythonfmu.builder import FmuBuilder, get_model_class
 
-from . import archive, smoke
-from .bundle import BundleError, bundle
+from . import archive, licenses, smoke
+from .bundle import Bundle, BundleError, bundle
 from .bundle import check as check_bundle
 from .description import CAPABILITIES
-from .documentation import page
+from .documentation import documentation
 from .entry import entry_source
 from .launcher.compile import LAUNCHER
+from .licenses import LicenseError
+from .slave import Slave
 from .sources import Files, SourceError, closure, foreign, imported, renamed
+from .terminals import terminals_and_icons
 
 PACKAGE = Path(__file__).resolve().parents[1]
 _OLDEST_PYTHON = "3.11"
 _RESOURCES = PurePosixPath("resources")
 _DESCRIPTION = PurePosixPath("modelDescription.xml")
+_TERMINALS = PurePosixPath("terminalsAndIcons", "terminalsAndIcons.xml")
+_ICON = PurePosixPath("model.png")
 _GUID = re.compile(rb'guid="[^"]*"')
 
 
@@ -87,14 +91,14 @@ def build_one(folder: Path, output: Path, *, interpreter: Path | None = None, bu
     output.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(prefix="ps_fmu_build_") as temporary:
         try:
-            stock = _pythonfmu_build(script, Path(temporary))
-            name, files = _repackaged(stock, script, interpreter, bundled)
+            stock, slave = _pythonfmu_build(script, Path(temporary), needs_python=not bundled)
+            name, files = _repackaged(stock, slave, script, interpreter, bundled)
             fmu = Path(temporary) / f"{name}.fmu"
             archive.write(fmu, files)
             smoke.check(fmu)
             if bundled:
                 check_bundle(fmu)
-        except (SourceError, BundleError, smoke.SmokeError) as error:
+        except (SourceError, BundleError, LicenseError, smoke.SmokeError) as error:
             raise BuildError(f"{folder.name}: {error}") from None
         result = output / fmu.name
         partial = result.with_suffix(".partial")
@@ -103,11 +107,12 @@ def build_one(folder: Path, output: Path, *, interpreter: Path | None = None, bu
     return result
 
 
-def _pythonfmu_build(script: Path, output: Path) -> Path:
-    """pythonfmu's own FMU; what its builder does to this process is undone."""
+def _pythonfmu_build(script: Path, output: Path, needs_python: bool) -> tuple[Path, type[Slave]]:
+    """pythonfmu's own FMU and the slave's class; what its builder does to this process is undone."""
+    options = {**CAPABILITIES, "needsExecutionTool": needs_python}
     with _imports_undone(script.stem), contextlib.redirect_stdout(io.StringIO()):
         try:
-            return Path(FmuBuilder.build_FMU(script, dest=output / "stock.fmu", **CAPABILITIES))
+            return Path(FmuBuilder.build_FMU(script, dest=output / "stock.fmu", **options)), get_model_class(script)
         except (Exception, SystemExit) as error:
             raise BuildError(f"{script.parent.name}: {type(error).__name__}: {error}") from error
 
@@ -127,14 +132,18 @@ def _imports_undone(script: str) -> Iterator[None]:
             sys.modules[script] = before
 
 
-def _repackaged(stock: Path, script: Path, interpreter: Path | None, bundled: bool) -> tuple[str, Files]:
+def _repackaged(
+    stock: Path, slave: type[Slave], script: Path, interpreter: Path | None, bundled: bool
+) -> tuple[str, Files]:
     """Model name and files of the final FMU, from pythonfmu's and the sources."""
     built = archive.read(stock)
     files = _binaries(built)
     files[_DESCRIPTION] = _GUID.sub(b'guid=""', built[_DESCRIPTION], count=1)
     model = _model_name(built[_DESCRIPTION])
-    files |= _documentation(script.parent, model)
     sources = _sources(script)
+    modules = foreign(sources)
+    runtime = bundle(modules) if bundled else None
+    files |= _for_readers(script.parent, slave, files[_DESCRIPTION], sources, modules, runtime)
     digest = archive.digest(files | sources)
 
     package = f"ps_fmu_{digest.hex()[:12]}"
@@ -149,10 +158,9 @@ def _repackaged(stock: Path, script: Path, interpreter: Path | None, bundled: bo
     files[_RESOURCES / "slavemodule.txt"] = entry.encode()
     guid = f"{{{uuid.UUID(bytes=digest[:16])}}}"
     files[_DESCRIPTION] = files[_DESCRIPTION].replace(b'guid=""', f'guid="{guid}"'.encode(), 1)
-    modules = foreign(sources)
     files[_RESOURCES / "launcher.txt"] = _launcher_notes(guid, modules, interpreter)
-    if bundled:
-        files |= {PurePosixPath("binaries/linux64") / name: content for name, content in bundle(modules).items()}
+    if runtime is not None:
+        files |= {PurePosixPath("binaries/linux64") / name: content for name, content in runtime.files.items()}
     return model, files
 
 
@@ -202,30 +210,28 @@ def _sources(script: Path) -> Files:
     return sources | {place: script.read_bytes()}
 
 
-def _documentation(folder: Path, model: str) -> Files:
-    """README, the page made from it, licences."""
-    readme = folder / "README.md"
+def _for_readers(
+    folder: Path, slave: type[Slave], description: bytes, sources: Files, modules: list[str], runtime: Bundle | None
+) -> Files:
+    """What no simulation needs: terminals, icon, documentation, licences."""
+    readme, icon = folder / "README.md", folder / "icon.png"
     if not readme.is_file():
         raise BuildError(f"{folder.name}: no README.md, which becomes the FMU's documentation")
-    text = readme.read_text(encoding="utf-8")
-    documentation = PurePosixPath("documentation")
-    return {
-        documentation / "README.md": text.encode(),
-        documentation / "index.html": page(text, model),
-        documentation / "licenses" / "license.txt": _own_license(),
-        documentation / "licenses" / "pythonfmu.txt": _license("pythonfmu"),
-    }
-
-
-def _own_license() -> bytes:
-    checkout = PACKAGE.parents[1] / "LICENSE"
-    return checkout.read_bytes() if checkout.is_file() else _license("ps-fmu")
-
-
-def _license(distribution: str) -> bytes:
-    """The licence that an installed distribution carries."""
-    metadata = importlib.metadata.distribution(distribution)
-    text = metadata.read_text("licenses/LICENSE") or metadata.read_text("LICENSE")
-    if text is None:
-        raise BuildError(f"the installed {distribution} carries no licence text")
-    return text.encode()
+    try:
+        terminals = terminals_and_icons(slave.terminals, slave.layout) if slave.terminals else None
+        files = documentation(
+            readme.read_text(encoding="utf-8"),
+            description,
+            terminals,
+            python=_OLDEST_PYTHON,
+            modules=modules,
+            bundled=runtime is not None,
+        )
+    except (KeyError, ValueError) as error:
+        raise BuildError(f"{folder.name}: {error.args[0]}") from None
+    files |= licenses.files([*licenses.of_sources(sources), *(runtime.licenses if runtime is not None else ())])
+    if terminals is not None:
+        files[_TERMINALS] = terminals
+    if icon.is_file():
+        files[_ICON] = icon.read_bytes()
+    return files

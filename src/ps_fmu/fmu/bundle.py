@@ -14,6 +14,7 @@ and its packages were built for.  Of the interpreter's own libraries it has what
 
 from __future__ import annotations
 
+import functools
 import importlib.metadata
 import io
 import json
@@ -23,11 +24,13 @@ import sys
 import sysconfig
 import tempfile
 import zipfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
 from . import archive
 from .elf import loaded
+from .licenses import License, of_runtime
 from .sources import Files
 
 _ROOT = PurePosixPath("python")
@@ -61,8 +64,16 @@ class BundleError(RuntimeError):
     """An FMU that cannot be given a Python of its own; the text says why."""
 
 
-def bundle(modules: Iterable[str]) -> Files:
-    """The folder ``python`` with some installed packages, as files by name.  Raises BundleError."""
+@dataclass(frozen=True)
+class Bundle:
+    """The folder ``python`` as files by name, and the licences of what is in it."""
+
+    files: Files
+    licenses: tuple[License, ...]
+
+
+def bundle(modules: Sequence[str]) -> Bundle:
+    """This Python with some installed packages.  Raises BundleError."""
     if sys.platform != "linux":
         raise BundleError("a runtime can be bundled on Linux only")
     standard = Path(sysconfig.get_path("stdlib"))
@@ -87,7 +98,9 @@ def bundle(modules: Iterable[str]) -> Files:
     files |= {f"{_DYNLOAD}/{path.name}": loaded(path.read_bytes()) for path in extensions.values()}
     files |= {f"{_PACKAGES}/{name}": content for name, content in packages.items()}
     files |= {f"lib/system/{name}": path.read_bytes() for name, path in libraries.items()}
-    return {_ROOT / name: content for name, content in files.items()}
+    distributions = [importlib.metadata.packages_distributions()[module][0] for module in modules]
+    licenses = tuple(of_runtime(distributions, list(libraries.values())))
+    return Bundle({_ROOT / name: content for name, content in files.items()}, licenses)
 
 
 def check(fmu: Path) -> None:
@@ -138,6 +151,7 @@ def _compiled(path: Path, name: str) -> bytes:
         return result.read_bytes()
 
 
+@functools.cache  # 2.5 s, the same for all FMUs
 def _standard_library(folder: Path) -> bytes:
     content = io.BytesIO()
     with zipfile.ZipFile(content, "w", zipfile.ZIP_STORED) as library:  # the FMU compresses it

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from .slave import Slave
 
 CAPABILITIES = {
-    # The FMU carries its code but no interpreter: the target needs a Python with numpy.
+    # The FMU carries its code, but no interpreter unless it is bundled: the target needs a Python with numpy.
     "needsExecutionTool": True,
     "canHandleVariableCommunicationStepSize": True,
     "canInterpolateInputs": False,
@@ -35,7 +35,7 @@ CAPABILITIES = {
 
 AUTHOR = "The ps_fmu developers"
 LICENSE = "BSD-3-Clause"
-COPYRIGHT = "Copyright The ps_fmu developers"
+COPYRIGHT = "Copyright (c) 2026, The ps_fmu developers"
 DATE = datetime(2023, 2, 8, tzinfo=UTC)  # of the paper: builds of the same source have the same bytes
 
 
@@ -56,6 +56,7 @@ def model_description(slave: Slave, pythonfmu_xml: Callable[[dict[str, str]], El
     slave.default_experiment = DefaultExperiment(0.0, slave.default_stop, slave.default_step)
 
     root = pythonfmu_xml({name: str(value).lower() for name, value in CAPABILITIES.items()})
+    root.set("generationTool", f"ps_fmu {__version__} with {root.get('generationTool')}")
     root.set("generationDateAndTime", _date().strftime("%Y-%m-%dT%H:%M:%SZ"))
     units = unit_definitions(_units(slave.layout.ports))
     root.insert(list(root).index(_child(root, "CoSimulation")) + 1, units)

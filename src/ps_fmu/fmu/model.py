@@ -10,6 +10,7 @@ from typing import ClassVar
 from pythonfmu.fmi2slave import Fmi2Slave
 
 from .buffer import Array
+from .terminals import Terminal
 from .variables import Port
 
 
@@ -28,6 +29,7 @@ class Model(Fmi2Slave):
     """
 
     ports: ClassVar[tuple[Port, ...]] = ()
+    terminals: ClassVar[tuple[Terminal, ...]] = ()
     n_states: ClassVar[int] = 0
     """Size of x.  Fixed: a mode that is switched off keeps its place, with zeros."""
     n_auxiliary: ClassVar[int] = 0
@@ -39,7 +41,7 @@ class Model(Fmi2Slave):
     """Above 0: outputs come from tables of up to so many rows, see :meth:`rows`; then no states, no map."""
 
     model_description: ClassVar[str] = ""
-    default_step: ClassVar[float] = 1e-3  # s
+    default_step: ClassVar[float] = 1e-4  # s
     default_stop: ClassVar[float] = 10.0  # s
 
     # Views of the buffer, never rebound.

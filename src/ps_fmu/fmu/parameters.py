@@ -23,7 +23,17 @@ def parameter_ports(entries: Iterable[Entry]) -> tuple[Port, ...]:
     for entry in entries:
         kind = _TYPES.get(type(entry.value))
         if kind is not None:
-            ports.append(Port(entry.name, "parameter", type=kind, start=entry.value, description=entry.description))
+            ports.append(
+                Port(
+                    entry.name,
+                    "parameter",
+                    type=kind,
+                    start=entry.value,
+                    description=entry.description,
+                    min=entry.minimum,
+                    max=entry.maximum,
+                )
+            )
         else:
             ports.append(
                 Port(
@@ -32,7 +42,9 @@ def parameter_ports(entries: Iterable[Entry]) -> tuple[Port, ...]:
                     entry.unit,
                     entry.description,
                     start=entry.value,
-                    display_unit=_DISPLAY.get(entry.unit),
+                    min=entry.minimum,
+                    max=entry.maximum,
+                    display_unit=entry.display or _DISPLAY.get(entry.unit),
                 )
             )
     return tuple(ports)

@@ -14,7 +14,7 @@ from collections.abc import Collection, Iterator
 from pathlib import Path, PurePosixPath
 
 _DOTTED_NAME = re.compile(r"[A-Za-z_]\w*(\.\w+)*", re.ASCII)
-_DATA = (".toml", ".csv", ".json")
+_DATA = (".toml", ".csv", ".json", ".license")
 
 Files = dict[PurePosixPath, bytes]
 

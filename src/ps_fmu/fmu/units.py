@@ -32,7 +32,7 @@ _FACTOR = re.compile(r"([A-Za-z]+|1)(\d*)")
 _DEGREES = {"deg": math.degrees(1.0)}
 DISPLAY_UNITS: dict[str, dict[str, float]] = {
     "rad": _DEGREES | {"arcsec": math.degrees(3600.0), "mrad": 1e3, "urad": 1e6},
-    "rad/s": {"deg/s": math.degrees(1.0)},
+    "rad/s": {"deg/s": math.degrees(1.0), "rpm": 30.0 / math.pi},
     "rad/s2": {"deg/s2": math.degrees(1.0)},
     "m": {"mm": 1e3, "um": 1e6},
     "s": {"ms": 1e3},

@@ -133,12 +133,18 @@ class Port:
         low = -math.inf if self.min is None else self.min
         high = math.inf if self.max is None else self.max
         if not low <= number <= high:
-            raise self._refusal(value, f"a value from {low:g} to {high:g}")
+            raise self._refusal(value, _range(low, high))
         return int(number) if self.type == "Integer" else number
 
     def _refusal(self, value: Any, allowed: str) -> ValueError:
         unit = "" if self.unit == "1" else f" {self.unit}"
         return ValueError(f"{self.causality} {self.name} = {value!r}: expected {allowed}{unit}")
+
+
+def _range(low: float, high: float) -> str:
+    if high == math.inf:
+        return f"at least {low:g}"
+    return f"at most {high:g}" if low == -math.inf else f"a value from {low:g} to {high:g}"
 
 
 def vector(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import field
+from dataclasses import field, fields
 from typing import Any
 
 import numpy as np
@@ -20,9 +20,18 @@ class ParameterError(ValueError):
         self.problem = problem
 
 
-def quantity(unit: str, description: str) -> Any:
-    """A dataclass field with its unit and description."""
-    return field(metadata={"unit": unit, "description": description})
+def quantity(
+    unit: str,
+    description: str,
+    *,
+    above: float | None = None,
+    at_least: float | None = None,
+    at_most: float | None = None,
+    display: str | None = None,
+) -> Any:
+    """A dataclass field with its unit and description, for a number also its bounds and the unit to display it in."""
+    bounds = {"above": above, "at_least": at_least, "at_most": at_most}
+    return field(metadata={"unit": unit, "description": description, "bounds": bounds, "display": display})
 
 
 def frozen(value: Any, shape: tuple[int, ...], name: str) -> Array:
@@ -86,3 +95,9 @@ class Checked:
 
     def _set(self, name: str, value: object) -> None:
         object.__setattr__(self, name, value)
+
+    def _numbers(self, *names: str) -> None:
+        """Check fields against the bounds that their :func:`quantity` states."""
+        for f in fields(self):  # type: ignore[arg-type]  # every subclass is a dataclass
+            if f.name in names:
+                self._set(f.name, number(getattr(self, f.name), f.name, **f.metadata["bounds"]))

@@ -10,9 +10,10 @@ from functools import partial
 
 import numpy as np
 
+from .checks import Checked, number, quantity
 from .inverse import InversePose, Solver, descend, inverse_kinematics
 from .kinematics import KinematicsError
-from .parameters import Array, Geometry, ParameterError, quantity
+from .parameters import Array, Geometry
 from .profile import Limits, Profile, State, plan
 from .reach import stroke_margin, why_unreachable
 
@@ -29,17 +30,16 @@ _PATH_POSES = 257
 
 
 @dataclass(frozen=True)
-class Algorithm1:
+class Algorithm1(Checked):
     """Settings of the paper's Algorithm 1 (:func:`.inverse.descend`)."""
 
-    mu: float = quantity("1", "Step size; Algorithm 1 converges below 2/lambda_max(J J^T), about 0.81")
-    epsilon: float = quantity("m", "Error limit; 1e-6 m leaves up to 4e-4 deg, 1e-11 m below 1e-8 deg")
-    max_iterations: int = quantity("1", "Iterations after which Algorithm 1 gives up")
+    mu: float = quantity("1", "Step size; Algorithm 1 converges below 2/lambda_max(J J^T), about 0.81", above=0.0)
+    epsilon: float = quantity("m", "Error limit; 1e-6 m leaves up to 4e-4 deg, 1e-11 m below 1e-8 deg", above=0.0)
+    max_iterations: int = quantity("1", "Iterations after which Algorithm 1 gives up", at_least=1)
 
     def __post_init__(self) -> None:
-        for name in ("mu", "epsilon", "max_iterations"):
-            if not 0 < getattr(self, name) < np.inf:
-                raise ParameterError(name, f"must be positive and finite, got {getattr(self, name)!r}")
+        self._numbers("mu", "epsilon")
+        number(self.max_iterations, "max_iterations", at_least=1)
 
     def solver(self) -> Solver:
         """Algorithm 1 with these settings, for :func:`.inverse.inverse_kinematics`."""

@@ -30,6 +30,11 @@ class Entry:
     value: float | bool | int | str
     unit: str
     description: str
+    minimum: float | None = None
+    """Smallest value, or a bound that the value must be above."""
+    maximum: float | None = None
+    display: str | None = None
+    """Unit to display it in."""
 
 
 def entries(obj: Any, prefix: str = "", keep: Callable[[str], bool] | None = None) -> list[Entry]:
@@ -61,7 +66,9 @@ def entries(obj: Any, prefix: str = "", keep: Callable[[str], bool] | None = Non
                 for suffix, index in _components(f.name, value)
             ]
         else:
-            found.append(Entry(name, value, unit, text))
+            bounds, display = f.metadata["bounds"], f.metadata["display"]
+            minimum = bounds["above"] if bounds["at_least"] is None else bounds["at_least"]
+            found.append(Entry(name, value, unit, text, minimum, bounds["at_most"], display))
     return found if keep is None else [e for e in found if keep(e.name)]
 
 

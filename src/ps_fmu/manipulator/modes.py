@@ -7,28 +7,26 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .checks import Array, Checked, ParameterError, frozen, number, quantity
+from .checks import Array, Checked, ParameterError, frozen, quantity
 
 
 @dataclass(frozen=True, eq=False)
 class TrussMode(Checked):
     """A point mass on the payload (secondary mirror on its truss) that moves along one direction."""
 
-    mass: float = quantity("kg", "Moving mass, part of the payload's mass")
+    mass: float = quantity("kg", "Moving mass, part of the payload's mass", at_least=0.0)
     position_P: Array = quantity("m", "Position of the moving mass, in P")
     direction_P: Array = quantity("1", "Direction of motion, in P")
-    frequency: float = quantity("Hz", "Natural frequency with the platform held; 0 = rigid")
-    damping_ratio: float = quantity("1", "Damping ratio")
+    frequency: float = quantity("Hz", "Natural frequency with the platform held; 0 = rigid", at_least=0.0)
+    damping_ratio: float = quantity("1", "Damping ratio of the truss mode", at_least=0.0)
 
     def __post_init__(self) -> None:
-        self._set("mass", number(self.mass, "mass", at_least=0.0))
+        self._numbers("mass", "frequency", "damping_ratio")
         self._set("position_P", frozen(self.position_P, (3,), "position"))
         direction = frozen(self.direction_P, (3,), "direction")
         if np.linalg.norm(direction) < 1e-9:
             raise ParameterError("direction", "must not be the zero vector")
         self._set("direction_P", direction)
-        self._set("frequency", number(self.frequency, "frequency", at_least=0.0))
-        self._set("damping_ratio", number(self.damping_ratio, "damping_ratio", at_least=0.0))
 
     @property
     def active(self) -> bool:
@@ -46,15 +44,14 @@ class TrussMode(Checked):
 class BusMode(Checked):
     """A mass-normalised flexible mode of the bus (solar arrays): a column of M_b12 in eq 25, M_b22 = identity."""
 
-    frequency: float = quantity("Hz", "Natural frequency with the bus held; 0 = rigid")
-    damping_ratio: float = quantity("1", "Damping ratio")
+    frequency: float = quantity("Hz", "Natural frequency with the bus held; 0 = rigid", at_least=0.0)
+    damping_ratio: float = quantity("1", "Damping ratio of the bus mode", at_least=0.0)
     participation_B: Array = quantity(
         "sqrt(kg)|sqrt(kg).m", "Participation in B at its origin: three translations, then three rotations"
     )
 
     def __post_init__(self) -> None:
-        self._set("frequency", number(self.frequency, "frequency", at_least=0.0))
-        self._set("damping_ratio", number(self.damping_ratio, "damping_ratio", at_least=0.0))
+        self._numbers("frequency", "damping_ratio")
         self._set("participation_B", frozen(self.participation_B, (6,), "participation"))
 
     @property

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from .checks import Array, Checked, ParameterError, frozen, inertia_tensor, number, quantity
+from .checks import Array, Checked, ParameterError, frozen, inertia_tensor, quantity
 from .modes import BusMode, TrussMode, carries_its_modes
 
 PAPER = Path(__file__).with_name("paper.toml")
@@ -28,14 +28,14 @@ PAPER = Path(__file__).with_name("paper.toml")
 class LegPart(Checked):
     """The lower or the upper part of a leg, slender and symmetric about the leg's axis (eq A12)."""
 
-    mass: float = quantity("kg", "Mass")
+    mass: float = quantity("kg", "Mass of this part of the leg", at_least=0.0)
     com_distance: float = quantity("m", "Distance of the centre of mass from the part's own joint, along the leg")
-    radial_inertia: float = quantity("kg.m2", "Moment of inertia about a radial axis through the centre of mass")
+    radial_inertia: float = quantity(
+        "kg.m2", "Moment of inertia of this part about a radial axis through its centre of mass", at_least=0.0
+    )
 
     def __post_init__(self) -> None:
-        self._set("mass", number(self.mass, "mass", at_least=0.0))
-        self._set("com_distance", number(self.com_distance, "com_distance"))
-        self._set("radial_inertia", number(self.radial_inertia, "radial_inertia", at_least=0.0))
+        self._numbers("mass", "com_distance", "radial_inertia")
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,25 +56,23 @@ class CoarseLeg(Checked):
 class FineLeg(CoarseLeg):
     """A fine leg: a coarse leg's fields, and the suspension of its voice-coil actuator (eq 18)."""
 
-    stiffness: float = quantity("N/m", "Axial stiffness of the diaphragm springs")
-    damping: float = quantity("N.s/m", "Electromagnetic damping of the actuator")
+    stiffness: float = quantity("N/m", "Axial stiffness of the diaphragm springs", above=0.0)
+    damping: float = quantity("N.s/m", "Electromagnetic damping of the actuator", at_least=0.0)
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self._set("stiffness", number(self.stiffness, "stiffness", above=0.0))
-        self._set("damping", number(self.damping, "damping", at_least=0.0))
+        self._numbers("stiffness", "damping")
 
 
 @dataclass(frozen=True)
 class CoarseRods(Checked):
     """Axial flexibility of the coarse rods; stiffness zero means rigid rods."""
 
-    axial_stiffness: float = quantity("N/m", "Axial stiffness of each coarse rod; 0 = rigid")
-    damping_ratio: float = quantity("1", "Damping ratio of each rod against the mass it carries")
+    axial_stiffness: float = quantity("N/m", "Axial stiffness of each coarse rod; 0 = rigid", at_least=0.0)
+    damping_ratio: float = quantity("1", "Damping ratio of each rod against the mass it carries", at_least=0.0)
 
     def __post_init__(self) -> None:
-        self._set("axial_stiffness", number(self.axial_stiffness, "axial_stiffness", at_least=0.0))
-        self._set("damping_ratio", number(self.damping_ratio, "damping_ratio", at_least=0.0))
+        self._numbers("axial_stiffness", "damping_ratio")
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,13 +149,13 @@ class Manipulator(Checked):
 class Payload(Checked):
     """Payload and platform as one body, and the modes of the payload's truss."""
 
-    mass: float = quantity("kg", "Mass, truss included")
-    com_P: Array = quantity("m", "Centre of mass, in P")
-    inertia_P: Array = quantity("kg.m2", "Inertia about the centre of mass, in P")
+    mass: float = quantity("kg", "Mass of payload and platform, truss included", above=0.0)
+    com_P: Array = quantity("m", "Centre of mass of payload and platform, in P")
+    inertia_P: Array = quantity("kg.m2", "Inertia of payload and platform about their centre of mass, in P")
     truss_modes: tuple[TrussMode, ...] = quantity("", "Truss modes")
 
     def __post_init__(self) -> None:
-        self._set("mass", number(self.mass, "mass", above=0.0))
+        self._numbers("mass")
         self._set("com_P", frozen(self.com_P, (3,), "com"))
         self._set("inertia_P", inertia_tensor(self.inertia_P, "inertia"))
         carries_its_modes(
@@ -175,13 +173,13 @@ class Payload(Checked):
 class Bus(Checked):
     """The spacecraft bus (the paper's support module)."""
 
-    mass: float = quantity("kg", "Mass")
-    com_B: Array = quantity("m", "Centre of mass, in B")
-    inertia_B: Array = quantity("kg.m2", "Inertia about the centre of mass, in B")
+    mass: float = quantity("kg", "Mass of the bus", above=0.0)
+    com_B: Array = quantity("m", "Centre of mass of the bus, in B")
+    inertia_B: Array = quantity("kg.m2", "Inertia of the bus about its centre of mass, in B")
     modes: tuple[BusMode, ...] = quantity("", "Flexible modes")
 
     def __post_init__(self) -> None:
-        self._set("mass", number(self.mass, "mass", above=0.0))
+        self._numbers("mass")
         self._set("com_B", frozen(self.com_B, (3,), "com"))
         self._set("inertia_B", inertia_tensor(self.inertia_B, "inertia"))
         carries_its_modes(
@@ -199,35 +197,35 @@ class Bus(Checked):
 class CoarseServo(Checked):
     """Position servo of each coarse actuator: second order, its command limited in rate."""
 
-    frequency: float = quantity("Hz", "Natural frequency")
-    damping_ratio: float = quantity("1", "Damping ratio")
-    rate_limit: float = quantity("m/s", "Largest rate of the reference that the servo follows")
+    frequency: float = quantity("Hz", "Natural frequency of the coarse servos", above=0.0)
+    damping_ratio: float = quantity("1", "Damping ratio of the coarse servos", above=0.0)
+    rate_limit: float = quantity("m/s", "Largest rate of the reference that a coarse servo follows", above=0.0)
 
     def __post_init__(self) -> None:
-        self._set("frequency", number(self.frequency, "frequency", above=0.0))
-        self._set("damping_ratio", number(self.damping_ratio, "damping_ratio", above=0.0))
-        self._set("rate_limit", number(self.rate_limit, "rate_limit", above=0.0))
+        self._numbers("frequency", "damping_ratio", "rate_limit")
 
 
 @dataclass(frozen=True)
 class Optics(Checked):
     """The optical payload as far as the image point needs it: boresight along z of P."""
 
-    focal_length: float = quantity("m", "Effective focal length: image-point displacement per radian")
+    focal_length: float = quantity("m", "Effective focal length: image-point displacement per radian", above=0.0)
 
     def __post_init__(self) -> None:
-        self._set("focal_length", number(self.focal_length, "focal_length", above=0.0))
+        self._numbers("focal_length")
 
 
 @dataclass(frozen=True)
 class FeedforwardFilters(Checked):
     """Filters of the practical controller (eq 55): Chebyshev II low-pass M(s), high-pass inside H1(s) and H2(s)."""
 
-    lowpass_order: int = quantity("1", "Order of the Chebyshev type II low-pass M(s)")
-    lowpass_stop_frequency: float = quantity("Hz", "Stop-band edge of the low-pass")
-    lowpass_stop_attenuation: float = quantity("dB", "Stop-band attenuation of the low-pass")
-    highpass_frequency: float = quantity("Hz", "Corner of the second-order high-pass")
-    highpass_damping_ratio: float = quantity("1", "Damping ratio of the second-order high-pass")
+    lowpass_order: int = quantity("1", "Order of the Chebyshev type II low-pass M(s), odd", at_least=1, at_most=9)
+    lowpass_stop_frequency: float = quantity("Hz", "Stop-band edge of the low-pass", above=0.0)
+    lowpass_stop_attenuation: float = quantity(
+        "dB", "Stop-band attenuation of the low-pass", above=0.0, at_most=200.0  # doubles hold 300
+    )
+    highpass_frequency: float = quantity("Hz", "Corner of the second-order high-pass", above=0.0)
+    highpass_damping_ratio: float = quantity("1", "Damping ratio of the second-order high-pass", above=0.0)
 
     def __post_init__(self) -> None:
         order = self.lowpass_order
@@ -235,14 +233,9 @@ class FeedforwardFilters(Checked):
             # An even order passes 10^(-attenuation/20) straight through: an algebraic loop with the plant.
             raise ParameterError("lowpass_order", f"expected an odd whole number from 1 to 9, got {order!r}")
         self._set("lowpass_order", int(order))
-        number(self.lowpass_stop_attenuation, "lowpass_stop_attenuation", at_most=200.0)  # dB; doubles hold 300
-        for name in (
-            "lowpass_stop_frequency",
-            "lowpass_stop_attenuation",
-            "highpass_frequency",
-            "highpass_damping_ratio",
-        ):
-            self._set(name, number(getattr(self, name), name, above=0.0))
+        self._numbers(
+            "lowpass_stop_frequency", "lowpass_stop_attenuation", "highpass_frequency", "highpass_damping_ratio"
+        )
 
 
 @dataclass(frozen=True, eq=False)

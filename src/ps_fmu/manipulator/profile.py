@@ -30,7 +30,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .parameters import Array, ParameterError, quantity
+from .checks import Array, Checked, quantity
 
 # Peaks of |x'|, |x''|, |x'''| of a transfer over unit distance in unit time.
 PEAK_RATE = 35.0 / 16.0
@@ -67,20 +67,18 @@ class State(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Limits:
+class Limits(Checked):
     """What a profile may demand; each limit holds for the Euclidean norm over roll, pitch and yaw."""
 
-    max_rate: float = quantity("rad/s", "Largest rate of the commanded orientation")
-    max_acceleration: float = quantity("rad/s2", "Largest second derivative of the commanded orientation")
-    max_jerk: float = quantity("rad/s3", "Largest third derivative of the commanded orientation")
-    min_duration: float = quantity("s", "Shortest duration of a motion, however small")
+    max_rate: float = quantity("rad/s", "Largest rate of the commanded orientation", above=0.0, display="deg/s")
+    max_acceleration: float = quantity(
+        "rad/s2", "Largest second derivative of the commanded orientation", above=0.0, display="deg/s2"
+    )
+    max_jerk: float = quantity("rad/s3", "Largest third derivative of the commanded orientation", above=0.0)
+    min_duration: float = quantity("s", "Shortest duration of a motion, however small", at_least=0.0)
 
     def __post_init__(self) -> None:
-        for name in ("max_rate", "max_acceleration", "max_jerk"):
-            if not 0.0 < getattr(self, name) < np.inf:
-                raise ParameterError(name, f"must be positive and finite, got {getattr(self, name)!r}")
-        if not 0.0 <= self.min_duration < np.inf:
-            raise ParameterError("min_duration", f"must be finite, not negative, got {self.min_duration!r}")
+        self._numbers("max_rate", "max_acceleration", "max_jerk", "min_duration")
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..checks import Checked, ParameterError, frozen, number, quantity, truth
+from ..checks import Checked, ParameterError, frozen, quantity, truth
 from ..parameters import Noise, Parameters
 from .spectrum import HIGHEST
 
@@ -33,9 +33,12 @@ class NoiseSource(Noise):
 
     enabled: bool = quantity("", "Noise on")
     multisine: bool = quantity("", "True: deterministic lines of fixed amplitude; false: Gaussian, endless")
-    scale: float = quantity("1", "Factor on the noise amplitude")
+    scale: float = quantity("1", "Factor on the noise amplitude", at_least=0.0)
     period: float = quantity(
-        "s", "Lines below 20 Hz are 1/period apart: window of the multisine, block length of Gaussian noise"
+        "s",
+        "Lines below 20 Hz are 1/period apart: window of the multisine, block length of Gaussian noise",
+        at_least=1.0,
+        at_most=1000.0,  # memory
     )
 
     def __post_init__(self) -> None:
@@ -44,10 +47,7 @@ class NoiseSource(Noise):
             raise ParameterError("band.max", f"must not exceed {HIGHEST:g} Hz, got {self.band[1]:g} Hz")
         self._set("enabled", truth(self.enabled, "enabled"))
         self._set("multisine", truth(self.multisine, "multisine"))
-        self._set("scale", number(self.scale, "scale", at_least=0.0))
-        self._set("period", number(self.period, "period", at_least=1.0))
-        if self.period > 1000.0:
-            raise ParameterError("period", f"must not exceed 1000 s (memory), got {self.period:g} s")
+        self._numbers("scale", "period")
         if self.period * self.band[0] < 2.0:
             raise ParameterError(
                 "period",
@@ -61,39 +61,34 @@ class Wheel(Checked):
     """A reaction wheel: where it is and how its speed goes."""
 
     enabled: bool = quantity("", "Wheel on")
-    scale: float = quantity("1", "Factor on the wheel's force and torque")
+    scale: float = quantity("1", "Factor on the wheel's force and torque", at_least=0.0)
     spin_axis_B: Array = quantity("1", "Direction of the spin axis, in B")
     position_B: Array = quantity("m", "Centre of the wheel, in B")
-    initial_speed: float = quantity("rad/s", "Speed before the ramp")
-    final_speed: float = quantity("rad/s", "Speed after the ramp")
+    initial_speed: float = quantity("rad/s", "Speed before the ramp", display="rpm")
+    final_speed: float = quantity("rad/s", "Speed after the ramp", display="rpm")
     ramp_start: float = quantity("s", "Time at which the speed begins to change")
-    ramp_duration: float = quantity("s", "Time that the change of speed takes")
+    ramp_duration: float = quantity("s", "Time that the change of speed takes", at_least=0.0)
 
     def __post_init__(self) -> None:
         self._set("enabled", truth(self.enabled, "enabled"))
-        self._set("scale", number(self.scale, "scale", at_least=0.0))
+        self._numbers("scale", "initial_speed", "final_speed", "ramp_start", "ramp_duration")
         self._set("spin_axis_B", frozen(self.spin_axis_B, (3,), "spin_axis"))
         if np.linalg.norm(self.spin_axis_B) < 1e-9:
             raise ParameterError("spin_axis", "must not be the zero vector")
         self._set("position_B", frozen(self.position_B, (3,), "position"))
-        self._set("initial_speed", number(self.initial_speed, "initial_speed"))
-        self._set("final_speed", number(self.final_speed, "final_speed"))
-        self._set("ramp_start", number(self.ramp_start, "ramp_start"))
-        self._set("ramp_duration", number(self.ramp_duration, "ramp_duration", at_least=0.0))
 
 
 @dataclass(frozen=True, eq=False)
 class ToneSettings(Checked):
     """A sine; no amplitude means off."""
 
-    frequency: float = quantity("Hz", "Frequency of the sine")
+    frequency: float = quantity("Hz", "Frequency of the sine", at_least=1e-4)
     phase: float = quantity("rad", "Phase of the sine at t = 0")
     force_B: Array = quantity("N", "Amplitude of the sine's force, in B")
     torque_B: Array = quantity("N.m", "Amplitude of the sine's torque, in B at its origin")
 
     def __post_init__(self) -> None:
-        self._set("frequency", number(self.frequency, "frequency", at_least=1e-4))
-        self._set("phase", number(self.phase, "phase"))
+        self._numbers("frequency", "phase")
         self._set("force_B", frozen(self.force_B, (3,), "force"))
         self._set("torque_B", frozen(self.torque_B, (3,), "torque"))
 
@@ -102,19 +97,16 @@ class ToneSettings(Checked):
 class ChirpSettings(Checked):
     """A sweep; no amplitude means off."""
 
-    initial_frequency: float = quantity("Hz", "Frequency at the start of the sweep")
-    final_frequency: float = quantity("Hz", "Frequency at the end of the sweep")
+    initial_frequency: float = quantity("Hz", "Frequency at the start of the sweep", above=0.0)
+    final_frequency: float = quantity("Hz", "Frequency at the end of the sweep", above=0.0)
     start: float = quantity("s", "Time at which the sweep starts")
-    duration: float = quantity("s", "Duration of the sweep")
+    duration: float = quantity("s", "Duration of the sweep", above=0.0)
     logarithmic: bool = quantity("", "True: equal frequency ratios in equal times; false: linear")
     force_B: Array = quantity("N", "Amplitude of the sweep's force, in B")
     torque_B: Array = quantity("N.m", "Amplitude of the sweep's torque, in B at its origin")
 
     def __post_init__(self) -> None:
-        self._set("initial_frequency", number(self.initial_frequency, "initial_frequency", above=0.0))
-        self._set("final_frequency", number(self.final_frequency, "final_frequency", above=0.0))
-        self._set("start", number(self.start, "start"))
-        self._set("duration", number(self.duration, "duration", above=0.0))
+        self._numbers("initial_frequency", "final_frequency", "start", "duration")
         self._set("logarithmic", truth(self.logarithmic, "logarithmic"))
         self._set("force_B", frozen(self.force_B, (3,), "force"))
         self._set("torque_B", frozen(self.torque_B, (3,), "torque"))
@@ -132,15 +124,17 @@ class RecordingSettings(Checked):
         if not isinstance(self.path, str):
             raise ParameterError("path", f"expected text, got {self.path!r}")
         self._set("repeat", truth(self.repeat, "repeat"))
-        self._set("scale", number(self.scale, "scale"))
+        self._numbers("scale")
 
 
 @dataclass(frozen=True, eq=False)
 class DisturbanceSettings(Checked):
     """All kinds; what is on is added up."""
 
-    seed: int = quantity("1", "Seed of everything random: noise, initial phases of the wheels")
-    rise_time: float = quantity("s", "Time over which the disturbance rises smoothly from zero")
+    seed: int = quantity("1", "Seed of everything random: noise, initial phases of the wheels", at_least=0)
+    rise_time: float = quantity(
+        "s", "Time over which the disturbance rises smoothly from zero", at_least=0.1, at_most=20.0
+    )
     bus: BusCentre = quantity("", "Bus")
     noise: NoiseSource = quantity("", "Band-limited white noise")
     wheels: tuple[Wheel, ...] = quantity("", "Reaction wheels")
@@ -152,9 +146,7 @@ class DisturbanceSettings(Checked):
         if isinstance(self.seed, bool) or self.seed != int(self.seed) or self.seed < 0:
             raise ParameterError("seed", f"expected a whole number, 0 or greater, got {self.seed!r}")
         self._set("seed", int(self.seed))
-        self._set("rise_time", number(self.rise_time, "rise_time", at_least=0.1))
-        if self.rise_time > 20.0:
-            raise ParameterError("rise_time", f"must not exceed 20 s, got {self.rise_time:g} s")
+        self._numbers("rise_time")
         if self.chirp.duration < 2.0 * self.rise_time and np.any([self.chirp.force_B, self.chirp.torque_B]):
             raise ParameterError(
                 "chirp.duration",

@@ -4,8 +4,7 @@ Each harmonic is a vector in the wheel plane of amplitude C_i W^2 (W: wheel spee
 
 Coefficients: the two CSV files beside this module, lines ``h_i, C_i`` without header, C_i in N/(rad/s)^2 and
 N.m/(rad/s)^2.  They belong to a small reaction wheel in the sample satellite of the spacecraft simulator S2E
-(github.com/ut-issl/s2e-core, MIT licence, (c) 2021 Intelligent Space Systems Laboratory, The University of
-Tokyo).
+(github.com/ut-issl/s2e-core), whose licence is beside them.
 
 Left out: axial force, torque about the spin axis, structural modes of the wheel, gyroscopic moments.
 """

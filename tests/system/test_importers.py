@@ -1,0 +1,122 @@
+"""Each FMU alone and all four wired, in tools of other makers: the numbers of FMPy's calls."""
+
+import random
+from pathlib import Path
+
+import pytest
+from support.importers import interpreter_with
+from support.jobs import Job, Results, assert_same, reference, run_job, without_booleans
+
+from ps_fmu.cosim import System, read_system
+from ps_fmu.cosim.description import read_description, variables_of
+
+SSD = Path(__file__).parents[2] / "system" / "SystemStructure.ssd"
+TOOLS = ("libcosim", "Ecos", "PathSim", "CoFMUPy")
+REAL_ONLY = ("PathSim", "CoFMUPy")  # they read and write every port as a Real
+COMPONENTS = ("disturbance", "commander", "plant", "isolator")
+START = {
+    "disturbance": ("rise_time", 0.1),  # s
+    "commander": ("min_duration", 5.0),  # s
+    "plant": ("payload.mass", 40.0),  # kg
+    "isolator": ("payload.mass", 40.0),  # kg
+}
+SIZES = {  # of the inputs: N, N m, m, rad, m/s2, rad/s2
+    "fine_force": 1.0,
+    "base_force": 10.0,
+    "base_torque": 1.0,
+    "coarse_command": 1e-4,
+    "target": 0.02,
+    "base_acceleration": 1e-3,
+    "base_angular_acceleration": 1e-3,
+    "orientation": 1e-3,
+}
+
+
+@pytest.fixture(scope="module")
+def system(built_fmus: Path) -> System:
+    return read_system(SSD, built_fmus)
+
+
+def prepared(system: System, step: float, steps: int) -> Job:
+    """All outputs of the four, and a start value for each that is not the FMU's own."""
+    job: Job = {"step": step, "steps": steps, "fmus": {}, "start": [], "inputs": [], "connections": [], "outputs": []}
+    for name in COMPONENTS:
+        source = system.component(name).source
+        variables = variables_of(read_description(source))
+        job["fmus"][name] = str(source)
+        parameter, value = START[name]
+        job["start"].append((name, parameter, variables[parameter].valueReference, "Real", value))
+        outputs = [v for v in variables.values() if v.causality == "output"]
+        job["outputs"] += [(name, v.name, v.valueReference, v.type) for v in outputs]
+    return job
+
+
+def alone(system: System) -> Job:
+    """All four, not connected: every input another number in each step."""
+    job = prepared(system, 1e-3, 40)
+    numbers = random.Random(3)
+    for component in COMPONENTS:
+        for v in variables_of(read_description(system.component(component).source)).values():
+            if v.causality == "input" and v.type == "Boolean":
+                values: list = [k % 25 < 15 for k in range(job["steps"])]
+            elif v.causality == "input":
+                size = SIZES[v.name.partition(".")[0].rstrip("_123")]
+                values = [size * numbers.uniform(-1.0, 1.0) for _ in range(job["steps"])]
+            else:
+                continue
+            job["inputs"].append((component, v.name, v.valueReference, v.type, values))
+    return job
+
+
+def loop(system: System) -> Job:
+    """All four, wired as the system description says, with a target to go to."""
+    job = prepared(system, 1e-4, 100)
+    variables = {name: variables_of(read_description(system.component(name).source)) for name in COMPONENTS}
+    for c in system.connections:
+        ends = [(end.component, end.variable, variables[end.component][end.variable]) for end in (c.source, c.target)]
+        job["connections"].append([x for name, port, v in ends for x in (name, port, v.valueReference)])
+    target = variables["commander"]["target.roll"]
+    job["inputs"].append(("commander", target.name, target.valueReference, "Real", [0.01] * job["steps"]))
+    return job
+
+
+@pytest.fixture(scope="module")
+def driven(system: System) -> dict[str, tuple[Job, Results]]:
+    """The job of each tool and what should come out."""
+    job = alone(system)
+    reals = without_booleans(job)
+    both = {True: (reals, reference(reals)), False: (job, reference(job))}
+    return {tool: both[tool in REAL_ONLY] for tool in TOOLS}
+
+
+def test_start_values_and_inputs_make_a_difference(driven):
+    """The comparisons below would miss what a tool does not hand on, if it made none."""
+    job, expected = driven["libcosim"]
+    as_built = reference(job | {"start": []})
+    for component in COMPONENTS:
+        own = {name: values for name, values in expected.items() if name.startswith(f"{component}.")}
+        assert any(values != as_built[name] for name, values in own.items())
+        assert any(len(set(values)) > job["steps"] / 2 for values in own.values())
+
+
+@pytest.mark.parametrize("tool", TOOLS)
+def test_each_fmu_alone_gets_the_same_numbers(tool, driven, tmp_path):
+    interpreter = interpreter_with(tool)
+    job, expected = driven[tool]
+    assert_same(run_job(job, interpreter, tool.lower(), tmp_path), expected)
+
+
+@pytest.mark.parametrize(
+    ("tool", "groups", "first"),
+    [
+        ("PathSim", [(name,) for name in COMPONENTS], True),
+        ("CoFMUPy", [("disturbance",), ("commander",), ("plant", "isolator")], False),
+    ],
+)
+def test_the_loop_gets_the_same_numbers(tool, groups, first, system, tmp_path):
+    """In tools that read no .ssp: PathSim steps one after the other, CoFMUPy at once what is in a loop."""
+    interpreter = interpreter_with(tool)
+    job = without_booleans(loop(system))
+    expected = reference(job, groups, first=first)
+    assert_same(run_job(job, interpreter, tool.lower(), tmp_path), expected)
+    assert expected["isolator.fine_force_1"][-1] != 0.0
