@@ -39,14 +39,14 @@ except ModuleNotFoundError as missing:
 
 def parser() -> argparse.ArgumentParser:
     """The command line."""
-    durations, storage = (
+    durations, storage, steps = (
         ", ".join(f"{name} {seconds:g}" for name, seconds in default.items())
-        for default in (DEFAULT_DURATION_S, DEFAULT_STORAGE_STEP_S)
+        for default in (DEFAULT_DURATION_S, DEFAULT_STORAGE_STEP_S, DEFAULT_STEP_S)
     )
     p = argparse.ArgumentParser(prog="run.py", description=__doc__.splitlines()[0] if __doc__ else None)
     p.add_argument("scenario", nargs="?", default="isolation", choices=list(DEFAULT_DURATION_S))
     p.add_argument("--duration", type=float, metavar="S", help=f"seconds to simulate and judge, per run ({durations})")
-    p.add_argument("--step", type=float, default=DEFAULT_STEP_S, metavar="S", help="seconds (%(default)s)")
+    p.add_argument("--step", type=float, metavar="S", help=f"seconds ({steps})")
     p.add_argument("--seed", type=int, default=1, metavar="N", help="seed of the disturbance (%(default)s)")
     p.add_argument(
         "--parameters", type=Path, nargs="+", action="extend", default=[], metavar="F.ssv",
@@ -61,13 +61,13 @@ def parser() -> argparse.ArgumentParser:
 
 def options_of(arguments: argparse.Namespace) -> RunOptions:
     """Checked options, with an output folder that can be written.  Raises OptionError."""
-    duration, output = arguments.duration, arguments.output
+    duration, step, output = arguments.duration, arguments.step, arguments.output
     return RunOptions(
         scenario=arguments.scenario,
         system=arguments.ssp or ROOT / "system" / "SystemStructure.ssd",
         output=output if output is not None else Path("results", arguments.scenario),
         duration_s=duration if duration is not None else DEFAULT_DURATION_S[arguments.scenario],
-        step_s=arguments.step,
+        step_s=step if step is not None else DEFAULT_STEP_S[arguments.scenario],
         seed=arguments.seed,
         parameters=tuple(arguments.parameters),
         scheme=arguments.scheme,

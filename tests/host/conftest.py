@@ -121,7 +121,7 @@ def bundles(unpacked: dict[str, Path], tmp_path_factory: pytest.TempPathFactory)
         notes = dict(line.split("=", 1) for line in (fmu / "resources" / "launcher.txt").read_text().splitlines())
         users.setdefault(notes["modules"], []).append(fmu / "binaries" / "linux64")
     for modules, (first, *others) in users.items():
-        for name, content in bundle(modules.split()).items():
+        for name, content in bundle(modules.split()).files.items():
             (first / name).parent.mkdir(parents=True, exist_ok=True)
             (first / name).write_bytes(content)
         for other in others:

@@ -14,11 +14,15 @@ enum { MOST_LOGGED = 30 };
 
 int leaving;
 
+static void stay_if_leaving(void)
+{
+    while (leaving)
+        pause();
+}
+
 void fail(const char *what)
 {
-    if (leaving)
-        for (;;)
-            pause();
+    stay_if_leaving();
     fprintf(stderr, "host: %s\n", what);
     _exit(1);
 }
@@ -90,8 +94,10 @@ void load(Fmu *fmu)
 fmi2Component new_instance(const Fmu *fmu, const char *name)
 {
     fmi2Component component = fmu->Instantiate(name, fmi2CoSimulation, fmu->guid, fmu->uri, &callbacks, 0, 1);
-    if (component == NULL)
+    if (component == NULL) {
+        stay_if_leaving();
         exit(3);
+    }
     return component;
 }
 

@@ -1,7 +1,8 @@
 """What a unit's name says, where it says it beyond doubt: ``mm/s2``, ``N.m``, ``kW*h``, ``J/(kg.K)``, ``degC``.
 
-FMI leaves the names of units to the tools (FMI 2.0.4, section 2.2.2).  Names that are written otherwise, and names that
-are read in more than one way (``Hz`` and ``rpm`` with or without 2 pi, ``g`` for mass or gravity), say nothing.
+FMI leaves the names of units to the tools (FMI 2.0.4, section 2.2.2).  Names that are written otherwise, and names
+that are read in more than one way (``g`` for mass or gravity), say nothing.  A cycle is an angle of 2 pi, as in that
+section; for tools to which it is none, :mod:`.unit_rules` compares only where the exponents of rad agree.
 """
 
 from __future__ import annotations
@@ -29,6 +30,7 @@ def _si(**exponents: int) -> Exponents:
     return tuple(exponents.get(base, 0) for base in BASE_UNITS)
 
 
+_SPEED = _si(rad=1, s=-1)
 _NEWTON, _JOULE, _PASCAL = _si(kg=1, m=1, s=-2), _si(kg=1, m=2, s=-2), _si(kg=1, m=-1, s=-2)
 _WITH_PREFIX = {
     "m": _si(m=1), "s": _si(s=1), "rad": _si(rad=1), "A": _si(A=1), "K": _si(K=1), "mol": _si(mol=1), "N": _NEWTON,
@@ -39,7 +41,9 @@ _DEGREE = math.radians(1.0)
 _SYMBOLS = {prefix + name: (scale, si) for prefix, scale in _PREFIXES.items() for name, si in _WITH_PREFIX.items()} | {
     "1": (1.0, _NONE), "%": (1e-2, _NONE), "kg": (1.0, _si(kg=1)), "cd": (1.0, _si(cd=1)), "cm": (1e-2, _si(m=1)),
     "deg": (_DEGREE, _si(rad=1)), "\u00b0": (_DEGREE, _si(rad=1)), "arcmin": (_DEGREE / 60.0, _si(rad=1)),
-    "arcsec": (_DEGREE / 3600.0, _si(rad=1)), "min": (60.0, _si(s=1)), "h": (3600.0, _si(s=1)), "bar": (1e5, _PASCAL),
+    "arcsec": (_DEGREE / 3600.0, _si(rad=1)), "rev": (math.tau, _si(rad=1)), "rpm": (math.tau / 60.0, _SPEED),
+    "Hz": (math.tau, _SPEED), "kHz": (1e3 * math.tau, _SPEED), "MHz": (1e6 * math.tau, _SPEED),
+    "min": (60.0, _si(s=1)), "h": (3600.0, _si(s=1)), "bar": (1e5, _PASCAL),
 }  # fmt: skip
 _CELSIUS = Meaning(1.0, _si(K=1), 273.15)
 _FAHRENHEIT = Meaning(5.0 / 9.0, _si(K=1), 273.15 - 32.0 * 5.0 / 9.0)

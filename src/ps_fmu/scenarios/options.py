@@ -11,10 +11,11 @@ DEFAULT_DURATION_S = {
     "isolation": 20.0,  # at the nominal orientation; passive, then active
     "table2": 100.0,  # window of the statistics, at each of four orientations; passive, then active
     "slew": 100.0,  # profile, then at least 60 s to settle
+    "trajectories": 60.0,  # up to 25 targets of a path; four paths, each with two solvers
 }
 # Each step would be 0.5 GB per case of 100 s. Figures and statistics use every step whatever is stored.
-DEFAULT_STORAGE_STEP_S = {"isolation": 1e-3, "table2": 1e-2, "slew": 1e-2}
-DEFAULT_STEP_S = 1e-4
+DEFAULT_STORAGE_STEP_S = {"isolation": 1e-3, "table2": 1e-2, "slew": 1e-2, "trajectories": 1e-2}
+DEFAULT_STEP_S = {"isolation": 1e-4, "table2": 1e-4, "slew": 1e-4, "trajectories": 1e-3}
 RESULTS, SUMMARY, REPORT = "results.nc", "summary.json", "report.html"  # in the output folder
 SCENARIOS = tuple(DEFAULT_DURATION_S)
 SCHEMES = ("jacobi", "gauss-seidel")
@@ -37,7 +38,7 @@ class RunOptions:
     system: Path  # system structure description (.ssd)
     output: Path  # folder of the results
     duration_s: float
-    step_s: float = DEFAULT_STEP_S  # communication step
+    step_s: float = 1e-4  # communication step
     seed: int = 1
     parameters: tuple[Path, ...] = ()  # .ssv files with names component.parameter; later ones win
     scheme: str = "jacobi"
