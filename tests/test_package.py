@@ -17,7 +17,9 @@ MAY_IMPORT = {
     "cosim": {"fmu", "manipulator"},
     "pointing": {"fmu", "manipulator"},
     "check": {"cosim", "fmu", "manipulator"},
-    "scenarios": {"cosim", "pointing", "fmu", "manipulator"},
+    "paper": set(),
+    "scenarios": {"cosim", "pointing", "fmu", "manipulator", "paper"},
+    "analysis": {"scenarios", "cosim", "pointing", "fmu", "manipulator", "paper"},
 }
 
 # The calls of FMI 2.0: the standard says what they do.

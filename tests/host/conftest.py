@@ -111,8 +111,8 @@ def unpacked(system: System, tmp_path_factory: pytest.TempPathFactory) -> dict[s
 def bundles(unpacked: dict[str, Path], tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Path]]:
     """Its FMUs with Pythons of their own, by component.
 
-    Put together here: to build them so, which compresses and tries each, takes four times as long.  That it gives the
-    same is tested with a toy.
+    Put together here: to build them so, which compresses and tries each, takes four times as long.  That a build puts
+    the same into ``binaries`` is tested with a toy.
     """
     folder = tmp_path_factory.mktemp("bundles")
     result = {name: shutil.copytree(plain, folder / name) for name, plain in unpacked.items()}

@@ -21,13 +21,14 @@ import pythonfmu
 from pythonfmu.builder import FmuBuilder, get_model_class
 
 from . import archive, licenses, smoke
-from .bundle import Bundle, BundleError, bundle
+from .bundle import BundleError, bundle
 from .bundle import check as check_bundle
+from .dependencies import external_dependencies
 from .description import CAPABILITIES
-from .documentation import documentation
 from .entry import entry_source
 from .launcher.compile import LAUNCHER
 from .licenses import LicenseError
+from .page import page
 from .slave import Slave
 from .sources import Files, SourceError, closure, foreign, imported, renamed
 from .terminals import terminals_and_icons
@@ -38,6 +39,8 @@ _RESOURCES = PurePosixPath("resources")
 _DESCRIPTION = PurePosixPath("modelDescription.xml")
 _TERMINALS = PurePosixPath("terminalsAndIcons", "terminalsAndIcons.xml")
 _ICON = PurePosixPath("model.png")
+_DOCUMENTATION = PurePosixPath("documentation")
+_NO_TOOL_NEEDED = b'needsExecutionTool="true"', b'needsExecutionTool="false"'
 _GUID = re.compile(rb'guid="[^"]*"')
 
 
@@ -91,7 +94,7 @@ def build_one(folder: Path, output: Path, *, interpreter: Path | None = None, bu
     output.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(prefix="ps_fmu_build_") as temporary:
         try:
-            stock, slave = _pythonfmu_build(script, Path(temporary), needs_python=not bundled)
+            stock, slave = _pythonfmu_build(script, Path(temporary))
             name, files = _repackaged(stock, slave, script, interpreter, bundled)
             fmu = Path(temporary) / f"{name}.fmu"
             archive.write(fmu, files)
@@ -107,12 +110,12 @@ def build_one(folder: Path, output: Path, *, interpreter: Path | None = None, bu
     return result
 
 
-def _pythonfmu_build(script: Path, output: Path, needs_python: bool) -> tuple[Path, type[Slave]]:
+def _pythonfmu_build(script: Path, output: Path) -> tuple[Path, type[Slave]]:
     """pythonfmu's own FMU and the slave's class; what its builder does to this process is undone."""
-    options = {**CAPABILITIES, "needsExecutionTool": needs_python}
     with _imports_undone(script.stem), contextlib.redirect_stdout(io.StringIO()):
         try:
-            return Path(FmuBuilder.build_FMU(script, dest=output / "stock.fmu", **options)), get_model_class(script)
+            fmu = Path(FmuBuilder.build_FMU(script, dest=output / "stock.fmu", **CAPABILITIES))
+            return fmu, get_model_class(script)
         except (Exception, SystemExit) as error:
             raise BuildError(f"{script.parent.name}: {type(error).__name__}: {error}") from error
 
@@ -141,9 +144,7 @@ def _repackaged(
     files[_DESCRIPTION] = _GUID.sub(b'guid=""', built[_DESCRIPTION], count=1)
     model = _model_name(built[_DESCRIPTION])
     sources = _sources(script)
-    modules = foreign(sources)
-    runtime = bundle(modules) if bundled else None
-    files |= _for_readers(script.parent, slave, files[_DESCRIPTION], sources, modules, runtime)
+    files |= _for_readers(script.parent, slave, files[_DESCRIPTION])
     digest = archive.digest(files | sources)
 
     package = f"ps_fmu_{digest.hex()[:12]}"
@@ -158,9 +159,16 @@ def _repackaged(
     files[_RESOURCES / "slavemodule.txt"] = entry.encode()
     guid = f"{{{uuid.UUID(bytes=digest[:16])}}}"
     files[_DESCRIPTION] = files[_DESCRIPTION].replace(b'guid=""', f'guid="{guid}"'.encode(), 1)
+    modules = foreign(sources)
     files[_RESOURCES / "launcher.txt"] = _launcher_notes(guid, modules, interpreter)
-    if runtime is not None:
+    files[_DOCUMENTATION / "externalDependencies.txt"] = external_dependencies(model, _OLDEST_PYTHON, modules, bundled)
+    texts = list(licenses.of_sources(sources))
+    if bundled:
+        runtime = bundle(modules)
+        texts += runtime.licenses
         files |= {PurePosixPath("binaries/linux64") / name: content for name, content in runtime.files.items()}
+        files[_DESCRIPTION] = files[_DESCRIPTION].replace(*_NO_TOOL_NEEDED, 1)
+    files |= licenses.files(texts)
     return model, files
 
 
@@ -210,26 +218,16 @@ def _sources(script: Path) -> Files:
     return sources | {place: script.read_bytes()}
 
 
-def _for_readers(
-    folder: Path, slave: type[Slave], description: bytes, sources: Files, modules: list[str], runtime: Bundle | None
-) -> Files:
-    """What no simulation needs: terminals, icon, documentation, licences."""
+def _for_readers(folder: Path, slave: type[Slave], description: bytes) -> Files:
+    """What no simulation needs: page, terminals, icon."""
     readme, icon = folder / "README.md", folder / "icon.png"
     if not readme.is_file():
         raise BuildError(f"{folder.name}: no README.md, which becomes the FMU's documentation")
     try:
         terminals = terminals_and_icons(slave.terminals, slave.layout) if slave.terminals else None
-        files = documentation(
-            readme.read_text(encoding="utf-8"),
-            description,
-            terminals,
-            python=_OLDEST_PYTHON,
-            modules=modules,
-            bundled=runtime is not None,
-        )
+        files = {_DOCUMENTATION / "index.html": page(readme.read_text(encoding="utf-8"), description, terminals)}
     except (KeyError, ValueError) as error:
         raise BuildError(f"{folder.name}: {error.args[0]}") from None
-    files |= licenses.files([*licenses.of_sources(sources), *(runtime.licenses if runtime is not None else ())])
     if terminals is not None:
         files[_TERMINALS] = terminals
     if icon.is_file():

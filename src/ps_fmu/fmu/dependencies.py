@@ -1,16 +1,9 @@
-"""The folder ``documentation`` of an FMU: the page, and what the FMU needs of the machine."""
+"""The file ``documentation/externalDependencies.txt`` (FMI 2.0.4, 2.3): what an FMU needs of the machine."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from pathlib import PurePosixPath
-from xml.etree.ElementTree import fromstring
-
-from .page import page
-from .sources import Files
-
-_FOLDER = PurePosixPath("documentation")
 
 _NEEDED = """\
 What {model}.fmu needs of the machine
@@ -40,23 +33,16 @@ Other systems: CPython {python} or later with {modules}.
 """
 
 
-def documentation(
-    readme: str, description: bytes, terminals: bytes | None, *, python: str, modules: Sequence[str], bundled: bool
-) -> Files:
-    """The folder without licences.
+def external_dependencies(model: str, python: str, modules: Sequence[str], bundled: bool) -> bytes:
+    """The file's content.
 
     Parameters
     ----------
-    readme, description, terminals: as for :func:`.page.page`.
+    model: name of the FMU.
     python: the oldest version.
     modules: packages that the slave imports.
     bundled: whether the FMU brings them.
     """
     names = " and ".join(modules) or "its standard library"
     libc = (os.confstr("CS_GNU_LIBC_VERSION") or "glibc") if bundled else ""
-    model = fromstring(description).get("modelName")
-    needed = (_BUNDLED if bundled else _NEEDED).format(model=model, python=python, modules=names, libc=libc)
-    return {
-        _FOLDER / "index.html": page(readme, description, terminals),
-        _FOLDER / "externalDependencies.txt": needed.encode(),
-    }
+    return (_BUNDLED if bundled else _NEEDED).format(model=model, python=python, modules=names, libc=libc).encode()
