@@ -66,7 +66,7 @@ def draw(path):
         reasons = "first step, event,\nanother step size,\nend of a table,\nwhatever is refused"
         axes.text(67.0, 31.3, reasons, ha="center", va="top", size=11, color=PYTHON, linespacing=1.3)
         arrow(axes, (45.5, 23.0), (45.5, 13.0), NATIVE, "<|-|>")
-        axes.text(46.5, 18.0, "0.1 to 0.3 us a step,\nwithout Python's lock", va="center", size=11, color=NATIVE)
+        axes.text(46.5, 18.0, "0.1 to 0.2 us a step,\nwithout Python's lock", va="center", size=11, color=NATIVE)
         arrow(axes, (87.0, 23.0), (87.0, 13.0), PYTHON, "<|-|>")
         figure.savefig(path, metadata={"Date": None} if path.suffix == ".svg" else None)
 
