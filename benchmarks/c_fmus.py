@@ -24,7 +24,7 @@ PLATFORM = "linux64"
 MODEL = Program(
     "model",
     Path(__file__).parent,
-    sources=("model.c", str(LAUNCHER.folder / "kernel.c")),
+    sources=("model.c", "refused.c", str(LAUNCHER.folder / "kernel.c")),
     headers=(),
     targets={
         PLATFORM: Target(

@@ -5,7 +5,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "fmi2FunctionTypes.h"
 #include "kernel.h"
 
 enum { ALIGNMENT = 64 /* bytes */, LONGEST_PATH = 4096 };
@@ -127,32 +126,3 @@ fmi2Status fmi2SetupExperiment(fmi2Component c, fmi2Boolean tolerance_defined, f
 NOTHING(EnterInitializationMode)
 NOTHING(ExitInitializationMode)
 NOTHING(Terminate)
-
-/* Hosts look for these, too; nobody calls them here. */
-#define REFUSED(name)                                                                                                  \
-    fmi2Status fmi2##name(void)                                                                                        \
-    {                                                                                                                  \
-        return fmi2Error;                                                                                              \
-    }
-
-REFUSED(GetTypesPlatform)
-REFUSED(GetVersion)
-REFUSED(SetDebugLogging)
-REFUSED(Reset)
-REFUSED(GetString)
-REFUSED(SetString)
-REFUSED(GetFMUstate)
-REFUSED(SetFMUstate)
-REFUSED(FreeFMUstate)
-REFUSED(SerializedFMUstateSize)
-REFUSED(SerializeFMUstate)
-REFUSED(DeSerializeFMUstate)
-REFUSED(GetDirectionalDerivative)
-REFUSED(SetRealInputDerivatives)
-REFUSED(GetRealOutputDerivatives)
-REFUSED(CancelStep)
-REFUSED(GetStatus)
-REFUSED(GetRealStatus)
-REFUSED(GetIntegerStatus)
-REFUSED(GetBooleanStatus)
-REFUSED(GetStringStatus)

@@ -80,7 +80,7 @@ class Probe(Slave):
 
 def build_stock(output: Path) -> dict[str, Path]:
     """Build our four slaves with stock accessors into ``output``; model name of ours -> FMU."""
-    return {model_in(folder): _stock(_build(folder, output, _SUBCLASS)) for folder in find(default_fmus())}
+    return {_model(folder): _stock(_build(folder, output, _SUBCLASS)) for folder in find(default_fmus())}
 
 
 def build_probes(output: Path) -> tuple[Path, Path]:
@@ -108,11 +108,11 @@ def _build(folder: Path, output: Path, addition: str) -> Path:
         copy.mkdir()
         shutil.copy(folder / "README.md", copy)
         source = (folder / f"{folder.name}.py").read_text(encoding="utf-8")
-        (copy / f"{folder.name}.py").write_text(source + addition.format(model=model_in(folder)), encoding="utf-8")
+        (copy / f"{folder.name}.py").write_text(source + addition.format(model=_model(folder)), encoding="utf-8")
         return build_one(copy, output)
 
 
-def model_in(folder: Path) -> str:
+def _model(folder: Path) -> str:
     """Name of the slave class in a folder."""
     source = (folder / f"{folder.name}.py").read_text(encoding="utf-8")
     found = re.findall(r"^class (\w+)\(Slave\):", source, re.MULTILINE)
