@@ -22,14 +22,16 @@ from ps_fmu.fmu.variables import fmi_variable
 
 
 class Stock{model}({model}):
-    """{model} with one getter and one setter per scalar variable."""
+    """{model} with one getter and one setter per scalar variable, and all steps in Python."""
+
+    native = False
 
     def _allocate(self):
         super()._allocate()
         if not self.hosted:  # the builder asks for the model description only
             return
         for direction in ("get", "set"):
-            for kind in ("real", "integer", "boolean", "string"):
+            for kind in ("real", "integer", "boolean"):
                 stock = getattr(Fmi2Slave, f"{{direction}}_{{kind}}")
                 setattr(self, stock.__name__, MethodType(stock, self))
         for reference, port in self.layout.by_reference.items():
