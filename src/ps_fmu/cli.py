@@ -152,17 +152,26 @@ def _add_crosscheck(commands: argparse._SubParsersAction[argparse.ArgumentParser
         metavar="DIR",
         help="folder whose folders hold <Model>_ref.opt (default: %(default)s)",
     )
-    crosscheck.add_argument("--write", action="store_true", help="write new reference solutions instead")
+    instead = crosscheck.add_mutually_exclusive_group()
+    instead.add_argument("--write", action="store_true", help="write new reference solutions instead")
+    instead.add_argument(
+        "--output",
+        type=Path,
+        metavar="DIR",
+        help="write what agrees into this folder, as a tree ready for the FMI cross-check repository",
+    )
     crosscheck.set_defaults(run=_crosscheck)
 
 
 def _crosscheck(options: argparse.Namespace) -> int:
     from .check.crosscheck import CrossCheckError, deviation, find, read_options, read_table, simulate, write_table
+    from .check.submission import complies, write_submission
 
     failed = False
     try:
         for reference in find(options.references):
-            result = simulate(options.fmus / f"{reference.model}.fmu", reference)
+            fmu = options.fmus / f"{reference.model}.fmu"
+            result = simulate(fmu, reference)
             if options.write:
                 write_table(reference.results, result)
                 print(f"{reference.results}  {len(result)} rows", flush=True)
@@ -172,6 +181,10 @@ def _crosscheck(options: argparse.Namespace) -> int:
             failed |= found > tolerance
             verdict = "agrees" if found <= tolerance else "DIFFERS"
             print(f"{reference.model:24}{verdict}  relative deviation {found:.1e}, allowed {tolerance:.1e}", flush=True)
+            if options.output is not None and found <= tolerance:
+                folder = write_submission(reference, fmu, options.output)
+                remark = "" if complies(folder) else "  (needs a Python: see notCompliantWithLatestRules in it)"
+                print(f"{folder}{remark}", flush=True)
     except (CrossCheckError, OSError) as error:
         print(f"ps-fmu crosscheck: {error}", file=sys.stderr)
         return EXIT_FAILED

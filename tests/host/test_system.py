@@ -63,7 +63,7 @@ def expected(lively, tmp_path_factory):
 def ten_seconds(system, tmp_path_factory):
     """The system, events (a slew; the isolator goes off), and the outputs that the master gives."""
     seeded = system.with_parameters({"disturbance.seed": 7})
-    events = [(1.0, "commander.target.roll", 0.02), (8.0, "isolator.enabled", False)]
+    events = [(8.0, "commander.target.roll", 0.02), (9.0, "isolator.enabled", False)]
     return seeded, events, run_master(seeded, STEP, 10.0, events, tmp_path_factory.mktemp("ten_seconds"))
 
 
