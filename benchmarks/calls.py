@@ -60,10 +60,9 @@ def _in_loop(plan: Plan, rows: Rows, calls: tuple[Call, ...]) -> float:
         rows.filled = 0
         times: Array = np.arange(n * CALLS, (n + 1) * CALLS, dtype=np.float64) * plan.step
         begin = perf_counter()
-        loop.advance(times, c_int())
+        while rows.filled < CALLS:  # it ends early where the machine is busy
+            loop.advance(times[rows.filled :], c_int())
         costs.append((perf_counter() - begin) / CALLS * 1e6)
-        if rows.filled < CALLS:
-            raise RuntimeError("a round took too long: is the machine busy?")
     return median(costs)
 
 

@@ -35,7 +35,7 @@ from ps_fmu.scenarios.sources import ensure_built
 ROOT = Path(__file__).resolve().parents[1]
 SSD = ROOT / "system" / "SystemStructure.ssd"
 STEP = 1e-4  # s
-STEPS = 4000  # a round; the disturbance source is asked for a new table twice
+STEPS = 8000  # a round; the disturbance source makes two tables in it
 MOST_OF_OTHERS = 8
 """Rounds of the importers and of the threads, if there are not fewer in all."""
 STEPS_OF_THREADS = 20_000  # a round; to start them takes as long as 100 steps
@@ -46,7 +46,7 @@ SAME = 1e-9
 def main(argv: Sequence[str] | None = None) -> int:
     """Measure, print, compare with the targets; returns the exit code."""
     p = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
-    p.add_argument("--rounds", type=int, default=50, metavar="N", help="rounds of 0.4 s simulated (%(default)s)")
+    p.add_argument("--rounds", type=int, default=25, metavar="N", help="rounds of 0.8 s simulated (%(default)s)")
     p.add_argument("--output", type=Path, metavar="FILE", help="write the figures as JSON")
     arguments = p.parse_args(argv)
     if arguments.rounds < 1:

@@ -23,9 +23,7 @@ from ps_fmu.fmu.variables import fmi_variable
 
 
 class Stock{model}({model}):
-    """{model} with one getter and one setter per scalar variable, and all steps in Python."""
-
-    native = False
+    """{model} with one getter and one setter per scalar variable."""
 
     def _allocate(self):
         super()._allocate()
