@@ -7,10 +7,11 @@ import json
 import pytest
 
 from ps_fmu.check.host.compile import HOST
+from ps_fmu.cosim.native import LOOP
 from ps_fmu.fmu import native
 from ps_fmu.fmu.launcher.compile import LAUNCHER
 
-PROGRAMS = {program.name: program for program in (LAUNCHER, HOST)}
+PROGRAMS = {program.name: program for program in (LAUNCHER, HOST, LOOP)}
 TARGETS = [(name, platform) for name, program in PROGRAMS.items() for platform in program.targets]
 
 

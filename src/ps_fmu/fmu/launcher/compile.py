@@ -17,8 +17,8 @@ _LINUX = Target(
 LAUNCHER = Program(
     "launcher",
     Path(__file__).parent,
-    sources=("text.c", "find.c", "python.c", "instance.c", "launcher.c"),
-    headers=("text.h", "find.h", "python.h", "instance.h"),
+    sources=("text.c", "find.c", "python.c", "instance.c", "kernel.c", "native.c", "launcher.c"),
+    headers=("text.h", "find.h", "python.h", "instance.h", "core.h", "kernel.h", "product.h", "native.h"),
     targets={"linux64": _LINUX},
 )
 

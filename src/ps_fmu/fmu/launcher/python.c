@@ -213,6 +213,8 @@ static int is_libpython(struct dl_phdr_info *info, size_t size, void *result)
 
 static bool load_functions(Text *why)
 {
+    if (loaded) /* other threads read it */
+        return true;
 #define LOAD(name, result, arguments)                                                                                  \
     *(void **)&api.name = dlsym(RTLD_DEFAULT, #name);                                                                  \
     if (api.name == NULL) {                                                                                            \
