@@ -23,7 +23,9 @@ from ps_fmu.fmu.variables import fmi_variable
 
 
 class Stock{model}({model}):
-    """{model} with one getter and one setter per scalar variable."""
+    """{model} with one getter and one setter per scalar variable, and all steps in Python."""
+
+    native = False
 
     def _allocate(self):
         super()._allocate()

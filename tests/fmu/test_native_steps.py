@@ -232,14 +232,23 @@ def test_no_step_and_no_value_after_the_end(start, capfd):
     assert "phase terminated" in capfd.readouterr().err
 
 
-def test_a_model_with_another_version_of_the_words_steps_in_python(start, tmp_path, capfd):
+@pytest.mark.parametrize(
+    ("addition", "messages"),
+    [
+        ("    def _allocate(self):\n        super()._allocate()\n        self._core.magic = 0\n", 1),  # another version
+        ("    native = False\n", 0),
+    ],
+)
+def test_models_whose_steps_are_all_in_python(start, tmp_path, capfd, addition, messages):
     shutil.copytree(MODELS / "oscillator", tmp_path / "oscillator")
     script = tmp_path / "oscillator" / "oscillator.py"
-    method = "    def _allocate(self):\n        super()._allocate()\n        self._core.magic = 0\n"
-    script.write_text(f"{script.read_text().rstrip()}\n\n{method}")
-    other = InFmpy(unpack(build_one(script.parent, tmp_path), tmp_path / "unpacked"), "other")
+    script.write_text(f"{script.read_text().rstrip()}\n\n{addition}")
+    folder = unpack(build_one(script.parent, tmp_path), tmp_path / "unpacked")
+    capfd.readouterr()
+    other = InFmpy(folder, "other")
     other.initialise()
     assert drive(other, 0, 50) == drive(start("oscillator"), 0, 50)
-    assert capfd.readouterr().err.count("other: fmi2Instantiate: launcher and model are of different versions") == 1
+    text = "other: fmi2Instantiate: launcher and model are of different versions: steps are made in Python"
+    assert capfd.readouterr().err.count(text) == messages
     assert other.fmu.dll.ps_fmu_steps(ctypes.c_void_p(other.fmu.component), None, None) == ERROR
     other.free()

@@ -32,6 +32,8 @@ class Values(Model):
     """
 
     layout: ClassVar[Layout]
+    native: ClassVar[bool] = True
+    """False: a launcher passes all calls on to Python; for comparisons."""
 
     def _allocate(self) -> None:
         """The place where the arrays of an instance are made, once."""
@@ -88,7 +90,7 @@ class Values(Model):
     @guarded
     def get_string(self, vrs: list[int]) -> list[str]:
         if vrs == [REFERENCE]:
-            return [str(ctypes.addressof(self._core))]
+            return [str(ctypes.addressof(self._core) if self.native else 0)]
         return self._read("String", vrs)
 
     def set_real(self, vrs: list[int], values: list[float]) -> None:

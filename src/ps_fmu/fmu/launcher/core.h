@@ -6,8 +6,8 @@
 
 #define CORE_MAGIC 0x31302d65726f63ull /* "core-01" */
 
-/* Asked for the String variable of this value reference, a slave answers with the address of its core, in decimal.  No
-   model description lists it. */
+/* Asked for the String variable of this value reference, a slave answers with the address of its core, in decimal; 0: it
+   wants none.  No model description lists it. */
 #define CORE_REFERENCE 2147483647u
 
 /* What may be done with a value reference. */

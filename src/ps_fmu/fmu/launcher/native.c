@@ -14,7 +14,9 @@ void native_bind(Instance *m)
     if (wrapper.GetString(m->inner, &reference, 1, &address) != fmi2OK)
         return;
     Core *core = (Core *)(uintptr_t)strtoull(address, NULL, 10);
-    if (core == NULL || core->magic != CORE_MAGIC || core->size != sizeof *core) {
+    if (core == NULL)
+        return;
+    if (core->magic != CORE_MAGIC || core->size != sizeof *core) {
         instance_refuse(m, "fmi2Instantiate", "launcher and model are of different versions: steps are made in Python");
         return;
     }
