@@ -86,7 +86,7 @@ def test_ctrl_c_during_a_run_leaves_what_was_simulated(tmp_path, stop):
     assert "run.py: interrupted" in shown
     assert f"results so far: {tmp_path / 'out' / 'results.nc'}" in shown
     time = stored_time(tmp_path / "out" / "results.nc")
-    assert len(time) > 1000
+    assert len(time) >= 1000  # a chunk: what the bar shows first on a busy machine
     np.testing.assert_allclose(time, np.arange(len(time)) * 1e-4, atol=1e-9)
     assert not (tmp_path / "out" / "summary.json").exists()
 

@@ -28,6 +28,7 @@ from .guard import ModelError, Refused, guarded, guarded_class, report
 from .layout import Layout
 from .state import Phase, State, from_bytes, to_bytes
 from .stepper import Stepper
+from .threads import forget_host_thread
 from .variables import Port, numbered, vector
 
 __all__ = ["ModelError", "Phase", "Port", "Refused", "Slave", "numbered", "vector"]
@@ -62,6 +63,8 @@ class Slave(Stepper):
         super().__init__(**kwargs)
         self.label = f"{type(self).__name__} {self.instance_name!r}"
         self.hosted = "logger" in kwargs  # only pythonfmu's native library passes one
+        if self.hosted:
+            forget_host_thread()
         self._allocate()
         self.instances.add(self)
 
