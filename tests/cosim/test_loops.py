@@ -1,6 +1,7 @@
 """The loop in C against the one in Python: same rows, same warnings, same errors; when it returns early."""
 
 import logging
+from concurrent.futures import ThreadPoolExecutor
 from ctypes import c_int
 
 import numpy as np
@@ -82,10 +83,25 @@ def test_time_that_is_up_ends_between_two_steps(mixed, monkeypatch):
 
 
 def test_a_run_in_slices_of_time_is_the_same_run(mixed, monkeypatch):
-    whole, _ = both(mixed, steps=2000)
+    whole, _ = both(mixed, steps=800)
     monkeypatch.setattr(compiled, "BUDGET_S", 0.0)  # a few milliseconds, as fine as the clock is
-    sliced, _ = both(mixed, steps=2000)
+    sliced, _ = both(mixed, steps=800)
     assert sliced[1].tobytes() == whole[1].tobytes()
+
+
+def test_two_systems_in_two_threads(mixed):
+    with Master(mixed, H) as first, Master(mixed, H, "gauss-seidel") as second, ThreadPoolExecutor(2) as pool:
+        pair = [(first, Collect()), (second, Collect())]
+        for master, _ in pair:
+            master.initialise()
+        for done in [pool.submit(master.run, 3.0, [collect]) for master, collect in pair]:
+            done.result()
+    for (_, collect), scheme in zip(pair, ("jacobi", "gauss-seidel"), strict=True):
+        alone = Collect()
+        with Master(mixed, H, scheme, compiled=False) as master:
+            master.initialise()
+            master.run(3.0, [alone])
+        assert collect.values.tobytes() == alone.values.tobytes()
 
 
 def test_without_a_library_python_runs_the_steps(mixed, monkeypatch, tmp_path, caplog):
