@@ -22,9 +22,10 @@ test: lint fmus  ## what the continuous integration runs
 
 fmus: build/fmus/.built  ## the four FMUs in build/fmus
 
-launcher: .venv/.installed  ## launcher and C host in the package, compiled again: the same bytes from the same sources
+launcher: .venv/.installed  ## what is compiled in the package, made again: the same bytes from the same sources
 	$(BIN)/python -m ps_fmu.fmu.launcher.compile
 	$(BIN)/python -m ps_fmu.check.host.compile
+	$(BIN)/python -m ps_fmu.cosim.native
 
 importers: .venv-importers/.installed  ## tools that cannot share .venv, for the tests (0.9 GB)
 

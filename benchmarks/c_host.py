@@ -114,7 +114,7 @@ def _run(program: Path, library: Path, arguments: Sequence[str], environment: di
 
 def _in_python(model: str, pairs: Iterable[tuple[int, float, float]], outputs: list[int]) -> Costs:
     """The slave's own methods, with what pythonfmu's library hands to them."""
-    slave = _slave_class(model)(instance_name="benchmark")
+    slave = slave_class(model)(instance_name="benchmark")
     slave.setup_experiment(0.0)
     slave.enter_initialization_mode()
     slave.exit_initialization_mode()
@@ -146,7 +146,7 @@ def _cost(call: Callable[[], object]) -> float:
     return median(times)
 
 
-def _slave_class(model: str) -> Any:
+def slave_class(model: str) -> Any:
     """The slave class of a model, from its folder in ``fmus``."""
     name = "".join(f"_{c.lower()}" if c.isupper() else c for c in model).lstrip("_")
     path = HERE.parent / "fmus" / name / f"{name}.py"

@@ -1,4 +1,4 @@
-"""Three ways to simulate the default system, step for step the same: each keeps every output of every step.
+"""Ways to simulate the default system, step for step the same: each keeps every output of every step.
 
 Jacobi: all subsystems see the outputs of the last communication point.
 """
@@ -45,22 +45,28 @@ class Contender(Protocol):
 
 
 class CoSimulation:
-    """Our FMUs under our master."""
+    """FMUs under our master, whose loop is in C or, not ``compiled``, in Python."""
 
-    def __init__(self, system: System, step: float, steps: int) -> None:
-        self._master = Master(system, step, block_rows=steps)
+    def __init__(self, system: System, step: float, steps: int, compiled: bool = True) -> None:
+        self._master = Master(system, step, compiled=compiled)
         self._duration = step * steps
         self.columns = self._master.columns
+        self.names = [column.name for column in self.columns]
         self.rows = np.empty((steps, len(self.columns)))
         self._master.initialise()
         self.initial = np.empty(len(self.columns))
         self.run()  # the first round is longer by the row after initialisation, and not compared
 
+    @property
+    def initial_values(self) -> dict[str, float]:
+        """Outputs after the initialisation, by ``component.variable``."""
+        return dict(zip(self.names, self.initial.tolist(), strict=True))
+
     def block(self, first_index: int, time: Array, values: Array) -> None:
         """Observer: keep what comes."""
-        start = (first_index - 1) % len(self.rows)
         if first_index == 0:
-            self.initial[:], values, start = values[0], values[1:], 0
+            self.initial[:], values, first_index = values[0], values[1:], 1
+        start = (first_index - 1) % len(self.rows)
         self.rows[start : start + len(values)] = values
 
     def run(self) -> None:
@@ -114,6 +120,7 @@ class StockFmus:
         """Free the FMUs."""
         for fmu in self._fmus:
             fmu.slave.terminate()
+            fmu.slave.dll.finalizePythonInterpreter()  # otherwise it does so twice
             fmu.slave.freeInstance()
         shutil.rmtree(self._folder, ignore_errors=True)
 

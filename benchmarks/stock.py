@@ -1,7 +1,7 @@
-"""FMUs to compare with: the same slaves, with the accessors that pythonfmu comes with.
+"""FMUs to compare with: the same slaves, with the accessors and the library that pythonfmu comes with.
 
 Each is built from a generated folder: our script, and in it a subclass that hands every variable to pythonfmu as
-a getter and a setter.  The step is the same, bit for bit.
+a getter and a setter.  Then our launcher is taken out.  The step is the same, bit for bit.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ import shutil
 import tempfile
 from pathlib import Path
 
+from ps_fmu.fmu import archive
 from ps_fmu.fmu.build import build_one, default_fmus, find
 
 _SUBCLASS = '''
@@ -29,7 +30,7 @@ class Stock{model}({model}):
         if not self.hosted:  # the builder asks for the model description only
             return
         for direction in ("get", "set"):
-            for kind in ("real", "integer", "boolean", "string"):
+            for kind in ("real", "integer", "boolean"):
                 stock = getattr(Fmi2Slave, f"{{direction}}_{{kind}}")
                 setattr(self, stock.__name__, MethodType(stock, self))
         for reference, port in self.layout.by_reference.items():
@@ -79,7 +80,7 @@ class Probe(Slave):
 
 def build_stock(output: Path) -> dict[str, Path]:
     """Build our four slaves with stock accessors into ``output``; model name of ours -> FMU."""
-    return {_model(folder): _build(folder, output, _SUBCLASS) for folder in find(default_fmus())}
+    return {_model(folder): _stock(_build(folder, output, _SUBCLASS)) for folder in find(default_fmus())}
 
 
 def build_probes(output: Path) -> tuple[Path, Path]:
@@ -89,7 +90,16 @@ def build_probes(output: Path) -> tuple[Path, Path]:
         folder.mkdir()
         (folder / "probe.py").write_text(_PROBE, encoding="utf-8")
         (folder / "README.md").write_text("# Probe\n", encoding="utf-8")
-        return _build(folder, output, _SUBCLASS), _build(folder, output, "")
+        return _stock(_build(folder, output, _SUBCLASS)), _build(folder, output, "")
+
+
+def _stock(fmu: Path) -> Path:
+    """The same file, whose library is pythonfmu's own."""
+    files = archive.read(fmu)
+    for name in [name for name in files if name.name == "libpythonfmu-export.so"]:
+        files[name.with_name(f"{fmu.stem}.so")] = files.pop(name)
+    archive.write(fmu, files)
+    return fmu
 
 
 def _build(folder: Path, output: Path, addition: str) -> Path:

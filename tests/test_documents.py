@@ -37,9 +37,10 @@ def script(name):
 
 
 @pytest.mark.parametrize("suffix", [".svg", ".png"])
-def test_the_loop_is_drawn(tmp_path, suffix):
-    script("draw_loop").draw(tmp_path / f"loop{suffix}")
-    assert (tmp_path / f"loop{suffix}").stat().st_size > 10_000
+@pytest.mark.parametrize("name", ["loop", "step"])
+def test_the_diagrams_are_drawn(tmp_path, name, suffix):
+    script(f"draw_{name}").draw(tmp_path / f"{name}{suffix}")
+    assert (tmp_path / f"{name}{suffix}").stat().st_size > 10_000
 
 
 def test_the_icons_are_those_that_the_script_draws(tmp_path):

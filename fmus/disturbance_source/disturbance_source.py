@@ -22,7 +22,7 @@ class DisturbanceSource(Slave):
     """Wrench on the bus as a function of time and parameters alone; zero at the start, and without drift."""
 
     model_description = "Disturbance wrench on the bus: noise, reaction wheels, sines, sweep, recording"
-    block_rows: ClassVar[int] = 2048
+    block_rows: ClassVar[int] = 4096
     n_memory: ClassVar[int] = 1  # start time of the experiment, s: the disturbance counts its time from there
 
     ports: ClassVar[tuple[Port, ...]] = (

@@ -42,6 +42,7 @@ class FeedforwardIsolator(Slave):
     n_states: ClassVar[int] = 12 + 3 * 9  # feedforward.Controller with the highest order of low-pass, 9
     n_auxiliary: ClassVar[int] = 6  # acceleration as last sampled, where the controller has a period of its own
     n_memory: ClassVar[int] = 10 + DelayLine.SIZE  # see the views made in _build
+    limit_flag: ClassVar[str] = "saturated"
 
     ports: ClassVar[tuple[Port, ...]] = (
         *vector(
@@ -131,13 +132,21 @@ class FeedforwardIsolator(Slave):
         return off > SAME_ORIENTATION or self.sampled
 
     def finish_step(self) -> None:
-        """Hold, delay and limit the forces, behind the linear map."""
+        """Hold and delay the forces, behind the linear map."""
         try:
-            self._hold_delay_limit(self.y[:3])
+            self._hold_and_delay(self.y[:3])
         except StepError as error:
             raise ModelError(str(error)) from None
 
-    def _hold_delay_limit(self, force: NDArray[np.float64]) -> None:
+    def limits(self) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+        """The largest force of a fine actuator, either way."""
+        limit = float(self.value("force_limit"))
+        if not limit:
+            return None
+        upper = np.array([limit, limit, limit, np.inf])
+        return -upper, upper
+
+    def _hold_and_delay(self, force: NDArray[np.float64]) -> None:
         if self.sampled:
             period = float(self.value("sample_time"))
             whole_steps("sample_time", period, self.step_size)
@@ -149,10 +158,6 @@ class FeedforwardIsolator(Slave):
         force[:] = self.delay.push(force, float(self.value("delay")), self.step_size)
         if not self.enabled:  # at once, whatever is still on its way
             force[:] = 0.0
-        limit = float(self.value("force_limit"))
-        if limit:
-            self.y[3] = float(np.abs(force).max() > limit)
-            np.clip(force, -limit, limit, out=force)
 
     @refuses_parameters
     def restore(self) -> None:
@@ -175,7 +180,7 @@ class FeedforwardIsolator(Slave):
         self.since_sample, self.held_force = self.memory[6:7], self.memory[7:10]  # s; N
         self.delay = DelayLine(self.memory[10:])
         self.sampled = bool(values["sample_time"])
-        self.finishing = bool(values["sample_time"] or values["delay"] or values["force_limit"])
+        self.finishing = bool(values["sample_time"] or values["delay"])
 
     def _use(self, orientation: NDArray[np.float64]) -> None:
         """The controller for an orientation, from the next step on."""

@@ -24,6 +24,7 @@ from ps_fmu.manipulator.flat import entries, taken_from
 from ps_fmu.manipulator.inverse import trilaterate
 from ps_fmu.manipulator.kinematics import KinematicsError
 from ps_fmu.manipulator.parameters import ParameterError, load
+from ps_fmu.manipulator.profile import Profile
 
 PAPER = load()
 RPY = ("roll", "pitch", "yaw")
@@ -83,6 +84,9 @@ class PointingCommander(Slave):
         Terminal("coarse_actuators", ("coarse_command",), "Commands of the coarse actuators"),
     )
 
+    at_rest: NDArray[np.float64]
+    """Rows behind the end of the profile, which are all the same: not computed for each table."""
+
     def configure(self) -> None:
         """Rest at the initial target."""
         self._build()
@@ -110,12 +114,16 @@ class PointingCommander(Slave):
 
     def rows(self, t: float, h: float, n: int) -> NDArray[np.float64]:
         """Commands of n steps."""
-        return self._outputs(self.times(t, h, n))
+        if self.profile.remaining(t) > 0.0:
+            return self._outputs(self.times(t, h, n))
+        if len(self.at_rest) < n:
+            self.at_rest = self._outputs(self.times(t, h, n))
+        return self.at_rest[:n]
 
     def restore(self) -> None:
         """Rebuild the motion that the restored memory stands for."""
         self._build()
-        self.profile = from_numbers(self.memory)
+        self._follow(from_numbers(self.memory))
 
     def _build(self) -> None:
         values = self.parameters()
@@ -132,8 +140,12 @@ class PointingCommander(Slave):
         except KinematicsError as error:
             raise ModelError(f"algorithm_1.mu: {error}") from None
 
+    def _follow(self, profile: Profile) -> None:
+        self.profile = profile
+        self.at_rest = np.empty((0, self.y.size))
+
     def _decide(self, decision: Decision, target: NDArray[np.float64]) -> None:
-        self.profile = decision.profile
+        self._follow(decision.profile)
         self.memory[:18] = to_numbers(decision.profile)
         self.memory[18] = decision.refusal is None
         self.memory[19] = decision.retry

@@ -1,4 +1,4 @@
-"""The benchmark runs: all three contenders compute the same, and every figure is there.  How fast is not tested."""
+"""The benchmark runs: all contenders compute the same, and every figure is there.  How fast is not tested."""
 
 import json
 import subprocess
@@ -16,12 +16,13 @@ def test_one_round(built_fmus: Path, tmp_path: Path) -> None:
     assert "Traceback" not in run.stderr, run.stderr
     found = json.loads(output.read_text())
     assert run.returncode == (1 if "MISSED" in run.stderr else 0)
-    assert len(found["median_us"]) == 3
+    contenders = {"ours", "C FMUs", "ours, loop in Python", "stock", "textbook", "libcosim", "Ecos"}
+    assert set(found["median_us"]) == contenders
     assert set(found["us_per_call"]) == {"disturbance", "commander", "plant", "isolator"}
     assert set(found["us_per_fmpy_call_of_30_reals"]["ours"]) == {"set", "get"}
+    assert min(found["two_threads"], found["two_threads_c_fmus"], found["ours_to_c_fmus"]) > 0.0
     assert len(found["us_per_call_in_c_host"]) == 3
     assert all(min(ways.values()) > 0.0 for ways in found["us_per_call_in_c_host"].values())
-    assert found["ours/textbook"] > 0.0
     assert "x real time" in run.stdout
 
 

@@ -5,12 +5,14 @@ from __future__ import annotations
 import zipfile
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import pytest
 from pythonfmu.builder import FmuBuilder
 from support.cosim import OSCILLATOR, Collect, ssd_text
 
-from ps_fmu.cosim import System, read_system
+from ps_fmu.cosim import System, loops, read_system
+from ps_fmu.cosim.slaves import ACCESS, STEP, Slave
 
 TOYS = Path(__file__).parent / "toys"
 
@@ -62,6 +64,43 @@ def rewrite(tmp_path: Path) -> Callable[[Path, Mapping[str, str]], Path]:
         return folder / fmu.name
 
     return change
+
+
+@pytest.fixture(params=["C", "Python"])
+def each_loop(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The test runs with the loop in C and with the one in Python."""
+    if request.param == "Python":
+        monkeypatch.setattr(loops, "available", lambda: False)
+    else:
+        assert loops.available()
+
+
+@pytest.fixture
+def answer(monkeypatch: pytest.MonkeyPatch) -> Callable[..., list[Any]]:
+    """Let a function of one component answer with a status from its n-th call on, ``really`` called or not."""
+
+    def patch(component: str, function: str, status: int, n: int = 5, really: bool = False) -> list[Any]:
+        calls: list[Any] = []
+        for attribute, prototype in (("stepper", STEP), ("access", ACCESS)):
+            original = getattr(Slave, attribute)
+
+            def replaced(self: Slave, *args: str, original: Any = original, prototype: Any = prototype) -> Any:
+                real = original(self, *args)
+                if self.name != component or (args or ("fmi2DoStep",)) != (function,):
+                    return real
+
+                def stand_in(*arguments: Any) -> int:
+                    calls.append(arguments)
+                    if len(calls) <= n:
+                        return real(*arguments)
+                    return max(status, real(*arguments)) if really else status
+
+                return prototype(stand_in)
+
+            monkeypatch.setattr(Slave, attribute, replaced)
+        return calls
+
+    return patch
 
 
 @pytest.fixture

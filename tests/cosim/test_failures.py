@@ -15,7 +15,9 @@ import numpy as np
 import pytest
 
 from ps_fmu.cosim import Master, RecorderError, SlaveError
-from ps_fmu.cosim.slaves import ACCESS, STEP, Phase, Slave
+from ps_fmu.cosim.slaves import Phase, Slave
+
+pytestmark = pytest.mark.usefixtures("each_loop")
 
 H = 0.01
 
@@ -29,32 +31,6 @@ def failing(make_system):
         return system.with_parameters({"clock.mode": mode} if model == "ToyFailing" else {})
 
     return make
-
-
-@pytest.fixture
-def answer(monkeypatch):
-    """Let a function of one component answer with a status from its n-th call on."""
-
-    def patch(component, function, status, n=5):
-        calls = []
-        for attribute, prototype in (("stepper", STEP), ("access", ACCESS)):
-            original = getattr(Slave, attribute)
-
-            def replaced(self, *args, original=original, prototype=prototype):
-                real = original(self, *args)
-                if self.name != component or (args or ("fmi2DoStep",)) != (function,):
-                    return real
-
-                def stand_in(*arguments):
-                    calls.append(arguments)
-                    return status if len(calls) > n else real(*arguments)
-
-                return prototype(stand_in)
-
-            monkeypatch.setattr(Slave, attribute, replaced)
-        return calls
-
-    return patch
 
 
 def run(system, collect, **options):

@@ -7,6 +7,8 @@ import pytest
 
 from ps_fmu.cosim import Master, UsageError
 
+pytestmark = pytest.mark.usefixtures("each_loop")
+
 STEP = 1e-2
 STIFFNESS, DAMPING, MASS = 8.0, 0.5, 2.0
 
@@ -133,7 +135,9 @@ def test_progress_is_called_for_each_block(oscillator):
     with Master(oscillator, STEP, block_rows=10) as master:
         master.initialise()
         master.run(0.25, progress=lambda *now: seen.append(now))
-    assert [now[0] for now in seen] == pytest.approx([0.09, 0.19, 0.25])
+    times = [round(now[0], 9) for now in seen]
+    assert {0.09, 0.19, 0.25} <= set(times)  # also between blocks, if a block takes long
+    assert times == sorted(times)
     assert all(wall > 0 and factor > 0 for _, wall, factor in seen)
 
 

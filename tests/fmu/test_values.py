@@ -138,7 +138,7 @@ def test_discrete_variables_are_remembered_and_still_checked(make):
     for value in (True, True, False, False, True):
         slave.set_boolean(engage, [value])
         assert slave.get_boolean(engage) == [value]
-        assert slave.do_step(slave._time, 0.01)
+        assert slave.do_step(slave._core.time, 0.01)
     assert slave.memory[0] == 2.0  # one event per change
     for _ in range(2):
         with pytest.raises(Refused, match="engage = 2"):
@@ -182,7 +182,7 @@ def test_groups_of_names():
 def test_arrays_start_on_cache_lines(make):
     slave = make("oscillator")
     slave.do_step(0.0, 0.01)
-    for array in (slave._buffer.data, slave._work, slave._maps[0][1]):
+    for array in (slave._buffer.data, slave._core.arrays["work"], slave._maps[0][1]):
         assert array.ctypes.data % 64 == 0
         assert array.flags.c_contiguous
     assert np.shares_memory(slave.x, slave._source)

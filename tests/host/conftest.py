@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import os
 import shutil
 import subprocess
@@ -53,16 +54,21 @@ def compile_c(compiler: list[str], sources: Sequence[Path], result: Path) -> Non
 
 
 @pytest.fixture(scope="session")
-def sanitized(bound: dict[str, Path], tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
-    """Host, and toy as an unpacked FMU whose launcher is compiled with checks of memory and undefined behaviour."""
-    folder = tmp_path_factory.mktemp("sanitized")
-    checks = ["cc", "-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-g"]
-    compile_c(checks, HOST_SOURCES, folder / "host")
-    shutil.copytree(bound["oscillator"], folder / "oscillator")
-    library = folder / "oscillator" / "binaries" / "linux64" / "Oscillator.so"
-    sources = [LAUNCHER.folder / name for name in LAUNCHER.sources_for("linux64")]
-    compile_c([*checks, "-fPIC", "-shared", "-fvisibility=hidden"], sources, library)
-    return folder / "host", folder / "oscillator"
+def sanitized(bound: dict[str, Path], tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], tuple[Path, Path]]:
+    """``sanitized("thread")``: host, and toy as an unpacked FMU, whose launcher is compiled with these checks."""
+
+    @functools.cache
+    def compiled(sanitizers: str) -> tuple[Path, Path]:
+        folder = tmp_path_factory.mktemp("sanitized")
+        checks = ["cc", f"-fsanitize={sanitizers}", "-fno-sanitize-recover=all", "-g"]
+        compile_c(checks, HOST_SOURCES, folder / "host")
+        shutil.copytree(bound["oscillator"], folder / "oscillator")
+        library = folder / "oscillator" / "binaries" / "linux64" / "Oscillator.so"
+        sources = [LAUNCHER.folder / name for name in LAUNCHER.sources_for("linux64")]
+        compile_c([*checks, "-fPIC", "-shared", "-fvisibility=hidden"], sources, library)
+        return folder / "host", folder / "oscillator"
+
+    return compiled
 
 
 @pytest.fixture(scope="session")

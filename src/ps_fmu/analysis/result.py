@@ -32,6 +32,11 @@ class Finding:
         return published()[self.key]
 
     @property
+    def found(self) -> bool:
+        """Whether there is a value of ours."""
+        return self.computed is not None or self.cosimulated is not None
+
+    @property
     def value(self) -> float:
         """Ours: the co-simulated one if there is one."""
         found = self.computed if self.cosimulated is None else self.cosimulated
@@ -40,6 +45,8 @@ class Finding:
     @property
     def difference(self) -> str:
         """Ours against the paper: relative, in percent, for a value; otherwise whether it holds."""
+        if not self.found:
+            return "not computed"
         said, ours = self.published, self.value
         if said.relation == ">":
             return "holds" if ours > said.value else "does not hold"

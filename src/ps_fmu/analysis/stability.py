@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -59,14 +60,15 @@ class Verdict:
     """Its estimate (42)."""
 
 
+@cache
 def judge(case: str, delay: float) -> Verdict:
-    """All about one case; ``delay`` in s."""
+    """All about one case; ``delay`` in s.  Cached: the errata ask for it too."""
     from ..manipulator.stability import delay_limit_by_bisection, element_margins, loop_at
 
     loop = loop_at(parameters_of(case), delay=delay)
     poles = loop.poles()
     cycles = poles.imag / (2.0 * np.pi)  # Hz
-    rigid = _rigid(parameters_of(case))
+    factor, estimate = mobile_base(case)
     return Verdict(
         case=case,
         loop=loop,
@@ -76,15 +78,22 @@ def judge(case: str, delay: float) -> Verdict:
         rightmost=complex(poles[(cycles > SUSPENSION[0]) & (cycles < SUSPENSION[1])][0]),
         delay_limit=loop.delay_limit,
         bisected=delay_limit_by_bisection(loop, LONGEST, 1e-5),
-        mobile_base_factor=Practical(rigid).mobile_base_factor(),
-        mobile_base_estimate=Nominal(rigid).mobile_base_estimate(),
+        mobile_base_factor=factor,
+        mobile_base_estimate=estimate,
     )
 
 
-def _rigid(p: Parameters) -> Dynamics:
-    """The paper's nominal system at the nominal pose: rigid rods and payload, bus modes with their damping."""
+@cache
+def mobile_base(case: str) -> tuple[float, float]:
+    """Mobile-base factor v (41) of the nominal system of a case, and its estimate (42)."""
+    system = nominal_system(parameters_of(case))
+    return Practical(system).mobile_base_factor(), Nominal(system).mobile_base_estimate()
+
+
+def nominal_system(p: Parameters, pose: Pose | None = None) -> Dynamics:
+    """The paper's nominal system: rigid rods and payload, modes of the bus with their damping; at the nominal pose."""
     manipulator = replace(p.manipulator, coarse_rods=replace(p.manipulator.coarse_rods, axial_stiffness=0.0))
-    pose = Pose(p.manipulator.geometry.nominal_translation_B, np.eye(3))
+    pose = pose or Pose(p.manipulator.geometry.nominal_translation_B, np.eye(3))
     return assemble(manipulator, replace(p.payload, truss_modes=()), p.bus, pose)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
@@ -35,8 +36,9 @@ class Reach:
     """(n,), largest tilt with the best twist about the boresight."""
 
 
+@cache
 def compute(azimuths: int = 72) -> Reach:
-    """The workspace of the identified geometry."""
+    """The workspace of the identified geometry.  Cached: the errata ask for it too."""
     geometry = load().manipulator.geometry
     surface = workspace.sample(geometry, workspace.surface(geometry))
     azimuth = np.linspace(0.0, 360.0, azimuths, endpoint=False)

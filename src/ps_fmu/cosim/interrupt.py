@@ -11,23 +11,25 @@ import signal
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from ctypes import c_int
 from types import FrameType
 
 
 @contextmanager
-def noted_interrupts() -> Iterator[list[int]]:
-    """A list that is empty until SIGINT arrives.  A second SIGINT acts at once, for an FMU that hangs.
+def noted_interrupts() -> Iterator[c_int]:
+    """A number, which C can read, too, that is zero until SIGINT arrives.
 
-    Outside of the main thread, where Python takes no signals, and where SIGINT is ignored nothing is changed.
+    A second SIGINT acts at once, for an FMU that hangs.  Outside of the main thread, where Python takes no signals, and
+    where SIGINT is ignored nothing is changed.
     """
-    noted: list[int] = []
+    noted = c_int()
     previous = signal.getsignal(signal.SIGINT)
     if threading.current_thread() is not threading.main_thread() or previous in (None, signal.SIG_IGN):
         yield noted
         return
 
     def note(number: int, _frame: FrameType | None) -> None:
-        noted.append(number)
+        noted.value = number
         signal.signal(signal.SIGINT, previous)
 
     signal.signal(signal.SIGINT, note)

@@ -1,46 +1,68 @@
 """The steps of a plan, one after the other: each stores one row of outputs.
 
-This loop runs ten thousand times per simulated second.  So all that can be done beforehand is in the plan, and the
-calls are made from C: ``call`` maps over them, and only a status that is not fmi2OK comes to the surface.
+:class:`PythonLoop` says what happens; :class:`.compiled.CompiledLoop` does the same in C, from the same plan.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from ctypes import c_int
 from operator import call, length_hint
-from typing import Any
+from typing import Protocol
 
+from .compiled import CompiledLoop, available
 from .plan import Plan
-from .rows import Rows
+from .rows import Array, Rows
 
 
-def advance(plan: Plan, rows: Rows, times: Sequence[float], interrupted: Sequence[Any]) -> None:
-    """Run one step from each of the ``times`` [s]; ends early when ``interrupted`` is no longer empty.
+class Loop(Protocol):
+    """Runs steps of a plan."""
 
-    ``rows.filled`` counts the complete rows also when a :class:`SlaveError` ends the loop.
+    def advance(self, times: Array, interrupted: c_int) -> None:
+        """Run one step from each of the ``times`` [s]; ends early, after a step, once ``interrupted`` is not zero.
+
+        ``rows.filled`` counts the complete rows also when a :class:`SlaveError` ends the loop.
+        """
+
+
+def make_loop(plan: Plan, rows: Rows, compiled: bool) -> Loop:
+    """The loop for a plan: in C if that is wanted and there is a library for this platform."""
+    return CompiledLoop(plan, rows) if compiled and available() else PythonLoop(plan, rows)
+
+
+class PythonLoop:
+    """Steps of a plan, in Python.
+
+    This loop runs ten thousand times per simulated second.  So all that can be done beforehand is in the plan, and
+    the calls are made from C: ``call`` maps over them, and only a status that is not fmi2OK comes to the surface.
     """
-    now = plan.now
-    stages = [
-        (
-            [(gather.outputs.take, gather.sources, gather.inputs) for gather in stage.gathers],
-            tuple(c.invoke for c in stage.calls),
-            stage.calls,
-        )
-        for stage in plan.stages
-    ]
-    latest, done = rows.latest_row, rows.filled
-    try:
-        for time, row in zip(times, rows.rows[done : done + len(times)], strict=True):
-            if interrupted:
-                return
-            now.value = time
-            for gathers, functions, calls in stages:
-                for take, sources, inputs in gathers:
-                    take(sources, None, inputs, "clip")  # any mode but "raise" spares a copy
-                remaining = iter(functions)
-                for status in filter(None, map(call, remaining)):
-                    calls[-1 - length_hint(remaining)].check(status, time, plan.step)
-            row[:] = latest
-            done += 1
-    finally:
-        rows.filled = done
+
+    def __init__(self, plan: Plan, rows: Rows) -> None:
+        self._plan, self._rows = plan, rows
+        self._stages = [
+            (
+                [(gather.outputs.take, gather.sources, gather.inputs) for gather in stage.gathers],
+                tuple(c.invoke for c in stage.calls),
+                stage.calls,
+            )
+            for stage in plan.stages
+        ]
+
+    def advance(self, times: Array, interrupted: c_int) -> None:
+        """See :class:`Loop`."""
+        plan, rows, stages = self._plan, self._rows, self._stages
+        now, latest, done = plan.now, rows.latest_row, rows.filled
+        try:
+            for time, row in zip(times.tolist(), rows.rows[done : done + len(times)], strict=True):
+                if interrupted:
+                    return
+                now.value = time
+                for gathers, functions, calls in stages:
+                    for take, sources, inputs in gathers:
+                        take(sources, None, inputs, "clip")  # any mode but "raise" spares a copy
+                    remaining = iter(functions)
+                    for status in filter(None, map(call, remaining)):
+                        calls[-1 - length_hint(remaining)].check(status, time, plan.step)
+                row[:] = latest
+                done += 1
+        finally:
+            rows.filled = done

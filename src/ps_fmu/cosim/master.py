@@ -9,6 +9,7 @@ import logging
 import tempfile
 import time as wall_clock
 from collections.abc import Callable, Iterable, Sequence
+from ctypes import c_int
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -20,8 +21,8 @@ from .errors import CosimError, SlaveError, UsageError
 from .graph import OpenInput, check_wiring
 from .initialisation import first_row, initialise, load
 from .interrupt import noted_interrupts
-from .loops import advance
-from .plan import SCHEMES, Plan, make_plan
+from .loops import Loop, make_loop
+from .plan import SCHEMES, make_plan
 from .rows import Column, Rows, layout_of
 from .slaves import Phase, Slave
 from .structure import Port, System, Value, port_of
@@ -33,7 +34,7 @@ BLOCK_ROWS = 1000
 Event = tuple[float, str, Value]
 """From this time [s] on, this input or tunable parameter (component.variable) has this value."""
 Progress = Callable[[float, float, float], None]
-"""Called after each block with simulated time [s], wall time of this run [s], simulated over wall time."""
+"""Called at least after each block with simulated time [s], wall time of this run [s], simulated over wall time."""
 
 
 class Master:
@@ -46,6 +47,7 @@ class Master:
     scheme: ``"jacobi"`` or ``"gauss-seidel"``
     start_time: [s]; by default that of the system's experiment
     block_rows: rows that are handed to the observers at a time
+    compiled: run the steps in C, where the package has a library for this platform; results are the same
 
     Raises :class:`UsageError`, :class:`SystemFileError` or :class:`WiringError` before anything is loaded.
 
@@ -64,6 +66,7 @@ class Master:
         *,
         start_time: float | None = None,
         block_rows: int = BLOCK_ROWS,
+        compiled: bool = True,
     ) -> None:
         if scheme not in SCHEMES:
             raise UsageError(f"scheme: expected one of {', '.join(SCHEMES)}, got {scheme!r}")
@@ -80,7 +83,8 @@ class Master:
         self._layout = layout_of(self._descriptions)
         self._rows = Rows(self._layout, block_rows)
         self._slaves: dict[str, Slave] = {}
-        self._plan: Plan | None = None
+        self._compiled = compiled
+        self._loop: Loop | None = None
         self._set: dict[Port, Value] = {}
         self._folder: tempfile.TemporaryDirectory[str] | None = None
         self._index = 0
@@ -115,7 +119,7 @@ class Master:
     def get(self, name: str) -> Value:
         """Value of any variable, ``component.variable``, at the current communication point."""
         port = self._port(name)
-        if self._plan is None:
+        if self._loop is None:
             raise UsageError(f"{name}: the system is not initialised, or closed")
         return self._slaves[port.component].get([port.variable], self.time)[port.variable]
 
@@ -126,9 +130,9 @@ class Master:
         variable, not of its type, a fixed parameter after the initialisation.
         """
         port = self._port(name)
-        if self._plan is None and self._folder is not None:
+        if self._loop is None and self._folder is not None:
             raise UsageError(f"{name}: the system is closed")
-        self._apply(port, self._checked(port, value, running=self._plan is not None))
+        self._apply(port, self._checked(port, value, running=self._loop is not None))
 
     # ---- life --------------------------------------------------------------------------------------------
 
@@ -169,7 +173,7 @@ class Master:
         Raises :class:`UsageError` (nothing has run: a duration or an event that is not on the grid of steps),
         :class:`SlaveError`, KeyboardInterrupt, or what an observer raises.
         """
-        if self._plan is None:
+        if self._loop is None:
             raise UsageError("call initialise() first" if self._folder is None else "the system is closed")
         end = self._index + self.clock.steps(duration)
         self.clock.check_end(end)
@@ -184,7 +188,7 @@ class Master:
 
     def close(self) -> None:
         """Terminate and free all FMUs; safe to call twice.  Raises the :class:`SlaveError` of a terminate."""
-        self._plan = None
+        self._loop = None
         failures = []
         self._silence_fatal()
         for slave in self._slaves.values():
@@ -231,15 +235,16 @@ class Master:
     def _apply(self, port: Port, value: Value) -> None:
         new = port not in self._set
         self._set[port] = value
-        if self._plan is not None:
+        if self._loop is not None:
             self._slaves[port.component].set({port.variable: value}, self.time)
             if new and any(port == c.target for c in self.wiring.connections):
                 self._make_plan()
 
     def _make_plan(self) -> None:
-        self._plan = make_plan(
+        plan = make_plan(
             self._slaves, self.wiring, self._rows, self.clock.step, self.scheme, self._set.keys()
         )
+        self._loop = make_loop(plan, self._rows, self._compiled)
 
     def _schedule(self, events: Iterable[Event], end: int) -> list[tuple[int, Port, Value]]:
         schedule = []
@@ -260,7 +265,7 @@ class Master:
         schedule: list[tuple[int, Port, Value]],
         observers: Sequence[Observer],
         progress: Progress | None,
-        interrupted: list[int],
+        interrupted: c_int,
     ) -> None:
         rows, clock = self._rows, self.clock
         begin, began = self.time, wall_clock.perf_counter()
@@ -272,18 +277,18 @@ class Master:
                 stop = min(end, schedule[0][0]) if schedule else end
                 count = min(stop - self._index, rows.capacity - rows.filled)
                 before = rows.filled
-                assert self._plan is not None
+                assert self._loop is not None
                 try:
-                    advance(self._plan, rows, clock.times(self._index, count).tolist(), interrupted)
+                    self._loop.advance(clock.times(self._index, count), interrupted)
                 finally:
                     self._index += rows.filled - before
                 if interrupted:
                     raise KeyboardInterrupt
                 if rows.filled == rows.capacity or self._index == end:
                     deliver(rows, clock, self.columns, observers)
-                    if progress is not None:
-                        wall = wall_clock.perf_counter() - began
-                        progress(self.time, wall, (self.time - begin) / wall)
+                if progress is not None:
+                    wall = wall_clock.perf_counter() - began
+                    progress(self.time, wall, (self.time - begin) / wall)
             if interrupted:  # while the observers took the last block
                 raise KeyboardInterrupt
         except BaseException as error:

@@ -1,7 +1,7 @@
 """One communication step as data: what is copied where, and which library function gets which arguments.
 
-The plan is made once and executed by a short loop (:mod:`.loops`), which may be replaced by a compiled one:
-all it needs are the index arrays, the addresses and the constants in here.
+The plan is made once and executed by a short loop, in Python (:mod:`.loops`) or in C (:mod:`.compiled`): the index
+arrays, the addresses and the constants in here are all that either needs.
 """
 
 from __future__ import annotations
@@ -33,13 +33,15 @@ _CONVERTED_LOCKED = PYFUNCTYPE(c_int)
 class Call:
     """A library function with all its arguments, which are always the same objects.
 
-    ``invoke()`` calls it and returns the fmi2Status; ``later`` says that it reads what fmi2DoStep has made.
-    Of a set or get, the value references and the first of the ``values`` are what the function has the addresses of.
+    ``invoke()`` calls it and returns the fmi2Status; ``address`` is where it is.  ``later`` says that it reads what
+    fmi2DoStep has made.  To set or get, it takes the addresses of the value references and of the first of the
+    ``values``, as many of each as there are names.
     """
 
     slave: Slave
     function: str
     invoke: Callable[[], int]
+    address: int
     names: tuple[str, ...] = ()
     references: NDArray[np.uint32] | None = None
     values: NDArray[Any] | None = None
@@ -120,7 +122,7 @@ def _stage(slaves: Sequence[Slave], sources: Mapping[Port, Port], rows: Rows, no
             ]
     # noSetFMUStatePriorToCurrentPoint is true: no step is ever repeated.
     rest = _double(step), _boolean(1)
-    steps = [Call(slave, "fmi2DoStep", _bound(slave, slave.stepper(), now, *rest)) for slave in slaves]
+    steps = [Call(slave, "fmi2DoStep", *_bound(slave, slave.stepper(), now, *rest)) for slave in slaves]
     return Stage(tuple(gathers), (*sets, *steps, *gets))
 
 
@@ -155,11 +157,12 @@ def _access(slave: Slave, verb: str, ports: Sequence[Port], array: NDArray[Any],
     references = np.array([slave.variables[name].valueReference for name in names], dtype=np.uint32)
     values = array[place(ports[0]) :]
     arguments = _pointer(references.ctypes.data), _size(len(names)), _pointer(values.ctypes.data)
-    invoke = _bound(slave, slave.access(function), *arguments)
-    return Call(slave, function, invoke, names, references, values, later=verb == "Get")
+    bound = _bound(slave, slave.access(function), *arguments)
+    return Call(slave, function, *bound, names, references, values, later=verb == "Get")
 
 
-def _bound(slave: Slave, function: Any, *arguments: Any) -> Callable[[], int]:
-    """A function of the library, the instance and the other arguments as a function of nothing."""
+def _bound(slave: Slave, function: Any, *arguments: Any) -> tuple[Callable[[], int], int]:
+    """A function of the library, the instance and the other arguments as a function of nothing; its address."""
     prototype = _CONVERTED_LOCKED if slave.runs_python else _CONVERTED
-    return partial(cast(function, prototype), _pointer(slave.address), *arguments)
+    invoke = partial(cast(function, prototype), _pointer(slave.address), *arguments)
+    return invoke, cast(function, c_void_p).value or 0

@@ -12,6 +12,9 @@ import numpy as np
 from .variables import Port
 
 _ONE_LEVEL = re.compile(r"\.[^.]+|_\d+")
+_READ = {"Real": 1, "Integer": 2, "Boolean": 4}
+_SET, _EVENT = 8, 16
+_LARGEST = float(np.finfo(np.float64).max)
 
 
 class Layout:
@@ -52,6 +55,7 @@ class Layout:
         self.by_reference |= dict(enumerate(self.strings, self.size))
         self.reference = {port.name: reference for reference, port in self.by_reference.items()}
         self._check()
+        self._list_access()
         self.identity = self._identity(version, sizes)
         """SHA-256 of model, version, variables and sizes: who may exchange FMU states."""
 
@@ -71,6 +75,17 @@ class Layout:
                 if unknown:
                     names = ", ".join(unknown)
                     raise ValueError(f"{self.model}: {port.name} depends on {names}, not among the {what}")
+
+    def _list_access(self) -> None:
+        """What the launcher may do with each place while stepping, see ``launcher/core.h``."""
+        self.kinds = np.zeros(self.size, dtype=np.uint8)
+        self.low, self.high = np.full(self.size, -_LARGEST), np.full(self.size, _LARGEST)
+        for reference, port in self.by_reference.items():
+            if reference < self.size:
+                settable = _SET if port.causality == "input" else 0
+                self.kinds[reference] = _READ[port.type] | settable | (_EVENT if port.event else 0)
+                self.low[reference] = -_LARGEST if port.min is None else port.min
+                self.high[reference] = _LARGEST if port.max is None else port.max
 
     def _identity(self, version: str, sizes: Iterable[int]) -> bytes:
         variables = (f"{port.name} {port.causality} {port.type}" for port in self.by_reference.values())

@@ -35,6 +35,8 @@ class Model(Fmi2Slave):
     n_auxiliary: ClassVar[int] = 0
     n_memory: ClassVar[int] = 0
     """Further numbers that events keep; part of the FMU state."""
+    limit_flag: ClassVar[str] = ""
+    """A Boolean output that a step makes true if it meets a limit, see :meth:`limits`; false is up to the map."""
     block_rows: ClassVar[int] = 0
     """Above 0: outputs come from tables of up to so many rows, see :meth:`rows`; then no states, no map."""
 
@@ -50,7 +52,8 @@ class Model(Fmi2Slave):
     memory: Array
 
     finishing: bool = False
-    """Call :meth:`finish_step` after each map.  To be set by ``configure`` and ``restore``."""
+    """Call :meth:`finish_step` after each map.  To be set by ``configure`` and ``restore``.  It takes away most of the
+    speed of a step."""
 
     def configure(self) -> None:
         """Build the model from parameters and present inputs; set x, a, memory and whatever is derived.
@@ -87,7 +90,14 @@ class Model(Fmi2Slave):
         raise NotImplementedError(f"{type(self).__name__} has block_rows, but no rows")
 
     def finish_step(self) -> None:
-        """After the map, if ``finishing``: clamp outputs, move a delay line.  May write y, x, a, memory."""
+        """After the map, if ``finishing``: move a delay line, hold a sample.  May write y, x, a, memory."""
+
+    def limits(self) -> tuple[Array, Array] | None:
+        """Lowest and highest values of y at the end of a step, each (ny,), -inf and inf where there is no limit.
+
+        Results beyond them are held there.  Asked for with each new map and table; None: no limits at all.
+        """
+        return None
 
     def restore(self) -> None:
         """Rebuild what is derived (matrices, plans) from the buffer: an FMU state was set, or an event failed.

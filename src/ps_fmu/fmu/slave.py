@@ -51,6 +51,9 @@ class Slave(Stepper):
             raise TypeError(f"{cls.__name__}: no __init__ please; what a model needs is made in configure()")
         if cls.block_rows and cls.n_states:
             raise TypeError(f"{cls.__name__}: n_states = {cls.n_states}, but with block_rows there are no states")
+        flags = {port.name for port in cls.ports if port.causality == "output" and port.type == "Boolean"}
+        if cls.limit_flag and cls.limit_flag not in flags:
+            raise TypeError(f"{cls.__name__}: limit_flag = {cls.limit_flag!r} is no Boolean output")
         for name in _CALLED_OFTEN:
             setattr(cls, name, getattr(cls, name))
         cls.instances = WeakSet()
@@ -78,9 +81,9 @@ class Slave(Stepper):
             raise Refused(f"start time {start_time!r} s: expected a finite number")
         if not stop > start_time:
             raise Refused(f"stop time {stop!r} s: expected a number above the start time {start_time!r} s")
-        self._start = self._time = self._origin = float(start_time)
+        self._start = self._core.time = self._origin = float(start_time)
         self._stop = float(stop)
-        self._ready = self._stale = True
+        self._ready = True
         self._stale = True  # outputs may have been read before; a model may use the start time
 
     @guarded
@@ -107,17 +110,11 @@ class Slave(Stepper):
             now, wanted = self._phase.name.lower(), phase.name.lower()
             raise Refused(f"{call} is not possible in phase {now}, only in phase {wanted}")
 
-    def _enter(self, phase: Phase) -> None:
-        self._phase = phase
-        self._forget_lists()
-        self.remap()
-        self._close()
-
     def _configure(self) -> None:
         """Build the model and the outputs from parameters and inputs.  All or nothing."""
         kept = self._buffer.data.copy()
         try:
-            self._pending = False
+            self._core.pending = False
             self.remap()
             self.discard_rows()
             self.configure()
@@ -162,8 +159,6 @@ class Slave(Stepper):
                 self._rebuild()
             self._recall(before.clock, table)
             raise
-        finally:
-            self._forget_lists()
 
     def _check_state(self, state: State) -> None:
         if not isinstance(state, State) or state.identity != self.layout.identity:

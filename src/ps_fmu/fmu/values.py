@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import ctypes
 from collections.abc import Callable, Sequence
 from math import isfinite
 from typing import Any, ClassVar, TypeVar
 
 from .buffer import Array, Buffer, runs
+from .core import REFERENCE, core_for
 from .guard import Refused, escape, guarded
 from .layout import Layout
 from .model import Model
@@ -19,7 +21,7 @@ T = TypeVar("T")
 Key = tuple[str | int, ...]  # FMI type, value references
 Reader = Callable[[], list[Any]]
 Write = tuple[Callable[..., None], Array, int, int]  # stores the values first to last - 1; their place; first; last
-Writer = tuple[list[Write], list[Write], list[Write]]  # with limits; events without; neither
+Writer = tuple[list[Write], list[Write], list[Write]]  # with limits; events; all
 
 
 class Values(Model):
@@ -30,12 +32,15 @@ class Values(Model):
     """
 
     layout: ClassVar[Layout]
+    native: ClassVar[bool] = True
+    """False: a launcher passes all calls on to Python; for comparisons."""
 
     def _allocate(self) -> None:
         """The place where the arrays of an instance are made, once."""
         layout = self.layout
         self._buffer = Buffer(layout)
         data = self._buffer.data
+        self._core = core_for(layout, data)
         self.y, self.x, self.u = data[layout.y], data[layout.x], data[layout.u]
         self.a, self.memory = data[layout.a], data[layout.memory]
         self._phase = Phase.INSTANTIATED
@@ -84,6 +89,8 @@ class Values(Model):
 
     @guarded
     def get_string(self, vrs: list[int]) -> list[str]:
+        if vrs == [REFERENCE]:
+            return [str(ctypes.addressof(self._core) if self.native else 0)]
         return self._read("String", vrs)
 
     def set_real(self, vrs: list[int], values: list[float]) -> None:
@@ -92,17 +99,15 @@ class Values(Model):
             if writer is None or len(values) != len(vrs) or not isfinite(sum(values)):
                 self._set("Real", vrs, values)
                 return
-            limited, events, free = writer
+            limited, events, every = writer
             for _, place, first, last in limited:
                 if place.tolist() != values[first:last]:
                     self._set("Real", vrs, values)
                     return
-            for store, place, first, last in events:
-                new = values[first:last]
-                if place.tolist() != new:
-                    store(*new)
+            for _, place, first, last in events:
+                if place.tolist() != values[first:last]:
                     self._on_change(True)
-            for store, _, first, last in free:
+            for store, _, first, last in every:
                 store(*values[first:last])
         except BaseException as error:
             escape(self, error)
@@ -171,8 +176,8 @@ class Values(Model):
                 raise Refused(str(error)) from None
         for reference, port, new in zip(references, ports, checked, strict=True):
             if self._buffer.raw(reference) != new:
-                self._buffer.store(reference, new)
                 self._on_change(port.event)
+            self._buffer.store(reference, new)  # -0.0, too, in place of 0.0
         if self._phase == Phase.STEPPING and references:
             if kind == "Real":
                 self._remember_writer(references)
@@ -183,12 +188,14 @@ class Values(Model):
         writer: Writer = ([], [], [])
         for start, first, last in runs(references, self._treatment):
             place = self._buffer.data[start : start + last - first]
-            writer[self._treatment(start)].append((self._buffer.writer(start, last - first), place, first, last))
+            write = self._buffer.writer(start, last - first), place, first, last
+            for group in {self._treatment(start), 2}:
+                writer[group].append(write)
         _remember(self._writers, ("Real", *references), writer)
         self._last_written, self._last_writer = list(references), writer
 
     def _treatment(self, reference: int) -> int:
-        """What a new value of this variable needs: 0 a check, 1 an event, 2 nothing.  An index of Writer."""
+        """What a new value of this variable needs: 0 a check, 1 an event, 2 neither.  An index of Writer."""
         port = self.layout.by_reference[reference]
         if port.min is not None or port.max is not None:
             return 0

@@ -76,15 +76,18 @@ class Report:
         write_atomically(path, self.html())
 
 
-def _cells(tag: str, texts: Iterable[str]) -> str:
-    return "".join(f"<{tag}>{escape(text)}</{tag}>" for text in texts)
+def _cells(tag: str, texts: Iterable[str], wordy: Iterable[bool]) -> str:
+    return "".join(
+        f"<{tag}{_WORDY if words else ''}>{escape(text)}</{tag}>" for text, words in zip(texts, wordy, strict=True)
+    )
 
 
 def _table(table: Table) -> str:
-    rows = "\n".join(f"<tr>{_cells('td', row)}</tr>" for row in table.rows)
+    wordy = [any(len(row[column]) > _SHORT for row in table.rows) for column in range(len(table.header))]
+    rows = "\n".join(f"<tr>{_cells('td', row, wordy)}</tr>" for row in table.rows)
     return (
         f'<div class="table"><table><caption>{escape(table.caption)}</caption>\n'
-        f"<thead><tr>{_cells('th', table.header)}</tr></thead>\n<tbody>\n{rows}\n</tbody></table></div>"
+        f"<thead><tr>{_cells('th', table.header, wordy)}</tr></thead>\n<tbody>\n{rows}\n</tbody></table></div>"
     )
 
 
@@ -95,13 +98,16 @@ def _picture(picture: Picture) -> str:
     return f"<figure>{image}<figcaption>{caption}</figcaption></figure>"
 
 
+_SHORT = 24  # characters; a column with longer texts is set as text, with line breaks, and not as numbers
+_WORDY = ' class="words"'
 _STYLE = """
 body { font: 16px/1.5 system-ui, sans-serif; max-width: 70rem; margin: 2rem auto; padding: 0 1rem; color:
 #222; } h1 { font-size: 1.6rem; } h2 { font-size: 1.1rem; margin: 0; } .table { overflow-x: auto; margin:
 1.5rem 0; } table { border-collapse: collapse; border-top: 2px solid #222; border-bottom: 2px solid #222;
 } caption { text-align: left; font-weight: 600; padding: 0.3rem 0; } th, td { padding: 0.25rem 0.9rem;
 text-align: right; white-space: nowrap; font-variant-numeric: tabular-nums; } th { border-bottom: 1px
-solid #222; } th:first-child, td:first-child { text-align: left; } figure { margin: 2rem 0; } img {
+solid #222; vertical-align: bottom; } td { vertical-align: top; } th:first-child, td:first-child, .words
+{ text-align: left; } th, .words { white-space: normal; } .words { min-width: 11rem; } figure { margin: 2rem 0; } img {
 max-width: 100%; height: auto; } figcaption, footer { color: #555; font-size: 0.9rem; } .warnings {
 border-left: 4px solid #d55e00; padding: 0.5rem 1rem; background: #fdf3ec; }
 """

@@ -96,15 +96,24 @@ class ScatterObserver(ColumnObserver):
 
 
 def _outside(hull: Array, points: Array) -> NDArray[np.bool_]:
-    """Which points may lie outside a counter-clockwise hull: those on the right of one of its edges.
+    """Which points lie outside a counter-clockwise hull: on the right of the edge in whose sector, seen from a point
+    inside, they are.
 
-    Few do, and this costs a fraction of a new hull (0.11 instead of 0.54 us per point, in blocks of 1000).
+    Few do, and this costs a fraction of a new hull (0.08 instead of 0.54 us per point, in blocks of 1000) however many
+    corners there are: 60 of the shape that noise makes, 500 of a slow motion.
     """
     if len(hull) < 3:
         return np.ones(len(points), dtype=bool)
-    edges = np.roll(hull, -1, axis=0) - hull
-    x, y = points.T[:, None, :] - hull.T[:, :, None]
-    return (edges[:, :1] * y < edges[:, 1:] * x).any(axis=0)
+    inside = hull.mean(axis=0)
+    ends = hull - inside
+    angles = np.arctan2(ends[:, 1], ends[:, 0])
+    first = int(angles.argmin())
+    ends, angles = np.roll(ends, -first, axis=0), np.roll(angles, -first)
+    starts = np.roll(ends, 1, axis=0)
+    x, y = (points - inside).T
+    edge = np.searchsorted(angles, np.arctan2(y, x)) % len(angles)
+    (x_edge, y_edge), (x_start, y_start) = (ends - starts)[edge].T, starts[edge].T
+    return np.asarray(x_edge * (y - y_start) < y_edge * (x - x_start))
 
 
 def convex_hull(points: Array) -> Array:

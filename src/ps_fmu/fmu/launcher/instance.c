@@ -4,6 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "native.h"
 #include "platform.h"
 #include "python.h"
 
@@ -181,6 +182,8 @@ static bool begin_locked(Instance *m, const char *guid, const char *uri, fmi2Boo
             m->inner = wrapper.Instantiate(m->name, fmi2CoSimulation, guid, resources, &m->callbacks, visible, fmi2True);
             /* Otherwise a destructor of that library releases its state of the interpreter a second time at exit. */
             wrapper.finalise();
+            if (m->inner != NULL)
+                native_bind(m);
             python_leave();
         }
     }

@@ -2,6 +2,7 @@
 #ifndef PS_FMU_INSTANCE_H
 #define PS_FMU_INSTANCE_H
 
+#include "core.h"
 #include "text.h"
 
 #include "fmi2Functions.h"
@@ -28,6 +29,7 @@ typedef struct {
     fmi2CallbackFunctions host;
     char *name;
     unsigned long generation;         /* of Python */
+    Core *core;                       /* words shared with the slave; NULL: none */
     bool logging;
     char **categories;                /* that the host wants; none: all */
     size_t n_categories;

@@ -2,9 +2,9 @@
 
    What it adds: hosts need not be prepared for Python; faults that pythonfmu calls fatal are errors, after which the
    instance can be reset or freed; arguments that would crash pythonfmu's library are refused; log messages have a
-   category.  Texts that come from Python are safe as printf formats already (see guard.py and slave.py); those made
+   category; what needs no Python is done without it (native.h).  Texts that come from Python are safe as printf formats already (see guard.py and slave.py); those made
    here become so in instance.c. */
-#include "instance.h"
+#include "native.h"
 #include "python.h"
 
 #include <stdio.h>
@@ -114,13 +114,23 @@ fmi2Status fmi2Terminate(fmi2Component c)
     CALL(Terminate(m->inner));
 }
 
+/* In Python an instance that was reset is a new one. */
 fmi2Status fmi2Reset(fmi2Component c)
 {
-    CALL(Reset(m->inner));
+    Instance *m = enter(c, __func__);
+    if (m == NULL)
+        return fmi2Error;
+    m->core = NULL;
+    fmi2Status status = wrapper.Reset(m->inner);
+    if (status == fmi2OK)
+        native_bind(m);
+    return leave(status);
 }
 
 fmi2Status fmi2DoStep(fmi2Component c, fmi2Real time, fmi2Real step, fmi2Boolean no_set_state)
 {
+    if (native_step(c, time, step))
+        return fmi2OK;
     Instance *m = enter(c, __func__);
     if (m == NULL)
         return fmi2Error;
@@ -145,23 +155,25 @@ static const char *fault_of_texts(size_t n, const fmi2String texts[])
     return NULL;
 }
 
-#define ACCESS(name, type)                                                                                             \
+#define ACCESS(name, type, done)                                                                                       \
     fmi2Status fmi2##name(fmi2Component c, const fmi2ValueReference vr[], size_t n, type value[])                      \
     {                                                                                                                  \
+        const char *fault = fault_of_values(n, vr, value);                                                             \
+        if (fault == NULL && (done))                                                                                   \
+            return fmi2OK;                                                                                             \
         Instance *m = enter(c, "fmi2" #name);                                                                          \
         if (m == NULL)                                                                                                 \
             return fmi2Error;                                                                                          \
-        const char *fault = fault_of_values(n, vr, value);                                                             \
-        return leave(fault != NULL ? instance_refuse(m, "fmi2" #name, fault) : wrapper.name(m->inner, vr, n, value));           \
+        return leave(fault != NULL ? instance_refuse(m, "fmi2" #name, fault) : wrapper.name(m->inner, vr, n, value));  \
     }
 
-ACCESS(GetReal, fmi2Real)
-ACCESS(GetInteger, fmi2Integer)
-ACCESS(GetBoolean, fmi2Boolean)
-ACCESS(GetString, fmi2String)
-ACCESS(SetReal, const fmi2Real)
-ACCESS(SetInteger, const fmi2Integer)
-ACCESS(SetBoolean, const fmi2Boolean)
+ACCESS(GetReal, fmi2Real, native_GetReal(c, vr, n, value))
+ACCESS(GetInteger, fmi2Integer, native_GetInteger(c, vr, n, value))
+ACCESS(GetBoolean, fmi2Boolean, native_GetBoolean(c, vr, n, value))
+ACCESS(GetString, fmi2String, false)
+ACCESS(SetReal, const fmi2Real, native_SetReal(c, vr, n, value))
+ACCESS(SetInteger, const fmi2Integer, native_SetInteger(c, vr, n, value))
+ACCESS(SetBoolean, const fmi2Boolean, native_SetBoolean(c, vr, n, value))
 
 fmi2Status fmi2SetString(fmi2Component c, const fmi2ValueReference vr[], size_t n, const fmi2String value[])
 {

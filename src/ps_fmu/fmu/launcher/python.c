@@ -179,6 +179,8 @@ static void on_exit_of_process(void)
 
 static bool load_functions(Text *why)
 {
+    if (loaded) /* other threads read it */
+        return true;
 #define LOAD(name, result, arguments)                                                                                  \
     *(void **)&api.name = python_symbol(#name);                                                                        \
     if (api.name == NULL) {                                                                                            \

@@ -1,0 +1,86 @@
+"""FMUs written in C to compare with: the models of ours at their first step, around the launcher's own kernel.
+
+They do nothing but what a linear step takes: no events, no checks but that of a value reference.  The tables of
+disturbance and commander are as long as the run.
+"""
+
+from __future__ import annotations
+
+import zipfile
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+from c_host import slave_class
+
+from ps_fmu.cosim import System
+from ps_fmu.cosim.structure import Component
+from ps_fmu.fmu.core import by_columns
+from ps_fmu.fmu.launcher.compile import LAUNCHER
+from ps_fmu.fmu.native import Program, Target
+from ps_fmu.fmu.slave import Slave
+
+PLATFORM = "linux64"
+MODEL = Program(
+    "model",
+    Path(__file__).parent,
+    sources=("model.c", "refused.c", str(LAUNCHER.folder / "kernel.c")),
+    headers=(),
+    targets={
+        PLATFORM: Target(
+            LAUNCHER.targets[PLATFORM].zig,
+            "model.so",
+            (*LAUNCHER.targets[PLATFORM].flags, f"-I{LAUNCHER.folder}", "-fvisibility=default"),
+            (),
+        )
+    },
+)
+
+
+def build_c_fmus(system: System, initial: Mapping[str, float], step: float, rows: int, output: Path) -> None:
+    """Build the FMUs of a system again in C, under the same names.
+
+    Parameters
+    ----------
+    initial: outputs at the start, by ``component.variable``
+    step: communication step [s]
+    rows: the longest run [steps]
+    output: folder of the FMUs
+    """
+    library = MODEL.compiled(PLATFORM)
+    for component in system.components:
+        model = component.source.stem
+        with zipfile.ZipFile(component.source) as ours, zipfile.ZipFile(output / f"{model}.fmu", "w") as fmu:
+            fmu.writestr("modelDescription.xml", ours.read("modelDescription.xml"))
+            fmu.writestr(f"binaries/{PLATFORM}/{model}.so", library)
+            slave = _at_start(slave_class(model), component, system, initial)
+            fmu.writestr("resources/model.bin", _numbers(slave, step, rows))
+
+
+def _at_start(slave_class: type[Slave], component: Component, system: System, initial: Mapping[str, float]) -> Slave:
+    """An instance behind its initialisation, with the values of what it is connected to."""
+    slave = slave_class(instance_name=component.name)
+    slave.setup_experiment(0.0)
+    slave.enter_initialization_mode()
+    for connection in system.connections:
+        if connection.target.component == component.name:
+            reference = slave.layout.reference[connection.target.variable]
+            slave.set_real([reference], [initial[str(connection.source)]])
+    slave.exit_initialization_mode()
+    return slave
+
+
+def _numbers(slave: Slave, step: float, rows: int) -> bytes:
+    """The content of model.bin."""
+    layout = slave.layout
+    data = slave._buffer.data.copy()
+    if not slave.do_step(0.0, step):
+        raise RuntimeError(f"{slave.label}: the first step was refused")
+    data[layout.a] = slave.a  # what an event before the first step may have set
+    source, target = data[layout.source], data[layout.target]
+    if slave.block_rows:
+        table, matrix = slave.rows(0.0, step, rows), np.zeros((0, 8 * -(-target.size // 8)))
+    else:
+        table, matrix = np.zeros((0, target.size)), by_columns(slave.step_map(step))
+    sizes = [data.size, layout.source.start, source.size, layout.target.start, target.size, matrix.shape[1], len(table)]
+    return np.array(sizes, dtype=np.int64).tobytes() + data.tobytes() + matrix.tobytes() + table.tobytes()

@@ -1,0 +1,91 @@
+"""The figures of the benchmark as text, and the targets that they have to meet."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import c_host
+
+Figures = Mapping[str, Any]
+
+LABELS = {
+    "ours": "our FMUs, our master",
+    "C FMUs": "hand-written C FMUs with our kernel, our master",
+    "ours, loop in Python": "our FMUs, our master with its loop in Python",
+    "stock": "stock pythonfmu accessors, FMPy's calls with lists",
+    "textbook": "textbook loop in numpy, no FMUs",
+    "libcosim": "our FMUs in libcosim, nothing stored",
+    "Ecos": "our FMUs in Ecos, nothing stored",
+}
+
+FREE = 1.9
+"""Throughput of two threads over that of one with C FMUs, at least, where two cores have nothing else to do."""
+
+
+@dataclass(frozen=True)
+class Target:
+    """What a figure may be at most, or has to be ``at_least``."""
+
+    name: str
+    value: Callable[[Figures], float]
+    limit: float
+    at_least: bool = False
+    judged: Callable[[Figures], bool] = lambda found: True
+
+    def missed(self, found: Figures) -> str | None:
+        """What is wrong, if anything is."""
+        value = self.value(found)
+        met = value >= self.limit if self.at_least else value <= self.limit
+        if met or not self.judged(found):
+            return None
+        return f"MISSED: {self.name}: {value:.3g}; at {'least' if self.at_least else 'most'} {self.limit:g} wanted"
+
+
+TARGETS = (
+    Target("us per step", lambda found: found["us_per_step"], 1.5),
+    Target("our FMUs over C FMUs", lambda found: found["ours_to_c_fmus"], 1.6),
+    Target("stock over our FMUs", lambda found: found["ratios"]["stock"], 30.0, at_least=True),
+    Target("libcosim over our master", lambda found: found["ratios"]["libcosim"], 10.0, at_least=True),
+    Target("Ecos over our master", lambda found: found["ratios"]["Ecos"], 2.0, at_least=True),
+    Target("us added by the launcher", lambda found: c_host.overhead(found["us_per_call_in_c_host"]), 1.5),
+    Target(
+        "throughput of two threads",
+        lambda found: found["two_threads"],
+        1.6,
+        at_least=True,
+        judged=lambda found: found["two_threads_c_fmus"] >= FREE,
+    ),
+)
+
+
+def missed(found: Figures) -> list[str]:
+    """A line for each target that is missed."""
+    return [text for target in TARGETS if (text := target.missed(found)) is not None]
+
+
+def report(found: Figures) -> str:
+    """The figures as text."""
+    lines = [f"{'us per step of 1e-4 s, every output recorded':<54}  median    mean     min    ours"]
+    for name, middle in found["median_us"].items():
+        share = f"x {found['ratios'][name]:.2f}"
+        others = "".join(f"{found[what][name]:>8.2f}" for what in ("mean_us", "min_us"))
+        lines.append(f"  {LABELS[name]:<52}{middle:>8.2f}{others}{share:>9}")
+    lines.append(
+        f"  {found['real_time_factor']:.0f} x real time; {found['rounds']} rounds of {found['steps_per_round']} steps, "
+        "in turn. The disturbance source\n  synthesises noise in every third round, which means contain and medians do "
+        "not; C FMUs have all noise beforehand."
+    )
+    lines.append("\nThroughput of two systems in two threads over that of one")
+    lines.append(
+        f"  our FMUs {found['two_threads']:.2f}, C FMUs {found['two_threads_c_fmus']:.2f} (2 where cores are free)"
+    )
+    lines.append("\nus per call from C, in the order of a step")
+    for component, calls in found["us_per_call"].items():
+        lines.append(f"  {component:<14}" + "  ".join(f"{name} {cost:.3f}" for name, cost in calls.items()))
+    lines.append("\nus per FMPy call with lists of 30 Reals")
+    for name, calls in found["us_per_fmpy_call_of_30_reals"].items():
+        lines.append(f"  {name:<14}" + "  ".join(f"{call} {cost:.1f}" for call, cost in calls.items()))
+    lines.append(f"\n{c_host.report(found['us_per_call_in_c_host'])}")
+    return "\n".join(lines)

@@ -1,0 +1,128 @@
+/* A linear model as an FMU written in C: no more than the benchmark asks for, around the kernel of our launcher.
+
+   resources/model.bin holds the sizes and then the numbers of a slave as it is at its first step (c_fmus.py). */
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "kernel.h"
+
+enum { ALIGNMENT = 64 /* bytes */, LONGEST_PATH = 4096 };
+
+typedef struct {
+    int64_t n_data, source, n_source, target, n_target, stride, n_rows;
+} Sizes;
+
+/* The next n numbers of the file, on a cache line; NULL if they are not there. */
+static double *numbers(FILE *file, int64_t n)
+{
+    void *memory = NULL;
+    if (posix_memalign(&memory, ALIGNMENT, (size_t)(n + 1) * sizeof(double)) != 0)
+        return NULL;
+    return fread(memory, sizeof(double), (size_t)n, file) == (size_t)n ? memory : NULL;
+}
+
+static bool fill(Core *core, FILE *file)
+{
+    Sizes s;
+    if (fread(&s, sizeof s, 1, file) != 1)
+        return false;
+    core->n_references = s.n_data;
+    core->n_source = s.n_source;
+    core->n_target = s.n_target;
+    core->stride = s.stride;
+    core->n_rows = s.n_rows;
+    core->plain = s.n_rows > 0 ? CORE_TABLE : CORE_MAP;
+    core->data = numbers(file, s.n_data);
+    core->matrix = numbers(file, s.n_rows > 0 ? 0 : s.n_source * s.stride);
+    core->table = numbers(file, s.n_rows * s.n_target);
+    if (core->data == NULL || posix_memalign((void **)&core->work, ALIGNMENT, (size_t)s.stride * sizeof(double)) != 0)
+        return false;
+    core->source = core->data + s.source;
+    core->target = core->data + s.target;
+    return core->matrix != NULL && core->table != NULL;
+}
+
+fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, fmi2String resources,
+                              const fmi2CallbackFunctions *callbacks, fmi2Boolean visible, fmi2Boolean logging)
+{
+    (void)name, (void)type, (void)guid, (void)callbacks, (void)visible, (void)logging;
+    char path[LONGEST_PATH];
+    snprintf(path, sizeof path, "%s/model.bin", resources + strlen("file://"));
+    FILE *file = fopen(path, "rb");
+    Core *core = calloc(1, sizeof *core);
+    if (file == NULL || core == NULL || !fill(core, file))
+        return NULL;
+    fclose(file);
+    return core;
+}
+
+void fmi2FreeInstance(fmi2Component c)
+{
+    Core *core = c;
+    free(core->data);
+    free((void *)core->matrix);
+    free((void *)core->table);
+    free(core->work);
+    free(core);
+}
+
+fmi2Status fmi2DoStep(fmi2Component c, fmi2Real time, fmi2Real step, fmi2Boolean no_set_state)
+{
+    (void)time, (void)step, (void)no_set_state;
+    Core *core = c;
+    if (!kernel_step(core))
+        return fmi2Error;
+    core->count++;
+    return fmi2OK;
+}
+
+#define GET(name, type, convert)                                                                                       \
+    fmi2Status fmi2Get##name(fmi2Component c, const fmi2ValueReference vr[], size_t n, type value[])                   \
+    {                                                                                                                  \
+        const Core *core = c;                                                                                          \
+        for (size_t i = 0; i < n; i++) {                                                                               \
+            if (vr[i] >= core->n_references)                                                                           \
+                return fmi2Error;                                                                                      \
+            value[i] = convert core->data[vr[i]];                                                                      \
+        }                                                                                                              \
+        return fmi2OK;                                                                                                 \
+    }
+
+#define SET(name, type)                                                                                                \
+    fmi2Status fmi2Set##name(fmi2Component c, const fmi2ValueReference vr[], size_t n, const type value[])             \
+    {                                                                                                                  \
+        const Core *core = c;                                                                                          \
+        for (size_t i = 0; i < n; i++) {                                                                               \
+            if (vr[i] >= core->n_references)                                                                           \
+                return fmi2Error;                                                                                      \
+            core->data[vr[i]] = value[i];                                                                              \
+        }                                                                                                              \
+        return fmi2OK;                                                                                                 \
+    }
+
+GET(Real, fmi2Real, )
+GET(Integer, fmi2Integer, (fmi2Integer))
+GET(Boolean, fmi2Boolean, 0.0 !=)
+SET(Real, fmi2Real)
+SET(Integer, fmi2Integer)
+SET(Boolean, fmi2Boolean)
+
+/* The state is that of the first step already. */
+fmi2Status fmi2SetupExperiment(fmi2Component c, fmi2Boolean tolerance_defined, fmi2Real tolerance, fmi2Real start,
+                               fmi2Boolean stop_defined, fmi2Real stop)
+{
+    (void)c, (void)tolerance_defined, (void)tolerance, (void)start, (void)stop_defined, (void)stop;
+    return fmi2OK;
+}
+
+#define NOTHING(name)                                                                                                  \
+    fmi2Status fmi2##name(fmi2Component c)                                                                             \
+    {                                                                                                                  \
+        (void)c;                                                                                                       \
+        return fmi2OK;                                                                                                 \
+    }
+
+NOTHING(EnterInitializationMode)
+NOTHING(ExitInitializationMode)
+NOTHING(Terminate)

@@ -1,0 +1,124 @@
+"""The same steps as in :mod:`.loops`, in C: a library in the package that executes the same plan.
+
+It lets go of the interpreter's lock, so that two systems can run at the same time in two threads.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import logging
+from collections.abc import Iterator
+from ctypes import POINTER, Structure, c_double, c_int, c_int64, c_void_p
+from functools import cache
+from itertools import chain
+
+from fmpy import platform
+
+from .native import LOOP
+from .plan import Call, Gather, Plan
+from .rows import Array, Rows
+
+log = logging.getLogger("ps_fmu.cosim")
+
+BUDGET_S = 0.05
+"""So long may C go on before Python looks for signals and reports progress [s]."""
+
+# Kind of an operation, as in loop.c.
+_TAKE = {"float64": 0, "int32": 1}
+_CALL = {
+    "fmi2SetReal": 2,
+    "fmi2SetInteger": 3,
+    "fmi2SetBoolean": 3,
+    "fmi2DoStep": 4,
+    "fmi2GetReal": 5,
+    "fmi2GetInteger": 6,
+    "fmi2GetBoolean": 6,
+}
+
+
+class _Operation(Structure):
+    """``Operation`` of loop.c."""
+
+    _fields_ = (
+        ("kind", c_int64),
+        ("count", c_int64),
+        ("places", c_void_p),
+        ("outputs", c_void_p),
+        ("values", c_void_p),
+        ("component", c_void_p),
+        ("function", c_void_p),
+    )
+
+
+class _Loop(Structure):
+    """``Loop`` of loop.c."""
+
+    _fields_ = (
+        ("operations", POINTER(_Operation)),
+        ("n_operations", c_int64),
+        ("latest", c_void_p),
+        ("columns", c_int64),
+        ("step", c_double),
+        ("rows_done", c_int64),
+        ("next_operation", c_int64),
+    )
+
+
+class CompiledLoop:
+    """Steps of a plan, in C.  Raises OSError if there is no library for this platform, or none that can be loaded."""
+
+    def __init__(self, plan: Plan, rows: Rows) -> None:
+        self._run_steps = _library().run_steps
+        self._plan, self._rows = plan, rows
+        self._parts = list(_parts(plan))
+        operations = (_Operation * len(self._parts))(*map(_operation, self._parts))
+        self._loop = _Loop(operations, len(operations), rows.latest.ctypes.data, rows.latest.size, plan.step)
+
+    def advance(self, times: Array, interrupted: c_int) -> None:
+        """As :meth:`PythonLoop.advance`; ends early after :data:`BUDGET_S`, too."""
+        loop, first = self._loop, self._rows.filled
+        loop.rows_done = loop.next_operation = 0
+        goal = self._rows.block[first:].ctypes.data, times.ctypes.data, len(times)
+        try:
+            while status := self._run_steps(loop, *goal, BUDGET_S, interrupted):
+                call = self._parts[loop.next_operation - 1]
+                assert isinstance(call, Call)
+                call.check(status, float(times[loop.rows_done]), self._plan.step)
+        finally:
+            self._rows.filled = first + loop.rows_done
+
+
+def available() -> bool:
+    """Whether the loop can be run here."""
+    try:
+        _library()
+    except OSError as error:
+        log.info("steps are run in Python: %s", error)
+        return False
+    return True
+
+
+@cache
+def _library() -> ctypes.CDLL:
+    path = LOOP.path(platform)
+    if path is None:
+        raise OSError(f"there is no compiled loop for {platform}")
+    library = ctypes.CDLL(str(path))
+    library.run_steps.argtypes = (POINTER(_Loop), c_void_p, c_void_p, c_int64, c_double, POINTER(c_int))
+    library.run_steps.restype = c_int
+    return library
+
+
+def _parts(plan: Plan) -> Iterator[Gather | Call]:
+    for stage in plan.stages:
+        yield from chain(stage.gathers, stage.calls)
+
+
+def _operation(part: Gather | Call) -> _Operation:
+    """The addresses in a gather or call, whose objects the plan keeps."""
+    if isinstance(part, Gather):
+        arrays = part.sources.ctypes.data, part.outputs.ctypes.data, part.inputs.ctypes.data
+        return _Operation(_TAKE[part.inputs.dtype.name], len(part.sources), *arrays)
+    references, values = (None if array is None else array.ctypes.data for array in (part.references, part.values))
+    kind = _CALL[part.function]
+    return _Operation(kind, len(part.names), references, None, values, part.slave.address, part.address)

@@ -1,0 +1,19 @@
+"""The master's loop in C, which :mod:`..compiled` uses.
+
+``python -m ps_fmu.cosim.native`` makes the library from ``loop.c``, see :mod:`ps_fmu.fmu.native`.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ...fmu.native import Program, Target
+
+_LINUX = Target(
+    "x86_64-linux-gnu.2.17",
+    "loop.so",
+    ("-D_GNU_SOURCE", "-fPIC", "-fvisibility=hidden", "-shared", "-s", "-Wl,--build-id=none"),
+    libraries=(),
+)
+
+LOOP = Program("loop", Path(__file__).parent, sources=("loop.c",), headers=(), targets={"linux64": _LINUX})

@@ -1,0 +1,13 @@
+"""Compile the loop."""
+
+from __future__ import annotations
+
+import sys
+
+from ...fmu.native import CompileError
+from . import LOOP
+
+try:
+    LOOP.make()
+except CompileError as error:
+    sys.exit(str(error))

@@ -1,0 +1,135 @@
+"""The words of one instance that Python and the launcher share: what a plain step is, and when the next one is plain.
+
+Each of these facts is kept here alone, whoever makes the steps: both read it here and write it here.  The launcher
+learns the address when the instance is made (``Values.get_string``); what the words mean is in ``launcher/core.h``.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from ctypes import c_double, c_int64, c_uint64, c_void_p
+from dataclasses import dataclass
+from typing import Any
+
+from numpy.typing import NDArray
+
+from .buffer import Array, aligned
+from .layout import Layout
+
+REFERENCE = 2**31 - 1
+"""Value reference of a String that no description lists: the address of the core."""
+
+
+
+@dataclass(frozen=True, eq=False)
+class Limits:
+    """Between which a step holds its first results."""
+
+    lower: Array
+    upper: Array
+    flag: int
+    """The place that becomes 1 if a limit is met; -1: none."""
+
+
+_MAGIC = 0x31302D65726F63  # "core-01"
+NOTHING, MAP, TABLE = range(3)
+
+_LANES = 8  # doubles in the widest vector register
+
+
+class Core(ctypes.Structure):
+    """The structure of the same name in ``launcher/core.h``, and the arrays that it points to.
+
+    Made by :func:`core_for`.  An array is exchanged by a method, which keeps the new one alive.
+    """
+
+    _fields_ = (
+        ("magic", c_uint64), ("size", c_uint64),
+        ("data", c_void_p), ("kinds", c_void_p), ("low", c_void_p), ("high", c_void_p), ("n_references", c_int64),
+        ("plain", c_int64), ("source", c_void_p), ("target", c_void_p), ("work", c_void_p),
+        ("n_source", c_int64), ("n_target", c_int64),
+        ("matrix", c_void_p), ("stride", c_int64), ("table", c_void_p), ("n_rows", c_int64),
+        ("lower", c_void_p), ("upper", c_void_p), ("n_limited", c_int64), ("limit_flag", c_int64),
+        ("stepping", c_int64), ("pending", c_int64), ("finishing", c_int64),
+        ("time", c_double), ("step", c_double),
+        ("time_slack", c_double), ("step_slack", c_double), ("last_start", c_double),
+        ("count", c_int64), ("block", c_int64),
+        ("native_steps", c_int64), ("python_steps", c_int64), ("kernel", c_void_p),
+    )  # fmt: skip
+
+    plain: int
+    n_target: int
+    stride: int
+    stepping: int
+    pending: int
+    finishing: int
+    time: float
+    step: float
+    time_slack: float
+    step_slack: float
+    last_start: float
+    count: int
+    block: int
+    native_steps: int
+    python_steps: int
+    kernel: int | None
+
+    arrays: dict[str, NDArray[Any]]
+    """By the name of their word."""
+    limits: Limits | None = None
+
+    def use_map(self, matrix: Array) -> None:
+        """A plain step is ``target <- matrix.T @ source``; see :func:`by_columns`."""
+        self._point(matrix=matrix)
+        self.plain = MAP
+
+    def use_table(self, table: Array) -> None:
+        """A plain step is ``target <- table[count - block]``."""
+        self._point(table=table)
+        self.n_rows = len(table)
+        self.plain = TABLE
+
+    def use_nothing(self) -> None:
+        """No step is a plain one."""
+        self.plain = NOTHING
+
+    def use_limits(self, limits: Limits | None) -> None:
+        """The result of a plain step is held within these."""
+        self.limits = limits
+        self.n_limited = 0
+        if limits is not None:
+            self._point(lower=limits.lower, upper=limits.upper)
+            self.n_limited, self.limit_flag = limits.lower.size, limits.flag
+
+    def _point(self, **arrays: NDArray[Any]) -> None:
+        self.arrays |= arrays
+        for name, array in arrays.items():
+            setattr(self, name, array.__array_interface__["data"][0])
+
+
+def core_for(layout: Layout, data: Array) -> Core:
+    """The core of an instance with the buffer ``data``; no step is a plain one yet."""
+    memory = aligned(-(-ctypes.sizeof(Core) // 64) * 8)  # whole cache lines: another thread steps the next instance
+    core = Core.from_buffer(memory.data)
+    core.magic, core.size = _MAGIC, ctypes.sizeof(Core)
+    source, target = data[layout.source], data[layout.target]
+    core.n_references, core.n_source, core.n_target = data.size, source.size, target.size
+    core.stride = -(-target.size // _LANES) * _LANES
+    core.step_slack = -1.0
+    core.arrays = {}
+    core._point(
+        data=data, kinds=layout.kinds, low=layout.low, high=layout.high,
+        source=source, target=target, work=aligned(core.stride),
+    )  # fmt: skip
+    return core
+
+
+def by_columns(matrix: Array) -> Array:
+    """A matrix (m, n) as (n, stride): column by column, each on a cache line and padded with zeros.
+
+    The kernel reads it so; numpy in the same order gives the same bits.
+    """
+    rows, columns = matrix.shape
+    copy = aligned(columns, -(-rows // _LANES) * _LANES)
+    copy[:, :rows] = matrix.T
+    return copy

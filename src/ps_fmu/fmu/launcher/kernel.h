@@ -1,0 +1,19 @@
+/* The step of a linear model: one product of matrix and vector, or one row of a table. */
+#ifndef PS_FMU_KERNEL_H
+#define PS_FMU_KERNEL_H
+
+#include <stdbool.h>
+
+#include "core.h"
+
+#include "fmi2Functions.h"
+
+/* The plain step of a core, with its limits; without looking at times and events.  All or nothing: false where there is
+   no row left, or where a result would not be finite. */
+bool kernel_step(Core *core);
+
+/* The same by the instructions that are named, "sse2", "avx2" or "avx512": 1 done, 0 refused, -1 this processor lacks
+   them.  The results are the same bit for bit, which the tests show by this function. */
+FMI2_Export int ps_fmu_step_by(const char *instructions, Core *core);
+
+#endif

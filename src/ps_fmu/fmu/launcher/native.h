@@ -1,0 +1,24 @@
+/* Calls that need no Python: plain steps, and access to numbers, on the words that a slave shares (core.h). */
+#ifndef PS_FMU_NATIVE_H
+#define PS_FMU_NATIVE_H
+
+#include "instance.h"
+
+/* Have the slave of an instance tell where its words are; within python_enter.  Where it does not, all calls go to it. */
+void native_bind(Instance *m);
+
+/* Each of these does all of a call, or nothing: false, and the call has to be made in Python.  So there are no errors
+   here, and no messages. */
+bool native_step(Instance *m, double time, double step);
+bool native_GetReal(const Instance *m, const fmi2ValueReference vr[], size_t n, fmi2Real value[]);
+bool native_GetInteger(const Instance *m, const fmi2ValueReference vr[], size_t n, fmi2Integer value[]);
+bool native_GetBoolean(const Instance *m, const fmi2ValueReference vr[], size_t n, fmi2Boolean value[]);
+bool native_SetReal(const Instance *m, const fmi2ValueReference vr[], size_t n, const fmi2Real value[]);
+bool native_SetInteger(const Instance *m, const fmi2ValueReference vr[], size_t n, const fmi2Integer value[]);
+bool native_SetBoolean(const Instance *m, const fmi2ValueReference vr[], size_t n, const fmi2Boolean value[]);
+
+/* For tests and measurements: how many steps an instance has made natively, and how many in Python, since it was made
+   or reset.  fmi2Error if it makes all in Python and nobody counts. */
+FMI2_Export fmi2Status ps_fmu_steps(fmi2Component c, int64_t *native, int64_t *python);
+
+#endif

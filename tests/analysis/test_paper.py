@@ -1,0 +1,69 @@
+"""ps-fmu analyse paper."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from ps_fmu.analysis import paper, stability, workspace
+from ps_fmu.analysis.command import Options
+from ps_fmu.analysis.errata import Erratum
+from ps_fmu.analysis.result import Finding
+from ps_fmu.cli import main
+from ps_fmu.paper import published
+
+ROOT = Path(__file__).parents[2]
+SYSTEM = ROOT / "system" / "SystemStructure.ssd"
+
+
+def test_what_is_not_computed_yet():
+    """A number that loses its analysis is noticed, and so is one that gets one.
+
+    One verdict stands for all four cases of the stability: only the keys matter here.
+    """
+    lighter = stability.judge("LSM", published()["text.delay"].value)
+    found = {
+        "workspace": workspace.findings(workspace.compute()),
+        "stability": stability.findings(dict.fromkeys(stability.CASES, lighter)),
+    }
+    assert found.keys() == set(paper.PARTS)
+    parameters = paper.parameter_findings(Options(Path(), system=SYSTEM))
+    findings = paper.in_order_of_the_paper([*parameters, *(f for part in found.values() for f in part)])
+    assert [f.key for f in findings] == list(published())
+    expected = [key for key in published() if key.startswith(("fig7.", "fig8.", "fig9.", "table2."))]
+    assert sorted(paper.not_computed(findings)) == sorted([*expected, "text.rejection"])
+
+
+def test_parameters_are_those_of_the_paper():
+    for finding in paper.parameter_findings(Options(Path(), system=SYSTEM)):
+        assert finding.computed == finding.published.value, finding.key
+
+
+def test_a_number_that_is_found_twice_is_refused():
+    with pytest.raises(ValueError, match=r"table1\.roll_max: two analyses"):
+        paper.in_order_of_the_paper([Finding("table1.roll_max", 9.6), Finding("table1.roll_max", 9.5)])
+
+
+def test_a_number_without_a_value_is_neither_right_nor_wrong():
+    assert Finding("text.rejection").difference == "not computed"
+
+
+def test_what_is_written(tmp_path, capsys, monkeypatch):
+    """With the errata of one entry, and without the other analyses: these have their own tests."""
+    erratum = Erratum("(1)", "wrong", "right", "computed", 1e-12, 0.5)
+    monkeypatch.setattr(paper, "PARTS", ())
+    monkeypatch.setattr("ps_fmu.analysis.errata.ENTRIES", (lambda: erratum,))
+    assert main(["analyse", "paper", "--output", str(tmp_path), "--system", str(SYSTEM)]) == 0
+    content = json.loads((tmp_path / "paper.json").read_text())
+    assert [finding["key"] for finding in content["findings"]] == list(published())
+    assert "table1.roll_max" in content["not_computed"] and "text.OSM_mass" not in content["not_computed"]
+    assert content["errata"][0]["error_printed"] == 0.5
+    assert "| (1) | wrong | right | 1e-12 | 0.5 | computed |" in (tmp_path / "paper.md").read_text()
+    said = len(content["findings"]) - len(content["not_computed"])
+    assert f"{said} of them are computed here" in capsys.readouterr().out
+    assert (tmp_path / "paper.html").is_file()
+
+
+def test_a_missing_parameter_set_is_said_before_anything_is_computed(tmp_path, capsys):
+    assert main(["analyse", "paper", "--output", str(tmp_path), "--system", str(tmp_path / "none.ssd")]) == 1
+    assert "large_damping.ssv" in capsys.readouterr().err

@@ -1,0 +1,125 @@
+"""The loop in C against the one in Python: same rows, same warnings, same errors; when it returns early."""
+
+import logging
+from concurrent.futures import ThreadPoolExecutor
+from ctypes import c_int
+
+import numpy as np
+import pytest
+from support.cosim import Collect
+
+from ps_fmu.cosim import Master, compiled, loops
+from ps_fmu.cosim.compiled import CompiledLoop
+from ps_fmu.cosim.loops import PythonLoop
+
+H = 0.01
+
+
+@pytest.fixture
+def mixed(make_system):
+    """Reals, Integers and Booleans, in a loop of two and in a chain."""
+    return make_system(
+        {"mass": "ToyMass", "first": "ToyCounter", "spring": "ToySpring", "second": "ToyCounter", "gain": "ToyGain"},
+        [
+            "mass.position -> spring.position",
+            "mass.velocity -> spring.velocity",
+            "spring.force -> mass.force",
+            "first.odd -> second.enabled",
+            "first.count -> second.increment",
+            "second.half -> gain.u",
+        ],
+    )
+
+
+def both(system, *, events=(), steps=200, **options):
+    """Rows and warnings of a run in C and of one in Python, in two parts."""
+    found = []
+    for in_c in (True, False):
+        collect = Collect()
+        with Master(system, H, compiled=in_c, **options) as master:
+            master.initialise()
+            assert type(master._loop) is (CompiledLoop if in_c else PythonLoop)
+            master.run(steps // 2 * H, [collect], events)
+            master.set("mass.mass", 3.0)
+            master.run((steps - steps // 2) * H, [collect])
+            found.append((collect.time, collect.values, master.warnings))
+    return found
+
+
+@pytest.mark.parametrize("scheme", ["jacobi", "gauss-seidel"])
+@pytest.mark.parametrize("block_rows", [1, 7, 1000])
+def test_all_kinds_of_numbers_bit_for_bit(mixed, scheme, block_rows):
+    events = [(0.5, "first.increment", 3), (0.3, "second.enabled", False), (0.3, "mass.force", 0.25)]
+    in_c, in_python = both(mixed, scheme=scheme, block_rows=block_rows, events=events)
+    assert len(in_c[0]) == 201
+    np.testing.assert_array_equal(in_c[0], in_python[0])
+    assert in_c[1].tobytes() == in_python[1].tobytes()
+    assert len(np.unique(in_c[1], axis=0)) > 100
+
+
+@pytest.mark.parametrize("function", ["fmi2SetReal", "fmi2DoStep", "fmi2GetReal"])
+def test_warnings_are_counted_the_same_and_cost_no_step(mixed, answer, caplog, function):
+    answer("spring", function, 1, n=0, really=True)
+    with caplog.at_level(logging.WARNING):
+        in_c, in_python = both(mixed)
+    assert in_c[1].tobytes() == in_python[1].tobytes()
+    assert in_c[2] == in_python[2]
+    assert in_c[2]["spring"] == 200
+
+
+def test_time_that_is_up_ends_between_two_steps(mixed, monkeypatch):
+    with Master(mixed, H) as master:
+        master.initialise()
+        loop, rows = master._loop, master._rows
+        times = H * np.arange(5)
+        monkeypatch.setattr(compiled, "BUDGET_S", -1.0)
+        loop.advance(times, c_int())
+        assert rows.filled == 1  # that of the initialisation
+        monkeypatch.undo()
+        loop.advance(times, c_int())
+        assert rows.filled == 6
+        loop.advance(times, c_int(1))
+        assert rows.filled == 6
+
+
+def test_a_run_in_slices_of_time_is_the_same_run(mixed, monkeypatch):
+    whole, _ = both(mixed, steps=800)
+    monkeypatch.setattr(compiled, "BUDGET_S", 0.0)  # a few milliseconds, as fine as the clock is
+    sliced, _ = both(mixed, steps=800)
+    assert sliced[1].tobytes() == whole[1].tobytes()
+
+
+def test_two_systems_in_two_threads(mixed):
+    with Master(mixed, H) as first, Master(mixed, H, "gauss-seidel") as second, ThreadPoolExecutor(2) as pool:
+        pair = [(first, Collect()), (second, Collect())]
+        for master, _ in pair:
+            master.initialise()
+        for done in [pool.submit(master.run, 3.0, [collect]) for master, collect in pair]:
+            done.result()
+    for (_, collect), scheme in zip(pair, ("jacobi", "gauss-seidel"), strict=True):
+        alone = Collect()
+        with Master(mixed, H, scheme, compiled=False) as master:
+            master.initialise()
+            master.run(3.0, [alone])
+        assert collect.values.tobytes() == alone.values.tobytes()
+
+
+def test_without_a_library_python_runs_the_steps(mixed, monkeypatch, tmp_path, caplog):
+    def loop():
+        with Master(mixed, H) as master:
+            master.initialise()
+            return type(master._loop)
+
+    compiled._library.cache_clear()
+    with monkeypatch.context() as patch, caplog.at_level(logging.INFO):
+        patch.setattr(compiled, "platform", "win64")
+        assert loop() is PythonLoop
+        assert "there is no compiled loop for win64" in caplog.text
+    with monkeypatch.context() as patch, caplog.at_level(logging.INFO):
+        (tmp_path / "linux64").mkdir()
+        (tmp_path / "linux64" / "loop.so").write_text("not a library\n")
+        patch.setattr(type(compiled.LOOP), "path", lambda self, platform: tmp_path / platform / "loop.so")
+        assert loop() is PythonLoop
+        assert "steps are run in Python" in caplog.text
+    assert loop() is CompiledLoop
+    assert loops.available()
