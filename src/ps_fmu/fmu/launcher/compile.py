@@ -7,6 +7,10 @@ from pathlib import Path
 
 from ..native import CompileError, Program, Target
 
+_HEADERS = (
+    "text.h", "find.h", "python.h", "instance.h", "core.h", "kernel.h", "product.h", "native.h", "platform.h",
+    "windows/wide.h",
+)  # fmt: skip
 _PARTS = ("paths.c", "programs.c", "libraries.c", "threads.c", "belongings.c")
 
 
@@ -31,10 +35,7 @@ LAUNCHER = Program(
     "launcher",
     Path(__file__).parent,
     sources=("text.c", "find.c", "python.c", "instance.c", "kernel.c", "native.c", "launcher.c"),
-    headers=(
-        "text.h", "find.h", "python.h", "instance.h", "core.h", "kernel.h", "product.h", "native.h", "platform.h",
-        "windows/wide.h",
-    ),  # fmt: skip
+    headers=_HEADERS,
     targets={
         "linux64": _linux("x86_64-linux-gnu.2.17"),
         "aarch64-linux": _linux("aarch64-linux-gnu.2.17"),  # pythonfmu 0.7 has no library for it to go with
