@@ -17,7 +17,7 @@ _LINUX = Target(
 LAUNCHER = Program(
     "launcher",
     Path(__file__).parent,
-    sources=("text.c", "find.c", "python.c", "instance.c", "kernel.c", "native.c", "launcher.c"),
+    sources=("text.c", "find.c", "python.c", "instance.c", "kernel.c", "native.c", "launcher.c", "status.c"),
     headers=("text.h", "find.h", "python.h", "instance.h", "core.h", "kernel.h", "product.h", "native.h"),
     targets={"linux64": _LINUX},
 )
