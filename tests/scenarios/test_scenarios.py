@@ -97,12 +97,14 @@ def test_table2(make_options, ssv, monkeypatch):
     assert summary["statistics_from_s"] == pytest.approx(0.1)
     assert summary["statistics_to_s"] == pytest.approx(0.3)
     entries = summary["orientations"]
-    assert [tuple(entry["orientation_deg"]) for entry in entries] == list(table2.PUBLISHED)
+    assert [tuple(entry["orientation_deg"]) for entry in entries] == list(table2.ORIENTATIONS.values())
     assert summary["rms_passive_rad"] == entries[0]["rms_passive_rad"]
     for entry in entries:
         assert len(entry["drift_passive_rad"]) == len(entry["drift_active_rad"]) == 3
         off = 100.0 * (np.array(entry["rms_passive_rad"]) / entry["published_rms_passive_rad"] - 1.0)
         np.testing.assert_allclose(entry["passive_against_published_percent"], off, rtol=1e-12)
+    assert entries[1]["published_rms_active_rad"] == [8.22e-8, 3.49e-8, 1.51e-7]
+    assert "axis 3, at (8.5, 0, 0) deg: 97.4 %; 97.31 by the RMS values beside it." in page
     assert "not a whole number of its periods of 100 s" in page
     assert "commander.target.yaw" in " ".join(summary["warnings"])
 

@@ -34,7 +34,7 @@ _WINDOWS = Target(
 LAUNCHER = Program(
     "launcher",
     Path(__file__).parent,
-    sources=("text.c", "find.c", "python.c", "instance.c", "kernel.c", "native.c", "launcher.c"),
+    sources=("text.c", "find.c", "python.c", "instance.c", "kernel.c", "native.c", "launcher.c", "status.c"),
     headers=_HEADERS,
     targets={
         "linux64": _linux("x86_64-linux-gnu.2.17"),

@@ -95,6 +95,15 @@ fmi2Status instance_refuse(const Instance *m, const char *function, const char *
     return fmi2Error;
 }
 
+const char *fault_of_values(size_t n, const void *references, const void *values)
+{
+    /* With more something is wrong with the host, and pythonfmu does not survive a lack of memory. */
+    enum { MOST_VALUES = 1 << 24 };
+    if (n > 0 && (references == NULL || values == NULL))
+        return "there are no values: a list is NULL";
+    return n > MOST_VALUES ? "impossible number of values" : NULL;
+}
+
 void instance_forget_categories(Instance *m)
 {
     for (size_t i = 0; i < m->n_categories; i++)
