@@ -88,6 +88,7 @@ def test_table2(make_options, ssv, monkeypatch):
     # The pictures of an orientation are those of the scenario isolation; here they are most of the time.
     drawn = []
     monkeypatch.setattr(table2, "draw", lambda comparison, folder, prefix: drawn.append(prefix) or [])
+    monkeypatch.setattr(table2, "SETTLING_S", 0.0)
     quick = ssv({"disturbance.rise_time": 0.1, "commander.target.yaw": 0.1})
     options = make_options("table2", 0.2, step_s=1e-3, parameters=(quick,))
     summary = run(options)
