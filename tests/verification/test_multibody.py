@@ -15,7 +15,7 @@ from ps_fmu.verification.multibody import Prototype
 
 S = 2j * np.pi * np.geomspace(0.05, 300.0, 30)  # rad/s
 TABLE_1_DEG = np.array([[-9.0, -10.7, -14.5], [9.6, 9.8, 16.6]])  # roll, pitch, yaw, each alone
-RADIUS = 0.03  # m; about that of a voice-coil actuator: the legs' axial inertia is 3e-4 kg.m2
+RADIUS = 0.03  # m; a voice-coil actuator is about as thick: the axial inertia is a quarter of the radial one
 GEOMETRIES = range(5)
 N_ORIENTATIONS = 20
 LIMIT = {Nominal: 1e-12, Practical: 1e-10}  # relative; G_P = B D^-1 of the practical plant loses two digits

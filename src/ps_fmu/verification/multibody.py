@@ -28,7 +28,7 @@ Array = NDArray[np.float64]
 
 N_LEGS = 6
 N_MOTIONS = 12  # fine legs 3, base 6, coarse legs 3
-CLOSED = 1e-14  # m; the loops count as closed
+CLOSED = 1e-13  # m; the loops count as closed
 LARGEST_ITERATIONS = 20
 
 
@@ -186,6 +186,24 @@ class Prototype:
             q = self.moved(q, step)
         raise RuntimeError(f"the loops stay open by {np.abs(gaps).max():.1e} m after {LARGEST_ITERATIONS} iterations")
 
+    def independent_motion(self, q: Array) -> tuple[Array, Array, Array]:
+        """Base position (3,) m and quaternion (4,), x y z w, inertial axes, and leg lengths (6,) m, fine legs first."""
+        base, lengths = q[self._base], self.lengths(q)
+        return base[:3], base[3:], np.concatenate([lengths[3:], lengths[:3]])
+
+    def with_independent_motion(self, q: Array, position: Array, quaternion: Array, lengths: Array) -> Array:
+        """The closed configuration near ``q`` with these values, as :meth:`independent_motion` returns them."""
+        q = q.copy()
+        q[self._base] = np.concatenate([position, quaternion / np.linalg.norm(quaternion)])
+        for joint, length in zip(self._upper[3:] + self._upper[:3], lengths, strict=True):
+            q[self.model.joints[joint].idx_q] = length
+        return self.closed(q)
+
+    @cached_property
+    def _base(self) -> slice:
+        start = self.model.joints[self._bus].idx_q
+        return slice(start, start + 7)
+
     def linearise(self, pose: Pose) -> LinearModel:
         """About rest at a pose where the fine legs have their nominal length, so that no spring is loaded."""
         q = self.configuration(pose)
@@ -233,6 +251,23 @@ class Prototype:
         found[COARSE] = coarse_accelerations
         found[free] = np.linalg.solve(reduced[free, free], force[free] - reduced[free, COARSE] @ coarse_accelerations)
         return found
+
+    def rotations(self, q: Array) -> tuple[Array, Array]:
+        """Of the base to inertial axes and of the platform to axes of the base, (3, 3) each."""
+        self._pin.forwardKinematics(self.model, self.data, q)
+        base, platform = (self.data.oMi[joint].rotation for joint in (self._bus, self._payload))
+        return base.copy(), base.T @ platform
+
+    def energy(self, q: Array, v: Array) -> float:
+        """Kinetic energy and that of the fine legs' springs, J."""
+        manipulator = self.parameters.manipulator
+        stretch = self.lengths(q)[3:] - manipulator.geometry.nominal_lengths[3:]
+        springs = 0.5 * sum(leg.stiffness * d**2 for leg, d in zip(manipulator.fine_legs, stretch, strict=True))
+        return float(self._pin.computeKineticEnergy(self.model, self.data, q, v) + springs)
+
+    def momentum(self, q: Array, v: Array) -> Array:
+        """(6,) linear and angular momentum about the common centre of mass, inertial axes, N.s and N.m.s."""
+        return np.array(self._pin.computeCentroidalMomentum(self.model, self.data, q, v).vector)
 
     def _mass(self, q: Array) -> Array:
         upper = np.triu(self._pin.crba(self.model, self.data, q))
