@@ -11,7 +11,7 @@ export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 export MPLBACKEND := Agg
 
-.PHONY: run test fmus launcher importers bench lint clean
+.PHONY: run test fmus launcher importers verify bench lint clean
 .DELETE_ON_ERROR:
 
 run: fmus  ## the default scenario: isolation at the nominal orientation, passive then active
@@ -28,6 +28,10 @@ launcher: .venv/.installed  ## what is compiled in the package, made again: the 
 	$(BIN)/python -m ps_fmu.cosim.native
 
 importers: .venv-importers/.installed  ## tools that cannot share .venv, for the tests (0.9 GB)
+
+verify: .venv/.installed  ## the plant against an independent multibody prototype in Pinocchio (0.4 GB); from then on in make test
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[verify]'
+	$(BIN)/python -m pytest tests/verification $(ARGS)
 
 bench: fmus
 	$(BIN)/python benchmarks/step_cost.py $(ARGS)
