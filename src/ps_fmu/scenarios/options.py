@@ -12,10 +12,11 @@ DEFAULT_DURATION_S = {
     "table2": 100.0,  # window of the statistics, at each of four orientations; passive, then active
     "slew": 100.0,  # profile, then at least 60 s to settle
     "trajectories": 60.0,  # up to 25 targets of a path; four paths, each with two solvers
+    "stability": 10.0,  # after a pulse; four cases, passive and active, and one beyond the limit of the delay
 }
 # Each step would be 0.5 GB per case of 100 s. Figures and statistics use every step whatever is stored.
-DEFAULT_STORAGE_STEP_S = {"isolation": 1e-3, "table2": 1e-2, "slew": 1e-2, "trajectories": 1e-2}
-DEFAULT_STEP_S = {"isolation": 1e-4, "table2": 1e-4, "slew": 1e-4, "trajectories": 1e-3}
+DEFAULT_STORAGE_STEP_S = {"isolation": 1e-3, "table2": 1e-2, "slew": 1e-2, "trajectories": 1e-2, "stability": 1e-2}
+DEFAULT_STEP_S = {"isolation": 1e-4, "table2": 1e-4, "slew": 1e-4, "trajectories": 1e-3, "stability": 1e-4}
 RESULTS, SUMMARY, REPORT = "results.nc", "summary.json", "report.html"  # in the output folder
 SCENARIOS = tuple(DEFAULT_DURATION_S)
 SCHEMES = ("jacobi", "gauss-seidel")
