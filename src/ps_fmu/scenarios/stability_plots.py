@@ -28,7 +28,7 @@ def response_figure(path: Path, responses: Sequence[Response], what: str) -> Non
     names = list(dict.fromkeys(r.name for r in responses))
 
     def paint(figure: Figure) -> None:
-        grid = figure.subplots(2, COLUMNS, sharex=True).reshape(-1)
+        grid = figure.subplots(2, COLUMNS).reshape(-1)
         for axes, name in zip(grid, names, strict=False):
             for r in responses:
                 if r.name == name or (not r.enabled and r.case == name.split(",")[0]):
@@ -49,10 +49,10 @@ def _fine(axes: Axes, r: Response) -> None:
     time, largest = _envelope(r.time, np.abs(r.fine).max(axis=1))
     axes.semilogy(time, 1e6 * largest, color=_colour(r), label=_label(r))
     if r.enabled:
-        # Through the end of an unstable motion, the start of a stable one.
-        k = len(time) - 2 if r.predicted.real > 0.0 else 2
+        # Through the end of an unstable motion; through the start of a stable one, from the end of the pulse on.
+        k = -1 if r.predicted.real > 0.0 else 2
         rate = largest[k] * np.exp(r.predicted.real * (time - time[k]))
-        shown = rate > 0.1 * largest.min()
+        shown = (time >= time[2]) & (rate > 0.3 * largest.min())
         axes.semilogy(time[shown], 1e6 * rate[shown], "k--", lw=1.2, label="rate of the predicted pole")
 
 
@@ -61,10 +61,10 @@ def _payload(axes: Axes, r: Response) -> None:
 
 
 def _envelope(time: Array, values: Array) -> tuple[Array, Array]:
-    """Largest value in each bin."""
-    bins = (time / BIN_S).astype(int)
+    """Largest value in each bin; the last one, which may not be full, is left out."""
+    bins = (time / BIN_S + 1e-9).astype(int)
     starts = np.flatnonzero(np.diff(bins, prepend=-1))
-    return time[starts], np.maximum.reduceat(values, starts)
+    return time[starts[:-1]], np.maximum.reduceat(values, starts)[:-1]
 
 
 def _colour(r: Response) -> str:
