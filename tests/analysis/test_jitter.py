@@ -17,9 +17,12 @@ DURATION_S, STEP_S = 20.0, 1e-3
 
 @pytest.fixture(scope="module")
 def found(built_fmus, tmp_path_factory):
-    """The analysis, short and with coarse steps, and its folder."""
+    """The analysis of two orientations, short and with coarse steps, and its folder."""
     output = tmp_path_factory.mktemp("jitter")
-    analysis = jitter.analyse(Options(output, built_fmus, progress=False), DURATION_S, STEP_S)
+    with pytest.MonkeyPatch.context() as patch:
+        for name in ("roll", "pitch"):
+            patch.delitem(table2.ORIENTATIONS, name)
+        analysis = jitter.analyse(Options(output, built_fmus, progress=False), DURATION_S, STEP_S)
     analysis.write(output)
     return analysis, output
 
@@ -30,7 +33,7 @@ def test_closed_form_is_what_the_fmus_do(found):
     Twenty seconds at 1 ms; at the usual 100 s and 0.1 ms the runs come within 0.2 and 1 %.
     """
     content = json.loads((found[1] / "jitter.json").read_text())
-    assert list(content["orientations"]) == list(table2.ORIENTATIONS)
+    assert list(content["orientations"]) == ["nominal", "yaw"]
     for entry in content["orientations"].values():
         for case, tolerance in (("passive", 1.5e-2), ("active", 5e-2)):
             closed_form = np.array(entry[f"closed_form_of_lines_{case}_rad"])
@@ -39,11 +42,11 @@ def test_closed_form_is_what_the_fmus_do(found):
 
 
 def test_findings(found):
-    """The whole of Table 2, Fig 9 and the claim, by theory as identified; the second axis is marked."""
+    """Nine of Table 2 for each orientation, Fig 9 and the claim, by theory as identified; the second axis is marked."""
     by_key = {finding.key: finding for finding in found[0].findings}
-    assert len(by_key) == 39
+    assert len(by_key) == 21
     assert by_key["table2.nominal_rejection_1"].computed == pytest.approx(99.36, abs=0.01)
-    assert by_key["table2.pitch_active_2"].remark == jitter.SECOND_AXIS_REMARK
+    assert by_key["table2.yaw_active_2"].remark == jitter.SECOND_AXIS_REMARK
     assert by_key["fig9.radius_active"].computed == pytest.approx(1.116e-7, rel=1e-3)
     assert by_key["text.rejection"].computed > 95.0
     text = " ".join(found[0].text)

@@ -16,14 +16,14 @@ PARAMETERS = Path(__file__).parents[2] / "system" / "parameters"
 
 def test_time_responses_have_the_predicted_poles(make_options, capsys):
     """In steps of 1 ms, with 1 ms more of delay: all four cases are stable, the lighter module beyond its limit not."""
-    options = make_options("stability", 4.0, step_s=1e-3)
+    options = make_options("stability", 3.0, step_s=1e-3)
     stability.run(options)
     responses = json.loads((options.output / "summary.json").read_text())["responses"]
     assert [r["case"] for r in responses] == [*np.repeat(CASES, 2), "LSM"]
     for r in responses:
         assert r["pole_rad_s"] == pytest.approx(r["predicted_pole_rad_s"], rel=2e-3)
     assert [r["stable"] for r in responses] == [True] * 8 + [False]
-    assert responses[-1]["pole_rad_s"][0] > 0.4 and responses[-1]["last_second_over_first"] > 2.0
+    assert responses[-1]["pole_rad_s"][0] > 0.4 and responses[-1]["last_second_over_first"] > 1.5
     text = capsys.readouterr().out
     assert "With the delay of 0.02 s, stable: OSM, LSM, LDOSM, LDLSM; unstable: none." in text
     assert "Beyond the limit of 91.6 ms, with 100 ms, the motion of LSM grows" in text

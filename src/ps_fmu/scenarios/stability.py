@@ -114,7 +114,11 @@ def run(options: RunOptions) -> None:
     print(text_table(table.header, table.rows), *text[1:], sep="\n")
     pictures = []
     for name, caption in (
-        ("fine", "Largest displacement of a fine leg after the pulse; dashed: rate of the predicted pole."),
+        (
+            "fine",
+            "Largest displacement of a fine leg; dashed: rate of the predicted pole. What is left in the end is made "
+            "by the modes of the arrays, with time constants of 20 to 70 s.",
+        ),
         ("payload", "Rotation of the payload about the first axis."),
     ):
         path = options.output / f"stability_{name}.png"
