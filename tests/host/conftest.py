@@ -76,7 +76,7 @@ def sanitized(bound: dict[str, Path], tmp_path_factory: pytest.TempPathFactory) 
         compile_c(checks, HOST_SOURCES, folder / "host")
         shutil.copytree(bound["oscillator"], folder / "oscillator")
         library = folder / "oscillator" / "binaries" / "linux64" / "Oscillator.so"
-        sources = [LAUNCHER.folder / name for name in LAUNCHER.sources]
+        sources = [LAUNCHER.folder / name for name in LAUNCHER.sources_for("linux64")]
         compile_c([*checks, "-fPIC", "-shared", "-fvisibility=hidden"], sources, library)
         return folder / "host", folder / "oscillator"
 

@@ -26,6 +26,10 @@ TARGET = ("commander.target.roll", "commander.target.pitch", "commander.target.y
 AXES = ("x", "y", "z")
 
 
+class TargetError(ValueError):
+    """The platform cannot be turned to the target of a run."""
+
+
 @dataclass(frozen=True, eq=False)
 class Comparison:
     """The payload's jitter at one orientation without and with the isolator."""

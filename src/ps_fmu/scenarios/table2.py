@@ -2,7 +2,8 @@
 
 The disturbance is the deterministic multisine: lines of fixed amplitude whose phases keep the uncorrelated inputs
 apart, so that one period has the RMS of the power spectral density without statistical scatter.  The statistics
-cover the duration of the options, one period or several; a lead-in while the disturbance rises comes before.
+cover the duration of the options, one period or several; a lead-in comes before, while the disturbance rises and what
+that shakes dies away.
 """
 
 from __future__ import annotations
@@ -42,6 +43,7 @@ IDENTIFIED: dict[str, Triple] = {
 }
 PERIOD = "disturbance.noise.period"
 USUAL_PERIOD_S = 100.0  # lines from 0.105 Hz on, each 0.01 Hz
+SETTLING_S = 10.0  # after the rise: 4.5 time constants of the fine legs' suspension, 2.2 s with the isolator
 SHORTEST_PERIOD_S, LONGEST_PERIOD_S = 20.0, 1000.0  # two cycles of 0.1 Hz; the memory of the disturbance source
 
 HOW = (
@@ -71,12 +73,18 @@ class Measurement:
         """Period of the disturbance."""
         return real_start(self.system, PERIOD)
 
+    @property
+    def band(self) -> Array:
+        """Band of the disturbance, (2,), Hz."""
+        return np.array([real_start(self.system, f"disturbance.noise.band.{end}") for end in ("min", "max")])
+
 
 def measure(options: RunOptions) -> Measurement:
     """Run the four orientations, each passive and active; the runs are stored in results.nc."""
     settings = {"disturbance.noise.multisine": True, PERIOD: period_s(options.duration_s)}
     system = load_system(options, settings)
-    lead_steps = math.ceil(real_start(system, "disturbance.rise_time") / options.step_s - 1e-6)
+    lead_s = real_start(system, "disturbance.rise_time") + SETTLING_S
+    lead_steps = math.ceil(lead_s / options.step_s - 1e-6)
     found = {
         name: compare(system, options, orientation, lead_steps=lead_steps, prefix=_prefix(orientation))
         for name, orientation in ORIENTATIONS.items()
@@ -143,7 +151,10 @@ def period_s(duration_s: float) -> float:
 
 def _window(measured: Measurement) -> str:
     first, period = measured.start_s, measured.period_s
-    text = f"Statistics from {first:g} s, when the disturbance has risen, to {first + measured.duration_s:g} s"
+    text = (
+        f"Statistics from {first:g} s, when the disturbance has risen and what that shook has settled, to "
+        f"{first + measured.duration_s:g} s"
+    )
     periods = measured.duration_s / period
     if periods > 0.5 and abs(periods - round(periods)) < 1e-9:
         coarse = (

@@ -2,6 +2,7 @@
 
 ``text.c``: texts and paths; ``find.c``: which Python; ``python.c``: attaching, starting, threads; ``instance.c``:
 instances and their messages; ``kernel.c`` and ``native.c``: what is done without Python; ``launcher.c`` and
-``status.c``: the functions of FMI 2.0.  The built libraries are part of the package, so
-that users need no compiler; :mod:`.compile` makes them.
+``status.c``: the functions of FMI 2.0; ``platform.h`` and the folders ``posix`` and ``windows``: what differs between
+operating systems.  The built libraries are part of the package, so that users need no compiler; :mod:`.compile` makes
+them.
 """
