@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from pythonfmu.builder import FmuBuilder
 
-from ps_fmu.check import fmu_check
+from ps_fmu.check import fmu_check, lives
 from ps_fmu.check.fmu_check import FAILED, NOT_RUN, PASSED, Row, check_fmu
 from ps_fmu.check.table import SHOWN, show
 from ps_fmu.cli import main
@@ -113,6 +113,54 @@ def test_archives_that_are_not_safe_are_not_opened(toys, tmp_path, rows):
         assert found["archive"].verdict == FAILED
         assert reason in found["archive"].details[0]
     assert main(["check", str(cut)]) == 1
+
+
+BOMB = "".join(f'<!ENTITY e{n + 1} "{f"&e{n};" * 10}">' for n in range(12))
+DOCTYPE = f'<!DOCTYPE a [<!ENTITY e0 "x">{BOMB}<!ENTITY f SYSTEM "file:///etc/passwd">]>'.encode()
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        (lambda n, c: c[:500] if n.endswith("Description.xml") else c, "not well-formed"),
+        (lambda n, c: b"\xff" + c if n.endswith("Description.xml") else c, "not well-formed"),
+        (lambda n, c: c.replace(b"?>", b"?>" + DOCTYPE, 1) if n.endswith("Description.xml") else c, "DOCTYPE"),
+        (lambda n, c: c.replace(b"UTF-8", b"none", 1) if n.endswith("Description.xml") else c, "encoding"),
+        (lambda n, c: b"<a>" * 100_000 if n.endswith("Description.xml") else c, "nested deeper than 100"),
+    ],
+)
+def test_descriptions_that_are_not_read(change, reason, toys, tmp_path, rows):
+    (row,) = rows(rewritten(toys["plain"], tmp_path / "changed.fmu", change)).values()
+    assert row.verdict == FAILED
+    assert reason in row.details[0]
+
+
+def test_an_archive_with_damaged_content_is_not_unpacked(toys, tmp_path, rows):
+    path = rewritten(toys["plain"], tmp_path / "damaged.fmu", lambda _, content: content)
+    raw = bytearray(path.read_bytes())
+    raw[raw.index(b"\x7fELF") + 5000] ^= 1
+    path.write_bytes(raw)
+    (row,) = rows(path).values()
+    assert row.verdict == FAILED
+    assert "is damaged: its checksum does not fit" in row.details[0]
+
+
+def test_what_pythonfmu_takes_for_granted(toys, tmp_path, rows):
+    path = rewritten(toys["plain"], tmp_path / "A.fmu", lambda n, c: None if n == "resources/plain.py" else c)
+    found = rows(path)
+    assert found["archive"].verdict == FAILED
+    assert "no 'resources/plain.py'" in found["archive"].details[0]
+    assert found["FMPy: load"].details[0] == "the process was killed by SIGSEGV"
+
+
+@pytest.mark.parametrize("identifier", ["../../../tmp/Plain", "Plain&#10;library /tmp/evil", "", "größe"])
+def test_a_model_identifier_that_leads_elsewhere_is_not_loaded(identifier, toys, tmp_path, rows, monkeypatch):
+    monkeypatch.setattr(lives, "in_fmpy", None)
+    old, new = b'modelIdentifier="Plain"', f'modelIdentifier="{identifier}"'.encode()
+    found = rows(rewritten(toys["plain"], tmp_path / "A.fmu", lambda n, c: c.replace(old, new)))
+    for check in ("life in FMPy", "life in a C host"):
+        assert found[check].verdict == NOT_RUN
+        assert "is not a C identifier" in found[check].details[0]
 
 
 @pytest.mark.parametrize(

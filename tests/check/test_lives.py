@@ -128,10 +128,19 @@ def test_what_the_description_does_not_promise_is_not_asked(change, missing, tan
     assert not any(found.values())
 
 
-def test_start_values_that_make_no_sense_are_left_out(tank):
-    assert list(c_host(tank("{right}", changes=(('start="2"', 'start="much"'),)))) == [
-        stage for stage in STAGES if stage != "inputs never set"
-    ]
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ('start="2"', 'start="much"'),
+        ('valueReference="2"', 'valueReference="-2"'),
+        ('valueReference="2"', 'valueReference="4294967298"'),
+        ('valueReference="2"', 'valueReference="2&#10;library /elsewhere.so"'),
+    ],
+)
+def test_inputs_that_make_no_sense_are_left_out(old, new, tank):
+    found = c_host(tank("{right}", changes=((old, new),)))
+    assert list(found) == [stage for stage in STAGES if stage != "inputs never set"]
+    assert not any(found.values())
 
 
 def test_the_host_has_path_and_home_and_nothing_else(tank, monkeypatch):

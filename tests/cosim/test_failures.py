@@ -5,10 +5,12 @@ Statuses that a pythonfmu slave cannot return safely come from a stand-in for th
 
 import logging
 import os
+import re
 import signal
 import subprocess
 import sys
 import textwrap
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -264,6 +266,28 @@ def test_an_fmu_that_cannot_be_instantiated_or_loaded(make_system, rewrite, toys
     monkeypatch.setattr(FMU2Slave, "instantiate", refuse)
     with pytest.raises(SlaveError, match="gain: fmi2Instantiate failed"):
         Master(make_system({"gain": "ToyGain"}, []), H).initialise()
+
+
+@pytest.mark.parametrize(
+    ("member", "content", "reason"),
+    [
+        ("resources/slavemodule.txt", None, "there is no resources/slavemodule.txt"),
+        ("resources/slavemodule.txt", b"", "there is no 'resources/.py'"),
+        ("resources/slavemodule.txt", b"../toy_gain\n", "there is no 'resources/../toy_gain.py'"),
+        ("resources/slavemodule.txt", b"\xff\0", "there is no 'resources/"),
+        ("resources/toy_gain.py", None, "there is no 'resources/toy_gain.py', the module of the slave"),
+    ],
+)
+def test_a_plain_pythonfmu_fmu_that_is_not_complete_is_refused(make_system, toys, tmp_path, member, content, reason):
+    """Its library would end this process with SIGSEGV."""
+    from ps_fmu.cosim import SystemFileError
+
+    with zipfile.ZipFile(toys / "ToyGain.fmu") as old, zipfile.ZipFile(tmp_path / "ToyGain.fmu", "w") as new:
+        for name in old.namelist():
+            if (kept := content if name == member else old.read(name)) is not None:
+                new.writestr(name, kept)
+    with pytest.raises(SystemFileError, match=re.escape(reason)):
+        Master(make_system({"gain": "ToyGain"}, [], tmp_path), H).initialise()
 
 
 def test_a_temporary_folder_that_fmus_cannot_read_is_refused(make_system, tmp_path, monkeypatch):

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from support.cosim import HEAD, OSCILLATOR, ssd_text
 
-from ps_fmu.cosim import CosimError, Master, Port, System, SystemFileError, UsageError, read_system
+from ps_fmu.cosim import CosimError, Master, Port, System, SystemFileError, UsageError, read_system, xmlfile
 
 PROJECT_SSD = Path(__file__).parents[2] / "system" / "SystemStructure.ssd"
 SSV = (
@@ -205,6 +205,13 @@ def test_hostile_xml_is_refused(folder):
     (folder / "SystemStructure.ssd").write_bytes(b" " * (16 * 2**20 + 1))
     with pytest.raises(SystemFileError, match="at most 16777216 are read"):
         read_system(folder)
+
+
+def test_xml_that_takes_too_much_memory_is_refused(folder, monkeypatch):
+    monkeypatch.setattr(xmlfile, "MAXIMUM_ELEMENTS", 1000)
+    for text in ("<a>" * 101 + "</a>" * 101, f"<a>{'<b/>' * 1000}</a>"):
+        with pytest.raises(SystemFileError, match="has more than 1000 elements, or they are nested deeper than 100"):
+            read_text(folder, text)
 
 
 def test_nothing_to_read(tmp_path):

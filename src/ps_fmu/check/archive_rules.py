@@ -6,10 +6,13 @@ import zipfile
 from collections.abc import Iterator
 from pathlib import Path, PurePosixPath
 
+from ..cosim import pythonfmu
+from ..cosim.archive import read_member
 from .reading import Description
 
 _DATA_DESCRIPTOR = 1 << 3  # general purpose bit 3
 _VERSION = 20  # 2.0
+_MOST_BYTES = 2**20  # of a text of one line
 
 
 def problems(path: Path, description: Description) -> list[str]:
@@ -17,7 +20,10 @@ def problems(path: Path, description: Description) -> list[str]:
     with zipfile.ZipFile(path) as archive:
         members = archive.infolist()
     names = [member.filename for member in members]
-    return [*_file(path), *_members(members), *_same_name(names), *_content(names, description)]
+    return [
+        *_file(path), *_members(members), *_same_name(names), *_content(names, description),
+        *_pythonfmu(path, names, description),
+    ]  # fmt: skip
 
 
 def _file(path: Path) -> Iterator[str]:
@@ -42,6 +48,14 @@ def _same_name(names: list[str]) -> Iterator[str]:
         other = folded.setdefault(name.lower(), name)
         if other != name:
             yield f"{other} and {name} are one file where case does not matter"
+
+
+def _pythonfmu(path: Path, names: list[str], description: Description) -> Iterator[str]:
+    if description.root.attributes.get("generationTool", "").startswith("PythonFMU"):
+        named = pythonfmu.MODULE_FILE in names
+        content = read_member(path, pythonfmu.MODULE_FILE, _MOST_BYTES) if named else None
+        if problem := pythonfmu.missing(content, names):
+            yield f"{problem}: pythonfmu's library crashes without it"
 
 
 def _content(names: list[str], description: Description) -> Iterator[str]:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from platform import machine
 
-from ..cosim.archive import check_archive, read_member
+from ..cosim.archive import check_archive, check_content, read_member
 from ..cosim.errors import SystemFileError
 from ..cosim.xmlfile import MAXIMUM_BYTES
 from . import archive_rules, lives, stages
@@ -37,11 +37,12 @@ def check_fmu(path: Path) -> Iterator[Row]:
     """The rows of the checks, as they are made.  Nothing is unpacked or loaded from an archive that is not safe."""
     try:
         members = check_archive(path)
+        check_content(path)
         description = read(read_member(path, _DESCRIPTION, MAXIMUM_BYTES), path / _DESCRIPTION)
+        problems = archive_rules.problems(path, description)
     except SystemFileError as error:
         yield Row("archive", FAILED, (str(error),))
         return
-    problems = archive_rules.problems(path, description)
     size = f"{len(members)} files, {path.stat().st_size / 1e6:.1f} MB"
     yield Row("archive", FAILED, tuple(problems)) if problems else Row("archive", PASSED, (size,))
 
@@ -86,11 +87,15 @@ def _lives(path: Path, version: str, members: Sequence[str], description: Descri
     from fmpy import platform, supported_platforms
 
     there = supported_platforms(str(path))
+    interface = description.root.find("CoSimulation")
+    identifier = interface.attributes.get("modelIdentifier", "") if interface is not None else ""
     reason = None
     if not version.startswith("2."):
         reason = f"FMI {version} is not run here"
-    elif description.root.find("CoSimulation") is None:
+    elif interface is None:
         reason = "the FMU is for model exchange"
+    elif not (identifier.isascii() and identifier.isidentifier()):
+        reason = f"modelIdentifier {identifier!r} is not a C identifier"
     elif platform not in there:
         reason = f"no library for {platform}, there are some for {', '.join(there) or 'no platform'}"
     if reason is not None:

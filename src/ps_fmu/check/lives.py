@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 import os
+import re
 import shutil
 import sys
 import tempfile
@@ -27,6 +28,7 @@ from .stages import Result, watch
 PYTHON_VARIABLE = "PS_FMU_PYTHON"
 """Names a Python to the launcher of FMUs that were built here."""
 _DEFAULT_STEP = 1e-2  # s
+_REFERENCE = re.compile(r"[0-9]{1,10}")
 
 
 def in_fmpy(fmu: Path) -> list[Result]:
@@ -83,6 +85,8 @@ def _plan(folder: Path, description: Description, platform: str) -> Iterator[str
             yield key
     for variable in description.variables:
         kind = "Integer" if variable.type == "Enumeration" else variable.type
+        if not kind or not _REFERENCE.fullmatch(variable.reference) or int(variable.reference) >= 2**32:
+            continue
         if variable.causality == "output":
             yield f"output {kind} {variable.reference} {_one_line(variable.name)}"
         elif variable.causality == "input" and _has_value(variable):

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import lzma
 import stat
+import struct
 import zipfile
 import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path, PurePosixPath
 
 from .errors import SystemFileError
@@ -19,6 +22,9 @@ _DAMAGE = (
     EOFError,
     NotImplementedError,
     RuntimeError,
+    ValueError,
+    ArithmeticError,
+    struct.error,
     zipfile.BadZipFile,
     zlib.error,
     lzma.LZMAError,
@@ -28,16 +34,12 @@ _DAMAGE = (
 def check_archive(path: Path) -> list[str]:
     """Names of the members, after checking that they can be unpacked into one folder and stay in it.
 
-    Raises :class:`SystemFileError`: not a readable ZIP archive, an absolute path, a drive letter, ``..`` or a
-    backslash in a name, a link, a name that occurs twice, an encrypted member, too many bytes or members.
+    Raises :class:`SystemFileError`: not a readable ZIP archive, an absolute path, a drive letter, ``..``, an empty
+    part or a backslash in a name, a link, a name that occurs twice or is a file and a folder, an encrypted member, too
+    many bytes or members.
     """
-    try:
-        with zipfile.ZipFile(path) as archive:
-            members = archive.infolist()
-    except FileNotFoundError as error:
-        raise SystemFileError(path, "is not there") from error
-    except (OSError, ValueError, NotImplementedError, zipfile.BadZipFile) as error:
-        raise SystemFileError(path, f"is not a readable ZIP archive: {error}") from error
+    with _opened(path, "is not a readable ZIP archive") as archive:
+        members = archive.infolist()
     total = sum(member.file_size for member in members)
     if total > MAXIMUM_BYTES or len(members) > MAXIMUM_MEMBERS:
         raise SystemFileError(
@@ -53,6 +55,10 @@ def check_archive(path: Path) -> list[str]:
         if name in seen:
             raise SystemFileError(path, f"member {name!r} occurs twice: the archive is not unpacked")
         seen.add(name)
+    for name in sorted(seen):
+        above = {str(folder) for folder in PurePosixPath(name).parents} | {name.rstrip("/")} - {name}
+        if file := min(above & seen, default=None):
+            raise SystemFileError(path, f"member {file!r} is a file and a folder: the archive is not unpacked")
     return sorted(seen)
 
 
@@ -62,6 +68,10 @@ def _objection(member: zipfile.ZipInfo) -> str | None:
         return "is not a relative path with forward slashes"
     if ".." in PurePosixPath(name).parts:
         return "leaves the target folder"
+    if str(PurePosixPath(name)) != name.removesuffix("/") or name in (".", "./"):
+        return "has another path that means the same"
+    if member.filename != name:
+        return f"has a second name, {member.filename!r}"
     if stat.S_ISLNK(member.external_attr >> 16):
         return "is a link"
     if member.flag_bits & 0x1:
@@ -69,25 +79,41 @@ def _objection(member: zipfile.ZipInfo) -> str | None:
     return None
 
 
-def read_member(path: Path, name: str, maximum_bytes: int) -> bytes:
-    """One member of a checked archive.  Raises :class:`SystemFileError` if missing, too large or damaged."""
+@contextmanager
+def _opened(path: Path, problem: str) -> Iterator[zipfile.ZipFile]:
+    """An open archive.  What a damaged one makes zipfile stumble over becomes a SystemFileError with this text."""
     try:
         with zipfile.ZipFile(path) as archive:
-            size = archive.getinfo(name).file_size
-            if size > maximum_bytes:
-                raise SystemFileError(path, f"{name} has {size} bytes; at most {maximum_bytes} are read")
-            return archive.read(name)
-    except KeyError as error:
-        raise SystemFileError(path, f"has no {name}") from error
+            yield archive
+    except SystemFileError:
+        raise
+    except FileNotFoundError as error:
+        raise SystemFileError(path, "is not there") from error
     except _DAMAGE as error:
-        raise SystemFileError(path, f"{name} cannot be read: {error}") from error
+        raise SystemFileError(path, f"{problem}: {error}") from error
+
+
+def read_member(path: Path, name: str, maximum_bytes: int) -> bytes:
+    """One member of a checked archive.  Raises :class:`SystemFileError` if missing, too large or damaged."""
+    with _opened(path, f"{name} cannot be read") as archive:
+        try:
+            size = archive.getinfo(name).file_size
+        except KeyError as error:
+            raise SystemFileError(path, f"has no {name}") from error
+        if size > maximum_bytes:
+            raise SystemFileError(path, f"{name} has {size} bytes; at most {maximum_bytes} are read")
+        return archive.read(name)
+
+
+def check_content(path: Path) -> None:
+    """Read all of a checked archive.  Raises :class:`SystemFileError` if a member is damaged."""
+    with _opened(path, "has a damaged member") as archive:
+        if name := archive.testzip():
+            raise SystemFileError(path, f"member {name!r} is damaged: its checksum does not fit")
 
 
 def extract(path: Path, folder: Path) -> None:
     """Unpack an archive into ``folder`` after :func:`check_archive`.  Raises :class:`SystemFileError`."""
     check_archive(path)
-    try:
-        with zipfile.ZipFile(path) as archive:
-            archive.extractall(folder)
-    except _DAMAGE as error:
-        raise SystemFileError(path, f"cannot be unpacked into {folder}: {error}") from error
+    with _opened(path, f"cannot be unpacked into {folder}") as archive:
+        archive.extractall(folder)

@@ -18,6 +18,7 @@ from typing import Any
 from fmpy.fmi2 import FMU2Slave
 from fmpy.model_description import ModelDescription
 
+from . import pythonfmu
 from .archive import extract
 from .description import typed_value, variables_of
 from .errors import SlaveError, SystemFileError, UsageError, status_name
@@ -81,6 +82,8 @@ class Slave:
                 "whose name has only ASCII letters, digits, and . _ -",
             )
         self._fmu = _load(component, description, folder)
+        if pythonfmu.is_plain(self._fmu.dll) and (problem := pythonfmu.missing_in(folder)):
+            raise SystemFileError(component.source, problem)
         self._callbacks = listen(self.messages)
         try:
             self._fmu.instantiate(callbacks=self._callbacks, loggingOn=True)
@@ -125,7 +128,7 @@ class Slave:
         self.messages.show_held()
         if self.phase not in (Phase.FATAL, Phase.FREED):
             self.phase = Phase.FREED
-            _release_pythonfmu_once(self._fmu.dll)
+            pythonfmu.release_once(self._fmu.dll)
             self._fmu.freeInstance()
             forget(self._callbacks)
 
@@ -225,17 +228,6 @@ def _quoted(messages: Sequence[str]) -> str:
     if not messages:
         return "\n  The FMU logged nothing."
     return "\n  The FMU says:\n" + "\n".join("    " + line.replace("\n", "\n    ") for line in messages)
-
-
-def _release_pythonfmu_once(library: ctypes.CDLL) -> None:
-    """Before the library of a plain pythonfmu FMU (0.7) is unloaded, have it drop its interpreter state.
-
-    It does so twice otherwise, in a static pointer's destructor and in its own, and the second time writes to freed
-    memory: "corrupted double-linked list" in one of some ten runs.  The library exports this call for that purpose.
-    Our own FMUs bring a launcher that sees to it and exports nothing of the kind.
-    """
-    if hasattr(library, "finalizePythonInterpreter"):
-        library.finalizePythonInterpreter()
 
 
 def _load(component: Component, description: ModelDescription, folder: Path) -> FMU2Slave:

@@ -14,6 +14,9 @@ from .errors import SystemFileError
 
 MAXIMUM_BYTES = 16 * 2**20
 """Larger files are refused; the wiring of a thousand FMUs takes about 1 MiB."""
+MAXIMUM_ELEMENTS = 1_000_000
+"""They take 0.3 GB of memory, and may be of 4 bytes each in the file."""
+MAXIMUM_DEPTH = 100
 
 NAMESPACES = {
     "http://ssp-standard.org/SSP1/SystemStructureDescription": "ssd",
@@ -67,8 +70,14 @@ def parse_xml(data: bytes, path: Path) -> Element:
     parser = expat.ParserCreate(namespace_separator=" ")
     roots: list[Element] = []
     opened: list[Element] = []
+    count = 0
 
     def start(name: str, attributes: dict[str, str]) -> None:
+        nonlocal count
+        count += 1
+        if count > MAXIMUM_ELEMENTS or len(opened) >= MAXIMUM_DEPTH:
+            text = f"has more than {MAXIMUM_ELEMENTS} elements, or they are nested deeper than {MAXIMUM_DEPTH}"
+            raise SystemFileError(path, text, parser.CurrentLineNumber)
         named = {_prefixed(key): value for key, value in attributes.items()}
         element = Element(_prefixed(name), named, parser.CurrentLineNumber)
         (opened[-1].children if opened else roots).append(element)

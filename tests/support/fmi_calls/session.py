@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from ps_fmu.fmu.core import REFERENCE
 from ps_fmu.fmu.slave import Phase, Slave
 from support.fmi_calls.caller import DISCARD, ERROR, OK, Caller, double, item, listed, read, text
 from support.fmi_calls.comparison import PLACES
@@ -142,7 +143,7 @@ class Session(StateCalls):
         listing = listed("Reference", None if null[0] else references)
         answer = self.call(f"Get{kind}", instance, length, listing, None if null[1] else "+")
         twin = self.twins.get(instance)
-        fault = length > MOST_VALUES or (length > 0 and any(null))
+        fault = length > MOST_VALUES or (length > 0 and any(null)) or (kind == "String" and REFERENCE in references)
         allowed = twin is not None and twin.allows_reading(kind, references)
         by_model = twin is None or any(twin.ports[vr].causality == "output" for vr in references if vr in twin.ports)
         certain = allowed and (not by_model or twin.known.phase >= Phase.STEPPING)
