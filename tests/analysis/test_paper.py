@@ -1,6 +1,7 @@
 """ps-fmu analyse paper."""
 
 import json
+import re
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -77,3 +78,23 @@ def test_what_is_written(tmp_path, capsys, monkeypatch):
 def test_a_missing_parameter_set_is_said_before_anything_is_computed(tmp_path, capsys):
     assert main(["analyse", "paper", "--output", str(tmp_path), "--system", str(tmp_path / "none.ssd")]) == 1
     assert "large_damping.ssv" in capsys.readouterr().err
+
+
+def test_the_result_that_the_readme_links_is_true():
+    """docs/paper, made by `ps-fmu analyse paper --output docs/paper`: what can be computed quickly is the same today."""
+    folder = ROOT / "docs" / "paper"
+    stored = {finding["key"]: finding for finding in json.loads((folder / "paper.json").read_text())["findings"]}
+    assert list(stored) == list(published())
+    lighter = stability.judge("LSM", published()["text.delay"].value)
+    today = [
+        *workspace.findings(workspace.compute()),
+        *stability.findings(dict.fromkeys(stability.CASES, lighter))[:4],
+        *transmissibility.findings({"nominal": transmissibility.curves(load(), (0.0, 0.0, 0.0))})[:1],
+    ]
+    for finding in today:
+        assert stored[finding.key]["published"] == finding.published.value
+        assert stored[finding.key]["computed"] == pytest.approx(finding.computed, rel=1e-6, abs=1e-4), finding.key
+    text = (folder / "paper.md").read_text()
+    pictures = re.findall(r"!\[[^]]*\]\(([^)]*)\)", text)
+    assert sorted(pictures) == sorted(path.name for path in folder.glob("*.png"))
+    assert "docs/paper/paper.md" in (ROOT / "README.md").read_text()
