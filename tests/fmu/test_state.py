@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from support.states import clocks, numbers, use_made_up_state
 
 from ps_fmu.fmu.slave import ModelError, Refused
 from ps_fmu.fmu.state import from_bytes, to_bytes
@@ -171,6 +172,7 @@ def test_truncated_and_longer_bytes_are_refused(sample):
         slave._fmu_state_from_bytes(sealed(content[:-32] + b"\0"))
 
 
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")  # of numpy, on the way to a refusal
 @settings(max_examples=300)
 @given(st.data())
 def test_altered_bytes_are_refused_or_a_possible_state(sample, data):
@@ -188,6 +190,24 @@ def test_altered_bytes_are_refused_or_a_possible_state(sample, data):
     assert np.isfinite(slave._buffer.data).all()
     slave.do_step(slave._core.time, H)
     assert np.isfinite(slave._buffer.data).all()
+
+
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")
+@pytest.mark.parametrize("name", ["oscillator", "waves", "limiter"])
+@settings(max_examples=200)
+@given(clocks(), numbers())
+def test_states_that_someone_made_up_are_refused_or_gone_on_from(toys, name, clock, changes):
+    slave = toys[name](instance_name="o")
+    slave.setup_experiment(0.0)
+    slave.enter_initialization_mode()
+    slave.exit_initialization_mode()
+    drive(slave, 0, 5)
+    use_made_up_state(slave, clock, changes)
+    slave._set_fmu_state(toys[name](instance_name="fresh")._get_fmu_state())  # whatever it was, it has gone
+    slave.setup_experiment(0.0)
+    slave.enter_initialization_mode()
+    slave.exit_initialization_mode()
+    drive(slave, 0, 5)
 
 
 @given(st.binary(max_size=600))
@@ -210,6 +230,7 @@ def test_random_bytes_are_refused(sample, content):
         ({"rows": -1}, "counters"),
         ({"block": 7}, "counters"),
         ({"count": 2**63 - 1}, "counters"),
+        ({"rows": 5, "step": 0.0}, "counters"),
         ({"stale": True}, "not configured"),
     ],
 )

@@ -1,7 +1,9 @@
-"""Values that no one would choose: the four models take them, or refuse them by name; nothing else is raised."""
+"""Values that no one would choose: the models take them, or refuse them by name; nothing else is raised."""
 
 import pytest
-from support.models import slave_class
+from hypothesis import given, settings
+from support.models import Host, slave_class
+from support.states import clocks, numbers, use_made_up_state
 
 from ps_fmu.fmu.slave import ModelError, Refused
 
@@ -43,3 +45,12 @@ def test_each_of_them(folder, every, value):
             vector = port.name.rpartition(".")[0] or port.name  # parameters speak of payload.com, not of .x
             assert text == "" or vector in text, (port.name, text)
     assert any(said)
+
+
+@settings(max_examples=40)
+@given(clocks(), numbers())
+@pytest.mark.parametrize("folder", ["feedforward_isolator", "pointing_commander", "manipulator_plant"])
+def test_states_that_someone_made_up_are_refused_or_gone_on_from(folder, clock, changes):
+    host = Host(folder).run_mode()
+    host.step(H, 5)
+    use_made_up_state(host.slave, clock, changes, H)

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from math import log10
+from typing import NamedTuple
 
 from .buffer import Array
 from .guard import ModelError, Refused
 from .layout import Layout
-from .variables import Port
 
 FAR = 1e6  # factor; the arithmetic of the four FMUs fails from 1e8 on
 _MOST = 3  # of such values in a message
@@ -23,16 +23,16 @@ def blame(error: BaseException, layout: Layout, data: Array, step: float, usual_
 
     Parameters
     ----------
-    data: a buffer with the inputs and parameters that led to the error
+    data: a buffer with what led to the error: inputs, parameters, memory
     step, usual_step: step size, 0 if none was made, and what the model says it usually is [s]
     """
     if not isinstance(error, (ArithmeticError, ValueError)):  # numpy's LinAlgError is a ValueError
         return
     text = str(error) if isinstance(error, (ModelError, Refused)) else f"{type(error).__name__}: {error}"
-    far = sorted(_far_values(layout, data), key=lambda found: -found[0])
-    if any(port.name in text for port in [*layout.strings, *(port for _, port, _ in far)]):
+    far = sorted(_far_values(layout, data), key=lambda found: -found.decades)
+    if any(name in text for name in [*(port.name for port in layout.strings), *(value.name for value in far)]):
         return
-    named = [f"{port.name} = {value:g} {port.unit}".removesuffix(" 1") for _, port, value in far]
+    named = [value.text for value in far]
     if step and _decades(step, usual_step) > log10(FAR):
         named.insert(0, f"step size {step:g} s")
     if named:
@@ -40,18 +40,24 @@ def blame(error: BaseException, layout: Layout, data: Array, step: float, usual_
         raise ModelError(f"{text}; far beyond what is usual: {', '.join(named[:_MOST])}{more}") from error
 
 
-def _far_values(layout: Layout, data: Array) -> Iterator[tuple[float, Port, float]]:
-    """Inputs and parameters that are far from their start values: by how many decades, which, and the value."""
-    for reference, port in layout.by_reference.items():
-        if port.causality == "output" or port.type not in ("Real", "Integer"):
-            continue
-        value = float(data[reference])
-        if port.start:
+class _Far(NamedTuple):
+    decades: float
+    """Between the value and the usual one."""
+    name: str
+    text: str
+
+
+def _far_values(layout: Layout, data: Array) -> Iterator[_Far]:
+    """Inputs, parameters and memory that are far from the usual; outputs and states are results."""
+    for place in range(layout.u.start, layout.size):
+        port, value = layout.by_reference.get(place), float(data[place])
+        if port is not None and port.start and port.type != "Boolean":
             decades = _decades(value, float(port.start))
-        else:  # a small value is as usual as 0
-            decades = log10(max(abs(value) / (port.nominal or 1.0), 1.0))
+        else:  # where 0 is usual, so is any small value
+            decades = log10(max(abs(value) / ((port and port.nominal) or 1.0), 1.0))
         if decades > log10(FAR):
-            yield decades, port, value
+            name, unit = layout.describe(place), port.unit if port is not None else "1"
+            yield _Far(decades, name, f"{name} = {value:g} {unit}".removesuffix(" 1"))
 
 
 def _decades(value: float, usual: float) -> float:

@@ -161,6 +161,8 @@ class Slave(Stepper):
                 self._rebuild()
             self._recall(before.clock, table)
             blame(error, self.layout, state.buffer, state.clock.step, self.default_step)
+            if isinstance(error, (ArithmeticError, ValueError)) and not isinstance(error, (ModelError, Refused)):
+                raise Refused(f"the FMU state cannot be restored: {type(error).__name__}: {error}") from error
             raise
 
     def _check_state(self, state: State) -> None:

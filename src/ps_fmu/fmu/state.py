@@ -134,7 +134,7 @@ def _clock(words: list[float]) -> Clock:
     times = (clock.start, clock.time, clock.origin, clock.step)
     if not all(map(math.isfinite, times)) or math.isnan(clock.stop) or clock.step < 0.0:
         raise Refused(f"the serialised FMU state has impossible times {times}")
-    if not (0 <= clock.block <= clock.count <= _MOST_STEPS and clock.rows >= 0):
+    if not (0 <= clock.block <= clock.count <= _MOST_STEPS and clock.rows >= 0) or (clock.rows and not clock.step):
         raise Refused("the serialised FMU state has impossible counters")
     return clock
 

@@ -270,7 +270,7 @@ class Stepper(Values):
         if given.shape != shape:
             raise ValueError(f"{type(self).__name__}.{what} has shape {given.shape}; expected {shape}")
         if not np.isfinite(given).all():
-            raise ValueError(f"{type(self).__name__}.{what} has elements that are not finite")
+            raise ModelError(f"{type(self).__name__}.{what} has elements that are not finite")
         copy = aligned(*shape)
         copy[:] = given
         return copy
@@ -287,7 +287,7 @@ class Stepper(Values):
             expected = (n, self.y.size)
             raise ValueError(f"{type(self).__name__}.rows has shape {table.shape}; expected {expected}")
         if not np.isfinite(table).all():
-            raise ValueError(f"{type(self).__name__}.rows has elements that are not finite")
+            raise ModelError(f"{type(self).__name__}.rows has elements that are not finite")
         return table
 
     def _checked_limits(self) -> Limits | None:
