@@ -83,13 +83,28 @@ def jitter(loop: Loop, bus: Bus, noise: Noise, focal_length: float, *, active: b
     Covariance = Re int G(f) S G(f)^H df, with S (6, 6) the one-sided density moved from the centre of mass of the bus
     to the origin of B.  Trapezoidal rule on a grid that is dense around the modes of plant and loop.
     """
-    frequency = _grid(loop, *noise.band)
-    G = from_wrench(loop, 2j * np.pi * frequency, active=active)
+    frequency, G = _from_bus_centre(loop, bus, noise.band, active=active)
+    density = (G @ noise.wrench_psd_B @ np.swapaxes(G.conj(), -1, -2)).real
+    return Jitter(np.asarray(np.trapezoid(density, frequency, axis=0)), focal_length)
+
+
+def variance_weights(loop: Loop, bus: Bus, band: Array, *, active: bool) -> Array:
+    """W (3, 6, 6) with which a flat density S of the wrench gives the variances of the jitter, in axes of P.
+
+    ``variance_k = sum_ij W_kij S_ij``, rad2, for S (6, 6), one-sided, at the centre of mass of the bus over ``band``
+    (2,), Hz: what :func:`jitter` has on the diagonal, as a linear function of the density.
+    """
+    frequency, G = _from_bus_centre(loop, bus, band, active=active)
+    products = (G[..., :, None] * G[..., None, :].conj()).real
+    return np.asarray(np.trapezoid(products, frequency, axis=0))
+
+
+def _from_bus_centre(loop: Loop, bus: Bus, band: Array, *, active: bool) -> tuple[Array, Complex]:
+    """Frequencies (n,), Hz, for integrals over a band, and the response (n, 3, 6) to a wrench at the bus centre."""
+    frequency = _grid(loop, *band)
     move = np.eye(6)
     move[3:, :3] = skew(bus.com_B)
-    S = move @ noise.wrench_psd_B @ move.T
-    density = (G @ S @ np.swapaxes(G.conj(), -1, -2)).real
-    return Jitter(np.asarray(np.trapezoid(density, frequency, axis=0)), focal_length)
+    return frequency, np.asarray(from_wrench(loop, 2j * np.pi * frequency, active=active) @ move)
 
 
 def _force(loop: Loop, s: Complex) -> Complex:
