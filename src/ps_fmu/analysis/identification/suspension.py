@@ -121,7 +121,9 @@ def fit(p: Parameters, evaluations: int = 100) -> Suspension | None:
     order = np.argsort([np.abs(deviations(p, places)).max() for places in scanned], kind="stable")
     for start in order[:BRANCHES]:
         places = np.asarray(
-            least_squares(error, scanned[start], bounds=(0.0, 1.0), max_nfev=evaluations, x_scale=SCALE).x
+            least_squares(
+                error, scanned[start], bounds=(0.0, 1.0), max_nfev=evaluations, x_scale=SCALE, ftol=1e-3
+            ).x
         )
         deviation = float(np.abs(deviations(p, places)).max())
         suspension = Suspension(places, deviation, margins(with_suspension(p, places)))
