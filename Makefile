@@ -4,14 +4,14 @@ VERSION_CHECK := import sys; sys.exit(not (3, 11) <= sys.version_info < (3, 14))
 PYTHON ?= $(shell for p in python3.11 python3.12 python3.13 python3; do \
 	$$p -c '$(VERSION_CHECK)' 2>/dev/null && { echo $$p; break; }; done)
 BIN := .venv/bin
-FMU_SOURCES := $(shell find src fmus -name '*.py' -o -name '*.toml' -o -name '*.csv' -o -name 'README.md' -o -name 'launcher.so' -o -name 'icon.png')
+FMU_SOURCES := $(shell find src fmus -name '*.py' -o -name '*.toml' -o -name '*.csv' -o -name 'README.md' -o -name 'launcher.so' -o -name 'launcher.dll' -o -name 'icon.png')
 
 # The matrices are small (below 100 x 100): threads in BLAS cost more than they bring.
 export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 export MPLBACKEND := Agg
 
-.PHONY: run test fmus launcher importers bench lint clean
+.PHONY: run test fmus launcher importers verify bench lint clean
 .DELETE_ON_ERROR:
 
 run: fmus  ## the default scenario: isolation at the nominal orientation, passive then active
@@ -28,6 +28,10 @@ launcher: .venv/.installed  ## what is compiled in the package, made again: the 
 	$(BIN)/python -m ps_fmu.cosim.native
 
 importers: .venv-importers/.installed  ## tools that cannot share .venv, for the tests (0.9 GB)
+
+verify: .venv/.installed  ## the plant against an independent multibody prototype in Pinocchio (0.4 GB); from then on in make test
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[verify]'
+	$(BIN)/python -m pytest tests/verification $(ARGS)
 
 bench: fmus
 	$(BIN)/python benchmarks/step_cost.py $(ARGS)

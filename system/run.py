@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import argparse
 import importlib
+import os
 import signal
 import sys
 from collections.abc import Sequence
@@ -92,6 +93,8 @@ def main(argv: Sequence[str] | None = None) -> int:
             importlib.import_module(f"ps_fmu.scenarios.{options.scenario}").run(options)
         except KeyboardInterrupt:
             return ended("interrupted", options.output, 130)
+        except OptionError as error:  # one that needs the system to be seen, such as a path that takes longer
+            command_line.error(str(error))
         except (BuildError, CosimError, OSError, ValueError) as error:
             return ended("\n".join([str(error), *getattr(error, "__notes__", ())]), options.output, 1)
     return 0
@@ -112,5 +115,7 @@ def stop_like_ctrl_c() -> None:
 
 
 if __name__ == "__main__":
+    if sys.stderr is None:  # closed by the caller, 2>&-: a file of the run must not become the error stream
+        sys.stderr = open(os.devnull, "w")  # noqa: SIM115
     stop_like_ctrl_c()
     sys.exit(main())

@@ -19,11 +19,11 @@ ROOT = Path(__file__).parents[1]
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
-    """Say which other tools the FMUs were run in, and which were not there."""
+    """Say which other tools the FMUs were run in or compared with, and which were not there."""
     from support.importers import summary
 
     if lines := summary():
-        terminalreporter.section("importers")
+        terminalreporter.section("other tools")
         for line in lines:
             terminalreporter.line(line)
 

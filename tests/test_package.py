@@ -18,6 +18,7 @@ MAY_IMPORT = {
     "pointing": {"fmu", "manipulator"},
     "check": {"cosim", "fmu", "manipulator"},
     "paper": set(),
+    "verification": {"cosim", "fmu", "manipulator"},
     "scenarios": {"cosim", "pointing", "fmu", "manipulator", "paper"},
     "analysis": {"scenarios", "cosim", "pointing", "fmu", "manipulator", "paper"},
 }

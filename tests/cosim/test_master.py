@@ -208,3 +208,17 @@ def test_memory_does_not_grow_with_the_run(oscillator):
         growth = tracemalloc.get_traced_memory()[0] - first
         tracemalloc.stop()
     assert growth < 10_000
+
+
+@pytest.mark.parametrize("what", ["run", "close"])
+def test_an_observer_cannot_run_or_close_the_system(oscillator, what):
+    """Rows would be lost, or the FMUs gone."""
+    with Master(oscillator, 0.1) as master:
+
+        class Meddler:
+            def block(self, first_index, time, values):
+                master.run(0.1) if what == "run" else master.close()
+
+        master.initialise()
+        with pytest.raises(UsageError, match=f"{what}: a run is under way"):
+            master.run(1.0, [Meddler()])

@@ -3,6 +3,7 @@
 import dataclasses
 import hashlib
 import json
+import os
 
 import pytest
 
@@ -12,7 +13,9 @@ from ps_fmu.fmu import native
 from ps_fmu.fmu.launcher.compile import LAUNCHER
 
 PROGRAMS = {program.name: program for program in (LAUNCHER, HOST, LOOP)}
-TARGETS = [(name, platform) for name, program in PROGRAMS.items() for platform in program.targets]
+# For Windows zig compiles its C library first: a minute on a machine that has not done so before.
+LEFT_OUT = () if os.environ.get("PS_FMU_COMPILE") == "all" else ("win64",)
+TARGETS = [(name, p) for name, program in PROGRAMS.items() for p in program.targets if p not in LEFT_OUT]
 
 
 @pytest.mark.parametrize("name", PROGRAMS)

@@ -209,6 +209,7 @@ def test_random_bytes_are_refused(sample, content):
         ({"count": -1}, "counters"),
         ({"rows": -1}, "counters"),
         ({"block": 7}, "counters"),
+        ({"count": 2**63 - 1}, "counters"),
         ({"stale": True}, "not configured"),
     ],
 )

@@ -24,6 +24,7 @@ MODELS = HERE.parent / "fmu" / "models"
 SSD = HERE.parents[1] / "system" / "SystemStructure.ssd"
 HOST_SOURCES = (HERE / "host.c", HERE / "fmu.c")
 SYSTEM_SOURCES = (HERE / "system.c", HERE / "wired.c", HERE / "fmu.c")
+CALLS_SOURCES = (HERE / "calls.c", HERE / "words.c")
 TIMEOUT = 120.0  # s
 
 Host = Callable[..., "subprocess.CompletedProcess[str]"]
@@ -41,6 +42,12 @@ def system_program(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return compiled(SYSTEM_SOURCES, tmp_path_factory.mktemp("host") / "system")
 
 
+@pytest.fixture(scope="session")
+def calls_program(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The compiled program that makes the calls that it is told to."""
+    return compiled(CALLS_SOURCES, tmp_path_factory.mktemp("host") / "calls")
+
+
 def compiled(sources: Sequence[Path], program: Path) -> Path:
     compiler = ["cc"] if shutil.which("cc") else [sys.executable, "-m", "ziglang", "cc"]
     compile_c(compiler, sources, program)
@@ -53,6 +60,11 @@ def compile_c(compiler: list[str], sources: Sequence[Path], result: Path) -> Non
     subprocess.run([*compiler, *flags, *map(str, sources), "-o", str(result), *libraries], check=True)
 
 
+def checking(sanitizers: str) -> list[str]:
+    """The compiler with these checks."""
+    return ["cc", f"-fsanitize={sanitizers}", "-fno-sanitize-recover=all", "-g"]
+
+
 @pytest.fixture(scope="session")
 def sanitized(bound: dict[str, Path], tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], tuple[Path, Path]]:
     """``sanitized("thread")``: host, and toy as an unpacked FMU, whose launcher is compiled with these checks."""
@@ -60,15 +72,23 @@ def sanitized(bound: dict[str, Path], tmp_path_factory: pytest.TempPathFactory) 
     @functools.cache
     def compiled(sanitizers: str) -> tuple[Path, Path]:
         folder = tmp_path_factory.mktemp("sanitized")
-        checks = ["cc", f"-fsanitize={sanitizers}", "-fno-sanitize-recover=all", "-g"]
+        checks = checking(sanitizers)
         compile_c(checks, HOST_SOURCES, folder / "host")
         shutil.copytree(bound["oscillator"], folder / "oscillator")
         library = folder / "oscillator" / "binaries" / "linux64" / "Oscillator.so"
-        sources = [LAUNCHER.folder / name for name in LAUNCHER.sources]
+        sources = [LAUNCHER.folder / name for name in LAUNCHER.sources_for("linux64")]
         compile_c([*checks, "-fPIC", "-shared", "-fvisibility=hidden"], sources, library)
         return folder / "host", folder / "oscillator"
 
     return compiled
+
+
+@pytest.fixture(scope="session")
+def sanitized_calls(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The program that makes the calls that it is told to, with checks of memory and undefined behaviour."""
+    program = tmp_path_factory.mktemp("sanitized") / "calls"
+    compile_c(checking("address,undefined"), CALLS_SOURCES, program)
+    return program
 
 
 @pytest.fixture(scope="session")

@@ -249,6 +249,32 @@ def test_a_bug_in_a_model_is_an_error_with_its_traceback(tmp_path):
     assert b"oscillator.py" in text
 
 
+def test_a_warning_just_before_an_error_does_not_hide_it(tmp_path):
+    """pythonfmu's library logs what is in its queue before it asks for the exception, and loses that."""
+    shutil.copytree(MODELS / "oscillator", tmp_path / "oscillator")
+    script = tmp_path / "oscillator" / "oscillator.py"
+    warned = "self.warning('100 %')\n            raise ModelError("
+    script.write_text(script.read_text().replace("raise ModelError(", warned, 1))
+    folder = unpack(build_one(tmp_path / "oscillator", tmp_path), tmp_path / "warning")
+    description = read_model_description(str(folder))
+    (note,) = (v.valueReference for v in description.modelVariables if v.name == "note")
+    slave = FMU2Slave(
+        guid=description.guid, unzipDirectory=str(folder), modelIdentifier="Oscillator", instanceName="warning"
+    )
+    logged = []
+    callbacks = fmi2CallbackFunctions()
+    callbacks.logger = fmi2CallbackLoggerTYPE(lambda *call: logged.append(call[4].decode()))
+    slave.instantiate(callbacks=callbacks, loggingOn=True)
+    slave.setString([note], ["impossible"])
+    slave.setupExperiment(startTime=0.0)
+    slave.enterInitializationMode()
+    with pytest.raises(FMICallException):
+        slave.exitInitializationMode()
+    slave.freeInstance()
+    who = "Oscillator 'warning'"
+    assert logged == [f"{who}: note: 'impossible' is not possible\nbefore that: {who}: 100 %%"]
+
+
 def test_a_host_that_embeds_python(host, bound):
     """The launcher makes its libpython global, and stays away from it once the host has finalised it."""
     libpython = Path(sysconfig.get_config_var("LIBDIR")) / sysconfig.get_config_var("INSTSONAME")

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ps_fmu.manipulator.disturbance import GaussianNoise, Multisine, psd_at_origin
+from ps_fmu.manipulator.disturbance import GaussianNoise, Multisine, multisine_lines, psd_at_origin
 from ps_fmu.manipulator.parameters import load
 
 NOISE = load().noise
@@ -176,3 +176,11 @@ def test_the_spectrum_at_another_point():
     factor = np.linalg.cholesky(PSD + 1e-6 * np.eye(6))
     moved = np.concatenate([factor[:3], factor[3:] + np.cross(com, factor[:3], axisb=0).T])
     np.testing.assert_allclose(psd_at_origin(factor @ factor.T, com), moved @ moved.T, atol=1e-12)
+
+
+def test_lines_of_the_multisine_are_what_it_plays():
+    frequency, amplitude = multisine_lines(PSD, LOW_BAND, seed=2, period=20.0)
+    times = np.array([7.3, 41.0, 123.4])
+    expected = (np.exp(2j * np.pi * np.outer(times, frequency)) @ amplitude).real
+    played = Multisine(PSD, LOW_BAND, seed=2, period=20.0)(times)
+    np.testing.assert_allclose(played, expected, rtol=0.0, atol=2e-5 * np.abs(expected).max())

@@ -10,7 +10,7 @@ from ps_fmu.manipulator.frequency import Practical
 from ps_fmu.manipulator.rotations import skew
 from ps_fmu.manipulator.stability import loop_at
 from ps_fmu.manipulator.statespace import closed_loop, plant_system
-from ps_fmu.manipulator.transmissibility import from_base, from_wrench, jitter, singular_values_db
+from ps_fmu.manipulator.transmissibility import from_base, from_wrench, jitter, jitter_of_lines, singular_values_db
 from ps_fmu.paper import published
 
 S = 2j * np.pi * np.geomspace(0.05, 300.0, 40)  # rad/s
@@ -74,6 +74,16 @@ def test_the_grid_is_dense_enough(loops):
     move[3:, :3] = skew(PAPER.bus.com_B)
     density = (G @ (move @ noise.wrench_psd_B @ move.T) @ np.swapaxes(G.conj(), -1, -2)).real
     assert found.covariance == pytest.approx(np.trapezoid(density, frequency, axis=0), rel=1e-3)
+
+
+def test_jitter_of_lines(loops):
+    """Two sines: half the sum of the squared amplitudes, and the phase between the axes."""
+    frequency, wrench = np.array([1.0, 7.0]), np.array([[1.0, 0, 0, 0, 2j, 0], [0, 1j, 0, 3.0, 0, 1.0]])
+    found = jitter_of_lines(loops[1], frequency, wrench, 1.0, active=True)
+    time = np.arange(1000) / 1000.0  # s: one period
+    G = from_wrench(loops[1], 2j * np.pi * frequency, active=True)
+    rotation = sum((G[k] @ wrench[k, :, None] * np.exp(2j * np.pi * frequency[k] * time)).real for k in (0, 1))
+    assert found.covariance == pytest.approx(rotation @ rotation.T / time.size, rel=1e-9)
 
 
 def test_image_point_of_a_rotation_about_x():

@@ -22,3 +22,9 @@ def test_progress_bar(capsys, shown):
     text = capsys.readouterr().err
     assert ("passive: 100%" in text) == shown
     assert ("5.0 x real time" in text) == shown
+
+
+def test_no_progress_bar_without_an_error_stream(monkeypatch):
+    monkeypatch.setattr("sys.stderr", None)
+    with progress_bar("passive", 20.0, True) as advance:
+        advance(10.0, 2.0, 5.0)

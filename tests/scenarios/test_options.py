@@ -25,7 +25,7 @@ def test_each_default_duration_is_a_whole_number_of_steps(scenario):
 @pytest.mark.parametrize(
     ("changed", "text"),
     [
-        ({"scenario": "dance"}, r"scenario: expected one of isolation, table2, slew, trajectories, got 'dance'"),
+        ({"scenario": "dance"}, r"scenario: expected one of isolation, .*, stability, got 'dance'"),
         ({"scheme": "newton"}, r"--scheme: expected one of jacobi, gauss-seidel"),
         ({"step_s": 0.0}, r"--step: expected a time above 0 s, got 0\.0"),
         ({"step_s": -1e-4}, r"--step: expected a time above 0 s"),
@@ -33,6 +33,7 @@ def test_each_default_duration_is_a_whole_number_of_steps(scenario):
         ({"duration_s": -1.0}, r"--duration: expected a time above 0 s"),
         ({"duration_s": float("inf")}, r"--duration: expected a time above 0 s"),
         ({"duration_s": 5e-5}, r"--duration: 5e-05 s is not a whole number of steps of 0\.0001 s"),
+        ({"duration_s": 1e300}, r"--duration: 1e\+300 s is longer than 1e\+06 s, 1e\+10 steps of 0\.0001 s"),
         ({"storage_step_s": 1.5e-4}, r"--storage-step: 0\.00015 s is not a whole number of steps"),
         ({"storage_step_s": 1e4}, r"--storage-step: 10000\.0 s is longer than the run of"),
         ({"seed": -1}, r"--seed: expected a whole number from 0 to 2147483647, got -1"),

@@ -10,6 +10,7 @@ import pytest
 
 from ps_fmu.cosim import CosimError
 from ps_fmu.scenarios import table2
+from ps_fmu.scenarios.comparison import TargetError
 from ps_fmu.scenarios.options import OptionError
 
 KEYS = {
@@ -75,12 +76,22 @@ def test_isolation_where_a_parameter_file_says(make_options, ssv):
 
 def test_isolation_at_an_unreachable_target_says_where_it_was(make_options, ssv, capsys):
     options = make_options("isolation", 0.02, step_s=1e-3, parameters=(ssv({"commander.target.roll": 0.5}),))
-    summary = run(options)
+    with pytest.raises(TargetError, match=r"The target \(28\.6479, 0, 0\) deg is out of reach"):
+        run(options)
+    assert "passive RMS (rad)" in capsys.readouterr().out
+    summary = json.loads((options.output / "summary.json").read_text())
     assert summary["reachable"] is False
     np.testing.assert_allclose(summary["orientation_deg"], 0.0, atol=1e-9)
     assert any("PointingCommander" in text for text in summary["warnings"])
-    assert "is out of reach" in capsys.readouterr().out
     assert "is out of reach" in (options.output / "report.html").read_text()
+
+
+def test_isolation_of_one_step_has_no_rejection(make_options, capsys):
+    """Nothing has moved: a dash in the table, null in the summary."""
+    summary = run(make_options("isolation", 1e-4))
+    assert summary["rejection_percent"] == [None] * 3
+    table = capsys.readouterr().out
+    assert "nan" not in table and table.count("  -\n") == 3
 
 
 def test_table2(make_options, ssv, monkeypatch):
@@ -88,6 +99,7 @@ def test_table2(make_options, ssv, monkeypatch):
     # The pictures of an orientation are those of the scenario isolation; here they are most of the time.
     drawn = []
     monkeypatch.setattr(table2, "draw", lambda comparison, folder, prefix: drawn.append(prefix) or [])
+    monkeypatch.setattr(table2, "SETTLING_S", 0.0)
     quick = ssv({"disturbance.rise_time": 0.1, "commander.target.yaw": 0.1})
     options = make_options("table2", 0.2, step_s=1e-3, parameters=(quick,))
     summary = run(options)
@@ -97,12 +109,14 @@ def test_table2(make_options, ssv, monkeypatch):
     assert summary["statistics_from_s"] == pytest.approx(0.1)
     assert summary["statistics_to_s"] == pytest.approx(0.3)
     entries = summary["orientations"]
-    assert [tuple(entry["orientation_deg"]) for entry in entries] == list(table2.PUBLISHED)
+    assert [tuple(entry["orientation_deg"]) for entry in entries] == list(table2.ORIENTATIONS.values())
     assert summary["rms_passive_rad"] == entries[0]["rms_passive_rad"]
     for entry in entries:
         assert len(entry["drift_passive_rad"]) == len(entry["drift_active_rad"]) == 3
         off = 100.0 * (np.array(entry["rms_passive_rad"]) / entry["published_rms_passive_rad"] - 1.0)
         np.testing.assert_allclose(entry["passive_against_published_percent"], off, rtol=1e-12)
+    assert entries[1]["published_rms_active_rad"] == [8.22e-8, 3.49e-8, 1.51e-7]
+    assert "axis 3, at (8.5, 0, 0) deg: 97.4 %; 97.31 by the RMS values beside it." in page
     assert "not a whole number of its periods of 100 s" in page
     assert "commander.target.yaw" in " ".join(summary["warnings"])
 

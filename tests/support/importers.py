@@ -1,4 +1,4 @@
-"""The other tools that the tests run FMUs in: one list, and what the end of a test run says about it."""
+"""The other tools that the tests run FMUs in or compare with, and what the end of a test run says about them."""
 
 from __future__ import annotations
 
@@ -49,6 +49,8 @@ _ALL = (
     Importer("CoFMUPy", "cofmupy", "each FMU alone, all four wired", "make importers", ROOT / ".venv-importers"),
 )
 IMPORTERS = {importer.name: importer for importer in _ALL}
+PINOCCHIO = Importer("Pinocchio", "pin", "the multibody prototype that the plant is compared with", "make verify")
+"""Not an importer, but it may be missing likewise."""
 
 wanted: dict[str, Importer] = {}
 """Those that tests of this process have asked for."""
@@ -60,6 +62,13 @@ def interpreter_with(name: str) -> Path:
     if importer.version is None:
         pytest.skip(f"{name} is not installed: {importer.install}")
     return importer.interpreter
+
+
+def needs_pinocchio() -> None:
+    """Skips the test if Pinocchio is not installed; the end of the test run then says so."""
+    wanted[PINOCCHIO.name] = PINOCCHIO
+    if PINOCCHIO.version is None:
+        pytest.skip(f"{PINOCCHIO.name} is not installed: {PINOCCHIO.install}")
 
 
 def summary() -> list[str]:

@@ -1,4 +1,4 @@
-"""The four slave classes, imported from their folders as the build does, without making FMUs of them."""
+"""Slave classes imported from their folders as the build does, without making FMUs of them."""
 
 import importlib.util
 import sys
@@ -10,11 +10,11 @@ from ps_fmu.fmu.slave import Slave
 FMUS = Path(__file__).parents[2] / "fmus"
 
 
-def slave_class(folder: str) -> type[Slave]:
-    """The one Slave class that ``fmus/<folder>/<folder>.py`` defines."""
-    name = f"fmus_{folder}"
+def slave_class(folder: str, models: Path = FMUS) -> type[Slave]:
+    """The one Slave class that ``<models>/<folder>/<folder>.py`` defines."""
+    name = f"{models.name}_{folder}"
     if name not in sys.modules:
-        spec = importlib.util.spec_from_file_location(name, FMUS / folder / f"{folder}.py")
+        spec = importlib.util.spec_from_file_location(name, models / folder / f"{folder}.py")
         assert spec is not None
         assert spec.loader is not None
         module = importlib.util.module_from_spec(spec)

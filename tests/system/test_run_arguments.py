@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from ps_fmu.cosim.errors import UsageError
+from ps_fmu.scenarios.options import OptionError
 
 RUN = Path(__file__).parents[2] / "system" / "run.py"
 
@@ -71,6 +72,7 @@ def test_all_arguments_arrive(run, scenario, tmp_path):
         ("--step fast", "invalid float value: 'fast'"),
         ("--duration -1", "--duration: expected a time above 0 s, got -1.0"),
         ("--duration 0.00015", "--duration: 0.00015 s is not a whole number of steps"),
+        ("--duration 1e300", "--duration: 1e+300 s is longer than 1e+06 s"),
         ("--seed 1.5", "invalid int value: '1.5'"),
         ("--parameters none.ssv", "--parameters: there is no file none.ssv"),
         ("--output /proc/results", "--output: cannot write in /proc/results"),
@@ -84,6 +86,17 @@ def test_bad_arguments_end_with_2_before_anything_runs(run, scenario, capsys, ar
     assert ended.value.code == 2
     assert text in capsys.readouterr().err
     assert called == []
+
+
+def test_an_option_that_only_the_system_can_refuse_ends_with_2(run, scenario, capsys):
+    def refuse(options):
+        raise OptionError("--duration: the slew begins at 1 s, got 0.5 s")
+
+    scenario(refuse)
+    with pytest.raises(SystemExit) as ended:
+        run.main(["slew", "--duration", "0.5"])
+    assert ended.value.code == 2
+    assert "--duration: the slew begins at 1 s" in capsys.readouterr().err
 
 
 def test_a_failed_run_ends_with_1_and_says_why(run, scenario, capsys):

@@ -57,6 +57,14 @@ def test_the_default_scenario(tmp_path):
         )
 
 
+def test_without_an_error_stream(tmp_path):
+    """As 2>&- starts it: the results are complete, and no file has taken the place of the stream."""
+    run = started("--duration 0.02 --step 1e-3 --output out", tmp_path, preexec_fn=lambda: os.close(2))
+    assert run.returncode == 0
+    assert "rejection (%)" in run.stdout
+    np.testing.assert_allclose(stored_time(tmp_path / "out" / "results.nc", "active")[-1], 0.02)
+
+
 @pytest.mark.parametrize("stop", [signal.SIGINT, signal.SIGTERM])
 def test_ctrl_c_during_a_run_leaves_what_was_simulated(tmp_path, stop):
     """The progress bar on a terminal says when the run is under way."""

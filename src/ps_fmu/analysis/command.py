@@ -15,7 +15,10 @@ from .result import Analysis
 #: Name -> what it is about.  Each is a module of this package with ``analyse(options) -> Analysis``.
 ANALYSES = {
     "workspace": "Table 1 and Fig 6: the orientations within reach, singular values of the Jacobian",
+    "trajectories": "Fig 7: errors along closed paths and a random walk, through commander and plant",
+    "transmissibility": "Figs 8 and 11: singular values in closed form, and as measured on the running FMUs",
     "stability": "Fig 10: the internal loop with delay, in the paper's reading and in that of its equation (48)",
+    "jitter": "Table 2 and Fig 9: RMS, rejection and image point, in closed form and co-simulated",
     "paper": "every published number beside ours, and the errata with their evidence: all analyses together",
 }
 

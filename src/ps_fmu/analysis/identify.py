@@ -12,6 +12,7 @@ import numpy as np
 
 from ..manipulator.parameters import Array, Parameters, load
 from ..pointing.report import Table
+from ..scenarios.support_modules import with_large_damping
 from .command import show
 from .identification import geometry, noise, parameter_file, suspension
 from .identification.fit import Identifiability, IdentificationError, Range, roundings, targets
@@ -127,7 +128,7 @@ def identify(path: Path, seed: int = 1, starts: int = STARTS, *, progress: bool 
         rejection=100.0 * (1.0 - active_rms / passive_rms),
         peaks={
             "fig10.OSM_peak": suspension.peak(original),
-            "fig10.LDLSM_peak": suspension.peak(suspension.with_large_damping(lighter)),
+            "fig10.LDLSM_peak": suspension.peak(with_large_damping(lighter)),
         },
     )
 

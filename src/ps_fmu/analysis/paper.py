@@ -12,7 +12,7 @@ from .command import Options
 from .result import Analysis, Finding
 
 #: The analyses whose findings and figures are put together: modules of this package, in the order they run.
-PARTS = ("workspace", "stability")
+PARTS = ("workspace", "trajectories", "transmissibility", "stability", "jitter")
 
 
 def analyse(options: Options) -> Analysis:

@@ -88,6 +88,7 @@ class Master:
         self._set: dict[Port, Value] = {}
         self._folder: tempfile.TemporaryDirectory[str] | None = None
         self._index = 0
+        self._running = False
 
     # ---- what is known -----------------------------------------------------------------------------------
 
@@ -173,21 +174,27 @@ class Master:
         Raises :class:`UsageError` (nothing has run: a duration or an event that is not on the grid of steps),
         :class:`SlaveError`, KeyboardInterrupt, or what an observer raises.
         """
+        self._not_while_running("run")
         if self._loop is None:
             raise UsageError("call initialise() first" if self._folder is None else "the system is closed")
         end = self._index + self.clock.steps(duration)
         self.clock.check_end(end)
         schedule = self._schedule(events, end)
+        self._running = True
         try:
             with noted_interrupts() as interrupted:
                 self._advance(end, schedule, observers, progress, interrupted)
         except BaseException as error:
+            self._running = False
             error.add_note(f"The simulation of {self.system.path} stopped at t = {self.time:.9g} s.")
             self._abort()
             raise
+        finally:
+            self._running = False
 
     def close(self) -> None:
         """Terminate and free all FMUs; safe to call twice.  Raises the :class:`SlaveError` of a terminate."""
+        self._not_while_running("close")
         self._loop = None
         failures = []
         self._silence_fatal()
@@ -214,6 +221,10 @@ class Master:
             self.close()
         else:
             self._abort()
+
+    def _not_while_running(self, what: str) -> None:
+        if self._running:
+            raise UsageError(f"{what}: a run is under way; observers and progress may get and set values only")
 
     # ---- how ---------------------------------------------------------------------------------------------
 

@@ -83,7 +83,8 @@ class Buffer:
         for reference in references:
             port = self.layout.by_reference.get(reference)
             if port is None:
-                raise Refused(f"there is no variable with value reference {reference!r}")
+                # pythonfmu's library passes references from 2^31 on as negative numbers.
+                raise Refused(f"there is no variable with value reference {reference % 2**32}")
             if port.type != kind:
                 raise Refused(f"{port.name} (value reference {reference}) is a {port.type}, not a {kind}")
             ports.append(port)

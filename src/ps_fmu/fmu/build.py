@@ -37,6 +37,7 @@ PACKAGE = Path(__file__).resolve().parents[1]
 _OLDEST_PYTHON = "3.11"
 _RESOURCES = PurePosixPath("resources")
 _DESCRIPTION = PurePosixPath("modelDescription.xml")
+_WRAPPER = {".so": "libpythonfmu-export.so", ".dll": "pythonfmu-export.dll"}  # names that the launcher looks for
 _TERMINALS = PurePosixPath("terminalsAndIcons", "terminalsAndIcons.xml")
 _ICON = PurePosixPath("model.png")
 _DOCUMENTATION = PurePosixPath("documentation")
@@ -180,7 +181,7 @@ def _binaries(built: Files) -> Files:
             continue
         launcher = LAUNCHER.path(name.parent.name)
         if launcher is not None:
-            files[name.with_name("libpythonfmu-export.so")] = content
+            files[name.with_name(_WRAPPER[name.suffix])] = content
             files[name] = launcher.read_bytes()
         else:
             files[name] = content

@@ -21,7 +21,8 @@ If none is fit, fmi2Instantiate fails with one message that says for each why no
 
 glibc 2.32 or later and the libstdc++ of GCC 12 or later, for pythonfmu's library.
 
-Windows x86-64: python3.dll and an environment with these packages on PATH.
+Windows x86-64: the same with python.exe and py.exe in place of python3; python3.dll beside the interpreter's library;
+the Microsoft Visual C++ runtime. It was run under Wine, never on Windows.
 """
 
 _BUNDLED = """\

@@ -30,7 +30,9 @@ except BaseException:
     raise _failure(traceback.format_exc().replace("%", "%%")) from None
 finally:
     if os.path.isfile(os.path.join(sys.path[0], __name__ + ".py")):
-        del sys.path[0]  # one entry more at each instantiation, by the library
+        # One entry more at each instantiation, by the library.  Imports in other threads may be iterating over this
+        # list: they would miss the entry after the one they have come to.
+        sys.path = sys.path[1:]
 '''
 
 

@@ -97,7 +97,10 @@ def escape(slave: Any, error: BaseException) -> None:
     """
     if slave.hosted and not isinstance(error, FmuError):
         keep_alive(type(slave), slave, slave.log_queue)
-        _raise_reported(slave.label, error)
+        # The library would log these now, and lose the exception over it.
+        before = "".join(f"\nbefore that: {message.msg.replace('%%', '%')}" for message in slave.log_queue)
+        slave.log_queue.clear()
+        _raise_reported(slave.label, error, before)
 
 
 def escape_class(cls: Any, error: BaseException) -> None:
@@ -113,6 +116,6 @@ def escape_class(cls: Any, error: BaseException) -> None:
         _raise_reported(cls.__name__, error)
 
 
-def _raise_reported(label: str, error: BaseException) -> NoReturn:
-    text = report(f"{label}: {describe(error)}", error)
+def _raise_reported(label: str, error: BaseException, more: str = "") -> NoReturn:
+    text = report(f"{label}: {describe(error)}", error) + more
     raise FmuError(text.replace("%", "%%")) from error

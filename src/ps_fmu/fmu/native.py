@@ -38,7 +38,9 @@ class Target:
     """Name of the file that is made."""
     flags: tuple[str, ...]
     """In addition to :data:`FLAGS`."""
-    libraries: tuple[str, ...]
+    libraries: tuple[str, ...] = ()
+    sources: tuple[str, ...] = ()
+    """In addition to those of the program."""
 
 
 @dataclass(frozen=True)
@@ -50,6 +52,10 @@ class Program:
     sources: tuple[str, ...]
     headers: tuple[str, ...]
     targets: Mapping[str, Target]
+
+    def sources_for(self, platform: str) -> tuple[str, ...]:
+        """All sources of a target."""
+        return (*self.sources, *self.targets[platform].sources)
 
     def path(self, platform: str) -> Path | None:
         """What was made for a platform; None if that is not among the targets."""
@@ -66,7 +72,8 @@ class Program:
 
         Compiler, flags and the SHA-256 of all files that go in: where they are equal, so are the results.
         """
-        files = {name: self.folder / name for name in (*self.sources, *self.headers)}
+        names = [name for platform in self.targets for name in self.sources_for(platform)]
+        files = {name: self.folder / name for name in (*names, *self.headers)}
         files |= {path.name: path for path in sorted(fmi_headers().glob("fmi2*.h"))}
         content = {
             "compiler": f"ziglang {COMPILER}",
@@ -91,7 +98,7 @@ class Program:
         with tempfile.TemporaryDirectory() as folder:
             result = Path(folder) / target.result
             command = [sys.executable, "-m", "ziglang", "cc", "-target", target.zig, *FLAGS, *target.flags]
-            command += ["-I", str(fmi_headers()), *self.sources, "-o", str(result), *target.libraries]
+            command += ["-I", str(fmi_headers()), *self.sources_for(platform), "-o", str(result), *target.libraries]
             environment = os.environ | {"ZIG_LOCAL_CACHE_DIR": folder}
             run = subprocess.run(command, cwd=self.folder, env=environment, capture_output=True, text=True)
             if run.returncode != 0:

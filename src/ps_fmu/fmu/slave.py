@@ -24,6 +24,7 @@ import numpy as np
 from pythonfmu.enums import Fmi2Status
 
 from .. import __version__
+from .far import blame
 from .guard import ModelError, Refused, guarded, guarded_class, report
 from .layout import Layout
 from .state import Phase, State, from_bytes, to_bytes
@@ -123,8 +124,9 @@ class Slave(Stepper):
             if outputs is not None:
                 self.y[:] = self._checked_matrix("output_map", outputs, self.y.size) @ self._source
                 self._require_finite("output_map()")
-        except BaseException:
+        except BaseException as error:
             self._buffer.data[:] = kept
+            blame(error, self.layout, kept, self._core.step, self.default_step)
             raise
         self._stale = False
 
@@ -152,12 +154,13 @@ class Slave(Stepper):
         before, table = self._get_fmu_state(), self._table
         try:
             self._put_state(state)
-        except BaseException:
+        except BaseException as error:
             self._buffer.data[:] = before.buffer
             self._buffer.strings[:] = before.strings
             if before.clock.phase >= Phase.STEPPING:
                 self._rebuild()
             self._recall(before.clock, table)
+            blame(error, self.layout, state.buffer, state.clock.step, self.default_step)
             raise
 
     def _check_state(self, state: State) -> None:

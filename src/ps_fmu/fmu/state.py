@@ -1,7 +1,6 @@
 """FMU state: all that distinguishes one instance from another, in memory and as bytes.
 
-The bytes may come from anywhere, so nothing in them is executed (no pickle) and nothing is believed before it
-was
+The bytes may come from anywhere, so nothing in them is executed (no pickle) and nothing is believed before it was
 checked: length, magic number, checksum, model, counts, ranges.
 
 Layout, little endian::
@@ -30,6 +29,7 @@ _MAGIC = b"ps_fmu\x00\x01"  # the last byte is the version of this format
 _HEADER = struct.Struct("<4B 3q 5d 2I")
 _CHECKSUM_SIZE = hashlib.sha256().digest_size
 _PREFIX_SIZE = len(_MAGIC) + _CHECKSUM_SIZE + _HEADER.size
+_MOST_STEPS = 2**53  # counted exactly by a double
 
 
 class Phase(IntEnum):
@@ -134,7 +134,7 @@ def _clock(words: list[float]) -> Clock:
     times = (clock.start, clock.time, clock.origin, clock.step)
     if not all(map(math.isfinite, times)) or math.isnan(clock.stop) or clock.step < 0.0:
         raise Refused(f"the serialised FMU state has impossible times {times}")
-    if not (0 <= clock.block <= clock.count and clock.rows >= 0):
+    if not (0 <= clock.block <= clock.count <= _MOST_STEPS and clock.rows >= 0):
         raise Refused("the serialised FMU state has impossible counters")
     return clock
 

@@ -9,6 +9,7 @@ from pythonfmu.enums import Fmi2Status
 
 from .buffer import Array, aligned
 from .core import Limits, by_columns
+from .far import blame
 from .guard import ModelError, Refused, describe, escape, report
 from .plain import Step, holder, plain_step
 from .state import Clock, Phase
@@ -169,12 +170,13 @@ class Stepper(Values):
                 self._plain_step = self._new_plain_step()
             if not self._plain_step():
                 raise Refused(f"the step leads to numbers that are not finite: {self._not_finite()}")
-        except BaseException:
+        except BaseException as error:
             data[:] = kept
             if due:
                 self._rebuild()
             core.pending = due
             self._put_table(table, block)
+            blame(error, self.layout, kept, core.step, self.default_step)
             raise
         return True
 
@@ -196,6 +198,8 @@ class Stepper(Values):
             raise Refused(f"step size {h!r} s: expected a finite number above 0")
         if not abs(t - self._core.time) <= SAME_TIME * h:
             raise Refused(f"current time {t!r} s: expected {self._core.time!r} s, where the last step ended")
+        if not t < t + h < inf:
+            raise Refused(f"step size {h!r} s: expected one that leads from {t!r} s to a later time")
         if t > self._stop - (1.0 - SAME_TIME) * h:
             raise Refused(f"a step from {t!r} s to {t + h!r} s ends beyond the stop time {self._stop!r} s")
 

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .disturbance import psd_at_origin
 from .frequency import Practical
 from .parameters import Bus, Noise
 from .rotations import skew
@@ -80,12 +81,22 @@ class Jitter:
 def jitter(loop: Loop, bus: Bus, noise: Noise, focal_length: float, *, active: bool) -> Jitter:
     """Jitter from the power spectral density of the wrench, by an integral over its band.
 
-    Covariance = Re int G(f) S G(f)^H df, with S (6, 6) the one-sided density moved from the centre of mass of the bus
-    to the origin of B.  Trapezoidal rule on a grid that is dense around the modes of plant and loop.
+    The trapezoidal rule on :func:`jitter_density`.
     """
-    frequency, G = _from_bus_centre(loop, bus, noise.band, active=active)
-    density = (G @ noise.wrench_psd_B @ np.swapaxes(G.conj(), -1, -2)).real
+    frequency, density = jitter_density(loop, bus, noise, active=active)
     return Jitter(np.asarray(np.trapezoid(density, frequency, axis=0)), focal_length)
+
+
+def jitter_density(loop: Loop, bus: Bus, noise: Noise, *, active: bool) -> tuple[Array, Array]:
+    """One-sided density of the payload's rotation: frequencies (n,), Hz, and Re G S G^H (n, 3, 3), rad2/Hz; P.
+
+    S (6, 6) is that of the wrench, moved from the centre of mass of the bus to the origin of B.  The frequencies are
+    dense around the modes of plant and loop.
+    """
+    frequency = _grid(loop, *noise.band)
+    G = from_wrench(loop, 2j * np.pi * frequency, active=active)
+    S = psd_at_origin(noise.wrench_psd_B, bus.com_B)
+    return frequency, np.asarray((G @ S @ np.swapaxes(G.conj(), -1, -2)).real)
 
 
 def variance_weights(loop: Loop, bus: Bus, band: Array, *, active: bool) -> Array:
@@ -94,17 +105,22 @@ def variance_weights(loop: Loop, bus: Bus, band: Array, *, active: bool) -> Arra
     ``variance_k = sum_ij W_kij S_ij``, rad2, for S (6, 6), one-sided, at the centre of mass of the bus over ``band``
     (2,), Hz: what :func:`jitter` has on the diagonal, as a linear function of the density.
     """
-    frequency, G = _from_bus_centre(loop, bus, band, active=active)
+    frequency = _grid(loop, *band)
+    move = np.eye(6)
+    move[3:, :3] = skew(bus.com_B)  # a force at the centre of mass has a torque about the origin
+    G = from_wrench(loop, 2j * np.pi * frequency, active=active) @ move
     products = (G[..., :, None] * G[..., None, :].conj()).real
     return np.asarray(np.trapezoid(products, frequency, axis=0))
 
 
-def _from_bus_centre(loop: Loop, bus: Bus, band: Array, *, active: bool) -> tuple[Array, Complex]:
-    """Frequencies (n,), Hz, for integrals over a band, and the response (n, 3, 6) to a wrench at the bus centre."""
-    frequency = _grid(loop, *band)
-    move = np.eye(6)
-    move[3:, :3] = skew(bus.com_B)
-    return frequency, np.asarray(from_wrench(loop, 2j * np.pi * frequency, active=active) @ move)
+def jitter_of_lines(loop: Loop, frequency: Array, wrench: Complex, focal_length: float, *, active: bool) -> Jitter:
+    """Jitter under sines of ``frequency`` (n,), Hz, and complex amplitude ``wrench`` (n, 6), N, N.m; B at its origin.
+
+    Over a time in which the sines are orthogonal to each other; the steady state.
+    """
+    G = from_wrench(loop, 2j * np.pi * frequency, active=active)
+    rotation = np.einsum("nij,nj->ni", G, wrench)
+    return Jitter(0.5 * (rotation.T @ rotation.conj()).real, focal_length)
 
 
 def _force(loop: Loop, s: Complex) -> Complex:

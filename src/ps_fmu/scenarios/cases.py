@@ -166,10 +166,10 @@ def progress_bar(name: str, duration_s: float, shown: bool) -> Iterator[Progress
     with tqdm(
         total=duration_s,
         desc=name,
-        disable=not shown,
+        disable=not shown or sys.stderr is None,  # closed by the caller: 2>&-
         bar_format="{desc}: {percentage:3.0f}% |{bar}| {n:.1f}/{total:.1f} s [{elapsed}<{remaining}{postfix}]",
         file=sys.stderr,
-        mininterval=0.1 if sys.stderr.isatty() else QUIET_INTERVAL_S,
+        mininterval=0.1 if sys.stderr is not None and sys.stderr.isatty() else QUIET_INTERVAL_S,
     ) as bar:
 
         def advance(simulated: float, passed: float, factor: float) -> None:

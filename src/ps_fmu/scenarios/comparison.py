@@ -26,6 +26,10 @@ TARGET = ("commander.target.roll", "commander.target.pitch", "commander.target.y
 AXES = ("x", "y", "z")
 
 
+class TargetError(ValueError):
+    """The platform cannot be turned to the target of a run."""
+
+
 @dataclass(frozen=True, eq=False)
 class Comparison:
     """The payload's jitter at one orientation without and with the isolator."""
@@ -133,9 +137,14 @@ def rows(comparison: Comparison) -> list[tuple[str, ...]]:
     first = angles(comparison.orientation_deg)
     columns = (comparison.rms_passive, comparison.rms_active, comparison.rejection)
     return [
-        (first if i == 0 else "", axis, f"{columns[0][i]:.3e}", f"{columns[1][i]:.3e}", f"{columns[2][i]:.2f}")
+        (first if i == 0 else "", axis, f"{columns[0][i]:.3e}", f"{columns[1][i]:.3e}", number(columns[2][i], ".2f"))
         for i, axis in enumerate(AXES)
     ]
+
+
+def number(value: float, form: str) -> str:
+    """A number as text; a dash where there is none: no rejection of what did not move."""
+    return "-" if math.isnan(value) else f"{value:{form}}"
 
 
 def angles(orientation_deg: tuple[float, float, float]) -> str:

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from ..pointing.report import Table
-from .comparison import HEADER, angles, compare, draw, index_table, rows, target_of
+from .comparison import HEADER, TargetError, angles, compare, draw, index_table, rows, target_of
 from .options import RunOptions
 from .publish import Findings, publish, text_table
 from .setup import load_system, real_start
 
 
 def run(options: RunOptions) -> None:
-    """Run the scenario; writes results.nc, summary.json, figures and report.html, prints the table."""
+    """Run the scenario; writes results.nc, summary.json, figures and report.html, prints the table.
+
+    Raises :class:`TargetError` after that if the target is out of reach.
+    """
     system = load_system(options)
     found = compare(system, options, target_of(system))
     table = Table("Jitter of the payload: rotation by vibration, axes of P", HEADER, rows(found))
@@ -22,9 +25,9 @@ def run(options: RunOptions) -> None:
         "bus twice, without and with the feedforward isolator. Tables and figures cover the whole run; the "
         f"disturbance rises from zero over the first {rise:g} s.",
     ]
+    refused = f"The target {angles(found.target_deg)} deg is out of reach: the platform stayed where it was."
     if not found.reachable:
-        text.insert(0, f"The target {angles(found.target_deg)} deg is out of reach: the platform stayed where it was.")
-        print(text[0])
+        text.insert(0, refused)
     indices = index_table(found)
     publish(
         options,
@@ -42,3 +45,5 @@ def run(options: RunOptions) -> None:
             more=found.entry,
         ),
     )
+    if not found.reachable:
+        raise TargetError(refused)

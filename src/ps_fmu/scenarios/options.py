@@ -12,10 +12,12 @@ DEFAULT_DURATION_S = {
     "table2": 100.0,  # window of the statistics, at each of four orientations; passive, then active
     "slew": 100.0,  # profile, then at least 60 s to settle
     "trajectories": 60.0,  # up to 25 targets of a path; four paths, each with two solvers
+    "stability": 10.0,  # after a pulse; four cases, passive and active, and one beyond the limit of the delay
 }
 # Each step would be 0.5 GB per case of 100 s. Figures and statistics use every step whatever is stored.
-DEFAULT_STORAGE_STEP_S = {"isolation": 1e-3, "table2": 1e-2, "slew": 1e-2, "trajectories": 1e-2}
-DEFAULT_STEP_S = {"isolation": 1e-4, "table2": 1e-4, "slew": 1e-4, "trajectories": 1e-3}
+DEFAULT_STORAGE_STEP_S = {"isolation": 1e-3, "table2": 1e-2, "slew": 1e-2, "trajectories": 1e-2, "stability": 1e-2}
+DEFAULT_STEP_S = {"isolation": 1e-4, "table2": 1e-4, "slew": 1e-4, "trajectories": 1e-3, "stability": 1e-4}
+MOST_STEPS = 10**10  # of a run: 1e6 s at 1e-4 s, some hours
 RESULTS, SUMMARY, REPORT = "results.nc", "summary.json", "report.html"  # in the output folder
 SCENARIOS = tuple(DEFAULT_DURATION_S)
 SCHEMES = ("jacobi", "gauss-seidel")
@@ -100,6 +102,10 @@ class RunOptions:
 def _multiple(name: str, value: float, step: float) -> None:
     if not (math.isfinite(value) and value > 0.0):
         raise OptionError(f"{name}: expected a time above 0 s, got {value!r}")
+    if value / step > MOST_STEPS:
+        raise OptionError(
+            f"{name}: {value!r} s is longer than {MOST_STEPS * step:g} s, {MOST_STEPS:g} steps of {step!r} s"
+        )
     count = round(value / step)
     if count < 1 or abs(value / step - count) > 1e-6 * count:
         raise OptionError(f"{name}: {value!r} s is not a whole number of steps of {step!r} s")

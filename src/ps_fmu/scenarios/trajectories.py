@@ -77,7 +77,7 @@ class PathResult:
 
 def run(options: RunOptions) -> None:
     """Run the scenario; writes results.nc, summary.json, figures and report.html, prints the table."""
-    system = load_system(options, {"disturbance.noise.enabled": False, "isolator.enabled": False})
+    system = load_quiet_system(options)
     results = measure(system, options)
     table = error_table(results)
     print(text_table(table.header, table.rows), HOW, ALGORITHM_1, sep="\n")
@@ -102,6 +102,11 @@ def run(options: RunOptions) -> None:
             more={"paths": [_entry(result) for result in results]},
         ),
     )
+
+
+def load_quiet_system(options: RunOptions) -> System:
+    """The system without disturbance and with the isolator off."""
+    return load_system(options, {"disturbance.noise.enabled": False, "isolator.enabled": False})
 
 
 def measure(system: System, options: RunOptions) -> list[PathResult]:

@@ -161,13 +161,6 @@ def peak(p: Parameters) -> float:
     return element_margins(loop_at(p, delay=published()["text.delay"].value), BAND).largest_gain_db
 
 
-def with_large_damping(p: Parameters) -> Parameters:
-    """Parameters with the fine damping of the cases LDOSM and LDLSM."""
-    damping = published()["text.fine_damping_large"].value  # N.s/m
-    legs = tuple(replace(leg, damping=damping) for leg in p.manipulator.fine_legs)
-    return replace(p, manipulator=replace(p.manipulator, fine_legs=legs))
-
-
 def identifiability(p: Parameters, suspension: Suspension) -> Identifiability:
     """What Fig 10 fixes of the parameters in :data:`RANGES`."""
     return Identifiability(slopes(lambda u: deviations(p, u), suspension.places))

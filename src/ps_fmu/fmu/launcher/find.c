@@ -1,23 +1,14 @@
 #include "find.h"
 
-#include <errno.h>
-#include <fcntl.h>
-#include <poll.h>
-#include <signal.h>
-#include <spawn.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/stat.h>
-#include <sys/wait.h>
-#include <time.h>
-#include <unistd.h>
 
-extern char **environ;
+#include "platform.h"
 
 enum {
     PROBE_TIMEOUT = 30,  /* s */
-    MOST_ON_PATH = 8,    /* interpreters called python3 that are tried */
+    MOST_ON_PATH = 8,    /* interpreters on PATH that are tried */
     MOST_OUTPUT = 1 << 16 /* bytes */
 };
 
@@ -26,12 +17,18 @@ static const char PROBE[] =
     "import importlib.util, os, sys, sysconfig\n"
     "get = sysconfig.get_config_var\n"
     "version = '%d.%d' % sys.version_info[:2]\n"
-    "folders = [get('LIBDIR') or '', sys.base_prefix + '/lib', os.path.dirname(os.path.realpath(sys.executable))]\n"
-    "folders += [folders[0] + '/' + (get('MULTIARCH') or '')]\n"
-    "names = [get('INSTSONAME') or '', get('LDLIBRARY') or '', 'libpython' + version + '.so.1.0']\n"
-    "shared = [f + '/' + n for f in folders for n in names if '.so' in n and os.path.isfile(f + '/' + n)]\n"
-    "with open('/proc/self/maps') as maps:\n"
-    "    shared = [m.split(None, 5)[5].strip() for m in maps if '/libpython' + version + '.so' in m] + shared\n"
+    "if os.name == 'nt':\n"
+    "    import _winapi\n"
+    "    library = _winapi.GetModuleFileName(sys.dllhandle)\n"
+    "    folders = [os.path.dirname(library)]\n"
+    "    shared = [library] if os.path.isfile(folders[0] + '/python3.dll') else []\n"
+    "else:\n"
+    "    folders = [get('LIBDIR') or '', sys.base_prefix + '/lib', os.path.dirname(os.path.realpath(sys.executable))]\n"
+    "    folders += [folders[0] + '/' + (get('MULTIARCH') or '')]\n"
+    "    names = [get('INSTSONAME') or '', get('LDLIBRARY') or '', 'libpython' + version + '.so.1.0']\n"
+    "    shared = [f + '/' + n for f in folders for n in names if '.so' in n and os.path.isfile(f + '/' + n)]\n"
+    "    with open('/proc/self/maps') as maps:\n"
+    "        shared = [m.split(None, 5)[5].strip() for m in maps if '/libpython' + version + '.so' in m] + shared\n"
     "search = [entry for entry in sys.path if os.path.isabs(entry)]\n"
     "sys.path[:] = search\n"
     "absent = [name for name in sys.argv[1:] if importlib.util.find_spec(name) is None]\n"
@@ -39,7 +36,8 @@ static const char PROBE[] =
     "if absent: missing = 'lacks ' + ', '.join(absent)\n"
     "elif get('Py_GIL_DISABLED'): missing = 'a build without the global interpreter lock'\n"
     "elif sys.maxsize < 2**32: missing = 'a 32-bit build'\n"
-    "elif not shared: missing = 'built without a shared libpython (looked in %s)' % ', '.join(folders)\n"
+    "elif not shared: missing = '%s (looked in %s)' % (\n"
+    "    'comes without python3.dll' if os.name == 'nt' else 'built without a shared libpython', ', '.join(folders))\n"
     "sys.stdout.buffer.write(os.fsencode('\\nversion=%s\\nprogram=%s\\nmissing=%s\\nlibrary=%s\\nentries=%s\\n'\n"
     "    % (version, sys.executable, missing, shared[0] if shared else '', os.pathsep.join(search))))\n"
     "sys.stdout.buffer.write(b'complete=1\\n')\n";
@@ -65,77 +63,7 @@ void python_free(Python *python)
     memset(python, 0, sizeof *python);
 }
 
-/* --- The child process ------------------------------------------------------------------------------------------ */
-
-/* The environment without what a host may have set for its own libraries and its own Python; new memory. */
-static char **child_environment(void)
-{
-    size_t n = 0;
-    while (environ != NULL && environ[n] != NULL)
-        n++;
-    char **result = calloc(n + 1, sizeof *result);
-    size_t kept = 0;
-    for (size_t i = 0; result != NULL && i < n; i++)
-        if (strncmp(environ[i], "LD_", 3) != 0 && strncmp(environ[i], "PYTHON", 6) != 0)
-            result[kept++] = environ[i];
-    return result;
-}
-
-static pid_t start(const char *program, char *const arguments[], int output)
-{
-    pid_t child = -1;
-    posix_spawn_file_actions_t files;
-    posix_spawnattr_t attributes;
-    sigset_t none, all;
-    char **environment = child_environment();
-    sigemptyset(&none);
-    sigfillset(&all);
-    sigdelset(&all, SIGKILL); /* these two cannot be set, and older systems take the attempt for a failure */
-    sigdelset(&all, SIGSTOP);
-    posix_spawn_file_actions_init(&files);
-    posix_spawnattr_init(&attributes);
-    posix_spawn_file_actions_addopen(&files, STDIN_FILENO, "/dev/null", O_RDONLY, 0);
-    posix_spawn_file_actions_adddup2(&files, output, STDOUT_FILENO);
-    posix_spawn_file_actions_adddup2(&files, output, STDERR_FILENO);
-    posix_spawnattr_setsigmask(&attributes, &none);
-    posix_spawnattr_setsigdefault(&attributes, &all);
-    posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF);
-    int error = environment == NULL ? ENOMEM
-                                    : posix_spawn(&child, program, &files, &attributes, arguments, environment);
-    posix_spawnattr_destroy(&attributes);
-    posix_spawn_file_actions_destroy(&files);
-    free(environment);
-    errno = error;
-    return error == 0 ? child : -1;
-}
-
-static long milliseconds(void)
-{
-    struct timespec now;
-    clock_gettime(CLOCK_MONOTONIC, &now);
-    return now.tv_sec * 1000L + now.tv_nsec / 1000000L;
-}
-
-/* What the child prints until it closes its output, or the time is up (then false). */
-static bool read_output(int input, Text *output)
-{
-    long end = milliseconds() + 1000L * PROBE_TIMEOUT;
-    for (;;) {
-        struct pollfd ready = {.fd = input, .events = POLLIN};
-        long left = end - milliseconds();
-        int n = left > 0 ? poll(&ready, 1, (int)left) : 0;
-        if (n < 0 && errno == EINTR)
-            continue;
-        char part[4096];
-        ssize_t size = n > 0 ? read(input, part, sizeof part) : -1;
-        if (size < 0 && n > 0 && errno == EINTR)
-            continue;
-        if (size <= 0)
-            return size == 0;
-        if (output->used < MOST_OUTPUT)
-            text_add_bytes(output, part, (size_t)size);
-    }
-}
+/* --- Candidates -------------------------------------------------------------------------------------------------- */
 
 /* Run the probe; false with a reason if it could not be run to its end. */
 static bool run_probe(const char *program, const Needs *needs, Text *output, Text *reason)
@@ -146,41 +74,14 @@ static bool run_probe(const char *program, const Needs *needs, Text *output, Tex
     for (char *name = modules != NULL ? strtok_r(modules, " ", &rest) : NULL; name != NULL && n < 63;
          name = strtok_r(NULL, " ", &rest))
         arguments[n++] = name;
-    int ends[2];
-    pid_t child = -1;
-    if (pipe2(ends, O_CLOEXEC) == 0) {
-        child = start(program, arguments, ends[1]);
-        int error = errno;
-        close(ends[1]);
-        if (child < 0)
-            text_add(reason, "cannot be started: %s", strerror(error));
-        else if (!read_output(ends[0], output)) {
-            kill(child, SIGKILL);
-            text_add(reason, "did not answer within %d s", PROBE_TIMEOUT);
-        }
-        close(ends[0]);
-    } else {
-        text_add(reason, "no pipe: %s", strerror(errno));
-    }
-    /* Hosts that ignore SIGCHLD, or wait for any child, take the status: the output has to do. */
-    while (child > 0 && waitpid(child, NULL, 0) < 0 && errno == EINTR)
-        continue;
+    bool run = run_program(arguments, PROBE_TIMEOUT, MOST_OUTPUT, output, reason);
     free(modules);
-    return reason->used == 0;
-}
-
-/* --- Candidates ------------------------------------------------------------------------------------------------- */
-
-static bool same_file(const char *a, const char *b)
-{
-    struct stat first, second;
-    return stat(a, &first) == 0 && stat(b, &second) == 0 && first.st_dev == second.st_dev &&
-           first.st_ino == second.st_ino;
+    return run;
 }
 
 static const char *last_line(Text *text)
 {
-    while (text->used > 0 && text->data[text->used - 1] == '\n')
+    while (text->used > 0 && strchr("\r\n", text->data[text->used - 1]) != NULL)
         text->data[--text->used] = '\0';
     const char *newline = text->used > 0 ? strrchr(text->data, '\n') : NULL;
     return newline != NULL ? newline + 1 : text->used > 0 ? text->data : "nothing";
@@ -195,7 +96,7 @@ static void judge(const Needs *needs, const char *library, Text *output, Python 
     found->library = line_value(output->data, "library");
     found->search = line_value(output->data, "entries");
     for (char *at = found->search; at != NULL && *at != '\0'; at++)
-        if (*at == ':')
+        if (*at == LIST_SEPARATOR[0])
             *at = '\n';
     if (complete == NULL || missing == NULL || found->library == NULL || found->search == NULL)
         text_add(reason, "failed, its last words: %s", last_line(output));
@@ -213,8 +114,8 @@ static bool try_interpreter(const char *program, const char *origin, const Needs
                             Python *found, Text *why)
 {
     Text output = {0}, reason = {0};
-    if (access(program, X_OK) != 0)
-        text_add(&reason, "%s", strerror(errno));
+    if (!is_program(program))
+        add_system_error(&reason);
     else if (run_probe(program, needs, &output, &reason))
         judge(needs, library, &output, found, &reason);
     bool fit = reason.used == 0;
@@ -291,17 +192,29 @@ char *bundled_packages(const char *binaries, const char *version)
     return result;
 }
 
+/* An interpreter in a folder, under one of the names that it may have there; NULL if there is none.  New memory. */
+static char *interpreter_in(const char *folder)
+{
+    for (const char *const *name = PYTHONS; *name != NULL && is_absolute(folder); name++) {
+        char *program = formatted("%s/%s", folder, *name);
+        if (program != NULL && is_program(program))
+            return program;
+        free(program);
+    }
+    return NULL;
+}
+
 static bool try_path(const Needs *needs, const char *library, Python *found, Text *why)
 {
-    const char *set = getenv("PATH");
-    char *path = strdup(set != NULL ? set : "/usr/local/bin:/usr/bin:/bin"), *rest = NULL;
+    char *set = environment_value("PATH");
+    char *path = strdup(set != NULL ? set : USUAL_PATH), *rest = NULL;
     char *tried[MOST_ON_PATH];
     size_t n = 0;
     bool fit = false;
-    for (char *folder = path != NULL ? strtok_r(path, ":", &rest) : NULL; folder != NULL && !fit && n < MOST_ON_PATH;
-         folder = strtok_r(NULL, ":", &rest)) {
-        char *program = folder[0] == '/' ? formatted("%s/python3", folder) : NULL;
-        bool known = program == NULL || access(program, X_OK) != 0;
+    for (char *folder = path != NULL ? strtok_r(path, LIST_SEPARATOR, &rest) : NULL;
+         folder != NULL && !fit && n < MOST_ON_PATH; folder = strtok_r(NULL, LIST_SEPARATOR, &rest)) {
+        char *program = interpreter_in(folder);
+        bool known = program == NULL;
         for (size_t i = 0; i < n && !known; i++)
             known = same_file(program, tried[i]);
         if (known) {
@@ -312,37 +225,49 @@ static bool try_path(const Needs *needs, const char *library, Python *found, Tex
         fit = try_interpreter(program, "PATH", needs, library, found, why);
     }
     if (n == 0)
-        text_add(why, "\n  PATH: no python3 in %s", set != NULL ? set : "the usual places (PATH is not set)");
+        text_add(why, "\n  PATH: no %s in %s", PYTHONS[0], set != NULL ? set : "the usual places (PATH is not set)");
     for (size_t i = 0; i < n; i++)
         free(tried[i]);
     free(path);
+    free(set);
     return fit;
 }
 
-bool find_python(const Needs *needs, const char *binaries, const char *library, Python *found, Text *why)
+static bool is_set(const char *value)
 {
-    const char *chosen = getenv("PS_FMU_PYTHON");
-    if (chosen != NULL && chosen[0] != '\0') /* the user's word: nothing else instead */
-        return try_interpreter(chosen, "PS_FMU_PYTHON", needs, library, found, why);
-    text_add(why, "\n  PS_FMU_PYTHON: not set");
+    return value != NULL && value[0] != '\0';
+}
 
+static bool try_environment(const Needs *needs, const char *library, Python *found, Text *why)
+{
+    char *folder = environment_value("VIRTUAL_ENV");
+    char *program = is_set(folder) ? formatted("%s/%s", folder, VENV_PYTHON) : NULL;
+    if (!is_set(folder))
+        text_add(why, "\n  VIRTUAL_ENV: not set");
+    bool fit = program != NULL && try_interpreter(program, "VIRTUAL_ENV", needs, library, found, why);
+    free(program);
+    free(folder);
+    return fit;
+}
+
+static bool try_all(const Needs *needs, const char *binaries, const char *library, Python *found, Text *why)
+{
+    text_add(why, "\n  PS_FMU_PYTHON: not set");
     if (try_bundle(binaries, library, found, why))
         return true;
-
     if (needs->interpreter == NULL)
         text_add(why, "\n  interpreter noted at build: none");
     else if (try_interpreter(needs->interpreter, "interpreter noted at build", needs, library, found, why))
         return true;
+    return try_environment(needs, library, found, why) || try_path(needs, library, found, why);
+}
 
-    const char *folder = getenv("VIRTUAL_ENV");
-    if (folder != NULL && folder[0] != '\0') {
-        char *program = formatted("%s/bin/python", folder);
-        bool fit = program != NULL && try_interpreter(program, "VIRTUAL_ENV", needs, library, found, why);
-        free(program);
-        if (fit)
-            return true;
-    } else {
-        text_add(why, "\n  VIRTUAL_ENV: not set");
-    }
-    return try_path(needs, library, found, why);
+bool find_python(const Needs *needs, const char *binaries, const char *library, Python *found, Text *why)
+{
+    char *chosen = environment_value("PS_FMU_PYTHON");
+    bool fit = is_set(chosen) /* the user's word: nothing else instead */
+                   ? try_interpreter(chosen, "PS_FMU_PYTHON", needs, library, found, why)
+                   : try_all(needs, binaries, library, found, why);
+    free(chosen);
+    return fit;
 }

@@ -1,15 +1,12 @@
 #include "instance.h"
 
-#include <dlfcn.h>
-#include <limits.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "native.h"
+#include "platform.h"
 #include "python.h"
-
-#define WRAPPER "libpythonfmu-export.so"
 
 /* --- pythonfmu's library ---------------------------------------------------------------------------------------- */
 
@@ -19,29 +16,26 @@ static char *binaries; /* folder of this library */
 
 __attribute__((constructor)) static void remember_folder(void)
 {
-    Dl_info self; /* now, since the path may be relative to the working directory */
-    if (dladdr((void *)&wrapper, &self) != 0)
-        binaries = realpath(self.dli_fname, NULL);
-    char *slash = binaries != NULL ? strrchr(binaries, '/') : NULL;
-    if (slash != NULL)
-        *slash = '\0';
+    binaries = own_folder(); /* now, since the path may be relative to the working directory */
 }
 
 static bool load_wrapper(Text *why)
 {
     if (wrapper.finalise != NULL)
         return true;
-    char *path = formatted("%s/" WRAPPER, binaries);
-    void *library = path != NULL ? dlopen(path, RTLD_NOW | RTLD_LOCAL) : NULL;
+    char *path = formatted("%s/%s", binaries, WRAPPER);
+    Text reason = {0};
+    void *library = path != NULL ? open_library(path, &reason) : NULL;
     free(path);
     if (library == NULL) {
-        text_add(why, "pythonfmu's library cannot be loaded: %s", dlerror());
+        text_add(why, "pythonfmu's library cannot be loaded: %s", reason.data != NULL ? reason.data : "out of memory");
+        text_free(&reason);
         return false;
     }
-#define LOAD(name) *(void **)&wrapper.name = dlsym(library, "fmi2" #name);
+#define LOAD(name) *(void **)&wrapper.name = library_symbol(library, "fmi2" #name);
     WRAPPED(LOAD)
 #undef LOAD
-    *(void **)&wrapper.finalise = dlsym(library, "finalizePythonInterpreter");
+    *(void **)&wrapper.finalise = library_symbol(library, "finalizePythonInterpreter");
     if (wrapper.finalise == NULL)
         text_add(why, "pythonfmu's library lacks finalizePythonInterpreter: another release than 0.7?");
     return wrapper.finalise != NULL;
@@ -101,6 +95,15 @@ fmi2Status instance_refuse(const Instance *m, const char *function, const char *
     return fmi2Error;
 }
 
+const char *fault_of_values(size_t n, const void *references, const void *values)
+{
+    /* With more something is wrong with the host, and pythonfmu does not survive a lack of memory. */
+    enum { MOST_VALUES = 1 << 24 };
+    if (n > 0 && (references == NULL || values == NULL))
+        return "there are no values: a list is NULL";
+    return n > MOST_VALUES ? "impossible number of values" : NULL;
+}
+
 void instance_forget_categories(Instance *m)
 {
     for (size_t i = 0; i < m->n_categories; i++)
@@ -121,7 +124,7 @@ static char *find_resources(const char *uri)
             return path;
         free(path);
     }
-    char *folder = formatted("%s/../../resources", binaries), *path = folder != NULL ? realpath(folder, NULL) : NULL;
+    char *folder = formatted("%s/../../resources", binaries), *path = folder != NULL ? full_path(folder) : NULL;
     free(folder);
     if (path != NULL && has_file(path, "slavemodule.txt"))
         return path;
@@ -129,9 +132,10 @@ static char *find_resources(const char *uri)
     return NULL;
 }
 
-/* pythonfmu crashes where the script is missing. */
-static bool is_complete(const char *resources, Text *why)
+/* pythonfmu crashes where it does not find the script. */
+static bool is_complete(char **folder, Text *why)
 {
+    const char *resources = *folder;
     char *path = formatted("%s/slavemodule.txt", resources), *content = path != NULL ? file_text(path) : NULL;
     char *script = content != NULL ? formatted("%.*s.py", (int)strcspn(content, "\r\n"), content) : NULL;
     bool complete = script != NULL && has_file(resources, script);
@@ -139,6 +143,8 @@ static bool is_complete(const char *resources, Text *why)
         text_add(why, "the FMU is not complete: %s/%s is missing", resources, script != NULL ? script : "slavemodule.txt");
     else if (strstr(resources, "%20") != NULL || strstr(resources, "file://") != NULL)
         text_add(why, "pythonfmu misreads paths that contain %%20 or file://: unpack the FMU elsewhere than in %s", resources);
+    else if (!make_plain(folder))
+        text_add(why, "pythonfmu misreads this path: unpack the FMU in an ASCII path, not in %s", resources);
     free(path);
     free(content);
     free(script);
@@ -179,7 +185,7 @@ static bool begin_locked(Instance *m, const char *guid, const char *uri, fmi2Boo
     Needs needs = read_needs(resources);
     if (needs.guid != NULL && (guid == NULL || strcmp(guid, needs.guid) != 0))
         text_add(why, "the host expects GUID %s, this FMU has %s", guid != NULL ? guid : "NULL", needs.guid);
-    else if (is_complete(resources, why) && python_start(&needs, binaries, why) && load_wrapper(why)) {
+    else if (is_complete(&resources, why) && python_start(&needs, binaries, why) && load_wrapper(why)) {
         m->generation = python_generation();
         if (python_enter(m->generation)) {
             m->inner = wrapper.Instantiate(m->name, fmi2CoSimulation, guid, resources, &m->callbacks, visible, fmi2True);

@@ -35,7 +35,7 @@ typedef struct {
     size_t n_categories;
     fmi2FMUstate *states;             /* handed out and not freed yet */
     size_t n_states;
-    fmi2Real time;                    /* end of the last successful step */
+    fmi2Real time;                    /* end of the last step in Python; NaN: a state was set since */
 } Instance;
 
 /* Begin an instance.  m has its name, its host and whether it logs.  False with a reason; without one if pythonfmu has
@@ -46,6 +46,9 @@ bool instance_begin(Instance *m, const char *guid, const char *uri, fmi2Boolean 
 void instance_end(Instance *m);
 
 void instance_forget_categories(Instance *m);
+
+/* What is wrong with two lists of n items, one of them perhaps of places for results; NULL: nothing. */
+const char *fault_of_values(size_t n, const void *references, const void *values);
 
 /* Tell an error of a function, to the host if it listens and in any case on stderr; fmi2Error. */
 fmi2Status instance_refuse(const Instance *m, const char *function, const char *reason);

@@ -1,8 +1,10 @@
 #include "kernel.h"
 
-#include <cpuid.h>
 #include <stddef.h>
 #include <string.h>
+#ifdef __x86_64__
+#include <cpuid.h>
+#endif
 
 /* No fused multiply-add: each operation rounds.  (gcc with -std=c99 makes none.) */
 #ifdef __clang__
@@ -14,6 +16,7 @@
 #define WIDTH 2
 #include "product.h"
 
+#ifdef __x86_64__ /* elsewhere, the vectors of two that every processor has */
 #define INSTRUCTIONS __attribute__((target("avx2")))
 #define PRODUCT product_avx2
 #define WIDTH 4
@@ -23,16 +26,24 @@
 #define PRODUCT product_avx512
 #define WIDTH 8
 #include "product.h"
+#endif
 
 typedef bool Product(const double *matrix, int64_t stride, const double *x, int64_t n_x, double *w);
 
 static const struct {
     const char *name;
     Product *product;
-} products[] = {{"sse2", product_sse2}, {"avx2", product_avx2}, {"avx512", product_avx512}};
+} products[] = {
+    {"sse2", product_sse2},
+#ifdef __x86_64__
+    {"avx2", product_avx2},
+    {"avx512", product_avx512},
+#endif
+};
 
 static int best;
 
+#ifdef __x86_64__
 /* Both processor and operating system have to know the registers. */
 __attribute__((constructor)) static void look_at_processor(void)
 {
@@ -48,6 +59,7 @@ __attribute__((constructor)) static void look_at_processor(void)
     if ((low & ZMM) == ZMM && (b & AVX512F))
         best = 2;
 }
+#endif
 
 /* Results that lie beyond a limit are held there. */
 static void hold(const Core *core)

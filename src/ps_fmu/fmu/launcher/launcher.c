@@ -7,13 +7,12 @@
 #include "native.h"
 #include "python.h"
 
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-/* In one call; beyond them something is wrong with the host, and pythonfmu does not survive a lack of memory. */
-#define MOST_VALUES ((size_t)1 << 24)
-#define MOST_BYTES ((size_t)1 << 28)
+#define MOST_BYTES ((size_t)1 << 28) /* in a state; see fault_of_values */
 
 const char *fmi2GetTypesPlatform(void)
 {
@@ -122,8 +121,10 @@ fmi2Status fmi2Reset(fmi2Component c)
         return fmi2Error;
     m->core = NULL;
     fmi2Status status = wrapper.Reset(m->inner);
-    if (status == fmi2OK)
+    if (status == fmi2OK) {
         native_bind(m);
+        m->time = 0.0;
+    }
     return leave(status);
 }
 
@@ -138,13 +139,6 @@ fmi2Status fmi2DoStep(fmi2Component c, fmi2Real time, fmi2Real step, fmi2Boolean
     if (status == fmi2OK)
         m->time = time + step;
     return status;
-}
-
-static const char *fault_of_values(size_t n, const void *references, const void *values)
-{
-    if (n > 0 && (references == NULL || values == NULL))
-        return "value references or values are NULL";
-    return n > MOST_VALUES ? "impossible number of values" : NULL;
 }
 
 static const char *fault_of_texts(size_t n, const fmi2String texts[])
@@ -170,10 +164,28 @@ static const char *fault_of_texts(size_t n, const fmi2String texts[])
 ACCESS(GetReal, fmi2Real, native_GetReal(c, vr, n, value))
 ACCESS(GetInteger, fmi2Integer, native_GetInteger(c, vr, n, value))
 ACCESS(GetBoolean, fmi2Boolean, native_GetBoolean(c, vr, n, value))
-ACCESS(GetString, fmi2String, false)
 ACCESS(SetReal, const fmi2Real, native_SetReal(c, vr, n, value))
 ACCESS(SetInteger, const fmi2Integer, native_SetInteger(c, vr, n, value))
 ACCESS(SetBoolean, const fmi2Boolean, native_SetBoolean(c, vr, n, value))
+
+static const char *fault_of_references(size_t n, const fmi2ValueReference vr[])
+{
+    for (size_t i = 0; i < n; i++)
+        if (vr[i] == CORE_REFERENCE)
+            return "there is no variable with value reference 2147483647";
+    return NULL;
+}
+
+fmi2Status fmi2GetString(fmi2Component c, const fmi2ValueReference vr[], size_t n, fmi2String value[])
+{
+    Instance *m = enter(c, __func__);
+    if (m == NULL)
+        return fmi2Error;
+    const char *fault = fault_of_values(n, vr, value);
+    if (fault == NULL)
+        fault = fault_of_references(n, vr);
+    return leave(fault != NULL ? instance_refuse(m, __func__, fault) : wrapper.GetString(m->inner, vr, n, value));
+}
 
 fmi2Status fmi2SetString(fmi2Component c, const fmi2ValueReference vr[], size_t n, const fmi2String value[])
 {
@@ -244,7 +256,12 @@ fmi2Status fmi2SetFMUstate(fmi2Component c, fmi2FMUstate state)
     Instance *m = enter(c, __func__);
     if (m == NULL)
         return fmi2Error;
-    return leave(is_state(m, state) ? wrapper.SetFMUstate(m->inner, state) : instance_refuse(m, __func__, NO_STATE));
+    if (!is_state(m, state))
+        return leave(instance_refuse(m, __func__, NO_STATE));
+    fmi2Status status = leave(wrapper.SetFMUstate(m->inner, state));
+    if (status == fmi2OK)
+        m->time = NAN;
+    return status;
 }
 
 fmi2Status fmi2FreeFMUstate(fmi2Component c, fmi2FMUstate *state)
@@ -295,89 +312,4 @@ fmi2Status fmi2DeSerializeFMUstate(fmi2Component c, const fmi2Byte bytes[], size
     fmi2FMUstate new = NULL;
     fmi2Status status = wrapper.DeSerializeFMUstate(m->inner, bytes, size, &new);
     return leave(status == fmi2OK ? hand_out(m, state, new) : status);
-}
-
-/* --- What needs no Python --------------------------------------------------------------------------------------- */
-
-fmi2Status fmi2SetDebugLogging(fmi2Component c, fmi2Boolean logging, size_t n, const fmi2String categories[])
-{
-    Instance *m = c;
-    if (m == NULL || (n > 0 && categories == NULL))
-        return fmi2Error;
-    instance_forget_categories(m);
-    m->logging = logging != fmi2False;
-    m->categories = calloc(n > 0 ? n : 1, sizeof *m->categories);
-    for (size_t i = 0; m->categories != NULL && i < n; i++) {
-        char *copy = categories[i] != NULL ? strdup(categories[i]) : NULL;
-        if (copy != NULL)
-            m->categories[m->n_categories++] = copy;
-    }
-    return fmi2OK;
-}
-
-static fmi2Status not_supported(fmi2Component c, const char *function)
-{
-    return c != NULL ? instance_refuse(c, function, "this FMU does not support it") : fmi2Error;
-}
-
-fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const fmi2ValueReference unknown[], size_t n_unknown,
-                                        const fmi2ValueReference known[], size_t n_known, const fmi2Real direction[],
-                                        fmi2Real result[])
-{
-    (void)unknown, (void)n_unknown, (void)known, (void)n_known, (void)direction, (void)result;
-    return not_supported(c, __func__);
-}
-
-fmi2Status fmi2SetRealInputDerivatives(fmi2Component c, const fmi2ValueReference vr[], size_t n,
-                                       const fmi2Integer order[], const fmi2Real value[])
-{
-    (void)vr, (void)n, (void)order, (void)value;
-    return not_supported(c, __func__);
-}
-
-fmi2Status fmi2GetRealOutputDerivatives(fmi2Component c, const fmi2ValueReference vr[], size_t n,
-                                        const fmi2Integer order[], fmi2Real value[])
-{
-    (void)vr, (void)n, (void)order, (void)value;
-    return not_supported(c, __func__);
-}
-
-fmi2Status fmi2CancelStep(fmi2Component c)
-{
-    return not_supported(c, __func__);
-}
-
-/* Steps are never pending. */
-fmi2Status fmi2GetStatus(fmi2Component c, const fmi2StatusKind kind, fmi2Status *value)
-{
-    (void)c, (void)kind, (void)value;
-    return fmi2Discard;
-}
-
-fmi2Status fmi2GetRealStatus(fmi2Component c, const fmi2StatusKind kind, fmi2Real *value)
-{
-    if (c == NULL || value == NULL || kind != fmi2LastSuccessfulTime)
-        return fmi2Discard;
-    *value = ((Instance *)c)->time;
-    return fmi2OK;
-}
-
-fmi2Status fmi2GetIntegerStatus(fmi2Component c, const fmi2StatusKind kind, fmi2Integer *value)
-{
-    (void)c, (void)kind, (void)value;
-    return fmi2Discard;
-}
-
-fmi2Status fmi2GetBooleanStatus(fmi2Component c, const fmi2StatusKind kind, fmi2Boolean *value)
-{
-    if (c == NULL || value == NULL || kind != fmi2Terminated)
-        return fmi2Discard;
-    *value = fmi2False;
-    return fmi2OK;
-}
-
-fmi2Status fmi2GetStringStatus(fmi2Component c, const fmi2StatusKind kind, fmi2String *value)
-{
-    (void)c, (void)kind, (void)value;
-    return fmi2Discard;
 }

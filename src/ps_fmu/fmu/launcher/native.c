@@ -24,11 +24,23 @@ void native_bind(Instance *m)
     m->core = core; /* the slave keeps it, and `inner` keeps the slave */
 }
 
-/* The words of an instance in its stepping phase; NULL in all others, and when the host has finalised Python. */
+/* The words of an instance; NULL if it has none, and when the host has finalised Python. */
+static Core *words_in_any_phase(const Instance *m)
+{
+    return m != NULL && m->core != NULL && m->generation == python_generation() ? m->core : NULL;
+}
+
+/* In its stepping phase; NULL in all others. */
 static Core *words(const Instance *m)
 {
-    Core *core = m != NULL ? m->core : NULL;
-    return core != NULL && core->stepping && m->generation == python_generation() ? core : NULL;
+    Core *core = words_in_any_phase(m);
+    return core != NULL && core->stepping ? core : NULL;
+}
+
+double native_time(const Instance *m)
+{
+    const Core *core = words_in_any_phase(m);
+    return core != NULL ? core->time : m->time;
 }
 
 /* The same conditions as in Stepper.do_step. */
@@ -41,7 +53,6 @@ bool native_step(Instance *m, double time, double step)
     core->time = time + step;
     core->count++;
     core->native_steps++;
-    m->time = core->time;
     return true;
 }
 

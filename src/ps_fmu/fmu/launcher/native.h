@@ -17,6 +17,9 @@ bool native_SetReal(const Instance *m, const fmi2ValueReference vr[], size_t n, 
 bool native_SetInteger(const Instance *m, const fmi2ValueReference vr[], size_t n, const fmi2Integer value[]);
 bool native_SetBoolean(const Instance *m, const fmi2ValueReference vr[], size_t n, const fmi2Boolean value[]);
 
+/* End of the last successful step; NaN if that is not known. */
+double native_time(const Instance *m);
+
 /* For tests and measurements: how many steps an instance has made natively, and how many in Python, since it was made
    or reset.  fmi2Error if it makes all in Python and nobody counts. */
 FMI2_Export fmi2Status ps_fmu_steps(fmi2Component c, int64_t *native, int64_t *python);

@@ -1,13 +1,9 @@
 #include "python.h"
 
-#include <dlfcn.h>
-#include <link.h>
-#include <locale.h>
-#include <pthread.h>
-#include <signal.h>
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
+
+#include "platform.h"
 
 typedef struct PyObject PyObject;
 typedef struct PyThreadState PyThreadState;
@@ -47,30 +43,22 @@ static bool loaded; /* is api filled? */
 
 /* --- What all launchers in a process share ---------------------------------------------------------------------- */
 
-/* Each FMU has its own copy of this library, with its own static variables.  A symbol of the kind "unique" is one for
-   the whole process, even where hosts load with RTLD_LOCAL.  The number is the version of this layout. */
 typedef struct {
-    pthread_once_t once;
-    pthread_mutex_t lock;
-    pthread_key_t thread; /* -> Thread, of threads whose Python state is kept */
     unsigned long generation;
     bool watched;         /* Python calls on_finalise */
     int calls;            /* under way */
     bool bundled;         /* Python was started from the runtime in an FMU */
     int closing;          /* exit() was called */
-    pthread_t closer;     /* by this thread */
+    unsigned long closer; /* by this thread */
 } Shared;
 
-extern __attribute__((visibility("default"))) Shared ps_fmu_launcher_1;
-__asm__(".pushsection .bss.ps_fmu_launcher_1,\"aw\",@nobits\n"
-        ".balign 64\n"
-        ".globl ps_fmu_launcher_1\n"
-        ".type ps_fmu_launcher_1,@gnu_unique_object\n"
-        ".size ps_fmu_launcher_1,256\n"
-        "ps_fmu_launcher_1: .zero 256\n"
-        ".popsection");
-#define shared ps_fmu_launcher_1
-typedef char shared_fits[sizeof(Shared) <= 256 ? 1 : -1];
+static Shared *shared;
+typedef char shared_fits[sizeof(Shared) <= COMMON_SIZE ? 1 : -1];
+
+__attribute__((constructor)) static void find_shared(void)
+{
+    shared = common_memory();
+}
 
 /* A thread that has a state in Python because of us. */
 typedef struct {
@@ -81,10 +69,10 @@ typedef struct {
 static __thread int depth; /* calls of this thread under way */
 
 /* A host's thread ends.  PyGILState_Release would look for its own thread-specific data, which may be gone by now. */
-static void on_thread_end(void *value)
+void on_thread_end(void *value)
 {
     Thread *thread = value;
-    if (loaded && thread->generation == python_generation() && !__atomic_load_n(&shared.closing, __ATOMIC_SEQ_CST) &&
+    if (loaded && thread->generation == python_generation() && !__atomic_load_n(&shared->closing, __ATOMIC_SEQ_CST) &&
         api.Py_IsInitialized()) {
         api.PyEval_RestoreThread(thread->state);
         api.PyThreadState_Clear(thread->state);
@@ -93,50 +81,40 @@ static void on_thread_end(void *value)
     free(thread);
 }
 
-static void set_up_shared(void)
-{
-    pthread_mutexattr_t recursive;
-    pthread_mutexattr_init(&recursive);
-    pthread_mutexattr_settype(&recursive, PTHREAD_MUTEX_RECURSIVE);
-    pthread_mutex_init(&shared.lock, &recursive);
-    pthread_mutexattr_destroy(&recursive);
-    pthread_key_create(&shared.thread, on_thread_end);
-}
-
 void python_lock(void)
 {
-    pthread_once(&shared.once, set_up_shared);
-    if (pthread_mutex_trylock(&shared.lock) == 0)
+    set_up_common();
+    if (common_try_lock())
         return;
     /* Who holds it will want the global interpreter lock: wait without. */
     int (*is_initialised)(void), (*holds)(void);
     PyThreadState *(*save)(void);
     void (*restore)(PyThreadState *);
-    *(void **)&is_initialised = dlsym(RTLD_DEFAULT, "Py_IsInitialized");
-    *(void **)&holds = dlsym(RTLD_DEFAULT, "PyGILState_Check");
-    *(void **)&save = dlsym(RTLD_DEFAULT, "PyEval_SaveThread");
-    *(void **)&restore = dlsym(RTLD_DEFAULT, "PyEval_RestoreThread");
+    *(void **)&is_initialised = python_symbol("Py_IsInitialized");
+    *(void **)&holds = python_symbol("PyGILState_Check");
+    *(void **)&save = python_symbol("PyEval_SaveThread");
+    *(void **)&restore = python_symbol("PyEval_RestoreThread");
     bool to_release = is_initialised && holds && save && restore && is_initialised() && holds();
     PyThreadState *state = to_release ? save() : NULL;
-    pthread_mutex_lock(&shared.lock);
+    common_lock();
     if (to_release)
         restore(state);
 }
 
 void python_unlock(void)
 {
-    pthread_mutex_unlock(&shared.lock);
+    common_unlock();
 }
 
 unsigned long python_generation(void)
 {
-    return __atomic_load_n(&shared.generation, __ATOMIC_SEQ_CST);
+    return __atomic_load_n(&shared->generation, __ATOMIC_SEQ_CST);
 }
 
 static void on_finalise(void)
 {
-    __atomic_add_fetch(&shared.generation, 1, __ATOMIC_SEQ_CST);
-    shared.watched = false; /* Python forgets about it as well */
+    __atomic_add_fetch(&shared->generation, 1, __ATOMIC_SEQ_CST);
+    shared->watched = false; /* Python forgets about it as well */
 }
 
 /* --- Calls ------------------------------------------------------------------------------------------------------ */
@@ -144,8 +122,8 @@ static void on_finalise(void)
 /* Otherwise each call would create and destroy a thread state, which costs ten times as much as a plain call. */
 static void keep_thread_state(void)
 {
-    Thread *thread = pthread_getspecific(shared.thread);
-    if (thread != NULL && thread->generation == shared.generation)
+    Thread *thread = thread_pointer();
+    if (thread != NULL && thread->generation == shared->generation)
         return;
     if (thread == NULL && api.PyGILState_GetThisThreadState() != NULL)
         return; /* a thread of Python's own */
@@ -154,17 +132,17 @@ static void keep_thread_state(void)
     if (thread == NULL)
         return;
     api.PyGILState_Ensure();
-    thread->generation = shared.generation;
+    thread->generation = shared->generation;
     thread->state = api.PyEval_SaveThread();
-    pthread_setspecific(shared.thread, thread);
+    set_thread_pointer(thread);
 }
 
 bool python_enter(unsigned long generation)
 {
-    __atomic_add_fetch(&shared.calls, 1, __ATOMIC_SEQ_CST);
-    bool closed = __atomic_load_n(&shared.closing, __ATOMIC_SEQ_CST) && !pthread_equal(shared.closer, pthread_self());
+    __atomic_add_fetch(&shared->calls, 1, __ATOMIC_SEQ_CST);
+    bool closed = __atomic_load_n(&shared->closing, __ATOMIC_SEQ_CST) && shared->closer != thread_id();
     if (closed || generation != python_generation()) {
-        __atomic_sub_fetch(&shared.calls, 1, __ATOMIC_SEQ_CST);
+        __atomic_sub_fetch(&shared->calls, 1, __ATOMIC_SEQ_CST);
         return false;
     }
     depth++;
@@ -175,7 +153,7 @@ bool python_enter(unsigned long generation)
 void python_leave(void)
 {
     depth--;
-    __atomic_sub_fetch(&shared.calls, 1, __ATOMIC_SEQ_CST);
+    __atomic_sub_fetch(&shared->calls, 1, __ATOMIC_SEQ_CST);
 }
 
 /* The end of a process whose Python is ours.  Python is not finalised: numpy does not stand it, and hosts may free
@@ -183,13 +161,12 @@ void python_leave(void)
 static void on_exit_of_process(void)
 {
     enum { PATIENCE = 2000 }; /* ms */
-    const struct timespec millisecond = {.tv_nsec = 1000000};
     if (!api.Py_IsInitialized())
         return;
-    shared.closer = pthread_self();
-    __atomic_store_n(&shared.closing, 1, __ATOMIC_SEQ_CST);
-    for (int i = 0; i < PATIENCE && __atomic_load_n(&shared.calls, __ATOMIC_SEQ_CST) > depth; i++)
-        nanosleep(&millisecond, NULL);
+    shared->closer = thread_id();
+    __atomic_store_n(&shared->closing, 1, __ATOMIC_SEQ_CST);
+    for (int i = 0; i < PATIENCE && __atomic_load_n(&shared->calls, __ATOMIC_SEQ_CST) > depth; i++)
+        sleep_a_millisecond();
     api.PyGILState_Ensure();
     api.PyRun_SimpleString("import atexit, sys\n"
                            "atexit._run_exitfuncs()\n"
@@ -200,23 +177,12 @@ static void on_exit_of_process(void)
 
 /* --- Attaching and starting ------------------------------------------------------------------------------------- */
 
-/* The path of a libpython that the process has loaded; for dl_iterate_phdr. */
-static int is_libpython(struct dl_phdr_info *info, size_t size, void *result)
-{
-    (void)size;
-    const char *slash = info->dlpi_name != NULL ? strrchr(info->dlpi_name, '/') : NULL;
-    if (slash == NULL || strncmp(slash, "/libpython3.", 12) != 0 || strncmp(slash, "/libpython3.so", 14) == 0)
-        return 0;
-    *(const char **)result = info->dlpi_name;
-    return 1;
-}
-
 static bool load_functions(Text *why)
 {
     if (loaded) /* other threads read it */
         return true;
 #define LOAD(name, result, arguments)                                                                                  \
-    *(void **)&api.name = dlsym(RTLD_DEFAULT, #name);                                                                  \
+    *(void **)&api.name = python_symbol(#name);                                                                        \
     if (api.name == NULL) {                                                                                            \
         text_add(why, "the Python in this process lacks the function %s", #name);                                      \
         return false;                                                                                                  \
@@ -229,41 +195,9 @@ static bool load_functions(Text *why)
 
 static void set_flag(const char *name)
 {
-    int *flag = dlsym(RTLD_DEFAULT, name);
+    int *flag = python_symbol(name);
     if (flag != NULL)
         *flag = 1;
-}
-
-/* Signal handlers, locale and environment of the host, which Python changes even when told not to. */
-typedef struct {
-    struct sigaction handlers[65];
-    char *locale, *variable;
-} Belongings;
-
-static void keep_belongings(Belongings *kept)
-{
-    for (int i = 1; i < 65; i++)
-        sigaction(i, NULL, &kept->handlers[i]);
-    const char *locale = setlocale(LC_CTYPE, NULL), *variable = getenv("LC_CTYPE");
-    kept->locale = locale != NULL ? strdup(locale) : NULL;
-    kept->variable = variable != NULL ? strdup(variable) : NULL;
-}
-
-static void give_back(Belongings *kept)
-{
-    struct sigaction now;
-    for (int i = 1; i < 65; i++)
-        if (sigaction(i, NULL, &now) == 0 && now.sa_handler != kept->handlers[i].sa_handler)
-            sigaction(i, &kept->handlers[i], NULL);
-    if (kept->locale != NULL)
-        setlocale(LC_CTYPE, kept->locale);
-    const char *variable = getenv("LC_CTYPE");
-    if (kept->variable == NULL && variable != NULL)
-        unsetenv("LC_CTYPE");
-    else if (kept->variable != NULL && (variable == NULL || strcmp(variable, kept->variable) != 0))
-        setenv("LC_CTYPE", kept->variable, 1);
-    free(kept->locale);
-    free(kept->variable);
 }
 
 static void set_search_path(char *entries)
@@ -286,8 +220,11 @@ static void preload(char *libraries)
 {
     char *rest = NULL;
     for (char *path = libraries != NULL ? strtok_r(libraries, "\n", &rest) : NULL; path != NULL;
-         path = strtok_r(NULL, "\n", &rest))
-        dlopen(path, RTLD_NOW | RTLD_LOCAL);
+         path = strtok_r(NULL, "\n", &rest)) {
+        Text reason = {0}; /* told by those that miss it */
+        open_library(path, &reason);
+        text_free(&reason);
+    }
 }
 
 /* Python runs from another FMU's runtime, which may lack packages that this FMU's has. */
@@ -308,8 +245,7 @@ static void add_bundled_packages(const char *binaries)
 
 static void initialise(Python *python)
 {
-    Belongings kept;
-    keep_belongings(&kept);
+    Belongings *kept = keep_belongings();
     set_flag("Py_IgnoreEnvironmentFlag");
     set_flag("Py_NoUserSiteDirectory");
     set_flag("Py_NoSiteFlag"); /* the search path is known already */
@@ -325,25 +261,26 @@ static void initialise(Python *python)
         api.PyErr_Clear();
     else
         api.Py_DecRef(module);
-    give_back(&kept);
-    shared.bundled = python->home != NULL;
-    atexit(on_exit_of_process);
+    give_back(kept);
+    shared->bundled = python->home != NULL;
+    at_exit_of_process(on_exit_of_process);
     api.PyEval_SaveThread();
 }
 
 static bool start_one(const Needs *needs, const char *binaries, const char *library, Text *why)
 {
     Python found = {0};
-    Text rejections = {0};
+    Text rejections = {0}, reason = {0};
     bool fit = find_python(needs, binaries, library, &found, &rejections);
     preload(found.preload);
     if (!fit) {
         text_add(why, "no Python was found that can run this FMU. It needs Python %s or newer with a shared libpython%s%s."
-                      " Tried:%s\nName one by the environment variable PS_FMU_PYTHON=/path/to/python3",
+                      " Tried:%s\nName one by the environment variable PS_FMU_PYTHON=/path/to/%s",
                  needs->python != NULL ? needs->python : "3", needs->modules != NULL ? " and with " : "",
-                 needs->modules != NULL ? needs->modules : "", rejections.data != NULL ? rejections.data : "");
-    } else if (dlopen(found.library, RTLD_NOW | RTLD_GLOBAL) == NULL) {
-        text_add(why, "%s cannot be loaded: %s", found.library, dlerror());
+                 needs->modules != NULL ? needs->modules : "", rejections.data != NULL ? rejections.data : "",
+                 PYTHONS[0]);
+    } else if (!share_python(found.library, false, &reason)) {
+        text_add(why, "%s cannot be loaded: %s", found.library, reason.data);
         fit = false;
     } else {
         fit = load_functions(why);
@@ -351,6 +288,7 @@ static bool start_one(const Needs *needs, const char *binaries, const char *libr
             initialise(&found);
     }
     text_free(&rejections);
+    text_free(&reason);
     python_free(&found);
     return fit;
 }
@@ -369,30 +307,35 @@ static bool version_fits(const Needs *needs, Text *why)
 static void watch_for_finalisation(void)
 {
     int state = api.PyGILState_Ensure();
-    shared.watched = api.Py_AtExit(on_finalise) == 0;
+    shared->watched = api.Py_AtExit(on_finalise) == 0;
     api.PyGILState_Release(state);
+}
+
+/* python_start, where `library` is a libpython that the process has loaded; NULL: none. */
+static bool attach_or_start(const Needs *needs, const char *binaries, const char *library, Text *why)
+{
+    Text reason = {0};
+    if (library != NULL && !share_python(library, true, &reason)) {
+        text_add(why, "the loaded %s cannot be used: %s", library, reason.data);
+        text_free(&reason);
+        return false;
+    }
+    bool present = python_symbol("Py_IsInitialized") != NULL;
+    if (present && !load_functions(why))
+        return false;
+    return (present && api.Py_IsInitialized()) || start_one(needs, binaries, library, why);
 }
 
 bool python_start(const Needs *needs, const char *binaries, Text *why)
 {
-    const char *library = NULL;
-    dl_iterate_phdr(is_libpython, &library);
-    /* A plugin may have loaded Python for itself alone: numpy needs its symbols to be global. */
-    if (library != NULL && dlsym(RTLD_DEFAULT, "Py_IsInitialized") == NULL &&
-        dlopen(library, RTLD_NOW | RTLD_GLOBAL | RTLD_NOLOAD) == NULL) {
-        text_add(why, "the loaded %s cannot be made global: %s", library, dlerror());
+    char *library = loaded_python();
+    bool running = attach_or_start(needs, binaries, library, why);
+    free(library);
+    if (!running || !version_fits(needs, why))
         return false;
-    }
-    bool present = dlsym(RTLD_DEFAULT, "Py_IsInitialized") != NULL;
-    if (present && !load_functions(why))
-        return false;
-    if (!(present && api.Py_IsInitialized()) && !start_one(needs, binaries, library, why))
-        return false;
-    if (!version_fits(needs, why))
-        return false;
-    if (shared.bundled)
+    if (shared->bundled)
         add_bundled_packages(binaries);
-    if (!shared.watched)
+    if (!shared->watched)
         watch_for_finalisation();
     return true;
 }

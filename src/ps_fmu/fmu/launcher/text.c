@@ -6,7 +6,8 @@
 #include <stdlib.h>
 #include <string.h>
 #include <strings.h>
-#include <unistd.h>
+
+#include "platform.h"
 
 enum { LARGEST_FILE = 1 << 20 }; /* bytes */
 
@@ -80,7 +81,7 @@ char *line_value(const char *lines, const char *key)
 
 char *file_text(const char *path)
 {
-    FILE *file = fopen(path, "re");
+    FILE *file = open_for_reading(path);
     if (file == NULL)
         return NULL;
     Text text = {0};
@@ -100,7 +101,7 @@ char *file_text(const char *path)
 bool has_file(const char *folder, const char *name)
 {
     char *path = formatted("%s/%s", folder, name);
-    bool found = path != NULL && access(path, R_OK) == 0;
+    bool found = path != NULL && is_readable(path);
     free(path);
     return found;
 }
@@ -140,7 +141,9 @@ char *path_of_uri(const char *uri, bool decode)
         if (strncasecmp(path, "localhost/", 10) == 0)
             path += 9;
     }
-    if (path[0] != '/')
+    if (has_scheme)
+        path = path_in_uri(path);
+    if (!is_absolute(path))
         return NULL; /* another scheme, another machine, or relative to who knows what */
     char *result = strdup(path);
     if (result == NULL)
@@ -190,6 +193,10 @@ wchar_t *widened(const char *text)
         if (code < 0) {
             code = 0xdc00 + *at;
             n = 1;
+        }
+        if (code > 0xffff && sizeof(wchar_t) == 2) { /* UTF-16 */
+            *to++ = (wchar_t)(0xd7c0 + (code >> 10));
+            code = 0xdc00 + (code & 0x3ff);
         }
         *to++ = (wchar_t)code;
     }

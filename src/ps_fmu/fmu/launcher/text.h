@@ -28,14 +28,15 @@ char *file_text(const char *path);
 /* Does the folder hold a readable file of this name? */
 bool has_file(const char *folder, const char *name);
 
-/* The path that a file URI (file:/p, file:///p, file://localhost/p, escapes) or a plain path stands for, as new
-   memory and without a slash at its end; NULL if it is none.  With decode == false, escapes are left as they are. */
+/* The absolute path that a file URI (file:/p, file:///p, file://localhost/p, escapes) or a plain path stands for, as
+   new memory and without a slash at its end; NULL if it is none.  With decode == false, escapes are left as they are. */
 char *path_of_uri(const char *uri, bool decode);
 
 /* Is the text UTF-8, as Python's decoder wants it: no surrogates, no overlong forms? */
 bool is_utf8(const char *text);
 
-/* The text as wide characters (new memory), bytes that are not UTF-8 as Python's surrogateescape has them. */
+/* The text as UTF-32 or UTF-16, whichever wchar_t holds (new memory), bytes that are not UTF-8 as Python's
+   surrogateescape has them. */
 wchar_t *widened(const char *text);
 
 #endif

@@ -7,7 +7,7 @@ from zero, so that a free spacecraft pushed from rest does not drift.
 
 from .combine import Disturbance, Source, psd_at_origin
 from .gaussian import GaussianNoise
-from .multisine import Multisine
+from .multisine import Multisine, multisine_lines
 from .recorded import Recording
 from .settings import DisturbanceSettings, default_settings
 from .tones import Chirp, Tone
@@ -26,6 +26,7 @@ __all__ = [
     "Tone",
     "WheelSource",
     "default_settings",
+    "multisine_lines",
     "psd_at_origin",
     "read_harmonics",
 ]

@@ -11,6 +11,7 @@ from .spectrum import Layer, factor, layers
 from .table import Table
 
 Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
 
 _MARGIN = 4  # grid points beyond both ends of the start-up, for interpolation
 
@@ -51,10 +52,7 @@ class Multisine:
         return wrench
 
     def _add(self, layer: Layer, inputs: Array, seed: int) -> None:
-        random = np.random.Generator(np.random.Philox(np.random.SeedSequence((seed, layer.key))))
-        phases = orthogonal_phases(layer.frequencies, inputs.shape[1], random)
-        spacing = 2.0 / layer.period  # Hz; only odd multiples of 1/period are lines
-        lines = inputs @ (np.sqrt(2.0 * spacing) * np.exp(1j * phases))
+        lines = _amplitudes(layer, inputs, seed)
         g, g_1, g_2 = (layer.sample(lines, integrals) for integrals in (2, 1, 0))
         self._steady.append(Table(g_2, layer.rate))
         # While W rises: d2/dt2 (W G), exactly zero at the start.
@@ -63,3 +61,18 @@ class Multisine:
         rows = np.mod(index, layer.points)
         rising = weight.second_derivative(g[rows], g_1[rows], g_2[rows])
         self._start.append(Table(rising, layer.rate, index[0] / layer.rate))
+
+
+def multisine_lines(psd: Array, band: Array, seed: int, period: float = 100.0) -> tuple[Array, Complex]:
+    """Frequencies (n,), Hz, and complex amplitudes (n, 6), N, N.m, of a :class:`Multisine` that has risen."""
+    inputs, found = factor(psd), layers(band, period, half=True, overlap=False)
+    frequency = np.concatenate([layer.frequencies for layer in found])
+    return frequency, np.concatenate([_amplitudes(layer, inputs, seed).T for layer in found])
+
+
+def _amplitudes(layer: Layer, inputs: Array, seed: int) -> Complex:
+    """Complex amplitudes of force and torque, (6, lines)."""
+    random = np.random.Generator(np.random.Philox(np.random.SeedSequence((seed, layer.key))))
+    phases = orthogonal_phases(layer.frequencies, inputs.shape[1], random)
+    spacing = 2.0 / layer.period  # Hz; only odd multiples of 1/period are lines
+    return np.asarray(inputs @ (np.sqrt(2.0 * spacing) * np.exp(1j * phases)))

@@ -39,11 +39,6 @@ def orthogonal_phases(frequencies: Array, inputs: int, random: np.random.Generat
     return phases.T
 
 
-def cross_terms(phases: Array, weights: Array) -> Array:
-    """The sums that shall vanish: (groups, 3, pairs) from phases (groups, lines, inputs)."""
-    return _residual(_terms(phases, weights, _pairs(phases)))
-
-
 def _solve(phases: Array, weights: Array) -> Array:
     pairs = _pairs(phases)
     for _ in range(ITERATIONS):

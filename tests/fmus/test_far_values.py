@@ -1,0 +1,45 @@
+"""Values that no one would choose: the four models take them, or refuse them by name; nothing else is raised."""
+
+import pytest
+from support.models import slave_class
+
+from ps_fmu.fmu.slave import ModelError, Refused
+
+H = 1e-4  # s
+
+pytestmark = pytest.mark.filterwarnings("ignore::RuntimeWarning")  # of numpy, on the way to a refusal
+
+
+def outcome(model, reference, value, before):
+    """What is said about a value that is set before or after initialisation; "" if nothing."""
+    slave = model(instance_name="far")
+    try:
+        if before:
+            slave.set_real([reference], [value])
+        slave.setup_experiment(0.0)
+        slave.enter_initialization_mode()
+        slave.exit_initialization_mode()
+        if not before:
+            slave.set_real([reference], [value])
+        done = [slave.do_step(k * H, H) for k in range(3)]
+    except (ModelError, Refused) as error:
+        return str(error)
+    return "" if all(done) else next(m.msg for m in slave.log_queue if "refused" in m.msg)
+
+
+@pytest.mark.parametrize(
+    ("folder", "every"),
+    [("feedforward_isolator", 1), ("pointing_commander", 1), ("manipulator_plant", 2), ("disturbance_source", 7)],
+)
+@pytest.mark.parametrize("value", [1e300, 1e30, -1e12, 1e-300])
+def test_each_of_them(folder, every, value):
+    model = slave_class(folder)
+    reals = [(vr, p) for vr, p in model.layout.by_reference.items() if p.type == "Real" and p.causality != "output"]
+    said = []
+    for reference, port in reals[::every]:
+        for before in (True, False) if port.causality == "input" else (True,):
+            text = outcome(model, reference, value, before)
+            said.append(text)
+            vector = port.name.rpartition(".")[0] or port.name  # parameters speak of payload.com, not of .x
+            assert text == "" or vector in text, (port.name, text)
+    assert any(said)
