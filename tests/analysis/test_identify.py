@@ -66,6 +66,7 @@ def test_limits_are_those_of_the_workspace(found):
 
 def test_a_search_from_far_away_meets_table_1(found):
     refined = geometry.refine(found)
+    assert np.array_equal(refined.places, geometry.refine(found).places)
     assert geometry.limits(refined.geometry) == pytest.approx(targets(geometry.KEYS), abs=1e-5)  # deg
     start = geometry.starts(1, STROKE, 4)[3]
     assert np.abs(geometry.limits(geometry.symmetric(start, STROKE), 0.02) - targets(geometry.KEYS)).max() > 1.0
@@ -189,6 +190,12 @@ def test_the_command_writes_a_set_that_meets_the_published_numbers(tmp_path, cap
 def test_impossible_arguments_are_said(tmp_path, capsys, arguments):
     assert main(["identify", *arguments, "--output", str(tmp_path)]) == 1
     assert "ps-fmu identify: --seed must be 0 or greater" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
+
+
+def test_starts_that_lead_nowhere_are_said(tmp_path, capsys):
+    assert main(["identify", "--starts", "1", "--output", str(tmp_path)]) == 1
+    assert "none of 1 starting points leads to Table 1; try more --starts" in capsys.readouterr().err
     assert not list(tmp_path.iterdir())
 
 

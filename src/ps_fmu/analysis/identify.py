@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -95,6 +95,8 @@ def identify(path: Path, seed: int = 1, starts: int = STARTS, *, progress: bool 
     stroke = load().manipulator.coarse_stroke
     bar = tqdm(geometry.starts(seed, stroke, starts), desc="Table 1", unit="start", disable=not progress)
     candidates = [found for start in bar if (found := geometry.search(start, stroke)) is not None]
+    if not candidates:
+        raise IdentificationError(f"none of {starts} starting points leads to Table 1; try more --starts")
     candidates.sort(key=lambda candidate: candidate.condition)
     chosen, fitted = _first_with_fig10(tqdm(candidates, desc="Fig 10", unit="geometry", disable=not progress))
 
@@ -180,18 +182,16 @@ def report(found: Identified) -> Analysis:
 
 
 def _first_with_fig10(
-    candidates: Sequence[geometry.Candidate],
+    candidates: Iterable[geometry.Candidate],
 ) -> tuple[geometry.Candidate, suspension.Suspension]:
     """The first geometry, refined, with which the suspension can meet Fig 10, and that suspension."""
-    count = 0
     for candidate in candidates:
-        count += 1
         refined = geometry.refine(candidate)
         fitted = suspension.fit(suspension.with_geometry(load(bus="LSM"), refined.geometry))
         if fitted is not None:
             return refined, fitted
     raise IdentificationError(
-        f"{count} geometries meet Table 1, but none of them Fig 10 as well; try more --starts or another --seed"
+        "none of the geometries that meet Table 1 can meet Fig 10 as well; try more --starts or another --seed"
     )
 
 
