@@ -81,7 +81,7 @@ def test_a_missing_parameter_set_is_said_before_anything_is_computed(tmp_path, c
 
 
 def test_the_result_that_the_readme_links_is_true():
-    """docs/paper, made by `ps-fmu analyse paper --output docs/paper`: what can be computed quickly is the same today."""
+    """docs/paper, made by `ps-fmu analyse paper`: what can be computed quickly is the same today."""
     folder = ROOT / "docs" / "paper"
     stored = {finding["key"]: finding for finding in json.loads((folder / "paper.json").read_text())["findings"]}
     assert list(stored) == list(published())

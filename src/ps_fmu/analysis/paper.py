@@ -35,9 +35,9 @@ def analyse(options: Options) -> Analysis:
         name="paper",
         title="The paper's numbers, and ours",
         text=[
-            f"The paper gives {len(findings)} numbers. {len(findings) - len(missing)} of them are computed here; the "
-            f"other {len(missing)} are marked in the table.",
-            *(f"{part.title}: see {part.name}.html." for part in parts),
+            f"The paper gives {len(findings)} numbers. {len(findings) - len(missing)} of them are computed here"
+            + (f"; the other {len(missing)} are marked in the table." if missing else "."),
+            *(f"{part.title}: more in {part.name}.md." for part in parts),
             f"The errata have {len(errata)} entries. For {numeric} of them the error of the printed form is a number; "
             "all of these are computed anew with this report.",
         ],

@@ -56,7 +56,8 @@ class Finding:
             return f"x {ours / said.value:.2g}"
         if said.value == 0.0 or said.unit in ("%", "deg", "dB"):
             return f"{ours - said.value:+.2g} {said.unit}"
-        return f"{100.0 * (ours / said.value - 1.0):+.2g} %"
+        percent = 100.0 * (ours / said.value - 1.0)
+        return f"{percent:+.0f} %" if abs(percent) >= 10.0 else f"{percent:+.2g} %"
 
 
 FINDINGS_HEADER = ("where", "number", "unit", "published", "computed", "co-simulated", "difference", "remark")
