@@ -4,7 +4,7 @@ The model (tests/support/fmi_calls) is the table of allowed calls in FMI 2.0.4, 
 Python by the same calls.  A crash, a wrong fmi2OK, an error without need, a value that differs in one bit, a message
 that is missing or too much are failures.
 
-The environment variable PS_FMU_CALLS says how many calls are made to each FMU; 100000 take one to two minutes each.
+The environment variable PS_FMU_CALLS says how many calls are made to each FMU; 100000 take one to three minutes each.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from support.fmi_calls.sequences import Step, sequences
 from support.fmi_calls.session import Session
 from support.models import slave_class
 
-CALLS = int(os.environ.get("PS_FMU_CALLS", "3000"))
+CALLS = int(os.environ.get("PS_FMU_CALLS", "2500"))
 SEQUENCE = 60  # calls in one, at least on average
 TOYS = Path(__file__).parents[1] / "fmu" / "models"
 # What BLAS computes to the last bit depends on these.
