@@ -63,9 +63,11 @@ static void finish(Run *run)
 
 static void print(const Run *run)
 {
+    flockfile(stdout); /* a line in one piece: other threads print, too */
     for (size_t k = 0; k < run->fmu->n_outputs; k++)
         printf("%.17g ", run->results[k]);
     printf("\n");
+    funlockfile(stdout);
 }
 
 static void run_all(Fmu *fmus, int n_fmus, long n, int end)

@@ -28,9 +28,11 @@ static void print(const System *s)
 {
     double values[MOST_VARIABLES];
     row(s, values);
+    flockfile(stdout); /* a line in one piece: other threads print, too */
     for (size_t i = 0; i < s->outputs.n; i++)
         printf("%.17g ", values[i]);
     printf("\n");
+    funlockfile(stdout);
 }
 
 static void expect_equal(const System *s, const System *other)
