@@ -1,1 +1,0 @@
-"""Finding a parameter set from the published numbers: one module for each step of ``ps-fmu identify``."""
