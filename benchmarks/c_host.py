@@ -12,13 +12,12 @@ import subprocess
 import sys
 import sysconfig
 import tempfile
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from statistics import median
-from time import perf_counter
 from typing import Any
 
+from calls import cost
 from fmpy import extract, read_model_description
 
 from ps_fmu.fmu.native import Program, Target
@@ -133,17 +132,7 @@ def _in_python(model: str, pairs: Iterable[tuple[int, float, float]], outputs: l
         turn = 1 - turn
         slave.set_real(inputs, values[turn])
 
-    return Costs(_cost(step), _cost(put), _cost(lambda: slave.get_real(outputs)))
-
-
-def _cost(call: Callable[[], object]) -> float:
-    times = []
-    for _ in range(ROUNDS):
-        begin = perf_counter()
-        for _ in range(CALLS):
-            call()
-        times.append((perf_counter() - begin) / CALLS * 1e6)
-    return median(times)
+    return Costs(cost(step), cost(put), cost(lambda: slave.get_real(outputs)))
 
 
 def slave_class(model: str) -> Any:

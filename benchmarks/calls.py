@@ -66,7 +66,7 @@ def _in_loop(plan: Plan, rows: Rows, calls: tuple[Call, ...]) -> float:
     return median(costs)
 
 
-def _cost(call: Callable[[], object]) -> float:
+def cost(call: Callable[[], object]) -> float:
     """Median over rounds of the time of a call, us."""
     times = []
     for _ in range(ROUNDS):
@@ -96,8 +96,8 @@ def of_fmpy_lists(probe: Path) -> dict[str, float]:
         outputs = [v.valueReference for v in description.modelVariables if v.causality == "output"]
         values = [0.1 * i for i in range(len(inputs))]
         costs = {
-            "set": _cost(lambda: slave.setReal(inputs, values)),
-            "get": _cost(lambda: slave.getReal(outputs)),
+            "set": cost(lambda: slave.setReal(inputs, values)),
+            "get": cost(lambda: slave.getReal(outputs)),
         }
         slave.terminate()
         if hasattr(slave.dll, "finalizePythonInterpreter"):  # otherwise pythonfmu's library does so twice

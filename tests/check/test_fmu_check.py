@@ -1,6 +1,5 @@
 """``ps-fmu check``: clean on our FMUs, and a fault of another maker's FMU is found, named and survived."""
 
-import importlib.util
 import os
 import sys
 import zipfile
@@ -88,7 +87,6 @@ def test_a_crash_ends_with_its_stage_and_signal(toys, rows):
     assert "FMPy: reset" not in found
 
 
-@pytest.mark.skipif(importlib.util.find_spec("fmu_manipulation_toolbox") is None, reason="fmutool is not installed")
 def test_fmutool_is_asked(toys, tmp_path):
     assert fmu_check._fmutool(toys["plain"], "2.0").verdict == PASSED
     broken = rewritten(

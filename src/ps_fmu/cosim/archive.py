@@ -20,7 +20,7 @@ MAXIMUM_MEMBERS = 100_000
 _DAMAGE = (
     OSError,
     EOFError,
-    NotImplementedError,
+    NotImplementedError,  # zipfile: a compression or version that it does not know
     RuntimeError,
     ValueError,
     ArithmeticError,
