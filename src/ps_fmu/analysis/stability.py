@@ -13,8 +13,9 @@ from ..manipulator.dynamics import Dynamics, Pose, assemble
 from ..manipulator.frequency import Nominal, Practical
 from ..manipulator.parameters import Array, Parameters
 from ..paper import published
+from ..pointing.modes import rightmost
 from ..pointing.report import Picture, Table
-from ..scenarios.support_modules import CASES, parameters_of
+from ..scenarios.support_modules import CASES, SUSPENSION, parameters_of
 from .command import Options
 from .result import Analysis, Finding
 
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
 
 LONGEST = 0.3  # s, of the search for a delay limit
 BAND = (1.0, 30.0)  # Hz, of Fig 10
-SUSPENSION = (2.0, 20.0)  # Hz: above the modes of the bus, below those of rods and truss
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,8 +56,6 @@ def judge(case: str, delay: float) -> Verdict:
     from ..manipulator.stability import delay_limit_by_bisection, element_margins, loop_at
 
     loop = loop_at(parameters_of(case), delay=delay)
-    poles = loop.poles()
-    cycles = poles.imag / (2.0 * np.pi)  # Hz
     factor, estimate = mobile_base(case)
     return Verdict(
         case=case,
@@ -65,7 +63,7 @@ def judge(case: str, delay: float) -> Verdict:
         margins=element_margins(loop, BAND),
         encirclements=loop.inverted().unstable_poles(),
         unstable_poles=loop.unstable_poles(),
-        rightmost=complex(poles[(cycles > SUSPENSION[0]) & (cycles < SUSPENSION[1])][0]),
+        rightmost=rightmost(loop.poles(), SUSPENSION),
         delay_limit=loop.delay_limit,
         bisected=delay_limit_by_bisection(loop, LONGEST, 1e-5),
         mobile_base_factor=factor,

@@ -29,7 +29,7 @@ from .options import OptionError, RunOptions
 from .publish import Findings, publish, text_table
 from .setup import load_system
 from .stability_plots import response_figure
-from .support_modules import CASES, parameters_of, values_of
+from .support_modules import CASES, SUSPENSION, parameters_of, values_of
 
 Array = NDArray[np.float64]
 
@@ -38,7 +38,6 @@ PULSE_S = 0.4  # length of the pulse: most of it lies around 5 Hz, the resonance
 PULSE_B = (5.0, 3.0, 2.0, 10.0, 7.0, 5.0)  # N, N.m: largest force and torque; moves the payload by microradians
 SHORTEST_S = 3.0  # of a run: 5 Hz decays or grows visibly
 SAMPLE_S = 0.01  # between the samples that the poles are found in
-SUSPENSION = (2.0, 20.0)  # Hz: above the modes of the bus, below those of rods and truss
 ORDER = 24  # of the free motion: three pairs of the suspension, six of the arrays, and some for the delay
 FINE = tuple(f"plant.fine_displacement_{leg}" for leg in (1, 2, 3))
 

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from ..cosim import Value
 
 CASES = ("OSM", "LSM", "LDOSM", "LDLSM")
+SUSPENSION = (2.0, 20.0)  # Hz: above the modes of the bus, below those of rods and truss
 
 
 def parameters_of(case: str) -> Parameters:

@@ -12,11 +12,11 @@ from ...manipulator.kinematics import displacements, leg_lengths, leg_vectors
 from ...manipulator.parameters import Array
 from ...manipulator.rotations import rotation_from_vector, rotation_matrix
 from ...paper import published
+from ...scenarios.table2 import ORIENTATIONS
 from .. import workspace
 from . import case
 from .erratum import BY_READING, Erratum, rate, relative_error
 
-ORIENTATIONS = np.radians([[0.0, 0.0, 0.0], [8.5, 0.0, 0.0], [0.0, -7.0, 0.0], [0.0, 0.0, 14.0]])  # of section 4.2
 EPSILON = 1e-6  # m, of Algorithm 1 as printed
 EPSILON_NEEDED = 1e-11  # m
 
@@ -56,12 +56,13 @@ def base_term() -> Erratum:
 def rotation() -> Erratum:
     """(14): which way the matrix maps."""
     geometry = case.parameters().manipulator.geometry
-    angles = np.vstack([ORIENTATIONS, np.random.default_rng(case.SEED).uniform(-0.2, 0.2, (8, 3))])  # rad
+    of_table_2 = np.radians(list(ORIENTATIONS.values()))
+    angles = np.vstack([of_table_2, np.random.default_rng(case.SEED).uniform(-0.2, 0.2, (8, 3))])  # rad
     roll, pitch, yaw = (rotation_from_vector(angles[:, [i]] * np.eye(3)[i]) for i in range(3))
     one_by_one, R = yaw @ pitch @ roll, rotation_matrix(angles)
     transposed = np.swapaxes(R, -1, -2)
     coarse, wrong = (
-        displacements(geometry, trilaterate(geometry, matrix).translation_B, matrix)[: len(ORIENTATIONS), :3]
+        displacements(geometry, trilaterate(geometry, matrix).translation_B, matrix)[: len(of_table_2), :3]
         for matrix in (R, transposed)
     )
     return Erratum(
