@@ -27,7 +27,7 @@ def test_findings_verdicts_and_figures(tmp_path, capsys):
         assert (tmp_path / f"stability_{name}.png").stat().st_size > 20_000
 
 
-def test_larger_damping_is_that_of_section_4_3():
+def test_larger_damping_is_that_of_section_4_2():
     damping = [leg.damping for leg in parameters_of("LDLSM").manipulator.fine_legs]
     assert damping == [published()["text.fine_damping_large"].value] * 3
     assert parameters_of("LDLSM").bus.mass == parameters_of("LSM").bus.mass < parameters_of("OSM").bus.mass

@@ -211,7 +211,7 @@ def loop_at(parameters: Parameters, orientation: ArrayLike = (0.0, 0.0, 0.0), de
 
 @dataclass(frozen=True)
 class Margins:
-    """One element of L as a Bode diagram: what Fig 10 and section 4.3 state."""
+    """One element of L as a Bode diagram: what Fig 10 and section 4.2 state."""
 
     largest_gain_db: float
     gain_crossings: tuple[float, ...]
