@@ -16,15 +16,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .disturbance import psd_at_origin
-from .frequency import Practical
+from .frequency import Practical, crowded
 from .parameters import Bus, Noise
 from .stability import Loop
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
-
-_POINTS = 6000  # of the frequency grid
-_PER_MODE = 60  # more, around each resonance
 
 
 def from_base(loop: Loop, s: ArrayLike, *, active: bool) -> Complex:
@@ -119,10 +116,5 @@ def _to_platform(loop: Loop) -> Array:
 
 
 def _grid(loop: Loop, low: float, high: float) -> Array:
-    """Frequencies, Hz, logarithmic over the band and crowded around the poles of plant and loop."""
-    poles = np.concatenate([loop.plant_poles(), loop.with_delay(0.0).poles()])
-    poles = poles[(poles.imag > 0.0)] / (2.0 * np.pi)  # Hz
-    spread = np.sinh(np.linspace(-6.0, 6.0, _PER_MODE))
-    around = (poles.imag[:, None] - poles.real[:, None] * spread).reshape(-1)
-    grid = np.concatenate([np.geomspace(low, high, _POINTS), around[(around > low) & (around < high)]])
-    return np.unique(grid)
+    """Frequencies, Hz, over a band, crowded around the poles of plant and loop."""
+    return crowded(np.concatenate([loop.plant_poles(), loop.with_delay(0.0).poles()]), low, high)

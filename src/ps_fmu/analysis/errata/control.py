@@ -9,7 +9,7 @@ import numpy as np
 from ...manipulator.dynamics import Dynamics
 from ...manipulator.frequency import Complex
 from ...manipulator.parameters import Array, load
-from ...manipulator.stability import nominal_complement
+from ...manipulator.small_gain import nominal_complement
 from ...paper import published
 from ..stability import nominal_system
 from . import case
