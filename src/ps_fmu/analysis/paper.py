@@ -49,7 +49,7 @@ def analyse(options: Options) -> Analysis:
 
 
 def parameter_findings(options: Options) -> list[Finding]:
-    """The parameters that sections 4 and 4.2 state, as the FMUs have them."""
+    """The parameters that sections 4, 4.2 and 4.3 state, as the FMUs have them."""
     from ..cosim.parameters import read_parameters
 
     folder = options.system.parent / "parameters"

@@ -38,7 +38,7 @@ def paragraphs(
         "loop closer to instability, more damping in the fine legs takes it away again. Of LDOSM the paper states no "
         "number.",
         f"The largest gain of element (1, 1) is stated twice: around the suspension, {_band(BAND)}, and over "
-        f"{_band(WIDE)}. With large damping the second is larger: it is at the low-pass and the coarse rods.",
+        f"{_band(WIDE)}. With large damping the second is larger, at a mode of the coarse rods.",
         _about_small_gain(verdicts),
         "Open loop on the running FMUs: the disturbance shakes the base of one plant FMU, the isolator FMU is given "
         "the first component of its acceleration alone, and its forces act on a second plant FMU; L11 is the "

@@ -225,7 +225,8 @@ def response_pictures(folder: Path, responses: Sequence[Response]) -> list[Pictu
         (
             "fine",
             "Largest displacement of a fine leg; dashed: rate of the predicted pole. What is left in the end is made "
-            "by the modes of the arrays, with time constants of 20 to 70 s.",
+            "by the modes of the arrays, with time constants of 20 to 70 s; with large damping that is all from 0.6 s "
+            "on.",
         ),
         ("payload", "Rotation of the payload about the first axis."),
     ):
