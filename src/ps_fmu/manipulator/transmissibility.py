@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from .disturbance import psd_at_origin
 from .frequency import Practical
 from .parameters import Bus, Noise
+from .rotations import skew
 from .stability import Loop
 
 Array = NDArray[np.float64]
@@ -96,6 +97,20 @@ def jitter_density(loop: Loop, bus: Bus, noise: Noise, *, active: bool) -> tuple
     G = from_wrench(loop, 2j * np.pi * frequency, active=active)
     S = psd_at_origin(noise.wrench_psd_B, bus.com_B)
     return frequency, np.asarray((G @ S @ np.swapaxes(G.conj(), -1, -2)).real)
+
+
+def variance_weights(loop: Loop, bus: Bus, band: Array, *, active: bool) -> Array:
+    """W (3, 6, 6) with which a flat density S of the wrench gives the variances of the jitter, in axes of P.
+
+    ``variance_k = sum_ij W_kij S_ij``, rad2, for S (6, 6), one-sided, at the centre of mass of the bus over ``band``
+    (2,), Hz: what :func:`jitter` has on the diagonal, as a linear function of the density.
+    """
+    frequency = _grid(loop, *band)
+    move = np.eye(6)
+    move[3:, :3] = skew(bus.com_B)  # a force at the centre of mass has a torque about the origin
+    G = from_wrench(loop, 2j * np.pi * frequency, active=active) @ move
+    products = (G[..., :, None] * G[..., None, :].conj()).real
+    return np.asarray(np.trapezoid(products, frequency, axis=0))
 
 
 def jitter_of_lines(loop: Loop, frequency: Array, wrench: Complex, focal_length: float, *, active: bool) -> Jitter:
