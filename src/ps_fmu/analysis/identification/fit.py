@@ -11,6 +11,13 @@ import numpy as np
 from ...manipulator.parameters import Array
 from ...paper import published
 
+STEPS = 20  # searches that succeed mostly take less than 15; the path of a longer one depends on rounding
+LONGEST_STEP = 0.1  # of the ranges
+SETTLED = 1e-9  # of the ranges: a step that no printed digit shows
+# Least singular value of a Jacobian that counts, of the largest.  Of Table 1, one number follows from the others, up to
+# rounding, if the mechanism is symmetric; to follow that rounding would mean steps without end.
+LEAST_SLOPE = 1e-6
+
 
 class IdentificationError(ValueError):
     """No parameters within the ranges meet the published numbers."""
@@ -73,6 +80,26 @@ def roundings(keys: Sequence[str]) -> Array:
 
 
 def slopes(function: Callable[[Array], Array], x: Array, step: float = 1e-6) -> Array:
-    """Jacobian of ``function``, (n,) to (m,), by central differences; (m, n)."""
+    """Jacobian of ``function``, (n,) to (...), by central differences; (..., n)."""
     columns = [(function(x + h) - function(x - h)) / (2.0 * step) for h in step * np.eye(x.size)]
-    return np.stack(columns, axis=1)
+    return np.stack(columns, axis=-1)
+
+
+def follow(error: Callable[[Array], tuple[Array, Array]], places: Array) -> Array:
+    """Places (n,) in the ranges after at most :data:`STEPS` steps towards an error of zero.
+
+    Gauss-Newton with the pseudo-inverse: each step is the shortest one that removes the error to first order, so that
+    what the numbers do not fix stays near the start.
+
+    Parameters
+    ----------
+    error: places (n,) -> error (m,) and its Jacobian (m, n).
+    """
+    for _ in range(STEPS):
+        value, slope = error(places)
+        move = np.linalg.pinv(slope, rcond=LEAST_SLOPE) @ -value
+        longest = float(np.abs(move).max())
+        if longest < SETTLED:
+            break
+        places = np.clip(places + move * min(1.0, LONGEST_STEP / longest), 0.0, 1.0)
+    return places
