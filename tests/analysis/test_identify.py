@@ -9,11 +9,13 @@ import pytest
 from ps_fmu.analysis.identification import geometry, mechanism, noise, suspension
 from ps_fmu.analysis.identification.fit import Identifiability, follow, roundings, slopes, targets
 from ps_fmu.cli import main
+from ps_fmu.cosim.parameters import read_parameters
 from ps_fmu.manipulator import workspace
 from ps_fmu.manipulator.forward import ForwardKinematicsError
 from ps_fmu.manipulator.parameters import load
 from ps_fmu.manipulator.stability import loop_at
 from ps_fmu.manipulator.transmissibility import jitter, variance_weights
+from ps_fmu.scenarios.parameter_sets import differences
 
 STROKE = np.array([-0.02, 0.02])  # m
 
@@ -242,6 +244,8 @@ def test_the_command_writes_a_set_that_meets_the_published_numbers(tmp_path, cap
     weights = noise.weights(original, active=False)
     assert noise.rms(weights, original.noise.wrench_psd_B) == pytest.approx(targets(noise.KEYS), rel=0.01)
     assert np.array_equal(original.known_com_P, original.payload.com_P)
+    # The same for the FMUs: their start values, and what the file for them changes.
+    assert dict(read_parameters(path.with_suffix(".ssv"))) == differences(original)
     # What is not identified stays as it is in paper.toml, comments included.
     paper = load()
     assert original.bus.mass == paper.bus.mass and np.array_equal(original.bus.inertia_B, paper.bus.inertia_B)

@@ -45,4 +45,5 @@ def run(arguments: argparse.Namespace) -> int:
         return 1
     show(analysis)
     print(f"results in {arguments.output}; the parameter set is {path}")
+    print(f"with the FMUs: python system/run.py --parameters {path.with_suffix('.ssv')}")
     return 0

@@ -1,4 +1,4 @@
-"""A parameter set as a TOML file: ``paper.toml`` with its comments, and other values where they differ."""
+"""A parameter set as files: ``paper.toml`` with other values where they differ, and the same for the FMUs."""
 
 from __future__ import annotations
 
@@ -34,6 +34,15 @@ def write(path: Path, p: Parameters, origin: str) -> None:
     document["isolator"]["known_com_P"] = _numbers(p.known_com_P)
     document["noise"]["wrench_psd_B"] = [_numbers(row) for row in p.noise.wrench_psd_B]
     write_atomically(path, f"# {origin}\n#\n{tomlkit.dumps(document)}")
+
+
+def write_start_values(path: Path, p: Parameters) -> None:
+    """Write what differs from paper.toml as an SSV file for ``system/run.py --parameters``.  Raises OSError."""
+    from ...cosim.ssp_xml import real_values_xml
+    from ...scenarios.parameter_sets import differences
+
+    values = {name: float(value) for name, value in differences(p).items()}
+    write_atomically(path, real_values_xml(values))
 
 
 def _number(value: float) -> float:

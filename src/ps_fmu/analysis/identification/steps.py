@@ -51,12 +51,14 @@ class Identified:
 
 
 def identify(path: Path, seed: int, starts: int, *, progress: bool = False) -> Identified:
-    """Find a parameter set and write it; the numbers reached are those of the file read back.
+    """Find a parameter set, write it, and beside it the start values of the FMUs (``.ssv``).
+
+    The numbers reached are those of the file read back.
 
     Raises
     ------
     IdentificationError: none was found from these starts.
-    OSError: the file cannot be written.
+    OSError: a file cannot be written.
     """
     from tqdm import tqdm
 
@@ -78,6 +80,7 @@ def identify(path: Path, seed: int, starts: int, *, progress: bool = False) -> I
     parameter_file.write(path, noise.with_psd(_joined(chosen, fitted), step.psd), origin)
 
     original, lighter = load(path, "OSM"), load(path, "LSM")
+    parameter_file.write_start_values(path.with_suffix(".ssv"), original)
     psd = original.noise.wrench_psd_B
     return Identified(
         path=path,
