@@ -4,7 +4,8 @@ The model (tests/support/fmi_calls) is the table of allowed calls in FMI 2.0.4, 
 Python by the same calls.  A crash, a wrong fmi2OK, an error without need, a value that differs in one bit, a message
 that is missing or too much are failures.
 
-The environment variable PS_FMU_CALLS says how many calls are made to each FMU; 100000 take one to four minutes each.
+The environment variable PS_FMU_CALLS says how many calls are made to each FMU; 100000 take one to three minutes each,
+and eight with the disturbance source.
 """
 
 from __future__ import annotations
