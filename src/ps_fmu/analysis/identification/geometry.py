@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from ...manipulator import workspace
 from ...manipulator.forward import ForwardKinematicsError, forward_kinematics
-from ...manipulator.kinematics import leg_rows, leg_vectors, platform_joints_B
+from ...manipulator.kinematics import KinematicsError, leg_rows, leg_vectors, platform_joints_B
 from ...manipulator.parameters import Array, Geometry
-from ...manipulator.rotations import orientation_rate_map
+from ...manipulator.rotations import GimbalLockError, orientation_rate_map
 from .fit import Identifiability, follow, roundings, slopes, targets
 from .mechanism import RANGES, largest_condition, symmetric, why_unusable
 
@@ -88,7 +88,7 @@ def search(start: Array, stroke: Array) -> Candidate | None:
         places = _followed(places, stroke, workspace.STEP)
         if np.any(_missed(places, stroke, workspace.STEP) > roundings(KEYS)):
             return None
-    except ForwardKinematicsError:
+    except (KinematicsError, GimbalLockError, np.linalg.LinAlgError):
         return None
     geometry = symmetric(places, stroke)
     return Candidate(places, stroke, largest_condition(geometry)) if not why_unusable(geometry) else None
