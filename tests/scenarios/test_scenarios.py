@@ -178,12 +178,16 @@ def test_slew_that_ends_early_is_judged_at_its_end(make_options, ssv, capsys, du
 
 def test_slew_to_where_the_platform_cannot_go(make_options, ssv, capsys):
     options = make_options("slew", 2.0, step_s=0.02, parameters=(ssv({"commander.target.pitch": 0.5}),))
-    summary = run(options)
+    with pytest.raises(TargetError, match=r"The target \(0, 28\.6479, 0\) deg is out of reach"):
+        run(options)
+    summary = json.loads((options.output / "summary.json").read_text())
     assert summary["slew"]["reachable"] is False
     assert summary["slew"]["profile_end_s"] is None
     assert summary["rms_passive_rad"] is summary["rejection_percent"] is None
     np.testing.assert_allclose(summary["orientation_deg"], 0.0, atol=1e-9)
-    assert "refused the target" in capsys.readouterr().out
+    text = capsys.readouterr().out
+    assert "is out of reach" in text and "nan" not in text
+    assert "is out of reach" in (options.output / "report.html").read_text()
     assert sum("PointingCommander" in text for text in summary["warnings"]) == 1
 
 
