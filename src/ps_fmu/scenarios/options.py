@@ -90,13 +90,18 @@ class RunOptions:
         Returns the options with the absolute path; raises :class:`OptionError` if it cannot be used.
         """
         folder = self.output.absolute()
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-            with tempfile.TemporaryFile(dir=folder) as file:
-                file.write(b"\0")
-        except OSError as error:
-            raise OptionError(f"--output: cannot write in {folder}: {error.strerror or error}") from error
+        claim(folder)
         return replace(self, output=folder)
+
+
+def claim(folder: Path) -> None:
+    """Make the output folder and try to write there.  Raises :class:`OptionError` if it cannot be used."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder) as file:
+            file.write(b"\0")
+    except OSError as error:
+        raise OptionError(f"--output: cannot write in {folder}: {error.strerror or error}") from error
 
 
 def _multiple(name: str, value: float, step: float) -> None:
