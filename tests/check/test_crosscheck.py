@@ -140,7 +140,10 @@ def test_tables_against_the_rules_are_refused(text, message, tmp_path):
         read_table(path)
 
 
-@pytest.mark.parametrize("change", [("RelTol,1e-6\n", ""), ("0.1", "small"), ("StopTime,1.0", "StopTime,0.0"), ("StopTime,1.0", "StopTime,1e300")])
+@pytest.mark.parametrize(
+    "change",
+    [("RelTol,1e-6\n", ""), ("0.1", "small"), ("StopTime,1.0", "StopTime,0.0"), ("StopTime,1.0", "StopTime,1e300")],
+)
 def test_options_against_the_rules_are_refused(change, tmp_path):
     path = tmp_path / "A_ref.opt"
     path.write_text(OPTIONS)
