@@ -55,6 +55,9 @@ class RunOptions:
             raise OptionError(f"--scheme: expected one of {', '.join(SCHEMES)}, got {self.scheme!r}")
         if not (math.isfinite(self.step_s) and self.step_s > 0.0):
             raise OptionError(f"--step: expected a time above 0 s, got {self.step_s!r}")
+        shortest = DEFAULT_STORAGE_STEP_S[self.scenario] / MOST_STEPS
+        if self.step_s < shortest:
+            raise OptionError(f"--step: expected at least {shortest:g} s, got {self.step_s!r} s")
         _multiple("--duration", self.duration_s, self.step_s)
         if self.storage_step_s is not None:
             _multiple("--storage-step", self.storage_step_s, self.step_s)
