@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from .analysis.command import add_parser as add_analyse
+from .analysis.identify import add_parser as add_identify
 from .terminal import reason, run_command
 
 EXIT_OK = 0
@@ -43,6 +44,7 @@ def parser() -> argparse.ArgumentParser:
     _add_ssp(commands)
     _add_crosscheck(commands)
     add_analyse(commands)
+    add_identify(commands)
     return top
 
 
