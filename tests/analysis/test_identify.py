@@ -263,7 +263,7 @@ def test_the_command_writes_a_set_that_meets_the_published_numbers(tmp_path, cap
 
 @pytest.mark.parametrize("arguments", [("--seed", "-1"), ("--starts", "0")])
 def test_impossible_arguments_are_said(tmp_path, capsys, arguments):
-    assert main(["identify", *arguments, "--output", str(tmp_path)]) == 1
+    assert main(["identify", *arguments, "--output", str(tmp_path)]) == 2
     assert "ps-fmu identify: --seed must be 0 or greater" in capsys.readouterr().err
     assert not list(tmp_path.iterdir())
 

@@ -20,5 +20,5 @@ def test_findings_text_and_figures(tmp_path, capsys):
 
 def test_an_output_that_cannot_be_written_is_said(tmp_path, capsys):
     (tmp_path / "file").write_text("")
-    assert main(["analyse", "workspace", "--output", str(tmp_path / "file")]) == 1
-    assert "ps-fmu analyse workspace: " in capsys.readouterr().err
+    assert main(["analyse", "workspace", "--output", str(tmp_path / "file")]) == 2
+    assert "ps-fmu analyse workspace: --output: cannot write" in capsys.readouterr().err

@@ -7,10 +7,12 @@ import importlib
 import sys
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from ..cosim.errors import CosimError
-from ..fmu.build import BuildError
-from .result import Analysis
+from ..terminal import reason
+
+if TYPE_CHECKING:
+    from .result import Analysis
 
 #: Name -> what it is about.  Each is a module of this package with ``analyse(options) -> Analysis``.
 ANALYSES = {
@@ -53,16 +55,23 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the analysis that the arguments name, write and print its results; the exit code."""
+    from ..cosim.errors import CosimError  # here: they import what every other command would have to wait for
+    from ..fmu.build import BuildError
+    from ..scenarios.options import OptionError, claim
+
     name = arguments.analysis
-    output = arguments.output or Path("results", name)
+    output = arguments.output if arguments.output is not None else Path("results", name)
     try:
-        output.mkdir(parents=True, exist_ok=True)
+        claim(output)
         progress = sys.stderr is not None and sys.stderr.isatty()
         options = Options(output, arguments.fmus, arguments.system, arguments.seed, progress)
         analysis: Analysis = importlib.import_module(f".{name}", __package__).analyse(options)
         analysis.write(output)
-    except (BuildError, CosimError, OSError, ValueError) as error:
+    except OptionError as error:
         print(f"ps-fmu analyse {name}: {error}", file=sys.stderr)
+        return 2
+    except (BuildError, CosimError, OSError, ValueError) as error:
+        print(f"ps-fmu analyse {name}: {reason(error)}", file=sys.stderr)
         return 1
     show(analysis)
     print(f"results in {output}")

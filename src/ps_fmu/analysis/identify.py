@@ -6,9 +6,8 @@ import argparse
 import sys
 from pathlib import Path
 
+from ..terminal import reason
 from .command import show
-from .identification.report import report
-from .identification.steps import identify
 
 STARTS = 24
 FILE = "identified.toml"
@@ -32,16 +31,23 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
 
 def run(arguments: argparse.Namespace) -> int:
     """Identify, write and print; the exit code."""
+    from ..scenarios.options import OptionError, claim  # here: they import what other commands would have to wait for
+    from .identification.report import report
+    from .identification.steps import identify
+
     try:
         if arguments.seed < 0 or arguments.starts < 1:
-            raise ValueError("--seed must be 0 or greater and --starts 1 or greater")
-        arguments.output.mkdir(parents=True, exist_ok=True)
+            raise OptionError("--seed must be 0 or greater and --starts 1 or greater")
+        claim(arguments.output)
         progress = sys.stderr is not None and sys.stderr.isatty()
         path = arguments.output / FILE
         analysis = report(identify(path, arguments.seed, arguments.starts, progress=progress))
         analysis.write(arguments.output)
-    except (OSError, ValueError) as error:
+    except OptionError as error:
         print(f"ps-fmu identify: {error}", file=sys.stderr)
+        return 2
+    except (OSError, ValueError) as error:
+        print(f"ps-fmu identify: {reason(error)}", file=sys.stderr)
         return 1
     show(analysis)
     print(f"results in {arguments.output}; the parameter set is {path}")

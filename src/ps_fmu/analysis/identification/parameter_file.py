@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from ...fmu.files import write_atomically
 from ...manipulator.parameters import PAPER, Array, Parameters
-from ...pointing.files import write_atomically
 
 
 def write(path: Path, p: Parameters, origin: str) -> None:
