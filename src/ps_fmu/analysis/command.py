@@ -10,6 +10,7 @@ from pathlib import Path
 
 from ..cosim.errors import CosimError
 from ..fmu.build import BuildError
+from .cosimulation import check_sources
 from .result import Analysis
 
 #: Name -> what it is about.  Each is a module of this package with ``analyse(options) -> Analysis``.
@@ -21,6 +22,8 @@ ANALYSES = {
     "jitter": "Table 2 and Fig 9: RMS, rejection and image point, in closed form and co-simulated",
     "paper": "every published number beside ours, and the errata with their evidence: all analyses together",
 }
+#: Those that need neither FMUs nor a system description.
+CLOSED_FORM = ("workspace",)
 
 
 @dataclass(frozen=True)
@@ -55,6 +58,8 @@ def run(arguments: argparse.Namespace) -> int:
     name = arguments.analysis
     output = arguments.output or Path("results", name)
     try:
+        if name not in CLOSED_FORM:
+            check_sources(arguments.system)
         output.mkdir(parents=True, exist_ok=True)
         progress = sys.stderr is not None and sys.stderr.isatty()
         options = Options(output, arguments.fmus, arguments.system, arguments.seed, progress)
