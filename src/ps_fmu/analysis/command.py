@@ -24,6 +24,8 @@ ANALYSES = {
     "jitter": "Table 2 and Fig 9: RMS, rejection and image point, in closed form and co-simulated",
     "paper": "every published number beside ours, and the errata with their evidence: all analyses together",
 }
+#: Those that need neither FMUs nor a system description.
+CLOSED_FORM = ("workspace",)
 
 
 @dataclass(frozen=True)
@@ -58,10 +60,13 @@ def run(arguments: argparse.Namespace) -> int:
     from ..cosim.errors import CosimError  # here: they import what every other command would have to wait for
     from ..fmu.build import BuildError
     from ..scenarios.options import OptionError, claim
+    from .cosimulation import check_sources
 
     name = arguments.analysis
     output = arguments.output if arguments.output is not None else Path("results", name)
     try:
+        if name not in CLOSED_FORM:
+            check_sources(arguments.system)
         claim(output)
         progress = sys.stderr is not None and sys.stderr.isatty()
         options = Options(output, arguments.fmus, arguments.system, arguments.seed, progress)
