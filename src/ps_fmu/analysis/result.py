@@ -8,8 +8,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from ..fmu.files import write_atomically
 from ..paper import Published, published
-from ..pointing.files import write_atomically
 from ..pointing.report import Picture, Report, Table
 from ..pointing.summary import plain, versions
 

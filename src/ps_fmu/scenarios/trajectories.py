@@ -23,8 +23,8 @@ from ..manipulator.trajectories import PLANES, quadrilateral, random_walk
 from ..pointing.report import Picture, Table
 from ..pointing.sampler import SampleObserver
 from .cases import Case, Outcome, run_case
-from .comparison import TARGET
-from .jitter import ORIENTATION
+from .comparison import TARGET, TargetError
+from .jitter import ORIENTATION, REACHABLE
 from .options import OptionError, RunOptions
 from .publish import Findings, publish, text_table
 from .setup import load_system, real_start
@@ -68,6 +68,7 @@ class PathResult:
     response: Array  # (n, 3), at the end of each dwell
     residual: Array  # (n,), m, largest fine displacement that the commander left
     motion: Array  # (m, 3), response along the way, for the figure
+    refused: NDArray[np.bool_]  # (n,), targets that the commander did not take
 
     @property
     def error(self) -> Array:
@@ -76,11 +77,21 @@ class PathResult:
 
 
 def run(options: RunOptions) -> None:
-    """Run the scenario; writes results.nc, summary.json, figures and report.html, prints the table."""
+    """Run the scenario; writes results.nc, summary.json, figures and report.html, prints the table.
+
+    Raises :class:`TargetError` after that if the commander refused targets.
+    """
     system = load_quiet_system(options)
     results = measure(system, options)
     table = error_table(results)
-    print(text_table(table.header, table.rows), HOW, ALGORITHM_1, sep="\n")
+    refused = [
+        f"{result.path}, {result.solver}: {result.refused.sum()} of {len(result.target)} targets are out of reach: the "
+        "platform stayed where it was."
+        for result in results
+        if result.refused.any()
+    ]
+    text = [*refused, HOW, ALGORITHM_1]
+    print(text_table(table.header, table.rows), *text, sep="\n")
     pictures = []
     for path in dict.fromkeys(result.path for result in results):
         file = options.output / f"trajectory_{path.replace(' ', '_').replace('-', '_')}.png"
@@ -91,7 +102,7 @@ def run(options: RunOptions) -> None:
         system,
         Findings(
             title="Trajectories: Fig 7",
-            text=[HOW, ALGORITHM_1],
+            text=text,
             tables=[table],
             pictures=pictures,
             outcomes=[result.outcome for result in results],
@@ -102,6 +113,8 @@ def run(options: RunOptions) -> None:
             more={"paths": [_entry(result) for result in results]},
         ),
     )
+    if refused:
+        raise TargetError("\n".join(refused))
 
 
 def load_quiet_system(options: RunOptions) -> System:
@@ -185,6 +198,7 @@ def _follow(
         at_rest.values(*ORIENTATION),
         at_rest.values(RESIDUAL)[:, 0],
         motion.values(*ORIENTATION),
+        at_rest.values(REACHABLE)[:, 0] < 0.5,
     )
 
 
@@ -198,7 +212,7 @@ class _Record:
 
     def __call__(self, columns: tuple[Column, ...]) -> _Record:
         self.observers = [
-            SampleObserver(columns, (*ORIENTATION, RESIDUAL), self._ends),
+            SampleObserver(columns, (*ORIENTATION, RESIDUAL, REACHABLE), self._ends),
             SampleObserver(columns, ORIENTATION, self._between),
         ]
         return self
@@ -212,4 +226,5 @@ def _entry(result: PathResult) -> dict[str, object]:
         "response_deg": np.degrees(result.response),
         "largest_error_deg": float(np.degrees(result.error.max())),
         "largest_residual_m": float(result.residual.max()),
+        "refused": int(result.refused.sum()),
     }
