@@ -42,9 +42,9 @@ def paragraphs(
         _about_small_gain(verdicts),
         "Open loop on the running FMUs: the disturbance shakes the base of one plant FMU, the isolator FMU is given "
         "the first component of its acceleration alone, and its forces act on a second plant FMU; L11 is the "
-        "acceleration of the second base over that of the first. It includes the communication step, about 1.5 steps "
-        f"of delay; against the closed form with the step it is within {deviation[0]:.3f} dB and {deviation[1]:.2f} "
-        "deg at all lines.",
+        "acceleration of the second base over that of the first. The communication step is in it: a delay of one step "
+        "near the resonance, of 1.5 steps well above. Against the closed form with the step it is within "
+        f"{deviation[0]:.3f} dB and {deviation[1]:.2f} deg at all lines.",
         f"Time response on the running FMUs (scenario stability). {HOW}",
         *verdict(responses),
     ]
