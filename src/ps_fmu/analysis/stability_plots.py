@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +33,7 @@ ARROWS = {"OSM": (5.0, 5.3), "LSM": (5.0, 5.3, 5.7), "LDOSM": (8.0,), "LDLSM": (
 def bode_figure(path: Path, verdicts: Mapping[str, Verdict], opened: Mapping[str, OpenLoop]) -> None:
     """Gain and phase of L11, as in Fig 10, with what was measured on the FMUs."""
     frequency = np.geomspace(1.0, 300.0, 3000)  # Hz
+    dots: dict[str, Any] = {"marker": "o", "markersize": 4.0, "linestyle": "none", "color": "k", "fillstyle": "none"}
 
     def paint(figure: Figure) -> None:
         gain, phase = figure.subplots(2, 1, sharex=True)
@@ -44,11 +45,10 @@ def bode_figure(path: Path, verdicts: Mapping[str, Verdict], opened: Mapping[str
             measured = opened[case]
             f, values = measured.response.frequency, measured.values
             some = np.unique(np.searchsorted(f, np.geomspace(f[0], f[-1], 90)).clip(max=len(f) - 1))
-            style = {"marker": "o", "markersize": 4.0, "linestyle": "none", "color": "black", "fillstyle": "none"}
-            gain.semilogx(f[some], 20.0 * np.log10(np.abs(values[some])), **style)
+            gain.semilogx(f[some], 20.0 * np.log10(np.abs(values[some])), **dots)
             some = some[f[some] < 30.0]
-            phase.semilogx(f[some], np.degrees(np.angle(values[some])), **style)
-        gain.plot([], [], **style, label="on the FMUs")
+            phase.semilogx(f[some], np.degrees(np.angle(values[some])), **dots)
+        gain.plot([], [], **dots, label="on the FMUs")
         gain.axhline(0.0, color=REFERENCE, linestyle="--", linewidth=1.0)
         for critical in (-180.0, 0.0):
             phase.axhline(critical, color=REFERENCE, linestyle="--", linewidth=1.0)
