@@ -14,7 +14,7 @@ from fmpy import extract, read_model_description
 from fmpy.fmi1 import FMICallException
 from fmpy.fmi2 import FMU2Slave
 
-ERROR = 3
+ERROR = 3  # fmi2Error
 
 
 def resident() -> int:

@@ -20,7 +20,7 @@ ALLOWED = {
 }
 """In which phases the standard allows a call (FMI 2.0.4, section 4.2.4); all others are allowed in each of them.
 
-stepComplete and stepFailed are one phase here: a step that is refused changes nothing.  Beyond the standard, values
+stepComplete and error are one phase here: a step that is refused changes nothing.  Beyond the standard, values
 may be read before the initialisation mode: they are the start values.
 """
 
