@@ -6,6 +6,7 @@ import shutil
 from pathlib import Path
 
 import pytest
+from fmpy import simulate_fmu
 from fmpy.fmi1 import FMICallException
 from support.host import unpack
 from support.twins import InFmpy, InPython, without_launcher
@@ -119,7 +120,7 @@ def test_a_value_is_stored_as_it_is(start):
     assert oscillator.fmu.getInteger([oscillator.variables["substeps"].valueReference]) == [1]
 
 
-ERROR, DISCARD = 3, 2
+ERROR = 3
 
 
 @pytest.mark.parametrize(
@@ -169,7 +170,7 @@ def test_refused_steps_change_nothing(start, capfd, t, h, problem):
     oscillator = start("oscillator")
     drive(oscillator, 0, 20)
     before = oscillator.state()
-    assert refused(oscillator.step, t, h) == DISCARD
+    assert refused(oscillator.step, t, h) == ERROR
     assert problem in capfd.readouterr().err
     assert oscillator.state() == before
     drive(oscillator, 20, 20)
@@ -182,8 +183,16 @@ def test_the_stop_time_holds_for_native_steps(folders):
     oscillator.fmu.exitInitializationMode()
     drive(oscillator, 0, 100, inputs=False)
     assert oscillator.steps() == (99, 1)
-    assert refused(oscillator.step, 1.0, H) == DISCARD
+    assert refused(oscillator.step, 1.0, H) == ERROR
     oscillator.free()
+
+
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")  # of numpy, on the way to a refusal
+def test_a_refused_step_ends_simulate_fmu_without_the_launcher_too(folders, tmp_path, capfd):
+    plain = without_launcher(folders["oscillator"], tmp_path / "plain")
+    with pytest.raises(FMICallException, match=r"fmi2DoStep failed with status 4 \(fatal\)"):
+        simulate_fmu(str(plain), stop_time=1e200, output_interval=1e200, timeout=30.0)
+    assert capfd.readouterr().err.count("far beyond what is usual: step size 1e+200 s") == 1
 
 
 @pytest.mark.filterwarnings("error::RuntimeWarning")
@@ -200,7 +209,7 @@ def test_a_step_to_infinity_is_refused_until_the_input_is_put_back(start, toys, 
     assert native.steps() == (9, 1)
     before = native.state()
     for _ in range(2):
-        assert refused(native.step, 10 * H, H) == DISCARD
+        assert refused(native.step, 10 * H, H) == ERROR
         assert "not finite: speed" in capfd.readouterr().err
         assert native.state() == before == python.state()
     for instance in (native, python):
@@ -216,7 +225,7 @@ def test_a_fault_in_an_event_is_over_when_the_input_is_put_back(start, toys, cap
     pair[0].set({"reference": 1.5})
     before = pair[0].state()
     for _ in range(2):
-        assert refused(pair[0].step, 20 * H, H) == DISCARD
+        assert refused(pair[0].step, 20 * H, H) == ERROR
         assert "reference = 1.5 m: expected at most 1 m" in capfd.readouterr().err
         assert pair[0].state() == before
     rows = [drive(instance, 20, 50) for instance in pair]
@@ -227,7 +236,7 @@ def test_no_step_and_no_value_after_the_end(start, capfd):
     oscillator = start("oscillator")
     drive(oscillator, 0, 20)
     oscillator.fmu.terminate()
-    assert refused(oscillator.step, 20 * H, H) == DISCARD
+    assert refused(oscillator.step, 20 * H, H) == ERROR
     assert refused(oscillator.set, {"load": 1.0}) == ERROR
     assert "phase terminated" in capfd.readouterr().err
 

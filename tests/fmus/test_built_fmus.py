@@ -11,6 +11,7 @@ import fmpy
 import numpy as np
 import pytest
 from fmpy import read_model_description, simulate_fmu
+from fmpy.fmi1 import FMICallException
 from fmpy.validation import validate_fmu
 from lxml import etree
 
@@ -59,6 +60,23 @@ def test_input_signals_reach_the_plant(built_fmus) -> None:
     )
     # The flexible modes share the force in turn; the mean acceleration is force over mass.
     assert result["base_position.z"][-1] == pytest.approx(0.5 * 913.0 / 9148.0 * 0.5**2, rel=0.15)
+
+
+@pytest.mark.parametrize("signals", [None, np.array([(0.0, 1.0)], dtype=[("time", float), ("base_force.x", float)])])
+def test_a_refused_step_ends_simulate_fmu(built_fmus, capfd, signals) -> None:
+    """FMPy repeats a step that is answered fmi2Discard, with the same inputs, and never gives up."""
+    with pytest.raises(FMICallException, match=r"fmi2DoStep failed with status 3 \(error\)"):
+        simulate_fmu(
+            str(built_fmus / "ManipulatorPlant.fmu"),
+            start_values={"servo.frequency": 1e49},  # Hz
+            input=signals,
+            stop_time=0.01,
+            timeout=30.0,
+        )
+    assert capfd.readouterr().err.splitlines() == [
+        "ManipulatorPlant 'ManipulatorPlant': step from t = 0 s refused: ManipulatorPlant.step_map has elements that "
+        "are not finite; far beyond what is usual: servo.frequency = 1e+49 Hz"
+    ]
 
 
 def test_start_values_reach_the_fmu(built_fmus) -> None:

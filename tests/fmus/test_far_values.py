@@ -21,10 +21,11 @@ def outcome(model, reference, value, before):
         slave.exit_initialization_mode()
         if not before:
             slave.set_real([reference], [value])
-        done = [slave.do_step(k * H, H) for k in range(3)]
+        for k in range(3):
+            slave.do_step(k * H, H)
     except (ModelError, Refused) as error:
         return str(error)
-    return "" if all(done) else next(m.msg for m in slave.log_queue if "refused" in m.msg)
+    return ""
 
 
 @pytest.mark.filterwarnings("error::RuntimeWarning")  # numpy's would tell a user nothing

@@ -12,6 +12,8 @@ from fmpy.fmi2 import FMU2Slave
 from support.host import unpack
 from support.models import Host
 
+from ps_fmu.fmu.slave import Refused
+
 MODELS = {
     "ManipulatorPlant": "manipulator_plant",
     "PointingCommander": "pointing_commander",
@@ -44,7 +46,8 @@ def test_slaves_are_in_no_cycle(folder, start, no_collection):
     host.step(H, 20)
     state = host.slave._fmu_state_from_bytes(host.slave._fmu_state_to_bytes(host.slave._get_fmu_state()))
     host.step(H, 5)
-    assert not host.slave.do_step(-1.0, H)
+    with pytest.raises(Refused):
+        host.slave.do_step(-1.0, H)
     host.slave._set_fmu_state(state)
     host.count = 20
     host.step(H, 20)

@@ -57,7 +57,7 @@ class Host:
 
     def step(self, h: float, n: int = 1) -> None:
         for _ in range(n):
-            assert self.slave.do_step(self.count * h, h), self.slave.log_queue[-1].msg
+            assert self.slave.do_step(self.count * h, h)
             self.count += 1
 
     def messages(self) -> str:

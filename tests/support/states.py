@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from dataclasses import replace
 from typing import Any
 
@@ -48,5 +49,6 @@ def use_made_up_state(slave: Slave, clock: dict[str, Any], changes: list[tuple[f
     except (Refused, ModelError):
         assert to_bytes(slave._get_fmu_state()) == before
     for _ in range(3):
-        slave.do_step(slave._core.time, h)
+        with contextlib.suppress(Refused, ModelError):
+            slave.do_step(slave._core.time, h)
     assert np.isfinite(slave._buffer.data).all()

@@ -106,7 +106,7 @@ class InPython:
                 getattr(self.slave, f"set_{kind.lower()}")(references, [values[name] for name in names])
 
     def step(self, t: float, h: float) -> None:
-        assert self.slave.do_step(t, h), self.slave.log_queue[-1].msg
+        assert self.slave.do_step(t, h)
 
     def outputs(self) -> list[float]:
         flags = self.slave.get_boolean(self.booleans) if self.booleans else []

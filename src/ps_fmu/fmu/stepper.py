@@ -6,12 +6,11 @@ import weakref
 from math import inf, isfinite
 
 import numpy as np
-from pythonfmu.enums import Fmi2Status
 
 from .buffer import Array, aligned
 from .core import Limits, by_columns
 from .far import blame
-from .guard import ModelError, Refused, describe, escape, report
+from .guard import ModelError, Refused, escape, report
 from .plain import Step, holder, plain_step
 from .state import Clock, Phase
 from .values import Values
@@ -83,9 +82,12 @@ class Stepper(Values):
     # --- For hosts ----------------------------------------------------------------------
 
     def do_step(self, current_time: float, step_size: float) -> bool:
-        """One step; False (fmi2Discard) if it was refused: then nothing has changed, and the log says why.
+        """One step; True, as the library wants it.  If it raises, nothing has changed.
 
-        Any other exception is a fault of the model (fmi2Error); nothing has changed then either.
+        A refused step raises, too, and so is fmi2Error: it "could not be carried out at all" (FMI 2.0.4, 4.2.2), or
+        would end past the stop time (2.1.6).  False would be fmi2Discard, for a step that was done in part.  Upon that
+        FMPy 0.3.32 asks for the same step for ever, or with fmi2Terminated returns what it has without a word; libcosim
+        (libcosimpy 0.0.6) leaves out the reason.
         """
         core, step = self._core, self._plain_step
         try:
@@ -101,10 +103,9 @@ class Stepper(Values):
                 self._careful_step(current_time, step_size)
             core.python_steps += 1
             return True
-        except (ModelError, Refused) as error:
-            self._refuse_step(error)
-            return False
         except BaseException as error:
+            if isinstance(error, (ModelError, Refused)):
+                error.args = (f"step from t = {core.time:.9g} s refused: {error}",)
             escape(self, error)
             raise
 
@@ -128,10 +129,6 @@ class Stepper(Values):
         names = [self.layout.describe(place) for place in bad[:5]]
         more = " ..." if len(bad) > 5 else ""
         return f"{', '.join(names)}{more}; largest operand {np.abs(self._source).max():g}"
-
-    def _refuse_step(self, error: Exception) -> None:
-        text = f"{self.label}: step from t = {self._core.time:.9g} s refused: {describe(error)}"
-        self.log(report(text), Fmi2Status.error)
 
     def _careful_step(self, t: float, h: float) -> None:
         """A step that checks all.  All or nothing."""

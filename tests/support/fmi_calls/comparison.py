@@ -39,7 +39,6 @@ class Comparison:
         fault: bool = False,
         allowed: bool = True,
         certain: bool = False,
-        refused: int = ERROR,
     ) -> Any:
         """Compare with what the twin does; returns its result, None if it refused.
 
@@ -48,7 +47,6 @@ class Comparison:
         fault: the arguments are such that the launcher has to refuse by itself
         allowed: False: must be refused
         certain: must not be refused: no model can object
-        refused: what a refusal is answered with, if not by an exception
         """
         if instance not in self.twins:
             assert (answer.status, answer.messages) == (ERROR, []), f"{function} without an instance: {answer}"
@@ -59,7 +57,7 @@ class Comparison:
             told = [(status, category, words.split(": ")[0]) for status, category, words in answer.messages]
             assert told == twin.heard([(ERROR, "logStatusError", f"fmi2{function}")]), answer
             return None
-        status, result, messages = twin.outcome(action, refused)
+        status, result, messages = twin.outcome(action)
         assert answer.status == status, f"{function}: {answer}, expected status {status}, {messages}"
         assert answer.messages == messages, f"{function}: {answer}, expected {messages}"
         assert allowed or status != OK, f"{function} is not allowed now"

@@ -20,7 +20,7 @@ ALLOWED = {
 }
 """In which phases the standard allows a call (FMI 2.0.4, section 4.2.4); all others are allowed in each of them.
 
-stepComplete and stepFailed are one phase here: a step that is refused changes nothing.  Beyond the standard, values
+stepComplete and error are one phase here: a step that is refused changes nothing.  Beyond the standard, values
 may be read before the initialisation mode: they are the start values.
 """
 
@@ -63,12 +63,11 @@ class Twin:
         start = {reference: port.start for reference, port in self.ports.items() if port.causality != "output"}
         self.known = Known(Phase.INSTANTIATED, False, start, 0.0, inf)
 
-    def outcome(self, action: Callable[[], Any], refused: int = ERROR) -> tuple[int, Any, list[Message]]:
+    def outcome(self, action: Callable[[], Any]) -> tuple[int, Any, list[Message]]:
         """Status, result and messages.  Whatever is raised but a refusal is a fault of the slave, and passes."""
-        result, refusal = None, None
+        status, result, refusal = OK, None, None
         try:
             result = action()
-            status = OK if result is not False else refused
         except (Refused, ModelError) as error:
             status, refusal = ERROR, f"{self.slave.label}: {error}"
         logged = [(m.status.value, m.category, m.msg.replace("%%", "%")) for m in self.slave.log_queue]
