@@ -15,9 +15,9 @@ from c_host import slave_class
 
 from ps_fmu.cosim import System
 from ps_fmu.cosim.structure import Component
+from ps_fmu.fmu.c_program import Program, Target
 from ps_fmu.fmu.core import by_columns
 from ps_fmu.fmu.launcher.compile import LAUNCHER
-from ps_fmu.fmu.native import Program, Target
 from ps_fmu.fmu.slave import Slave
 
 PLATFORM = "linux64"

@@ -14,7 +14,7 @@ from ps_fmu.check import fmu_check, lives, stages
 from ps_fmu.check.fmu_check import NOT_RUN, PASSED, check_fmu
 from ps_fmu.check.host.compile import HOST
 from ps_fmu.check.reading import read
-from ps_fmu.fmu.native import fmi_headers
+from ps_fmu.fmu.c_program import fmi_headers
 
 SOURCES = Path(__file__).parent / "native"
 DESCRIPTION = (SOURCES / "modelDescription.xml").read_text()

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from ps_fmu.fmu.c_program import fmi_headers
 from ps_fmu.fmu.elf import loaded
-from ps_fmu.fmu.native import fmi_headers
 
 SOURCE = "int answer(void) { static int calls; return 41 + ++calls; }\n"
 ASK = "import ctypes, sys; print(ctypes.CDLL(sys.argv[1]).answer())"

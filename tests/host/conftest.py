@@ -16,8 +16,8 @@ from support.host import unpack
 from ps_fmu.cosim import System, read_system
 from ps_fmu.fmu.build import build_one
 from ps_fmu.fmu.bundle import bundle
+from ps_fmu.fmu.c_program import fmi_headers
 from ps_fmu.fmu.launcher.compile import LAUNCHER
-from ps_fmu.fmu.native import fmi_headers
 
 HERE = Path(__file__).parent
 MODELS = HERE.parent / "fmu" / "models"

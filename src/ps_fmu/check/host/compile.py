@@ -1,11 +1,11 @@
-"""What the C host is compiled from, see :mod:`ps_fmu.fmu.native`.  As a program: compile it."""
+"""What the C host is compiled from, see :mod:`ps_fmu.fmu.c_program`.  As a program: compile it."""
 
 from __future__ import annotations
 
 import sys
 from pathlib import Path
 
-from ...fmu.native import CompileError, Program, Target
+from ...fmu.c_program import CompileError, Program, Target
 
 HOST = Program(
     "host",
