@@ -9,7 +9,7 @@ import pytest
 
 from ps_fmu.check.host.compile import HOST
 from ps_fmu.cosim.native import LOOP
-from ps_fmu.fmu import native
+from ps_fmu.fmu import c_program
 from ps_fmu.fmu.launcher.compile import LAUNCHER
 
 PROGRAMS = {program.name: program for program in (LAUNCHER, HOST, LOOP)}
@@ -34,16 +34,16 @@ def test_compiling_gives_the_same_bytes(name, platform):
 
 
 def test_another_compiler_is_refused(monkeypatch):
-    monkeypatch.setattr(native, "COMPILER", "0.0.1")
-    with pytest.raises(native.CompileError, match=r"pip install ziglang==0\.0\.1"):
+    monkeypatch.setattr(c_program, "COMPILER", "0.0.1")
+    with pytest.raises(c_program.CompileError, match=r"pip install ziglang==0\.0\.1"):
         LAUNCHER.compiled("linux64")
 
 
 def test_a_mistake_in_the_source_is_told(tmp_path):
     (tmp_path / "wrong.c").write_text("int main(void) { return nothing; }\n")
     linux = dataclasses.replace(LAUNCHER.targets["linux64"], flags=(), libraries=())
-    program = native.Program("wrong", tmp_path, ("wrong.c",), (), {"linux64": linux})
-    with pytest.raises(native.CompileError, match="wrong for linux64: the compiler says:"):
+    program = c_program.Program("wrong", tmp_path, ("wrong.c",), (), {"linux64": linux})
+    with pytest.raises(c_program.CompileError, match="wrong for linux64: the compiler says:"):
         program.compiled("linux64")
 
 
