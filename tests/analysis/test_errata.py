@@ -65,7 +65,7 @@ def test_what_is_known_by_reading_alone_says_so(entries):
 @pytest.mark.parametrize(
     ("place", "words"),
     [
-        ("Algorithm 1", ["1e-11 m leaves 4e-09 deg", "The bound of mu is 0.79 to"]),
+        ("Algorithm 1", ["2e-11 m leaves 9e-09 deg", "Fig 7 shows 1e-09 to 1e-08 deg", "The bound of mu is 0.79 to"]),
         ("(41), (42)", ["OSM 0.041 where (42) gives 0.0144", "LSM 2.04 where it gives 0.125"]),
         ("(43), (44)", ["6 x 3 and 6 x 3 does not exist"]),
         ("(57)", ["The 12 array poles, 0.45 to 1.12 Hz"]),

@@ -11,6 +11,7 @@ from pathlib import Path
 from ..cosim.errors import CosimError
 from ..fmu.build import BuildError
 from .result import Analysis
+from .terminal import printed
 
 #: Name -> what it is about.  Each is a module of this package with ``analyse(options) -> Analysis``.
 ANALYSES = {
@@ -63,16 +64,6 @@ def run(arguments: argparse.Namespace) -> int:
     except (BuildError, CosimError, OSError, ValueError) as error:
         print(f"ps-fmu analyse {name}: {error}", file=sys.stderr)
         return 1
-    show(analysis)
-    print(f"results in {output}")
+    print(printed(analysis), f"results in {output}", sep="\n")
     return 0
-
-
-def show(analysis: Analysis) -> None:
-    """Print text and tables."""
-    from ..scenarios.publish import text_table
-
-    print(analysis.title, *analysis.text, sep="\n")
-    for table in analysis.all_tables():
-        print(f"\n{table.caption}\n{text_table(table.header, table.rows)}")
 
