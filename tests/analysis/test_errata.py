@@ -2,7 +2,7 @@
 
 import pytest
 
-from ps_fmu.analysis.errata import BY_READING, ENTRIES, errata, errata_table
+from ps_fmu.analysis.errata import BY_READING, ENTRIES, errata_table
 
 # What the printed forms are off by at least; relative, or in the unit of the entry.
 PRINTED = {
@@ -35,8 +35,8 @@ NO_RIGHT_NUMBER = {"(A6)", "Table 1, section 5", "Table 2, (8.5, 0, 0) deg, axis
 
 
 @pytest.fixture(scope="module")
-def entries():
-    return {erratum.equation: erratum for erratum in errata()}
+def entries(all_errata):
+    return {erratum.equation: erratum for erratum in all_errata}
 
 
 def test_each_entry_is_complete_and_there_once(entries):

@@ -46,7 +46,11 @@ class Finding:
         ours = [value for value in (self.computed, self.cosimulated) if value is not None]
         if self.setting:
             return "as published" if ours == [self.published.value] else "not as published"
-        return " / ".join(dict.fromkeys(self._against_the_paper(value) for value in ours)) or "not computed"
+        texts = list(dict.fromkeys(self._against_the_paper(value) for value in ours))
+        if len(texts) == 2:
+            unit = texts[1].rpartition(" ")[2]
+            texts[0] = texts[0].removesuffix(f" {unit}")  # once is enough
+        return " / ".join(texts) or "not computed"
 
     def joined(self, other: Finding) -> Finding:
         """Both as one: the values of either, and both remarks.  Raises ValueError where both have a value."""

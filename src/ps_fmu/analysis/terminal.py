@@ -9,7 +9,7 @@ from collections.abc import Iterator, Sequence
 from ..pointing.report import Table
 from .result import Analysis, Finding
 
-NARROWEST, WIDEST = 80, 120  # characters of a line, if the terminal has them
+NARROWEST, USUAL, WIDEST = 80, 100, 120  # characters of a line; the second where there is no terminal
 LONGEST_CELLS = range(60, 16, -4)  # characters, tried in turn; what is longer is broken into lines
 GAP = 2
 
@@ -19,7 +19,7 @@ def printed(analysis: Analysis, width: int | None = None) -> str:
 
     Findings without their remarks; tables that are too wide only by name: the Markdown file has both.
     """
-    width = width or min(max(shutil.get_terminal_size().columns, NARROWEST), WIDEST)
+    width = width or min(max(shutil.get_terminal_size((USUAL, 24)).columns, NARROWEST), WIDEST)
     text = (textwrap.fill(paragraph, width) for paragraph in analysis.text)
     return "\n".join([analysis.title, *text, *_tables(analysis, width)])
 
@@ -40,20 +40,22 @@ def _tables(analysis: Analysis, width: int) -> Iterator[str]:
 
 
 def _findings(findings: Sequence[Finding]) -> Table:
-    """The columns with numbers; place, number and unit in one."""
+    """The columns with numbers; unit and number in one, after the place where that is a new one."""
 
     def text(value: float | None) -> str:
         return "-" if value is None else f"{value:.6g}"
 
+    places = ["", *(f.published.where for f in findings)]
     rows = [
         (
-            f"{f.published.where}: {f.published.what} ({f.published.unit})",
+            ("" if f.published.where == before else f"{f.published.where}: ")
+            + f"{f.published.what} ({f.published.unit})",
             f.published.text,
             text(f.computed),
             "input" if f.setting else text(f.cosimulated),
             f.difference,
         )
-        for f in findings
+        for f, before in zip(findings, places, strict=False)
     ]
     return Table("Published and ours", ("number", "published", "computed", "co-simulated", "difference"), rows)
 

@@ -102,7 +102,8 @@ def limits_text(beyond: PathResult) -> str:
     refused = int((beyond.reachable == 0.0).sum())
     return (
         "Table 1: the six orientations in which an angle is largest or smallest (analysis workspace) are commanded one "
-        f"after the other, and the plant turns there. Of six targets {BEYOND_DEG:g} deg beyond, {refused} are refused."
+        f"after the other, and the plant turns there. Of six targets {BEYOND_DEG:g} deg beyond, {refused} are refused, "
+        "of which the commander warns once."
     )
 
 
