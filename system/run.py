@@ -9,8 +9,6 @@ from __future__ import annotations
 
 import argparse
 import importlib
-import os
-import signal
 import sys
 from collections.abc import Sequence
 from contextlib import ExitStack
@@ -32,6 +30,7 @@ try:
     )
     from ps_fmu.scenarios.output import held
     from ps_fmu.scenarios.sources import ensure_built
+    from ps_fmu.terminal import reason, run_command
 except KeyboardInterrupt:
     sys.exit(130)
 except ModuleNotFoundError as missing:
@@ -96,7 +95,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         except OptionError as error:  # one that needs the system to be seen, such as a path that takes longer
             command_line.error(str(error))
         except (BuildError, CosimError, OSError, ValueError) as error:
-            return ended("\n".join([str(error), *getattr(error, "__notes__", ())]), options.output, 1)
+            return ended(reason(error), options.output, 1)
     return 0
 
 
@@ -108,14 +107,5 @@ def ended(why: str, output: Path, code: int) -> int:
     return code
 
 
-def stop_like_ctrl_c() -> None:
-    """Have SIGTERM, by which schedulers and containers end a run, do what Ctrl-C does, unless that is ignored."""
-    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
-        signal.signal(signal.SIGTERM, lambda *_: signal.raise_signal(signal.SIGINT))
-
-
 if __name__ == "__main__":
-    if sys.stderr is None:  # closed by the caller, 2>&-: a file of the run must not become the error stream
-        sys.stderr = open(os.devnull, "w")  # noqa: SIM115
-    stop_like_ctrl_c()
-    sys.exit(main())
+    sys.exit(run_command(main))

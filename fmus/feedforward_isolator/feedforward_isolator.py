@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import ClassVar
 
 import numpy as np
@@ -19,20 +18,16 @@ from ps_fmu.manipulator.isolator import (
     Isolator,
     StepError,
     UnreachableOrientationError,
+    is_known,
+    known_payload,
     whole_steps,
 )
 from ps_fmu.manipulator.parameters import load
 
 PAPER = load()
-#: The payload as the controller knows it: its centre of mass is some millimetres off, and the truss is rigid.
-KNOWN_PAYLOAD = replace(PAPER.payload, com_P=PAPER.known_com_P, truss_modes=())
+KNOWN_PAYLOAD = known_payload(PAPER)
 #: An orientation this close (rad) is the same: a plant at rest varies it by rounding.
 SAME_ORIENTATION = 1e-12
-
-
-def known(name: str) -> bool:
-    """What the gains (52)-(54) need of the parameter set: no stroke, no rod flexibility, no inertia."""
-    return not name.startswith(("coarse_stroke", "coarse_rods", "payload.inertia"))
 
 
 class FeedforwardIsolator(Slave):
@@ -68,8 +63,8 @@ class FeedforwardIsolator(Slave):
         ),
         Port("saturated", "output", type="Boolean", description="A force is at force_limit", initially_depends_on=()),
         *parameter_ports(
-            entries(PAPER.manipulator, keep=known)
-            + entries(KNOWN_PAYLOAD, "payload", keep=known)
+            entries(PAPER.manipulator, keep=is_known)
+            + entries(KNOWN_PAYLOAD, "payload", keep=is_known)
             + entries(PAPER.filters, "filters")
         ),
         Port("force_limit", "parameter", "N", "Largest force of a fine actuator; 0 = no limit", min=0.0),

@@ -17,6 +17,7 @@ from ps_fmu.manipulator.commander import (
     Commander,
     Decision,
     from_numbers,
+    is_geometric,
     same_target,
     to_numbers,
 )
@@ -34,11 +35,6 @@ MM: dict[str, Any] = {"display_unit": "mm", "nominal": 0.01}
 OUTPUT: dict[str, Any] = {"causality": "output"}
 # The motion begins at rest, wherever the first target is.
 AT_REST: dict[str, Any] = {"causality": "output", "initially_depends_on": ()}
-
-
-def geometric(name: str) -> bool:
-    """The part of the manipulator's parameters that the kinematics needs."""
-    return name.startswith(("nominal_translation", "coarse_stroke")) or "_joint." in name
 
 
 class PointingCommander(Slave):
@@ -66,7 +62,7 @@ class PointingCommander(Slave):
         Port("reachable", "output", type="Boolean", description="False: target refused, last good one stays"),
         Port("moving", type="Boolean", description="The commanded orientation is changing", **AT_REST),
         *parameter_ports(
-            entries(PAPER.manipulator, keep=geometric)
+            entries(PAPER.manipulator, keep=is_geometric)
             + entries(DEFAULT_LIMITS)
             + entries(DEFAULT_ALGORITHM_1, "algorithm_1")
         ),

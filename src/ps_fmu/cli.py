@@ -1,7 +1,7 @@
 """The command ``ps-fmu``.
 
 A subcommand is a function that takes the parsed arguments and returns an exit code.  What users can put right
-is raised as one of ``EXPECTED`` and printed as one line.
+is printed in one line without a traceback.
 """
 
 from __future__ import annotations
@@ -12,16 +12,27 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from .analysis.command import add_parser as add_analyse
+from .analysis.identify import add_parser as add_identify
+from .terminal import reason, run_command
 
 EXIT_OK = 0
 EXIT_FAILED = 1  # argparse exits with 2 on arguments that it does not understand
+EXIT_INTERRUPTED = 130
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; the exit code."""
+    return run_command(lambda: _command(arguments))
+
+
+def _command(arguments: Sequence[str] | None) -> int:
     options = parser().parse_args(arguments)
-    code: int = options.run(options)
-    return code
+    try:
+        code: int = options.run(options)
+        return code
+    except KeyboardInterrupt:
+        print("ps-fmu: interrupted", file=sys.stderr)
+        return EXIT_INTERRUPTED
 
 
 def parser() -> argparse.ArgumentParser:
@@ -33,6 +44,7 @@ def parser() -> argparse.ArgumentParser:
     _add_ssp(commands)
     _add_crosscheck(commands)
     add_analyse(commands)
+    add_identify(commands)
     return top
 
 
@@ -69,7 +81,7 @@ def _build(options: argparse.Namespace) -> int:
             fmu = build_one(folder, options.output, interpreter=options.interpreter, bundled=options.bundle)
             print(f"{fmu}  {fmu.stat().st_size / 1e3:.0f} kB", flush=True)
     except (BuildError, OSError) as error:
-        print(f"ps-fmu build: {error}", file=sys.stderr)
+        print(f"ps-fmu build: {reason(error)}", file=sys.stderr)
         return EXIT_FAILED
     return EXIT_OK
 
@@ -131,7 +143,7 @@ def _ssp(options: argparse.Namespace) -> int:
         write_ssp(system, options.output)
         print(f"{options.output}  {options.output.stat().st_size / 1e3:.0f} kB")
     except (CosimError, OSError) as error:
-        print(f"ps-fmu ssp: {error}", file=sys.stderr)
+        print(f"ps-fmu ssp: {reason(error)}", file=sys.stderr)
         return EXIT_FAILED
     return EXIT_OK
 
@@ -186,7 +198,7 @@ def _crosscheck(options: argparse.Namespace) -> int:
                 remark = "" if complies(folder) else "  (needs a Python: see notCompliantWithLatestRules in it)"
                 print(f"{folder}{remark}", flush=True)
     except (CrossCheckError, OSError) as error:
-        print(f"ps-fmu crosscheck: {error}", file=sys.stderr)
+        print(f"ps-fmu crosscheck: {reason(error)}", file=sys.stderr)
         return EXIT_FAILED
     return EXIT_FAILED if failed else EXIT_OK
 

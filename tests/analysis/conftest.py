@@ -51,9 +51,9 @@ def _trajectories():
     options = RunOptions(name, SYSTEM, Path(), DEFAULT_DURATION_S[name], DEFAULT_STEP_S[name])
     results = []
     for path, (targets, _) in paths(RATE, options).items():
-        none, all_taken = np.zeros(len(targets)), np.ones(len(targets))
+        none = np.zeros(len(targets))
         results += [
-            PathResult(path, method, None, targets, targets + 1e-9, none, all_taken, targets) for method in METHODS
+            PathResult(path, method, None, targets, targets + 1e-9, none, targets, none > 0.0) for method in METHODS
         ]
     return [_without_run(finding) for finding in trajectories.findings(results)]
 

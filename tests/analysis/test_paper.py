@@ -67,5 +67,7 @@ def test_what_is_written(tmp_path, capsys, monkeypatch):
 
 
 def test_a_missing_parameter_set_is_said_before_anything_is_computed(tmp_path, capsys):
-    assert main(["analyse", "paper", "--output", str(tmp_path), "--system", str(tmp_path / "none.ssd")]) == 1
+    alone = tmp_path / "alone.ssd"
+    alone.write_text("")
+    assert main(["analyse", "paper", "--output", str(tmp_path), "--system", str(alone)]) == 1
     assert "large_damping.ssv" in capsys.readouterr().err

@@ -1,23 +1,24 @@
 """ps-fmu analyse transmissibility."""
 
 import json
+from dataclasses import replace
+from itertools import product
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from ps_fmu.analysis import transmissibility
+from ps_fmu.analysis import transmissibility, transmissibility_measured
 from ps_fmu.analysis.agreement import Agreement
 from ps_fmu.analysis.command import Options
 from ps_fmu.analysis.measured import Shaking, measure
-from ps_fmu.analysis.stability import parameters_of
 from ps_fmu.analysis.transmissibility import analyse, curves, findings
+from ps_fmu.analysis.transmissibility_measured import SETUPS, Setup
 from ps_fmu.cosim import read_system
 from ps_fmu.manipulator.parameters import load
-from ps_fmu.manipulator.sampled import from_base_sampled
-from ps_fmu.manipulator.stability import loop_at
 from ps_fmu.manipulator.transmissibility import from_base
 from ps_fmu.pointing.response import Response
+from ps_fmu.scenarios.support_modules import CASES, parameters_of
 from ps_fmu.scenarios.table2 import ORIENTATIONS
 
 SYSTEM = Path(__file__).parents[2] / "system" / "SystemStructure.ssd"
@@ -45,47 +46,58 @@ def test_fig_8():
 
 @pytest.mark.usefixtures("few")
 def test_fig_11_does_not_depend_on_the_bus():
-    found = {case: curves(parameters_of(case)).passive for case in ("OSM", "LSM", "LDOSM", "LDLSM")}
+    found = {case: curves(parameters_of(case)).passive for case in CASES}
     assert found["OSM"] == pytest.approx(found["LSM"], abs=1e-6)
     assert found["LDOSM"] == pytest.approx(found["LDLSM"], abs=1e-6)
     assert found["OSM"].max() > found["LDOSM"].max()
 
 
-def test_measured_on_the_fmus(built_fmus):
-    """A short measurement, 2 to 100 Hz with a step of 0.5 ms, of the case that takes all four FMUs."""
-    response = measure(read_system(SYSTEM, built_fmus), SHORT, {"isolator.enabled": True})
-    loop, s = loop_at(load()), 2j * np.pi * SHORT.lines
-    found = Agreement(response, from_base_sampled(loop, s, SHORT.step))
+@pytest.mark.parametrize("setup", [Setup(active=True), Setup("yaw", "LDLSM", active=True)], ids=lambda s: s.case)
+def test_measured_on_the_fmus(setup, built_fmus):
+    """A short measurement, 2 to 100 Hz with a step of 0.5 ms; the command's own take longer."""
+    response = measure(read_system(SYSTEM, built_fmus), SHORT, setup.values)
+    found = Agreement(response, setup.closed_form(SHORT.lines, SHORT.step))
     assert found.checked.sum() == 490  # all from 2 to 100 Hz, 0.2 Hz apart
     assert found.holds, found.entry
-    assert not Agreement(response, from_base(loop, s, active=True)).holds
+    assert not Agreement(response, from_base(setup.loop, 2j * np.pi * SHORT.lines, active=True)).holds
+    turned = replace(setup, orientation="pitch")
+    assert not Agreement(response, turned.closed_form(SHORT.lines, SHORT.step)).holds
+
+
+def test_what_is_measured():
+    """Fig 8: four orientations, passive and active; Fig 11: four cases, passive."""
+    assert len(set(SETUPS)) == len(SETUPS) == 11
+    assert {(s.orientation, s.active) for s in SETUPS if s.case == "OSM"} == set(product(ORIENTATIONS, (False, True)))
+    assert {s.case for s in SETUPS if s.orientation == "nominal" and not s.active} == set(CASES)
 
 
 @pytest.mark.usefixtures("few")
 def test_files_and_findings(built_fmus, tmp_path, monkeypatch):
-    """With a measurement that is the closed form itself, but for two per cent of gain."""
+    """With measurements that are the closed form itself, but for two per cent of gain."""
+    setups = {tuple(setup.values.items()): setup for setup in SETUPS}
 
     def closed_form(_system, shaking, values, _seed, progress):
-        loop, s = loop_at(load()), 2j * np.pi * shaking.lines
-        active = values["isolator.enabled"]
-        matrix = from_base_sampled(loop, s, shaking.step) if active else from_base(loop, s, active=False)
         progress()
-        return Response(shaking.lines, 1.02 * matrix, np.ones((len(s), 3)))
+        matrix = setups[tuple(values.items())].closed_form(shaking.lines, shaking.step)
+        return Response(shaking.lines, 1.02 * matrix, np.full((len(matrix), 3), 0.9999))
 
-    monkeypatch.setattr(transmissibility, "measure", closed_form)
+    monkeypatch.setattr(transmissibility_measured, "measure", closed_form)
     result = analyse(Options(tmp_path, built_fmus, SYSTEM, progress=False))
     result.write(tmp_path)
-    measured = json.loads((tmp_path / "transmissibility.json").read_text())["measured"]
-    for case in ("passive", "active"):
-        assert measured[case]["lines_checked"] == measured[case]["lines"] > 700
-        assert measured[case]["largest_deviation_db"] == pytest.approx([20.0 * np.log10(1.02)] * 3)
-        assert measured[case]["within_0.2_db_and_2_deg"]
-    assert not measured["active, step ignored"]["within_0.2_db_and_2_deg"]
+    content = json.loads((tmp_path / "transmissibility.json").read_text())
+    assert len(content["measured"]) == len(SETUPS)
+    for entry in content["measured"]:
+        assert entry["lines_checked"] == entry["lines"] > 700
+        assert entry["largest_deviation_db"] == pytest.approx([20.0 * np.log10(1.02)] * 3)
+        assert entry["within_0.2_db_and_2_deg"]
+    assert not content["measured_active_by_closed_form"]["step ignored"]["within_0.2_db_and_2_deg"]
     found = {finding.key: finding for finding in result.findings}
     assert found["fig8.start"].cosimulated == pytest.approx(20.0 * np.log10(1.02), abs=0.02)
     assert found["fig8.attenuation"].difference == found["fig8.amplification"].difference == "holds"
     assert found["fig8.amplification"].cosimulated is None
-    assert [picture.path.stat().st_size > 20_000 for picture in result.pictures] == [True] * 3
+    assert [picture.path.stat().st_size > 20_000 for picture in result.pictures] == [True] * 4
+    text = (tmp_path / "transmissibility.md").read_text()
+    assert "0.172 dB" in text and "This holds" in text and "| (0, -7, 0) | OSM | active | 796 of 796 |" in text
 
 
 def test_agreement_finds_gain_phase_and_checks_only_coherent_lines():
@@ -99,3 +111,8 @@ def test_agreement_finds_gain_phase_and_checks_only_coherent_lines():
     assert found.largest_deg == pytest.approx([np.degrees(0.02)] * 3)
     assert found.matrix_error == pytest.approx(abs(1.01 * np.exp(0.02j) - 1.0))
     assert found.holds
+
+
+def test_nothing_is_said_without_coherence():
+    with pytest.raises(ValueError, match=r"no line from 0\.2 to 100 Hz has a coherence above 0\.99"):
+        _ = Agreement(Response(np.ones(1), np.ones((1, 3, 6)), np.full((1, 3), 0.9)), np.ones((1, 3, 6))).checked

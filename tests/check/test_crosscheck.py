@@ -1,8 +1,11 @@
 """The reference runs in fmus/: complete, by the rules, and what the FMUs put out today."""
 
 import shutil
+import signal
+import zipfile
 from pathlib import Path
 
+import fmpy
 import numpy as np
 import pytest
 from fmpy import read_model_description
@@ -78,6 +81,44 @@ def test_the_command_says_what_is_missing(folder, capsys):
     assert "_ref.opt" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("content", [b"", b"\x89PNG\xff" * 100, b"<fmiModelDescription"])
+def test_an_fmu_that_fmpy_stumbles_over_is_named(folder, capsys, content):
+    fmu = folder / "DisturbanceSource.fmu"
+    if content.startswith(b"<"):
+        with zipfile.ZipFile(fmu, "w") as archive:
+            archive.writestr("modelDescription.xml", content)
+    else:
+        fmu.write_bytes(content)
+    assert main(["crosscheck", "--fmus", str(folder), "--references", str(folder)]) == 1
+    assert capsys.readouterr().err.startswith(f"ps-fmu crosscheck: {fmu}: ")
+
+
+@pytest.mark.parametrize("name", ["ref.opt", "ref.csv", "in.csv"])
+def test_a_file_that_is_no_text_is_named(tmp_path, built_fmus, capsys, name):
+    shutil.copytree(FMUS / "pointing_commander", tmp_path / "pointing_commander")
+    path = tmp_path / "pointing_commander" / f"PointingCommander_{name}"
+    path.write_bytes(b"\x89PNG\xff")
+    assert main(["crosscheck", "--fmus", str(built_fmus), "--references", str(tmp_path)]) == 1
+    assert f"ps-fmu crosscheck: {path}: is not text in UTF-8" in capsys.readouterr().err
+
+
+def test_ctrl_c_ends_a_run_after_its_step(folder, built_fmus, monkeypatch):
+    """Inside an FMU written in Python it would be taken for a fault of the FMU."""
+    reference = Reference(folder / "disturbance_source" / "DisturbanceSource_ref.opt")
+    simulate_fmu = fmpy.simulate_fmu
+
+    def interrupted(*arguments, step_finished, **options):
+        def finished(time, recorder):
+            signal.raise_signal(signal.SIGINT)
+            return step_finished(time, recorder)
+
+        return simulate_fmu(*arguments, step_finished=finished, **options)
+
+    monkeypatch.setattr(fmpy, "simulate_fmu", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        crosscheck.simulate(built_fmus / "DisturbanceSource.fmu", reference)
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -99,7 +140,10 @@ def test_tables_against_the_rules_are_refused(text, message, tmp_path):
         read_table(path)
 
 
-@pytest.mark.parametrize("change", [("RelTol,1e-6\n", ""), ("0.1", "small"), ("StopTime,1.0", "StopTime,0.0")])
+@pytest.mark.parametrize(
+    "change",
+    [("RelTol,1e-6\n", ""), ("0.1", "small"), ("StopTime,1.0", "StopTime,0.0"), ("StopTime,1.0", "StopTime,1e300")],
+)
 def test_options_against_the_rules_are_refused(change, tmp_path):
     path = tmp_path / "A_ref.opt"
     path.write_text(OPTIONS)

@@ -3,6 +3,7 @@
 import contextlib
 import copy
 import io
+import os
 import struct
 import tempfile
 import zipfile
@@ -58,6 +59,12 @@ def test_names(tmp_path, names, reason):
     for text in refusals(path, tmp_path / "inside"):
         assert reason in text
     assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_pipe_is_not_waited_for(tmp_path):
+    os.mkfifo(tmp_path / "a.fmu")
+    with pytest.raises(SystemFileError, match="no ordinary file"):
+        check_archive(tmp_path / "a.fmu")
 
 
 def test_a_second_name(tmp_path):

@@ -1,14 +1,16 @@
 """The loop in C against the one in Python: same rows, same warnings, same errors; when it returns early."""
 
 import logging
+import threading
 from concurrent.futures import ThreadPoolExecutor
 from ctypes import c_int
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from support.cosim import Collect
 
-from ps_fmu.cosim import Master, compiled, loops
+from ps_fmu.cosim import Master, compiled, loops, slaves
 from ps_fmu.cosim.compiled import CompiledLoop
 from ps_fmu.cosim.loops import PythonLoop
 
@@ -102,6 +104,24 @@ def test_two_systems_in_two_threads(mixed):
             master.initialise()
             master.run(3.0, [alone])
         assert collect.values.tobytes() == alone.values.tobytes()
+
+
+def test_libraries_are_loaded_one_at_a_time(monkeypatch, tmp_path):
+    """FMPy changes the working directory for that, which all threads share."""
+    both_are_in = threading.Barrier(2)
+
+    def fmpy(**_):
+        try:
+            both_are_in.wait(0.2)
+        except threading.BrokenBarrierError:
+            return "alone"
+        return "together"
+
+    monkeypatch.setattr(slaves, "FMU2Slave", fmpy)
+    description = SimpleNamespace(guid="", coSimulation=SimpleNamespace(modelIdentifier=""))
+    with ThreadPoolExecutor(2) as pool:
+        loads = [pool.submit(slaves._load, SimpleNamespace(name=name), description, tmp_path) for name in "ab"]
+    assert [load.result() for load in loads] == ["alone", "alone"]
 
 
 def test_without_a_library_python_runs_the_steps(mixed, monkeypatch, tmp_path, caplog):

@@ -186,7 +186,7 @@ def test_the_stop_time_holds_for_native_steps(folders):
     oscillator.free()
 
 
-@pytest.mark.filterwarnings("ignore:overflow encountered")
+@pytest.mark.filterwarnings("error::RuntimeWarning")
 def test_a_step_to_infinity_is_refused_until_the_input_is_put_back(start, toys, capfd):
     values = {"mass": 0.1, "stiffness": 0.0}
     native, python = start("oscillator", **values), InPython(toys["oscillator"])

@@ -74,7 +74,7 @@ def test_tables_and_limits(instructions):
             assert data.tobytes() == np.array(row).tobytes()
 
 
-@pytest.mark.filterwarnings("ignore:overflow encountered", "ignore:invalid value encountered")
+@pytest.mark.filterwarnings("error::RuntimeWarning")
 @pytest.mark.parametrize("matrix", [[[1e200], [1.0]], [[1.0], [1e200]]])
 def test_a_result_that_is_not_finite_changes_nothing(instructions, matrix):
     core, data = core_of(1, 1, 0)

@@ -123,7 +123,7 @@ def test_no_step_before_initialisation(make):
     assert "phase initialisation" in slave.log_queue[-1].msg
 
 
-@pytest.mark.filterwarnings("ignore:overflow encountered")
+@pytest.mark.filterwarnings("error::RuntimeWarning")
 def test_a_result_that_is_not_finite_is_refused(make, put):
     slave = make("oscillator")
     run(slave, 3)
@@ -138,7 +138,7 @@ def test_a_result_that_is_not_finite_is_refused(make, put):
     assert slave.do_step(0.03, H)
 
 
-@pytest.mark.filterwarnings("ignore:overflow encountered")
+@pytest.mark.filterwarnings("error::RuntimeWarning")
 def test_large_but_finite_results_pass(make, put):
     slave = make("oscillator")
     put(slave, load=1e200)

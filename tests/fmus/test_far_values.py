@@ -9,8 +9,6 @@ from ps_fmu.fmu.slave import ModelError, Refused
 
 H = 1e-4  # s
 
-pytestmark = pytest.mark.filterwarnings("ignore::RuntimeWarning")  # of numpy, on the way to a refusal
-
 
 def outcome(model, reference, value, before):
     """What is said about a value that is set before or after initialisation; "" if nothing."""
@@ -29,6 +27,7 @@ def outcome(model, reference, value, before):
     return "" if all(done) else next(m.msg for m in slave.log_queue if "refused" in m.msg)
 
 
+@pytest.mark.filterwarnings("error::RuntimeWarning")  # numpy's would tell a user nothing
 @pytest.mark.parametrize(
     ("folder", "every"),
     [("feedforward_isolator", 1), ("pointing_commander", 1), ("manipulator_plant", 2), ("disturbance_source", 7)],
@@ -47,6 +46,7 @@ def test_each_of_them(folder, every, value):
     assert any(said)
 
 
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")
 @settings(max_examples=40)
 @given(clocks(), numbers())
 @pytest.mark.parametrize("folder", ["feedforward_isolator", "pointing_commander", "manipulator_plant"])

@@ -22,7 +22,7 @@ from ps_fmu.fmu.native import fmi_headers
 HERE = Path(__file__).parent
 MODELS = HERE.parent / "fmu" / "models"
 SSD = HERE.parents[1] / "system" / "SystemStructure.ssd"
-HOST_SOURCES = (HERE / "host.c", HERE / "fmu.c")
+HOST_SOURCES = (HERE / "host.c", HERE / "mistakes.c", HERE / "fmu.c")
 SYSTEM_SOURCES = (HERE / "system.c", HERE / "wired.c", HERE / "fmu.c")
 CALLS_SOURCES = (HERE / "calls.c", HERE / "words.c")
 TIMEOUT = 120.0  # s

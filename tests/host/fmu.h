@@ -6,11 +6,14 @@
 
 #include "fmi2Functions.h"
 
+/* All of FMI 2.0 for co-simulation but fmi2GetTypesPlatform and fmi2GetVersion. */
 #define FUNCTIONS(X)                                                                                                   \
     X(Instantiate) X(FreeInstance) X(SetupExperiment) X(EnterInitializationMode) X(ExitInitializationMode)             \
     X(Terminate) X(Reset) X(GetReal) X(GetInteger) X(GetBoolean) X(GetString) X(SetReal) X(SetInteger) X(SetBoolean)   \
     X(SetString) X(GetFMUstate) X(SetFMUstate) X(FreeFMUstate) X(SerializedFMUstateSize) X(SerializeFMUstate)          \
-    X(DeSerializeFMUstate) X(DoStep) X(GetRealStatus)
+    X(DeSerializeFMUstate) X(DoStep) X(SetDebugLogging) X(GetRealStatus) X(GetBooleanStatus) X(GetStatus)              \
+    X(GetIntegerStatus) X(GetStringStatus) X(CancelStep) X(GetDirectionalDerivative) X(SetRealInputDerivatives)        \
+    X(GetRealOutputDerivatives)
 
 enum { MOST = 64 };
 

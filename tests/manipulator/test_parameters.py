@@ -1,7 +1,12 @@
 """The parameter set: what paper.toml holds, what is refused and how the refusal reads."""
 
+import copy
 import math
+import re
+import tomllib
 from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -155,6 +160,58 @@ def test_broken_file_names_the_entry(tmp_path, old: str, new: str, text: str) ->
     path = tmp_path / "broken.toml"
     path.write_text(text_of_paper.replace(old, new), encoding="utf-8")
     with pytest.raises(ParameterError, match=text):
+        load(path)
+
+
+SCALARS = ["payload.mass", "manipulator.fine_legs.0.stiffness", "filters.lowpass_order", "bus.OSM.modes.1.frequency"]
+ARRAYS = ["payload.com_P", "bus.OSM.inertia_B", "manipulator.nominal_translation_B", "noise.wrench_psd_B"]
+
+
+def entry_name(key: str) -> str:
+    """How errors write ``fine_legs.0.stiffness``: items count from 1, in brackets; frames are left out at the end."""
+    text = re.sub(r"\.(\d+)", lambda found: f"[{int(found[1]) + 1}]", key)
+    return re.sub("_[BP]$", "", text)
+
+
+def refusal(table: dict[str, object], key: str, value: object, path: Path) -> str:
+    """What :func:`load` says of the parameter set with another value of an entry."""
+    *parents, last = (int(part) if part.isdigit() else part for part in key.split("."))
+    changed = copy.deepcopy(table)
+    inner: Any = changed
+    for parent in parents:
+        inner = inner[parent]
+    inner[last] = value
+    path.write_text("\n".join(f"{name} = {inline(entry)}" for name, entry in changed.items()), encoding="utf-8")
+    with pytest.raises(ParameterError) as refused:
+        load(path)
+    return str(refused.value)
+
+
+def inline(value: object) -> str:
+    """A value as TOML on one line."""
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{key} = {inline(inner)}" for key, inner in value.items()) + "}"
+    if isinstance(value, list):
+        return "[" + ", ".join(map(inline, value)) + "]"
+    return repr(value).replace("True", "true")
+
+
+@pytest.mark.filterwarnings("error::RuntimeWarning")
+@pytest.mark.parametrize("key", [*SCALARS, *ARRAYS])
+def test_values_that_are_not_numbers_to_work_with_are_named(tmp_path: Path, key: str) -> None:
+    """Also those that overflow in a product: no warning of numpy is all that is said of them."""
+    table = tomllib.loads(PAPER.read_text(encoding="utf-8"))
+    odd: list[object] = [math.nan, math.inf, 1e300, -1e300, 10**400, "heavy", True, {"a": 1.0}, [[1.0], [2.0]]]
+    for value in [*odd, 1e-300] if key in SCALARS else [*odd, [1e300] * 3, [1.0, math.nan, 0.0], ["a", "b", "c"]]:
+        text = refusal(table, key, value, tmp_path / "odd.toml")
+        assert text.startswith(f"{entry_name(key)}: "), (value, text)
+        assert len(text) < 300
+
+
+def test_a_file_that_is_not_text_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "binary.toml"
+    path.write_bytes(b"\x89PNG\xff")
+    with pytest.raises(ParameterError, match=r"binary\.toml: not a TOML file"):
         load(path)
 
 

@@ -1,12 +1,27 @@
 """The orientations within reach: Table 1, and how far single angles, cubes and cones go."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from scipy.optimize import minimize_scalar
 
 from ps_fmu.manipulator.inverse import inverse_kinematics
 from ps_fmu.manipulator.parameters import load
 from ps_fmu.manipulator.reach import reachable, stroke_margin
-from ps_fmu.manipulator.workspace import cone, grid, largest_cube, limits, pure_limits, reach_along, sample, surface
+from ps_fmu.manipulator.rotations import rotation_from_vector
+from ps_fmu.manipulator.workspace import (
+    cone,
+    grid,
+    largest_cube,
+    limits,
+    pure_limits,
+    reach_along,
+    rim,
+    sample,
+    smallest_tilt,
+    surface,
+)
 from ps_fmu.paper import published
 
 GEOMETRY = load().manipulator.geometry
@@ -74,13 +89,52 @@ def test_all_of_the_largest_cube_is_within_reach_and_no_more():
 
 def test_a_tilt_towards_x_is_pitch_and_towards_minus_y_roll():
     pure = pure_limits(GEOMETRY)
-    found = cone(GEOMETRY, np.radians([0.0, 90.0, 180.0, 270.0]), np.zeros(1))[0]
+    found = cone(GEOMETRY, np.radians([0.0, 90.0, 180.0, 270.0]))
     expected = [pure[1, 1], -pure[0, 0], -pure[1, 0], pure[0, 1]]
     assert found == pytest.approx(expected, rel=1e-9)
 
 
 def test_a_twist_out_of_reach_has_no_cone():
-    assert cone(GEOMETRY, np.zeros(1), np.radians([30.0]))[0, 0] == -1.0
+    assert cone(GEOMETRY, np.zeros(1), np.radians(30.0)) == -1.0
+
+
+def test_no_direction_allows_less_tilt_than_the_smallest():
+    degree = np.radians(np.arange(360.0))
+    found = smallest_tilt(GEOMETRY, degree)
+    anywhere = np.random.default_rng(1).uniform(0.0, 2.0 * np.pi, 500)
+    assert cone(GEOMETRY, anywhere).min() > found - 1e-9
+    assert found < cone(GEOMETRY, degree).min()  # 1.5e-4 deg below what whole degrees show
+    finer = smallest_tilt(GEOMETRY, np.radians(np.arange(90.0, 150.0, 0.2)))
+    assert finer == pytest.approx(found, abs=np.radians(3e-7))
+
+
+@pytest.mark.parametrize("edge", range(6))
+def test_the_rim_is_what_the_best_twist_reaches(edge):
+    """Against the twist with the largest tilt, searched for with inverse kinematics, in the middle of each edge."""
+    azimuth, tilt = (values[100 * edge + 37] for values in rim(GEOMETRY, 100))
+    lowest, highest = pure_limits(GEOMETRY)[2]  # a twist alone is a yaw
+
+    def less(twist):
+        return -cone(GEOMETRY, np.array([azimuth]), twist)[0]
+
+    best = minimize_scalar(less, bounds=(0.99 * lowest, 0.99 * highest), method="bounded", options={"xatol": 1e-9})
+    assert -best.fun == pytest.approx(tilt, abs=1e-8)
+
+
+def test_the_rim_goes_round_once():
+    azimuth, tilt = rim(GEOMETRY, 50)
+    turn = np.diff(np.unwrap(np.append(azimuth, azimuth[0])))
+    assert abs(turn.sum()) == pytest.approx(2.0 * np.pi)
+    assert np.all(turn > 0.0) or np.all(turn < 0.0)
+    assert np.degrees(tilt.min()) == pytest.approx(8.7591, abs=1e-3)
+
+
+def test_no_rim_is_claimed_where_a_twist_lengthens_one_leg_and_shortens_another():
+    base = GEOMETRY.base_joints_B.copy()
+    base[0] = rotation_from_vector(np.array([0.0, 0.0, np.radians(95.0)])) @ base[0]  # leans to the other side
+    short = np.array([-5e-3, 5e-3])  # m
+    with pytest.raises(ValueError, match="all coarse legs one way"):
+        rim(replace(GEOMETRY, base_joints_B=base, coarse_stroke=short))
 
 
 def test_a_curve_that_stays_within_reach_is_followed_to_its_end():

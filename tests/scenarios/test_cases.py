@@ -1,6 +1,8 @@
+import numpy as np
 import pytest
 
-from ps_fmu.scenarios.cases import progress_bar
+from ps_fmu.cosim import Column
+from ps_fmu.scenarios.cases import Bounds, Divergence, progress_bar
 from ps_fmu.scenarios.publish import text_table
 
 
@@ -12,6 +14,16 @@ def test_table_for_the_terminal():
         "x      1.65e-05",
         "y         5e-06",
     ]
+
+
+def test_values_beyond_all_use_end_a_run():
+    """Not only those of the last column, and not those that are merely large."""
+    bounds = Bounds((Column("plant.a", "m", "Real", ""), Column("plant.b", "N", "Real", "")))
+    values = np.full((3, 2), 1e99)
+    bounds.block(0, np.arange(3.0), values)
+    values[1:, 0] = -1e101
+    with pytest.raises(Divergence, match=r"plant\.a is beyond 1e\+100 m at t = 1 s: .* unstable loop"):
+        bounds.block(0, np.arange(3.0), values)
 
 
 @pytest.mark.parametrize("shown", [True, False])

@@ -121,6 +121,19 @@ def test_table2(make_options, ssv, monkeypatch):
     assert "commander.target.yaw" in " ".join(summary["warnings"])
 
 
+def test_table2_with_orientations_out_of_reach(make_options, ssv, monkeypatch, capsys):
+    monkeypatch.setattr(table2, "draw", lambda comparison, folder, prefix: [])
+    monkeypatch.setattr(table2, "SETTLING_S", 0.0)
+    short = {"disturbance.rise_time": 0.1, "commander.coarse_stroke.min": -0.01, "commander.coarse_stroke.max": 0.01}
+    options = make_options("table2", 0.2, step_s=1e-3, parameters=(ssv(short),))
+    with pytest.raises(TargetError, match=r"The target \(0, -7, 0\) deg is out of reach"):
+        run(options)
+    assert "is out of reach" in capsys.readouterr().out
+    reachable = [e["reachable"] for e in json.loads((options.output / "summary.json").read_text())["orientations"]]
+    assert reachable[0] and not reachable[2]
+    assert "is out of reach" in (options.output / "report.html").read_text()
+
+
 @pytest.mark.parametrize(
     ("duration", "period"),
     [(100.0, 100.0), (20.0, 20.0), (19.9, 100.0), (0.5, 100.0), (2000.0, 1000.0), (1500.0, 750.0)],
@@ -178,12 +191,16 @@ def test_slew_that_ends_early_is_judged_at_its_end(make_options, ssv, capsys, du
 
 def test_slew_to_where_the_platform_cannot_go(make_options, ssv, capsys):
     options = make_options("slew", 2.0, step_s=0.02, parameters=(ssv({"commander.target.pitch": 0.5}),))
-    summary = run(options)
+    with pytest.raises(TargetError, match=r"The target \(0, 28\.6479, 0\) deg is out of reach"):
+        run(options)
+    summary = json.loads((options.output / "summary.json").read_text())
     assert summary["slew"]["reachable"] is False
     assert summary["slew"]["profile_end_s"] is None
     assert summary["rms_passive_rad"] is summary["rejection_percent"] is None
     np.testing.assert_allclose(summary["orientation_deg"], 0.0, atol=1e-9)
-    assert "refused the target" in capsys.readouterr().out
+    text = capsys.readouterr().out
+    assert "is out of reach" in text and "nan" not in text
+    assert "is out of reach" in (options.output / "report.html").read_text()
     assert sum("PointingCommander" in text for text in summary["warnings"]) == 1
 
 

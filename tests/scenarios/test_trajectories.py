@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from ps_fmu.scenarios import trajectories
+from ps_fmu.scenarios.comparison import TargetError
 from ps_fmu.scenarios.options import OptionError
 
 
@@ -32,6 +33,19 @@ def test_platform_points_where_it_is_told_to(make_options, capsys, monkeypatch):
     assert found["roll-pitch", "Algorithm 1, 2e-11 m"]["largest_error_deg"] > 1e-9
     assert "Algorithm 1 stops at an error of 1e-06 m" in capsys.readouterr().out
     assert len(list(options.output.glob("trajectory_*.png"))) == 2
+
+
+def test_targets_out_of_reach_are_counted(make_options, ssv, capsys, monkeypatch):
+    monkeypatch.setattr(trajectories, "PLANES", {"roll-pitch": (0, 1)})
+    monkeypatch.setattr(trajectories, "path_figure", lambda file, results: file.touch())
+    short = ssv({"commander.coarse_stroke.min": -0.005, "commander.coarse_stroke.max": 0.005})
+    options = make_options("trajectories", 44.0, step_s=0.05, parameters=(short,))
+    with pytest.raises(TargetError, match=r"roll-pitch, trilateration: \d+ of \d+ targets are out of reach"):
+        trajectories.run(options)
+    assert "targets are out of reach" in capsys.readouterr().out
+    for path in json.loads((options.output / "summary.json").read_text())["paths"]:
+        error = np.abs(np.subtract(path["response_deg"], path["targets_deg"])).max(axis=1)
+        assert 0 < path["refused"] == np.count_nonzero(error > 0.1)
 
 
 def test_too_short_a_run_says_what_a_path_takes(make_options):

@@ -69,6 +69,7 @@ def test_all_arguments_arrive(run, scenario, tmp_path):
     [
         ("dance", "invalid choice: 'dance'"),
         ("--step 0", "--step: expected a time above 0 s, got 0.0"),
+        ("--step 1e-300 --duration 1e-299", "--step: expected at least 1e-13 s, got 1e-300 s"),
         ("--step fast", "invalid float value: 'fast'"),
         ("--duration -1", "--duration: expected a time above 0 s, got -1.0"),
         ("--duration 0.00015", "--duration: 0.00015 s is not a whole number of steps"),

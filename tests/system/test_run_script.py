@@ -65,6 +65,17 @@ def test_without_an_error_stream(tmp_path):
     np.testing.assert_allclose(stored_time(tmp_path / "out" / "results.nc", "active")[-1], 0.02)
 
 
+def test_a_full_disk_under_the_standard_output_costs_no_results(tmp_path):
+    with open("/dev/full", "w") as full:
+        run = subprocess.run(
+            [*COMMAND, *["--duration", "0.02", "--step", "1e-3", "--output", "out"]],
+            cwd=tmp_path, stdout=full, stderr=subprocess.PIPE, text=True, timeout=FINISHED_WITHIN_S, check=False,
+        )  # fmt: skip
+    assert run.returncode == 1
+    assert run.stderr.endswith("standard output: No space left on device\n")
+    assert {"summary.json", "report.html"} <= set(os.listdir(tmp_path / "out"))
+
+
 @pytest.mark.parametrize("stop", [signal.SIGINT, signal.SIGTERM])
 def test_ctrl_c_during_a_run_leaves_what_was_simulated(tmp_path, stop):
     """The progress bar on a terminal says when the run is under way."""

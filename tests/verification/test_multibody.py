@@ -5,19 +5,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from support.importers import needs_pinocchio
-from support.mechanics import PAPER, dynamics_at, pose_at, relative_error, rigid
+from support.mechanics import dynamics_at, pose_at, relative_error, rigid
+from support.prototype import both, errors, other_geometry, random_orientations
 
 from ps_fmu.manipulator.frequency import Nominal, Practical
-from ps_fmu.manipulator.inverse import inverse_kinematics
-from ps_fmu.manipulator.parameters import Parameters, load
-from ps_fmu.verification.linear import COARSE, FINE, FREE, LinearModel
+from ps_fmu.manipulator.parameters import load
+from ps_fmu.verification.linear import COARSE, FINE
 from ps_fmu.verification.multibody import Prototype
 
-S = 2j * np.pi * np.geomspace(0.05, 300.0, 30)  # rad/s
-TABLE_1_DEG = np.array([[-9.0, -10.7, -14.5], [9.6, 9.8, 16.6]])  # roll, pitch, yaw, each alone
+FREE = slice(0, 9)  # fine legs and base
 RADIUS = 0.03  # m; a voice-coil actuator is about as thick: the axial inertia is a quarter of the radial one
 GEOMETRIES = range(5)
 N_ORIENTATIONS = 20
+ORIENTATIONS_DEG = random_orientations(N_ORIENTATIONS)
+ANYWHERE = ORIENTATIONS_DEG[0]
 LIMIT = {Nominal: 1e-12, Practical: 1e-10}  # relative; G_P = B D^-1 of the practical plant loses two digits
 
 
@@ -26,85 +27,10 @@ def _pinocchio():
     needs_pinocchio()
 
 
-def random_orientations() -> list[tuple[float, float, float]]:
-    """Roll, pitch, yaw in deg, from all over the workspace: within the stroke of the coarse legs."""
-    drawn_deg = np.random.default_rng(1).uniform(*TABLE_1_DEG, (20 * N_ORIENTATIONS, 3))
-    geometry = PAPER.manipulator.geometry
-    displacement = inverse_kinematics(geometry, np.radians(drawn_deg)).coarse_displacement
-    reached = np.all(np.abs(displacement) <= geometry.coarse_stroke[1], axis=1)
-    return [tuple(rpy) for rpy in drawn_deg[reached][:N_ORIENTATIONS].tolist()]
-
-
-ORIENTATIONS_DEG = random_orientations()
-ANYWHERE = ORIENTATIONS_DEG[0]
-
-
-def other_geometry(seed: int) -> Parameters:
-    """Joints moved by up to 20 mm, masses, stiffness, damping by up to 30 %, inertias and centres of mass likewise."""
-    random = np.random.default_rng([seed, 2])
-
-    def scaled(value):
-        return value * random.uniform(0.7, 1.3)
-
-    def leg(this):
-        parts = {
-            name: replace(
-                getattr(this, name), **{k: scaled(getattr(part, k)) for k in ("mass", "com_distance", "radial_inertia")}
-            )
-            for name, part in (("lower", this.lower), ("upper", this.upper))
-        }
-        joints = {
-            name: getattr(this, name) + random.uniform(-0.02, 0.02, 3) for name in ("base_joint_B", "platform_joint_P")
-        }
-        springs = {k: scaled(getattr(this, k)) for k in ("stiffness", "damping") if hasattr(this, k)}
-        return replace(this, **parts, **joints, **springs)
-
-    def body(this, frame):
-        com, inertia = f"com_{frame}", f"inertia_{frame}"
-        spread = random.normal(size=(3, 3))
-        size = 0.05 * np.trace(getattr(this, inertia))
-        return replace(
-            this,
-            mass=scaled(this.mass),
-            **{
-                com: getattr(this, com) + random.uniform(-0.05, 0.05, 3),
-                inertia: getattr(this, inertia) + size * spread @ spread.T / 9.0,
-            },
-        )
-
-    bare = rigid()
-    manipulator = bare.manipulator
-    return replace(
-        bare,
-        manipulator=replace(
-            manipulator,
-            nominal_translation_B=manipulator.nominal_translation_B + random.uniform(-0.02, 0.02, 3),
-            coarse_legs=tuple(map(leg, manipulator.coarse_legs)),
-            fine_legs=tuple(map(leg, manipulator.fine_legs)),
-        ),
-        payload=body(bare.payload, "P"),
-        bus=body(bare.bus, "B"),
-    )
-
-
-def errors(prototype: LinearModel, model: Nominal | Practical) -> dict[str, float]:
-    return {
-        "G_P": relative_error(model.G_P(S), prototype.base_to_payload(S)),
-        "A": relative_error(model.A(S), prototype.force_to_payload(S)),
-        "C": relative_error(model.C(S), prototype.force_to_base(S)),
-    }
-
-
-def both(parameters: Parameters, rpy_deg, leg_radius: float = 0.0):
-    """The prototype about rest at an orientation, and the plant there."""
-    pose = pose_at(rpy_deg, parameters)
-    return Prototype(parameters, leg_radius).linearise(pose), dynamics_at(pose, parameters)
-
-
 @pytest.mark.parametrize("bus", ["OSM", "LSM"])
 @pytest.mark.parametrize("model", [Nominal, Practical])
 def test_random_orientations(bus, model):
-    """G_P, A and C, legs without axial inertia: 1e-8 is what is asked for, 1e-14 what is found."""
+    """All transfer matrices, legs without axial inertia: 1e-8 is what is asked for, 1e-14 what is found."""
     parameters = rigid(load(bus=bus))
     assert len(ORIENTATIONS_DEG) == N_ORIENTATIONS
     for rpy_deg in ORIENTATIONS_DEG:
@@ -122,7 +48,7 @@ def test_random_geometries(geometry):
 
 def test_axial_inertia():
     """What approximation (A8) leaves out: below 1e-3 for legs of 30 mm radius, and seen."""
-    worst = dict.fromkeys(("G_P", "A", "C"), 0.0)
+    worst = dict.fromkeys(["G_P", "A", "B", "C", "D"], 0.0)
     for parameters in (rigid(), *map(other_geometry, GEOMETRIES)):
         for rpy_deg in ORIENTATIONS_DEG:
             prototype, dynamics = both(parameters, rpy_deg, RADIUS)

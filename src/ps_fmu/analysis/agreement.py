@@ -29,12 +29,27 @@ class Agreement:
     reference: NDArray[np.complex128]
     """(n, 3, 6)."""
 
+    @property
+    def within(self) -> NDArray[np.bool_]:
+        """(n,): lines within the band."""
+        f = self.response.frequency
+        return np.asarray((f >= BAND[0]) & (f <= BAND[1]))
+
     @cached_property
     def checked(self) -> NDArray[np.bool_]:
-        """(n,): lines within the band and with enough coherence."""
-        f = self.response.frequency
-        coherent = (self.response.coherence > COHERENCE).all(axis=1)
-        return np.asarray((f >= BAND[0]) & (f <= BAND[1]) & coherent)
+        """(n,): lines within the band and with enough coherence.  Raises ValueError if there is none."""
+        found = self.within & (self.response.coherence > COHERENCE).all(axis=1)
+        if not found.any():
+            raise ValueError(
+                f"no line from {BAND[0]:g} to {BAND[1]:g} Hz has a coherence above {COHERENCE:g}: "
+                "the measurement says nothing; let transients settle longer, or lengthen the records"
+            )
+        return np.asarray(found)
+
+    @property
+    def lowest_coherence(self) -> float:
+        """Of any output at any line within the band."""
+        return float(self.response.coherence[self.within].min())
 
     @cached_property
     def ratio(self) -> NDArray[np.complex128]:
@@ -76,13 +91,11 @@ class Agreement:
     @property
     def entry(self) -> dict[str, object]:
         """For the JSON file."""
-        f = self.response.frequency
-        within = (f >= BAND[0]) & (f <= BAND[1])
         return {
             "band_hz": BAND,
-            "lines": int(within.sum()),
+            "lines": int(self.within.sum()),
             "lines_checked": int(self.checked.sum()),
-            "lowest_coherence": float(self.response.coherence[within].min()),
+            "lowest_coherence": self.lowest_coherence,
             "largest_deviation_db": self.largest_db,
             "largest_deviation_deg": self.largest_deg,
             "largest_matrix_error": self.matrix_error,

@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
+from ..fmu.files import write_atomically
 from ..paper import Published, published
-from ..pointing.files import write_atomically
 from ..pointing.report import Picture, Report, Table
 from ..pointing.summary import plain, versions
 

@@ -53,7 +53,7 @@ def analyse(options: Options) -> Analysis:
                 f"{r.path}, {r.method}": float(np.degrees(r.expected_error.max())) for r in results
             },
             "limits_reached_deg": np.degrees(limits.response),
-            "beyond_refused": [not taken for taken in beyond.reachable.tolist()],
+            "beyond_refused": beyond.refused.tolist(),
         },
     )
 
@@ -99,7 +99,7 @@ def limits_text(beyond: PathResult) -> str:
     """What was done about the limits."""
     from ..scenarios.trajectories import BEYOND_DEG
 
-    refused = int((beyond.reachable == 0.0).sum())
+    refused = int(beyond.refused.sum())
     return (
         "Table 1: the six orientations in which an angle is largest or smallest (analysis workspace) are commanded one "
         f"after the other, and the plant turns there. Of six targets {BEYOND_DEG:g} deg beyond, {refused} are refused, "
@@ -119,10 +119,10 @@ def limit_table(limits: PathResult, beyond: PathResult) -> Table:
             f"{target:.5f}",
             f"{angle:.5f}",
             f"{error:.0e}",
-            "taken" if taken else "refused",
+            "refused" if refused else "taken",
         )
-        for key, target, angle, error, taken in zip(
-            LIMITS, targets, reached, np.degrees(limits.error), beyond.reachable, strict=True
+        for key, target, angle, error, refused in zip(
+            LIMITS, targets, reached, np.degrees(limits.error), beyond.refused, strict=True
         )
     ]
     header = (

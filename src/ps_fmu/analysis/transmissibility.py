@@ -11,17 +11,26 @@ import numpy as np
 
 from ..manipulator.frequency import Nominal
 from ..manipulator.parameters import Array, Parameters, load
-from ..manipulator.sampled import from_base_sampled
 from ..manipulator.stability import loop_at
 from ..manipulator.transmissibility import from_base, singular_values_db
 from ..pointing.report import Picture, Table
-from ..scenarios.comparison import TARGET, angles
+from ..scenarios.comparison import angles
+from ..scenarios.support_modules import CASES, parameters_of
 from ..scenarios.table2 import ORIENTATIONS
-from .agreement import ALLOWED_DB, ALLOWED_DEG, BAND, Agreement
 from .command import Options
-from .measured import Shaking, measure
+from .measured import Shaking
 from .result import Analysis, Finding
-from .stability import CASES, nominal_system, parameters_of
+from .stability import nominal_system
+from .transmissibility_measured import (
+    Measured,
+    Setup,
+    agreement_table,
+    agreements,
+    entries,
+    step_agreements,
+    step_table,
+    verdict,
+)
 
 FREQUENCY = np.geomspace(1e-2, 1e3, 3000)  # Hz
 AMPLIFIED_BAND = (100.0, 700.0)  # Hz, where the paper looks for the largest amplification
@@ -72,12 +81,14 @@ def curves(p: Parameters, rpy_deg: tuple[float, float, float] = (0.0, 0.0, 0.0))
 
 
 def analyse(options: Options, shaking: Shaking | None = None) -> Analysis:
-    """Compute the curves, measure them at (0, 0, 0), compare, draw and word it."""
-    from .transmissibility_plots import cases_figure, measured_figure, orientations_figure
+    """Compute the curves, measure them on the FMUs, compare, draw and word it."""
+    from .transmissibility_plots import cases_figure, deviation_figure, measured_figure, orientations_figure
 
+    shaking = shaking or Shaking()
     at_orientations = {name: curves(load(), rpy) for name, rpy in ORIENTATIONS.items()}
     of_cases = {case: curves(parameters_of(case)) for case in CASES}
-    measured = agreements(options, shaking or Shaking())
+    measured = agreements(options, shaking)
+    of_step = step_agreements(measured, shaking.step)
     figures: list[tuple[str, str, Callable[[Path], None]]] = [
         (
             "orientations",
@@ -86,13 +97,18 @@ def analyse(options: Options, shaking: Shaking | None = None) -> Analysis:
         ),
         (
             "cases",
-            "Fig 11: largest singular value, passive, in the four cases.",
-            partial(cases_figure, found=of_cases),
+            "Fig 11: largest singular value, passive, in the four cases, in closed form and as measured on the FMUs.",
+            partial(cases_figure, found=of_cases, measured=measured),
         ),
         (
             "measured",
-            "As measured on the running FMUs, and its deviation from the closed form.",
+            "Fig 8 as measured on the running FMUs, in the band that is shaken.",
             partial(measured_figure, measured=measured),
+        ),
+        (
+            "deviation",
+            "Deviation of what was measured from the closed form: the largest of the three singular values.",
+            partial(deviation_figure, measured=measured),
         ),
     ]
     pictures = []
@@ -105,22 +121,25 @@ def analyse(options: Options, shaking: Shaking | None = None) -> Analysis:
         title="Transmissibility: Figs 8 and 11",
         text=_text(measured),
         findings=findings(at_orientations, measured),
-        tables=[_orientation_table(at_orientations), _case_table(of_cases), _agreement_table(measured)],
+        tables=[
+            _orientation_table(at_orientations), _case_table(of_cases), agreement_table(measured), step_table(of_step),
+        ],
         pictures=pictures,
         data={
             "orientations": {name: _entry(c) for name, c in at_orientations.items()},
             "cases": {case: {"largest_db": float(c.passive.max())} for case, c in of_cases.items()},
-            "measured": {name: agreement.entry for name, agreement in measured.items()},
+            "measured": entries(measured),
+            "measured_active_by_closed_form": {name: agreement.entry for name, agreement in of_step.items()},
         },
-    )
+    )  # fmt: skip
 
 
-def findings(at_orientations: Mapping[str, Curves], measured: Mapping[str, Agreement] | None = None) -> list[Finding]:
+def findings(at_orientations: Mapping[str, Curves], measured: Measured | None = None) -> list[Finding]:
     """The numbers of Fig 8; co-simulated ones only if they were measured."""
     found = at_orientations.values()
     start = attenuation = None
     if measured:
-        passive, active = (singular_values_db(measured[case].response.matrix)[:, 0] for case in ("passive", "active"))
+        passive, active = (singular_values_db(measured[Setup(active=on)].response.matrix)[:, 0] for on in (False, True))
         start, attenuation = float(passive[0]), float((passive - active).max())
     return [
         Finding("fig8.start", max((c.start for c in found), key=abs), start),
@@ -134,38 +153,7 @@ def findings(at_orientations: Mapping[str, Curves], measured: Mapping[str, Agree
     ]
 
 
-def agreements(options: Options, shaking: Shaking, orientation: str = "nominal") -> dict[str, Agreement]:
-    """Shake the FMUs, passive and active, and compare with closed forms; builds them if they are out of date.
-
-    The active response is also compared with two coarser closed forms, to show what the step does.
-    """
-    from tqdm import tqdm
-
-    from ..cosim import read_system
-    from ..fmu.build import default_fmus
-    from ..scenarios.sources import ensure_built
-
-    ensure_built(options.fmus, default_fmus().parent)
-    system = read_system(options.system, options.fmus)
-    rpy = np.radians(ORIENTATIONS[orientation])
-    target = {name: float(angle) for name, angle in zip(TARGET, rpy, strict=True)}
-    with tqdm(total=2 * shaking.records, unit="run", disable=not options.progress, desc="transmissibility") as bar:
-        passive, active = (
-            measure(system, shaking, {**target, "isolator.enabled": on}, options.seed, bar.update)
-            for on in (False, True)
-        )
-    loop, s, h = loop_at(load(), rpy), 2j * np.pi * shaking.lines, shaking.step
-    return {
-        "passive": Agreement(passive, from_base(loop, s, active=False)),
-        "active": Agreement(active, from_base_sampled(loop, s, h)),
-        "active, step as a delay of 1.5 steps": Agreement(active, from_base(loop.with_delay(1.5 * h), s, active=True)),
-        "active, step ignored": Agreement(active, from_base(loop, s, active=True)),
-    }
-
-
-def _text(measured: Mapping[str, Agreement]) -> list[str]:
-    passive, active = measured["passive"], measured["active"]
-    both = [("passive", passive), ("active", active)]
+def _text(measured: Measured) -> list[str]:
     return [
         "Closed form: singular values of the matrix from base motion (m, rad, counted alike) to payload rotation. "
         "Theory is (38), with rigid legs and payload; the practical plant has truss modes and flexible coarse rods, "
@@ -174,13 +162,7 @@ def _text(measured: Mapping[str, Agreement]) -> list[str]:
         "More damping in the fine legs takes away the resonance of the suspension, and changes little above it.",
         "Measured: the four FMUs run at the usual communication step, shaken by a multisine along one axis at a time; "
         "the matrix is found by least squares over all runs. Model, FMUs and master are checked as one. "
-        "There is no noise: what coherence lacks to one are transients of bus and suspension. "
-        + " ".join(
-            f"{name.capitalize()}, singular values and their phases are within {a.largest_db.max():.3f} dB and "
-            f"{a.largest_deg.max():.2f} deg of the closed form at {a.checked.sum()} lines from {BAND[0]:g} to "
-            f"{BAND[1]:g} Hz (lowest coherence {a.entry['lowest_coherence']:.6f})."
-            for name, a in both
-        ),
+        "There is no noise: what coherence lacks to one are transients of bus and suspension. " + verdict(measured),
         "Passive, both motions are outputs of the plant at the same instant, so that no delay is between them. With "
         "the isolator the communication step counts: it holds acceleration and force, and the plant's acceleration at "
         "the end of a step is that of the forces held over it. The closed form has all three; a pure delay of 1.5 "
@@ -213,28 +195,6 @@ def _resonance(curve: Array) -> tuple[str, str, str]:
     low = FREQUENCY < SUSPENSION_BELOW
     top = int(curve[low].argmax())
     return f"{FREQUENCY[top]:.2f}", f"{curve[top]:.2f}", f"{np.interp(20.0, FREQUENCY, curve):.2f}"
-
-
-def _agreement_table(measured: Mapping[str, Agreement]) -> Table:
-    header = (
-        "measured against", "lines", "lowest coherence",
-        "deviation of singular value 1 (dB)", "2", "3", "of its phase 1 (deg)", "2", "3",
-    )  # fmt: skip
-    rows = [
-        (
-            name,
-            f"{a.checked.sum()}",
-            f"{a.response.coherence[a.checked].min():.6f}",
-            *(f"{value:.3f}" for value in a.largest_db),
-            *(f"{value:.2f}" for value in a.largest_deg),
-        )
-        for name, a in measured.items()
-    ]
-    caption = (
-        f"FMUs at (0, 0, 0) against the closed form: largest deviation from {BAND[0]:g} to {BAND[1]:g} Hz; "
-        f"allowed: {ALLOWED_DB:g} dB, {ALLOWED_DEG:g} deg for the first two rows"
-    )
-    return Table(caption, header, rows)
 
 
 def _entry(c: Curves) -> dict[str, object]:

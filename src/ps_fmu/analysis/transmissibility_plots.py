@@ -2,23 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ..pointing.style import ACTIVE, AXES, PASSIVE, REFERENCE, draw
+from ..manipulator.parameters import Array
+from ..manipulator.transmissibility import singular_values_db
+from ..pointing.style import ACTIVE, PASSIVE, REFERENCE, draw
 from ..scenarios.comparison import angles
+from ..scenarios.support_modules import CASES
 from ..scenarios.table2 import ORIENTATIONS
-from .agreement import ALLOWED_DB, ALLOWED_DEG, BAND, Agreement
+from .agreement import ALLOWED_DB, ALLOWED_DEG, BAND, COHERENCE
 from .stability_plots import COLOURS
+from .transmissibility_measured import Measured, Setup
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
     from .transmissibility import Curves
+
+MARKERS = {"OSM": "o", "LSM": "x", "LDOSM": "s", "LDLSM": "+"}
+SMALLEST = 1e-8  # of what is shown: below is rounding
 
 
 def orientations_figure(path: Path, found: Mapping[str, Curves]) -> None:
@@ -50,8 +58,8 @@ def orientations_figure(path: Path, found: Mapping[str, Curves]) -> None:
     draw(path, 12.0, 9.0, paint)
 
 
-def cases_figure(path: Path, found: Mapping[str, Curves]) -> None:
-    """Fig 11: the largest singular value, passive, of the four cases; theory (38) dotted."""
+def cases_figure(path: Path, found: Mapping[str, Curves], measured: Measured) -> None:
+    """Fig 11: the largest singular value, passive, of the four cases: theory (38) dotted, markers as measured."""
     from .transmissibility import FREQUENCY
 
     def paint(figure: Figure) -> None:
@@ -62,60 +70,95 @@ def cases_figure(path: Path, found: Mapping[str, Curves]) -> None:
             axes.semilogx(FREQUENCY, curves.passive[:, 0], linestyle=style, color=COLOURS[case], label=case)
             axes.semilogx(FREQUENCY, curves.theory[:, 0], ":", color=REFERENCE, linewidth=1.0)
         axes.plot([], [], ":", color=REFERENCE, label="theory (38)")
+        for i, case in enumerate(CASES):
+            response = measured[Setup(case=case)].response
+            some = _thinned(response.frequency)[i :: len(CASES)]
+            values = singular_values_db(response.matrix[some])[:, 0]
+            axes.plot(
+                response.frequency[some], values, MARKERS[case], color=COLOURS[case], markersize=8.0,
+                markerfacecolor="none", markeredgewidth=1.8, label=f"{case}, measured",
+            )  # fmt: skip
         axes.set(xlabel="frequency (Hz)", ylabel="largest singular value (dB)")
-        axes.legend()
+        axes.legend(ncols=2)
         figure.suptitle("Passive transmissibility")
 
-    draw(path, 10.0, 6.0, paint)
+    draw(path, 12.0, 7.0, paint)
 
 
-def measured_figure(path: Path, measured: Mapping[str, Agreement]) -> None:
-    """Singular values measured and in closed form, their deviations in gain and phase, and what coherence lacks to one.
-
-    Passive on the left, active on the right.
-    """
-    cases = {name: measured[name] for name in ("passive", "active")}
+def measured_figure(path: Path, measured: Measured) -> None:
+    """Fig 8 from the running FMUs: all three singular values, passive and active, on those in closed form."""
 
     def paint(figure: Figure) -> None:
-        panels = figure.subplots(4, 2, sharex=True, height_ratios=(2.2, 1.0, 1.0, 1.0))
-        for column, (name, agreement) in zip(panels.T, cases.items(), strict=True):
-            column[0].set_title(name)
-            _paint_case(column, agreement)
-        for axes, text in zip(
-            panels[:, 0], ("singular values (dB)", "gain (dB)", "phase (deg)", "1 - coherence"), strict=True
-        ):
+        panels = figure.subplots(2, 2, sharex=True, sharey=True)
+        for axes, name in zip(panels.flat, ORIENTATIONS, strict=True):
+            for active, colour in ((False, PASSIVE), (True, ACTIVE)):
+                setup = Setup(name, active=active)
+                agreement = measured[setup]
+                f = agreement.response.frequency
+                values = singular_values_db(agreement.response.matrix)
+                label = f"{setup.mode}, measured"
+                axes.semilogx(f, values[:, 0], ".", color=colour, markersize=6.0, label=label)
+                axes.semilogx(f, values[:, 1:], ".", color=colour, markersize=6.0)
+                axes.semilogx(f, singular_values_db(agreement.reference), color="black", linewidth=0.9)
+            axes.plot([], [], color="black", linewidth=0.9, label="closed form")
+            axes.set(title=f"{angles(ORIENTATIONS[name])} deg", ylim=(-90.0, 50.0))
+        _band(panels[-1])
+        for axes in panels[:, 0]:
+            axes.set_ylabel("singular values (dB)")
+        handles = panels[0, 0].get_legend_handles_labels()
+        figure.legend(*handles, loc="outside lower center", ncols=3, markerscale=2.0)
+        figure.suptitle("Base motion to payload rotation, measured on the running FMUs")
+
+    draw(path, 12.0, 9.0, paint)
+
+
+def deviation_figure(path: Path, measured: Measured) -> None:
+    """Largest deviation of a singular value from the closed form, in gain and phase, and what coherence lacks to one.
+
+    Columns: the orientations passive, the same active, the cases of Fig 11.
+    """
+    columns = {
+        f"orientations (deg), {mode}": {
+            angles(ORIENTATIONS[name]): (measured[Setup(name, active=active)], colour)
+            for name, colour in zip(ORIENTATIONS, COLOURS.values(), strict=True)
+        }
+        for mode, active in (("passive", False), ("active", True))
+    }
+    columns["cases at (0, 0, 0), passive"] = {case: (measured[Setup(case=case)], COLOURS[case]) for case in CASES}
+    rows = {"gain (dB)": ALLOWED_DB, "phase (deg)": ALLOWED_DEG, "1 - coherence": 1.0 - COHERENCE}
+
+    def paint(figure: Figure) -> None:
+        panels = figure.subplots(len(rows), len(columns), sharex=True, sharey="row")
+        for column, (title, agreements) in zip(panels.T, columns.items(), strict=True):
+            for name, (agreement, colour) in agreements.items():
+                shown = (
+                    np.abs(agreement.deviation_db).max(axis=1),
+                    np.abs(agreement.deviation_deg).max(axis=1),
+                    1.0 - agreement.response.coherence.min(axis=1),
+                )
+                for axes, values in zip(column, shown, strict=True):
+                    axes.loglog(agreement.response.frequency, values, color=colour, linewidth=1.1, label=name)
+            for axes, allowed in zip(column, rows.values(), strict=True):
+                axes.axhline(allowed, color=REFERENCE, linestyle="--", linewidth=1.3)
+                axes.set_ylim(SMALLEST, 5.0 * allowed)
+            column[0].set_title(title)
+            column[-1].legend(loc="upper center", bbox_to_anchor=(0.5, -0.25), ncols=2)
+        for axes, text in zip(panels[:, 0], rows, strict=True):
             axes.set_ylabel(text)
-        for axes in panels[-1]:
-            axes.set_xlabel("frequency (Hz)")
-        handles, labels = panels[0, 0].get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside lower center", ncols=4, markerscale=3.0)
-        figure.suptitle("Measured on the FMUs, and deviation from the closed form")
+        _band(panels[-1])
+        figure.suptitle("FMUs against the closed form: largest deviation of a singular value; dashed: allowed")
         figure.align_ylabels(panels[:, 0])
 
-    draw(path, 12.0, 11.0, paint)
+    draw(path, 15.0, 10.0, paint)
 
 
-def _paint_case(column: np.ndarray, agreement: Agreement) -> None:
-    upper, gain, phase, coherence = column
-    f = agreement.response.frequency
-    found = np.linalg.svd(agreement.response.matrix, compute_uv=False)
-    expected = np.linalg.svd(agreement.reference, compute_uv=False)
-    for i, colour in enumerate(AXES):
-        label = f"value {i + 1}, measured"
-        upper.semilogx(f, 20.0 * np.log10(found[:, i]), ".", color=colour, markersize=4.0, label=label)
-        upper.semilogx(f, 20.0 * np.log10(expected[:, i]), color="black", linewidth=0.9)
-        gain.semilogx(f, agreement.deviation_db[:, i], color=colour, linewidth=1.0)
-        phase.semilogx(f, agreement.deviation_deg[:, i], color=colour, linewidth=1.0)
-    upper.plot([], [], color="black", linewidth=0.9, label="closed form")
-    _limits(gain, ALLOWED_DB, agreement.largest_db.max())
-    _limits(phase, ALLOWED_DEG, agreement.largest_deg.max())
-    coherence.loglog(f, np.maximum(1.0 - agreement.response.coherence.min(axis=1), 1e-16), color=REFERENCE)
-    upper.set(xlim=BAND, ylim=(-90.0, 50.0))
-    upper.set_xticks([0.2, 1, 10, 100], ["0.2", "1", "10", "100"])
+def _thinned(frequency: Array) -> NDArray[np.intp]:
+    """Indices of up to 20 frequencies to the decade."""
+    decades = np.log10(frequency / frequency[0])
+    return np.unique(np.searchsorted(decades, np.arange(0.0, decades[-1], 0.05)))
 
 
-def _limits(axes: Axes, allowed: float, largest: float) -> None:
-    for sign in (-1.0, 1.0):
-        axes.axhline(sign * allowed, color=REFERENCE, linestyle="--", linewidth=1.0)
-    limit = max(1.5 * allowed, 1.1 * largest)
-    axes.set_ylim(-limit, limit)
+def _band(lowest: Iterable[Axes]) -> None:
+    for axes in lowest:
+        axes.set(xlabel="frequency (Hz)", xlim=BAND)
+        axes.set_xticks([0.2, 1, 10, 100], ["0.2", "1", "10", "100"])

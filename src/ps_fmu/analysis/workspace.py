@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cache
 
@@ -30,28 +31,38 @@ class Reach:
     """Half the edge of the largest cube of roll, pitch and yaw."""
     azimuth: Array
     """(n,), towards which the boresight tilts, from x towards y of B."""
-    cone: Array
-    """(n,), largest tilt without twist."""
-    cone_with_twist: Array
-    """(n,), largest tilt with the best twist about the boresight."""
+    tilt: Array
+    """(n,), largest tilt there without twist."""
+    cone: float
+    """Half-angle of the largest cone of boresights without twist."""
+    rim_azimuth: Array
+    """(m,), of the boresights farthest out with the twist that suits each best, along a closed path."""
+    rim_tilt: Array
+    """(m,), how far they are tilted."""
+
+    @property
+    def cone_with_free_twist(self) -> float:
+        """Half-angle of the largest cone of boresights if the platform may turn about its boresight."""
+        return float(self.rim_tilt.min())
 
 
 @cache
-def compute(azimuths: int = 72) -> Reach:
+def compute() -> Reach:
     """The workspace of the identified geometry.  Cached: the errata ask for it too."""
     geometry = load().manipulator.geometry
     surface = workspace.sample(geometry, workspace.surface(geometry))
-    azimuth = np.linspace(0.0, 360.0, azimuths, endpoint=False)
-    twist = np.arange(-10.0, 10.25, 0.5)
-    cone = np.degrees(workspace.cone(geometry, np.radians(azimuth), np.radians(twist)))
+    azimuth = np.radians(np.arange(360.0))
+    rim_azimuth, rim_tilt = workspace.rim(geometry)
     return Reach(
         surface=surface,
         limits=np.degrees(workspace.limits(surface)),
         pure=np.degrees(workspace.pure_limits(geometry)),
         cube=float(np.degrees(workspace.largest_cube(geometry))),
-        azimuth=azimuth,
-        cone=cone[twist.size // 2],
-        cone_with_twist=cone.max(axis=0),
+        azimuth=np.degrees(azimuth),
+        tilt=np.degrees(workspace.cone(geometry, azimuth)),
+        cone=float(np.degrees(workspace.smallest_tilt(geometry, azimuth))),
+        rim_azimuth=np.degrees(rim_azimuth),
+        rim_tilt=np.degrees(rim_tilt),
     )
 
 
@@ -75,14 +86,14 @@ def analyse(options: Options) -> Analysis:
         tables=[_range_table(reach), _conditioning_table(reach)],
         pictures=[
             Picture(envelope, "The surface of the workspace, coloured by the condition number of the Jacobian."),
-            Picture(cone, "How far the boresight tilts, by direction, with and without a twist about it."),
+            Picture(cone, "How far the boresight can be tilted in each direction, with and without a twist about it."),
         ],
         data={
             "limits_deg": dict(zip(ANGLES, reach.limits, strict=True)),
             "limits_of_one_angle_alone_deg": dict(zip(ANGLES, reach.pure, strict=True)),
             "largest_cube_deg": reach.cube,
-            "cone_deg": float(reach.cone.min()),
-            "cone_with_free_twist_deg": float(reach.cone_with_twist.min()),
+            "cone_deg": reach.cone,
+            "cone_with_free_twist_deg": reach.cone_with_free_twist,
             "condition_number": [float(reach.surface.condition.min()), float(reach.surface.condition.max())],
         },
     )
@@ -106,10 +117,16 @@ def _verdict(reach: Reach) -> tuple[str, ...]:
     return (
         f"That the limits exceed {SAID:g} deg does not mean that any orientation within {SAID:g} deg can be reached: "
         f"Table 1 holds the extremes of each angle wherever they occur. Pitch alone goes from {pitch[0]:.2f} to "
-        f"{pitch[1]:.2f} deg, and the largest cube of roll, pitch and yaw is +-{reach.cube:.2f} deg.",
-        f"The boresight can be tilted by {reach.cone.min():.2f} deg in any direction without twist, and by "
-        f"{reach.cone_with_twist.min():.2f} deg if the platform may turn about the boresight as suits it.",
+        f"{pitch[1]:.2f} deg, and the largest cube of roll, pitch and yaw is +-{rounded_down(reach.cube)} deg.",
+        f"The boresight can be tilted by {rounded_down(reach.cone)} deg in any direction without twist, and by "
+        f"{rounded_down(reach.cone_with_free_twist)} deg if the platform may turn about the boresight as suits it: "
+        f"{SAID:g} deg in every direction holds for the boresight, not for the orientation.",
     )
+
+
+def rounded_down(angle: float) -> str:
+    """An angle in deg with two digits, such that what is said to be within reach is."""
+    return f"{math.floor(100.0 * angle) / 100.0:.2f}"
 
 
 def _range_table(reach: Reach) -> Table:

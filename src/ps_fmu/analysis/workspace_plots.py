@@ -65,19 +65,32 @@ def _faces(displacement: np.ndarray) -> Iterator[np.ndarray]:
 
 
 def cone_figure(path: Path, reach: Reach) -> None:
-    """Tilt of the boresight over azimuth, polar."""
+    """How far the boresight can be tilted, seen along z of B: direction and distance are those of the tilt."""
+    from .workspace import SAID, rounded_down
 
-    def closed(values: np.ndarray) -> np.ndarray:
-        return np.append(values, values[0])
+    all_round = np.linspace(0.0, 360.0, 361)
+    cones = ((reach.cone, PASSIVE), (SAID, REFERENCE), (reach.cone_with_free_twist, ACTIVE))
+    labels = (
+        f"any direction, no twist: {rounded_down(reach.cone)} deg",
+        f"{SAID:g} deg of the paper",
+        f"any direction, best twist: {rounded_down(reach.cone_with_free_twist)} deg",
+    )
 
     def paint(figure: Figure) -> None:
-        axes = figure.add_subplot(projection="polar")
-        azimuth = np.radians(closed(reach.azimuth))
-        axes.plot(azimuth, closed(reach.cone_with_twist), color=ACTIVE, label="best twist")
-        axes.plot(azimuth, closed(reach.cone), color=PASSIVE, label="no twist")
-        axes.plot(azimuth, np.full_like(azimuth, 8.5), color=REFERENCE, linestyle="--", label="8.5 deg")
-        axes.set_ylim(0.0, None)
-        axes.set_title("Largest tilt of the boresight (deg) by direction\n0° = towards x of B, 90° = towards y of B")
-        axes.legend(loc="lower left", bbox_to_anchor=(0.95, 0.9))
+        axes = figure.add_subplot()
+        axes.plot(*_seen(reach.rim_azimuth, reach.rim_tilt), color=ACTIVE, linewidth=2.4, label="best twist")
+        axes.plot(*_seen(reach.azimuth, reach.tilt), color=PASSIVE, linewidth=2.4, label="no twist")
+        for (tilt, colour), label in zip(cones, labels, strict=True):
+            circle = _seen(all_round, np.full_like(all_round, tilt))
+            axes.plot(*circle, color=colour, linestyle="--", linewidth=1.2, label=label)
+        axes.set(xlabel="tilt towards x of B (deg)", ylabel="tilt towards y of B (deg)", aspect="equal")
+        axes.set_title("Largest tilt of the boresight, by direction")
+        figure.legend(loc="outside lower center", ncols=2)
 
-    draw(path, 9.0, 7.5, paint)
+    draw(path, 8.0, 8.6, paint)
+
+
+def _seen(azimuth: np.ndarray, tilt: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Closed curve of tilts, deg, towards azimuths, deg, in the plane."""
+    around, out = np.radians(np.append(azimuth, azimuth[0])), np.append(tilt, tilt[0])
+    return out * np.cos(around), out * np.sin(around)

@@ -10,7 +10,8 @@ import csv
 import io
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,8 +19,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..cosim.interrupt import noted_interrupts
+
 MAXIMUM_BYTES = 1_000_000
 """The rules' limit for a CSV file."""
+MAXIMUM_ROWS = MAXIMUM_BYTES // 4
+"""No CSV file of that size has more rows."""
 MAXIMUM_VARIABLES = 10
 """The rules' recommendation for a reference file."""
 _DIGITS = 9
@@ -74,9 +79,16 @@ def find(folder: Path) -> list[Reference]:
     return found
 
 
+def _text(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8")
+    except UnicodeDecodeError as error:
+        raise CrossCheckError(f"{path}: is not text in UTF-8: {error}") from error
+
+
 def read_options(path: Path) -> Options:
     """Read a ``_ref.opt`` file.  Raises CrossCheckError naming what is missing or is no number."""
-    rows = [row for row in csv.reader(path.read_text(encoding="utf-8").splitlines()) if row]
+    rows = [row for row in csv.reader(_text(path).splitlines()) if row]
     given = {row[0].strip(): row[1].strip() for row in rows if len(row) == 2}
     values = []
     for name in _REQUIRED:
@@ -87,6 +99,8 @@ def read_options(path: Path) -> Options:
     options = Options(*values)
     if not (options.stop_time > options.start_time and options.step > 0.0 and options.relative_tolerance > 0.0):
         raise CrossCheckError(f"{path}: StopTime after StartTime, StepSize and RelTol above 0 are needed")
+    if (options.stop_time - options.start_time) / options.step > MAXIMUM_ROWS:
+        raise CrossCheckError(f"{path}: at most {MAXIMUM_ROWS} steps of StepSize from StartTime to StopTime")
     return options
 
 
@@ -98,7 +112,7 @@ def read_table(path: Path) -> Table:
     """
     if path.stat().st_size > MAXIMUM_BYTES:
         raise CrossCheckError(f"{path}: {path.stat().st_size} bytes, at most {MAXIMUM_BYTES} are allowed")
-    lines = path.read_text(encoding="utf-8").splitlines()
+    lines = _text(path).splitlines()
     names = next(csv.reader(lines), [""])
     if names[0] != "time" or not _HEADER.fullmatch(lines[0]):
         raise CrossCheckError(f'{path}: the first line must be quoted names, the first of them "time"')
@@ -133,18 +147,18 @@ def simulate(fmu: Path, reference: Reference, variables: Sequence[str] | None = 
     """Run an FMU in FMPy with the inputs and options of a reference.
 
     ``variables`` are recorded; by default those of the reference solution, or the first ten outputs if there is none.
-    Raises CrossCheckError, or whatever FMPy raises.
+    Raises CrossCheckError, also for whatever FMPy raises over the FMU, and KeyboardInterrupt after a step.
     """
     from fmpy import read_model_description, simulate_fmu
 
     if not fmu.is_file():
         raise CrossCheckError(f"there is no {fmu}: build it")
     options = read_options(reference.options)
-    description = read_model_description(str(fmu))
+    with _blamed(fmu):
+        description = read_model_description(str(fmu))
     outputs = [v.name for v in description.modelVariables if v.causality == "output" and v.type != "String"]
     if variables is None and reference.results.is_file():
-        with reference.results.open(encoding="utf-8") as file:
-            variables = next(csv.reader(file), ["time"])[1:]
+        variables = next(csv.reader(_text(reference.results).splitlines()), ["time"])[1:]
     wanted = list(variables or outputs[:MAXIMUM_VARIABLES])
     if unknown := sorted(set(wanted) - set(outputs)):
         raise CrossCheckError(f"{fmu.name} has no output {', '.join(unknown)}, which {reference.results} names")
@@ -155,15 +169,28 @@ def simulate(fmu: Path, reference: Reference, variables: Sequence[str] | None = 
         declared = {v.name for v in description.modelVariables if v.causality == "input"}
         if unknown := sorted(set(inputs.dtype.names or ()) - declared - {"time"}):
             raise CrossCheckError(f"{reference.inputs}: {fmu.name} has no input {', '.join(unknown)}")
-    result = simulate_fmu(
-        str(fmu),
-        start_time=options.start_time,
-        stop_time=options.stop_time,
-        output_interval=options.step,
-        input=inputs,
-        output=wanted,
-    )
+    with _blamed(fmu), noted_interrupts() as interrupted:
+        result = simulate_fmu(
+            str(fmu),
+            start_time=options.start_time,
+            stop_time=options.stop_time,
+            output_interval=options.step,
+            input=inputs,
+            output=wanted,
+            step_finished=lambda time, recorder: not interrupted,
+        )
+    if interrupted:
+        raise KeyboardInterrupt
     return result.astype([(name, np.float64) for name in ("time", *wanted)])
+
+
+@contextmanager
+def _blamed(fmu: Path) -> Iterator[None]:
+    """FMPy raises anything, and plain Exception too: all of it becomes a CrossCheckError that names the FMU."""
+    try:
+        yield
+    except Exception as error:
+        raise CrossCheckError(f"{fmu}: {' '.join(str(error).split()) or type(error).__name__}") from error
 
 
 def deviation(result: Table, expected: Table) -> float:

@@ -83,6 +83,8 @@ def _objection(member: zipfile.ZipInfo) -> str | None:
 def _opened(path: Path, problem: str) -> Iterator[zipfile.ZipFile]:
     """An open archive.  What a damaged one makes zipfile stumble over becomes a SystemFileError with this text."""
     try:
+        if path.exists() and not path.is_file():  # a device or pipe may be read without end
+            raise SystemFileError(path, f"{problem}: it is no ordinary file")
         with zipfile.ZipFile(path) as archive:
             yield archive
     except SystemFileError:

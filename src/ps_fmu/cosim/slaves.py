@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import ctypes
 import os
+import threading
 from collections.abc import Iterable, Mapping, Sequence
 from ctypes import CFUNCTYPE, byref, c_char_p, c_double, c_int, c_size_t, c_uint, c_void_p
 from enum import Enum, auto
@@ -24,6 +25,8 @@ from .description import typed_value, variables_of
 from .errors import SlaveError, SystemFileError, UsageError, status_name
 from .messages import MessageLog, forget, listen
 from .structure import Component, Value
+
+_LOADING = threading.Lock()  # the working directory, which FMPy changes, is that of all threads
 
 OK, WARNING, DISCARD, ERROR, FATAL = range(5)
 LAST_SUCCESSFUL_TIME = 2  # fmi2StatusKind
@@ -232,17 +235,18 @@ def _quoted(messages: Sequence[str]) -> str:
 
 def _load(component: Component, description: ModelDescription, folder: Path) -> FMU2Slave:
     """Load the library; FMPy changes the working directory for that and leaves it changed when it fails."""
-    directory = Path.cwd()
-    try:
-        return FMU2Slave(
-            guid=description.guid,
-            unzipDirectory=str(folder),
-            modelIdentifier=description.coSimulation.modelIdentifier,
-            instanceName=component.name,
-        )
-    except Exception as error:
-        raise SystemFileError(
-            component.source, f"component {component.name!r} cannot be loaded on this platform: {error}"
-        ) from error
-    finally:
-        os.chdir(directory)
+    with _LOADING:
+        directory = Path.cwd()
+        try:
+            return FMU2Slave(
+                guid=description.guid,
+                unzipDirectory=str(folder),
+                modelIdentifier=description.coSimulation.modelIdentifier,
+                instanceName=component.name,
+            )
+        except Exception as error:
+            raise SystemFileError(
+                component.source, f"component {component.name!r} cannot be loaded on this platform: {error}"
+            ) from error
+        finally:
+            os.chdir(directory)

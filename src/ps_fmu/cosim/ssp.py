@@ -55,9 +55,7 @@ def write_ssp(system: System, output: Path) -> None:
         values = chosen_values(component, descriptions[component.name], own_inputs)
         files[PurePosixPath(parameters_place(component))] = parameter_set_xml(values, descriptions[component.name])
     files[PurePosixPath(SSD_NAME)] = structure_xml(system, descriptions, _names(system), step, stop_time)
-    partial = output.with_name(f"{output.name}.partial")
-    archive.write(partial, files)
-    partial.replace(output)
+    archive.write(output, files)
 
 
 def chosen_values(

@@ -141,6 +141,15 @@ def parameter_set_xml(values: Mapping[str, Parameter], description: ModelDescrip
     return _text(root)
 
 
+def real_values_xml(values: Mapping[str, float]) -> bytes:
+    """A ``.ssv`` file for ``--parameters``: Reals by ``component.parameter``, in the units of the variables."""
+    root = Element("ssv:ParameterSet", {"xmlns:ssv": _SET_SPACES["xmlns:ssv"], "version": "1.0", "name": PARAMETER_SET})
+    parameters = SubElement(root, "ssv:Parameters")
+    for name, value in values.items():
+        SubElement(SubElement(parameters, "ssv:Parameter", name=name), "ssv:Real", value=repr(float(value)))
+    return _text(root)
+
+
 def _unit(variable: ModelVariable, description: ModelDescription, used: dict[str, Unit]) -> dict[str, str]:
     """The attribute ``unit``, where SSP can define it (units with SI exponents); adds the unit to ``used``."""
     name = unit_of(variable)

@@ -149,7 +149,7 @@ class _Reader:
         if not path.is_file():
             text = f"component {name!r}: there is no FMU {path}; build it, or say where it is"
             raise self.fail(text, element)
-        return path
+        return path.absolute()  # a thread that loads an FMU changes the working directory of all
 
     def relative(self, text: str, element: Element) -> PurePosixPath:
         """A source inside the folder of the description."""

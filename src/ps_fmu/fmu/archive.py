@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import hashlib
+import io
 import zipfile
 from collections.abc import Mapping
 from pathlib import Path, PurePosixPath
+
+from .files import write_atomically
 
 DATE = (1980, 1, 1, 0, 0, 0)  # the earliest that a zip file can state
 _COMPRESSION = 6  # 9 takes three times as long, 14 instead of 5 s with numpy and scipy, for 1 % less
@@ -28,11 +31,13 @@ def digest(files: Mapping[PurePosixPath, bytes]) -> bytes:
 
 
 def write(path: Path, files: Mapping[PurePosixPath, bytes]) -> None:
-    """Write a zip archive: entries sorted, dates and permissions fixed."""
-    with zipfile.ZipFile(path, "w") as archive:
+    """Write a zip archive: entries sorted, dates and permissions fixed.  Raises as :func:`write_atomically`."""
+    content = io.BytesIO()
+    with zipfile.ZipFile(content, "w") as archive:
         for name in sorted(files):
             entry = zipfile.ZipInfo(str(name), DATE)
             entry.compress_type = zipfile.ZIP_DEFLATED
             entry.create_system = 3  # Unix, also where it is made elsewhere
             entry.external_attr = _PERMISSIONS[name.suffix in (".so", ".dylib", ".dll")] << 16
             archive.writestr(entry, files[name], compresslevel=_COMPRESSION)
+    write_atomically(path, content.getvalue())

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+import os
 import re
 import sys
 import tempfile
@@ -26,6 +27,7 @@ from .bundle import check as check_bundle
 from .dependencies import external_dependencies
 from .description import CAPABILITIES
 from .entry import entry_source
+from .files import write_atomically
 from .launcher.compile import LAUNCHER
 from .licenses import LicenseError
 from .page import page
@@ -92,6 +94,8 @@ def build_one(folder: Path, output: Path, *, interpreter: Path | None = None, bu
     script = folder / f"{folder.name}.py"
     if not script.is_file():
         raise BuildError(f"{folder.name}: no {script}")
+    if interpreter is not None and not (interpreter.is_file() and os.access(interpreter, os.X_OK)):
+        raise BuildError(f"--interpreter: {interpreter} is no program: expected the path of a Python")
     output.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(prefix="ps_fmu_build_") as temporary:
         try:
@@ -105,9 +109,7 @@ def build_one(folder: Path, output: Path, *, interpreter: Path | None = None, bu
         except (SourceError, BundleError, LicenseError, smoke.SmokeError) as error:
             raise BuildError(f"{folder.name}: {error}") from None
         result = output / fmu.name
-        partial = result.with_suffix(".partial")
-        partial.write_bytes(fmu.read_bytes())
-        partial.replace(result)
+        write_atomically(result, fmu.read_bytes())
     return result
 
 

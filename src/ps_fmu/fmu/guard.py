@@ -106,7 +106,8 @@ def escape(slave: Any, error: BaseException) -> None:
 def escape_class(cls: Any, error: BaseException) -> None:
     """As :func:`escape`, where the instance in question is not known: all those alive are compensated.
 
-    The price of a fault here is thus that the other instances are never freed.
+    The price of a fault here is thus that the other instances are never freed.  A refusal is none: see
+    :class:`.state.Unreadable`.
     """
     hosted = [slave for slave in cls.instances if slave.hosted]
     if hosted:

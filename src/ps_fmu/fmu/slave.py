@@ -27,7 +27,7 @@ from .. import __version__
 from .far import blame
 from .guard import ModelError, Refused, guarded, guarded_class, report
 from .layout import Layout
-from .state import Phase, State, from_bytes, to_bytes
+from .state import Phase, State, Unreadable, from_bytes, to_bytes
 from .stepper import Stepper
 from .threads import forget_host_thread
 from .variables import Port, numbered, vector
@@ -149,8 +149,8 @@ class Slave(Stepper):
         return State(self.layout.identity, self._clock(), buffer.data.copy(), tuple(buffer.strings))
 
     @guarded
-    def _set_fmu_state(self, state: State) -> None:
-        self._check_state(state)
+    def _set_fmu_state(self, state: State | Unreadable) -> None:
+        state = self._checked_state(state)
         before, table = self._get_fmu_state(), self._table
         try:
             self._put_state(state)
@@ -165,11 +165,14 @@ class Slave(Stepper):
                 raise Refused(f"the FMU state cannot be restored: {type(error).__name__}: {error}") from error
             raise
 
-    def _check_state(self, state: State) -> None:
+    def _checked_state(self, state: State | Unreadable) -> State:
+        if isinstance(state, Unreadable):
+            raise Refused(state.why)
         if not isinstance(state, State) or state.identity != self.layout.identity:
             raise Refused("the FMU state belongs to another FMU, or to another version of this one")
         if state.clock.rows > self.block_rows:
             raise Refused(f"the FMU state has a table of {state.clock.rows} rows; at most {self.block_rows} fit")
+        return state
 
     def _put_state(self, state: State) -> None:
         self._buffer.data[:] = state.buffer
@@ -183,13 +186,17 @@ class Slave(Stepper):
 
     @classmethod
     @guarded_class
-    def _fmu_state_to_bytes(cls, state: State) -> bytes:
-        return to_bytes(state)
+    def _fmu_state_to_bytes(cls, state: State | Unreadable) -> bytes:
+        """None at all of what is unreadable: by that the launcher knows it."""
+        return b"" if isinstance(state, Unreadable) else to_bytes(state)
 
     @classmethod
     @guarded_class
-    def _fmu_state_from_bytes(cls, state: bytes) -> State:
-        return from_bytes(state, cls.layout)
+    def _fmu_state_from_bytes(cls, state: bytes) -> State | Unreadable:
+        try:
+            return from_bytes(state, cls.layout)
+        except Refused as error:
+            return Unreadable(str(error))
 
     # --- Messages -----------------------------------------------------------------------
 

@@ -80,6 +80,17 @@ class State:
     strings: tuple[str, ...]
 
 
+@dataclass(frozen=True)
+class Unreadable:
+    """What bytes that are refused become; the instance that it is set to refuses it with the reason.
+
+    pythonfmu's library has the class read bytes.  An exception from there would cost the bytes, and with
+    :func:`.guard.escape_class` all other instances: none of them would ever be freed.
+    """
+
+    why: str
+
+
 def to_bytes(state: State) -> bytes:
     """The state as bytes; the same state gives the same bytes."""
     c = state.clock

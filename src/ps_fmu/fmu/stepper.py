@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import weakref
 from math import inf, isfinite
 
 import numpy as np
@@ -235,13 +236,14 @@ class Stepper(Values):
         data, target, y = self._buffer.data, self._target, self.y
         kept = np.empty_like(data)
         hold = None if limits is None else holder(limits)
+        model = weakref.proxy(self)  # it keeps this function: a cycle would stay, with all buffers, until collected
 
         def finished() -> bool:
             kept[:] = data
             try:
                 if not step():
                     return False
-                self.finish_step()
+                model.finish_step()
                 if not np.isfinite(target).all():
                     raise Refused("finish_step() leads to numbers that are not finite")
             except BaseException:

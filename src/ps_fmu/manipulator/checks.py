@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import reprlib
 from dataclasses import field, fields
 from typing import Any
 
@@ -9,6 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+
+#: Magnitudes between which products and quotients of six numbers are still finite and not zero: a double ends at 1e308.
+SMALLEST, LARGEST = 1e-50, 1e50
 
 
 class ParameterError(ValueError):
@@ -35,15 +39,17 @@ def quantity(
 
 
 def frozen(value: Any, shape: tuple[int, ...], name: str) -> Array:
-    """A read-only array of finite numbers.  Raises ParameterError, naming ``name``, for anything else."""
+    """A read-only array of numbers up to LARGEST.  Raises ParameterError, naming ``name``, for anything else."""
     try:
         array = np.array(value, dtype=float)
-    except (TypeError, ValueError) as error:
-        raise ParameterError(name, f"expected numbers of shape {shape}, got {value!r}") from error
+    except (TypeError, ValueError, OverflowError) as error:
+        raise ParameterError(name, f"expected numbers of shape {shape}, got {reprlib.repr(value)}") from error
     if array.shape != shape:
         raise ParameterError(name, f"expected shape {shape}, got {array.shape}")
     if not np.isfinite(array).all():
         raise ParameterError(name, f"every number must be finite, got {array.tolist()}")
+    if (np.abs(array) > LARGEST).any():
+        raise ParameterError(name, f"no number may be beyond {LARGEST:g}, got {array.tolist()}")
     array.setflags(write=False)
     return array
 
@@ -51,10 +57,16 @@ def frozen(value: Any, shape: tuple[int, ...], name: str) -> Array:
 def number(
     value: Any, name: str, *, above: float | None = None, at_least: float | None = None, at_most: float | None = None
 ) -> float:
-    """A finite number within bounds.  Raises ParameterError, naming ``name``, for anything else."""
+    """A number within bounds, zero or of a magnitude that can be multiplied.
+
+    Raises ParameterError, naming ``name``, for anything else.
+    """
     if isinstance(value, bool) or not isinstance(value, (int, float, np.floating, np.integer)):
-        raise ParameterError(name, f"expected a number, got {value!r}")
-    result = float(value)
+        raise ParameterError(name, f"expected a number, got {reprlib.repr(value)}")
+    try:
+        result = float(value)
+    except OverflowError as error:  # TOML has whole numbers of any length
+        raise ParameterError(name, f"expected a number up to {LARGEST:g}, got {reprlib.repr(value)}") from error
     if not np.isfinite(result):
         raise ParameterError(name, f"must be finite, got {result}")
     if above is not None and not result > above:
@@ -63,6 +75,8 @@ def number(
         raise ParameterError(name, f"must not be less than {at_least:g}, got {result:g}")
     if at_most is not None and result > at_most:
         raise ParameterError(name, f"must not be more than {at_most:g}, got {result:g}")
+    if result and not SMALLEST <= abs(result) <= LARGEST:
+        raise ParameterError(name, f"expected a magnitude from {SMALLEST:g} to {LARGEST:g}, got {result:g}")
     return result
 
 
@@ -72,7 +86,7 @@ def inertia_tensor(value: Any, name: str) -> Array:
     if not np.allclose(array, array.T, rtol=0.0, atol=1e-9 * np.abs(array).max()):
         raise ParameterError(name, f"must be symmetric, got {array.tolist()}")
     moments = np.linalg.eigvalsh(array)
-    if moments[0] <= 0.0:
+    if moments[0] < SMALLEST:
         raise ParameterError(name, f"must be positive definite; its principal moments are {moments.tolist()} kg.m2")
     if moments[2] > (moments[0] + moments[1]) * (1.0 + 1e-9):
         raise ParameterError(
@@ -86,7 +100,7 @@ def inertia_tensor(value: Any, name: str) -> Array:
 def truth(value: Any, name: str) -> bool:
     """A truth value, also given as 0 or 1.  Raises ParameterError, naming ``name``, for anything else."""
     if value not in (False, True):
-        raise ParameterError(name, f"expected true or false, got {value!r}")
+        raise ParameterError(name, f"expected true or false, got {reprlib.repr(value)}")
     return bool(value)
 
 

@@ -29,6 +29,11 @@ TARGET_RESOLUTION = 1e-12  # rad
 _PATH_POSES = 257
 
 
+def is_geometric(name: str) -> bool:
+    """Whether the kinematics needs a parameter of the manipulator."""
+    return name.startswith(("nominal_translation", "coarse_stroke")) or "_joint." in name
+
+
 @dataclass(frozen=True)
 class Algorithm1(Checked):
     """Settings of the paper's Algorithm 1 (:func:`.inverse.descend`)."""

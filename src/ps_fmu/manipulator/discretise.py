@@ -17,13 +17,16 @@ def zero_order_hold(A: Array, B: Array, h: float) -> tuple[Array, Array]:
     Parameters
     ----------
     A: (n, n).  B: (n, m).  h: step, s.
+
+    Where the step is far too long for the system, elements of the result are not finite.
     """
     from scipy.linalg import expm  # here, because an FMU pays for the import only when it builds a model
 
     n, m = B.shape
     augmented = np.zeros((n + m, n + m))
     augmented[:n, :n], augmented[:n, n:] = A * h, B * h
-    exponential = expm(augmented)
+    with np.errstate(over="ignore", invalid="ignore"):
+        exponential = expm(augmented)
     return exponential[:n, :n], exponential[:n, n:]
 
 
@@ -40,6 +43,7 @@ def held_step_map(Ad: Array, Bd: Array, C: Array, D: Array) -> Array:
     """
     (p, n), m = C.shape, Bd.shape[1]
     step = np.empty((p + n, n + m))
-    step[:p, :n], step[:p, n:] = C @ Ad, C @ Bd + D
+    with np.errstate(over="ignore", invalid="ignore"):
+        step[:p, :n], step[:p, n:] = C @ Ad, C @ Bd + D
     step[p:, :n], step[p:, n:] = Ad, Bd
     return step

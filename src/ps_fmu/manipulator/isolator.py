@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,10 +10,20 @@ from numpy.typing import NDArray
 from .dynamics import Pose
 from .feedforward import Controller, Lowpass, gains
 from .inverse import trilaterate
-from .parameters import FeedforwardFilters, Manipulator, Payload
+from .parameters import FeedforwardFilters, Manipulator, Parameters, Payload
 from .rotations import rotation_matrix
 
 Array = NDArray[np.float64]
+
+
+def known_payload(p: Parameters) -> Payload:
+    """The payload as the controller knows it: its centre of mass is some millimetres off, and the truss is rigid."""
+    return replace(p.payload, com_P=p.known_com_P, truss_modes=())
+
+
+def is_known(name: str) -> bool:
+    """Whether the gains (52)-(54) need a parameter of manipulator or payload: not stroke, rod flexibility, inertia."""
+    return not name.startswith(("coarse_stroke", "coarse_rods", "payload.inertia"))
 
 
 class UnreachableOrientationError(ValueError):

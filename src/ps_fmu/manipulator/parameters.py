@@ -10,6 +10,7 @@ The values are in ``paper.toml``; :func:`load` reads them.
 
 from __future__ import annotations
 
+import reprlib
 import tomllib
 from dataclasses import dataclass, fields
 from functools import cached_property
@@ -229,9 +230,11 @@ class FeedforwardFilters(Checked):
 
     def __post_init__(self) -> None:
         order = self.lowpass_order
-        if isinstance(order, bool) or order != int(order) or not 1 <= order <= 9 or order % 2 == 0:
-            # An even order passes 10^(-attenuation/20) straight through: an algebraic loop with the plant.
-            raise ParameterError("lowpass_order", f"expected an odd whole number from 1 to 9, got {order!r}")
+        # An even order passes 10^(-attenuation/20) straight through: an algebraic loop with the plant.
+        if isinstance(order, bool) or order not in (1, 3, 5, 7, 9):
+            raise ParameterError(
+                "lowpass_order", f"expected an odd whole number from 1 to 9, got {reprlib.repr(order)}"
+            )
         self._set("lowpass_order", int(order))
         self._numbers(
             "lowpass_stop_frequency", "lowpass_stop_attenuation", "highpass_frequency", "highpass_damping_ratio"
@@ -289,7 +292,7 @@ def load(path: Path | None = None, bus: str = "OSM") -> Parameters:
     path = PAPER if path is None else path
     try:
         table = tomllib.loads(path.read_text(encoding="utf-8"))
-    except tomllib.TOMLDecodeError as error:
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise ParameterError(str(path), f"not a TOML file: {error}") from error
     buses = _entry(table, "bus", "")
     if not isinstance(buses, dict) or bus not in buses:
@@ -329,7 +332,7 @@ def _entry(table: dict[str, Any], key: str, where: str) -> Any:
 def _build(cls: type, table: Any, where: str) -> Any:
     """An instance of ``cls`` from a TOML table; errors carry the full name of the entry."""
     if not isinstance(table, dict):
-        raise ParameterError(where, f"expected a table, got {table!r}")
+        raise ParameterError(where, f"expected a table, got {reprlib.repr(table)}")
     names = [f.name for f in fields(cls)]
     for key in table:
         if key not in names:

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .disturbance import psd_at_origin
+from .disturbance import psd_at_origin, to_origin
 from .frequency import Practical
 from .parameters import Bus, Noise
 from .stability import Loop
@@ -98,6 +98,19 @@ def jitter_density(loop: Loop, bus: Bus, noise: Noise, *, active: bool) -> tuple
     return frequency, np.asarray((G @ S @ np.swapaxes(G.conj(), -1, -2)).real)
 
 
+def variance_weights(loop: Loop, bus: Bus, band: Array, *, active: bool, points: int | None = None) -> Array:
+    """W (3, 6, 6) with which a flat density S of the wrench gives the variances of the jitter, in axes of P.
+
+    ``variance_k = sum_ij W_kij S_ij``, rad2, for S (6, 6), one-sided, at the centre of mass of the bus over ``band``
+    (2,), Hz: what :func:`jitter` has on the diagonal, as a linear function of the density.  ``points``: frequencies
+    of the integral besides those around the resonances; 600 leave an error of 0.3 %.
+    """
+    frequency = _grid(loop, *band, points=points or _POINTS)
+    G = from_wrench(loop, 2j * np.pi * frequency, active=active) @ to_origin(bus.com_B)
+    products = (G[..., :, None] * G[..., None, :].conj()).real
+    return np.asarray(np.trapezoid(products, frequency, axis=0))
+
+
 def jitter_of_lines(loop: Loop, frequency: Array, wrench: Complex, focal_length: float, *, active: bool) -> Jitter:
     """Jitter under sines of ``frequency`` (n,), Hz, and complex amplitude ``wrench`` (n, 6), N, N.m; B at its origin.
 
@@ -118,11 +131,11 @@ def _to_platform(loop: Loop) -> Array:
     return loop.model.dynamics.pose.rotation_BP.T
 
 
-def _grid(loop: Loop, low: float, high: float) -> Array:
+def _grid(loop: Loop, low: float, high: float, *, points: int = _POINTS) -> Array:
     """Frequencies, Hz, logarithmic over the band and crowded around the poles of plant and loop."""
     poles = np.concatenate([loop.plant_poles(), loop.with_delay(0.0).poles()])
     poles = poles[(poles.imag > 0.0)] / (2.0 * np.pi)  # Hz
     spread = np.sinh(np.linspace(-6.0, 6.0, _PER_MODE))
     around = (poles.imag[:, None] - poles.real[:, None] * spread).reshape(-1)
-    grid = np.concatenate([np.geomspace(low, high, _POINTS), around[(around > low) & (around < high)]])
+    grid = np.concatenate([np.geomspace(low, high, points), around[(around > low) & (around < high)]])
     return np.unique(grid)

@@ -127,20 +127,63 @@ def largest_cube(geometry: Geometry, across: int = 21) -> float:
     return float(reach_along(geometry, lambda size: size[..., None] * rays, len(rays), np.radians(40.0)).min())
 
 
-def cone(geometry: Geometry, azimuth: Array, twist: Array) -> Array:
-    """Largest tilt of the boresight (z of P) towards each azimuth with each twist, (twists, azimuths), rad.
+def cone(geometry: Geometry, azimuth: Array, twist: float = 0.0) -> Array:
+    """Largest tilt of the boresight (z of P) towards each azimuth (n,) with a given twist, (n,), rad.
 
     The platform turns by ``twist`` about its boresight, then tilts about an axis in the x-y plane of B, so that the
     boresight leans towards ``azimuth`` (angle from x towards y of B).  -1 where the twist alone is out of reach.
     """
-    phi, psi = (a.reshape(-1) for a in np.meshgrid(azimuth, twist))
-    axis_B = np.stack([-np.sin(phi), np.cos(phi), np.zeros_like(phi)], axis=-1)
-    turned = rotation_from_vector(np.stack([np.zeros_like(psi), np.zeros_like(psi), psi], axis=-1))
+    axis_B = np.stack([-np.sin(azimuth), np.cos(azimuth), np.zeros_like(azimuth)], axis=-1)
+    turned = rotation_from_vector(np.array([0.0, 0.0, twist]))
 
     def orientation_at(tilt: Array) -> Array:
         return roll_pitch_yaw(rotation_from_vector(tilt[..., None] * axis_B) @ turned)
 
-    return reach_along(geometry, orientation_at, len(phi), np.radians(40.0)).reshape(len(twist), len(azimuth))
+    return reach_along(geometry, orientation_at, len(azimuth), np.radians(40.0))
+
+
+def smallest_tilt(geometry: Geometry, azimuth: Array) -> float:
+    """Half-angle of the largest cone of boresights within reach without twist, rad.
+
+    ``azimuth`` (n,), rad: a first look, ascending and evenly spaced.  Around the direction with the least tilt a second
+    look is 40 times finer.  Each leg alone would allow a tilt that varies smoothly with the direction, and the least of
+    them counts, so that the minimum is a smooth one: with a first look in steps of 1 deg the second finds it to
+    3e-7 deg.
+    """
+    step = azimuth[1] - azimuth[0]
+    about = azimuth[np.argmin(cone(geometry, azimuth))]
+    return float(cone(geometry, about + np.linspace(-step, step, 81)).min())
+
+
+def rim(geometry: Geometry, per_edge: int = 400) -> tuple[Array, Array]:
+    """Boresights at the rim of what is within reach if the twist is free: azimuth and tilt, (6 per_edge,) each, rad.
+
+    Turning about the boresight lengthens all three coarse legs or shortens all three.  So a boresight is within reach
+    until one leg is at its upper stop while another is at its lower one, and no twist helps both.  The third leg is
+    anywhere: these are six edges of the joint space, and they make one closed path, which is followed here.
+
+    Raises
+    ------
+    ValueError: a geometry in which a twist lengthens some legs and shortens others.
+    """
+    if not _twist_moves_all_legs_alike(geometry):
+        raise ValueError("the rim is only known where a twist about the boresight moves all coarse legs one way")
+    low, high = geometry.coarse_stroke
+    corners = np.where([[1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 1, 1], [0, 0, 1], [1, 0, 1]], high, low)
+    way = np.arange(per_edge)[:, None] / per_edge
+    edges = zip(corners, np.roll(corners, -1, axis=0), strict=True)
+    displacement = np.concatenate([start + way * (end - start) for start, end in edges])
+    x, y, z = sample(geometry, displacement).pose.R[..., :, 2].T
+    return np.arctan2(y, x), np.arctan2(np.hypot(x, y), z)
+
+
+def _twist_moves_all_legs_alike(geometry: Geometry) -> bool:
+    """Whether all coarse legs lengthen, or all shorten, when the platform turns about its boresight, at any pose."""
+    pose = sample(geometry, grid(geometry, 2.0 * STEP)).pose
+    # Twist of the platform (6) per rate of the coarse legs, with the fine ones at their nominal length.
+    per_leg = np.linalg.inv(platform_jacobian(geometry, pose.translation_B, pose.R))[:, 3:, :3]
+    rates = np.linalg.solve(per_leg, pose.R[:, :, 2:])
+    return bool(np.all(rates > 0.0) or np.all(rates < 0.0))
 
 
 def _reachable(geometry: Geometry, orientation: Array) -> NDArray[np.bool_]:

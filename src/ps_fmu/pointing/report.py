@@ -12,7 +12,7 @@ from datetime import UTC, datetime
 from html import escape
 from pathlib import Path
 
-from .files import write_atomically
+from ..fmu.files import write_atomically
 from .summary import FmuFile
 
 

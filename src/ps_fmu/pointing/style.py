@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .files import write_atomically
+from ..fmu.files import write_atomically
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from .. import __version__
-from .files import write_atomically
+from ..fmu.files import write_atomically
 
 _PACKAGES = ("fmpy", "pythonfmu", "numpy", "scipy", "control", "netCDF4", "matplotlib")
 

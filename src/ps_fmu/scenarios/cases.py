@@ -9,10 +9,16 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Protocol, TypeVar
 
-from ..cosim import Column, Event, Master, Observer, Recorder, System, Value
+import numpy as np
+from numpy.typing import NDArray
+
+from ..cosim import Column, CosimError, Event, Master, Observer, Recorder, System, Value
 from .options import RESULTS, RunOptions
 from .setup import user_parameters
 
+Array = NDArray[np.float64]
+
+USELESS = 1e100  # in any unit; beyond its square statistics would overflow, and none of it is motion of a spacecraft
 QUIET_INTERVAL_S = 10.0  # between the lines of the progress bar in a log file
 
 
@@ -47,6 +53,28 @@ class Outcome:
     def real_time_factor(self) -> float:
         """Simulated seconds per second."""
         return self.simulated_s / self.wall_s
+
+
+class Divergence(CosimError):
+    """Values that have grown beyond all use, as in an unstable loop."""
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """Observer that ends a run by :class:`Divergence` when a value exceeds :data:`USELESS`."""
+
+    columns: tuple[Column, ...]
+
+    def block(self, _first_index: int, time: Array, values: Array) -> None:
+        """Look at the rows (rows, columns); ``time`` (rows,) in s."""
+        if max(values.max(), -values.min()) <= USELESS:
+            return
+        row, place = np.argwhere(np.abs(values) > USELESS)[0]
+        column = self.columns[place]
+        raise Divergence(
+            f"{column.name} is beyond {USELESS:g} {column.unit or ''} at t = {time[row]:.9g} s: the motion grows "
+            "without limit; look for an unstable loop (delay, light bus), or choose a smaller step"
+        )
 
 
 class Analysis(Protocol):
@@ -97,7 +125,7 @@ def run_case(
             progress_bar(case.name, duration, options.progress) as show,
             _recorder(master, options, case) as recorder,
         ):
-            master.run(duration, [recorder, *analysis.observers], case.events, note)
+            master.run(duration, [Bounds(master.columns), recorder, *analysis.observers], case.events, note)
         return Outcome(case, duration, wall[0], tuple(messages)), analysis
 
 

@@ -129,6 +129,11 @@ def target_of(system: System) -> tuple[float, float, float]:
     return roll, pitch, yaw
 
 
+def out_of_reach(target_deg: tuple[float, float, float]) -> str:
+    """What terminal and report say of a target (roll, pitch, yaw) that the commander refused."""
+    return f"The target {angles(target_deg)} deg is out of reach: the platform stayed where it was."
+
+
 HEADER = ("orientation (deg)", "axis", "passive RMS (rad)", "active RMS (rad)", "rejection (%)")
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ..pointing.report import Table
-from .comparison import HEADER, TargetError, angles, compare, draw, index_table, rows, target_of
+from .comparison import HEADER, TargetError, angles, compare, draw, index_table, out_of_reach, rows, target_of
 from .options import RunOptions
 from .publish import Findings, publish, text_table
 from .setup import load_system, real_start
@@ -25,7 +25,7 @@ def run(options: RunOptions) -> None:
         "bus twice, without and with the feedforward isolator. Tables and figures cover the whole run; the "
         f"disturbance rises from zero over the first {rise:g} s.",
     ]
-    refused = f"The target {angles(found.target_deg)} deg is out of reach: the platform stayed where it was."
+    refused = out_of_reach(found.target_deg)
     if not found.reachable:
         text.insert(0, refused)
     indices = index_table(found)

@@ -55,6 +55,9 @@ class RunOptions:
             raise OptionError(f"--scheme: expected one of {', '.join(SCHEMES)}, got {self.scheme!r}")
         if not (math.isfinite(self.step_s) and self.step_s > 0.0):
             raise OptionError(f"--step: expected a time above 0 s, got {self.step_s!r}")
+        shortest = DEFAULT_STORAGE_STEP_S[self.scenario] / MOST_STEPS
+        if self.step_s < shortest:
+            raise OptionError(f"--step: expected at least {shortest:g} s, got {self.step_s!r} s")
         _multiple("--duration", self.duration_s, self.step_s)
         if self.storage_step_s is not None:
             _multiple("--storage-step", self.storage_step_s, self.step_s)
@@ -90,13 +93,18 @@ class RunOptions:
         Returns the options with the absolute path; raises :class:`OptionError` if it cannot be used.
         """
         folder = self.output.absolute()
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-            with tempfile.TemporaryFile(dir=folder) as file:
-                file.write(b"\0")
-        except OSError as error:
-            raise OptionError(f"--output: cannot write in {folder}: {error.strerror or error}") from error
+        claim(folder)
         return replace(self, output=folder)
+
+
+def claim(folder: Path) -> None:
+    """Make the output folder and try to write there.  Raises :class:`OptionError` if it cannot be used."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder) as file:
+            file.write(b"\0")
+    except OSError as error:
+        raise OptionError(f"--output: cannot write in {folder}: {error.strerror or error}") from error
 
 
 def _multiple(name: str, value: float, step: float) -> None:

@@ -9,7 +9,7 @@ import math
 
 from ..pointing.metrics import rejection_percent
 from .cases import Case, run_case
-from .comparison import TARGET, angles, target_of
+from .comparison import TARGET, TargetError, angles, out_of_reach, target_of
 from .jitter import ROTATION
 from .options import OptionError, RunOptions
 from .publish import Findings, publish, text_table
@@ -31,7 +31,10 @@ DIRECTION = (
 
 
 def run(options: RunOptions) -> None:
-    """Run the scenario; writes results.nc, summary.json, figures and report.html, prints the tables."""
+    """Run the scenario; writes results.nc, summary.json, figures and report.html, prints the tables.
+
+    Raises :class:`TargetError` after that if the target is out of reach.
+    """
     start_s = math.ceil(START_S / options.step_s - 1e-6) * options.step_s
     if options.duration_s <= start_s:
         raise OptionError(f"--duration: the slew begins at {start_s:g} s, got {options.duration_s:g} s")
@@ -49,7 +52,7 @@ def run(options: RunOptions) -> None:
     slews = Slews(target_deg, start_s, *found)
 
     parts = tables(slews)
-    text = [*when(slews), *verdict(slews), DIRECTION]
+    text = [*when(slews), *verdict(slews), DIRECTION] if slews.on.reachable else when(slews)
     for part in parts:
         print(f"{part.caption}\n{text_table(part.header, part.rows)}\n")
     print(*text, sep="\n")
@@ -71,3 +74,5 @@ def run(options: RunOptions) -> None:
             more={"slew": entry(slews)},
         ),
     )
+    if not slews.on.reachable:
+        raise TargetError(out_of_reach(target_deg))

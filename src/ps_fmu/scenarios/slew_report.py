@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ..pointing import plots
 from ..pointing.envelope import Envelope
 from ..pointing.report import Picture, Table
-from .comparison import angles
+from .comparison import angles, number, out_of_reach
 from .jitter import ORIENTATION, ROTATION
 from .slew_record import (
     BUS_ACCELERATION,
@@ -65,8 +65,8 @@ def when(slews: Slews) -> list[str]:
     """What ran, when it ended and when the orientation was judged: sentences for terminal and report."""
     arrival = slews.on.arrival
     target = angles(slews.target_deg)
-    if arrival.ended_s is None:
-        return [f"The commander refused the target {target} deg: nothing moved."]
+    if not slews.on.reachable:
+        return [out_of_reach(slews.target_deg)]
     begins = f"The target becomes {target} deg at {slews.start_s:g} s;"
     if arrival.after is None:
         return [f"{begins} the run ends at {arrival.final_s:.4f} s, before the profile does. Run longer."]
@@ -81,8 +81,6 @@ def when(slews: Slews) -> list[str]:
 
 def verdict(slews: Slews) -> list[str]:
     """Which orientations meet the requirement, as a sentence."""
-    if not slews.on.reachable:
-        return []
     found = []
     for what, names in ORIENTATIONS:
         for case, slew in slews.both:
@@ -170,7 +168,7 @@ def _per_quantity(slews: Slews, caption: str, header: Row, quantities: dict[str,
 
 
 def _rows(entries: Iterable[tuple[str, str, Array]]) -> list[Row]:
-    return [(what, case, *(f"{value:.2e}" for value in values)) for what, case, values in entries]
+    return [(what, case, *(number(value, ".2e") for value in values)) for what, case, values in entries]
 
 
 def entry(slews: Slews) -> dict[str, object]:

@@ -19,11 +19,14 @@ SUSPENSION = (2.0, 20.0)  # Hz: above the modes of the bus, below those of rods 
 def parameters_of(case: str) -> Parameters:
     """The identified parameters of a case: the bus, and for LD... the larger damping of section 4.3."""
     p = load(bus=case[-3:])
-    if case.startswith("LD"):
-        damping = published()["text.fine_damping_large"].value  # N.s/m
-        legs = tuple(replace(leg, damping=damping) for leg in p.manipulator.fine_legs)
-        p = replace(p, manipulator=replace(p.manipulator, fine_legs=legs))
-    return p
+    return with_large_damping(p) if case.startswith("LD") else p
+
+
+def with_large_damping(p: Parameters) -> Parameters:
+    """Parameters with the larger damping of section 4.3."""
+    damping = published()["text.fine_damping_large"].value  # N.s/m
+    legs = tuple(replace(leg, damping=damping) for leg in p.manipulator.fine_legs)
+    return replace(p, manipulator=replace(p.manipulator, fine_legs=legs))
 
 
 def values_of(case: str) -> dict[str, Value]:

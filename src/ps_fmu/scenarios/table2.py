@@ -19,7 +19,7 @@ from ..cosim import System
 from ..paper import published
 from ..pointing import plots
 from ..pointing.report import Picture, Table
-from .comparison import HEADER, Comparison, compare, draw, number, rows
+from .comparison import HEADER, Comparison, TargetError, compare, draw, number, out_of_reach, rows
 from .options import RunOptions
 from .publish import Findings, publish, text_table
 from .setup import load_system, real_start
@@ -75,13 +75,17 @@ def measure(options: RunOptions) -> Measurement:
 
 
 def run(options: RunOptions) -> None:
-    """Run the scenario; writes results.nc, summary.json, figures and report.html, prints the table."""
+    """Run the scenario; writes results.nc, summary.json, figures and report.html, prints the table.
+
+    Raises :class:`TargetError` after that if an orientation is out of reach, as by parameters of the commander.
+    """
     measured = measure(options)
     found = measured.comparisons
     rows_of_all = [row for name, comparison in found.items() for row in _rows(name, comparison)]
     table = Table("Jitter of the payload against Table 2", _header(), rows_of_all)
+    refused = [out_of_reach(comparison.target_deg) for comparison in found.values() if not comparison.reachable]
     off_axis = second_axis({name: comparison.rms_active for name, comparison in found.items()})
-    text = [HOW, _window(measured), _drift(found.values()), off_axis, *published_remarks()]
+    text = [HOW, *refused, _window(measured), _drift(found.values()), off_axis, *published_remarks()]
     print(text_table(table.header, table.rows), *text[1:], sep="\n")
 
     path = options.output / "table2.png"
@@ -110,6 +114,8 @@ def run(options: RunOptions) -> None:
             },
         ),
     )
+    if refused:
+        raise TargetError("\n".join(refused))
 
 
 def published_remarks() -> list[str]:

@@ -25,7 +25,7 @@ from ..manipulator.trajectories import PLANES, quadrilateral, random_walk
 from ..pointing.report import Picture, Table
 from ..pointing.sampler import SampleObserver
 from .cases import Case, Outcome, run_case
-from .comparison import TARGET
+from .comparison import TARGET, TargetError
 from .jitter import ORIENTATION, REACHABLE
 from .options import OptionError, RunOptions
 from .publish import Findings, publish, text_table
@@ -88,8 +88,8 @@ class PathResult:
     target: Array  # (n, 3)
     response: Array  # (n, 3), at the end of each dwell
     residual: Array  # (n,), m, largest fine displacement that the commander left
-    reachable: Array  # (n,), 1 where the commander took the target, else 0
     motion: Array  # (m, 3), response along the way, for the figure
+    refused: NDArray[np.bool_]  # (n,), targets that the commander did not take
 
     @property
     def error(self) -> Array:
@@ -108,11 +108,20 @@ class PathResult:
 
 
 def run(options: RunOptions) -> None:
-    """Run the scenario; writes results.nc, summary.json, figures and report.html, prints the table."""
+    """Run the scenario; writes results.nc, summary.json, figures and report.html, prints the table.
+
+    Raises :class:`TargetError` after that if the commander refused targets.
+    """
     system = load_quiet_system(options)
     results = measure(system, options)
     table = error_table(results)
-    text = [HOW, algorithm_1_text(results)]
+    refused = [
+        f"{result.path}, {result.method}: {result.refused.sum()} of {len(result.target)} targets are out of reach: the "
+        "platform stayed where it was."
+        for result in results
+        if result.refused.any()
+    ]
+    text = [*refused, HOW, algorithm_1_text(results)]
     print(text_table(table.header, table.rows), *text, sep="\n")
     pictures = []
     for path in dict.fromkeys(result.path for result in results):
@@ -135,6 +144,8 @@ def run(options: RunOptions) -> None:
             more={"paths": [_entry(result) for result in results]},
         ),
     )
+    if refused:
+        raise TargetError("\n".join(refused))
 
 
 def load_quiet_system(options: RunOptions) -> System:
@@ -257,8 +268,8 @@ def _follow(
         targets,
         at_rest.values(*ORIENTATION),
         at_rest.values(RESIDUAL)[:, 0],
-        at_rest.values(REACHABLE)[:, 0],
         motion.values(*ORIENTATION),
+        at_rest.values(REACHABLE)[:, 0] < 0.5,
     )
 
 
@@ -286,4 +297,5 @@ def _entry(result: PathResult) -> dict[str, object]:
         "response_deg": np.degrees(result.response),
         "largest_error_deg": float(np.degrees(result.error.max())),
         "largest_residual_m": float(result.residual.max()),
+        "refused": int(result.refused.sum()),
     }

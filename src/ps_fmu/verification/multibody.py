@@ -3,16 +3,19 @@
 It shares the parameters with :mod:`ps_fmu.manipulator` and nothing else: no Jacobian, mass matrix or linearisation of
 the paper.  Bus and payload float freely.  Each leg is two bodies: the lower part on a universal joint at the base, the
 upper part on a prismatic joint along the leg; a point constraint closes the loop at the platform's spherical joint.
-Everything is rigid: bus modes, truss modes and the flexibility of the coarse rods are not modelled.
+Modes of bus and truss are further bodies on springs and dampers (:mod:`.oscillators`), and a coarse leg with a soft rod
+is one whose prismatic joint has a spring.
 
-Pinocchio gives mass matrix, Coriolis and centrifugal forces and the Jacobians of points.  Of the 30 velocities, the
-18 of payload and universal joints follow from the other 12 (:class:`LinearModel` orders them) through the 18 rows of
-the loops, so that ``N``, (30, 12), spans the motions that are possible.  At rest nothing is quadratic in the velocities
-and the springs are unloaded: ``N' M N`` and the springs ARE the linearisation, without any difference quotient.
+Pinocchio gives mass matrix, Coriolis and centrifugal forces and the Jacobians of points.  Of the 30 + k velocities,
+with k oscillators, the 18 of payload and universal joints follow from the other 12 + k (:class:`LinearModel` orders
+them) through the 18 rows of the loops, so that ``N``, (30 + k, 12 + k), spans the motions that are possible.  At rest
+nothing is quadratic in the velocities and the springs are unloaded: ``N' M N`` and the springs ARE the linearisation,
+without any difference quotient.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cached_property
 from types import ModuleType
 from typing import Any
@@ -23,11 +26,12 @@ from numpy.typing import NDArray
 from ..manipulator.dynamics import Pose
 from ..manipulator.parameters import CoarseLeg, LegPart, Parameters
 from .linear import BASE, COARSE, FINE, LinearModel
+from .oscillators import Oscillator, of_bus_mode, of_truss_mode
 
 Array = NDArray[np.float64]
 
 N_LEGS = 6
-N_MOTIONS = 12  # fine legs 3, base 6, coarse legs 3
+N_RIGID = 12  # fine legs 3, base 6, coarse legs 3
 CLOSED = 1e-13  # m; the loops count as closed
 LARGEST_ITERATIONS = 20
 
@@ -56,11 +60,12 @@ class Prototype:
     """The multibody system.
 
     Configurations ``q`` and velocities ``v`` are Pinocchio's: bus, payload, then universal and prismatic joint of each
-    leg, coarse 1..3 and fine 1..3.  The coordinate of a prismatic joint is the length of the leg between its joints.
+    leg, coarse 1..3 and fine 1..3, and the oscillators.  The coordinate of a prismatic joint is the length of the leg
+    between its joints.
 
     Parameters
     ----------
-    parameters: bodies and geometry; modes and rod stiffness are ignored.
+    parameters: bodies, geometry, and the modes and rod stiffness that are not zero.
     leg_radius: both parts of a leg are given the axial inertia of a solid cylinder of this radius, m.
     """
 
@@ -72,8 +77,11 @@ class Prototype:
         model = pin.Model()
         model.gravity = pin.Motion.Zero()
         bus, payload = parameters.bus, parameters.payload
-        # Depth first, as the mass matrix algorithm needs it: the bus with its legs, then the payload.
-        self._bus = self._floating("bus", model, bus.mass, bus.com_B, bus.inertia_B)
+        on_bus = [of_bus_mode(mode) for mode in bus.modes if mode.active]
+        on_payload = [of_truss_mode(mode) for mode in payload.truss_modes if mode.active]
+        self.oscillators: tuple[Oscillator, ...] = (*on_bus, *on_payload)
+        # Depth first, as the mass matrix algorithm needs it: the bus with its legs and modes, then the payload.
+        self._bus = self._floating("bus", model, pin.Inertia(bus.mass, bus.com_B, bus.inertia_B), on_bus)
         self._axes_B: list[Array] = []  # of each leg at the nominal pose: x, y those of its universal joint, z along it
         self._lower: list[int] = []
         self._upper: list[int] = []
@@ -90,7 +98,10 @@ class Prototype:
             self._axes_B.append(axes_B)
             self._lower.append(lower)
             self._upper.append(upper)
-        self._payload = self._floating("payload", model, payload.mass, payload.com_P, payload.inertia_P)
+        on_bus_joints = self._oscillating(model, self._bus, on_bus)
+        whole = pin.Inertia(payload.mass, payload.com_P, payload.inertia_P)
+        self._payload = self._floating("payload", model, whole, on_payload)
+        self._oscillating_joints = on_bus_joints + self._oscillating(model, self._payload, on_payload)
         self._ends: list[tuple[int, int]] = []  # frames at the spherical joint: that of the leg, that of the platform
         for i, (leg, upper) in enumerate(zip(legs, self._upper, strict=True)):
             places = (("tip", upper, np.zeros(3)), ("joint", self._payload, leg.platform_joint_P))
@@ -101,11 +112,30 @@ class Prototype:
             self._ends.append((tip, joint))
         self.model, self.data = model, model.createData()
 
-    def _floating(self, name: str, model: Any, mass: float, com: Array, inertia: Array) -> int:
+    def _floating(self, name: str, model: Any, whole: Any, oscillators: Sequence[Oscillator]) -> int:
+        """A body that floats freely, without what its oscillators take of its mass and inertia."""
         pin = self._pin
         joint: int = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), name)
-        model.appendBodyToJoint(joint, pin.Inertia(mass, com, inertia), pin.SE3.Identity())
+        for oscillator in oscillators:
+            at = pin.SE3(np.eye(3), oscillator.position)
+            whole = whole - at.act(self._moving(oscillator))
+        model.appendBodyToJoint(joint, whole, pin.SE3.Identity())
         return joint
+
+    def _oscillating(self, model: Any, carrier: int, oscillators: Sequence[Oscillator]) -> list[int]:
+        pin = self._pin
+        joints = []
+        for oscillator in oscillators:
+            kind = pin.JointModelPrismaticUnaligned if oscillator.slides else pin.JointModelRevoluteUnaligned
+            at = pin.SE3(np.eye(3), oscillator.position)
+            joint = model.addJoint(carrier, kind(oscillator.axis), at, f"oscillator_{model.njoints}")
+            model.appendBodyToJoint(joint, self._moving(oscillator), pin.SE3.Identity())
+            joints.append(joint)
+        return joints
+
+    def _moving(self, oscillator: Oscillator) -> Any:
+        about_axis = oscillator.inertia * np.outer(oscillator.axis, oscillator.axis)
+        return self._pin.Inertia(oscillator.mass, np.zeros(3), about_axis)
 
     def _part(self, part: LegPart, com_z: float) -> Any:
         axial = 0.5 * part.mass * self.leg_radius**2
@@ -114,10 +144,11 @@ class Prototype:
 
     @cached_property
     def independent(self) -> NDArray[np.intp]:
-        """(12,) places in ``v`` of the motions that determine all others, in the order of :class:`LinearModel`."""
+        """(12 + k,) places in ``v`` of the motions that determine all others, in the order of :class:`LinearModel`."""
         lengths = [self.model.joints[joint].idx_v for joint in self._upper]
         base = self.model.joints[self._bus].idx_v + np.arange(6)
-        return np.array([*lengths[3:], *base, *lengths[:3]])
+        oscillators = [self.model.joints[joint].idx_v for joint in self._oscillating_joints]
+        return np.array([*lengths[3:], *base, *lengths[:3], *oscillators])
 
     @cached_property
     def dependent(self) -> NDArray[np.intp]:
@@ -152,7 +183,7 @@ class Prototype:
         return np.concatenate([placement[tip].translation - placement[joint].translation for tip, joint in self._ends])
 
     def loops(self, q: Array) -> Array:
-        """(18, 30): rates of :meth:`gaps` from ``v``."""
+        """(18, 30 + k): rates of :meth:`gaps` from ``v``."""
         pin, model, data = self._pin, self.model, self.data
         pin.computeJointJacobians(model, data, q)
         pin.updateFramePlacements(model, data)
@@ -164,15 +195,16 @@ class Prototype:
         return np.vstack(rows)
 
     def possible_motions(self, q: Array) -> Array:
-        """``N``, (30, 12): all velocities from the independent ones."""
+        """``N``, (30 + k, 12 + k): all velocities from the independent ones."""
         loops = self.loops(q)
-        N = np.zeros((self.model.nv, N_MOTIONS))
-        N[self.independent] = np.eye(N_MOTIONS)
+        n = len(self.independent)
+        N = np.zeros((self.model.nv, n))
+        N[self.independent] = np.eye(n)
         N[self.dependent] = -np.linalg.solve(loops[:, self.dependent], loops[:, self.independent])
         return N
 
     def moved(self, q: Array, motion: Array) -> Array:
-        """The configuration after a small motion (30,), m and rad; the loops open to second order."""
+        """The configuration after a small motion (30 + k,), m and rad; the loops open to second order."""
         return np.asarray(self._pin.integrate(self.model, q, motion))
 
     def closed(self, q: Array) -> Array:
@@ -208,13 +240,22 @@ class Prototype:
         """About rest at a pose where the fine legs have their nominal length, so that no spring is loaded."""
         q = self.configuration(pose)
         N = self.possible_motions(q)
-        M = self._mass(q)
-        start = self.model.joints[self._payload].idx_v + 3
-        springs, dampers = np.zeros((N_MOTIONS, N_MOTIONS)), np.zeros((N_MOTIONS, N_MOTIONS))
-        springs[FINE, FINE] = np.diag([leg.stiffness for leg in self.parameters.manipulator.fine_legs])
-        dampers[FINE, FINE] = np.diag([leg.damping for leg in self.parameters.manipulator.fine_legs])
+        mass = N.T @ self._mass(q) @ N
+        manipulator = self.parameters.manipulator
+        rods, carried = manipulator.coarse_rods, np.diag(mass)[COARSE]  # kg, what moves with one rod, all else held
+        stiffness, damping = np.zeros(len(mass)), np.zeros(len(mass))
+        stiffness[FINE] = [leg.stiffness for leg in manipulator.fine_legs]
+        damping[FINE] = [leg.damping for leg in manipulator.fine_legs]
+        stiffness[COARSE] = rods.axial_stiffness
+        damping[COARSE] = 2.0 * rods.damping_ratio * np.sqrt(rods.axial_stiffness * carried)
+        stiffness[N_RIGID:] = [oscillator.stiffness for oscillator in self.oscillators]
+        damping[N_RIGID:] = [oscillator.damping for oscillator in self.oscillators]
+        free = np.arange(len(mass))
+        if rods.axial_stiffness == 0.0:  # rigid
+            free = np.delete(free, COARSE)
+        turning = self.model.joints[self._payload].idx_v + 3 + np.arange(3)
         # Pinocchio gives the payload's angular velocity in P.
-        return LinearModel(N.T @ M @ N, dampers, springs, pose.rotation_BP @ N[start : start + 3])
+        return LinearModel(mass, np.diag(damping), np.diag(stiffness), pose.rotation_BP @ N[turning], free)
 
     def accelerations(self, q: Array, v: Array, fine_forces: Array, coarse_accelerations: Array) -> Array:
         """(12,) accelerations of the independent motions: the nonlinear equations of motion.
@@ -224,7 +265,14 @@ class Prototype:
         q, v: configuration and velocity, loops closed.
         fine_forces: (3,) N, extending the leg, besides spring and damper.
         coarse_accelerations: (3,) m/s2, prescribed second derivatives of the coarse lengths.
+
+        Raises
+        ------
+        ValueError: the prototype has modes or soft rods, for which only :meth:`linearise` is made.
         """
+        manipulator = self.parameters.manipulator
+        if self.oscillators or manipulator.coarse_rods.axial_stiffness > 0.0:
+            raise ValueError("the equations of motion over time are for rigid bodies: leave out modes and soft rods")
         pin, model, data = self._pin, self.model, self.data
         N = self.possible_motions(q)
         M = self._mass(q)
@@ -240,14 +288,13 @@ class Prototype:
         bias[self.dependent] = -np.linalg.solve(self.loops(q)[:, self.dependent], np.concatenate(apart))
         quadratic = pin.nonLinearEffects(model, data, q, v)
         force = -N.T @ (quadratic + M @ bias)
-        manipulator = self.parameters.manipulator
         for i, leg in enumerate(manipulator.fine_legs):
             elongation = self.lengths(q)[3 + i] - manipulator.geometry.nominal_lengths[3 + i]
             rate = v[self.independent[i]]
             force[i] += fine_forces[i] - leg.stiffness * elongation - leg.damping * rate
         reduced = N.T @ M @ N
         free = slice(0, BASE.stop)
-        found = np.empty(N_MOTIONS)
+        found = np.empty(N_RIGID)
         found[COARSE] = coarse_accelerations
         found[free] = np.linalg.solve(reduced[free, free], force[free] - reduced[free, COARSE] @ coarse_accelerations)
         return found

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable
 
-from ps_fmu.fmu.state import to_bytes
+from ps_fmu.fmu.state import State, Unreadable, to_bytes
 from support.fmi_calls.caller import Answer, text
 from support.fmi_calls.comparison import Comparison
 from support.fmi_calls.twin import Twin
@@ -123,13 +123,14 @@ class StateCalls(Comparison):
         answer = self.call("DeSerializeFMUstate", instance, place, length, data)
         twin = self.twins.get(instance)
         fault = place is None or size is not None
-        take = lambda: twin.slave._fmu_state_from_bytes(content)  # noqa: E731
-        label = twin.slave.label if twin is not None else ""
-        if twin is not None:  # the class says it, which does not know of instances
-            twin.slave.label = self.model.__name__
+
+        def take() -> State:
+            state = twin.slave._fmu_state_from_bytes(content)
+            if isinstance(state, Unreadable):
+                twin.slave._set_fmu_state(state)  # raises
+            return state
+
         state = self.compare("DeSerializeFMUstate", instance, answer, take, fault)
-        if twin is not None:
-            twin.slave.label = label
         if state is not None:
             assert to_bytes(state) == content
             twin.read_in(self._handed_out(twin, place, answer), state)

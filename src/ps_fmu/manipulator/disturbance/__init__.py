@@ -5,7 +5,7 @@ of time and parameters alone.  Noise and sines are exact second time derivatives
 from zero, so that a free spacecraft pushed from rest does not drift.
 """
 
-from .combine import Disturbance, Source, psd_at_origin
+from .combine import Disturbance, Source, psd_at_origin, to_origin
 from .gaussian import GaussianNoise
 from .multisine import Multisine, multisine_lines
 from .recorded import Recording
@@ -29,4 +29,5 @@ __all__ = [
     "multisine_lines",
     "psd_at_origin",
     "read_harmonics",
+    "to_origin",
 ]

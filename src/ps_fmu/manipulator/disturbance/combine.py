@@ -63,9 +63,15 @@ class Disturbance:
 
 def psd_at_origin(psd_com: Array, com: Array) -> Array:
     """Spectrum (6, 6) of a wrench at the origin from that at the point ``com`` (3,): torque + com x force."""
+    move = to_origin(com)
+    return np.asarray(move @ psd_com @ move.T)
+
+
+def to_origin(com: Array) -> Array:
+    """(6, 6): wrench at the point ``com`` (3,), m, to the same wrench at the origin."""
     move = np.eye(6)
     move[3:, :3] = skew(com)
-    return np.asarray(move @ psd_com @ move.T)
+    return move
 
 
 def _noise(noise: NoiseSource, com_B: Array, settings: DisturbanceSettings) -> Source:

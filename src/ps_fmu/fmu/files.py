@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import tempfile
 from pathlib import Path
@@ -10,9 +11,11 @@ from pathlib import Path
 def write_atomically(path: Path, content: bytes | str) -> None:
     """Write ``content`` to ``path`` so that a reader sees the old file or the new one, never a part.
 
-    Text is written as UTF-8.  Raises ``OSError`` with the path (no such folder, full disk); nothing is left behind
-    then.
+    Text is written as UTF-8.  Raises ``OSError`` with the path (no such folder, a folder or device of this name, full
+    disk); nothing is left behind then.
     """
+    if path.exists() and not path.is_file():  # root could replace /dev/null
+        raise OSError(errno.EEXIST, "is there already, and no ordinary file", str(path))
     data = content.encode() if isinstance(content, str) else content
     try:
         _write(path, data)

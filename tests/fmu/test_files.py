@@ -2,7 +2,7 @@ import os
 
 import pytest
 
-from ps_fmu.pointing.files import write_atomically
+from ps_fmu.fmu.files import write_atomically
 
 
 def test_text_and_bytes_are_written(tmp_path):
@@ -17,6 +17,16 @@ def test_the_mode_is_that_of_an_ordinary_file(tmp_path):
     (tmp_path / "plain").write_text("")
     write_atomically(tmp_path / "atomic", "")
     assert (tmp_path / "atomic").stat().st_mode == (tmp_path / "plain").stat().st_mode
+
+
+def test_what_is_no_ordinary_file_is_not_replaced(tmp_path):
+    """Root could replace /dev/null."""
+    os.mkfifo(tmp_path / "pipe")
+    for path in (tmp_path / "pipe", tmp_path):
+        with pytest.raises(OSError, match="no ordinary file"):
+            write_atomically(path, "new")
+    assert (tmp_path / "pipe").is_fifo()
+    assert os.listdir(tmp_path) == ["pipe"]
 
 
 def test_a_failed_write_leaves_the_old_file_and_nothing_else(tmp_path, monkeypatch):

@@ -1,0 +1,54 @@
+"""``ps-fmu identify``: a parameter set from the published numbers, and what these do not fix."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+from ..terminal import reason
+
+STARTS = 24
+FILE = "identified.toml"
+
+
+def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """The subcommand ``identify``."""
+    what = "a parameter set that meets Tables 1 and 2 and Fig 10, and what they do not fix"
+    parser = commands.add_parser("identify", help="find a parameter set from the published numbers", description=what)
+    parser.add_argument(
+        "--output", type=Path, default=Path("results/identify"), metavar="DIR", help="default: %(default)s"
+    )
+    parser.add_argument(
+        "--seed", type=int, default=1, metavar="N", help="another seed finds another set (default: %(default)s)"
+    )
+    parser.add_argument(
+        "--starts", type=int, default=STARTS, metavar="N", help="geometries to start from (default: %(default)s)"
+    )
+    parser.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Identify, write and print; the exit code."""
+    from ..scenarios.options import OptionError, claim  # here: they import what other commands would have to wait for
+    from .identification.report import report
+    from .identification.steps import identify
+    from .terminal import printed
+
+    try:
+        if arguments.seed < 0 or arguments.starts < 1:
+            raise OptionError("--seed must be 0 or greater and --starts 1 or greater")
+        claim(arguments.output)
+        progress = sys.stderr is not None and sys.stderr.isatty()
+        path = arguments.output / FILE
+        analysis = report(identify(path, arguments.seed, arguments.starts, progress=progress))
+        analysis.write(arguments.output)
+    except OptionError as error:
+        print(f"ps-fmu identify: {error}", file=sys.stderr)
+        return 2
+    except (OSError, ValueError) as error:
+        print(f"ps-fmu identify: {reason(error)}", file=sys.stderr)
+        return 1
+    print(printed(analysis), f"results in {arguments.output}; the parameter set is {path}", sep="\n")
+    print(f"with the FMUs: python system/run.py --parameters {path.with_suffix('.ssv')}")
+    return 0

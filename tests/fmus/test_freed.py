@@ -1,0 +1,93 @@
+"""Memory of an instance goes when it is freed, not at some later collection: up to 20 MB, the disturbance source."""
+
+import gc
+import sys
+import weakref
+
+import numpy as np
+import pytest
+from fmpy import read_model_description
+from fmpy.fmi1 import FMICallException
+from fmpy.fmi2 import FMU2Slave
+from support.host import unpack
+from support.models import Host
+
+MODELS = {
+    "ManipulatorPlant": "manipulator_plant",
+    "PointingCommander": "pointing_commander",
+    "FeedforwardIsolator": "feedforward_isolator",
+    "DisturbanceSource": "disturbance_source",
+}
+SETTINGS = [
+    ("manipulator_plant", {}),
+    ("pointing_commander", {"target__roll": 0.1}),  # slews, with an event in each step
+    ("feedforward_isolator", {}),
+    ("feedforward_isolator", {"sample_time": 2e-4, "delay": 3e-4, "force_limit": 0.05}),  # with finish_step
+    ("disturbance_source", {}),
+    ("disturbance_source", {"noise__multisine": True}),
+]
+H = 1e-4  # s
+
+
+@pytest.fixture
+def no_collection():
+    """Only what nobody refers to goes, as soon as nobody does."""
+    gc.collect()
+    gc.disable()
+    yield
+    gc.enable()
+
+
+@pytest.mark.parametrize(("folder", "start"), SETTINGS)
+def test_slaves_are_in_no_cycle(folder, start, no_collection):
+    host = Host(folder, **start).run_mode()
+    host.step(H, 20)
+    state = host.slave._fmu_state_from_bytes(host.slave._fmu_state_to_bytes(host.slave._get_fmu_state()))
+    host.step(H, 5)
+    assert not host.slave.do_step(-1.0, H)
+    host.slave._set_fmu_state(state)
+    host.count = 20
+    host.step(H, 20)
+    slave, memory = weakref.ref(host.slave), weakref.ref(host.slave._buffer.data.base)
+    del host
+    assert slave() is None
+    assert memory() is None
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_a_freed_instance_is_gone(model, built_fmus, tmp_path, no_collection):
+    """Pythonfmu's library counts references wrongly where there was an exception, and guard.py against that."""
+    folder = unpack(built_fmus / f"{model}.fmu", tmp_path / model)
+    guid = read_model_description(str(folder)).guid
+    names = ("to be freed", "this one, too")
+    where = {"guid": guid, "unzipDirectory": str(folder), "modelIdentifier": model}
+    fmus = [FMU2Slave(instanceName=name, **where) for name in names]
+    for fmu in fmus:
+        fmu.instantiate()
+        for call in (fmu.reset, fmu.setupExperiment, fmu.enterInitializationMode, fmu.exitInitializationMode):
+            call()
+        for i in range(20):
+            fmu.doStep(i * H, H)
+    content = fmus[0].serializeFMUstate(state := fmus[0].getFMUstate())
+    fmus[0].setFMUstate(fmus[0].deSerializeFMUstate(content))
+    for mistake in (
+        lambda: fmus[0].deSerializeFMUstate(content[:-1]),
+        lambda: fmus[0].setFMUstate(None),
+        lambda: fmus[1].setFMUstate(state),
+        lambda: fmus[0].getReal([999_999]),
+        lambda: fmus[1].setReal([0], [np.nan]),
+        lambda: fmus[1].doStep(-1.0, H),
+        fmus[0].enterInitializationMode,
+    ):
+        with pytest.raises(FMICallException):
+            mistake()
+    (package,) = (path.name for path in (folder / "resources").glob("ps_fmu_*"))
+    slaves = getattr(sys.modules[f"{package}.{MODELS[model]}"], model).instances
+
+    def alive():
+        return sorted(slave.instance_name for slave in slaves if slave.instance_name in names)
+
+    assert alive() == sorted(names)
+    for fmu in fmus:
+        fmu.freeInstance()
+    assert alive() == []

@@ -1,0 +1,59 @@
+"""The command ps-fmu with arguments and files that cannot be used: one line says why, and there is no traceback."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from ps_fmu import cli
+from ps_fmu.cli import main
+from ps_fmu.fmu import build
+
+SYSTEM = Path(__file__).parents[1] / "system" / "SystemStructure.ssd"
+
+
+def test_nothing_heavy_is_imported_before_a_command_runs():
+    """So that Ctrl-C is caught from the start, and --help is quick."""
+    loaded = "import sys, ps_fmu.cli; print(sorted({'numpy', 'fmpy', 'scipy', 'pythonfmu'} & set(sys.modules)))"
+    run = subprocess.run([sys.executable, "-c", loaded], capture_output=True, text=True, check=True)
+    assert run.stdout == "[]\n"
+
+
+def test_ctrl_c(monkeypatch, capsys):
+    def interrupted(*arguments, **options):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(build, "find", interrupted)
+    assert main(["build"]) == cli.EXIT_INTERRUPTED == 130
+    assert capsys.readouterr().err == "ps-fmu: interrupted\n"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "text"),
+    [
+        (["build", "--output", "file"], 1, "ps-fmu build: file: File exists"),
+        (["build", "--interpreter", "no/python"], 1, "--interpreter: no/python is no program"),
+        (["build", "--interpreter", "file"], 1, "--interpreter: file is no program"),
+        (["analyse", "workspace", "--output", "file"], 2, "analyse workspace: --output: cannot write in file"),
+        (["analyse", "jitter", "--seed", "-1", "--system", str(SYSTEM)], 2, "analyse jitter: --seed: expected a whole"),
+        (["crosscheck", "--references", "file"], 1, "file: no folder below it"),
+    ],
+)
+def test_arguments_that_cannot_be_used(tmp_path, monkeypatch, capsys, arguments, code, text):
+    monkeypatch.chdir(tmp_path)
+    Path("file").write_text("")
+    assert main(arguments) == code
+    assert text in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("output", ["", ".", "folder", "pipe", "none/a.ssp"])
+def test_an_ssp_that_cannot_be_written(tmp_path, monkeypatch, capsys, built_fmus, output):
+    monkeypatch.chdir(tmp_path)
+    Path("folder").mkdir()
+    os.mkfifo("pipe")
+    assert main(["ssp", "--output", output, "--system", str(SYSTEM), "--fmus", str(built_fmus)]) == 1
+    assert capsys.readouterr().err.startswith("ps-fmu ssp: ")
+    assert sorted(os.listdir()) == ["folder", "pipe"]
+    assert Path("pipe").is_fifo()

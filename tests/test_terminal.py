@@ -1,0 +1,84 @@
+"""Commands whose output does not arrive, or that are stopped: results and exit codes do not depend on it."""
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from ps_fmu.terminal import reason, run_command
+
+# Says something on both streams, then writes its result: into a file that must not take a stream's number.
+SCRIPT = """
+import sys
+from ps_fmu.terminal import run_command
+
+def command():
+    for _ in range(2):
+        print("said", flush=True)
+        print("warned", file=sys.stderr, flush=True)
+    with open("result", "w") as file:
+        file.write("done")
+        sys.stdout.flush()
+    return int(sys.argv[1])
+
+sys.exit(run_command(command))
+"""
+
+
+def ended(folder, code="0", **streams):
+    """The script's process after it has ended, with its result checked."""
+    command = [sys.executable, "-c", SCRIPT, code]
+    run = subprocess.run(command, cwd=folder, text=True, check=False, timeout=60, **streams)
+    assert (folder / "result").read_text() == "done"
+    return run
+
+
+@pytest.mark.parametrize("closed", [(0,), (1,), (2,), (1, 2), (0, 1, 2)])
+def test_closed_streams(tmp_path, closed):
+    """As <&- >&- 2>&- start it: no stream's text in the result, none in the other stream."""
+    run = ended(tmp_path, capture_output=True, preexec_fn=lambda: [os.close(number) for number in closed])
+    assert run.returncode == 0
+    assert run.stdout == ("" if 1 in closed else "said\nsaid\n")
+    assert run.stderr == ("" if 2 in closed else "warned\nwarned\n")
+
+
+@pytest.mark.parametrize(("code", "expected"), [("0", 1), ("3", 3)])
+def test_a_full_disk_under_the_standard_output_is_told(tmp_path, code, expected):
+    with open("/dev/full", "w") as full:
+        run = ended(tmp_path, code, stdout=full, stderr=subprocess.PIPE)
+    assert run.returncode == expected
+    assert run.stderr == "warned\nwarned\nstandard output: No space left on device\n"
+
+
+def test_a_full_disk_under_the_error_stream(tmp_path):
+    with open("/dev/full", "w") as full:
+        run = ended(tmp_path, stdout=subprocess.PIPE, stderr=full)
+    assert (run.returncode, run.stdout) == (0, "said\nsaid\n")
+
+
+def test_a_pipe_that_no_one_reads_is_no_failure(tmp_path):
+    theirs, ours = os.pipe()
+    os.close(theirs)
+    run = ended(tmp_path, stdout=ours, stderr=subprocess.PIPE)
+    os.close(ours)
+    assert (run.returncode, run.stderr) == (0, "warned\nwarned\n")
+
+
+def test_sigterm_is_like_ctrl_c_and_everything_is_put_back():
+    before = sys.stdout, sys.stderr, signal.getsignal(signal.SIGTERM)
+    with pytest.raises(KeyboardInterrupt):
+        run_command(lambda: signal.raise_signal(signal.SIGTERM) or 0)
+    assert (sys.stdout, sys.stderr, signal.getsignal(signal.SIGTERM)) == before
+
+
+def test_reasons():
+    error = ValueError("wrong")
+    error.add_note("Stopped.")
+    assert reason(error) == "wrong\nStopped."
+    with pytest.raises(OSError) as missing:
+        Path("no/such/file").read_text()
+    assert reason(missing.value) == "no/such/file: No such file or directory"
+    assert reason(OSError("text alone")) == "text alone"
