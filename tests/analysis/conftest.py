@@ -6,13 +6,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from ps_fmu.analysis import jitter, paper, stability, text_numbers, trajectories, transmissibility, workspace
+from ps_fmu.analysis import jitter, paper, settings, stability, trajectories, transmissibility, workspace
 from ps_fmu.analysis.command import Options
 from ps_fmu.analysis.errata import errata
 from ps_fmu.manipulator.parameters import load
 from ps_fmu.paper import published
 from ps_fmu.scenarios import table2_theory
 from ps_fmu.scenarios.options import DEFAULT_DURATION_S, DEFAULT_STEP_S, RunOptions
+from ps_fmu.scenarios.support_modules import CASES, parameters_of
 from ps_fmu.scenarios.trajectories import METHODS, PathResult, paths
 
 ORIENTATIONS = table2_theory.ORIENTATIONS
@@ -31,17 +32,17 @@ def closed_form():
     """Findings by key, all that does not come from a run of the FMUs: 10 s."""
     delay = published()["text.delay"].value
     curves = {name: transmissibility.curves(load(), rpy) for name, rpy in ORIENTATIONS.items()}
+    cases = {case: transmissibility.curves(parameters_of(case)) for case in CASES}
     parts = {
         "workspace": workspace.findings(workspace.compute()),
         "trajectories": _trajectories(),
-        "transmissibility": transmissibility.findings(curves),
-        "stability": stability.findings({case: stability.judge(case, delay) for case in stability.CASES}),
+        "transmissibility": transmissibility.findings(curves, cases),
+        "stability": stability.findings({case: stability.judge(case, delay) for case in CASES}),
         "jitter": _jitter(),
     }
     assert parts.keys() == set(paper.PARTS)
-    found = text_numbers.settings(Options(Path(), system=SYSTEM))
+    found = settings.findings(Options(Path(), system=SYSTEM))
     found += [finding for findings in parts.values() for finding in findings]
-    found += text_numbers.results()
     return {finding.key: finding for finding in paper.in_order_of_the_paper(found)}
 
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 #: Name -> what it is about.  Each is a module of this package with ``analyse(options) -> Analysis``.
 ANALYSES = {
     "workspace": "Table 1 and Fig 6: the orientations within reach, singular values of the Jacobian",
-    "trajectories": "Fig 7: errors along closed paths and a random walk, through commander and plant",
+    "trajectories": "Fig 7 and Table 1 through commander and plant: errors along paths, the limits of the angles",
     "transmissibility": "Figs 8 and 11: singular values in closed form, and as measured on the running FMUs at each "
     "orientation and in each case (132 runs, about 2 minutes on two cores)",
     "stability": "Fig 10: the internal loop with delay, in the paper's reading and in that of its equation (48)",

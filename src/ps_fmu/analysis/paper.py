@@ -19,16 +19,15 @@ def analyse(options: Options) -> Analysis:
     """Run the other analyses, compute the errata, put everything together."""
     from tqdm import tqdm
 
-    from . import text_numbers
+    from . import settings
     from .errata import ENTRIES, errata_table
 
-    found = text_numbers.settings(options)  # first: without its files the rest is not worth the wait
+    found = settings.findings(options)  # first: without its files the rest is not worth the wait
     parts: list[Analysis] = []
     for name in tqdm(PARTS, desc="analyses", disable=not options.progress):
         parts.append(import_module(f".{name}", __package__).analyse(options))
         parts[-1].write(options.output)
         found += parts[-1].findings
-    found += text_numbers.results()
     errata = [entry() for entry in tqdm(ENTRIES, desc="errata", disable=not options.progress)]
     findings = in_order_of_the_paper(found)
     missing = not_computed(findings)
