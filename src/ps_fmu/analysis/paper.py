@@ -73,10 +73,9 @@ def counted(findings: Sequence[Finding]) -> str:
     return (
         f"The table has {len(findings)} numbers of the paper: those of its Tables 1 and 2, and what its text says of "
         f"its figures, methods and results. {settings} of them are settings, which equations and FMUs have as input. "
-        f"Of the other {len(findings) - settings}, "
-        + (f"{len(missing)} are not computed, as the table says" if missing else "all are computed here")
-        + f"; for {both} there is a value from the equations and one from the running FMUs, and the column of "
-        "differences has both."
+        + (f"{len(missing)} of" if missing else "All")
+        + f" the other {len(findings) - settings} are {'not ' if missing else ''}computed here; for {both} there is a "
+        "value from the equations and one from the running FMUs, and the column of differences has both."
     )
 
 

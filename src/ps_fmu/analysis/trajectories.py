@@ -102,8 +102,7 @@ def limits_text(beyond: PathResult) -> str:
     refused = int(beyond.refused.sum())
     return (
         "Table 1: the six orientations in which an angle is largest or smallest (analysis workspace) are commanded one "
-        f"after the other, and the plant turns there. Of six targets {BEYOND_DEG:g} deg beyond, {refused} are refused, "
-        "of which the commander warns once."
+        f"after the other, and the plant turns there. Of six targets {BEYOND_DEG:g} deg beyond, {refused} are refused."
     )
 
 

@@ -189,8 +189,8 @@ def _of_figure_11(of_cases: Mapping[str, Curves], measured: Measured) -> list[Fi
     runs = {setup.case: _measured_db(a) for setup, a in measured.items() if setup == Setup(case=setup.case)}
     most = _farthest_below(passive["LDOSM"], passive["OSM"])
     remark = (
-        f"from {passive['OSM'][most, 0]:.1f} to {passive['LDOSM'][most, 0]:.1f} dB; the largest values of the curves are "
-        f"{_suspension_peak(passive['OSM']):.1f} and {_suspension_peak(passive['LDOSM']):.1f} dB"
+        f"from {passive['OSM'][most, 0]:.1f} to {passive['LDOSM'][most, 0]:.1f} dB; the largest values of the curves "
+        f"are {_suspension_peak(passive['OSM']):.1f} and {_suspension_peak(passive['LDOSM']):.1f} dB"
     )
     lines = measured[Setup()].response.frequency if measured else None
     return [

@@ -7,9 +7,11 @@ Algorithm 1 at the error limit that the paper names, and with one that leaves th
 
 from __future__ import annotations
 
+import logging
 import math
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -180,10 +182,20 @@ def measure_limits(system: System, options: RunOptions, targets: Array, beyond: 
     The latter are to be refused, which takes no time.
     """
     dwell_steps = _dwell_steps(targets, real_start(system, RATE_LIMIT), options)
-    return (
-        _follow(system, options, "limits", EXACT, targets, dwell_steps),
-        _follow(system, options, "beyond the limits", EXACT, beyond, dwell_steps=2),
-    )
+    reached = _follow(system, options, "limits", EXACT, targets, dwell_steps)
+    with _without_warnings():  # of refusals: they are what is looked for
+        return reached, _follow(system, options, "beyond the limits", EXACT, beyond, dwell_steps=2)
+
+
+@contextmanager
+def _without_warnings() -> Iterator[None]:
+    logger = logging.getLogger("ps_fmu.cosim")
+    level = logger.level
+    logger.setLevel(logging.ERROR)
+    try:
+        yield
+    finally:
+        logger.setLevel(level)
 
 
 def _fitting(path: str, make: Callable[[int], Array], rate: float, options: RunOptions) -> tuple[Array, int]:
