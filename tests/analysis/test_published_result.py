@@ -104,7 +104,7 @@ def test_any_other_number_would_be_noticed(stored, closed_form):
     for key, finding in closed_form.items():
         if key in NOISE or finding.computed is None:
             continue
-        for other in (1.01 * finding.computed, None):
+        for other in (1.01 * finding.computed or 1.0, None):
             assert wrong({**stored, key: replace(stored[key], computed=other)}, closed_form) == [key]
 
 
@@ -145,8 +145,11 @@ def test_the_runs_agree_with_the_closed_form(stored, with_step):
             continue
         expected, tolerance = with_step.get(key, (finding.computed, None))
         if tolerance is None:
-            one_percent = 1e-2 * abs(expected)
-            tolerance = {"deg": min(1e-9, one_percent), "dB": 0.2}.get(finding.published.unit, one_percent)
+            tolerance = 1e-2 * abs(expected)
+            if finding.published.unit == "dB":
+                tolerance = 0.2
+            elif finding.published.unit == "deg":  # phases, as measured; angles of the platform, to rounding
+                tolerance = 0.5 if key.startswith("fig10.") else min(1e-9, tolerance)
         assert abs(finding.cosimulated - expected) <= tolerance, key
 
 
