@@ -1,19 +1,14 @@
-"""The internal loop with delay: Fig 10, its poles, its winding number, its longest delay, the small-gain bound."""
+"""The internal loop with delay: Fig 10, its poles, its winding number, its longest delay."""
 
 import numpy as np
 import pytest
-from support.mechanics import PAPER, dynamics_at, pose_at, rigid
+from support.mechanics import PAPER
 
-from ps_fmu.manipulator.feedforward import gains
-from ps_fmu.manipulator.frequency import Nominal
 from ps_fmu.manipulator.parameters import load
 from ps_fmu.manipulator.stability import (
     delay_limit_by_bisection,
-    delay_uncertainty,
     element_margins,
     loop_at,
-    nominal_complement,
-    nominal_complement_bound,
 )
 from ps_fmu.manipulator.statespace import closed_loop
 from ps_fmu.paper import published
@@ -99,22 +94,3 @@ def test_an_inverted_isolator_is_judged_against_minus_one(lighter):
     assert np.abs(inverted.transfer(S) + lighter.transfer(S)).max() == 0.0
     assert inverted.unstable_poles() > 0
     assert np.sum(inverted.poles().real > 0.0) == inverted.unstable_poles()
-
-
-class TestSmallGain:
-    pose = pose_at((0.0, 0.0, 0.0))
-    nominal = Nominal(dynamics_at(pose, rigid()))
-
-    def test_complement_is_that_of_the_optimal_controller(self):
-        loop = self.nominal.C(S) @ gains(PAPER.manipulator, PAPER.payload, self.pose).optimal(S)
-        T = np.eye(6) - np.linalg.inv(np.eye(6) - loop)
-        assert np.abs(nominal_complement(self.nominal, S) - T).max() < 1e-10
-
-    def test_bound_64(self):
-        largest = np.linalg.svd(nominal_complement(self.nominal, S), compute_uv=False)[:, 0]
-        assert np.all(largest <= nominal_complement_bound(self.nominal, S) * (1.0 + 1e-12))
-
-    def test_uncertainty_of_a_delay(self):
-        frequency = np.array([0.0, 1.0, 25.0])
-        expected = np.abs(np.exp(-2j * np.pi * frequency * DELAY) - 1.0)
-        assert delay_uncertainty(frequency, DELAY) == pytest.approx(expected, abs=1e-15)

@@ -2,28 +2,42 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..manipulator.dynamics import Dynamics, Pose, assemble
-from ..manipulator.frequency import Nominal, Practical
+from ..manipulator.frequency import Complex, Nominal, Practical, crowded
 from ..manipulator.parameters import Array, Parameters
 from ..paper import published
 from ..pointing.modes import rightmost
-from ..pointing.report import Picture, Table
+from ..pointing.report import Picture
 from ..scenarios.support_modules import CASES, SUSPENSION, parameters_of
 from .command import Options
+from .open_loop import SHAKING, OpenLoop, open_loops
 from .result import Analysis, Finding
 
 if TYPE_CHECKING:
     from ..manipulator.stability import Loop, Margins
+    from ..scenarios.stability import Response
+    from .measured import Shaking
 
 LONGEST = 0.3  # s, of the search for a delay limit
-BAND = (1.0, 30.0)  # Hz, of Fig 10
+BAND = (1.0, 30.0)  # Hz, around the suspension: what Fig 10 is about
+WIDE = (0.05, 1000.0)  # Hz, from below the arrays to beyond the low-pass
+AT_REST = 1e-6  # rad/s: the free base has poles at zero but for rounding
+
+
+@dataclass(frozen=True)
+class Peak:
+    """The largest value over frequency."""
+
+    value: float
+    at: float
+    """Hz."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,13 +47,17 @@ class Verdict:
     case: str
     loop: Loop
     margins: Margins
-    """Of element (1, 1), read against -1 as the paper does."""
+    """Of element (1, 1), read against -1 as the paper does, in :data:`BAND`."""
+    wide: Margins
+    """The same over :data:`WIDE`."""
+    open_loop_poles: int
+    """Poles of plant and isolator in the right half-plane."""
     encirclements: int
     """Poles in the right half-plane if the critical point were -1: what the paper's reading of the whole loop says."""
     unstable_poles: int
     """By the argument principle about +1: what equation (48) says."""
-    rightmost: complex
-    """Pole farthest to the right of those of the fine legs' suspension and the delay, 2 to 20 Hz, rad/s."""
+    poles: Complex
+    """Of the closed loop, those to the right first, rad/s; see :meth:`.Loop.poles`."""
     delay_limit: float
     """s, infinite if stable with any delay."""
     bisected: float
@@ -48,26 +66,49 @@ class Verdict:
     """v of (41)."""
     mobile_base_estimate: float
     """Its estimate (42)."""
+    small_gain: Peak
+    """sigma(T) |Delta| of (62) for the delay alone; stability is certain below one."""
+    small_gain_bound: Peak
+    """The same with the bound (64) for sigma(T)."""
+    sensitivity: Peak
+    """Largest singular value of S of the practical loop."""
+
+    @property
+    def rightmost(self) -> complex:
+        """Pole farthest to the right of those of the fine legs' suspension, 2 to 20 Hz, rad/s."""
+        return rightmost(self.poles, SUSPENSION)
 
 
 @cache
 def judge(case: str, delay: float) -> Verdict:
     """All about one case; ``delay`` in s.  Cached: the errata ask for it too."""
+    from ..manipulator.small_gain import largest_singular_value, nominal_loop_poles
     from ..manipulator.stability import delay_limit_by_bisection, element_margins, loop_at
+    from ..manipulator.statespace import controller_system
 
     loop = loop_at(parameters_of(case), delay=delay)
+    poles = loop.poles()
+    opened = np.concatenate([loop.plant_poles(), controller_system(loop.controller).poles()])
     factor, estimate = mobile_base(case)
+    at_T = crowded(nominal_loop_poles(nominal_system(parameters_of(case))), *WIDE, 2000)
     return Verdict(
         case=case,
         loop=loop,
         margins=element_margins(loop, BAND),
+        wide=element_margins(loop, WIDE),
+        open_loop_poles=int(np.sum(opened.real > AT_REST)),
         encirclements=loop.inverted().unstable_poles(),
         unstable_poles=loop.unstable_poles(),
-        rightmost=rightmost(loop.poles(), SUSPENSION),
+        poles=poles,
         delay_limit=loop.delay_limit,
         bisected=delay_limit_by_bisection(loop, LONGEST, 1e-5),
         mobile_base_factor=factor,
         mobile_base_estimate=estimate,
+        small_gain=_peak(lambda f: small_gain(case, f, delay)[0], at_T),
+        small_gain_bound=_peak(lambda f: small_gain(case, f, delay)[1], at_T),
+        sensitivity=_peak(
+            lambda f: largest_singular_value(loop.sensitivity(2j * np.pi * f)), crowded(poles, *WIDE, 2000)
+        ),
     )
 
 
@@ -85,119 +126,179 @@ def nominal_system(p: Parameters, pose: Pose | None = None) -> Dynamics:
     return assemble(manipulator, replace(p.payload, truss_modes=()), p.bus, pose)
 
 
-def analyse(options: Options) -> Analysis:
-    """Judge the four cases, draw and word it."""
+def small_gain(case: str, frequency: Array, delay: float) -> tuple[Array, Array]:
+    """Left-hand side of (62), with T by (63) and with its bound (64), each (n,), over frequency (n,), Hz.
+
+    Delta is that of the delay (s) alone; the modes of the bus have the damping of the parameter set.
+    """
+    from ..manipulator import small_gain as theory
+
+    nominal, s = Practical(nominal_system(parameters_of(case))), 2j * np.pi * np.asarray(frequency)
+    uncertainty = theory.delay_uncertainty(frequency, delay)
+    T = theory.largest_singular_value(theory.nominal_complement(nominal, s))
+    return np.asarray(T * uncertainty), np.asarray(theory.nominal_complement_bound(nominal, s) * uncertainty)
+
+
+def analyse(
+    options: Options,
+    shaking: Shaking = SHAKING,
+    duration_s: float | None = None,
+    step_s: float | None = None,
+) -> Analysis:
+    """Judge the four cases, measure their open loop and their time response on the FMUs, draw and word it.
+
+    ``duration_s`` and ``step_s`` of the time responses; those of the scenario by default.
+    """
     from tqdm import tqdm
 
-    from .stability_plots import bode_figure, nyquist_figure, sensitivity_figure
+    from ..scenarios.stability import response_pictures
+    from .stability_plots import DRAWN, beyond_drawn, bode_figure, nyquist_figure, sensitivity_figure
+    from .stability_report import paragraphs, tables
 
     delay = published()["text.delay"].value
+    responses = time_responses(options, duration_s, step_s)
+    opened = open_loops(options, delay, shaking)
     bar = tqdm(CASES, unit="case", disable=not options.progress, desc="stability")
     verdicts = {case: judge(case, delay) for case in bar}
-    pictures = []
-    for name, figure, caption in (
-        ("bode", bode_figure, "Fig 10: element (1, 1) of the loop transfer matrix with the delay."),
-        (
-            "nyquist",
-            nyquist_figure,
-            "det(E - L) along the imaginary axis: stable if the curve does not go round the origin.",
+    drawn = {
+        "bode": (
+            partial(bode_figure, verdicts=verdicts, opened=opened),
+            "Fig 10: element (1, 1) of the loop transfer matrix with the delay; dots: measured on the FMUs.",
         ),
-        ("sensitivity", sensitivity_figure, "Sensitivity S and complementary T of (48), (61), and the bound (64)."),
-    ):
+        "nyquist": (
+            partial(nyquist_figure, verdicts=verdicts),
+            "det(E - L) along the imaginary axis: stable if the curve does not go round the origin. Arrows: rising "
+            f"frequency. What is not drawn, above {DRAWN:g} Hz, stays within {beyond_drawn(verdicts):.2f} of one.",
+        ),
+        "sensitivity": (
+            partial(sensitivity_figure, verdicts=verdicts),
+            "Sensitivity S of (48), and the small-gain condition (62) with T of (63) and its bound (64).",
+        ),
+    }
+    pictures = []
+    for name, (paint, caption) in drawn.items():
         path = options.output / f"stability_{name}.png"
-        figure(path, verdicts)
+        paint(path)
         pictures.append(Picture(path, caption))
     return Analysis(
         name="stability",
         title="Stability of the internal loop: Fig 10",
-        text=_text(verdicts),
-        findings=findings(verdicts),
-        tables=[_table(verdicts)],
-        pictures=pictures,
-        data={"delay_s": delay, "cases": {case: _entry(v) for case, v in verdicts.items()}},
+        text=paragraphs(verdicts, opened, responses),
+        findings=findings(verdicts, opened, responses),
+        tables=tables(verdicts, opened, responses),
+        pictures=[*pictures, *response_pictures(options.output, responses)],
+        data={
+            "delay_s": delay,
+            "cases": {case: _entry(v) for case, v in verdicts.items()},
+            "open_loop": {case: loop.entry for case, loop in opened.items()},
+            "responses": [r.entry for r in responses],
+        },
     )
 
 
-def findings(verdicts: Mapping[str, Verdict]) -> list[Finding]:
-    """The numbers of Fig 10, in the paper's reading."""
-    lsm = verdicts["LSM"].margins
-    return [
-        Finding("fig10.LSM_first_crossing", computed=lsm.gain_crossings[0]),
-        Finding("fig10.LSM_second_crossing", computed=lsm.gain_crossings[1]),
-        Finding("fig10.LSM_phase_crossing", computed=lsm.phase_crossings[0]),
-        Finding("fig10.LSM_phase_margin", computed=lsm.phase_margin, remark="against -1; the critical point is +1"),
-        Finding("fig10.OSM_peak", computed=verdicts["OSM"].margins.largest_gain_db),
-        Finding("fig10.LDLSM_peak", computed=verdicts["LDLSM"].margins.largest_gain_db),
+def time_responses(options: Options, duration_s: float | None, step_s: float | None) -> list[Response]:
+    """What the scenario ``stability`` measures: a pulse on the bus in each case, and in one beyond its limit."""
+    from ..scenarios.options import DEFAULT_DURATION_S, DEFAULT_STEP_S
+    from ..scenarios.output import held
+    from ..scenarios.stability import measure
+    from .cosimulation import run_options
+
+    name = "stability"
+    run = run_options(options, name, duration_s or DEFAULT_DURATION_S[name], step_s or DEFAULT_STEP_S[name])
+    with held(run.output):
+        return measure(run)
+
+
+def findings(
+    verdicts: Mapping[str, Verdict],
+    opened: Mapping[str, OpenLoop] | None = None,
+    responses: Sequence[Response] = (),
+) -> list[Finding]:
+    """The numbers of Fig 10, in the paper's reading, and its verdicts; co-simulated ones only if they were measured."""
+    computed = _of_lighter(verdicts["LSM"].margins)
+    measured = _of_lighter(opened["LSM"].margins) if opened else {}
+    remarks = {"LSM_phase_margin": "against -1; the critical point is +1"}
+    found = [Finding(f"fig10.{k}", computed[k], measured.get(k), remarks.get(k, "")) for k in computed]
+    for case in ("OSM", "LDLSM"):
+        v = verdicts[case]
+        peak = opened[case].margins.largest_gain_db if opened else None
+        found.append(Finding(f"fig10.{case}_peak", v.wide.largest_gain_db, peak, _where(v)))
+    above = _gain_ratio_db(verdicts["LSM"].loop, verdicts["OSM"].loop)
+    seen = opened["LSM"].least_ratio_db(opened["OSM"]) if opened else None
+    found.append(Finding("fig10.LSM_above_OSM", above, seen, f"from {WIDE[0]:g} to {WIDE[1]:g} Hz"))
+    found.append(Finding("fig10.open_loop_poles", max(v.open_loop_poles for v in verdicts.values())))
+    found += [
+        Finding(f"fig10.{case}_encirclements", verdicts[case].encirclements, remark="of det(E + L)")
+        for case in ("OSM", "LSM", "LDLSM")
     ]
+    with_delay = {r.case: r for r in responses if r.enabled and r.delay_s == verdicts[r.case].loop.delay}
+    for case in ("OSM", "LSM", "LDLSM"):
+        remark = "stable: the critical point is +1" if case == "LSM" else ""
+        growth = with_delay[case].pole.real if responses else None
+        found.append(Finding(f"fig10.{case}_growth", verdicts[case].rightmost.real, growth, remark))
+    original = verdicts["OSM"].mobile_base_factor
+    remark = f"OSM; LSM has {verdicts['LSM'].mobile_base_factor:.2f}"
+    return [*found, Finding("text.mobile_base_factor", original, remark=remark)]
 
 
-def small_gain(verdict: Verdict, frequency: Array) -> tuple[Array, Array, Array]:
-    """Largest singular value of T (63), its bound (64), and 1 / |Delta| of the delay (62), over frequency (n,), Hz."""
-    from ..manipulator.stability import delay_uncertainty, nominal_complement, nominal_complement_bound
-
-    nominal, s = Nominal(verdict.loop.model.dynamics), 2j * np.pi * frequency
-    T = np.linalg.svd(nominal_complement(nominal, s), compute_uv=False)[:, 0]
-    with np.errstate(divide="ignore"):
-        allowed = 1.0 / delay_uncertainty(frequency, verdict.loop.delay)
-    return np.asarray(T), nominal_complement_bound(nominal, s), np.asarray(allowed)
-
-
-def _text(verdicts: Mapping[str, Verdict]) -> list[str]:
-    lsm = verdicts["LSM"]
-    others = ", ".join(case for case, v in verdicts.items() if case != "LSM" and np.isinf(v.delay_limit))
-    return [
-        f"The loop is base acceleration - isolator - fine force - base, with a delay of {lsm.loop.delay:g} s. The "
-        "numbers of Fig 10 are those of element (1, 1) of +C K read against the point -1, and they are reproduced. But "
-        "by equation (48) the sensitivity is S = (E - C K)^-1: the feedback is positive and the critical point is +1.",
-        "The published verdict that the lighter support module (LSM) is unstable with this delay does not survive: "
-        f"det(E - L) does not go round the origin ({lsm.unstable_poles} poles in the right half-plane), and the "
-        f"rightmost pole between 2 and 20 Hz is at {lsm.rightmost.real:.2f} {lsm.rightmost.imag:+.2f}i rad/s. It "
-        f"becomes unstable beyond a delay of {1e3 * lsm.delay_limit:.1f} ms.",
-        f"The other verdicts, and the trend, survive: {others} are stable with any delay. A lighter bus brings the "
-        "loop closer to instability, more damping in the fine legs takes it away again.",
-        "The small-gain condition (62), (64) is sufficient only: see the figure for how far it is from necessary.",
-        "The scenario stability (system/run.py stability) shows the same on the running FMUs: the time response of the "
-        "four cases with this delay, and of LSM beyond its limit.",
-    ]
+def _of_lighter(m: Margins) -> dict[str, float]:
+    """What the paper says of LSM in Fig 10, by the keys of published.toml."""
+    first, second = m.gain_crossings
+    return {
+        "LSM_first_crossing": first,
+        "LSM_second_crossing": second,
+        "LSM_phase_crossing": m.phase_crossings[0],
+        "LSM_phase_margin": m.phase_margin,
+        "LSM_phase_crossings": len(m.phase_crossings),
+    }
 
 
-def _table(verdicts: Mapping[str, Verdict]) -> Table:
-    header = (
-        "case", "largest gain (dB)", "unstable poles, about -1", "unstable poles, about +1",
-        "rightmost pole, 2-20 Hz (rad/s)", "delay limit (ms)", "by bisection (ms)", "v (41)", "estimate (42)",
-    )  # fmt: skip
-    rows = [
-        (
-            case,
-            f"{v.margins.largest_gain_db:.2f}",
-            f"{v.encirclements}",
-            f"{v.unstable_poles}",
-            f"{v.rightmost.real:.3f} {v.rightmost.imag:+.2f}i",
-            _milliseconds(v.delay_limit),
-            _milliseconds(v.bisected, f"none to {1e3 * LONGEST:g}"),
-            f"{v.mobile_base_factor:.4f}",
-            f"{v.mobile_base_estimate:.4f}",
-        )
-        for case, v in verdicts.items()
-    ]
-    return Table("The four cases with the paper's delay; the critical point of (48) is +1", header, rows)
+def _where(v: Verdict) -> str:
+    """Where the largest gain is, and that around the suspension if it is elsewhere."""
+    at = f"at {v.wide.largest_gain_at:.4g} Hz"
+    if BAND[0] <= v.wide.largest_gain_at <= BAND[1]:
+        return at
+    return f"{at}; {v.margins.largest_gain_db:.2f} dB from {BAND[0]:g} to {BAND[1]:g} Hz"
 
 
-def _milliseconds(delay: float, none: str = "none") -> str:
-    return none if np.isinf(delay) else f"{1e3 * delay:.2f}"
+def _gain_ratio_db(above: Loop, below: Loop) -> float:
+    """Least ratio of the gains of element (1, 1) over :data:`WIDE`, dB."""
+    s = 2j * np.pi * crowded(np.concatenate([above.plant_poles(), below.plant_poles()]), *WIDE)
+    gains = [np.abs(loop.transfer(s)[:, 0, 0]) for loop in (above, below)]
+    return float(20.0 * np.log10(gains[0] / gains[1]).min())
+
+
+def _peak(function: Callable[[Array], Array], frequency: Array) -> Peak:
+    """Largest value of a function over frequencies (n,), Hz, followed between them."""
+    from scipy.optimize import minimize_scalar
+
+    top = int(np.clip(function(frequency).argmax(), 1, len(frequency) - 2))
+    found = minimize_scalar(
+        lambda f: -float(function(np.array([f]))[0]), bounds=(frequency[top - 1], frequency[top + 1]), method="bounded"
+    )
+    return Peak(-float(found.fun), float(found.x))
 
 
 def _entry(v: Verdict) -> dict[str, object]:
     return {
-        "largest_gain_db": v.margins.largest_gain_db,
+        "largest_gain_db": v.wide.largest_gain_db,
+        "largest_gain_at_hz": v.wide.largest_gain_at,
+        "largest_gain_1_to_30_hz_db": v.margins.largest_gain_db,
         "gain_crossings_hz": v.margins.gain_crossings,
         "phase_crossings_hz": v.margins.phase_crossings,
         "phase_margin_deg": v.margins.phase_margin,
+        "unstable_poles_of_open_loop": v.open_loop_poles,
         "unstable_poles_about_minus_one": v.encirclements,
         "unstable_poles": v.unstable_poles,
         "rightmost_pole_rad_s": [v.rightmost.real, v.rightmost.imag],
+        "poles_rad_s": [[pole.real, pole.imag] for pole in v.poles if pole.imag >= 0.0],
         "delay_limit_s": v.delay_limit,  # null: stable with any delay
         "delay_limit_by_bisection_s": v.bisected,
         "mobile_base_factor": v.mobile_base_factor,
         "mobile_base_estimate": v.mobile_base_estimate,
+        "small_gain": v.small_gain.value,  # stability is certain below one
+        "small_gain_at_hz": v.small_gain.at,
+        "small_gain_by_bound": v.small_gain_bound.value,
+        "largest_sensitivity": v.sensitivity.value,
+        "largest_sensitivity_at_hz": v.sensitivity.at,
     }

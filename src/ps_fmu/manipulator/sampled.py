@@ -43,6 +43,18 @@ def from_base_sampled(loop: Loop, s: ArrayLike, h: float) -> Complex:
     return np.asarray(loop.model.dynamics.pose.rotation_BP.T @ (G_P + (plant.A(s) - G_P @ C) @ F))
 
 
+def loop_sampled(loop: Loop, s: ArrayLike, h: float) -> Complex:
+    """L(s) with a step of h, s, (..., 6, 6), as measured with the loop open.
+
+    From the acceleration of one base to that which the isolator's force makes on another: two holds of h / 2, and the
+    direct effect of the force half a step late.
+    """
+    s = np.asarray(s, dtype=complex)
+    N_f, _ = _direct(loop.model.dynamics)
+    from_force = _column(s * s) * Practical(loop.model.dynamics).C(s) - _column(0.5 * h * s) * N_f
+    return np.asarray(from_force @ loop.controller.response(s) * _column(np.exp(-s * (loop.delay + h))))
+
+
 def _direct(dynamics: Dynamics) -> tuple[Array, Array]:
     """Base acceleration (6) from fine forces (6, 3) and base wrench (6, 6), before anything has moved."""
     d = dynamics

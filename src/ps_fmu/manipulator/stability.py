@@ -16,13 +16,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .feedforward import Controller, lowpass
-from .frequency import Nominal, Practical
+from .frequency import Practical, crowded
 from .inverse import inverse_kinematics
 from .isolator import Isolator
 from .parameters import Parameters
@@ -211,9 +210,11 @@ def loop_at(parameters: Parameters, orientation: ArrayLike = (0.0, 0.0, 0.0), de
 
 @dataclass(frozen=True)
 class Margins:
-    """One element of L as a Bode diagram: what Fig 10 and section 4.3 state."""
+    """One element of L as a Bode diagram: what Fig 10 and section 4.2 state."""
 
     largest_gain_db: float
+    largest_gain_at: float
+    """Hz."""
     gain_crossings: tuple[float, ...]
     """Hz, where the gain passes 0 dB."""
     phase_crossings: tuple[float, ...]
@@ -222,59 +223,39 @@ class Margins:
     """deg, phase above -180 deg at the last gain crossing; nan without one."""
 
 
-def element_margins(loop: Loop, band: tuple[float, float] = (0.1, 1000.0), row: int = 0, column: int = 0) -> Margins:
+def element_margins(loop: Loop, band: tuple[float, float], row: int = 0, column: int = 0) -> Margins:
     """Margins of +L[row, column] against the point -1, over a band of frequencies, Hz."""
-    from scipy.optimize import minimize_scalar
 
-    frequency = np.geomspace(*band, 6001)
-
-    def at(f: ArrayLike) -> Complex:
+    def element(f: ArrayLike) -> Complex:
         return loop.transfer(2j * np.pi * np.asarray(f))[..., row, column]
 
-    def gain(f: ArrayLike) -> Array:
-        return np.asarray(20.0 * np.log10(np.abs(at(f))))
+    return margins(element, crowded(loop.plant_poles(), *band, 1500))
 
-    def phase(f: ArrayLike) -> Array:
+
+def margins(element: Callable[[ArrayLike], Complex], frequency: Array) -> Margins:
+    """Margins of a function of frequency (Hz) against the point -1.
+
+    It is searched at the frequencies (n,), and then followed between them.
+    """
+    from scipy.optimize import minimize_scalar
+
+    def gain(value: Complex) -> Array:
+        return np.asarray(20.0 * np.log10(np.abs(value)))
+
+    def phase(value: Complex) -> Array:
         """Distance from -180 deg, deg, between -180 and 180."""
-        return np.asarray(np.degrees(np.angle(-at(f))))
+        return np.asarray(np.degrees(np.angle(-value)))
 
-    gains, phases = gain(frequency), phase(frequency)
-    crossings = _roots(gain, frequency, gains)
-    turning = [f for f in _roots(phase, frequency, phases, jump=180.0) if gain(f) > 0.0]
-    margin = float(phase(crossings[-1])) if crossings else np.nan
+    values = element(frequency)
+    gains = gain(values)
+    crossings = _roots(lambda f: gain(element(f)), frequency, gains)
+    turning = _roots(lambda f: phase(element(f)), frequency, phase(values), jump=180.0)
+    turning = [f for f in turning if gain(element(f)) > 0.0]
+    margin = float(phase(element(crossings[-1]))) if crossings else np.nan
     top = int(np.clip(gains.argmax(), 1, len(frequency) - 2))
-    peak = -minimize_scalar(lambda f: -gain(f), bounds=(frequency[top - 1], frequency[top + 1]), method="bounded").fun
-    return Margins(max(float(peak), float(gains.max())), tuple(crossings), tuple(turning), margin)
-
-
-# --- Robust stability by the small-gain theorem -------------------------------------------------------------------
-
-
-def nominal_complement(nominal: Nominal, s: ArrayLike) -> Complex:
-    """T(s) = E - S(s) of the optimal controller on the nominal plant, eq (63), (..., 6, 6)."""
-    J = nominal.dynamics.jacobians
-    follow = np.linalg.solve(J.J_theta_f, J.J_theta_b)
-    Y = nominal.Y(s)
-    first = np.linalg.solve(np.eye(6) - Y @ follow, -Y @ np.linalg.inv(J.J_theta_f))
-    return np.asarray(first @ nominal.G_P(s))
-
-
-def nominal_complement_bound(nominal: Nominal, s: ArrayLike) -> Array:
-    """Right-hand side of (64): product of the largest singular values of the two factors of T, (...)."""
-    J = nominal.dynamics.jacobians
-    follow = np.linalg.solve(J.J_theta_f, J.J_theta_b)
-    Y = nominal.Y(s)
-    first = np.linalg.solve(np.eye(6) - Y @ follow, -Y @ np.linalg.inv(J.J_theta_f))
-    return np.asarray(_largest_singular_value(first) * _largest_singular_value(nominal.G_P(s)))
-
-
-def delay_uncertainty(frequency: ArrayLike, delay: float) -> Array:
-    """|Delta| of eq (58) for a pure delay, ``|exp(-s tau) - 1|``, (...); frequency in Hz, delay in s."""
-    return np.asarray(np.abs(2.0 * np.sin(np.pi * np.asarray(frequency) * delay)))
-
-
-def _largest_singular_value(matrix: NDArray[np.inexact[Any]]) -> Array:
-    return np.asarray(np.linalg.svd(matrix, compute_uv=False)[..., 0])
+    around = (frequency[top - 1], frequency[top + 1])
+    peak = minimize_scalar(lambda f: -gain(element(f)), bounds=around, method="bounded")
+    return Margins(-float(peak.fun), float(peak.x), tuple(crossings), tuple(turning), margin)
 
 
 def _delayed(s: Complex, delay: float) -> Complex:

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .disturbance import psd_at_origin, to_origin
-from .frequency import Practical
+from .frequency import Practical, crowded
 from .parameters import Bus, Noise
 from .stability import Loop
 
@@ -24,7 +24,6 @@ Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 _POINTS = 6000  # of the frequency grid
-_PER_MODE = 60  # more, around each resonance
 
 
 def from_base(loop: Loop, s: ArrayLike, *, active: bool) -> Complex:
@@ -133,9 +132,4 @@ def _to_platform(loop: Loop) -> Array:
 
 def _grid(loop: Loop, low: float, high: float, *, points: int = _POINTS) -> Array:
     """Frequencies, Hz, logarithmic over the band and crowded around the poles of plant and loop."""
-    poles = np.concatenate([loop.plant_poles(), loop.with_delay(0.0).poles()])
-    poles = poles[(poles.imag > 0.0)] / (2.0 * np.pi)  # Hz
-    spread = np.sinh(np.linspace(-6.0, 6.0, _PER_MODE))
-    around = (poles.imag[:, None] - poles.real[:, None] * spread).reshape(-1)
-    grid = np.concatenate([np.geomspace(low, high, points), around[(around > low) & (around < high)]])
-    return np.unique(grid)
+    return crowded(np.concatenate([loop.plant_poles(), loop.with_delay(0.0).poles()]), low, high, points)

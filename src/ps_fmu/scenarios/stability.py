@@ -11,6 +11,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -86,6 +87,20 @@ class Response:
         return self.pole.real < 0.0 and self.growth < 1.0
 
     @property
+    def entry(self) -> Mapping[str, object]:
+        """For a JSON file."""
+        return {
+            "case": self.case,
+            "isolator": self.enabled,
+            "delay_s": self.delay_s if self.enabled else None,
+            "pole_rad_s": [self.pole.real, self.pole.imag],
+            "predicted_pole_rad_s": [self.predicted.real, self.predicted.imag],
+            "last_second_over_first": self.growth,
+            "stable": self.stable,
+            "payload_rms_rad": self.rms,
+        }
+
+    @property
     def rms(self) -> float:
         """RMS of the payload's rotation from the start of the pulse on, rad, over the three axes."""
         return float(np.sqrt(np.mean(np.sum(self.rotation**2, axis=1))))
@@ -107,22 +122,10 @@ def run(options: RunOptions) -> None:
         raise OptionError(f"--duration: poles need {SHORTEST_S:g} s at least, got {options.duration_s:g} s")
     responses = measure(options)
     system = _system(options)
-    active = [r for r in responses if r.enabled]
-    table = _table(responses)
-    text = [HOW, *_verdict(active)]
+    table = response_table(responses)
+    text = [HOW, *verdict(responses)]
     print(text_table(table.header, table.rows), *text[1:], sep="\n")
-    pictures = []
-    for name, caption in (
-        (
-            "fine",
-            "Largest displacement of a fine leg; dashed: rate of the predicted pole. What is left in the end is made "
-            "by the modes of the arrays, with time constants of 20 to 70 s.",
-        ),
-        ("payload", "Rotation of the payload about the first axis."),
-    ):
-        path = options.output / f"stability_{name}.png"
-        response_figure(path, responses, name)
-        pictures.append(Picture(path, caption))
+    pictures = response_pictures(options.output, responses)
     publish(
         options,
         system,
@@ -136,7 +139,7 @@ def run(options: RunOptions) -> None:
             rms_passive_rad=None,
             rms_active_rad=None,
             rejection_percent=None,
-            more={"responses": [_entry(r) for r in responses]},
+            more={"responses": [r.entry for r in responses]},
         ),
     )
 
@@ -196,8 +199,10 @@ class _Record:
         self.observers = [self.samples]
 
 
-def _verdict(active: Sequence[Response]) -> list[str]:
+def verdict(responses: Sequence[Response]) -> list[str]:
+    """Which cases are stable with the paper's delay, and what becomes of a longer one: sentences."""
     delay_s = paper_delay_s()
+    active = [r for r in responses if r.enabled]
     with_paper_delay = [r for r in active if r.delay_s == delay_s]
     stable, unstable = (
         ", ".join(r.case for r in with_paper_delay if r.stable is wanted) or "none" for wanted in (True, False)
@@ -213,7 +218,26 @@ def _verdict(active: Sequence[Response]) -> list[str]:
     return said
 
 
-def _table(responses: Sequence[Response]) -> Table:
+def response_pictures(folder: Path, responses: Sequence[Response]) -> list[Picture]:
+    """Draw fine legs and payload into a folder."""
+    pictures = []
+    for name, caption in (
+        (
+            "fine",
+            "Largest displacement of a fine leg; dashed: rate of the predicted pole. What is left in the end is made "
+            "by the modes of the arrays, with time constants of 20 to 70 s; with large damping that is all from 0.6 s "
+            "on.",
+        ),
+        ("payload", "Rotation of the payload about the first axis."),
+    ):
+        path = folder / f"stability_{name}.png"
+        response_figure(path, responses, name)
+        pictures.append(Picture(path, caption))
+    return pictures
+
+
+def response_table(responses: Sequence[Response]) -> Table:
+    """Poles found in the motion beside those predicted."""
     header = (
         "case", "isolator", "delay (ms)", "pole in the motion (1/s)", "(Hz)", "predicted (1/s)", "(Hz)",
         "last second over first", "stable", "payload RMS (rad)",
@@ -234,16 +258,3 @@ def _table(responses: Sequence[Response]) -> Table:
         for r in responses
     ]
     return Table("Free motion after a pulse: slowest pole of the fine legs' suspension", header, rows)
-
-
-def _entry(r: Response) -> Mapping[str, object]:
-    return {
-        "case": r.case,
-        "isolator": r.enabled,
-        "delay_s": r.delay_s if r.enabled else None,
-        "pole_rad_s": [r.pole.real, r.pole.imag],
-        "predicted_pole_rad_s": [r.predicted.real, r.predicted.imag],
-        "last_second_over_first": r.growth,
-        "stable": r.stable,
-        "payload_rms_rad": r.rms,
-    }

@@ -17,7 +17,7 @@ SUSPENSION = (2.0, 20.0)  # Hz: above the modes of the bus, below those of rods 
 
 
 def parameters_of(case: str) -> Parameters:
-    """The identified parameters of a case: the bus, and for LD... the larger damping of section 4.3."""
+    """The identified parameters of a case: the bus, and for LD... the larger damping of section 4.2."""
     p = load(bus=case[-3:])
     return with_large_damping(p) if case.startswith("LD") else p
 

@@ -9,7 +9,7 @@ import numpy as np
 from ...manipulator.dynamics import Dynamics
 from ...manipulator.frequency import Complex
 from ...manipulator.parameters import Array, load
-from ...manipulator.stability import nominal_complement
+from ...manipulator.small_gain import nominal_complement
 from ...paper import published
 from ..stability import nominal_system
 from . import case
@@ -100,7 +100,7 @@ def poles() -> Erratum:
 
 
 def robust_factor() -> Erratum:
-    """(60): the delay of section 4.3 as the uncertainty."""
+    """(60): the delay of section 4.2 as the uncertainty."""
     nominal, s = case.nominal(), case.S
     delayed = np.exp(-s * published()["text.delay"].value)[:, None, None]
     loop = case.plant().C(s) @ case.optimal_gains().optimal(s)
@@ -115,7 +115,7 @@ def robust_factor() -> Erratum:
         "(60)",
         "S_Delta = (E - Delta T)^-1",
         "S_Delta = (E + Delta T)^-1; the small-gain test (62) is the same",
-        "S' = (E - C' K)^-1 against S S_Delta, with the delay of section 4.3 as Delta and C by one solve of (25)",
+        "S' = (E - C' K)^-1 against S S_Delta, with the delay of section 4.2 as Delta and C by one solve of (25)",
         relative_error(product(E + delta_T), practical),
         relative_error(product(E - delta_T), practical),
     )

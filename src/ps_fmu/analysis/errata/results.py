@@ -43,7 +43,7 @@ def verdict_on_the_lighter_module() -> Erratum:
     delay = published()["text.delay"].value
     lsm = judge("LSM", delay)
     return Erratum(
-        "Fig 10, section 4.3",
+        "Fig 10, section 4.2",
         f"LSM with {delay:g} s delay is unstable: margins of +C K_we against -1",
         "stable: by (48) the critical point is +1",
         f"argument principle: {lsm.unstable_poles} poles in the right half-plane about +1, {lsm.encirclements} if the "
