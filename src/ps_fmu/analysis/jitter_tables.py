@@ -47,6 +47,7 @@ def _each_axis(results: Mapping[str, Result]) -> Iterator[tuple[Result, int, tup
 
 
 def rms_table(results: Mapping[str, Result]) -> Table:
+    """Table 2: published, in closed form and co-simulated, each axis of each orientation."""
     header = (
         "orientation (deg)", "axis",
         "passive RMS (rad): published", "closed form", "co-simulated",
@@ -64,6 +65,7 @@ def rms_table(results: Mapping[str, Result]) -> Table:
 
 
 def knowledge_table() -> Table:
+    """What the error in the isolator's knowledge of the payload costs or brings, at (0, 0, 0)."""
     cases = {"as identified": False, "true": True}
     rows = [
         (
@@ -80,6 +82,7 @@ def knowledge_table() -> Table:
 
 
 def agreement_table(results: Mapping[str, Result]) -> Table:
+    """The runs beside the closed form with the delay of the communication step."""
     header = (
         "orientation (deg)", "axis",
         "passive RMS (rad): from the lines", "co-simulated", "difference (%)",
@@ -98,6 +101,7 @@ def agreement_table(results: Mapping[str, Result]) -> Table:
 
 
 def image_table(results: Mapping[str, Result]) -> Table:
+    """Fig 9: radii and area of the scatter of the image point."""
     header = (
         "orientation (deg)", "case", "RMS radius, closed form (m)", "co-simulated (m)", "largest radius (m)",
         "area of the hull (m2)",
@@ -118,6 +122,7 @@ def image_table(results: Mapping[str, Result]) -> Table:
 
 
 def share_table(densities: list[tuple[Array, Array]]) -> Table:
+    """Shares of the variance by band; ``densities``: frequency and density, passive and active."""
     header = ("band (Hz)", *(f"{case} {axis}" for case in ("passive", "active") for axis in (1, 2, 3)))
     found = np.concatenate([shares(*density) for density in densities], axis=1)
     rows = [
