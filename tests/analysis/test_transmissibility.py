@@ -32,13 +32,17 @@ def few(monkeypatch):
     monkeypatch.setattr(transmissibility, "FREQUENCY", grid)
 
 
+def of_cases():
+    return {case: curves(parameters_of(case)) for case in CASES}
+
+
 @pytest.mark.usefixtures("few")
 def test_fig_8():
     found = {name: curves(load(), rpy) for name, rpy in ORIENTATIONS.items()}
     assert [c.attenuation for c in found.values()] == pytest.approx([60.6, 60.5, 60.7, 60.2], abs=0.1)
-    for finding in findings(found):
-        assert finding.key == "fig8.start" or finding.difference == "holds"
-        assert finding.cosimulated is None
+    by_key = {finding.key: finding for finding in findings(found, of_cases())}
+    assert by_key["fig8.attenuation"].difference == by_key["fig8.amplification"].difference == "holds"
+    assert all(finding.cosimulated is None for finding in by_key.values())
     low = transmissibility.FREQUENCY < 20.0
     for c in found.values():
         assert np.abs(c.theory - c.passive)[low].max() < 1.0  # dB; the rods are not quite rigid
@@ -46,7 +50,7 @@ def test_fig_8():
 
 @pytest.mark.usefixtures("few")
 def test_fig_11_does_not_depend_on_the_bus():
-    found = {case: curves(parameters_of(case)).passive for case in CASES}
+    found = {case: c.passive for case, c in of_cases().items()}
     assert found["OSM"] == pytest.approx(found["LSM"], abs=1e-6)
     assert found["LDOSM"] == pytest.approx(found["LDLSM"], abs=1e-6)
     assert found["OSM"].max() > found["LDOSM"].max()
@@ -95,6 +99,9 @@ def test_files_and_findings(built_fmus, tmp_path, monkeypatch):
     assert found["fig8.start"].cosimulated == pytest.approx(20.0 * np.log10(1.02), abs=0.02)
     assert found["fig8.attenuation"].difference == found["fig8.amplification"].difference == "holds"
     assert found["fig8.amplification"].cosimulated is None
+    for key in ("fig11.similar", "fig11.similar_damped"):
+        assert found[key].computed < 1e-6 and found[key].cosimulated < 1e-6
+    assert found["fig11.attenuation"].cosimulated == pytest.approx(5.2, abs=0.05)
     assert [picture.path.stat().st_size > 20_000 for picture in result.pictures] == [True] * 4
     text = (tmp_path / "transmissibility.md").read_text()
     assert "0.172 dB" in text and "This holds" in text and "| (0, -7, 0) | OSM | active | 796 of 796 |" in text

@@ -15,7 +15,7 @@ def test_findings_text_and_figures(tmp_path, capsys):
         assert abs(finding["computed"] / finding["published"] - 1.0) < 1e-5
     assert content["cone_deg"] == pytest.approx(7.434293, abs=1e-6)
     assert content["cone_with_free_twist_deg"] == pytest.approx(8.759126, abs=1e-6)
-    printed = capsys.readouterr().out
+    printed = " ".join(capsys.readouterr().out.split())
     assert "Pitch alone goes from -7.88 to 7.44 deg" in printed and "+-4.04 deg" in printed
     assert "tilted by 7.43 deg in any direction without twist, and by 8.75 deg if" in printed  # rounded down
     for name in ("workspace.png", "workspace_cone.png"):

@@ -11,21 +11,26 @@ from ps_fmu.scenarios.options import OptionError
 
 
 def test_platform_points_where_it_is_told_to(make_options, capsys, monkeypatch):
-    """Closed form to rounding; Algorithm 1 as its error limit of 1e-6 m allows, 4e-4 deg.  One plane and the walk."""
+    """Closed form to rounding; Algorithm 1 as its error limit allows, 1e-6 m 4e-4 deg, 2e-11 m 9e-9 deg.
+
+    One plane and the walk.
+    """
     monkeypatch.setattr(trajectories, "PLANES", {"roll-pitch": (0, 1)})
     options = make_options("trajectories", 44.0, step_s=5e-3)
     trajectories.run(options)
     summary = json.loads((options.output / "summary.json").read_text())
     found = {(path["path"], path["inverse_kinematics"]): path for path in summary["paths"]}
-    assert len(found) == 4
-    for (path, solver), result in found.items():
+    assert len(found) == 6
+    limits = {"trilateration": 1e-11, "Algorithm 1, 1e-06 m": 1e-3, "Algorithm 1, 2e-11 m": 1e-8}
+    residuals = {"trilateration": 1e-12, "Algorithm 1, 1e-06 m": 1e-6, "Algorithm 1, 2e-11 m": 2e-11}
+    for (path, method), result in found.items():
         targets, response = (np.array(result[key]) for key in ("targets_deg", "response_deg"))
         assert targets.shape == response.shape and len(targets) >= 5
         assert np.abs(response - targets).max() == pytest.approx(result["largest_error_deg"], rel=1e-6, abs=1e-15)
         assert np.ptp(targets, axis=0).max() > 3.0
-        limit = 1e-11 if solver == "trilateration" else 1e-3
-        assert result["largest_error_deg"] < limit, path
-        assert result["largest_residual_m"] < (1e-12 if solver == "trilateration" else 1e-6)
+        assert result["largest_error_deg"] < limits[method], path
+        assert result["largest_residual_m"] < residuals[method]
+    assert found["roll-pitch", "Algorithm 1, 2e-11 m"]["largest_error_deg"] > 1e-9
     assert "Algorithm 1 stops at an error of 1e-06 m" in capsys.readouterr().out
     assert len(list(options.output.glob("trajectory_*.png"))) == 2
 

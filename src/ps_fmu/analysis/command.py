@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 #: Name -> what it is about.  Each is a module of this package with ``analyse(options) -> Analysis``.
 ANALYSES = {
     "workspace": "Table 1 and Fig 6: the orientations within reach, singular values of the Jacobian",
-    "trajectories": "Fig 7: errors along closed paths and a random walk, through commander and plant",
+    "trajectories": "Fig 7 and Table 1 through commander and plant: errors along paths, the limits of the angles",
     "transmissibility": "Figs 8 and 11: singular values in closed form, and as measured on the running FMUs at each "
     "orientation and in each case (132 runs, about 2 minutes on two cores)",
     "stability": "Fig 10: the internal loop with delay, in the paper's reading and in that of its equation (48)",
@@ -61,6 +61,7 @@ def run(arguments: argparse.Namespace) -> int:
     from ..fmu.build import BuildError
     from ..scenarios.options import OptionError, claim
     from .cosimulation import check_sources
+    from .terminal import printed
 
     name = arguments.analysis
     output = arguments.output if arguments.output is not None else Path("results", name)
@@ -78,16 +79,5 @@ def run(arguments: argparse.Namespace) -> int:
     except (BuildError, CosimError, OSError, ValueError) as error:
         print(f"ps-fmu analyse {name}: {reason(error)}", file=sys.stderr)
         return 1
-    show(analysis)
-    print(f"results in {output}")
+    print(printed(analysis), f"results in {output}", sep="\n")
     return 0
-
-
-def show(analysis: Analysis) -> None:
-    """Print text and tables."""
-    from ..scenarios.publish import text_table
-
-    print(analysis.title, *analysis.text, sep="\n")
-    for table in analysis.all_tables():
-        print(f"\n{table.caption}\n{text_table(table.header, table.rows)}")
-

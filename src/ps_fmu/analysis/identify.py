@@ -7,7 +7,6 @@ import sys
 from pathlib import Path
 
 from ..terminal import reason
-from .command import show
 
 STARTS = 24
 FILE = "identified.toml"
@@ -34,6 +33,7 @@ def run(arguments: argparse.Namespace) -> int:
     from ..scenarios.options import OptionError, claim  # here: they import what other commands would have to wait for
     from .identification.report import report
     from .identification.steps import identify
+    from .terminal import printed
 
     try:
         if arguments.seed < 0 or arguments.starts < 1:
@@ -49,7 +49,6 @@ def run(arguments: argparse.Namespace) -> int:
     except (OSError, ValueError) as error:
         print(f"ps-fmu identify: {reason(error)}", file=sys.stderr)
         return 1
-    show(analysis)
-    print(f"results in {arguments.output}; the parameter set is {path}")
+    print(printed(analysis), f"results in {arguments.output}; the parameter set is {path}", sep="\n")
     print(f"with the FMUs: python system/run.py --parameters {path.with_suffix('.ssv')}")
     return 0

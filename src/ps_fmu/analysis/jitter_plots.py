@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..manipulator.parameters import Array
 from ..pointing.style import ACTIVE, AXES, PASSIVE, REFERENCE, draw
 from ..scenarios.comparison import angles
-from ..scenarios.table2 import ORIENTATIONS, published_value
+from ..scenarios.table2_theory import ORIENTATIONS, published_value
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from ..manipulator.transmissibility import Jitter
     from ..pointing.scatter import Scatter
     from .jitter import Result
+
+DEVIATIONS = ((1.0, "-"), (3.0, "--"))  # standard deviations of the ellipses, and their lines
 
 
 def image_figure(path: Path, results: Mapping[str, Result]) -> None:
@@ -35,22 +37,42 @@ def image_figure(path: Path, results: Mapping[str, Result]) -> None:
         grid[0, 0].set_ylabel("passive, y (µm)")
         grid[1, 0].set_ylabel("active, y (nm)")
         for row in grid:  # one scale for all orientations
-            limit = 1.05 * max(max(map(abs, axes.get_ylim())) for axes in row)
+            across, along = (
+                1.05 * max(max(map(abs, limits)) for limits in found)
+                for found in ([axes.get_xlim() for axes in row], [axes.get_ylim() for axes in row])
+            )
             for axes in row:
-                axes.set(xlim=(-limit, limit), ylim=(-limit, limit), aspect="equal")
-        figure.legend(*grid[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
+                axes.set(xlim=(-across, across), ylim=(-along, along), aspect="equal")
+        _legend(figure)
         figure.suptitle("Image point: co-simulated, and standard deviations in closed form")
 
     draw(path, 15.0, 9.0, paint)
 
 
+def _legend(figure: Figure) -> None:
+    """One legend for both rows: points and hull in the colours of either."""
+    from matplotlib.legend_handler import HandlerTuple
+    from matplotlib.lines import Line2D
+
+    both = (PASSIVE, ACTIVE)
+    entries: dict[str, Any] = {
+        "image points (passive, active), thinned out": tuple(Line2D([], [], color=c, marker=".", ls="") for c in both),
+        "convex hull of all points": tuple(Line2D([], [], color=c) for c in both),
+        **{rf"{n:g} $\sigma$, closed form": Line2D([], [], color="black", ls=style, lw=1.3) for n, style in DEVIATIONS},
+    }
+    figure.legend(
+        list(entries.values()), list(entries), loc="outside lower center", ncols=4, handlelength=3.5,
+        handler_map={tuple: HandlerTuple(ndivide=None)},
+    )  # fmt: skip
+
+
 def _cloud(axes: Axes, scatter: Scatter, theory: Jitter, colour: str, factor: float, unit: str) -> None:
     points, hull = ((values - scatter.centre) * factor for values in (scatter.points, scatter.hull))
     axes.plot(*points.T, ".", color=colour, ms=2.0, alpha=0.4, mew=0.0)
-    axes.plot(*np.concatenate((hull, hull[:1])).T, color=colour, label="convex hull")
-    for deviations, style in ((1.0, "-"), (3.0, "--")):
+    axes.plot(*np.concatenate((hull, hull[:1])).T, color=colour)
+    for deviations, style in DEVIATIONS:
         ellipse = deviations * factor * _ellipse(theory.image_covariance)
-        axes.plot(*ellipse, color="black", ls=style, lw=1.3, label=rf"{deviations:g} $\sigma$, closed form")
+        axes.plot(*ellipse, color="black", ls=style, lw=1.3)
     axes.set_xlabel(f"x ({unit})")
 
 
@@ -101,7 +123,7 @@ def rms_figure(path: Path, results: Mapping[str, Result]) -> None:
 
 def cumulative_figure(path: Path, densities: Sequence[tuple[Array, Array]]) -> None:
     """RMS of all that lies below a frequency, three axes; passive on the left, active on the right."""
-    from .jitter import below_frequency
+    from .jitter_tables import below_frequency
 
     def paint(figure: Figure) -> None:
         for axes, (frequency, density), case, factor, unit in zip(

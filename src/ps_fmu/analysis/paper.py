@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict
 from importlib import import_module
 
-from ..manipulator.parameters import load
 from ..paper import published
 from .command import Options
+from .jitter import knowledge_text
 from .result import Analysis, Finding
 
 #: The analyses whose findings and figures are put together: modules of this package, in the order they run.
@@ -19,9 +19,10 @@ def analyse(options: Options) -> Analysis:
     """Run the other analyses, compute the errata, put everything together."""
     from tqdm import tqdm
 
+    from . import settings
     from .errata import ENTRIES, errata_table
 
-    found = parameter_findings(options)
+    found = settings.findings(options)  # first: without its files the rest is not worth the wait
     parts: list[Analysis] = []
     for name in tqdm(PARTS, desc="analyses", disable=not options.progress):
         parts.append(import_module(f".{name}", __package__).analyse(options))
@@ -35,8 +36,8 @@ def analyse(options: Options) -> Analysis:
         name="paper",
         title="The paper's numbers, and ours",
         text=[
-            f"The paper gives {len(findings)} numbers. {len(findings) - len(missing)} of them are computed here"
-            + (f"; the other {len(missing)} are marked in the table." if missing else "."),
+            counted(findings),
+            knowledge_text(),
             *(f"{part.title}: more in {part.name}.md." for part in parts),
             f"The errata have {len(errata)} entries. For {numeric} of them the error of the printed form is a number; "
             "all of these are computed anew with this report.",
@@ -48,41 +49,34 @@ def analyse(options: Options) -> Analysis:
     )
 
 
-def parameter_findings(options: Options) -> list[Finding]:
-    """The parameters that sections 4, 4.2 and 4.3 state, as the FMUs have them."""
-    from ..cosim.parameters import read_parameters
-
-    folder = options.system.parent / "parameters"
-    original, lighter = load(bus="OSM"), load(bus="LSM")
-    filters, fine_leg = original.filters, original.manipulator.fine_legs[0]
-    return [
-        Finding("text.OSM_mass", computed=original.bus.mass),
-        Finding("text.LSM_mass", computed=lighter.bus.mass),
-        Finding("text.payload_mass", computed=original.payload.mass),
-        Finding("text.fine_damping", computed=fine_leg.damping),
-        Finding(
-            "text.fine_damping_large",
-            computed=float(read_parameters(folder / "large_damping.ssv")["plant.fine_leg_1.damping"]),
-        ),
-        Finding("text.delay", computed=float(read_parameters(folder / "delay_20ms.ssv")["isolator.delay"])),
-        Finding("text.lowpass_stop", computed=filters.lowpass_stop_frequency),
-        Finding("text.highpass_corner", computed=filters.highpass_frequency),
-    ]
-
-
 def in_order_of_the_paper(found: Iterable[Finding]) -> list[Finding]:
     """One finding for each published number, those that were not found among them.
 
+    Where one analysis computes a number and another co-simulates it, both are joined.
+
     Raises
     ------
-    ValueError: two findings for one number.
+    ValueError: two values of the same kind for one number.
     """
     by_key: dict[str, Finding] = {}
     for finding in found:
-        if finding.key in by_key:
-            raise ValueError(f"{finding.key}: two analyses find this number; which one belongs into the table?")
-        by_key[finding.key] = finding
+        known = by_key.get(finding.key)
+        by_key[finding.key] = known.joined(finding) if known else finding
     return [by_key.get(key, Finding(key)) for key in published()]
+
+
+def counted(findings: Sequence[Finding]) -> str:
+    """How many numbers the table has, and which of ours stand beside them, as a paragraph."""
+    missing = not_computed(findings)
+    settings = sum(finding.setting for finding in findings)
+    both = sum(None not in (finding.computed, finding.cosimulated) for finding in findings)
+    return (
+        f"The table has {len(findings)} numbers of the paper: those of its Tables 1 and 2, and what its text says of "
+        f"its figures, methods and results. {settings} of them are settings, which equations and FMUs have as input. "
+        + (f"{len(missing)} of" if missing else "All")
+        + f" the other {len(findings) - settings} are {'not ' if missing else ''}computed here; for {both} there is a "
+        "value from the equations and one from the running FMUs, and the column of differences has both."
+    )
 
 
 def not_computed(findings: Iterable[Finding]) -> list[str]:

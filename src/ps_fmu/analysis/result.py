@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
 from ..fmu.files import write_atomically
@@ -25,6 +24,8 @@ class Finding:
     computed: float | None = None
     cosimulated: float | None = None
     remark: str = ""
+    setting: bool = False
+    """``computed`` is no result but what equations and FMUs are set to."""
 
     @property
     def published(self) -> Published:
@@ -37,30 +38,55 @@ class Finding:
         return self.computed is not None or self.cosimulated is not None
 
     @property
-    def value(self) -> float:
-        """Ours: the co-simulated one if there is one."""
-        found = self.computed if self.cosimulated is None else self.cosimulated
-        return math.nan if found is None else found
-
-    @property
     def difference(self) -> str:
-        """Ours against the paper: relative, in percent, for a value; otherwise whether it holds."""
-        if not self.found:
-            return "not computed"
-        said, ours = self.published, self.value
+        """Ours against the paper: relative, in percent, for a value; otherwise whether it holds.
+
+        Of the computed and of the co-simulated value, with a slash between them where there are both and they differ.
+        """
+        ours = [value for value in (self.computed, self.cosimulated) if value is not None]
+        if self.setting:
+            return "as published" if ours == [self.published.value] else "not as published"
+        texts = list(dict.fromkeys(self._against_the_paper(value) for value in ours))
+        if len(texts) == 2:
+            unit = texts[1].rpartition(" ")[2]
+            texts[0] = texts[0].removesuffix(f" {unit}")  # once is enough
+        return " / ".join(texts) or "not computed"
+
+    def joined(self, other: Finding) -> Finding:
+        """Both as one: the values of either, and both remarks.  Raises ValueError where both have a value."""
+
+        def either(one: float | None, two: float | None) -> float | None:
+            if None not in (one, two):
+                raise ValueError(f"{self.key}: two analyses find this number; which one belongs into the table?")
+            return two if one is None else one
+
+        return Finding(
+            self.key,
+            either(self.computed, other.computed),
+            either(self.cosimulated, other.cosimulated),
+            "; ".join(filter(None, (self.remark, other.remark))),
+            self.setting or other.setting,
+        )
+
+    def _against_the_paper(self, ours: float) -> str:
+        said = self.published
         if said.relation == ">":
             return "holds" if ours > said.value else "does not hold"
         if said.relation == "<":
             return "holds" if ours < said.value else "does not hold"
         if said.relation == "~":
             return f"x {ours / said.value:.2g}"
-        if said.value == 0.0 or said.unit in ("%", "deg", "dB"):
+        if said.unit == "%":
+            return f"{ours - said.value:+.2g} points"
+        if said.value == 0.0 or said.unit in ("deg", "dB"):
             return f"{ours - said.value:+.2g} {said.unit}"
         percent = 100.0 * (ours / said.value - 1.0)
         return f"{percent:+.0f} %" if abs(percent) >= 10.0 else f"{percent:+.2g} %"
 
 
-FINDINGS_HEADER = ("where", "number", "unit", "published", "computed", "co-simulated", "difference", "remark")
+FINDINGS_HEADER = (
+    "where", "number", "unit", "published", "computed", "co-simulated", "difference: computed / co-simulated", "remark",
+)  # fmt: skip
 
 
 def findings_table(findings: Sequence[Finding], caption: str = "Published and ours") -> Table:
@@ -75,8 +101,8 @@ def findings_table(findings: Sequence[Finding], caption: str = "Published and ou
             f.published.what,
             f.published.unit,
             f.published.text,
-            text(f.computed),
-            text(f.cosimulated),
+            f"{text(f.computed)} (input)" if f.setting else text(f.computed),
+            "input" if f.setting else text(f.cosimulated),
             f.difference,
             "; ".join(filter(None, (f.published.remark, f.remark))),
         )
@@ -108,16 +134,28 @@ class Analysis:
         return "\n\n".join(parts) + "\n"
 
     def write(self, output: Path) -> None:
-        """Write NAME.json, NAME.md and NAME.html into a folder that exists.  Raises OSError."""
+        """Write NAME.json, NAME.md and NAME.html into a folder that exists.  Raises OSError.
+
+        The JSON file has all that the other two show.
+        """
         findings = [
             {
                 "key": f.key, "where": f.published.where, "what": f.published.what, "unit": f.published.unit,
                 "published": f.published.value, "relation": f.published.relation,
-                "computed": f.computed, "cosimulated": f.cosimulated, "difference": f.difference, "remark": f.remark,
+                "computed": f.computed, "cosimulated": f.cosimulated, "setting": f.setting,
+                "difference": f.difference, "remark": f.remark,
             }
             for f in self.findings
         ]  # fmt: skip
-        content = plain({"analysis": self.name, "findings": findings, **self.data, "versions": versions()}, self.name)
+        shown = {
+            "analysis": self.name,
+            "title": self.title,
+            "text": self.text,
+            "findings": findings,
+            "tables": [asdict(table) for table in self.tables],
+            "pictures": [{"file": picture.path.name, "caption": picture.caption} for picture in self.pictures],
+        }
+        content = plain({**shown, **self.data, "versions": versions()}, self.name)
         write_atomically(output / f"{self.name}.json", json.dumps(content, indent=2, allow_nan=False) + "\n")
         write_atomically(output / f"{self.name}.md", self.markdown())
         Report(

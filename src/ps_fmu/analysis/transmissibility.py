@@ -17,6 +17,7 @@ from ..pointing.report import Picture, Table
 from ..scenarios.comparison import angles
 from ..scenarios.support_modules import CASES, parameters_of
 from ..scenarios.table2 import ORIENTATIONS
+from .agreement import Agreement
 from .command import Options
 from .measured import Shaking
 from .result import Analysis, Finding
@@ -65,9 +66,21 @@ class Curves:
 
     @property
     def amplification(self) -> float:
-        """Largest amplification from 100 to 700 Hz, dB."""
+        """Largest amplification of the largest singular value from 100 to 700 Hz, dB."""
+        return float(self.amplifications[0])
+
+    @property
+    def amplifications(self) -> Array:
+        """Largest amplification of each singular value from 100 to 700 Hz, (3,), dB."""
         low, high = AMPLIFIED_BAND
-        return float(self.gain[(low <= FREQUENCY) & (high >= FREQUENCY)].max())
+        return np.asarray((self.active - self.passive)[(low <= FREQUENCY) & (high >= FREQUENCY)].max(axis=0))
+
+    @property
+    def amplified_band(self) -> tuple[float, float]:
+        """Where the largest singular value is amplified, around its largest amplification above 100 Hz, Hz."""
+        top = int(np.where(AMPLIFIED_BAND[0] <= FREQUENCY, self.gain, -np.inf).argmax())
+        quiet = np.flatnonzero(self.gain <= 0.0)
+        return float(FREQUENCY[quiet[quiet < top].max()]), float(FREQUENCY[quiet[quiet > top].min()])
 
 
 def curves(p: Parameters, rpy_deg: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Curves:
@@ -120,7 +133,7 @@ def analyse(options: Options, shaking: Shaking | None = None) -> Analysis:
         name="transmissibility",
         title="Transmissibility: Figs 8 and 11",
         text=_text(measured),
-        findings=findings(at_orientations, measured),
+        findings=findings(at_orientations, of_cases, measured),
         tables=[
             _orientation_table(at_orientations), _case_table(of_cases), agreement_table(measured), step_table(of_step),
         ],
@@ -134,23 +147,84 @@ def analyse(options: Options, shaking: Shaking | None = None) -> Analysis:
     )  # fmt: skip
 
 
-def findings(at_orientations: Mapping[str, Curves], measured: Measured | None = None) -> list[Finding]:
-    """The numbers of Fig 8; co-simulated ones only if they were measured."""
+def findings(
+    at_orientations: Mapping[str, Curves], of_cases: Mapping[str, Curves], measured: Measured | None = None
+) -> list[Finding]:
+    """What the paper says of Figs 8 and 11; co-simulated values only if they were measured."""
+    return [*_of_figure_8(at_orientations, measured or {}), *_of_figure_11(of_cases, measured or {})]
+
+
+def _of_figure_8(at_orientations: Mapping[str, Curves], measured: Measured) -> list[Finding]:
     found = at_orientations.values()
     start = attenuation = None
     if measured:
-        passive, active = (singular_values_db(measured[Setup(active=on)].response.matrix)[:, 0] for on in (False, True))
-        start, attenuation = float(passive[0]), float((passive - active).max())
+        passive, active = (
+            np.array([_measured_db(measured[Setup(name, active=on)])[:, 0] for name in at_orientations])
+            for on in (False, True)
+        )
+        start, attenuation = float(max(passive[:, 0], key=abs)), float((passive - active).max(axis=1).min())
+    bands = np.array([c.amplified_band for c in found])
+    _, second, third = np.max([c.amplifications for c in found], axis=0)
     return [
-        Finding("fig8.start", max((c.start for c in found), key=abs), start),
+        Finding("fig8.start", max((c.start for c in found), key=abs), start, "farthest from 0 of four orientations"),
         Finding(
             "fig8.attenuation",
             min(c.attenuation for c in found),
             attenuation,
-            "least of the four orientations; co-simulated: at (0, 0, 0), with what a communication step costs",
+            "least of the four orientations; co-simulated: with what a communication step costs",
         ),
-        Finding("fig8.amplification", max(c.amplification for c in found), remark="largest of the four orientations"),
+        Finding(
+            "fig8.amplification",
+            max(c.amplification for c in found),
+            remark="largest singular value, largest of the four orientations; the second and the third are amplified "
+            f"by up to {second:.1f} and {third:.1f} dB, at minima of the passive curves",
+        ),
+        Finding("fig8.amplified_from", float(bands[:, 0].min()), remark="largest singular value, lowest of the four"),
+        Finding("fig8.amplified_to", float(bands[:, 1].max()), remark="largest singular value, highest of the four"),
     ]
+
+
+def _of_figure_11(of_cases: Mapping[str, Curves], measured: Measured) -> list[Finding]:
+    passive = {case: c.passive for case, c in of_cases.items()}
+    runs = {setup.case: _measured_db(a) for setup, a in measured.items() if setup == Setup(case=setup.case)}
+    most = _farthest_below(passive["LDOSM"], passive["OSM"])
+    remark = (
+        f"from {passive['OSM'][most, 0]:.1f} to {passive['LDOSM'][most, 0]:.1f} dB; the largest values of the curves "
+        f"are {_suspension_peak(passive['OSM']):.1f} and {_suspension_peak(passive['LDOSM']):.1f} dB"
+    )
+    lines = measured[Setup()].response.frequency if measured else None
+    return [
+        *(
+            Finding(key, _apart(passive, *cases), _apart(runs, *cases) if runs else None, "of any singular value")
+            for key, cases in (("fig11.similar", ("OSM", "LSM")), ("fig11.similar_damped", ("LDOSM", "LDLSM")))
+        ),
+        Finding(
+            "fig11.attenuation",
+            float(FREQUENCY[most]),
+            None if lines is None else float(lines[_farthest_below(runs["LDOSM"], runs["OSM"])]),
+            remark,
+        ),
+    ]
+
+
+def _measured_db(agreement: Agreement) -> Array:
+    """Singular values of what was measured, (lines, 3), dB."""
+    return singular_values_db(agreement.response.matrix)
+
+
+def _apart(curves_of: Mapping[str, Array], one: str, other: str) -> float:
+    """Largest difference of two curves, dB."""
+    return float(np.abs(curves_of[one] - curves_of[other]).max())
+
+
+def _farthest_below(curve: Array, other: Array) -> int:
+    """Row in which the largest singular value of a curve is farthest below that of the other."""
+    return int((curve - other)[:, 0].argmin())
+
+
+def _suspension_peak(curve: Array) -> float:
+    """Largest value at the resonance of the fine legs, dB."""
+    return float(curve[FREQUENCY < SUSPENSION_BELOW, 0].max())
 
 
 def _text(measured: Measured) -> list[str]:

@@ -100,7 +100,7 @@ def analyse(options: Options) -> Analysis:
 
 
 def findings(reach: Reach) -> list[Finding]:
-    """Table 1, and the claim that is drawn from it."""
+    """Table 1, and the claims that are drawn from it."""
     found = [
         Finding(f"table1.{angle}_{end}", computed=float(reach.limits[i, column]))
         for i, angle in enumerate(ANGLES)
@@ -109,7 +109,11 @@ def findings(reach: Reach) -> list[Finding]:
     least = float(np.abs(reach.limits).min())
     alone = float(np.abs(reach.pure).min())
     remark = f"each in some pose; alone, with the other two at zero, only {alone:.2f} deg"
-    return [*found, Finding("text.cone", computed=least, remark=remark)]
+    return [
+        *found,
+        Finding("text.cone", computed=least, remark=remark),
+        Finding("text.any_orientation", reach.cube, remark="largest cube of roll, pitch and yaw that is within reach"),
+    ]
 
 
 def _verdict(reach: Reach) -> tuple[str, ...]:

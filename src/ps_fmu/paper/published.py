@@ -39,9 +39,10 @@ class Published:
 @cache
 def published() -> dict[str, Published]:
     """All published numbers by key, such as ``table1.roll_max``, in the order of the file."""
-    groups = tomllib.loads(files(__package__).joinpath("published.toml").read_text(encoding="utf-8"))
-    return {
+    text = files(__package__).joinpath("published.toml").read_text(encoding="utf-8")
+    found = {
         f"{group}.{name}": Published(f"{group}.{name}", **entry)
-        for group, entries in groups.items()
+        for group, entries in tomllib.loads(text).items()
         for name, entry in entries.items()
     }
+    return dict(sorted(found.items(), key=lambda item: text.index(f"[{item[0]}]")))  # groups may be interleaved

@@ -23,24 +23,11 @@ from .comparison import HEADER, Comparison, TargetError, compare, draw, number, 
 from .options import RunOptions
 from .publish import Findings, publish, text_table
 from .setup import load_system, real_start
+from .table2_theory import ORIENTATIONS, published_value, rejection, second_axis
 
 Array = NDArray[np.float64]
 Triple = tuple[float, float, float]
 
-#: Orientations of Table 2 (deg) by their names in published.toml.
-ORIENTATIONS: dict[str, Triple] = {
-    "nominal": (0.0, 0.0, 0.0),
-    "roll": (8.5, 0.0, 0.0),
-    "pitch": (0.0, -7.0, 0.0),
-    "yaw": (0.0, 0.0, 14.0),
-}
-#: Rejection (%) by linear theory with the identified parameter set.
-IDENTIFIED: dict[str, Triple] = {
-    "nominal": (99.36, 99.17, 97.85),
-    "roll": (99.48, 98.94, 97.36),
-    "pitch": (99.51, 98.53, 97.48),
-    "yaw": (99.35, 98.50, 98.90),
-}
 PERIOD = "disturbance.noise.period"
 USUAL_PERIOD_S = 100.0  # lines from 0.105 Hz on, each 0.01 Hz
 SETTLING_S = 10.0  # after the rise: 4.5 time constants of the fine legs' suspension, 2.2 s with the isolator
@@ -51,11 +38,6 @@ HOW = (
     "over a period has no scatter. Published: Table 2 of the paper. Identified: linear theory with the parameter set "
     "that was identified from the paper, with analogue filters and without the delay of a communication step."
 )
-SECOND_AXIS = (
-    "The active RMS of the second axis is not that of the paper (factors 2.2, 1.5, 0.5, 0.5): it depends on details "
-    "that the paper does not give. Nothing was tuned to it."
-)
-
 
 @dataclass(frozen=True, eq=False)
 class Measurement:
@@ -102,7 +84,8 @@ def run(options: RunOptions) -> None:
     rows_of_all = [row for name, comparison in found.items() for row in _rows(name, comparison)]
     table = Table("Jitter of the payload against Table 2", _header(), rows_of_all)
     refused = [out_of_reach(comparison.target_deg) for comparison in found.values() if not comparison.reachable]
-    text = [HOW, *refused, _window(measured), _drift(found.values()), SECOND_AXIS, *published_remarks()]
+    off_axis = second_axis({name: comparison.rms_active for name, comparison in found.items()})
+    text = [HOW, *refused, _window(measured), _drift(found.values()), off_axis, *published_remarks()]
     print(text_table(table.header, table.rows), *text[1:], sep="\n")
 
     path = options.output / "table2.png"
@@ -133,11 +116,6 @@ def run(options: RunOptions) -> None:
     )
     if refused:
         raise TargetError("\n".join(refused))
-
-
-def published_value(name: str, what: str) -> Array:
-    """What Table 2 says of an orientation, (3,): ``passive`` or ``active`` RMS (rad), or ``rejection`` (%)."""
-    return np.array([published()[f"table2.{name}_{what}_{axis}"].value for axis in (1, 2, 3)])
 
 
 def published_remarks() -> list[str]:
@@ -200,6 +178,7 @@ def _header() -> tuple[str, ...]:
 def _rows(name: str, comparison: Comparison) -> list[tuple[str, ...]]:
     said = {what: published_value(name, what) for what in ("passive", "active", "rejection")}
     off, points = _differences(name, comparison)
+    identified = rejection(name)
     return [
         (
             *row[:3],
@@ -209,7 +188,7 @@ def _rows(name: str, comparison: Comparison) -> list[tuple[str, ...]]:
             f"{said['active'][i]:.2e}",
             row[4],
             f"{said['rejection'][i]:.1f}",
-            f"{IDENTIFIED[name][i]:.2f}",
+            f"{identified[i]:.2f}",
             number(points[i], "+.2f"),
         )
         for i, row in enumerate(rows(comparison))
@@ -219,7 +198,7 @@ def _rows(name: str, comparison: Comparison) -> list[tuple[str, ...]]:
 def _differences(name: str, comparison: Comparison) -> tuple[Array, Array]:
     """Passive RMS against Table 2 (percent), rejection against that of the identified set (points)."""
     off = 100.0 * (comparison.rms_passive / published_value(name, "passive") - 1.0)
-    return off, comparison.rejection - np.array(IDENTIFIED[name])
+    return off, comparison.rejection - rejection(name)
 
 
 def _entry(name: str, comparison: Comparison) -> dict[str, object]:
@@ -233,7 +212,7 @@ def _entry(name: str, comparison: Comparison) -> dict[str, object]:
         "published_rms_passive_rad": published_value(name, "passive"),
         "published_rms_active_rad": published_value(name, "active"),
         "published_rejection_percent": published_value(name, "rejection"),
-        "identified_rejection_percent": IDENTIFIED[name],
+        "identified_rejection_percent": rejection(name),
         "passive_against_published_percent": off,
         "rejection_against_identified_points": points,
     }

@@ -9,19 +9,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..manipulator.trajectories import ANGLES, PLANES
-from ..pointing.style import ACTIVE, PASSIVE, REFERENCE, draw
+from ..pointing.style import ACTIVE, AXES, PASSIVE, REFERENCE, draw
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from .trajectories import PathResult
 
-COLOURS = (ACTIVE, PASSIVE)
-SMALLEST_DEG = 1e-15  # shown: below are zeros
+COLOURS = (ACTIVE, PASSIVE, AXES[2])
 
 
 def path_figure(path: Path, results: Sequence[PathResult]) -> None:
-    """One path with several solvers: targets and response in each plane that the path uses; below the errors."""
+    """One path with several methods: targets and response in each plane that the path uses; below the errors."""
     first = results[0]
     planes = [PLANES[first.path]] if first.path in PLANES else list(PLANES.values())
 
@@ -38,11 +37,12 @@ def path_figure(path: Path, results: Sequence[PathResult]) -> None:
         errors = figure.add_subplot(grid[1, :])
         for result, colour in zip(results, COLOURS, strict=False):
             number = np.arange(1, len(result.error) + 1)
-            error = np.maximum(np.degrees(result.error), SMALLEST_DEG)
-            errors.semilogy(number, error, "o-", color=colour, markersize=4.0, label=result.solver)
+            shown = result.error > 0.0  # none at all at the nominal pose, which a logarithm cannot show
+            error = np.degrees(result.error[shown])
+            errors.semilogy(number[shown], error, "o-", color=colour, markersize=4.0, label=result.method)
         errors.axhspan(1e-9, 1e-8, color=REFERENCE, alpha=0.25, label="published")
-        errors.set(xlabel="number of the target", ylabel="error at rest (deg)", ylim=(SMALLEST_DEG, 1e-2))
-        errors.legend(ncols=3, loc="lower center", bbox_to_anchor=(0.5, 1.0))
+        errors.set(xlabel="number of the target", ylabel="error at rest (deg)", ylim=(1e-15, 1e-2))
+        errors.legend(ncols=4 if len(planes) > 1 else 2, loc="lower center", bbox_to_anchor=(0.5, 1.0))
         figure.suptitle(f"Path: {first.path}")
 
     draw(path, 7.5 if len(planes) == 1 else 14.0, 9.5, paint)

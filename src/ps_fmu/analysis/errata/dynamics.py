@@ -5,12 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from ...manipulator.dynamics import bus_mass, rigid_body_mass
+from ...manipulator.forward import forward_kinematics
 from ...manipulator.frequency import Complex, Practical
+from ...manipulator.kinematics import leg_lengths
 from ...manipulator.parameters import Array
-from ...manipulator.rotations import skew
+from ...manipulator.rotations import rotation_from_vector, skew
 from ..stability import mobile_base, nominal_system, parameters_of
 from . import case
-from .erratum import Erratum, relative_error
+from .erratum import Erratum, rate, relative_error
 
 
 def inertia_about_origin() -> Erratum:
@@ -86,16 +88,30 @@ def modal_term() -> Erratum:
 
 
 def base_rotation() -> Erratum:
-    """(39)."""
+    """(39), in axes of B and in axes of P."""
     J, R = case.dynamics().jacobians, case.pose().rotation_BP
     nothing = np.zeros((3, 3))
+    geometry, pose = case.parameters().manipulator.geometry, case.pose()
+    lengths = leg_lengths(geometry, pose.translation_B, pose.rotation_BP)
+
+    def rotation_P(t: float) -> Array:
+        """Of the platform, (6, 3), in its own axes, when all legs are held and the base moves along each coordinate."""
+        turned = rotation_from_vector(t * np.eye(6)[:, 3:]) @ forward_kinematics(geometry, lengths).R
+        relative = pose.rotation_BP.T @ turned
+        return 0.5 * (relative[:, [2, 0, 1], [1, 2, 0]] - relative[:, [1, 2, 0], [2, 0, 1]])
+
+    J_theta_b_P = rate(rotation_P, 3e-4).T
     return Erratum(
         "(39)",
         "J_thb = [0 R]",
         "J_thb = [0 E] in axes of B, [0 R^T] if theta_p is in axes of P as in Table 2",
-        "J_lp^-1 J_lb (10) from the joints of the six legs",
-        relative_error(J.J_theta_b, np.hstack([nothing, np.eye(3)])),
-        relative_error(J.J_theta_b, np.hstack([nothing, R])),
+        "in B: J_lp^-1 J_lb (10) from the joints of the six legs; in P: finite differences of the platform's rotation "
+        "in its own axes while the base moves and the legs are held. The error of the printed form is the smaller one",
+        max(
+            relative_error(J.J_theta_b, np.hstack([nothing, np.eye(3)])),
+            relative_error(J_theta_b_P, np.hstack([nothing, R.T])),
+        ),
+        min(relative_error(found, np.hstack([nothing, R])) for found in (J.J_theta_b, J_theta_b_P)),
     )
 
 

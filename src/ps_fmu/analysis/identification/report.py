@@ -98,8 +98,8 @@ def _text(found: Identified) -> list[str]:
 
 def _residuals(met: Mapping[str, float]) -> Table:
     rows = [
-        (f.published.where, f.published.what, f.published.unit, f.published.text, f"{f.value:.7g}",
-         f"{f.value - f.published.value:+.1e}", f"{rounding:.0e}")
+        (f.published.where, f.published.what, f.published.unit, f.published.text, f"{value:.7g}",
+         f"{value - f.published.value:+.1e}", f"{rounding:.0e}")
         for (key, value), rounding in zip(met.items(), roundings(list(met)), strict=True)
         if (f := Finding(key, computed=float(value)))
     ]  # fmt: skip

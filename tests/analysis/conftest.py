@@ -1,0 +1,74 @@
+"""What several tests of the analyses need: the closed-form findings of all of them, and the errata."""
+
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from ps_fmu.analysis import jitter, paper, settings, stability, trajectories, transmissibility, workspace
+from ps_fmu.analysis.command import Options
+from ps_fmu.analysis.errata import errata
+from ps_fmu.manipulator.parameters import load
+from ps_fmu.paper import published
+from ps_fmu.scenarios import table2_theory
+from ps_fmu.scenarios.options import DEFAULT_DURATION_S, DEFAULT_STEP_S, RunOptions
+from ps_fmu.scenarios.support_modules import CASES, parameters_of
+from ps_fmu.scenarios.trajectories import METHODS, PathResult, paths
+
+ORIENTATIONS = table2_theory.ORIENTATIONS
+SYSTEM = Path(__file__).parents[2] / "system" / "SystemStructure.ssd"
+RATE = 0.005  # m/s, of the coarse legs
+
+
+@pytest.fixture(scope="session")
+def all_errata():
+    """The errata, computed once: 6 s."""
+    return errata()
+
+
+@pytest.fixture(scope="session")
+def closed_form():
+    """Findings by key, all that does not come from a run of the FMUs: 10 s."""
+    delay = published()["text.delay"].value
+    curves = {name: transmissibility.curves(load(), rpy) for name, rpy in ORIENTATIONS.items()}
+    cases = {case: transmissibility.curves(parameters_of(case)) for case in CASES}
+    parts = {
+        "workspace": workspace.findings(workspace.compute()),
+        "trajectories": _trajectories(),
+        "transmissibility": transmissibility.findings(curves, cases),
+        "stability": stability.findings({case: stability.judge(case, delay) for case in CASES}),
+        "jitter": _jitter(),
+    }
+    assert parts.keys() == set(paper.PARTS)
+    found = settings.findings(Options(Path(), system=SYSTEM))
+    found += [finding for findings in parts.values() for finding in findings]
+    return {finding.key: finding for finding in paper.in_order_of_the_paper(found)}
+
+
+def _trajectories():
+    """Those of the usual paths, without runs: the response is the target, but for what tells no error from zero."""
+    name = "trajectories"
+    options = RunOptions(name, SYSTEM, Path(), DEFAULT_DURATION_S[name], DEFAULT_STEP_S[name])
+    results = []
+    for path, (targets, _) in paths(RATE, options).items():
+        none = np.zeros(len(targets))
+        results += [
+            PathResult(path, method, None, targets, targets + 1e-9, none, targets, none > 0.0) for method in METHODS
+        ]
+    return [_without_run(finding) for finding in trajectories.findings(results)]
+
+
+def _jitter():
+    ones = SimpleNamespace(radius_rms=1.0)
+    run = SimpleNamespace(
+        rms_passive=np.ones(3), rms_active=np.ones(3), rejection=np.ones(3),
+        passive=SimpleNamespace(scatter=ones), active=SimpleNamespace(scatter=ones),
+    )  # fmt: skip
+    results = {name: SimpleNamespace(theory=table2_theory.closed_form(name), measured=run) for name in ORIENTATIONS}
+    return [_without_run(finding) for finding in jitter.findings(results)]
+
+
+def _without_run(finding):
+    """The computed value alone: value and remark of a run that was not made do not count."""
+    return type(finding)(finding.key, finding.computed)
