@@ -14,8 +14,8 @@ from ...paper import published
 STEPS = 20  # searches that succeed mostly take less than 15; the path of a longer one depends on rounding
 LONGEST_STEP = 0.1  # of the ranges
 SETTLED = 1e-9  # of the ranges: a step that no printed digit shows
-# Least singular value of a Jacobian that counts, of the largest.  Of Table 1, one number follows from the others, up to
-# rounding, if the mechanism is symmetric; to follow that rounding would mean steps without end.
+# Least singular value of a Jacobian that counts, of the largest.  In most symmetric mechanisms one number of Table 1
+# follows from the others, up to rounding (see report.py); to follow that rounding would mean steps without end.
 LEAST_SLOPE = 1e-6
 
 

@@ -6,6 +6,7 @@ that of the angle at this point, which the legs' closure gives exactly.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -90,22 +91,20 @@ def search(start: Array, stroke: Array) -> Candidate | None:
             return None
     except (KinematicsError, GimbalLockError, np.linalg.LinAlgError):
         return None
-    geometry = symmetric(places, stroke)
-    return Candidate(places, stroke, largest_condition(geometry)) if not why_unusable(geometry) else None
+    candidate = Candidate(places, stroke, largest_condition(symmetric(places, stroke)))
+    return None if why_unusable(candidate.geometry, candidate.condition) else candidate
 
 
-def starts(seed: int, stroke: Array, count: int) -> list[Array]:
-    """Starting places, drawn uniformly from the ranges until ``count`` of them can use their whole stroke."""
+def starts(seed: int, stroke: Array) -> Iterator[Array]:
+    """Starting places (10,), drawn uniformly from the ranges, as many as wanted; all can use their whole stroke."""
     random = np.random.default_rng(seed)
-    found: list[Array] = []
-    while len(found) < count:
+    while True:
         places = random.uniform(0.05, 0.95, len(RANGES))
         try:
             limits(symmetric(places, stroke), SEARCH_STEP)
         except ForwardKinematicsError:
             continue
-        found.append(places)
-    return found
+        yield places
 
 
 def identifiability(candidate: Candidate) -> Identifiability:

@@ -15,7 +15,7 @@ from ...manipulator.inverse import inverse_kinematics
 from ...manipulator.kinematics import division_of_labour
 from ...manipulator.parameters import Array, Geometry
 from ...manipulator.reach import reachable
-from ...scenarios.table2 import ORIENTATIONS
+from ...scenarios.table2_theory import ORIENTATIONS
 from .fit import Range
 
 RANGES = (
@@ -54,10 +54,15 @@ def largest_condition(geometry: Geometry) -> float:
     return float(workspace.sample(geometry, workspace.surface(geometry)).condition.max())
 
 
-def why_unusable(geometry: Geometry) -> list[str]:
-    """What rules a geometry out although it meets Table 1; empty if nothing does."""
+def why_unusable(geometry: Geometry, condition: float) -> list[str]:
+    """What rules a geometry out although it meets Table 1; empty if nothing does.
+
+    Parameters
+    ----------
+    condition: see :func:`largest_condition`.
+    """
     reasons = list(division_of_labour(geometry, geometry.nominal_translation_B, np.eye(3)).reasons)
-    if (condition := largest_condition(geometry)) > LARGEST_CONDITION:
+    if condition > LARGEST_CONDITION:
         reasons.append(f"condition number {condition:.1f} in the workspace, at most {LARGEST_CONDITION:g}")
     if (gap := clearance(geometry)) < LEAST_CLEARANCE:
         reasons.append(f"two legs {1e3 * gap:.1f} mm apart, at least {1e3 * LEAST_CLEARANCE:g} mm")

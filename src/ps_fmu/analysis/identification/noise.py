@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...manipulator.parameters import Array, Parameters
-from ...scenarios.table2 import ORIENTATIONS
+from ...scenarios.table2_theory import ORIENTATIONS
 from .fit import Identifiability, roundings, targets
 
 KEYS = tuple(f"table2.{orientation}_passive_{axis}" for orientation in ORIENTATIONS for axis in (1, 2, 3))

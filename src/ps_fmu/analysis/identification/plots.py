@@ -11,7 +11,7 @@ from ...manipulator import workspace
 from ...manipulator.parameters import Array, Geometry, Parameters, load
 from ...paper import published
 from ...pointing.style import ACTIVE, PASSIVE, REFERENCE, draw
-from ...scenarios.table2 import ORIENTATIONS
+from ...scenarios.table2_theory import ORIENTATIONS
 from ..stability import BAND
 from . import geometry, noise, suspension
 from .fit import targets

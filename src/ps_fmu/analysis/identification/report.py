@@ -13,6 +13,8 @@ from .fit import Identifiability, Range, roundings, targets
 from .plots import candidates_figure, loop_figure, rms_figure
 from .steps import Identified
 
+NEARLY_FIXED = 0.2  # free share below which the text says so
+
 
 def report(found: Identified) -> Analysis:
     """Word it, and draw it beside the parameter file."""
@@ -26,18 +28,23 @@ def report(found: Identified) -> Analysis:
         **dict(zip(noise.REJECTION_KEYS, found.rejection, strict=True)),
     }
     fixed = found.fixed
-    remarks = {"fitted": met, "fitted as far as possible": approached, "not fitted": found.peaks}
+    remarks = {"fitted as far as possible": approached, "not fitted": found.peaks}
     return Analysis(
         name="identify",
         title="A parameter set from the published numbers",
         text=_text(found),
         findings=[
-            Finding(key, computed=float(value), remark=remark)
-            for remark, values in remarks.items()
-            for key, value in values.items()
+            *(
+                Finding(key, computed=float(value), remark=f"fitted; half of the last digit: {rounding:.0e}")
+                for (key, value), rounding in zip(met.items(), roundings(list(met)), strict=True)
+            ),
+            *(
+                Finding(key, computed=float(value), remark=remark)
+                for remark, values in remarks.items()
+                for key, value in values.items()
+            ),
         ],
         tables=[
-            _residuals(met),
             _parameters("Geometry, from Table 1", mechanism.RANGES, found.geometry.values, fixed["geometry"]),
             _parameters("Suspension, from Fig 10", suspension.RANGES, found.suspension.values, fixed["suspension"]),
             _singular_values(fixed),
@@ -69,13 +76,13 @@ def _text(found: Identified) -> list[str]:
     apart = np.abs(found.rejection - targets(noise.REJECTION_KEYS)).reshape(-1, 3).max(axis=0)
     return [
         f"Found from seed {found.seed} in three steps, each of which keeps what the ones before have found. Whatever "
-        "is not named below (masses, modes, inertia of the bus, filters) is that of paper.toml. All numbers are those "
-        f"of the file {found.path.name}, read back.",
+        "is not named below (masses, modes, inertia of the bus, filters) is that of paper.toml; the centres of mass of "
+        f"legs stay at the same share of their length. All numbers are those of the file {found.path.name}, read back.",
         f"Geometry: {len(found.candidates)} of {found.starts} starting points lead to a mechanism of three-fold "
         "symmetry that meets Table 1, keeps its legs apart, reaches the orientations of Table 2 and is well "
-        "conditioned. Chosen is the best conditioned one with which Fig 10 can be met. It misses Table 1 by "
-        f"{table1:.1e} deg at most. Six numbers fix {of_geometry.determined} combinations of ten parameters: the "
-        f"geometry is NOT identifiable, and {10 - of_geometry.determined} combinations are free."
+        "conditioned. Chosen is the best conditioned one with which Fig 10 and the passive RMS of Table 2 can be met. "
+        f"It misses Table 1 by {table1:.1e} deg at most. Six numbers fix {of_geometry.determined} combinations of ten "
+        f"parameters: the geometry is NOT identifiable, and {10 - of_geometry.determined} combinations are free."
         + (
             " One of the six follows from the other five: three extremes of roll and pitch lie at corners of the joint "
             "space that the symmetry turns into each other, where two numbers, tilt and azimuth, give all three. That "
@@ -83,9 +90,10 @@ def _text(found: Identified) -> list[str]:
             if of_geometry.determined < len(geometry.KEYS)
             else ""
         ),
-        f"Suspension: four numbers of Fig 10 fix {of_suspension.determined} combinations of seven parameters. Only "
-        f"the stiffness is nearly fixed (free share {of_suspension.free_share[0]:.2f} of 1), by the frequency of the "
-        "resonance, and only for the given geometry and distribution of mass; with another geometry it is another one.",
+        f"Suspension: four numbers of Fig 10 fix {of_suspension.determined} combinations of seven parameters. Nearly "
+        f"fixed (free share below {NEARLY_FIXED:g} of 1): {_nearly_fixed(of_suspension)}; the stiffness by the "
+        "frequency of the resonance, and only for the given geometry and distribution of mass: with another geometry it "
+        "is another one.",
         f"Noise: twelve passive and twelve active RMS values fix {of_noise.determined} combinations of the 21 entries "
         f"of the density, to first order. The passive ones are met within {passive:.1f} %. The active ones are not: "
         f"the rejections are off by up to {apart[0]:.1f}, {apart[1]:.1f} and {apart[2]:.1f} points on axes 1, 2 and 3. "
@@ -96,15 +104,9 @@ def _text(found: Identified) -> list[str]:
     ]
 
 
-def _residuals(met: Mapping[str, float]) -> Table:
-    rows = [
-        (f.published.where, f.published.what, f.published.unit, f.published.text, f"{value:.7g}",
-         f"{value - f.published.value:+.1e}", f"{rounding:.0e}")
-        for (key, value), rounding in zip(met.items(), roundings(list(met)), strict=True)
-        if (f := Finding(key, computed=float(value)))
-    ]  # fmt: skip
-    header = ("where", "number", "unit", "target", "reached", "residual", "half of the last digit")
-    return Table("What was fitted", header, rows)
+def _nearly_fixed(fixed: Identifiability) -> str:
+    names = (r.name for r, share in zip(suspension.RANGES, fixed.free_share, strict=True) if share < NEARLY_FIXED)
+    return ", ".join(names) or "none"
 
 
 def _parameters(caption: str, ranges: Sequence[Range], values: Sequence[float], fixed: Identifiability) -> Table:
