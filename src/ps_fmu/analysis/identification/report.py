@@ -92,8 +92,8 @@ def _text(found: Identified) -> list[str]:
         ),
         f"Suspension: four numbers of Fig 10 fix {of_suspension.determined} combinations of seven parameters. Nearly "
         f"fixed (free share below {NEARLY_FIXED:g} of 1): {_nearly_fixed(of_suspension)}; the stiffness by the "
-        "frequency of the resonance, and only for the given geometry and distribution of mass: with another geometry it "
-        "is another one.",
+        "frequency of the resonance, and only for the given geometry and distribution of mass: with another geometry "
+        "it is another one.",
         f"Noise: twelve passive and twelve active RMS values fix {of_noise.determined} combinations of the 21 entries "
         f"of the density, to first order. The passive ones are met within {passive:.1f} %. The active ones are not: "
         f"the rejections are off by up to {apart[0]:.1f}, {apart[1]:.1f} and {apart[2]:.1f} points on axes 1, 2 and 3. "
