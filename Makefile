@@ -17,8 +17,8 @@ export MPLBACKEND := Agg
 run: fmus  ## the default scenario: isolation at the nominal orientation, passive then active
 	$(BIN)/python system/run.py $(ARGS)
 
-test: lint fmus  ## what the continuous integration runs
-	$(BIN)/python -m pytest $(ARGS)
+test: lint fmus  ## what the continuous integration runs, on all processors; ARGS="-n 0 ..." on one
+	$(BIN)/python -m pytest -n auto --dist loadfile $(ARGS)
 
 fmus: build/fmus/.built  ## the four FMUs in build/fmus
 
