@@ -54,7 +54,7 @@ def test_the_way_back(tmp_path):
 
 
 def test_what_is_not_of_the_paper():
-    given = dict(start_values(load())) | {"commander.target.roll": 0.1}
+    given = start_values(load()) | {"commander.target.roll": 0.1, "isolator.enabled": False, "isolator.delay": 0.0}
     assert not_of_the_paper(given) == []
     assert not_of_the_paper(given | {"isolator.delay": 0.02, "plant.payload.mass": 1.0}) == [
         "plant.payload.mass",

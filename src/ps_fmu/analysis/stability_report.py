@@ -58,9 +58,9 @@ def _about_small_gain(verdicts: Mapping[str, Verdict]) -> str:
     return (
         "The small-gain condition (62) is sufficient only. For the delay alone, on the nominal system with the damping "
         f"of its bus modes, sigma(T) |Delta| stays below one for {', '.join(certain) or 'none'}, so that these are "
-        f"certainly stable as far as the delay goes; it says nothing of {', '.join(rest) or 'none'}, stable though that "
-        "is. Without damping of the bus modes, as in the paper's equations, T is infinite at the free modes of the "
-        "arrays, and (62) holds in no case."
+        f"certainly stable as far as the delay goes; it says nothing of {', '.join(rest) or 'none'}, stable though "
+        "that is. Without damping of the bus modes, as in the paper's equations, T is infinite at the free modes of "
+        "the arrays, and (62) holds in no case."
     )
 
 

@@ -13,6 +13,9 @@ from ..manipulator.isolator import Isolator, is_known, known_payload
 from ..manipulator.parameters import Parameters, load
 from ..manipulator.plant import Plant
 
+#: Start values of the isolator that are not of a parameter set.
+IDEAL: dict[str, Value] = {f"isolator.{name}": 0.0 for name in ("delay", "sample_time", "force_limit")}
+
 
 def start_values(p: Parameters) -> dict[str, Value]:
     """What a parameter set says of plant, isolator, commander and disturbance source."""
@@ -69,10 +72,9 @@ def plant_and_isolator(system: System) -> tuple[Plant, Isolator]:
 
 
 def not_of_the_paper(given: Mapping[str, Value]) -> list[str]:
-    """Names, of start values, of what plant, isolator or disturbance would not be like by paper.toml."""
-    paper = start_values(load())
-    shaping = ("plant.", "isolator.", "disturbance.")
-    return [name for name, value in given.items() if name.startswith(shaping) and paper.get(name) != value]
+    """Names of the start values that make another system than that of paper.toml with an ideal isolator."""
+    paper = start_values(load()) | IDEAL
+    return [name for name, value in given.items() if paper.get(name, value) != value]
 
 
 def _given(system: System, component: str) -> dict[str, Value]:

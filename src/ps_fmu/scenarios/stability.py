@@ -29,7 +29,7 @@ from .jitter import ROTATION
 from .options import OptionError, RunOptions
 from .parameter_sets import plant_and_isolator
 from .publish import Findings, publish, text_table
-from .setup import load_system
+from .setup import load_system, real_start
 from .stability_plots import response_figure
 from .support_modules import CASES, SUSPENSION, values_of
 
@@ -130,7 +130,7 @@ def run(options: RunOptions) -> None:
     responses = measure(options)
     system = _system(options)
     table = response_table(responses)
-    text = [HOW, *verdict(responses)]
+    text = [HOW, *verdict(responses), *_not_predicted(system)]
     print(text_table(table.header, table.rows), *text[1:], sep="\n")
     pictures = response_pictures(options.output, responses)
     publish(
@@ -224,6 +224,12 @@ def verdict(responses: Sequence[Response]) -> list[str]:
                 f"{'decays' if r.stable else 'grows'}: {r.pole.real:+.3f} 1/s, predicted {r.predicted.real:+.3f} 1/s."
             )
     return said
+
+
+def _not_predicted(system: System) -> list[str]:
+    """What the system has and the prediction has not, as a sentence."""
+    found = [name for name in ("isolator.sample_time", "isolator.force_limit") if real_start(system, name)]
+    return [f"Not in the predictions: {', '.join(found)}."] if found else []
 
 
 def _against_limit(loop: Loop) -> str:
