@@ -1,43 +1,35 @@
-"""docs/paper, made by `ps-fmu analyse paper`, is what is true today."""
+"""The numbers of docs/paper, made by `ps-fmu analyse paper`: findings and errata are what is true today.
+
+Markdown and JSON say the same, computed values are computed anew, co-simulated ones compared with the closed form.
+Text and tables of the parts: test_published_reports.py.
+"""
 
 import json
-import re
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from support.published import FOLDER, ROOT, alike, content_of, finding_of
 
 from ps_fmu.analysis import jitter, paper
 from ps_fmu.analysis.errata import Erratum, errata_table
 from ps_fmu.analysis.measured import Shaking
-from ps_fmu.analysis.result import Analysis, Finding
+from ps_fmu.analysis.result import Analysis
 from ps_fmu.analysis.transmissibility_measured import Setup
-from ps_fmu.manipulator.parameters import load
 from ps_fmu.manipulator.transmissibility import singular_values_db
 from ps_fmu.paper import published
 from ps_fmu.pointing.report import Picture, Table
-from ps_fmu.scenarios.options import DEFAULT_DURATION_S, DEFAULT_STEP_S
 from ps_fmu.scenarios.table2_theory import ORIENTATIONS
 
-ROOT = Path(__file__).parents[2]
-FOLDER = ROOT / "docs" / "paper"
 NAMES = (*paper.PARTS, "paper")
 #: Closed form today against closed form then: what other versions of the libraries may change.
 RELATIVE = 1e-3
 ABSOLUTE = {"deg": 1e-5, "dB": 1e-3, "Hz": 1e-3, "%": 1e-3}  # in the unit of the number, if that is less
 NOISE = {"fig11.similar": 1e-9, "fig11.similar_damped": 1e-9}  # dB: differences of equal curves
+ROUNDING = 1e-12  # relative, in the evidence of errata
 #: Errors of the right forms are rounding, or of a search: (41), (42).
 RIGHT = 1e-6
-
-
-def content_of(name):
-    return json.loads((FOLDER / f"{name}.json").read_text())
-
-
-def finding_of(entry):
-    return Finding(entry["key"], entry["computed"], entry["cosimulated"], entry["remark"], entry["setting"])
 
 
 def rebuilt(content):
@@ -95,7 +87,7 @@ def test_the_table_has_all_numbers_and_those_of_the_parts(stored):
 def test_what_is_computed_is_computed_today(stored, closed_form):
     assert wrong(stored, closed_form) == []
     for key, finding in closed_form.items():
-        assert _alike(finding.remark, stored[key].remark) or finding.remark == "", key
+        assert alike(finding.remark, stored[key].remark) or finding.remark == "", key
         assert finding.setting == stored[key].setting
 
 
@@ -122,20 +114,11 @@ def test_errata_are_those_of_today(all_errata):
     assert [e.equation for e in stored] == [e.equation for e in all_errata]
     for then, now in zip(stored, all_errata, strict=True):
         assert (then.printed, then.unit) == (now.printed, now.unit)
-        assert _alike(then.evidence, now.evidence) and _alike(then.right, now.right), then.equation
+        assert alike(then.evidence, now.evidence, ROUNDING) and alike(then.right, now.right), then.equation
         assert (then.error_right is None) == (now.error_right is None)
         assert abs((then.error_right or 0.0) - (now.error_right or 0.0)) < RIGHT, then.equation
         assert (then.error_printed is None) == (now.error_printed is None)
         assert then.error_printed == (now.error_printed and pytest.approx(now.error_printed, rel=1e-2)), then.equation
-
-
-def _alike(one, other):
-    """Whether texts are the same but for two per cent of the numbers in them."""
-    number = re.compile(r"[-+]?\d+\.?\d*(?:e[-+]?\d+)?")
-    return number.sub("#", one) == number.sub("#", other) and all(
-        abs(float(a) - float(b)) <= 0.02 * abs(float(a)) + 1e-12
-        for a, b in zip(number.findall(one), number.findall(other), strict=True)
-    )
 
 
 def test_the_runs_agree_with_the_closed_form(stored, with_step):
@@ -154,18 +137,11 @@ def test_the_runs_agree_with_the_closed_form(stored, with_step):
 
 
 @pytest.fixture(scope="module")
-def with_step():
+def with_step(jitter_results):
     """Closed form with the delay of the communication step, and tolerance, by key: Table 2, Fig 9, Fig 8."""
-    p, step = load(), DEFAULT_STEP_S["table2"]
-    run = SimpleNamespace(
-        band=p.noise.band,
-        period_s=DEFAULT_DURATION_S["table2"],
-        comparisons={name: SimpleNamespace(rms_active=np.ones(3)) for name in ORIENTATIONS},
-    )
-    results = jitter.compute(p, run, step, seed=1)
     found = {}
     rejections = {}
-    for name, result in results.items():
+    for name, result in jitter_results.items():
         passive, active = (found_of_lines.rms for found_of_lines in result.lines)
         rejections[name] = 100.0 * (1.0 - active / passive)
         for i in range(3):
@@ -173,9 +149,9 @@ def with_step():
             found[f"table2.{name}_active_{i + 1}"] = active[i], 1e-2 * active[i]
             found[f"table2.{name}_rejection_{i + 1}"] = rejections[name][i], 0.05
     for k, what in enumerate(("passive", "active")):
-        radius = results["nominal"].lines[k].radius_rms
+        radius = jitter_results["nominal"].lines[k].radius_rms
         found[f"fig9.radius_{what}"] = radius, 1e-2 * radius
-        largest = max(result.lines[k].rms.max() for result in results.values())
+        largest = max(result.lines[k].rms.max() for result in jitter_results.values())
         found[f"text.jitter_{what}"] = largest, 1e-2 * largest
     found["text.rejection"] = min(values.min() for values in rejections.values()), 0.05
     shaking = Shaking()
