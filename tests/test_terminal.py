@@ -4,6 +4,7 @@ import os
 import signal
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -72,6 +73,35 @@ def test_sigterm_is_like_ctrl_c_and_everything_is_put_back():
     with pytest.raises(KeyboardInterrupt):
         run_command(lambda: signal.raise_signal(signal.SIGTERM) or 0)
     assert (sys.stdout, sys.stderr, signal.getsignal(signal.SIGTERM)) == before
+
+
+@pytest.mark.parametrize(("full", "code"), [(False, 0), (True, 1)])
+def test_help_that_does_not_arrive_is_a_failure(full, code):
+    with open("/dev/full" if full else os.devnull, "w") as stdout:
+        command = [sys.executable, "-m", "ps_fmu.cli", "--help"]
+        run = subprocess.run(command, stdout=stdout, stderr=subprocess.PIPE, text=True, check=False, timeout=60)
+    assert (run.returncode, run.stderr) == (code, "standard output: No space left on device\n" if full else "")
+
+
+@pytest.mark.parametrize(("ended", "code", "text"), [(None, 0, ""), (2, 2, ""), ("wrong", 1, "wrong\n")])
+def test_exits_of_a_command_are_codes(capsys, ended, code, text):
+    assert run_command(lambda: sys.exit(ended)) == code
+    assert capsys.readouterr().err == text
+
+
+def test_in_another_thread_signals_are_left_alone():
+    before, seen = signal.getsignal(signal.SIGTERM), []
+    with ThreadPoolExecutor(1) as pool:
+        code = pool.submit(run_command, lambda: seen.append(signal.getsignal(signal.SIGTERM)) or 3).result()
+    assert (code, seen, signal.getsignal(signal.SIGTERM)) == (3, [before], before)
+
+
+def test_a_handler_that_is_not_pythons_is_left_alone(monkeypatch):
+    """As of a program that embeds Python: getsignal has None for it, which signal does not take."""
+    theirs, set_to = {signal.SIGTERM: None}, []
+    monkeypatch.setattr(signal, "getsignal", lambda number: theirs.get(number, signal.default_int_handler))
+    monkeypatch.setattr(signal, "signal", lambda *given: set_to.append(given))
+    assert run_command(lambda: 0) == 0 and set_to == []
 
 
 def test_reasons():

@@ -8,6 +8,7 @@ from __future__ import annotations
 import os
 import signal
 import sys
+import threading
 from collections.abc import Callable
 from typing import Any, TextIO
 
@@ -16,19 +17,22 @@ def run_command(command: Callable[[], int]) -> int:
     """Run a command whose output may not arrive; its exit code.
 
     A stream that cannot be written is given up, and the command goes on.  For the standard output this makes 1 of an
-    exit code 0, unless only its reader is gone, as of a pipe to ``head``.  SIGTERM, by which schedulers and containers
-    end a run, does what Ctrl-C does, unless that is ignored.
+    exit code 0, unless only its reader is gone, as of a pipe to ``head``.  A SystemExit, as that of an argument parser
+    that has printed its help, is the end of the command with its code.  SIGTERM, by which schedulers and containers end
+    a run, does what Ctrl-C does, unless that is ignored, or this is not the main thread: others cannot set it.
     """
     for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
         if getattr(sys, name) is None:  # closed: in this order each gets its own number, and no file of the run does
             setattr(sys, name, open(os.devnull, mode))  # noqa: SIM115
-    streams, terminate = (sys.stdout, sys.stderr), signal.getsignal(signal.SIGTERM)
+    streams = sys.stdout, sys.stderr
     output = sys.stdout = _Stream(sys.stdout)
     errors = sys.stderr = _Stream(sys.stderr)
-    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
-        signal.signal(signal.SIGTERM, lambda *_: signal.raise_signal(signal.SIGINT))
+    terminate = _like_ctrl_c()
     try:
-        code = command()
+        try:
+            code = command()
+        except SystemExit as ended:
+            code = _code_of(ended)
         output.flush()
         if output.error is not None and not isinstance(output.error, BrokenPipeError):
             print(f"standard output: {output.error.strerror}", file=sys.stderr)
@@ -38,7 +42,26 @@ def run_command(command: Callable[[], int]) -> int:
         output.flush()
         errors.flush()
         sys.stdout, sys.stderr = streams
-        signal.signal(signal.SIGTERM, terminate)
+        if terminate is not None:
+            signal.signal(signal.SIGTERM, terminate)
+
+
+def _like_ctrl_c() -> Any:
+    """Have SIGTERM do what Ctrl-C does; what it did before, or None where it is left alone."""
+    if threading.current_thread() is not threading.main_thread():
+        return None
+    before = signal.getsignal(signal.SIGTERM)  # None: not Python's, and could not be put back
+    if before is not None and signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGTERM, lambda *_: signal.raise_signal(signal.SIGINT))
+    return before
+
+
+def _code_of(ended: SystemExit) -> int:
+    """The exit code that Python makes of it; a text is printed."""
+    if isinstance(ended.code, str):
+        print(ended.code, file=sys.stderr)
+        return 1
+    return ended.code or 0
 
 
 def reason(error: Exception) -> str:

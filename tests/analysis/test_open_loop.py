@@ -52,7 +52,16 @@ def test_deviation_and_ratio(closed_form):
     found = of(f, 1.01 * np.exp(0.02j) * values, values)
     assert found.deviation == pytest.approx((20.0 * np.log10(1.01), np.degrees(0.02)))
     assert found.least_ratio_db(of(f, 0.5 * values, values)) == pytest.approx(20.0 * np.log10(2.02))
-    assert not of(f, values, values, coherence=0.98).checked.any()
+
+
+def test_lines_without_coherence_are_not_checked(closed_form):
+    f, values, _ = closed_form
+    low = f < 10.0
+    response = Response(f, np.where(low, 2.0 * values, values)[:, None, None], np.where(low, 0.98, 1.0)[:, None])
+    found = OpenLoop(response, values)
+    assert found.checked.tolist() == (~low).tolist() and found.deviation == pytest.approx((0.0, 0.0))
+    with pytest.raises(ValueError, match=r"no line from 2\.025 to 249\.9 Hz has a coherence above 0\.99"):
+        _ = of(f, values, values, coherence=0.98).deviation
 
 
 def test_the_step_is_a_delay_of_one_and_a_half_where_no_mode_is(closed_form):

@@ -85,6 +85,8 @@ def test_text_tables_and_figures(runs):
     for said in (
         "does not survive",
         "stays below one for OSM, LDOSM, LDLSM",
+        "certainly stable as far as the delay goes",
+        "at the 560 of 560 lines with enough coherence",
         "it says nothing of LSM (2.33)",
         "With the delay of 0.02 s, stable: OSM, LSM, LDOSM, LDLSM; unstable: none.",
         "| suspension 1 | -0.453 +33.72i | -0.761 +33.41i | -18.689 +25.98i | -18.593 +24.83i |",

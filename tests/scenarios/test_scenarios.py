@@ -3,6 +3,8 @@
 import importlib
 import json
 import math
+from dataclasses import replace
+from types import SimpleNamespace
 
 import netCDF4
 import numpy as np
@@ -119,6 +121,17 @@ def test_table2(make_options, ssv, monkeypatch):
     assert "axis 3, at (8.5, 0, 0) deg: 97.4 %; 97.31 by the RMS values beside it." in page
     assert "not a whole number of its periods of 100 s" in page
     assert "commander.target.yaw" in " ".join(summary["warnings"])
+    assert "Nothing was tuned to it." not in page
+    assert "Parameter files set disturbance.rise_time: the runs are of that system" in page
+
+
+def test_table2_speaks_of_the_second_axis_only_of_the_papers_system(make_options, ssv):
+    found = {"nominal": SimpleNamespace(rms_active=np.ones(3))}
+    options = make_options("table2", 0.2, step_s=1e-3, parameters=(ssv({"commander.target.yaw": 0.1}),))
+    assert table2._off_axis(options, found).endswith("Nothing was tuned to it.")
+    other = ssv({"plant.payload.mass": 1.0, "isolator.delay": 0.02}, "other.ssv")
+    said = table2._off_axis(replace(options, parameters=(other,)), found)
+    assert said.startswith("Parameter files set plant.payload.mass and 1 more: ") and "tuned" not in said
 
 
 def test_table2_with_orientations_out_of_reach(make_options, ssv, monkeypatch, capsys):

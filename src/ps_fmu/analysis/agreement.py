@@ -16,6 +16,27 @@ COHERENCE = 0.99  # of every output; where it is lower nothing is said
 ALLOWED_DB, ALLOWED_DEG = 0.2, 2.0
 
 
+def lines_within(response: Response, band: tuple[float, float]) -> NDArray[np.bool_]:
+    """(n,): lines within a band, Hz."""
+    return np.asarray((response.frequency >= band[0]) & (response.frequency <= band[1]))
+
+
+def coherent(response: Response, band: tuple[float, float]) -> NDArray[np.bool_]:
+    """(n,): lines within a band, Hz, at which every output has enough coherence.
+
+    Raises
+    ------
+    ValueError: there is none.
+    """
+    found = lines_within(response, band) & (response.coherence > COHERENCE).all(axis=1)
+    if not found.any():
+        raise ValueError(
+            f"no line from {band[0]:g} to {band[1]:g} Hz has a coherence above {COHERENCE:g}: "
+            "the measurement says nothing; let transients settle longer, or lengthen the records"
+        )
+    return np.asarray(found)
+
+
 @dataclass(frozen=True, eq=False)
 class Agreement:
     """A measured response beside its closed form.
@@ -32,19 +53,12 @@ class Agreement:
     @property
     def within(self) -> NDArray[np.bool_]:
         """(n,): lines within the band."""
-        f = self.response.frequency
-        return np.asarray((f >= BAND[0]) & (f <= BAND[1]))
+        return lines_within(self.response, BAND)
 
     @cached_property
     def checked(self) -> NDArray[np.bool_]:
         """(n,): lines within the band and with enough coherence.  Raises ValueError if there is none."""
-        found = self.within & (self.response.coherence > COHERENCE).all(axis=1)
-        if not found.any():
-            raise ValueError(
-                f"no line from {BAND[0]:g} to {BAND[1]:g} Hz has a coherence above {COHERENCE:g}: "
-                "the measurement says nothing; let transients settle longer, or lengthen the records"
-            )
-        return np.asarray(found)
+        return coherent(self.response, BAND)
 
     @property
     def lowest_coherence(self) -> float:

@@ -12,7 +12,7 @@ from ..manipulator.disturbance import multisine_lines, psd_at_origin
 from ..manipulator.parameters import Array, Parameters, load
 from ..manipulator.stability import loop_at
 from ..manipulator.transmissibility import Jitter, jitter, jitter_density, jitter_of_lines
-from ..pointing.report import Picture
+from ..pointing.report import Picture, Table
 from ..scenarios.comparison import Comparison, angles
 from ..scenarios.options import DEFAULT_DURATION_S, DEFAULT_STEP_S
 from ..scenarios.table2 import measure, published_remarks
@@ -83,23 +83,16 @@ def analyse(
         path = options.output / f"jitter_{name}.png"
         figure(path, results)
         pictures.append(Picture(path, caption))
-    loop = loop_at(parameters, delay=LOOP_DELAY * step_s)
-    densities = [jitter_density(loop, parameters.bus, parameters.noise, active=active) for active in (False, True)]
+    densities = nominal_densities(parameters, step_s)
     path = options.output / "jitter_cumulative.png"
     cumulative_figure(path, densities)
     pictures.append(Picture(path, "RMS of all that lies below a frequency, closed form, at (0, 0, 0)."))
     return Analysis(
         name="jitter",
         title="Jitter: Table 2 and Fig 9",
-        text=_text(results, densities),
+        text=paragraphs(results, densities),
         findings=findings(results),
-        tables=[
-            rms_table(results),
-            knowledge_table(),
-            agreement_table(results),
-            image_table(results),
-            share_table(densities),
-        ],
+        tables=tables(results, densities),
         pictures=pictures,
         data={"loop_delay_steps": LOOP_DELAY, "orientations": {r.name: _entry(r) for r in results.values()}},
     )
@@ -131,6 +124,12 @@ def compute(p: Parameters, measured: Measurement, step_s: float, seed: int) -> d
             measured=comparison,
         )
     return found
+
+
+def nominal_densities(p: Parameters, step_s: float) -> list[tuple[Array, Array]]:
+    """Frequency (n,), Hz, and spectral density (n, 3, 3), rad2/Hz, at (0, 0, 0), passive and active with the delay."""
+    loop = loop_at(p, delay=LOOP_DELAY * step_s)
+    return [jitter_density(loop, p.bus, p.noise, active=active) for active in (False, True)]
 
 
 def findings(results: Mapping[str, Result]) -> list[Finding]:
@@ -191,7 +190,19 @@ def knowledge_text() -> str:
     )
 
 
-def _text(results: Mapping[str, Result], densities: list[tuple[Array, Array]]) -> list[str]:
+def tables(results: Mapping[str, Result], densities: list[tuple[Array, Array]]) -> list[Table]:
+    """All tables."""
+    return [
+        rms_table(results),
+        knowledge_table(),
+        agreement_table(results),
+        image_table(results),
+        share_table(densities),
+    ]
+
+
+def paragraphs(results: Mapping[str, Result], densities: list[tuple[Array, Array]]) -> list[str]:
+    """What was computed and measured, and what it says."""
     worst = [float(np.abs(off(r)).max(axis=1)[k]) for k in (0, 1) for r in results.values()]
     half = len(results)
     fitted = [r.fitted_delay for r in results.values()]

@@ -24,6 +24,7 @@ from ..manipulator.stability import Margins, loop_at, margins
 from ..pointing.response import Response, periodic_response
 from ..pointing.sampler import SampleObserver
 from ..scenarios.support_modules import CASES, parameters_of, values_of
+from .agreement import coherent
 from .command import Options
 from .measured import Shaking
 
@@ -37,7 +38,6 @@ MEASURED = "base_acceleration.x"
 #: Lines 0.05 Hz apart where the resonance of the fine legs is 0.14 Hz wide.  The time constant of the suspension is up
 #: to 2.5 s without the isolator: settled for half as long, L11 is 0.25 dB off near 5 Hz.
 SHAKING = Shaking(half_period=20.0, settling=12.0, band=(2.0, 250.0))
-COHERENCE = 0.99  # between the records; where it is lower nothing is said
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,10 +83,11 @@ class OpenLoop:
         ratio = (self.values / self.reference)[self.checked]
         return float(20.0 * np.abs(np.log10(np.abs(ratio))).max()), float(np.abs(np.degrees(np.angle(ratio))).max())
 
-    @property
+    @cached_property
     def checked(self) -> NDArray[np.bool_]:
-        """(n,): lines with enough coherence."""
-        return np.asarray(self.response.coherence[:, 0] > COHERENCE)
+        """(n,): lines with enough coherence.  Raises ValueError if there is none."""
+        f = self.response.frequency
+        return coherent(self.response, (f[0], f[-1]))
 
     @property
     def entry(self) -> dict[str, object]:

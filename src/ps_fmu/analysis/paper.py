@@ -5,11 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict
 from importlib import import_module
+from typing import TYPE_CHECKING
 
 from ..paper import published
 from .command import Options
 from .jitter import knowledge_text
 from .result import Analysis, Finding
+
+if TYPE_CHECKING:
+    from .errata import Erratum
 
 #: The analyses whose findings and figures are put together: modules of this package, in the order they run.
 PARTS = ("workspace", "trajectories", "transmissibility", "stability", "jitter")
@@ -31,22 +35,27 @@ def analyse(options: Options) -> Analysis:
     errata = [entry() for entry in tqdm(ENTRIES, desc="errata", disable=not options.progress)]
     findings = in_order_of_the_paper(found)
     missing = not_computed(findings)
-    numeric = sum(erratum.error_printed is not None for erratum in errata)
     return Analysis(
         name="paper",
         title="The paper's numbers, and ours",
-        text=[
-            counted(findings),
-            knowledge_text(),
-            *(f"{part.title}: more in {part.name}.md." for part in parts),
-            f"The errata have {len(errata)} entries. For {numeric} of them the error of the printed form is a number; "
-            "all of these are computed anew with this report.",
-        ],
+        text=paragraphs(findings, parts, errata),
         findings=findings,
         tables=[errata_table(errata)],
         pictures=[picture for part in parts for picture in part.pictures],
         data={"not_computed": missing, "errata": [asdict(erratum) for erratum in errata]},
     )
+
+
+def paragraphs(findings: Sequence[Finding], parts: Iterable[Analysis], errata: Sequence[Erratum]) -> list[str]:
+    """What is in the tables, and where there is more."""
+    numeric = sum(erratum.error_printed is not None for erratum in errata)
+    return [
+        counted(findings),
+        knowledge_text(),
+        *(f"{part.title}: more in {part.name}.md." for part in parts),
+        f"The errata have {len(errata)} entries. For {numeric} of them the error of the printed form is a number; "
+        "all of these are computed anew with this report.",
+    ]
 
 
 def in_order_of_the_paper(found: Iterable[Finding]) -> list[Finding]:

@@ -26,6 +26,8 @@ def paragraphs(
     lsm = verdicts["LSM"]
     others = ", ".join(case for case, v in verdicts.items() if case != "LSM" and np.isinf(v.delay_limit))
     deviation = [max(loop.deviation[k] for loop in opened.values()) for k in (0, 1)]
+    checked = sum(loop.checked.sum() for loop in opened.values())
+    lines = sum(len(loop.values) for loop in opened.values())
     return [
         f"The loop is base acceleration - isolator - fine force - base, with a delay of {lsm.loop.delay:g} s. The "
         "numbers of Fig 10 are those of element (1, 1) of +C K read against the point -1, and they are reproduced. But "
@@ -44,7 +46,7 @@ def paragraphs(
         "the first component of its acceleration alone, and its forces act on a second plant FMU; L11 is the "
         "acceleration of the second base over that of the first. The communication step is in it: a delay of one step "
         "near the resonance, of 1.5 steps well above. Against the closed form with the step it is within "
-        f"{deviation[0]:.3f} dB and {deviation[1]:.2f} deg at all lines.",
+        f"{deviation[0]:.3f} dB and {deviation[1]:.2f} deg at the {checked} of {lines} lines with enough coherence.",
         f"Time response on the running FMUs (scenario stability). {HOW}",
         *verdict(responses),
     ]
@@ -56,9 +58,9 @@ def _about_small_gain(verdicts: Mapping[str, Verdict]) -> str:
     return (
         "The small-gain condition (62) is sufficient only. For the delay alone, on the nominal system with the damping "
         f"of its bus modes, sigma(T) |Delta| stays below one for {', '.join(certain) or 'none'}, so that these are "
-        f"certainly stable; it says nothing of {', '.join(rest) or 'none'}, stable though that is. Without damping of "
-        "the bus modes, as in the paper's equations, T is infinite at the free modes of the arrays, and (62) holds in "
-        "no case."
+        f"certainly stable as far as the delay goes; it says nothing of {', '.join(rest) or 'none'}, stable though "
+        "that is. Without damping of the bus modes, as in the paper's equations, T is infinite at the free modes of "
+        "the arrays, and (62) holds in no case."
     )
 
 

@@ -25,7 +25,7 @@ def analyse(options: Options) -> Analysis:
     """Run the paths of the scenario ``trajectories`` and the limits of the workspace, and draw the paths."""
     from ..scenarios.options import DEFAULT_DURATION_S, DEFAULT_STEP_S
     from ..scenarios.output import held
-    from ..scenarios.trajectories import HOW, algorithm_1_text, error_table, load_quiet_system, measure, measure_limits
+    from ..scenarios.trajectories import error_table, load_quiet_system, measure, measure_limits
     from ..scenarios.trajectory_plots import path_figure
     from .cosimulation import run_options
 
@@ -43,7 +43,7 @@ def analyse(options: Options) -> Analysis:
     return Analysis(
         name=name,
         title="Trajectories: Fig 7, and the limits of Table 1",
-        text=[HOW, algorithm_1_text(results), limits_text(beyond)],
+        text=paragraphs(results, beyond),
         findings=[*limit_findings(limits), *findings(results)],
         tables=[error_table(results), limit_table(limits, beyond)],
         pictures=pictures,
@@ -93,6 +93,13 @@ def limit_findings(limits: PathResult) -> list[Finding]:
         *(Finding(key, cosimulated=float(angle)) for key, angle in zip(LIMITS, reached, strict=True)),
         Finding("text.cone", cosimulated=float(np.abs(reached).min())),
     ]
+
+
+def paragraphs(results: Sequence[PathResult], beyond: PathResult) -> list[str]:
+    """What was done, and what it says."""
+    from ..scenarios.trajectories import HOW, algorithm_1_text
+
+    return [HOW, algorithm_1_text(results), limits_text(beyond)]
 
 
 def limits_text(beyond: PathResult) -> str:

@@ -132,11 +132,9 @@ def analyse(options: Options, shaking: Shaking | None = None) -> Analysis:
     return Analysis(
         name="transmissibility",
         title="Transmissibility: Figs 8 and 11",
-        text=_text(measured),
+        text=paragraphs(measured),
         findings=findings(at_orientations, of_cases, measured),
-        tables=[
-            _orientation_table(at_orientations), _case_table(of_cases), agreement_table(measured), step_table(of_step),
-        ],
+        tables=tables(at_orientations, of_cases, measured, of_step),
         pictures=pictures,
         data={
             "orientations": {name: _entry(c) for name, c in at_orientations.items()},
@@ -144,7 +142,7 @@ def analyse(options: Options, shaking: Shaking | None = None) -> Analysis:
             "measured": entries(measured),
             "measured_active_by_closed_form": {name: agreement.entry for name, agreement in of_step.items()},
         },
-    )  # fmt: skip
+    )
 
 
 def findings(
@@ -227,7 +225,8 @@ def _suspension_peak(curve: Array) -> float:
     return float(curve[FREQUENCY < SUSPENSION_BELOW, 0].max())
 
 
-def _text(measured: Measured) -> list[str]:
+def paragraphs(measured: Measured) -> list[str]:
+    """What was computed and measured, and what it says."""
     return [
         "Closed form: singular values of the matrix from base motion (m, rad, counted alike) to payload rotation. "
         "Theory is (38), with rigid legs and payload; the practical plant has truss modes and flexible coarse rods, "
@@ -241,6 +240,21 @@ def _text(measured: Measured) -> list[str]:
         "the isolator the communication step counts: it holds acceleration and force, and the plant's acceleration at "
         "the end of a step is that of the forces held over it. The closed form has all three; a pure delay of 1.5 "
         "steps does for the largest singular value, not for the smallest near the modes of the bus.",
+    ]
+
+
+def tables(
+    at_orientations: Mapping[str, Curves],
+    of_cases: Mapping[str, Curves],
+    measured: Measured,
+    of_step: Mapping[str, Agreement],
+) -> list[Table]:
+    """All tables."""
+    return [
+        _orientation_table(at_orientations),
+        _case_table(of_cases),
+        agreement_table(measured),
+        step_table(of_step),
     ]
 
 

@@ -77,13 +77,9 @@ def analyse(options: Options) -> Analysis:
     return Analysis(
         name="workspace",
         title="Workspace: Table 1 and Fig 6",
-        text=(
-            f"Forward kinematics with the fine legs at nominal length at {len(reach.surface.condition)} points of the "
-            "surface of the joint space, 2 mm apart, as in section 4.1.",
-            *_verdict(reach),
-        ),
+        text=paragraphs(reach),
         findings=findings(reach),
-        tables=[_range_table(reach), _conditioning_table(reach)],
+        tables=tables(reach),
         pictures=[
             Picture(envelope, "The surface of the workspace, coloured by the condition number of the Jacobian."),
             Picture(cone, "How far the boresight can be tilted in each direction, with and without a twist about it."),
@@ -116,21 +112,29 @@ def findings(reach: Reach) -> list[Finding]:
     ]
 
 
-def _verdict(reach: Reach) -> tuple[str, ...]:
+def paragraphs(reach: Reach) -> list[str]:
+    """What was computed, and what it says."""
     pitch = reach.pure[1]
-    return (
+    return [
+        f"Forward kinematics with the fine legs at nominal length at {len(reach.surface.condition)} points of the "
+        "surface of the joint space, 2 mm apart, as in section 4.1.",
         f"That the limits exceed {SAID:g} deg does not mean that any orientation within {SAID:g} deg can be reached: "
         f"Table 1 holds the extremes of each angle wherever they occur. Pitch alone goes from {pitch[0]:.2f} to "
         f"{pitch[1]:.2f} deg, and the largest cube of roll, pitch and yaw is +-{rounded_down(reach.cube)} deg.",
         f"The boresight can be tilted by {rounded_down(reach.cone)} deg in any direction without twist, and by "
         f"{rounded_down(reach.cone_with_free_twist)} deg if the platform may turn about the boresight as suits it: "
         f"{SAID:g} deg in every direction holds for the boresight, not for the orientation.",
-    )
+    ]
 
 
 def rounded_down(angle: float) -> str:
     """An angle in deg with two digits, such that what is said to be within reach is."""
     return f"{math.floor(100.0 * angle) / 100.0:.2f}"
+
+
+def tables(reach: Reach) -> list[Table]:
+    """All tables."""
+    return [_range_table(reach), _conditioning_table(reach)]
 
 
 def _range_table(reach: Reach) -> Table:

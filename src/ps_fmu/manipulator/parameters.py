@@ -231,7 +231,7 @@ class FeedforwardFilters(Checked):
     def __post_init__(self) -> None:
         order = self.lowpass_order
         # An even order passes 10^(-attenuation/20) straight through: an algebraic loop with the plant.
-        if isinstance(order, bool) or order not in (1, 3, 5, 7, 9):
+        if isinstance(order, bool | np.ndarray) or order not in (1, 3, 5, 7, 9):
             raise ParameterError(
                 "lowpass_order", f"expected an odd whole number from 1 to 9, got {reprlib.repr(order)}"
             )

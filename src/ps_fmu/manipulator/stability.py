@@ -197,12 +197,16 @@ def delay_limit_by_bisection(loop: Loop, longest: float, tolerance: float = 1e-6
 def loop_at(parameters: Parameters, orientation: ArrayLike = (0.0, 0.0, 0.0), delay: float = 0.0) -> Loop:
     """The loop at an orientation (3,), roll, pitch, yaw, rad, with the centre of mass that the isolator assumes."""
     p = parameters
-    orientation = np.asarray(orientation, dtype=np.float64)
-    command = inverse_kinematics(p.manipulator.geometry, orientation).coarse_displacement
-    model = Plant(p.manipulator, p.payload, p.bus, p.servo, p.optics).linearise(command)
+    plant = Plant(p.manipulator, p.payload, p.bus, p.servo, p.optics)
     known = replace(p.payload, com_P=p.known_com_P)
-    isolator = Isolator(p.manipulator, known, p.filters, lowpass(p.filters))
-    return Loop(model, isolator.controller(orientation), delay)
+    return loop_of(plant, Isolator(p.manipulator, known, p.filters, lowpass(p.filters)), orientation, delay)
+
+
+def loop_of(plant: Plant, isolator: Isolator, orientation: ArrayLike, delay: float) -> Loop:
+    """As :func:`loop_at`, of an isolator that may know another mechanism and payload than those of the plant."""
+    orientation = np.asarray(orientation, dtype=np.float64)
+    command = inverse_kinematics(plant.manipulator.geometry, orientation).coarse_displacement
+    return Loop(plant.linearise(command), isolator.controller(orientation), delay)
 
 
 # --- Margins as the paper reads them ------------------------------------------------------------------------------

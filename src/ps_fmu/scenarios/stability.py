@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from ..cosim import Column, System
 from ..manipulator.disturbance.recorded import HEADER as RECORDING
-from ..manipulator.stability import loop_at
+from ..manipulator.stability import Loop, loop_of
 from ..paper import published
 from ..pointing.modes import rightmost, slowest_mode
 from ..pointing.report import Picture, Table
@@ -27,10 +27,11 @@ from .cases import Case, Outcome, run_case
 from .comparison import number
 from .jitter import ROTATION
 from .options import OptionError, RunOptions
+from .parameter_sets import plant_and_isolator
 from .publish import Findings, publish, text_table
-from .setup import load_system
+from .setup import load_system, real_start
 from .stability_plots import response_figure
-from .support_modules import CASES, SUSPENSION, parameters_of, values_of
+from .support_modules import CASES, SUSPENSION, values_of
 
 Array = NDArray[np.float64]
 
@@ -41,6 +42,7 @@ SHORTEST_S = 3.0  # of a run: 5 Hz decays or grows visibly
 SAMPLE_S = 0.01  # between the samples that the poles are found in
 ORDER = 24  # of the free motion: three pairs of the suspension, six of the arrays, and some for the delay
 FINE = tuple(f"plant.fine_displacement_{leg}" for leg in (1, 2, 3))
+POSE = tuple(f"plant.orientation.{angle}" for angle in ("roll", "pitch", "yaw"))
 
 HOW = (
     "A pulse of force and torque shakes the bus for 0.4 s; it has neither an impulse nor an offset, so that the bus "
@@ -61,13 +63,18 @@ class Response:
     time: Array  # (n,), s
     fine: Array  # (n, 3), m, displacements of the fine legs
     rotation: Array  # (n, 3), rad, of the payload
-    predicted: complex
-    """Rightmost pole of the suspension by theory, rad/s; without the isolator that of the plant."""
+    loop: Loop
+    """Of the start values of the run, with the delay and the communication step that the exchange takes."""
 
     @property
     def free(self) -> NDArray[np.bool_]:
         """(n,), the samples after the pulse."""
         return np.asarray(self.time > PULSE_S + 1e-9)
+
+    @cached_property
+    def predicted(self) -> complex:
+        """Rightmost pole of the suspension by theory, rad/s; without the isolator that of the plant."""
+        return rightmost(self.loop.poles() if self.enabled else self.loop.plant_poles(), SUSPENSION)
 
     @cached_property
     def pole(self) -> complex:
@@ -123,7 +130,7 @@ def run(options: RunOptions) -> None:
     responses = measure(options)
     system = _system(options)
     table = response_table(responses)
-    text = [HOW, *verdict(responses)]
+    text = [HOW, *verdict(responses), *_not_predicted(system)]
     print(text_table(table.header, table.rows), *text[1:], sep="\n")
     pictures = response_pictures(options.output, responses)
     publish(
@@ -178,7 +185,9 @@ def _respond(system: System, options: RunOptions, case: str, delay_s: float, ena
     name = f"{case}_{1e3 * delay_s:g}ms_active" if enabled else f"{case}_passive"
     values = {**values_of(case), "isolator.enabled": enabled, "isolator.delay": delay_s if enabled else 0.0}
     outcome, record = run_case(system, options, Case(name, values), lambda columns: _Record(columns, rows.tolist()))
-    loop = loop_at(parameters_of(case), delay=delay_s + options.step_s)
+    loop = loop_of(
+        *plant_and_isolator(system.with_parameters(values)), record.samples.values(*POSE)[0], delay_s + options.step_s
+    )
     return Response(
         case=case,
         delay_s=delay_s,
@@ -187,15 +196,15 @@ def _respond(system: System, options: RunOptions, case: str, delay_s: float, ena
         time=np.asarray(rows * options.step_s),
         fine=record.samples.values(*FINE),
         rotation=record.samples.values(*ROTATION),
-        predicted=rightmost(loop.poles() if enabled else loop.plant_poles(), SUSPENSION),
+        loop=loop,
     )
 
 
 class _Record:
-    """Samples of the fine displacements and of the payload's rotation."""
+    """Samples of the fine displacements, of the payload's rotation, and of the pose."""
 
     def __init__(self, columns: tuple[Column, ...], rows: Sequence[int]) -> None:
-        self.samples = SampleObserver(columns, (*FINE, *ROTATION), rows)
+        self.samples = SampleObserver(columns, (*FINE, *ROTATION, *POSE), rows)
         self.observers = [self.samples]
 
 
@@ -208,14 +217,26 @@ def verdict(responses: Sequence[Response]) -> list[str]:
         ", ".join(r.case for r in with_paper_delay if r.stable is wanted) or "none" for wanted in (True, False)
     )
     said = [f"With the delay of {delay_s:g} s, stable: {stable}; unstable: {unstable}. The paper calls LSM unstable."]
-    limit_s = loop_at(parameters_of("LSM")).delay_limit
     for r in active:
         if r.delay_s != delay_s:
             said.append(
-                f"Beyond the limit of {1e3 * limit_s:.1f} ms, with {1e3 * r.delay_s:g} ms, the motion of {r.case} "
+                f"{_against_limit(r.loop)}, with {1e3 * r.delay_s:g} ms, the motion of {r.case} "
                 f"{'decays' if r.stable else 'grows'}: {r.pole.real:+.3f} 1/s, predicted {r.predicted.real:+.3f} 1/s."
             )
     return said
+
+
+def _not_predicted(system: System) -> list[str]:
+    """What the system has and the prediction has not, as a sentence."""
+    found = [name for name in ("isolator.sample_time", "isolator.force_limit") if real_start(system, name)]
+    return [f"Not in the predictions: {', '.join(found)}."] if found else []
+
+
+def _against_limit(loop: Loop) -> str:
+    limit_s = loop.delay_limit
+    if math.isinf(limit_s):
+        return "Stable with any delay by theory"
+    return f"{'Beyond' if loop.delay > limit_s else 'Within'} the limit of {1e3 * limit_s:.1f} ms"
 
 
 def response_pictures(folder: Path, responses: Sequence[Response]) -> list[Picture]:

@@ -23,14 +23,18 @@ def parameters_of(case: str) -> Parameters:
 
 
 def with_large_damping(p: Parameters) -> Parameters:
-    """Parameters with the larger damping of section 4.3."""
+    """Parameters with the larger damping of section 4.2."""
     damping = published()["text.fine_damping_large"].value  # N.s/m
     legs = tuple(replace(leg, damping=damping) for leg in p.manipulator.fine_legs)
     return replace(p, manipulator=replace(p.manipulator, fine_legs=legs))
 
 
 def values_of(case: str) -> dict[str, Value]:
-    """Start values of the FMUs for a case, by ``component.parameter``: those of OSM.ssv, LSM.ssv, large_damping.ssv."""
+    """Start values of the FMUs for a case, by ``component.parameter``: those of OSM.ssv, LSM.ssv, large_damping.ssv.
+
+    The whole bus, also what is as in paper.toml and :func:`.parameter_sets.differences` would leave out: a case is
+    that of the paper whatever bus and damping the user's parameter files have.
+    """
     p = parameters_of(case)
     bus = entries(p.bus, "bus")
     values: dict[str, Value] = {f"plant.{entry.name}": entry.value for entry in bus}

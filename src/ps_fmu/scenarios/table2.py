@@ -21,8 +21,9 @@ from ..pointing import plots
 from ..pointing.report import Picture, Table
 from .comparison import HEADER, Comparison, TargetError, compare, draw, number, out_of_reach, rows
 from .options import RunOptions
+from .parameter_sets import not_of_the_paper
 from .publish import Findings, publish, text_table
-from .setup import load_system, real_start
+from .setup import load_system, real_start, user_parameters
 from .table2_theory import ORIENTATIONS, published_value, rejection, second_axis
 
 Array = NDArray[np.float64]
@@ -84,8 +85,7 @@ def run(options: RunOptions) -> None:
     rows_of_all = [row for name, comparison in found.items() for row in _rows(name, comparison)]
     table = Table("Jitter of the payload against Table 2", _header(), rows_of_all)
     refused = [out_of_reach(comparison.target_deg) for comparison in found.values() if not comparison.reachable]
-    off_axis = second_axis({name: comparison.rms_active for name, comparison in found.items()})
-    text = [HOW, *refused, _window(measured), _drift(found.values()), off_axis, *published_remarks()]
+    text = [HOW, *refused, _window(measured), _drift(found.values()), _off_axis(options, found), *published_remarks()]
     print(text_table(table.header, table.rows), *text[1:], sep="\n")
 
     path = options.output / "table2.png"
@@ -131,6 +131,17 @@ def period_s(duration_s: float) -> float:
     """Period of the disturbance [s]: the duration, or the largest part of it that the disturbance source takes."""
     period = duration_s / math.ceil(duration_s / LONGEST_PERIOD_S)
     return period if period >= SHORTEST_PERIOD_S else USUAL_PERIOD_S
+
+
+def _off_axis(options: RunOptions, found: Mapping[str, Comparison]) -> str:
+    """What is to be said of the second axis; nothing is where parameter files make another system of it."""
+    given = {name: entry.value for name, entry in user_parameters(options).items()}
+    if others := not_of_the_paper(given):
+        return (
+            f"Parameter files set {others[0]}{f' and {len(others) - 1} more' if others[1:] else ''}: the runs are of "
+            "that system; the columns 'published' and 'identified', and what differs from them, are of the paper's."
+        )
+    return second_axis({name: comparison.rms_active for name, comparison in found.items()})
 
 
 def _window(measured: Measurement) -> str:

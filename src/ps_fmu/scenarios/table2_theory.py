@@ -62,7 +62,10 @@ def published_value(name: str, what: str) -> Array:
 
 
 def second_axis(measured: Mapping[str, Array]) -> str:
-    """How far the second axis is off; ``measured``: active RMS of the runs at each orientation, (3,), rad."""
+    """How far the second axis is off.
+
+    ``measured``: active RMS of runs with the identified parameter set at each orientation, (3,), rad.
+    """
 
     def factors(values: Mapping[str, Array]) -> str:
         return ", ".join(f"{rms[1] / published_value(name, 'active')[1]:.2f}" for name, rms in values.items())
