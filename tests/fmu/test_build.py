@@ -272,6 +272,4 @@ def test_command_line(tmp_path, capsys):
     assert main(["build", "--fmus", str(MODELS), "--only", "nothing", "--output", str(tmp_path)]) == 1
     assert "ps-fmu build: " in capsys.readouterr().err
     assert main(["build", "--fmus", str(tmp_path / "absent"), "--output", str(tmp_path)]) == 1
-    with pytest.raises(SystemExit) as error:
-        main(["biuld"])
-    assert error.value.code == 2
+    assert main(["biuld"]) == 2
