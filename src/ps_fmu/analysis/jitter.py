@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,7 +13,7 @@ from ..manipulator.disturbance import multisine_lines, psd_at_origin
 from ..manipulator.parameters import Array, Parameters, load
 from ..manipulator.stability import loop_at
 from ..manipulator.transmissibility import Jitter, jitter, jitter_density, jitter_of_lines
-from ..pointing.report import Picture, Table
+from ..pointing.report import Table, drawn
 from ..scenarios.comparison import Comparison, angles
 from ..scenarios.options import DEFAULT_DURATION_S, DEFAULT_STEP_S
 from ..scenarios.table2 import measure, published_remarks
@@ -75,25 +76,32 @@ def analyse(
         measured = measure(run)
     parameters = load()
     results = compute(parameters, measured, step_s, options.seed)
-    pictures = []
-    for name, figure, caption in (
-        ("image", image_figure, "Fig 9: co-simulated image points with hull; ellipses of the closed form."),
-        ("rms", rms_figure, "Table 2: RMS as published, in closed form, and co-simulated."),
-    ):
-        path = options.output / f"jitter_{name}.png"
-        figure(path, results)
-        pictures.append(Picture(path, caption))
     densities = nominal_densities(parameters, step_s)
-    path = options.output / "jitter_cumulative.png"
-    cumulative_figure(path, densities)
-    pictures.append(Picture(path, "RMS of all that lies below a frequency, closed form, at (0, 0, 0)."))
+    figures = (
+        (
+            "image",
+            "Fig 9: co-simulated image points with hull; ellipses of the closed form, active with "
+            f"{LOOP_DELAY:g} steps of delay.",
+            partial(image_figure, results=results),
+        ),
+        (
+            "rms",
+            "Table 2: RMS as published, in closed form without the delay of the communication step, and co-simulated.",
+            partial(rms_figure, results=results),
+        ),
+        (
+            "cumulative",
+            f"RMS of all that lies below a frequency, closed form with {LOOP_DELAY:g} steps of delay, at (0, 0, 0).",
+            partial(cumulative_figure, densities=densities),
+        ),
+    )
     return Analysis(
         name="jitter",
         title="Jitter: Table 2 and Fig 9",
         text=paragraphs(results, densities),
         findings=findings(results),
         tables=tables(results, densities),
-        pictures=pictures,
+        pictures=drawn(options.output, "jitter", figures),
         data={"loop_delay_steps": LOOP_DELAY, "orientations": {r.name: _entry(r) for r in results.values()}},
     )
 

@@ -12,6 +12,7 @@ from ..manipulator.parameters import Array
 from ..pointing.style import ACTIVE, AXES, PASSIVE, REFERENCE, draw
 from ..scenarios.comparison import angles
 from ..scenarios.table2_theory import ORIENTATIONS, published_value
+from .jitter_tables import LOOP_DELAY
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -135,6 +136,6 @@ def cumulative_figure(path: Path, densities: Sequence[tuple[Array, Array]]) -> N
             axes.set(xlabel="frequency (Hz)", ylabel=f"RMS below frequency ({unit})", title=case, ylim=(0.0, None))
             axes.set_xlim(frequency[0], frequency[-1])
         axes.legend(loc="lower right")
-        figure.suptitle("Where the jitter comes from, closed form at (0, 0, 0)°")
+        figure.suptitle(f"Where the jitter comes from: closed form with {LOOP_DELAY:g} steps of delay, at (0, 0, 0)°")
 
     draw(path, 12.0, 5.5, paint)

@@ -129,4 +129,7 @@ def share_table(densities: list[tuple[Array, Array]]) -> Table:
         (f"{low:g} to {high:g}", *(f"{value:.2f}" for value in row))
         for low, high, row in zip(EDGES[:-1], EDGES[1:], found, strict=True)
     ]
-    return Table("Share of the variance by frequency at (0, 0, 0), closed form, percent", header, rows)
+    caption = (
+        f"Share of the variance by frequency at (0, 0, 0), percent; closed form with {LOOP_DELAY:g} steps of delay"
+    )
+    return Table(caption, header, rows)

@@ -14,7 +14,7 @@ from ..manipulator.frequency import Complex, Nominal, Practical, crowded
 from ..manipulator.parameters import Array, Parameters
 from ..paper import published
 from ..pointing.modes import rightmost
-from ..pointing.report import Picture
+from ..pointing.report import drawn
 from ..scenarios.support_modules import CASES, SUSPENSION, parameters_of
 from .command import Options
 from .open_loop import SHAKING, OpenLoop, open_loops
@@ -160,26 +160,25 @@ def analyse(
     opened = open_loops(options, delay, shaking)
     bar = tqdm(CASES, unit="case", disable=not options.progress, desc="stability")
     verdicts = {case: judge(case, delay) for case in bar}
-    drawn = {
-        "bode": (
-            partial(bode_figure, verdicts=verdicts, opened=opened),
+    figures = (
+        (
+            "bode",
             "Fig 10: element (1, 1) of the loop transfer matrix with the delay; dots: measured on the FMUs.",
+            partial(bode_figure, verdicts=verdicts, opened=opened),
         ),
-        "nyquist": (
-            partial(nyquist_figure, verdicts=verdicts),
+        (
+            "nyquist",
             "det(E - L) along the imaginary axis: stable if the curve does not go round the origin. Arrows: rising "
             f"frequency. What is not drawn, above {DRAWN:g} Hz, stays within {beyond_drawn(verdicts):.2f} of one.",
+            partial(nyquist_figure, verdicts=verdicts),
         ),
-        "sensitivity": (
-            partial(sensitivity_figure, verdicts=verdicts),
+        (
+            "sensitivity",
             "Sensitivity S of (48), and the small-gain condition (62) with T of (63) and its bound (64).",
+            partial(sensitivity_figure, verdicts=verdicts),
         ),
-    }
-    pictures = []
-    for name, (paint, caption) in drawn.items():
-        path = options.output / f"stability_{name}.png"
-        paint(path)
-        pictures.append(Picture(path, caption))
+    )
+    pictures = drawn(options.output, "stability", figures)
     return Analysis(
         name="stability",
         title="Stability of the internal loop: Fig 10",

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..manipulator.parameters import Array
 from ..paper import published
-from ..pointing.report import Picture, Table
+from ..pointing.report import Table
 from . import workspace
 from .command import Options
 from .result import Analysis, Finding
@@ -25,8 +25,7 @@ def analyse(options: Options) -> Analysis:
     """Run the paths of the scenario ``trajectories`` and the limits of the workspace, and draw the paths."""
     from ..scenarios.options import DEFAULT_DURATION_S, DEFAULT_STEP_S
     from ..scenarios.output import held
-    from ..scenarios.trajectories import error_table, load_quiet_system, measure, measure_limits
-    from ..scenarios.trajectory_plots import path_figure
+    from ..scenarios.trajectories import error_table, load_quiet_system, measure, measure_limits, path_pictures
     from .cosimulation import run_options
 
     name = "trajectories"
@@ -35,18 +34,13 @@ def analyse(options: Options) -> Analysis:
         system = load_quiet_system(run)
         results = measure(system, run)
         limits, beyond = measure_limits(system, run, *extremes())
-    pictures = []
-    for path in dict.fromkeys(result.path for result in results):
-        file = options.output / f"trajectory_{path.replace(' ', '_').replace('-', '_')}.png"
-        path_figure(file, [result for result in results if result.path == path])
-        pictures.append(Picture(file, f"Target, response and error along the path: {path}."))
     return Analysis(
         name=name,
         title="Trajectories: Fig 7, and the limits of Table 1",
         text=paragraphs(results, beyond),
         findings=[*limit_findings(limits), *findings(results)],
         tables=[error_table(results), limit_table(limits, beyond)],
-        pictures=pictures,
+        pictures=path_pictures(options.output, results),
         data={
             "largest_error_deg": {f"{r.path}, {r.method}": float(np.degrees(r.error.max())) for r in results},
             "largest_expected_error_deg": {

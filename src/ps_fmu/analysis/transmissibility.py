@@ -13,7 +13,7 @@ from ..manipulator.frequency import Nominal
 from ..manipulator.parameters import Array, Parameters, load
 from ..manipulator.stability import loop_at
 from ..manipulator.transmissibility import from_base, singular_values_db
-from ..pointing.report import Picture, Table
+from ..pointing.report import Table, drawn
 from ..scenarios.comparison import angles
 from ..scenarios.support_modules import CASES, parameters_of
 from ..scenarios.table2 import ORIENTATIONS
@@ -124,18 +124,13 @@ def analyse(options: Options, shaking: Shaking | None = None) -> Analysis:
             partial(deviation_figure, measured=measured),
         ),
     ]
-    pictures = []
-    for name, caption, paint in figures:
-        path = options.output / f"transmissibility_{name}.png"
-        paint(path)
-        pictures.append(Picture(path, caption))
     return Analysis(
         name="transmissibility",
         title="Transmissibility: Figs 8 and 11",
         text=paragraphs(measured),
         findings=findings(at_orientations, of_cases, measured),
         tables=tables(at_orientations, of_cases, measured, of_step),
-        pictures=pictures,
+        pictures=drawn(options.output, "transmissibility", figures),
         data={
             "orientations": {name: _entry(c) for name, c in at_orientations.items()},
             "cases": {case: {"largest_db": float(c.passive.max())} for case, c in of_cases.items()},

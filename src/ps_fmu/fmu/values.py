@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+from abc import abstractmethod
 from collections.abc import Callable, Sequence
 from math import isfinite
 from typing import Any, ClassVar, TypeVar
@@ -201,11 +202,13 @@ class Values(Model):
             return 0
         return 1 if port.event else 2
 
+    @abstractmethod
     def _configure(self) -> None:
-        raise NotImplementedError
+        """Build the model and the outputs from parameters and inputs."""
 
+    @abstractmethod
     def _on_change(self, event: bool) -> None:
-        raise NotImplementedError
+        """After a value was set; ``event``: one that makes an event."""
 
 
 def _remember(lists: dict[Key, T], key: Key, value: T) -> None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import difflib
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from typing import Protocol
 
@@ -55,7 +56,7 @@ def rows_of(duration_s: float, step_s: float, what: str) -> int:
     return rows
 
 
-class ColumnObserver:
+class ColumnObserver(ABC):
     """Picks the named columns out of each block and passes them on to :meth:`take`.
 
     Parameters
@@ -85,6 +86,6 @@ class ColumnObserver:
             samples = np.ascontiguousarray(values[first:, self._indices].T, dtype=np.float64)
             self.take(time[first:], samples)
 
+    @abstractmethod
     def take(self, time: Array, samples: Array) -> None:
         """Take the observed ``samples`` (signals, rows), a copy of the block; ``time`` (rows,) [s]."""
-        raise NotImplementedError

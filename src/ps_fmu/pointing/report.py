@@ -6,7 +6,7 @@ Pictures are embedded, nothing is fetched from elsewhere, and every text is esca
 from __future__ import annotations
 
 import base64
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from html import escape
@@ -35,6 +35,16 @@ class Picture:
 
     path: Path
     caption: str
+
+
+def drawn(folder: Path, prefix: str, figures: Iterable[tuple[str, str, Callable[[Path], None]]]) -> list[Picture]:
+    """Draw figures (name, caption, what paints it to a file) to ``PREFIX_NAME.png`` in a folder.  Raises OSError."""
+    pictures = []
+    for name, caption, paint in figures:
+        path = folder / f"{prefix}_{name}.png"
+        paint(path)
+        pictures.append(Picture(path, caption))
+    return pictures
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +21,7 @@ from ..manipulator.disturbance.recorded import HEADER as RECORDING
 from ..manipulator.stability import Loop, loop_of
 from ..paper import published
 from ..pointing.modes import rightmost, slowest_mode
-from ..pointing.report import Picture, Table
+from ..pointing.report import Picture, Table, drawn
 from ..pointing.sampler import SampleObserver
 from .cases import Case, Outcome, run_case
 from .comparison import number
@@ -241,20 +241,21 @@ def _against_limit(loop: Loop) -> str:
 
 def response_pictures(folder: Path, responses: Sequence[Response]) -> list[Picture]:
     """Draw fine legs and payload into a folder."""
-    pictures = []
-    for name, caption in (
+    figures = (
         (
             "fine",
             "Largest displacement of a fine leg; dashed: rate of the predicted pole. What is left in the end is made "
             "by the modes of the arrays, with time constants of 20 to 70 s; with large damping that is all from 0.6 s "
             "on.",
+            partial(response_figure, responses=responses, what="fine"),
         ),
-        ("payload", "Rotation of the payload about the first axis."),
-    ):
-        path = folder / f"stability_{name}.png"
-        response_figure(path, responses, name)
-        pictures.append(Picture(path, caption))
-    return pictures
+        (
+            "payload",
+            "Rotation of the payload about the first axis.",
+            partial(response_figure, responses=responses, what="payload"),
+        ),
+    )
+    return drawn(folder, "stability", figures)
 
 
 def response_table(responses: Sequence[Response]) -> Table:

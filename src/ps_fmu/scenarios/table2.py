@@ -40,6 +40,7 @@ HOW = (
     "that was identified from the paper, with analogue filters and without the delay of a communication step."
 )
 
+
 @dataclass(frozen=True, eq=False)
 class Measurement:
     """The four orientations, passive and active, in the order of :data:`ORIENTATIONS`."""

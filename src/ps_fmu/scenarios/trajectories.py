@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +25,7 @@ from ..manipulator.forward import forward_kinematics
 from ..manipulator.inverse import Solver, inverse_kinematics, trilaterate
 from ..manipulator.parameters import load
 from ..manipulator.trajectories import PLANES, quadrilateral, random_walk
-from ..pointing.report import Picture, Table
+from ..pointing.report import Picture, Table, drawn
 from ..pointing.sampler import SampleObserver
 from .cases import Case, Outcome, run_case
 from .comparison import TARGET, TargetError
@@ -125,11 +126,7 @@ def run(options: RunOptions) -> None:
     ]
     text = [*refused, HOW, algorithm_1_text(results)]
     print(text_table(table.header, table.rows), *text, sep="\n")
-    pictures = []
-    for path in dict.fromkeys(result.path for result in results):
-        file = options.output / f"trajectory_{path.replace(' ', '_').replace('-', '_')}.png"
-        path_figure(file, [result for result in results if result.path == path])
-        pictures.append(Picture(file, f"Target, response and error along the path: {path}."))
+    pictures = path_pictures(options.output, results)
     publish(
         options,
         system,
@@ -148,6 +145,19 @@ def run(options: RunOptions) -> None:
     )
     if refused:
         raise TargetError("\n".join(refused))
+
+
+def path_pictures(folder: Path, results: Sequence[PathResult]) -> list[Picture]:
+    """Draw each path, by all methods, into a folder."""
+    figures = [
+        (
+            path.replace(" ", "_").replace("-", "_"),
+            f"Target, response and error along the path: {path}.",
+            partial(path_figure, results=[result for result in results if result.path == path]),
+        )
+        for path in dict.fromkeys(result.path for result in results)
+    ]
+    return drawn(folder, "trajectory", figures)
 
 
 def load_quiet_system(options: RunOptions) -> System:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 
 import numpy as np
 
-from ...pointing.report import Picture, Table
+from ...pointing.report import Picture, Table, drawn
 from ..result import Analysis, Finding
 from . import geometry, mechanism, noise, suspension
 from .fit import Identifiability, Range, roundings, targets
@@ -152,18 +153,18 @@ def _candidates(found: Identified) -> Table:
 
 
 def _pictures(found: Identified) -> list[Picture]:
-    pictures = []
-    for name, figure, caption in (
+    figures = (
         (
             "geometry",
-            candidates_figure,
             "The joints that were found, and the workspaces of all geometries that meet Table 1: different bodies in "
             "the same box.",
+            partial(candidates_figure, found=found),
         ),
-        ("loop", loop_figure, "Element (1, 1) of the loop with the delay, and what Fig 10 says of it."),
-        ("rms", rms_figure, "Table 2: passive RMS are met, active ones as far as possible."),
-    ):
-        path = found.path.with_name(f"identify_{name}.png")
-        figure(path, found)
-        pictures.append(Picture(path, caption))
-    return pictures
+        (
+            "loop",
+            "Element (1, 1) of the loop with the delay, and what Fig 10 says of it.",
+            partial(loop_figure, found=found),
+        ),
+        ("rms", "Table 2: passive RMS are met, active ones as far as possible.", partial(rms_figure, found=found)),
+    )
+    return drawn(found.path.parent, "identify", figures)
