@@ -23,15 +23,15 @@ test: lint fmus  ## what the continuous integration runs, on all processors; ARG
 fmus: build/fmus/.built  ## the four FMUs in build/fmus
 
 launcher: .venv/.installed  ## what is compiled in the package, made again: the same bytes from the same sources
-	$(BIN)/python -m ps_fmu.fmu.launcher.compile
-	$(BIN)/python -m ps_fmu.check.host.compile
+	$(BIN)/python -m ps_fmu.slavekit.launcher.compile
+	$(BIN)/python -m ps_fmu.fmucheck.host.compile
 	$(BIN)/python -m ps_fmu.cosim.native
 
 importers: .venv-importers/.installed  ## tools that cannot share .venv, for the tests (0.9 GB)
 
 verify: .venv/.installed  ## the plant against an independent multibody prototype in Pinocchio (0.4 GB); from then on in make test
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[verify]'
-	$(BIN)/python -m pytest tests/verification $(ARGS)
+	$(BIN)/python -m pytest tests/multibody $(ARGS)
 
 bench: fmus
 	$(BIN)/python benchmarks/step_cost.py $(ARGS)

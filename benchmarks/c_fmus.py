@@ -15,10 +15,10 @@ from c_host import slave_class
 
 from ps_fmu.cosim import System
 from ps_fmu.cosim.structure import Component
-from ps_fmu.fmu.c_program import Program, Target
-from ps_fmu.fmu.core import by_columns
-from ps_fmu.fmu.launcher.compile import LAUNCHER
-from ps_fmu.fmu.slave import Slave
+from ps_fmu.slavekit.author.core import by_columns
+from ps_fmu.slavekit.author.slave import Slave
+from ps_fmu.slavekit.launcher.compile import LAUNCHER
+from ps_fmu.slavekit.pack.c_program import Program, Target
 
 PLATFORM = "linux64"
 MODEL = Program(

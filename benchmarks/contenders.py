@@ -17,16 +17,16 @@ from fmpy import extract, read_model_description
 from fmpy.fmi2 import FMU2Slave
 from numpy.typing import NDArray
 
+from ps_fmu.control.feedforward import Controller, gains, lowpass
 from ps_fmu.cosim import Column, Master, System
-from ps_fmu.manipulator.discretise import zero_order_hold
-from ps_fmu.manipulator.disturbance import Disturbance, default_settings
-from ps_fmu.manipulator.dynamics import Pose
-from ps_fmu.manipulator.feedforward import Controller, gains, lowpass
-from ps_fmu.manipulator.inverse import inverse_kinematics
-from ps_fmu.manipulator.parameters import load
-from ps_fmu.manipulator.plant import Plant
-from ps_fmu.manipulator.practical import N_INPUTS
-from ps_fmu.manipulator.rotations import rotation_matrix
+from ps_fmu.disturbance import Disturbance, default_settings
+from ps_fmu.mechanism.discretise import zero_order_hold
+from ps_fmu.mechanism.dynamics import Pose
+from ps_fmu.mechanism.inverse import inverse_kinematics
+from ps_fmu.mechanism.parameters import load
+from ps_fmu.mechanism.plant import Plant
+from ps_fmu.mechanism.practical import N_INPUTS
+from ps_fmu.mechanism.rotations import rotation_matrix
 
 Array = NDArray[np.float64]
 

@@ -11,15 +11,15 @@ import shutil
 import tempfile
 from pathlib import Path
 
-from ps_fmu.fmu import archive
-from ps_fmu.fmu.build import build_one, default_fmus, find
+from ps_fmu.slavekit.pack import zip_writer as archive
+from ps_fmu.slavekit.pack.build import build_one, default_fmus, find
 
 _SUBCLASS = '''
 
 from types import MethodType
 
 from pythonfmu.fmi2slave import Fmi2Slave
-from ps_fmu.fmu.variables import fmi_variable
+from ps_fmu.slavekit.author.variables import fmi_variable
 
 
 class Stock{model}({model}):
@@ -59,7 +59,7 @@ _PROBE = '''"""Thirty inputs that are copied to thirty outputs: what does a call
 
 import numpy as np
 
-from ps_fmu.fmu.slave import Slave, numbered
+from ps_fmu.slavekit.author.slave import Slave, numbered
 
 
 class Probe(Slave):

@@ -18,8 +18,7 @@ ROOT = Path(__file__).resolve().parents[1]
 
 try:
     from ps_fmu.cosim.errors import CosimError
-    from ps_fmu.fmu.build import BuildError
-    from ps_fmu.scenarios.options import (
+    from ps_fmu.runs.options import (
         DEFAULT_DURATION_S,
         DEFAULT_STEP_S,
         DEFAULT_STORAGE_STEP_S,
@@ -28,13 +27,23 @@ try:
         OptionError,
         RunOptions,
     )
-    from ps_fmu.scenarios.output import held
-    from ps_fmu.scenarios.sources import ensure_built
+    from ps_fmu.runs.output import held
+    from ps_fmu.runs.sources import ensure_built
+    from ps_fmu.slavekit.pack.build import BuildError
     from ps_fmu.terminal import reason, run_command
 except KeyboardInterrupt:
     sys.exit(130)
 except ModuleNotFoundError as missing:
     sys.exit(f"{missing}: run `make run` once, then use .venv/bin/python system/run.py")
+
+
+MODULES = {
+    "isolation": "ps_fmu.runs.scenarios.isolation",
+    "slew": "ps_fmu.runs.scenarios.slew",
+    "table2": "ps_fmu.paper.figures.table2.scenario",
+    "trajectories": "ps_fmu.paper.figures.fig07.scenario",
+    "stability": "ps_fmu.paper.figures.fig10.scenario",
+}
 
 
 def parser() -> argparse.ArgumentParser:
@@ -89,7 +98,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         try:
             if options.fmus is not None:
                 ensure_built(options.fmus, ROOT)
-            importlib.import_module(f"ps_fmu.scenarios.{options.scenario}").run(options)
+            importlib.import_module(MODULES[options.scenario]).run(options)
         except KeyboardInterrupt:
             return ended("interrupted", options.output, 130)
         except OptionError as error:  # one that needs the system to be seen, such as a path that takes longer

@@ -16,6 +16,11 @@ settings.register_profile("repeatable", derandomize=True, max_examples=25, deadl
 settings.load_profile("repeatable")
 
 ROOT = Path(__file__).parents[1]
+SYSTEM = ROOT / "system" / "SystemStructure.ssd"
+HEAD = (
+    '<?xml version="1.0" encoding="UTF-8"?>\n<ssv:ParameterSet '
+    'xmlns:ssv="http://ssp-standard.org/SSP1/SystemStructureParameterValues" version="1.0" name="initialValues">'
+)
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
@@ -46,8 +51,41 @@ def pytest_unconfigure() -> None:
 @pytest.fixture(scope="session")
 def built_fmus() -> Path:
     """Folder with the four FMUs of this checkout, built if they are missing or older than their sources."""
-    from ps_fmu.scenarios.sources import ensure_built
+    from ps_fmu.runs.sources import ensure_built
 
     folder = ROOT / "build" / "fmus"
     ensure_built(folder, ROOT)
     return folder
+
+
+@pytest.fixture
+def make_options(built_fmus, tmp_path):
+    """Options of a run of the real system by scenario and duration; each has an output folder of its own."""
+    from ps_fmu.runs.options import RunOptions
+
+    made = []
+
+    def make(scenario, duration_s, **others):
+        made.append(scenario)
+        output = tmp_path / f"out_{len(made)}"
+        options = RunOptions(scenario, SYSTEM, output, duration_s, fmus=built_fmus, progress=False, **others)
+        return options.claim_output()
+
+    return make
+
+
+@pytest.fixture
+def ssv(tmp_path):
+    """Writes ``component.parameter`` -> value into a parameter file, a line each from line 4 on; returns its path."""
+
+    def write(values, name="given.ssv"):
+        lines = [HEAD, "<ssv:Parameters>"]
+        for parameter, value in values.items():
+            kind = {bool: "Boolean", int: "Integer", float: "Real", str: "String"}[type(value)]
+            text = str(value).lower() if kind == "Boolean" else value
+            lines.append(f'<ssv:Parameter name="{parameter}"><ssv:{kind} value="{text}"/></ssv:Parameter>')
+        path = tmp_path / name
+        path.write_text("\n".join([*lines, "</ssv:Parameters>", "</ssv:ParameterSet>"]), encoding="utf-8")
+        return path
+
+    return write

@@ -9,7 +9,7 @@ import pytest
 
 from ps_fmu import cli
 from ps_fmu.cli import main
-from ps_fmu.fmu import build
+from ps_fmu.slavekit.pack import build
 
 SYSTEM = Path(__file__).parents[1] / "system" / "SystemStructure.ssd"
 

@@ -10,17 +10,21 @@ PACKAGE = ROOT / "src" / "ps_fmu"
 MODULES = sorted(PACKAGE.rglob("*.py"))
 SOURCES = MODULES + sorted((ROOT / "fmus").rglob("*.py")) + sorted((ROOT / "system").rglob("*.py"))
 
-# What each part may import of the others: scenarios -> check, cosim, pointing -> fmu -> manipulator.
+# What each room may import of the others.
+PHYSICS = {"mechanism", "control", "disturbance"}
 MAY_IMPORT = {
-    "manipulator": set(),
-    "fmu": {"manipulator"},
-    "cosim": {"fmu", "manipulator"},
-    "pointing": {"fmu", "manipulator"},
-    "check": {"cosim", "fmu", "manipulator"},
-    "paper": set(),
-    "verification": {"cosim", "fmu", "manipulator"},
-    "scenarios": {"cosim", "pointing", "fmu", "manipulator", "paper"},
-    "analysis": {"scenarios", "cosim", "pointing", "fmu", "manipulator", "paper"},
+    "mechanism": set(),
+    "control": {"mechanism"},
+    "disturbance": {"mechanism"},
+    "theory": PHYSICS,
+    "slavekit": set(),
+    "interface": {*PHYSICS, "cosim", "slavekit"},
+    "cosim": {"slavekit"},
+    "fmucheck": {"cosim", "slavekit"},
+    "pointing": set(),
+    "results": {"pointing", "slavekit"},
+    "runs": {*PHYSICS, "interface", "cosim", "pointing", "results", "slavekit"},
+    "paper": {*PHYSICS, "theory", "interface", "cosim", "pointing", "results", "runs", "slavekit"},
 }
 
 # The calls of FMI 2.0: the standard says what they do.

@@ -7,13 +7,13 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ps_fmu.fmu.parameters import parameter_ports
-from ps_fmu.fmu.slave import ModelError, Slave
-from ps_fmu.fmu.terminals import Terminal
-from ps_fmu.fmu.variables import Port, Value, vector
-from ps_fmu.manipulator.disturbance import Disturbance, default_settings
-from ps_fmu.manipulator.flat import entries, taken_from
-from ps_fmu.manipulator.parameters import ParameterError, load
+from ps_fmu.disturbance import Disturbance, default_settings
+from ps_fmu.interface.parameter_ports import parameter_ports
+from ps_fmu.mechanism.flat import entries, taken_from
+from ps_fmu.mechanism.parameters import ParameterError, load
+from ps_fmu.slavekit.author.slave import ModelError, Slave
+from ps_fmu.slavekit.author.terminals import Terminal
+from ps_fmu.slavekit.author.variables import Port, Value, vector
 
 DEFAULTS = default_settings(load())
 

@@ -7,13 +7,8 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ps_fmu.fmu.parameters import parameter_ports, refuses_parameters
-from ps_fmu.fmu.slave import ModelError, Slave
-from ps_fmu.fmu.terminals import Terminal
-from ps_fmu.fmu.variables import Port, numbered, vector
-from ps_fmu.manipulator.feedforward import lowpass
-from ps_fmu.manipulator.flat import entries, taken_from
-from ps_fmu.manipulator.isolator import (
+from ps_fmu.control.feedforward import lowpass
+from ps_fmu.control.isolator import (
     DelayLine,
     Isolator,
     StepError,
@@ -22,7 +17,12 @@ from ps_fmu.manipulator.isolator import (
     known_payload,
     whole_steps,
 )
-from ps_fmu.manipulator.parameters import load
+from ps_fmu.interface.parameter_ports import parameter_ports, refuses_parameters
+from ps_fmu.mechanism.flat import entries, taken_from
+from ps_fmu.mechanism.parameters import load
+from ps_fmu.slavekit.author.slave import ModelError, Slave
+from ps_fmu.slavekit.author.terminals import Terminal
+from ps_fmu.slavekit.author.variables import Port, numbered, vector
 
 PAPER = load()
 KNOWN_PAYLOAD = known_payload(PAPER)

@@ -7,14 +7,14 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ps_fmu.fmu.parameters import parameter_ports, refuses_parameters
-from ps_fmu.fmu.slave import Slave
-from ps_fmu.fmu.terminals import Terminal
-from ps_fmu.fmu.variables import Port, numbered, vector
-from ps_fmu.manipulator.flat import entries, taken_from
-from ps_fmu.manipulator.parameters import load
-from ps_fmu.manipulator.plant import Convection, Plant, coarse_motion
-from ps_fmu.manipulator.practical import PlantModel
+from ps_fmu.interface.parameter_ports import parameter_ports, refuses_parameters
+from ps_fmu.mechanism.flat import entries, taken_from
+from ps_fmu.mechanism.parameters import load
+from ps_fmu.mechanism.plant import Convection, Plant, coarse_motion
+from ps_fmu.mechanism.practical import PlantModel
+from ps_fmu.slavekit.author.slave import Slave
+from ps_fmu.slavekit.author.terminals import Terminal
+from ps_fmu.slavekit.author.variables import Port, numbered, vector
 
 PAPER = load()
 RPY = ("roll", "pitch", "yaw")

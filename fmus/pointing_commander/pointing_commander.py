@@ -7,11 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ps_fmu.fmu.parameters import parameter_ports
-from ps_fmu.fmu.slave import ModelError, Slave
-from ps_fmu.fmu.terminals import Terminal
-from ps_fmu.fmu.variables import Port, numbered, vector
-from ps_fmu.manipulator.commander import (
+from ps_fmu.control.commander import (
     DEFAULT_ALGORITHM_1,
     DEFAULT_LIMITS,
     Commander,
@@ -21,11 +17,15 @@ from ps_fmu.manipulator.commander import (
     same_target,
     to_numbers,
 )
-from ps_fmu.manipulator.flat import entries, taken_from
-from ps_fmu.manipulator.inverse import trilaterate
-from ps_fmu.manipulator.kinematics import KinematicsError
-from ps_fmu.manipulator.parameters import ParameterError, load
-from ps_fmu.manipulator.profile import Profile
+from ps_fmu.control.profile import Profile
+from ps_fmu.interface.parameter_ports import parameter_ports
+from ps_fmu.mechanism.flat import entries, taken_from
+from ps_fmu.mechanism.inverse import trilaterate
+from ps_fmu.mechanism.kinematics import KinematicsError
+from ps_fmu.mechanism.parameters import ParameterError, load
+from ps_fmu.slavekit.author.slave import ModelError, Slave
+from ps_fmu.slavekit.author.terminals import Terminal
+from ps_fmu.slavekit.author.variables import Port, numbered, vector
 
 PAPER = load()
 RPY = ("roll", "pitch", "yaw")

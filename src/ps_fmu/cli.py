@@ -11,8 +11,8 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from .analysis.command import add_parser as add_analyse
-from .analysis.identify import add_parser as add_identify
+from .paper.command import add_parser as add_analyse
+from .paper.identification.command import add_parser as add_identify
 from .terminal import reason, run_command
 
 EXIT_OK = 0
@@ -74,7 +74,7 @@ def _add_build(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
 
 
 def _build(options: argparse.Namespace) -> int:
-    from .fmu.build import BuildError, build_one, default_fmus, find
+    from .slavekit.pack.build import BuildError, build_one, default_fmus, find
 
     try:
         for folder in find(options.fmus or default_fmus(), options.only):
@@ -97,8 +97,8 @@ def _add_check(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
 
 
 def _check(options: argparse.Namespace) -> int:
-    from .check.fmu_check import check_fmu
-    from .check.table import show
+    from .fmucheck.fmu_check import check_fmu
+    from .fmucheck.table import show
 
     passed = [show(str(path), check_fmu(path), lambda line: print(line, flush=True)) for path in options.fmus]
     return EXIT_OK if all(passed) else EXIT_FAILED
@@ -176,8 +176,8 @@ def _add_crosscheck(commands: argparse._SubParsersAction[argparse.ArgumentParser
 
 
 def _crosscheck(options: argparse.Namespace) -> int:
-    from .check.crosscheck import CrossCheckError, deviation, find, read_options, read_table, simulate, write_table
-    from .check.submission import complies, write_submission
+    from .fmucheck.crosscheck import CrossCheckError, deviation, find, read_options, read_table, simulate, write_table
+    from .fmucheck.submission import complies, write_submission
 
     failed = False
     try:

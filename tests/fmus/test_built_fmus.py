@@ -16,7 +16,7 @@ from fmpy.validation import validate_fmu
 from lxml import etree
 
 from ps_fmu.cosim import read_system
-from ps_fmu.fmu.build import build_one
+from ps_fmu.slavekit.pack.build import build_one
 
 NAMES = ("ManipulatorPlant", "PointingCommander", "FeedforwardIsolator", "DisturbanceSource")
 FOLDERS = {name: "".join(f"_{c.lower()}" if c.isupper() else c for c in name).lstrip("_") for name in NAMES}

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from support.models import Host, slave_class
 
-from ps_fmu.fmu.slave import ModelError, Refused
-from ps_fmu.manipulator.forward import forward_kinematics
-from ps_fmu.manipulator.inverse import inverse_kinematics
-from ps_fmu.manipulator.parameters import load
+from ps_fmu.mechanism.forward import forward_kinematics
+from ps_fmu.mechanism.inverse import inverse_kinematics
+from ps_fmu.mechanism.parameters import load
+from ps_fmu.slavekit.author.slave import ModelError, Refused
 
 GEOMETRY = load().manipulator.geometry
 RPY = ("roll", "pitch", "yaw")

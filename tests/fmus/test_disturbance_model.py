@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ps_fmu.manipulator.disturbance import Disturbance
-from ps_fmu.manipulator.disturbance.recorded import HEADER
-from ps_fmu.manipulator.flat import with_values
+from ps_fmu.disturbance import Disturbance
+from ps_fmu.disturbance.recorded import HEADER
+from ps_fmu.mechanism.flat import with_values
 
 SCRIPT = Path(__file__).parents[2] / "fmus" / "disturbance_source" / "disturbance_source.py"
 STEP = 1e-4  # s

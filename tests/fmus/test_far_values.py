@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from support.models import Host, slave_class
 from support.states import clocks, numbers, use_made_up_state
 
-from ps_fmu.fmu.slave import ModelError, Refused
+from ps_fmu.slavekit.author.slave import ModelError, Refused
 
 H = 1e-4  # s
 

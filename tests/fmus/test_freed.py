@@ -12,7 +12,7 @@ from fmpy.fmi2 import FMU2Slave
 from support.host import unpack
 from support.models import Host
 
-from ps_fmu.fmu.slave import Refused
+from ps_fmu.slavekit.author.slave import Refused
 
 MODELS = {
     "ManipulatorPlant": "manipulator_plant",

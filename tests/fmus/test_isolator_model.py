@@ -7,8 +7,8 @@ import pytest
 from support.mechanics import ORIENTATIONS_DEG, PAPER, pose_at
 from support.models import Host
 
-from ps_fmu.fmu.slave import ModelError
-from ps_fmu.manipulator.feedforward import Controller, gains, lowpass
+from ps_fmu.control.feedforward import Controller, gains, lowpass
+from ps_fmu.slavekit.author.slave import ModelError
 
 FORCES = ("fine_force_1", "fine_force_2", "fine_force_3")
 H = 1e-3  # s

@@ -5,8 +5,8 @@ import pytest
 from support.mechanics import PAPER
 from support.models import Host, slave_class
 
-from ps_fmu.fmu.slave import ModelError, Refused
-from ps_fmu.manipulator.practical import OUTPUTS, output_slices
+from ps_fmu.mechanism.practical import OUTPUTS, output_slices
+from ps_fmu.slavekit.author.slave import ModelError, Refused
 
 ORIENTATION = ("orientation.roll", "orientation.pitch", "orientation.yaw")
 H = 1e-3  # s

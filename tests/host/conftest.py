@@ -14,13 +14,13 @@ import pytest
 from support.host import unpack
 
 from ps_fmu.cosim import System, read_system
-from ps_fmu.fmu.build import build_one
-from ps_fmu.fmu.bundle import bundle
-from ps_fmu.fmu.c_program import fmi_headers
-from ps_fmu.fmu.launcher.compile import LAUNCHER
+from ps_fmu.slavekit.launcher.compile import LAUNCHER
+from ps_fmu.slavekit.pack.build import build_one
+from ps_fmu.slavekit.pack.bundle import bundle
+from ps_fmu.slavekit.pack.c_program import fmi_headers
 
 HERE = Path(__file__).parent
-MODELS = HERE.parent / "fmu" / "models"
+MODELS = HERE.parent / "slavekit" / "models"
 SSD = HERE.parents[1] / "system" / "SystemStructure.ssd"
 HOST_SOURCES = (HERE / "host.c", HERE / "mistakes.c", HERE / "fmu.c")
 SYSTEM_SOURCES = (HERE / "system.c", HERE / "wired.c", HERE / "fmu.c")

@@ -7,7 +7,7 @@ import zipfile
 import pytest
 from support.host import told, unpack
 
-from ps_fmu.fmu.bundle import BundleError, bundle, check
+from ps_fmu.slavekit.pack.bundle import BundleError, bundle, check
 
 NOWHERE = {"PATH": "/nonexistent"}
 SPY = """

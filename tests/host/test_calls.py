@@ -28,7 +28,7 @@ from support.models import slave_class
 CALLS = int(os.environ.get("PS_FMU_CALLS", "2500"))
 FEWER = int(os.environ.get("PS_FMU_CALLS", "400"))  # each instance makes 8 MB of noise when it is initialised
 SEQUENCE = 60  # calls in one, at least on average
-TOYS = Path(__file__).parents[1] / "fmu" / "models"
+TOYS = Path(__file__).parents[1] / "slavekit" / "models"
 # What BLAS computes to the last bit depends on these.
 BLAS = {name: value for name, value in os.environ.items() if name.startswith(("OMP_", "OPENBLAS_", "MKL_"))}
 SANITIZERS = {"ASAN_OPTIONS": "detect_leaks=0:exitcode=99", "UBSAN_OPTIONS": "print_stacktrace=1:exitcode=99"}

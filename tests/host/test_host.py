@@ -14,9 +14,9 @@ from fmpy.fmi1 import FMICallException
 from fmpy.fmi2 import FMU2Slave, fmi2CallbackFunctions, fmi2CallbackLoggerTYPE
 from support.host import told, unpack
 
-from ps_fmu.fmu.build import build_one
+from ps_fmu.slavekit.pack.build import build_one
 
-MODELS = Path(__file__).parents[1] / "fmu" / "models"
+MODELS = Path(__file__).parents[1] / "slavekit" / "models"
 
 ANSWER = "printf 'version={}\\nprogram=x\\nmissing={}\\nlibrary=/x\\nentries=/\\ncomplete=1\\n'"
 TOYS = ("limiter", "oscillator", "waves")

@@ -17,7 +17,7 @@ from support.wired import run_master, wired
 
 from ps_fmu.cosim import Port
 from ps_fmu.cosim.structure import Connection
-from ps_fmu.fmu.build import build_one
+from ps_fmu.slavekit.pack.build import build_one
 
 FMUS = Path(__file__).parents[2] / "fmus"
 WITH_PYTHON = {"PS_FMU_PYTHON": sys.executable}

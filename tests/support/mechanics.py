@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ps_fmu.manipulator.dynamics import Dynamics, Pose, assemble
-from ps_fmu.manipulator.inverse import inverse_kinematics
-from ps_fmu.manipulator.parameters import Parameters, load
-from ps_fmu.manipulator.rotations import rotation_matrix
+from ps_fmu.mechanism.dynamics import Dynamics, Pose, assemble
+from ps_fmu.mechanism.inverse import inverse_kinematics
+from ps_fmu.mechanism.parameters import Parameters, load
+from ps_fmu.mechanism.rotations import rotation_matrix
 
 REFERENCE = Path(__file__).parents[1] / "data" / "multibody-reference.json"
 PAPER = load()

@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from ps_fmu.fmu.slave import Slave
+from ps_fmu.slavekit.author.slave import Slave
 
 FMUS = Path(__file__).parents[2] / "fmus"
 

@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from ps_fmu.manipulator.frequency import Nominal, Practical
-from ps_fmu.manipulator.inverse import inverse_kinematics
-from ps_fmu.manipulator.parameters import Parameters
-from ps_fmu.verification.linear import LinearModel
-from ps_fmu.verification.multibody import Prototype
+from ps_fmu.mechanism.inverse import inverse_kinematics
+from ps_fmu.mechanism.parameters import Parameters
+from ps_fmu.theory.frequency import Nominal, Practical
+from support.multibody.linear import LinearModel
+from support.multibody.multibody import Prototype
 
 from .mechanics import PAPER, dynamics_at, pose_at, relative_error, rigid
 

@@ -7,11 +7,11 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
+from ps_fmu.paper.figures.fig07.scenario import FINE
+from ps_fmu.paper.figures.fig08_11.measured import SETUPS
 
-from ps_fmu.analysis.result import Finding
-from ps_fmu.analysis.transmissibility_measured import SETUPS
-from ps_fmu.pointing.metrics import rejection_percent
-from ps_fmu.scenarios.trajectories import FINE
+from ps_fmu.paper.result import Finding
+from ps_fmu.pointing.rejection import rejection_percent
 
 ROOT = Path(__file__).parents[2]
 FOLDER = ROOT / "docs" / "paper"

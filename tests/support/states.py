@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from hypothesis import strategies as st
 
-from ps_fmu.fmu.slave import ModelError, Phase, Refused, Slave
-from ps_fmu.fmu.state import to_bytes
+from ps_fmu.slavekit.author.slave import ModelError, Phase, Refused, Slave
+from ps_fmu.slavekit.author.state import to_bytes
 
 _NUMBERS = st.one_of(
     st.sampled_from((0.0, 1.0, -3.0, 0.5, 1e16, -1e154, 1e300, 1e308, 5e-324)),

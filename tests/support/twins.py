@@ -11,7 +11,7 @@ from typing import Any
 from fmpy import read_model_description
 from fmpy.fmi2 import FMU2Slave
 
-from ps_fmu.fmu.slave import Slave
+from ps_fmu.slavekit.author.slave import Slave
 
 
 def without_launcher(folder: Path, copy: Path) -> Path:

@@ -8,8 +8,8 @@ from fmpy.ssp.ssd import validate_tree
 from lxml import etree
 
 from ps_fmu.cosim import Master, read_parameters, read_system
-from ps_fmu.manipulator.flat import entries
-from ps_fmu.manipulator.parameters import load
+from ps_fmu.mechanism.flat import entries
+from ps_fmu.mechanism.parameters import load
 
 SYSTEM = Path(__file__).parents[2] / "system"
 FILES = sorted((SYSTEM / "parameters").glob("*.ssv"))

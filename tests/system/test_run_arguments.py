@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from ps_fmu.cosim.errors import UsageError
-from ps_fmu.scenarios.options import OptionError
+from ps_fmu.runs.options import OptionError
 
 RUN = Path(__file__).parents[2] / "system" / "run.py"
 

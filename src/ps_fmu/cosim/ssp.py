@@ -16,7 +16,7 @@ from pathlib import Path, PurePosixPath
 
 from fmpy.model_description import ModelDescription
 
-from ..fmu import archive
+from ..slavekit.pack import zip_writer as archive
 from .description import read_description, typed_value, variables_of
 from .errors import SystemFileError, UsageError
 from .graph import check_wiring

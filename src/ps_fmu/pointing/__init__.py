@@ -1,1 +1,1 @@
-"""Pointing-error analysis: streaming metrics and spectra, figures, reports."""
+"""Pointing errors as numbers: indices, spectra, responses.  Needs numpy and scipy, and no other room."""

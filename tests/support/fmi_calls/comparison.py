@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from ps_fmu.fmu.slave import Slave
+from ps_fmu.slavekit.author.slave import Slave
 from support.fmi_calls.caller import ERROR, OK, Answer, Caller
 from support.fmi_calls.twin import Twin
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from hypothesis import strategies as st
 
-from ps_fmu.fmu.layout import Layout
+from ps_fmu.slavekit.author.layout import Layout
 from support.fmi_calls.session import INSTANCES
 from support.fmi_calls.states import Mutation, sealed
 

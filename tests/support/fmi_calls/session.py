@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from ps_fmu.fmu.core import REFERENCE
-from ps_fmu.fmu.slave import Phase, Slave
+from ps_fmu.slavekit.author.core import REFERENCE
+from ps_fmu.slavekit.author.slave import Phase, Slave
 from support.fmi_calls.caller import DISCARD, ERROR, OK, Caller, double, item, listed, read, text
 from support.fmi_calls.comparison import PLACES
 from support.fmi_calls.states import StateCalls

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable
 
-from ps_fmu.fmu.state import State, Unreadable, to_bytes
+from ps_fmu.slavekit.author.state import State, Unreadable, to_bytes
 from support.fmi_calls.caller import Answer, text
 from support.fmi_calls.comparison import Comparison
 from support.fmi_calls.twin import Twin

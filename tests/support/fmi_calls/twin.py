@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from math import inf, isfinite
 from typing import Any
 
-from ps_fmu.fmu.slave import ModelError, Phase, Refused, Slave
-from ps_fmu.fmu.state import State
+from ps_fmu.slavekit.author.slave import ModelError, Phase, Refused, Slave
+from ps_fmu.slavekit.author.state import State
 from support.fmi_calls.caller import ERROR, OK, Message
 
 ALLOWED = {

@@ -1,1 +1,0 @@
-"""Is an FMU as the standard asks, and does it run?  For FMUs of any maker."""

@@ -1,0 +1,1 @@
+"""Control of the manipulator: feedforward isolator, pointing commander, motion profile.  Knows nothing of FMI."""

@@ -1,0 +1,146 @@
+"""Reaction-wheel harmonics with a speed profile.
+
+Each harmonic is a vector in the wheel plane of amplitude C_i W^2 (W: wheel speed) that turns at h_i W.
+
+Coefficients: the two CSV files beside this module, lines ``h_i, C_i`` without header, C_i in N/(rad/s)^2 and
+N.m/(rad/s)^2.  They belong to a small reaction wheel in the sample satellite of the spacecraft simulator S2E
+(github.com/ut-issl/s2e-core), whose licence is beside them.
+
+Left out: axial force, torque about the spin axis, structural modes of the wheel, gyroscopic moments.
+"""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..mechanism.parameters import ParameterError
+from .smooth import ramp
+
+Array = NDArray[np.float64]
+
+FORCE_HARMONICS = Path(__file__).with_name("wheel-radial-force-harmonics.csv")
+TORQUE_HARMONICS = Path(__file__).with_name("wheel-radial-torque-harmonics.csv")
+
+
+@dataclass(frozen=True, eq=False)
+class Harmonics:
+    """Orders h (n,) and coefficients C (n,) of one radial quantity."""
+
+    orders: Array
+    coefficients: Array
+
+
+def read_harmonics(path: Path) -> Harmonics:
+    """A file of lines ``h, C`` without header.
+
+    Raises
+    ------
+    ParameterError: a line does not hold two numbers, h > 0 and C >= 0; the text has its number.
+    """
+    rows: list[tuple[float, float]] = []
+    with path.open(newline="", encoding="utf-8") as file:
+        for number, fields in enumerate(csv.reader(file), 1):
+            where = f"{path.name}, line {number}"
+            try:
+                order, coefficient = (float(field) for field in fields)
+            except ValueError:
+                raise ParameterError(where, f"expected two numbers, got {fields!r}") from None
+            if not (0.0 < order < np.inf and 0.0 <= coefficient < np.inf):
+                raise ParameterError(where, f"expected h > 0 and C >= 0, got {fields!r}")
+            rows.append((order, coefficient))
+    if not rows:
+        raise ParameterError(path.name, "holds no harmonics")
+    orders, coefficients = np.array(rows).T
+    return Harmonics(orders, coefficients)
+
+
+@dataclass(frozen=True)
+class SpeedProfile:
+    """Constant speed, a ramp, constant speed; speeds in rad/s, times in s."""
+
+    initial: float
+    final: float
+    start: float
+    duration: float
+
+    def speed(self, time: Array) -> Array:
+        """Speed at the times (n,), rad/s."""
+        if self.duration == 0.0:
+            return np.where(time < self.start, self.initial, self.final)
+        part = np.clip((time - self.start) / self.duration, 0.0, 1.0)
+        return np.asarray(self.initial + (self.final - self.initial) * part)
+
+    def angle(self, time: Array) -> Array:
+        """Angle turned since t = 0, rad: the exact integral of the speed."""
+        within = np.clip(time - self.start, 0.0, self.duration)
+        after = np.maximum(time - self.start - self.duration, 0.0)
+        slope = within**2 / (2.0 * self.duration) if self.duration > 0.0 else 0.0
+        return np.asarray(self.initial * time + (self.final - self.initial) * (slope + after))
+
+
+class WheelSource:
+    """Wrench of one wheel on the bus, faded in from rest over the rise time.
+
+    Parameters
+    ----------
+    profile: speed over time.
+    spin_axis_B: direction of the spin axis (3,), any length but zero.
+    position_B: centre of the wheel (3,), m.
+    seed: initial phases of the harmonics.
+    scale: factor on force and torque.
+    rise_time: s.
+    force, torque: harmonics (default: those of S2E).
+    """
+
+    def __init__(
+        self,
+        profile: SpeedProfile,
+        spin_axis_B: Array,
+        position_B: Array,
+        seed: tuple[int, ...],
+        scale: float = 1.0,
+        rise_time: float = 2.0,
+        force: Harmonics | None = None,
+        torque: Harmonics | None = None,
+    ) -> None:
+        force = force or read_harmonics(FORCE_HARMONICS)
+        torque = torque or read_harmonics(TORQUE_HARMONICS)
+        self._profile = profile
+        self._rise_time = rise_time
+        self._orders = np.concatenate([force.orders, torque.orders])
+        random = np.random.Generator(np.random.Philox(np.random.SeedSequence(seed)))
+        self._phases = 2.0 * np.pi * random.random(self._orders.size)
+        one_B, other_B = wheel_plane(spin_axis_B)
+        # Wrench at the origin of B from the cosines (first rows) and the sines (last rows) of all harmonics.
+        along = np.concatenate([self._wrenches(force, torque, v, position_B) for v in (one_B, other_B)])
+        self._along = scale * along
+
+    @staticmethod
+    def _wrenches(force: Harmonics, torque: Harmonics, direction_B: Array, position_B: Array) -> Array:
+        """Wrench at the origin per squared speed of each harmonic along a direction, (harmonics, 6)."""
+        of_force = np.concatenate([direction_B, np.cross(position_B, direction_B)])
+        of_torque = np.concatenate([np.zeros(3), direction_B])
+        return np.concatenate(
+            [np.outer(force.coefficients, of_force), np.outer(torque.coefficients, of_torque)]
+        )
+
+    def __call__(self, time: Array) -> Array:
+        """Force (N) and torque (N.m) in B at its origin at the times (n,) in s, shape (n, 6)."""
+        angles = np.multiply.outer(self._profile.angle(time), self._orders) + self._phases
+        turning = np.concatenate([np.cos(angles), np.sin(angles)], axis=1)
+        strength = self._profile.speed(time) ** 2 * ramp(time, self._rise_time).value
+        return np.asarray(strength[:, None] * (turning @ self._along))
+
+
+def wheel_plane(spin_axis: Array) -> tuple[Array, Array]:
+    """Two unit vectors that form a right-handed triad with the spin axis."""
+    axis = spin_axis / np.linalg.norm(spin_axis)
+    helper = np.eye(3)[np.argmin(np.abs(axis))]
+    one = np.cross(helper, axis)
+    one /= np.linalg.norm(one)
+    return one, np.cross(axis, one)

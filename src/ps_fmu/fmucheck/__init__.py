@@ -1,0 +1,1 @@
+"""Checks FMUs of any maker: archive, model description, behaviour, reference runs."""

@@ -1,0 +1,1 @@
+"""What the FMUs show of the physics: their parameters and start values."""

@@ -1,0 +1,177 @@
+"""Equations of motion: (20) to (44)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...mechanism.dynamics import bus_mass, rigid_body_mass
+from ...mechanism.forward import forward_kinematics
+from ...mechanism.kinematics import leg_lengths
+from ...mechanism.parameters import Array
+from ...mechanism.rotations import rotation_from_vector, skew
+from ...theory.frequency import Complex, Practical
+from ..figures.fig10.analysis import mobile_base, nominal_system, parameters_of
+from . import case
+from .erratum import Erratum, rate, relative_error
+
+
+def inertia_about_origin() -> Erratum:
+    """(20), (23): which point the inertia is about."""
+    bus = case.parameters().bus
+    rng = np.random.default_rng(case.SEED)
+    omega = rng.normal(size=(8, 3))
+    twists = np.hstack([np.cross(bus.com_B, omega), omega])  # turns about the centre of mass: it does not move
+    energy = 0.5 * np.sum(omega @ bus.inertia_B * omega, axis=1)
+    misread = bus_mass(bus)
+    misread[3:, 3:] = bus.inertia_B
+
+    def error(M: Array) -> float:
+        return float(np.abs(0.5 * np.sum(twists @ M * twists, axis=1) / energy - 1.0).max())
+
+    return Erratum(
+        "(20), (23)",
+        "right, but I_p and I_b are not said to be about the origin of the frame",
+        "I = I_com - m rho~ rho~",
+        "kinetic energy of the bus when it turns about its centre of mass; with I_com the energy is negative",
+        error(bus_mass(bus)),
+        error(misread),
+    )
+
+
+def energy_of_the_bus() -> Erratum:
+    """(22): a body of particles with six modes, as many as the paper's bus has, moving at random."""
+    rng = np.random.default_rng(case.SEED)
+    mass, place = rng.uniform(1.0, 2.0, 20), rng.normal(size=(20, 3))  # kg, m
+    shape = rng.normal(size=(6, 20, 3))  # displacement of each particle by each mode
+    com = mass @ place / mass.sum()
+    arm = place - com
+    inertia = -np.einsum("k,kij,kjl->il", mass, skew(arm), skew(arm))
+    M_b = rigid_body_mass(mass.sum(), com, inertia)
+    M_b12 = np.einsum("k,kin->in", mass, np.concatenate([shape, np.cross(place, shape)], axis=2).transpose(1, 2, 0))
+    M_b22 = np.einsum("k,nki,mki->nm", mass, shape, shape)
+    q_b, x_m = rng.normal(size=(2, 8, 6))
+    velocity = q_b[:, None, :3] + np.cross(q_b[:, None, 3:], place) + np.einsum("en,nki->eki", x_m, shape)
+    energy = 0.5 * np.einsum("k,eki,eki->e", mass, velocity, velocity)
+
+    def error(factor: float, lower_left: Array) -> float:
+        rates = np.hstack([q_b, x_m])
+        M = np.block([[M_b, M_b12], [lower_left, M_b22]])
+        return float(np.abs(factor * np.sum(rates @ M.T * rates, axis=1) / energy - 1.0).max())
+
+    return Erratum(
+        "(22)",
+        "T_b = (q_b' x_m') [M_b M_b12; M_b12 M_b22] (q_b' x_m')^T",
+        "with the factor 1/2 and with M_b21 at the lower left",
+        "kinetic energy of a body of 20 particles with six modes; without the factor alone it is twice the right one",
+        error(0.5, M_b12.T),
+        error(1.0, M_b12),
+    )
+
+
+def modal_term() -> Erratum:
+    """(29), (30): the sign of the modal term of U22."""
+    d, s2 = case.dynamics(), (case.S**2)[:, None, None]
+    q_b, x_m = d.slices["q_b"], d.slices["x_m"]
+    both = slice(q_b.start, x_m.stop)
+    held = np.linalg.inv(s2 * d.M[both, both] + d.K[both, both])  # base and modes from forces, fine legs held
+    U22 = case.nominal().U(case.S)[3]
+    plus = 2.0 * s2 * d.M[q_b, q_b] - U22
+    eliminated = np.linalg.inv(held[:, :6, :6])
+    return Erratum(
+        "(29), (30)",
+        "X_m = +(...)^-1 s^2 M_b21 Q_b and U22 = s^2 (M_eb + M_b12 (...)^-1 s^2 M_b21)",
+        "minus in both",
+        "base motion by one solve for base and modes with the fine legs held",
+        relative_error(U22, eliminated),
+        relative_error(plus, eliminated),
+    )
+
+
+def base_rotation() -> Erratum:
+    """(39), in axes of B and in axes of P."""
+    J, R = case.dynamics().jacobians, case.pose().rotation_BP
+    nothing = np.zeros((3, 3))
+    geometry, pose = case.parameters().manipulator.geometry, case.pose()
+    lengths = leg_lengths(geometry, pose.translation_B, pose.rotation_BP)
+
+    def rotation_P(t: float) -> Array:
+        """Of the platform, (6, 3), in its own axes, when all legs are held and the base moves along each coordinate."""
+        turned = rotation_from_vector(t * np.eye(6)[:, 3:]) @ forward_kinematics(geometry, lengths).R
+        relative = pose.rotation_BP.T @ turned
+        return 0.5 * (relative[:, [2, 0, 1], [1, 2, 0]] - relative[:, [1, 2, 0], [2, 0, 1]])
+
+    J_theta_b_P = rate(rotation_P, 3e-4).T
+    return Erratum(
+        "(39)",
+        "J_thb = [0 R]",
+        "J_thb = [0 E] in axes of B, [0 R^T] if theta_p is in axes of P as in Table 2",
+        "in B: J_lp^-1 J_lb (10) from the joints of the six legs; in P: finite differences of the platform's rotation "
+        "in its own axes while the base moves and the legs are held. The error of the printed form is the smaller one",
+        max(
+            relative_error(J.J_theta_b, np.hstack([nothing, np.eye(3)])),
+            relative_error(J_theta_b_P, np.hstack([nothing, R.T])),
+        ),
+        min(relative_error(found, np.hstack([nothing, R])) for found in (J.J_theta_b, J_theta_b_P)),
+    )
+
+
+def mobile_base_factor() -> Erratum:
+    """(41), (42): the estimate ignores the resonances of the bus."""
+    (original, original_estimate), (lighter, estimate) = mobile_base("OSM"), mobile_base("LSM")
+    peak = _peak("LSM")
+    return Erratum(
+        "(41), (42)",
+        "v is about sigma(M_eb^-1 M_ebf)",
+        "v is the peak at a resonance of the arrays",
+        f"OSM {original:.3f} where (42) gives {original_estimate:.4f}, LSM {lighter:.2f} where it gives "
+        f"{estimate:.3f}; errors for LSM, of the H-infinity norm and of (42), against a search for the peak over "
+        "frequency",
+        abs(lighter / peak - 1.0),
+        abs(estimate / peak - 1.0),
+    )
+
+
+def plant_on_a_mobile_base() -> Erratum:
+    """(43), (44): the order of the product."""
+    nominal, plant, J = case.nominal(), case.plant(), case.dynamics().jacobians
+    Y = nominal.Y(case.S)
+    U11, U12, U21, _ = nominal.U(case.S)
+    G11 = np.linalg.inv(U11 - U12 @ Y)
+    errors = [
+        relative_error(-Y @ G11, plant.C(case.S)),
+        relative_error((J.J_theta_f - J.J_theta_b @ Y) @ G11, plant.A(case.S)),
+    ]
+    return Erratum(
+        "(43), (44)",
+        "(U11 - Y U21)^-1",
+        "(U11 - U12 Y)^-1",
+        "A and C by one solve of (25) with all coordinates; the printed product of "
+        f"{_size(Y)} and {_size(U21)} does not exist",
+        max(errors),
+    )
+
+
+ENTRIES = (
+    inertia_about_origin,
+    energy_of_the_bus,
+    modal_term,
+    base_rotation,
+    mobile_base_factor,
+    plant_on_a_mobile_base,
+)
+
+
+def _size(matrix: Complex) -> str:
+    return f"{matrix.shape[-2]} x {matrix.shape[-1]}"
+
+
+def _peak(bus: str) -> float:
+    """Largest singular value of Y, by a grid over the frequency axis that closes in on it."""
+    plant = Practical(nominal_system(parameters_of(bus)))
+    frequency = np.geomspace(0.1, 10.0, 10_000)  # Hz; a tenth of the width of a resonance apart
+    while True:
+        value = np.linalg.svd(plant.Y(2j * np.pi * frequency), compute_uv=False)[:, 0]
+        top = int(value.argmax())
+        if frequency[1] - frequency[0] < 1e-8:
+            return float(value[top])
+        frequency = np.linspace(frequency[max(top - 1, 0)], frequency[min(top + 1, len(frequency) - 1)], 50)

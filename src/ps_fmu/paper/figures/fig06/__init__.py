@@ -1,0 +1,1 @@
+"""Table 1 and Fig 6: the workspace."""

@@ -1,0 +1,323 @@
+"""Fig 7: three closed quadrilaterals and a random walk, from the commander to the plant.
+
+Orientations are commanded one after the other and held until the coarse legs have come to rest; then the platform's
+orientation is compared with the target.  Each path is run three times: with the closed-form inverse kinematics, with
+Algorithm 1 at the error limit that the paper names, and with one that leaves the errors which it publishes.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ....control.commander import DEFAULT_ALGORITHM_1
+from ....cosim import Column, System, Value
+from ....mechanism.forward import forward_kinematics
+from ....mechanism.inverse import Solver, inverse_kinematics, trilaterate
+from ....mechanism.parameters import load
+from ....results.observers.sampler import SampleObserver
+from ....results.report import Picture, Table, drawn
+from ....runs.cases import Case, Outcome, run_case
+from ....runs.comparison import TARGET, TargetError
+from ....runs.jitter_record import ORIENTATION, REACHABLE
+from ....runs.options import OptionError, RunOptions
+from ....runs.publish import Findings, publish, text_table
+from ....runs.setup import load_system, real_start
+from .plots import path_figure
+from .targets import PLANES, quadrilateral, random_walk
+
+Array = NDArray[np.float64]
+
+SETTLE_S = 1.0  # at rest before an error is taken: the servo of 5 Hz leaves 1e-12 of what it lagged behind
+COUNTS = range(41, 4, -4)  # of targets along a path
+RATE_LIMIT = "plant.servo.rate_limit"
+#: In motion the plant's linear model (m) and the idle isolator's gains (rad) may be a little old; at rest they never
+#: are.  Half of the time of a run.
+COARSE_MODEL: dict[str, Value] = {"plant.relinearisation_distance": 5e-4, "isolator.orientation_resolution": 1e-2}
+WALK = "random walk"
+RESIDUAL = "commander.residual"
+EPSILON_AS_PUBLISHED = 2e-11  # m: with this error limit Algorithm 1 leaves 1e-9 to 1e-8 deg, as in Fig 7
+BEYOND_DEG = 0.01  # beyond a limit, where targets must be refused
+
+
+@dataclass(frozen=True)
+class Method:
+    """Inverse kinematics: the function, and the commander's parameters with which the FMU uses it."""
+
+    solver: Solver
+    values: Mapping[str, Value]
+
+
+def _algorithm_1(epsilon: float) -> Method:
+    """Algorithm 1 with an error limit, m."""
+    values: dict[str, Value] = {"commander.use_algorithm_1": True, "commander.algorithm_1.epsilon": epsilon}
+    return Method(replace(DEFAULT_ALGORITHM_1, epsilon=epsilon).solver(), values)
+
+
+EXACT, PRINTED, FINE = (
+    "trilateration", f"Algorithm 1, {DEFAULT_ALGORITHM_1.epsilon:g} m", f"Algorithm 1, {EPSILON_AS_PUBLISHED:g} m",
+)  # fmt: skip
+#: What a path is run with, by the name in tables.
+METHODS = {
+    EXACT: Method(trilaterate, {"commander.use_algorithm_1": False}),
+    PRINTED: _algorithm_1(DEFAULT_ALGORITHM_1.epsilon),
+    FINE: _algorithm_1(EPSILON_AS_PUBLISHED),
+}
+
+HOW = (
+    "The commander turns each target at once into coarse commands; the plant's coarse legs follow them at their rate "
+    "limit. Target and response are compared at the end of each dwell, when the legs are at rest: an error in motion "
+    "would be the servo's, which the paper's prototype does not have. The response is the orientation that the plant "
+    "computes from its coarse legs by forward kinematics; the error is that of the worst of the three angles."
+)
+
+
+@dataclass(frozen=True, eq=False)
+class PathResult:
+    """One path with one solver; angles in rad."""
+
+    path: str
+    method: str  # of METHODS
+    outcome: Outcome
+    target: Array  # (n, 3)
+    response: Array  # (n, 3), at the end of each dwell
+    residual: Array  # (n,), m, largest fine displacement that the commander left
+    motion: Array  # (m, 3), response along the way, for the figure
+    refused: NDArray[np.bool_]  # (n,), targets that the commander did not take
+
+    @property
+    def error(self) -> Array:
+        """Largest angle error at each target, (n,), rad."""
+        return np.asarray(np.abs(self.response - self.target).max(axis=1))
+
+    @property
+    def expected_error(self) -> Array:
+        """The same by inverse and forward kinematics without FMUs, (n,), rad."""
+        geometry = load().manipulator.geometry
+        solver = METHODS[self.method].solver
+        # One by one: together, the fast ones would be iterated as often as the slowest.
+        coarse = np.array([inverse_kinematics(geometry, rpy, solver).coarse_displacement for rpy in self.target])
+        pose = forward_kinematics(geometry, geometry.nominal_lengths + np.pad(coarse, ((0, 0), (0, 3))))
+        return np.asarray(np.abs(pose.orientation - self.target).max(axis=1))
+
+
+def run(options: RunOptions) -> None:
+    """Run the scenario; writes results.nc, summary.json, figures and report.html, prints the table.
+
+    Raises :class:`TargetError` after that if the commander refused targets.
+    """
+    system = load_quiet_system(options)
+    results = measure(system, options)
+    table = error_table(results)
+    refused = [
+        f"{result.path}, {result.method}: {result.refused.sum()} of {len(result.target)} targets are out of reach: the "
+        "platform stayed where it was."
+        for result in results
+        if result.refused.any()
+    ]
+    text = [*refused, HOW, algorithm_1_text(results)]
+    print(text_table(table.header, table.rows), *text, sep="\n")
+    pictures = path_pictures(options.output, results)
+    publish(
+        options,
+        system,
+        Findings(
+            title="Trajectories: Fig 7",
+            text=text,
+            tables=[table],
+            pictures=pictures,
+            outcomes=[result.outcome for result in results],
+            orientation_deg=np.degrees(results[-1].response[-1]).tolist(),
+            rms_passive_rad=None,
+            rms_active_rad=None,
+            rejection_percent=None,
+            more={"paths": [_entry(result) for result in results]},
+        ),
+    )
+    if refused:
+        raise TargetError("\n".join(refused))
+
+
+def path_pictures(folder: Path, results: Sequence[PathResult]) -> list[Picture]:
+    """Draw each path, by all methods, into a folder."""
+    figures = [
+        (
+            path.replace(" ", "_").replace("-", "_"),
+            f"Target, response and error along the path: {path}.",
+            partial(path_figure, results=[result for result in results if result.path == path]),
+        )
+        for path in dict.fromkeys(result.path for result in results)
+    ]
+    return drawn(folder, "trajectory", figures)
+
+
+def load_quiet_system(options: RunOptions) -> System:
+    """The system without disturbance and with the isolator off."""
+    return load_system(options, {"disturbance.noise.enabled": False, "isolator.enabled": False})
+
+
+def measure(system: System, options: RunOptions) -> list[PathResult]:
+    """Run every path with every method.
+
+    The duration of the options is what a path may take: it has as many targets as fit into it with the time to get
+    from one to the next.
+    """
+    return [
+        _follow(system, options, path, method, targets, dwell_steps)
+        for path, (targets, dwell_steps) in paths(real_start(system, RATE_LIMIT), options).items()
+        for method in METHODS
+    ]
+
+
+def paths(rate: float, options: RunOptions) -> dict[str, tuple[Array, int]]:
+    """Targets of each path, (n, 3), rad, and the steps at each; ``rate`` of the coarse legs, m/s."""
+    geometry = load().manipulator.geometry
+    makers: dict[str, Callable[[int], Array]] = {plane: partial(quadrilateral, geometry, plane) for plane in PLANES}
+    makers[WALK] = lambda count: random_walk(geometry, count, options.seed)
+    return {path: _fitting(path, make, rate, options) for path, make in makers.items()}
+
+
+def measure_limits(system: System, options: RunOptions, targets: Array, beyond: Array) -> tuple[PathResult, PathResult]:
+    """Run through orientations at the edge of what is within reach, and through others behind it; (n, 3), rad, each.
+
+    The latter are to be refused, which takes no time.
+    """
+    dwell_steps = _dwell_steps(targets, real_start(system, RATE_LIMIT), options)
+    reached = _follow(system, options, "limits", EXACT, targets, dwell_steps)
+    with _without_warnings():  # of refusals: they are what is looked for
+        return reached, _follow(system, options, "beyond the limits", EXACT, beyond, dwell_steps=2)
+
+
+@contextmanager
+def _without_warnings() -> Iterator[None]:
+    logger = logging.getLogger("ps_fmu.cosim")
+    level = logger.level
+    logger.setLevel(logging.ERROR)
+    try:
+        yield
+    finally:
+        logger.setLevel(level)
+
+
+def _fitting(path: str, make: Callable[[int], Array], rate: float, options: RunOptions) -> tuple[Array, int]:
+    """As many targets of a path as fit into the duration, and the steps at each; ``rate`` of the coarse legs, m/s."""
+    needed = 0.0
+    for count in COUNTS:
+        targets = make(count)
+        dwell_steps = _dwell_steps(targets, rate, options)
+        needed = count * dwell_steps * options.step_s
+        if needed <= options.duration_s:
+            return targets, dwell_steps
+    raise OptionError(f"--duration: the path {path} takes {needed:.1f} s at least, got {options.duration_s:g} s")
+
+
+def _dwell_steps(targets: Array, rate: float, options: RunOptions) -> int:
+    """Steps at each target: the coarse legs get there at ``rate``, m/s, and come to rest."""
+    coarse = inverse_kinematics(load().manipulator.geometry, targets).coarse_displacement
+    dwell_s = float(np.abs(np.diff(coarse, axis=0)).max()) / rate + SETTLE_S
+    return math.ceil(dwell_s / options.step_s)
+
+
+def largest_error_deg(results: Sequence[PathResult], method: str) -> float:
+    """Over all paths with a method, deg."""
+    return max(float(np.degrees(r.error.max())) for r in results if r.method == method)
+
+
+def smallest_error_deg(results: Sequence[PathResult], method: str) -> float:
+    """Over all paths with a method, deg, without errors that are exactly zero: those of the nominal pose."""
+    return min(float(np.degrees(r.error[r.error > 0.0].min())) for r in results if r.method == method)
+
+
+def algorithm_1_text(results: Sequence[PathResult]) -> str:
+    """What the error limit of Algorithm 1 does."""
+    return (
+        f"Algorithm 1 stops at an error of {DEFAULT_ALGORITHM_1.epsilon:g} m of the fine legs, which the paper gives "
+        f"as an example; that leaves up to {largest_error_deg(results, PRINTED):.1e} deg. The published errors of 1e-9 "
+        f"to 1e-8 deg are those of a limit of {EPSILON_AS_PUBLISHED:g} m: {smallest_error_deg(results, FINE):.1e} to "
+        f"{largest_error_deg(results, FINE):.1e} deg. Closed form: {largest_error_deg(results, EXACT):.0e} deg."
+    )
+
+
+def error_table(results: Sequence[PathResult]) -> Table:
+    """Largest and median error of each path."""
+    rows = [
+        (
+            result.path,
+            result.method,
+            f"{len(result.target)}",
+            f"{np.degrees(np.median(result.error)):.1e}",
+            f"{np.degrees(result.error.max()):.1e}",
+            f"{result.residual.max():.1e}",
+        )
+        for result in results
+    ]
+    header = ("path", "inverse kinematics", "targets", "median error (deg)", "largest error (deg)", "residual (m)")
+    return Table("Error of the orientation at rest; published: 1e-9 to 1e-8 deg", header, rows)
+
+
+def _follow(
+    system: System, options: RunOptions, path: str, method: str, targets: Array, dwell_steps: int
+) -> PathResult:
+    values = {
+        **COARSE_MODEL,
+        **METHODS[method].values,
+        "commander.follow": True,
+        **{port: float(angle) for port, angle in zip(TARGET, targets[0], strict=True)},
+    }
+    events = [
+        (k * dwell_steps * options.step_s, port, float(angle))
+        for k in range(1, len(targets))
+        for port, angle in zip(TARGET, targets[k], strict=True)
+    ]
+    name = re.sub(r"[^a-z0-9]+", "_", f"{path} {method}".lower())
+    record = _Record(dwell_steps, len(targets))
+    duration = len(targets) * dwell_steps * options.step_s
+    outcome, _ = run_case(system, options, Case(name, values, events), record, duration_s=duration)
+    at_rest, motion = record.observers
+    return PathResult(
+        path,
+        method,
+        outcome,
+        targets,
+        at_rest.values(*ORIENTATION),
+        at_rest.values(RESIDUAL)[:, 0],
+        motion.values(*ORIENTATION),
+        at_rest.values(REACHABLE)[:, 0] < 0.5,
+    )
+
+
+class _Record:
+    """Values at the end of each dwell, and fifty per dwell in between."""
+
+    def __init__(self, dwell_steps: int, count: int) -> None:
+        self._ends = (np.arange(1, count + 1) * dwell_steps).tolist()
+        self._between = np.arange(0, count * dwell_steps + 1, max(dwell_steps // 50, 1)).tolist()
+        self.observers: list[SampleObserver] = []
+
+    def __call__(self, columns: tuple[Column, ...]) -> _Record:
+        self.observers = [
+            SampleObserver(columns, (*ORIENTATION, RESIDUAL, REACHABLE), self._ends),
+            SampleObserver(columns, ORIENTATION, self._between),
+        ]
+        return self
+
+
+def _entry(result: PathResult) -> dict[str, object]:
+    return {
+        "path": result.path,
+        "inverse_kinematics": result.method,
+        "targets_deg": np.degrees(result.target),
+        "response_deg": np.degrees(result.response),
+        "largest_error_deg": float(np.degrees(result.error.max())),
+        "largest_residual_m": float(result.residual.max()),
+        "refused": int(result.refused.sum()),
+    }

@@ -1,0 +1,1 @@
+"""Figs 8 and 11: transmissibility."""

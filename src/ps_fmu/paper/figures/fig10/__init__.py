@@ -1,0 +1,1 @@
+"""Fig 10: stability of the loop with delay."""

@@ -1,0 +1,153 @@
+"""Figures of the stability analysis."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ....results.style import REFERENCE, draw
+from ....theory.frequency import crowded
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from .analysis import Verdict
+    from .open_loop import OpenLoop
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+COLOURS = {"OSM": "#0072B2", "LSM": "#D55E00", "LDOSM": "#56B4E9", "LDLSM": "#E69F00"}  # Okabe and Ito
+READINGS = ((-1.0, "det(E - L): by (48)"), (1.0, "det(E + L): as the paper reads it"))
+DRAWN = 20.0  # Hz, end of the Nyquist curves; beyond, the delay winds them about one again and again
+CLOSE = (-0.6, 2.2)  # of the real part: OSM, LDOSM and LDLSM stay near one
+# Hz, where an arrow shows the direction of a curve: around the resonance of the suspension, if there is one.
+ARROWS = {"OSM": (5.0, 5.3), "LSM": (5.0, 5.3, 5.7), "LDOSM": (8.0,), "LDLSM": (4.0, 12.0)}
+
+
+def bode_figure(path: Path, verdicts: Mapping[str, Verdict], opened: Mapping[str, OpenLoop]) -> None:
+    """Gain and phase of L11, as in Fig 10, with what was measured on the FMUs."""
+    frequency = np.geomspace(1.0, 300.0, 3000)  # Hz
+    dots: dict[str, Any] = {"marker": "o", "markersize": 4.0, "linestyle": "none", "color": "k", "fillstyle": "none"}
+
+    def paint(figure: Figure) -> None:
+        gain, phase = figure.subplots(2, 1, sharex=True)
+        for case, verdict in verdicts.items():
+            L = verdict.loop.transfer(2j * np.pi * frequency)[:, 0, 0]
+            gain.semilogx(frequency, 20.0 * np.log10(np.abs(L)), color=COLOURS[case], label=case)
+            shown = frequency < 30.0  # beyond, the delay turns the phase too fast to be read
+            phase.semilogx(frequency[shown], _broken(np.degrees(np.angle(L)))[shown], color=COLOURS[case])
+            measured = opened[case]
+            f, values = measured.response.frequency, measured.values
+            some = np.unique(np.searchsorted(f, np.geomspace(f[0], f[-1], 90)).clip(max=len(f) - 1))
+            gain.semilogx(f[some], 20.0 * np.log10(np.abs(values[some])), **dots)
+            some = some[f[some] < 30.0]
+            phase.semilogx(f[some], np.degrees(np.angle(values[some])), **dots)
+        gain.plot([], [], **dots, label="on the FMUs")
+        gain.axhline(0.0, color=REFERENCE, linestyle="--", linewidth=1.0)
+        for critical in (-180.0, 0.0):
+            phase.axhline(critical, color=REFERENCE, linestyle="--", linewidth=1.0)
+        phase.text(32.0, 6.0, "critical by (48)", color=REFERENCE)
+        phase.text(32.0, -172.0, "critical as the paper reads it", color=REFERENCE)
+        gain.set(ylabel="gain of L11 (dB)", ylim=(-75.0, 20.0))
+        phase.set(ylabel="phase of L11 (deg)", xlabel="frequency (Hz)", yticks=np.arange(-180.0, 181.0, 90.0))
+        ticks = [1, 2, 5, 10, 20, 50, 100, 200]
+        phase.set_xticks(ticks, [f"{tick}" for tick in ticks])
+        gain.legend(ncols=5, loc="lower center", bbox_to_anchor=(0.5, 1.0))
+        figure.suptitle("Loop transfer function, element (1, 1), delay 0.02 s")
+
+    draw(path, 10.0, 8.0, paint)
+
+
+def nyquist_figure(path: Path, verdicts: Mapping[str, Verdict]) -> None:
+    """det(E - L) with the critical point at the origin, beside det(E + L), the paper's reading; below, seen closely."""
+
+    def paint(figure: Figure) -> None:
+        panels = figure.subplots(2, 2, height_ratios=(1.5, 1.0))
+        for case, v in verdicts.items():
+            eigenvalues = _eigenvalues(v, np.union1d(crowded(v.poles, 1e-3, DRAWN, 2000), np.linspace(4.5, 6.5, 500)))
+            ends = _eigenvalues(v, np.add.outer(ARROWS[case], [0.0, 0.01]))
+            for (upper, lower), (sign, _) in zip(panels.T, READINGS, strict=True):
+                curve = _determinant(eigenvalues, sign)
+                for axes in (upper, lower):
+                    axes.plot(curve.real, curve.imag, color=COLOURS[case], label=case)
+                    axes.plot(curve.real, -curve.imag, color=COLOURS[case], linewidth=0.6)
+                _arrows(upper if case == "LSM" else lower, _determinant(ends, sign), COLOURS[case])
+        for (upper, lower), (sign, title) in zip(panels.T, READINGS, strict=True):
+            turns = (f"{case} {v.unstable_poles if sign < 0.0 else v.encirclements}" for case, v in verdicts.items())
+            upper.set_title(f"{title}\nturns about +: {', '.join(turns)}")
+            lower.set(xlim=CLOSE, ylim=(-0.75, 0.75), xlabel="real part", title="the same, near the origin")
+            for axes in (upper, lower):
+                axes.plot(0.0, 0.0, "+", color="black", markersize=16.0, markeredgewidth=2.5)
+                axes.set(ylabel="imaginary part", aspect="equal")
+        figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
+        figure.suptitle(f"Nyquist curves with delay 0.02 s, up to {DRAWN:g} Hz; thin: negative frequencies")
+
+    draw(path, 13.0, 10.5, paint)
+
+
+def beyond_drawn(verdicts: Mapping[str, Verdict]) -> float:
+    """Largest distance of det(E - L) and det(E + L) from one, beyond what the Nyquist figure shows."""
+    eigenvalues = [_eigenvalues(v, crowded(v.loop.plant_poles(), DRAWN, 1e4, 2000)) for v in verdicts.values()]
+    return max(float(np.abs(_determinant(e, sign) - 1.0).max()) for e in eigenvalues for sign, _ in READINGS)
+
+
+def _eigenvalues(verdict: Verdict, frequency: Array) -> Complex:
+    return verdict.loop.eigenvalues(2j * np.pi * frequency)
+
+
+def _determinant(eigenvalues: Complex, sign: float) -> Complex:
+    """det(E + sign L) from the eigenvalues of L (..., 3)."""
+    return np.asarray(np.prod(1.0 + sign * eigenvalues, axis=-1))
+
+
+def _arrows(axes: Axes, ends: Complex, colour: str) -> None:
+    """Arrow heads from the first to the second of the points (n, 2)."""
+    for start, end in ends:
+        axes.annotate(
+            "", (end.real, end.imag), (start.real, start.imag),
+            arrowprops={"arrowstyle": "-|>", "color": colour, "mutation_scale": 20.0},
+        )  # fmt: skip
+
+
+def sensitivity_figure(path: Path, verdicts: Mapping[str, Verdict]) -> None:
+    """Largest singular value of S of the practical loop; below, the left-hand side of the small-gain condition."""
+    from ....theory.small_gain import largest_singular_value, nominal_loop_poles
+    from ...support_modules import parameters_of
+    from .analysis import nominal_system, small_gain
+
+    def paint(figure: Figure) -> None:
+        upper, lower = figure.subplots(2, 1, sharex=True)
+        for case, verdict in verdicts.items():
+            frequency = crowded(verdict.poles, 0.1, 300.0, 3000)
+            S = largest_singular_value(verdict.loop.sensitivity(2j * np.pi * frequency))
+            upper.semilogx(frequency, S, color=COLOURS[case], label=case)
+            frequency = crowded(nominal_loop_poles(nominal_system(parameters_of(case))), 0.1, 300.0, 3000)
+            left, bound = small_gain(case, frequency, verdict.loop.delay)
+            lower.loglog(frequency, left, color=COLOURS[case])
+            lower.loglog(frequency, bound, color=COLOURS[case], linestyle=":", linewidth=1.2)
+        lower.axhline(1.0, color=REFERENCE, linestyle="--")
+        lower.text(0.11, 1.3, "certainly stable below", color=REFERENCE)
+        lower.plot([], [], color=REFERENCE, linestyle="-", label="with T of (63)")
+        lower.plot([], [], color=REFERENCE, linestyle=":", label="with the bound (64)")
+        upper.set_ylabel("largest singular value of S")
+        lower.set(ylabel="sigma(T) |Delta| of (62)", xlabel="frequency (Hz)", ylim=(1e-4, 100.0))
+        ticks = [0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100, 200]
+        lower.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
+        upper.legend(ncols=4, loc="lower center", bbox_to_anchor=(0.5, 1.0))
+        lower.legend(loc="upper right")
+        figure.suptitle("Sensitivity with delay 0.02 s, and the small-gain condition")
+
+    draw(path, 10.0, 9.0, paint)
+
+
+def _broken(angle: Array) -> Array:
+    """Angles, deg, without lines across the plot where they jump."""
+    broken = angle.copy()
+    broken[1:][np.abs(np.diff(angle)) > 180.0] = np.nan
+    return broken

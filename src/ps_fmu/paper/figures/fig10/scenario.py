@@ -1,0 +1,282 @@
+"""Fig 10 as a time response: the four cases with the paper's delay, and one beyond the limit, after a short pulse.
+
+A pulse shakes the bus; then nothing does.  What follows shows on the running FMUs whether the internal loop - base
+acceleration, isolator, fine force, base - is stable: its poles are found in the free motion of the fine legs and
+compared with those that linear theory predicts.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property, partial
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ....cosim import Column, System
+from ....disturbance.recorded import HEADER as RECORDING
+from ....interface.parameter_sets import plant_and_isolator
+from ....pointing.poles import rightmost, slowest_mode
+from ....results.observers.sampler import SampleObserver
+from ....results.report import Picture, Table, drawn
+from ....runs.cases import Case, Outcome, run_case
+from ....runs.comparison import number
+from ....runs.jitter_record import ROTATION
+from ....runs.options import OptionError, RunOptions
+from ....runs.publish import Findings, publish, text_table
+from ....runs.setup import load_system, real_start
+from ....theory.loop import Loop, loop_of
+from ... import published
+from ...support_modules import CASES, SUSPENSION, values_of
+from .scenario_plots import response_figure
+
+Array = NDArray[np.float64]
+
+BEYOND_S = 0.1  # delay of the fifth run of the lighter module: its limit is 0.0916 s, and 1000 steps are kept
+PULSE_S = 0.4  # length of the pulse: most of it lies around 5 Hz, the resonance of the fine legs
+PULSE_B = (5.0, 3.0, 2.0, 10.0, 7.0, 5.0)  # N, N.m: largest force and torque; moves the payload by microradians
+SHORTEST_S = 3.0  # of a run: 5 Hz decays or grows visibly
+SAMPLE_S = 0.01  # between the samples that the poles are found in
+ORDER = 24  # of the free motion: three pairs of the suspension, six of the arrays, and some for the delay
+FINE = tuple(f"plant.fine_displacement_{leg}" for leg in (1, 2, 3))
+POSE = tuple(f"plant.orientation.{angle}" for angle in ("roll", "pitch", "yaw"))
+
+HOW = (
+    "A pulse of force and torque shakes the bus for 0.4 s; it has neither an impulse nor an offset, so that the bus "
+    "is left where it was. The free motion of the fine legs after it is taken apart into its modes (eigensystem "
+    "realisation); shown is that between 2 and 20 Hz which decays most slowly, or grows. Predicted: the same pole of "
+    "the closed loop with the delay, and the communication step that the exchange takes."
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Response:
+    """One run: what followed the pulse."""
+
+    case: str
+    delay_s: float
+    enabled: bool
+    outcome: Outcome
+    time: Array  # (n,), s
+    fine: Array  # (n, 3), m, displacements of the fine legs
+    rotation: Array  # (n, 3), rad, of the payload
+    loop: Loop
+    """Of the start values of the run, with the delay and the communication step that the exchange takes."""
+
+    @property
+    def free(self) -> NDArray[np.bool_]:
+        """(n,), the samples after the pulse."""
+        return np.asarray(self.time > PULSE_S + 1e-9)
+
+    @cached_property
+    def predicted(self) -> complex:
+        """Rightmost pole of the suspension by theory, rad/s; without the isolator that of the plant."""
+        return rightmost(self.loop.poles() if self.enabled else self.loop.plant_poles(), SUSPENSION)
+
+    @cached_property
+    def pole(self) -> complex:
+        """Rightmost pole of the suspension as found in the motion, rad/s."""
+        return slowest_mode(self.fine[self.free], float(self.time[1] - self.time[0]), ORDER, SUSPENSION)
+
+    @property
+    def growth(self) -> float:
+        """RMS of the fine displacements in the last second over that in the first one after the pulse."""
+        motion, time = self.fine[self.free], self.time[self.free]
+        first, last = motion[time <= time[0] + 1.0], motion[time >= time[-1] - 1.0]
+        return float(np.sqrt(np.mean(last**2) / np.mean(first**2)))
+
+    @property
+    def stable(self) -> bool:
+        """The motion dies away."""
+        return self.pole.real < 0.0 and self.growth < 1.0
+
+    @property
+    def entry(self) -> Mapping[str, object]:
+        """For a JSON file."""
+        return {
+            "case": self.case,
+            "isolator": self.enabled,
+            "delay_s": self.delay_s if self.enabled else None,
+            "pole_rad_s": [self.pole.real, self.pole.imag],
+            "predicted_pole_rad_s": [self.predicted.real, self.predicted.imag],
+            "last_second_over_first": self.growth,
+            "stable": self.stable,
+            "payload_rms_rad": self.rms,
+        }
+
+    @property
+    def rms(self) -> float:
+        """RMS of the payload's rotation from the start of the pulse on, rad, over the three axes."""
+        return float(np.sqrt(np.mean(np.sum(self.rotation**2, axis=1))))
+
+    @property
+    def name(self) -> str:
+        """Of the case, with the delay where it is not the paper's."""
+        return self.case if self.delay_s == paper_delay_s() else f"{self.case}, {1e3 * self.delay_s:g} ms"
+
+
+def paper_delay_s() -> float:
+    """Delay of Fig 10."""
+    return published()["text.delay"].value
+
+
+def run(options: RunOptions) -> None:
+    """Run the scenario; writes results.nc, summary.json, figures and report.html, prints the table."""
+    if options.duration_s < SHORTEST_S:
+        raise OptionError(f"--duration: poles need {SHORTEST_S:g} s at least, got {options.duration_s:g} s")
+    responses = measure(options)
+    system = _system(options)
+    table = response_table(responses)
+    text = [HOW, *verdict(responses), *_not_predicted(system)]
+    print(text_table(table.header, table.rows), *text[1:], sep="\n")
+    pictures = response_pictures(options.output, responses)
+    publish(
+        options,
+        system,
+        Findings(
+            title="Stability of the internal loop: time response",
+            text=text,
+            tables=[table],
+            pictures=pictures,
+            outcomes=[r.outcome for r in responses],
+            orientation_deg=(0.0, 0.0, 0.0),
+            rms_passive_rad=None,
+            rms_active_rad=None,
+            rejection_percent=None,
+            more={"responses": [r.entry for r in responses]},
+        ),
+    )
+
+
+def measure(options: RunOptions) -> list[Response]:
+    """Each case without and with the isolator, and the lighter module with a delay beyond its limit."""
+    system = _system(options)
+    delay_s = paper_delay_s()
+    wanted = [(case, delay_s, enabled) for case in CASES for enabled in (False, True)]
+    return [_respond(system, options, *each) for each in [*wanted, ("LSM", BEYOND_S, True)]]
+
+
+def _system(options: RunOptions) -> System:
+    """The system with the pulse, which is written beside the results."""
+    path = options.output / "pulse.csv"
+    time = np.arange(0.0, PULSE_S + 0.5e-3, 1e-3)  # s
+    np.savetxt(
+        path, np.column_stack([time, np.outer(pulse(time), PULSE_B)]), fmt="%.10g", delimiter=",",
+        header=",".join(RECORDING), comments="",
+    )  # fmt: skip
+    return load_system(options, {"disturbance.noise.enabled": False, "disturbance.recording.path": str(path)})
+
+
+def pulse(time: Array) -> Array:
+    """Second derivative of sin(pi t / T)^8, scaled to one at its middle: neither velocity nor displacement is left.
+
+    So smooth that the modes of rods and truss, which samples 10 ms apart would show at a wrong frequency, stay at rest.
+    """
+    sine = np.sin(math.pi * time / PULSE_S)
+    return np.asarray(sine**6 * (8.0 * sine**2 - 7.0))
+
+
+def _respond(system: System, options: RunOptions, case: str, delay_s: float, enabled: bool) -> Response:
+    stride = max(round(SAMPLE_S / options.step_s), 1)
+    rows = np.arange(0, options.steps + 1, stride)
+    name = f"{case}_{1e3 * delay_s:g}ms_active" if enabled else f"{case}_passive"
+    values = {**values_of(case), "isolator.enabled": enabled, "isolator.delay": delay_s if enabled else 0.0}
+    outcome, record = run_case(system, options, Case(name, values), lambda columns: _Record(columns, rows.tolist()))
+    loop = loop_of(
+        *plant_and_isolator(system.with_parameters(values)), record.samples.values(*POSE)[0], delay_s + options.step_s
+    )
+    return Response(
+        case=case,
+        delay_s=delay_s,
+        enabled=enabled,
+        outcome=outcome,
+        time=np.asarray(rows * options.step_s),
+        fine=record.samples.values(*FINE),
+        rotation=record.samples.values(*ROTATION),
+        loop=loop,
+    )
+
+
+class _Record:
+    """Samples of the fine displacements, of the payload's rotation, and of the pose."""
+
+    def __init__(self, columns: tuple[Column, ...], rows: Sequence[int]) -> None:
+        self.samples = SampleObserver(columns, (*FINE, *ROTATION, *POSE), rows)
+        self.observers = [self.samples]
+
+
+def verdict(responses: Sequence[Response]) -> list[str]:
+    """Which cases are stable with the paper's delay, and what becomes of a longer one: sentences."""
+    delay_s = paper_delay_s()
+    active = [r for r in responses if r.enabled]
+    with_paper_delay = [r for r in active if r.delay_s == delay_s]
+    stable, unstable = (
+        ", ".join(r.case for r in with_paper_delay if r.stable is wanted) or "none" for wanted in (True, False)
+    )
+    said = [f"With the delay of {delay_s:g} s, stable: {stable}; unstable: {unstable}. The paper calls LSM unstable."]
+    for r in active:
+        if r.delay_s != delay_s:
+            said.append(
+                f"{_against_limit(r.loop)}, with {1e3 * r.delay_s:g} ms, the motion of {r.case} "
+                f"{'decays' if r.stable else 'grows'}: {r.pole.real:+.3f} 1/s, predicted {r.predicted.real:+.3f} 1/s."
+            )
+    return said
+
+
+def _not_predicted(system: System) -> list[str]:
+    """What the system has and the prediction has not, as a sentence."""
+    found = [name for name in ("isolator.sample_time", "isolator.force_limit") if real_start(system, name)]
+    return [f"Not in the predictions: {', '.join(found)}."] if found else []
+
+
+def _against_limit(loop: Loop) -> str:
+    limit_s = loop.delay_limit
+    if math.isinf(limit_s):
+        return "Stable with any delay by theory"
+    return f"{'Beyond' if loop.delay > limit_s else 'Within'} the limit of {1e3 * limit_s:.1f} ms"
+
+
+def response_pictures(folder: Path, responses: Sequence[Response]) -> list[Picture]:
+    """Draw fine legs and payload into a folder."""
+    figures = (
+        (
+            "fine",
+            "Largest displacement of a fine leg; dashed: rate of the predicted pole. What is left in the end is made "
+            "by the modes of the arrays, with time constants of 20 to 70 s; with large damping that is all from 0.6 s "
+            "on.",
+            partial(response_figure, responses=responses, what="fine"),
+        ),
+        (
+            "payload",
+            "Rotation of the payload about the first axis.",
+            partial(response_figure, responses=responses, what="payload"),
+        ),
+    )
+    return drawn(folder, "stability", figures)
+
+
+def response_table(responses: Sequence[Response]) -> Table:
+    """Poles found in the motion beside those predicted."""
+    header = (
+        "case", "isolator", "delay (ms)", "pole in the motion (1/s)", "(Hz)", "predicted (1/s)", "(Hz)",
+        "last second over first", "stable", "payload RMS (rad)",
+    )  # fmt: skip
+    rows = [
+        (
+            r.case,
+            "on" if r.enabled else "off",
+            f"{1e3 * r.delay_s:g}" if r.enabled else "-",
+            f"{r.pole.real:+.4f}",
+            f"{r.pole.imag / (2.0 * math.pi):.4f}",
+            f"{r.predicted.real:+.4f}",
+            f"{r.predicted.imag / (2.0 * math.pi):.4f}",
+            number(r.growth, ".2e"),
+            "yes" if r.stable else "no",
+            f"{r.rms:.3e}",
+        )
+        for r in responses
+    ]
+    return Table("Free motion after a pulse: slowest pole of the fine legs' suspension", header, rows)

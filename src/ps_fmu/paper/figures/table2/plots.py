@@ -1,0 +1,141 @@
+"""Figures of the jitter analysis."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ....mechanism.parameters import Array
+from ....results.style import ACTIVE, AXES, PASSIVE, REFERENCE, draw
+from ....runs.comparison import angles
+from .closed_form import ORIENTATIONS, published_value
+from .tables import LOOP_DELAY
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from ....results.observers.scatter import Scatter
+    from ....theory.transmissibility import Jitter
+    from .analysis import Result
+
+DEVIATIONS = ((1.0, "-"), (3.0, "--"))  # standard deviations of the ellipses, and their lines
+
+
+def image_figure(path: Path, results: Mapping[str, Result]) -> None:
+    """Image points and hull of the runs, ellipses of the closed form; passive above, active below."""
+
+    def paint(figure: Figure) -> None:
+        grid = figure.subplots(2, len(results), squeeze=False)
+        for column, r in enumerate(results.values()):
+            passive, active = grid[:, column]
+            _cloud(passive, r.measured.passive.scatter, r.theory[0], PASSIVE, 1e6, "µm")
+            _cloud(active, r.measured.active.scatter, r.delayed, ACTIVE, 1e9, "nm")
+            passive.set_title(f"{angles(ORIENTATIONS[r.name])}°")
+        grid[0, 0].set_ylabel("passive, y (µm)")
+        grid[1, 0].set_ylabel("active, y (nm)")
+        for row in grid:  # one scale for all orientations
+            across, along = (
+                1.05 * max(max(map(abs, limits)) for limits in found)
+                for found in ([axes.get_xlim() for axes in row], [axes.get_ylim() for axes in row])
+            )
+            for axes in row:
+                axes.set(xlim=(-across, across), ylim=(-along, along), aspect="equal")
+        _legend(figure)
+        figure.suptitle("Image point: co-simulated, and standard deviations in closed form")
+
+    draw(path, 15.0, 9.0, paint)
+
+
+def _legend(figure: Figure) -> None:
+    """One legend for both rows: points and hull in the colours of either."""
+    from matplotlib.legend_handler import HandlerTuple
+    from matplotlib.lines import Line2D
+
+    both = (PASSIVE, ACTIVE)
+    entries: dict[str, Any] = {
+        "image points (passive, active), thinned out": tuple(Line2D([], [], color=c, marker=".", ls="") for c in both),
+        "convex hull of all points": tuple(Line2D([], [], color=c) for c in both),
+        **{rf"{n:g} $\sigma$, closed form": Line2D([], [], color="black", ls=style, lw=1.3) for n, style in DEVIATIONS},
+    }
+    figure.legend(
+        list(entries.values()), list(entries), loc="outside lower center", ncols=4, handlelength=3.5,
+        handler_map={tuple: HandlerTuple(ndivide=None)},
+    )  # fmt: skip
+
+
+def _cloud(axes: Axes, scatter: Scatter, theory: Jitter, colour: str, factor: float, unit: str) -> None:
+    points, hull = ((values - scatter.centre) * factor for values in (scatter.points, scatter.hull))
+    axes.plot(*points.T, ".", color=colour, ms=2.0, alpha=0.4, mew=0.0)
+    axes.plot(*np.concatenate((hull, hull[:1])).T, color=colour)
+    for deviations, style in DEVIATIONS:
+        ellipse = deviations * factor * _ellipse(theory.image_covariance)
+        axes.plot(*ellipse, color="black", ls=style, lw=1.3)
+    axes.set_xlabel(f"x ({unit})")
+
+
+def _ellipse(covariance: Array) -> Array:
+    """Points (2, n) at one standard deviation."""
+    turn = np.linspace(0.0, 2.0 * np.pi, 200)
+    values, vectors = np.linalg.eigh(covariance)
+    return np.asarray(vectors @ (np.sqrt(values)[:, None] * np.stack([np.cos(turn), np.sin(turn)])))
+
+
+def rms_figure(path: Path, results: Mapping[str, Result]) -> None:
+    """Bars for each orientation and axis: published, closed form, co-simulated; passive above, active below."""
+
+    def paint(figure: Figure) -> None:
+        grid = figure.subplots(2, 1)
+        for axes, what, factor, unit, colour in (
+            (grid[0], "passive", 1e6, "µrad", PASSIVE),
+            (grid[1], "active", 1e9, "nrad", ACTIVE),
+        ):
+            place = np.concatenate([3.6 * k + np.arange(3.0) for k in range(len(results))])
+            which = 0 if what == "passive" else 1
+            bars = (
+                ("published", [published_value(name, what) for name in results], REFERENCE, ""),
+                ("closed form", [r.theory[which].rms for r in results.values()], colour, "///"),
+                (
+                    "co-simulated",
+                    [(r.measured.rms_passive, r.measured.rms_active)[which] for r in results.values()],
+                    colour,
+                    "",
+                ),
+            )
+            for k, (text, values, fill, hatch) in enumerate(bars):
+                axes.bar(
+                    place + 0.27 * (k - 1), factor * np.concatenate(values), 0.25, label=text,
+                    color="white" if hatch else fill, edgecolor=fill, hatch=hatch,
+                )  # fmt: skip
+            axes.set_xticks(place, ["axis 1", "2", "3"] * len(results))
+            axes.set_ylabel(f"{what} RMS ({unit})")
+            axes.grid(axis="x", visible=False)
+            axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
+        for k, name in enumerate(results):
+            grid[0].text(3.6 * k + 1.0, 1.02, f"{angles(ORIENTATIONS[name])}°", ha="center", va="bottom",
+                         transform=grid[0].get_xaxis_transform())  # fmt: skip
+        figure.suptitle("RMS of the payload's rotation; active axis 2 is not reproduced")
+
+    draw(path, 13.0, 8.5, paint)
+
+
+def cumulative_figure(path: Path, densities: Sequence[tuple[Array, Array]]) -> None:
+    """RMS of all that lies below a frequency, three axes; passive on the left, active on the right."""
+    from .tables import below_frequency
+
+    def paint(figure: Figure) -> None:
+        for axes, (frequency, density), case, factor, unit in zip(
+            figure.subplots(1, 2), densities, ("passive", "active"), (1e6, 1e9), ("µrad", "nrad"), strict=True
+        ):
+            rms = factor * below_frequency(frequency, density)
+            for i, colour in enumerate(AXES):
+                axes.semilogx(frequency, rms[:, i], color=colour, label=f"axis {i + 1}")
+            axes.set(xlabel="frequency (Hz)", ylabel=f"RMS below frequency ({unit})", title=case, ylim=(0.0, None))
+            axes.set_xlim(frequency[0], frequency[-1])
+        axes.legend(loc="lower right")
+        figure.suptitle(f"Where the jitter comes from: closed form with {LOOP_DELAY:g} steps of delay, at (0, 0, 0)°")
+
+    draw(path, 12.0, 5.5, paint)

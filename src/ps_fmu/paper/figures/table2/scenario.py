@@ -1,0 +1,230 @@
+"""Table 2 of the paper from the running system: four orientations, passive and active.
+
+The disturbance is the deterministic multisine: lines of fixed amplitude whose phases keep the uncorrelated inputs
+apart, so that one period has the RMS of the power spectral density without statistical scatter.  The statistics
+cover the duration of the options, one period or several; a lead-in comes before, while the disturbance rises and what
+that shakes dies away.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ....cosim import System
+from ....interface.parameter_sets import not_of_the_paper
+from ....results import plots
+from ....results.report import Picture, Table
+from ....runs.comparison import HEADER, Comparison, TargetError, compare, draw, number, out_of_reach, rows
+from ....runs.options import RunOptions
+from ....runs.publish import Findings, publish, text_table
+from ....runs.setup import load_system, real_start, user_parameters
+from ... import published
+from .closed_form import ORIENTATIONS, published_value, rejection, second_axis
+
+Array = NDArray[np.float64]
+Triple = tuple[float, float, float]
+
+PERIOD = "disturbance.noise.period"
+USUAL_PERIOD_S = 100.0  # lines from 0.105 Hz on, each 0.01 Hz
+SETTLING_S = 10.0  # after the rise: 4.5 time constants of the fine legs' suspension, 2.2 s with the isolator
+SHORTEST_PERIOD_S, LONGEST_PERIOD_S = 20.0, 1000.0  # two cycles of 0.1 Hz; the memory of the disturbance source
+
+HOW = (
+    "Co-simulation of the four FMUs. The disturbance is deterministic: spectral lines of fixed amplitude, whose RMS "
+    "over a period has no scatter. Published: Table 2 of the paper. Identified: linear theory with the parameter set "
+    "that was identified from the paper, with analogue filters and without the delay of a communication step."
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Measurement:
+    """The four orientations, passive and active, in the order of :data:`ORIENTATIONS`."""
+
+    system: System
+    comparisons: Mapping[str, Comparison]
+    start_s: float
+    """Start of the statistics."""
+    duration_s: float
+    """Their length."""
+
+    @property
+    def period_s(self) -> float:
+        """Period of the disturbance."""
+        return real_start(self.system, PERIOD)
+
+    @property
+    def band(self) -> Array:
+        """Band of the disturbance, (2,), Hz."""
+        return np.array([real_start(self.system, f"disturbance.noise.band.{end}") for end in ("min", "max")])
+
+
+def measure(options: RunOptions) -> Measurement:
+    """Run the four orientations, each passive and active; the runs are stored in results.nc."""
+    settings = {"disturbance.noise.multisine": True, PERIOD: period_s(options.duration_s)}
+    system = load_system(options, settings)
+    lead_s = real_start(system, "disturbance.rise_time") + SETTLING_S
+    lead_steps = math.ceil(lead_s / options.step_s - 1e-6)
+    found = {
+        name: compare(system, options, orientation, lead_steps=lead_steps, prefix=_prefix(orientation))
+        for name, orientation in ORIENTATIONS.items()
+    }
+    return Measurement(system, found, lead_steps * options.step_s, options.duration_s)
+
+
+def run(options: RunOptions) -> None:
+    """Run the scenario; writes results.nc, summary.json, figures and report.html, prints the table.
+
+    Raises :class:`TargetError` after that if an orientation is out of reach, as by parameters of the commander.
+    """
+    measured = measure(options)
+    found = measured.comparisons
+    rows_of_all = [row for name, comparison in found.items() for row in _rows(name, comparison)]
+    table = Table("Jitter of the payload against Table 2", _header(), rows_of_all)
+    refused = [out_of_reach(comparison.target_deg) for comparison in found.values() if not comparison.reachable]
+    text = [HOW, *refused, _window(measured), _drift(found.values()), _off_axis(options, found), *published_remarks()]
+    print(text_table(table.header, table.rows), *text[1:], sep="\n")
+
+    path = options.output / "table2.png"
+    plots.table(path, table.header, table.rows, title="Table 2: published and co-simulated")
+    pictures = [Picture(path, "Published and co-simulated values.")]
+    for comparison in found.values():
+        pictures += draw(comparison, options.output, _prefix(comparison.target_deg))
+    nominal = found["nominal"]
+    publish(
+        options,
+        measured.system,
+        Findings(
+            title="Table 2: four orientations, passive and active",
+            text=text,
+            tables=[table],
+            pictures=pictures,
+            outcomes=[outcome for comparison in found.values() for outcome in comparison.outcomes],
+            orientation_deg=nominal.orientation_deg,
+            rms_passive_rad=nominal.rms_passive.tolist(),
+            rms_active_rad=nominal.rms_active.tolist(),
+            rejection_percent=nominal.rejection.tolist(),
+            more={
+                "statistics_from_s": measured.start_s,
+                "statistics_to_s": measured.start_s + measured.duration_s,
+                "orientations": [_entry(name, comparison) for name, comparison in found.items()],
+            },
+        ),
+    )
+    if refused:
+        raise TargetError("\n".join(refused))
+
+
+def published_remarks() -> list[str]:
+    """What is to be said of single numbers of Table 2."""
+    return [
+        f"Published {entry.what}: {entry.text} {entry.unit}; {entry.remark}."
+        for key, entry in published().items()
+        if key.startswith("table2.") and entry.remark
+    ]
+
+
+def period_s(duration_s: float) -> float:
+    """Period of the disturbance [s]: the duration, or the largest part of it that the disturbance source takes."""
+    period = duration_s / math.ceil(duration_s / LONGEST_PERIOD_S)
+    return period if period >= SHORTEST_PERIOD_S else USUAL_PERIOD_S
+
+
+def _off_axis(options: RunOptions, found: Mapping[str, Comparison]) -> str:
+    """What is to be said of the second axis; nothing is where parameter files make another system of it."""
+    given = {name: entry.value for name, entry in user_parameters(options).items()}
+    if others := not_of_the_paper(given):
+        return (
+            f"Parameter files set {others[0]}{f' and {len(others) - 1} more' if others[1:] else ''}: the runs are of "
+            "that system; the columns 'published' and 'identified', and what differs from them, are of the paper's."
+        )
+    return second_axis({name: comparison.rms_active for name, comparison in found.items()})
+
+
+def _window(measured: Measurement) -> str:
+    first, period = measured.start_s, measured.period_s
+    text = (
+        f"Statistics from {first:g} s, when the disturbance has risen and what that shook has settled, to "
+        f"{first + measured.duration_s:g} s"
+    )
+    periods = measured.duration_s / period
+    if periods > 0.5 and abs(periods - round(periods)) < 1e-9:
+        coarse = (
+            f" In periods below {USUAL_PERIOD_S:g} s few lines lie at the lowest frequencies, where the motion is: the "
+            "values are not those of Table 2."
+        )
+        return f"{text}: {round(periods)} of its periods.{coarse if period < USUAL_PERIOD_S else ''}"
+    return f"{text}: not a whole number of its periods of {period:g} s, so the values are not those of Table 2."
+
+
+def _drift(found: Iterable[Comparison]) -> str:
+    """The largest difference between the halves of the window, over the RMS."""
+    ratios = [
+        np.abs(jitter.drift) / np.where(jitter.statistics.rms > 0.0, jitter.statistics.rms, np.nan)
+        for comparison in found
+        for jitter in (comparison.passive, comparison.active)
+    ]
+    largest = number(100.0 * float(np.max(ratios)), ".2f")
+    return (
+        "Drift: the weighted means over the second and the first half of the window differ by "
+        f"{largest} % of the RMS at most (any axis, orientation, passive or active)."
+    )
+
+
+def _prefix(orientation: Triple) -> str:
+    return "roll{:g}_pitch{:g}_yaw{:g}_".format(*orientation)
+
+
+def _header() -> tuple[str, ...]:
+    orientation, axis, passive, active, rejection = HEADER
+    return (
+        orientation, axis, passive, "published", "difference (%)", active, "published", rejection, "published",
+        "identified", "difference",
+    )  # fmt: skip
+
+
+def _rows(name: str, comparison: Comparison) -> list[tuple[str, ...]]:
+    said = {what: published_value(name, what) for what in ("passive", "active", "rejection")}
+    off, points = _differences(name, comparison)
+    identified = rejection(name)
+    return [
+        (
+            *row[:3],
+            f"{said['passive'][i]:.2e}",
+            f"{off[i]:+.1f}",
+            row[3],
+            f"{said['active'][i]:.2e}",
+            row[4],
+            f"{said['rejection'][i]:.1f}",
+            f"{identified[i]:.2f}",
+            number(points[i], "+.2f"),
+        )
+        for i, row in enumerate(rows(comparison))
+    ]
+
+
+def _differences(name: str, comparison: Comparison) -> tuple[Array, Array]:
+    """Passive RMS against Table 2 (percent), rejection against that of the identified set (points)."""
+    off = 100.0 * (comparison.rms_passive / published_value(name, "passive") - 1.0)
+    return off, comparison.rejection - rejection(name)
+
+
+def _entry(name: str, comparison: Comparison) -> dict[str, object]:
+    off, points = _differences(name, comparison)
+    return {
+        "orientation_deg": comparison.orientation_deg,
+        "rms_passive_rad": comparison.rms_passive,
+        "rms_active_rad": comparison.rms_active,
+        "rejection_percent": comparison.rejection,
+        **comparison.entry,
+        "published_rms_passive_rad": published_value(name, "passive"),
+        "published_rms_active_rad": published_value(name, "active"),
+        "published_rejection_percent": published_value(name, "rejection"),
+        "identified_rejection_percent": rejection(name),
+        "passive_against_published_percent": off,
+        "rejection_against_identified_points": points,
+    }

@@ -1,0 +1,135 @@
+"""Tables of the jitter analysis."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ....mechanism.parameters import Array
+from ....results.report import Table
+from ....runs.comparison import angles
+from .closed_form import ORIENTATIONS, closed_form, published_value, rejection
+
+if TYPE_CHECKING:
+    from .analysis import Result
+
+LOOP_DELAY = 1.5  # steps: the exchange takes one, and a force that is held for a step is late by half a step
+EDGES = (0.1, 0.2, 2.0, 20.0, 1000.0)  # Hz, of the bands whose shares of the variance are shown
+
+
+def shares(frequency: Array, density: Array) -> Array:
+    """Shares of the variance in the bands between :data:`EDGES`, (bands, 3), percent."""
+    below = below_frequency(frequency, density) ** 2
+    at_edges = np.stack([np.interp(EDGES, frequency, column) for column in below.T], axis=-1)
+    return np.asarray(100.0 * np.diff(at_edges, axis=0) / below[-1])
+
+
+def below_frequency(frequency: Array, density: Array) -> Array:
+    """RMS of all below each frequency, (n, 3), rad, from a density (n, 3, 3), rad2/Hz."""
+    from scipy.integrate import cumulative_trapezoid
+
+    diagonal = np.diagonal(density, axis1=1, axis2=2)
+    return np.asarray(np.sqrt(cumulative_trapezoid(diagonal, frequency, axis=0, initial=0.0)))
+
+
+def off(result: Result) -> Array:
+    """Runs against the closed form for the lines, (2, 3), percent."""
+    runs = np.stack([result.measured.rms_passive, result.measured.rms_active])
+    return np.asarray(100.0 * (runs / np.stack([found.rms for found in result.lines]) - 1.0))
+
+
+def _each_axis(results: Mapping[str, Result]) -> Iterator[tuple[Result, int, tuple[str, str]]]:
+    for result in results.values():
+        for i in range(3):
+            yield result, i, (angles(ORIENTATIONS[result.name]) if i == 0 else "", str(i + 1))
+
+
+def rms_table(results: Mapping[str, Result]) -> Table:
+    """Table 2: published, in closed form and co-simulated, each axis of each orientation."""
+    header = (
+        "orientation (deg)", "axis",
+        "passive RMS (rad): published", "closed form", "co-simulated",
+        "active RMS (rad): published", "closed form", "co-simulated",
+        "rejection (%): published", "closed form", "co-simulated",
+    )  # fmt: skip
+    rows = []
+    for r, i, first in _each_axis(results):
+        said = [published_value(r.name, what)[i] for what in ("passive", "active", "rejection")]
+        rms = ((said[0], r.theory[0].rms[i], r.measured.rms_passive[i]),
+               (said[1], r.theory[1].rms[i], r.measured.rms_active[i]))  # fmt: skip
+        taken = (f"{said[2]:.1f}", f"{rejection(r.name)[i]:.2f}", f"{r.measured.rejection[i]:.2f}")
+        rows.append((*first, *(f"{value:.3e}" for values in rms for value in values), *taken))
+    return Table("Table 2; closed form without the delay of the communication step", header, rows)
+
+
+def knowledge_table() -> Table:
+    """What the error in the isolator's knowledge of the payload costs or brings, at (0, 0, 0)."""
+    cases = {"as identified": False, "true": True}
+    rows = [
+        (
+            f"{name}", *(f"{value:.3e}" for value in closed_form("nominal", knows)[1].rms),
+            *(f"{value:.2f}" for value in rejection("nominal", knows)),
+        )
+        for name, knows in cases.items()
+    ]  # fmt: skip
+    header = (
+        "centre of mass that the isolator knows",
+        "active RMS (rad): axis 1", "2", "3", "rejection (%): axis 1", "2", "3",
+    )  # fmt: skip
+    return Table("What the isolator knows of the payload, at (0, 0, 0), closed form", header, rows)
+
+
+def agreement_table(results: Mapping[str, Result]) -> Table:
+    """The runs beside the closed form with the delay of the communication step."""
+    header = (
+        "orientation (deg)", "axis",
+        "passive RMS (rad): from the lines", "co-simulated", "difference (%)",
+        "active RMS (rad): from the density", "from the lines", "co-simulated", "difference (%)",
+    )  # fmt: skip
+    rows = [
+        (
+            *first,
+            f"{r.lines[0].rms[i]:.4e}", f"{r.measured.rms_passive[i]:.4e}", f"{off(r)[0, i]:+.2f}",
+            f"{r.delayed.rms[i]:.4e}", f"{r.lines[1].rms[i]:.4e}", f"{r.measured.rms_active[i]:.4e}",
+            f"{off(r)[1, i]:+.2f}",
+        )
+        for r, i, first in _each_axis(results)
+    ]  # fmt: skip
+    return Table(f"Closed form with {LOOP_DELAY:g} steps of delay, and co-simulation", header, rows)
+
+
+def image_table(results: Mapping[str, Result]) -> Table:
+    """Fig 9: radii and area of the scatter of the image point."""
+    header = (
+        "orientation (deg)", "case", "RMS radius, closed form (m)", "co-simulated (m)", "largest radius (m)",
+        "area of the hull (m2)",
+    )  # fmt: skip
+    rows = [
+        (
+            angles(ORIENTATIONS[r.name]) if case == "passive" else "", case,
+            f"{theory.radius_rms:.3e}", f"{scatter.radius_rms:.3e}", f"{scatter.radius_max:.3e}",
+            f"{scatter.hull_area:.3e}",
+        )
+        for r in results.values()
+        for case, theory, scatter in (
+            ("passive", r.theory[0], r.measured.passive.scatter),
+            ("active", r.delayed, r.measured.active.scatter),
+        )
+    ]  # fmt: skip
+    return Table("Scatter of the image point: Fig 9", header, rows)
+
+
+def share_table(densities: list[tuple[Array, Array]]) -> Table:
+    """Shares of the variance by band; ``densities``: frequency and density, passive and active."""
+    header = ("band (Hz)", *(f"{case} {axis}" for case in ("passive", "active") for axis in (1, 2, 3)))
+    found = np.concatenate([shares(*density) for density in densities], axis=1)
+    rows = [
+        (f"{low:g} to {high:g}", *(f"{value:.2f}" for value in row))
+        for low, high, row in zip(EDGES[:-1], EDGES[1:], found, strict=True)
+    ]
+    caption = (
+        f"Share of the variance by frequency at (0, 0, 0), percent; closed form with {LOOP_DELAY:g} steps of delay"
+    )
+    return Table(caption, header, rows)

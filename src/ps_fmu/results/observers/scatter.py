@@ -1,0 +1,117 @@
+"""Scatter of the image point: where the line of sight falls on the image plane during a run."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...pointing.hull import convex_hull
+from .observer import ColumnObserver, NamedColumn
+from .statistics import Statistics
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Scatter:
+    """The image points of a run; radii are about their mean, in the unit of the columns."""
+
+    unit: str
+    count: int
+    centre: Array  # (2,) mean
+    radius_rms: float
+    radius_max: float
+    radius_50: float  # half of the points are closer than this; from ``points``
+    radius_95: float
+    hull: Array  # (n, 2) corners of the convex hull, counter-clockwise
+    hull_area: float
+    points: Array  # (n, 2) evenly thinned sample of the points, for figures
+
+
+class ScatterObserver(ColumnObserver):
+    """Centre, radii and convex hull of the points in two columns (``plant.los.x``, ``plant.los.y``).
+
+    Mean, RMS and greatest radius and the hull are exact; the 50 % and 95 % radii come from an evenly thinned
+    sample of ``sample`` to ``2 * sample`` points.
+    """
+
+    def __init__(
+        self,
+        columns: Sequence[NamedColumn],
+        names: Sequence[str],
+        *,
+        sample: int = 5000,
+        start_s: float = -math.inf,
+    ) -> None:
+        super().__init__(columns, names, start_s=start_s)
+        if len(self.names) != 2:
+            raise ValueError(f"names: expected the two coordinates of the image point, got {len(self.names)}")
+        if self.units[0] != self.units[1]:
+            raise ValueError(f"the coordinates differ in unit: {self.units[0]} and {self.units[1]}")
+        if sample < 1:
+            raise ValueError(f"sample: expected 1 or more, got {sample}")
+        self._statistics = Statistics(columns, names)
+        self._hull = np.empty((0, 2))
+        self._sample = sample
+        self._stride = 1
+        self._rows = 0
+        self._points = np.empty((0, 2))
+
+    def take(self, time: Array, samples: Array) -> None:
+        """Widen the hull by the block's points and keep each ``stride``-th of them."""
+        self._statistics.take(time, samples)
+        points = samples.T
+        wider = points[_outside(self._hull, points)]
+        if len(wider):
+            self._hull = convex_hull(np.concatenate((self._hull, wider)))
+        kept = points[-self._rows % self._stride :: self._stride]
+        self._rows += len(points)
+        self._points = np.concatenate((self._points, kept))
+        while len(self._points) > 2 * self._sample:
+            self._points = self._points[::2].copy()
+            self._stride *= 2
+
+    def result(self) -> Scatter:
+        """The scatter so far; raises ``ValueError`` if no row has been seen."""
+        statistics = self._statistics.result()
+        centre = statistics.mean
+        radius = np.hypot(*(self._points - centre).T)
+        x, y = (self._hull - centre).T
+        return Scatter(
+            unit=self.units[0],
+            count=statistics.count,
+            centre=centre,
+            radius_rms=float(np.hypot(*statistics.std)),
+            # The point farthest from any given one is a corner of the hull.
+            radius_max=float(np.hypot(x, y).max()),
+            radius_50=float(np.quantile(radius, 0.50)),
+            radius_95=float(np.quantile(radius, 0.95)),
+            hull=self._hull.copy(),
+            hull_area=0.5 * abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1))),
+            points=self._points.copy(),
+        )
+
+
+def _outside(hull: Array, points: Array) -> NDArray[np.bool_]:
+    """Which points lie outside a counter-clockwise hull: on the right of the edge in whose sector, seen from a point
+    inside, they are.
+
+    Few do, and this costs a fraction of a new hull (0.08 instead of 0.54 us per point, in blocks of 1000) however many
+    corners there are: 60 of the shape that noise makes, 500 of a slow motion.
+    """
+    if len(hull) < 3:
+        return np.ones(len(points), dtype=bool)
+    inside = hull.mean(axis=0)
+    ends = hull - inside
+    angles = np.arctan2(ends[:, 1], ends[:, 0])
+    first = int(angles.argmin())
+    ends, angles = np.roll(ends, -first, axis=0), np.roll(angles, -first)
+    starts = np.roll(ends, 1, axis=0)
+    x, y = (points - inside).T
+    edge = np.searchsorted(angles, np.arctan2(y, x)) % len(angles)
+    (x_edge, y_edge), (x_start, y_start) = (ends - starts)[edge].T, starts[edge].T
+    return np.asarray(x_edge * (y - y_start) < y_edge * (x - x_start))

@@ -1,0 +1,101 @@
+"""Welch spectra of runs of any length, segment by segment.
+
+P. D. Welch, The use of fast Fourier transform for the estimation of power spectra, IEEE Trans.  Audio
+Electroacoust.  15 (1967) 70-73: Hann window, segments that overlap by half, one-sided density, the mean
+over the segments.  The result equals ``scipy.signal.welch`` (and ``csd``) of the whole record; only one
+segment is held in memory.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .observer import ColumnObserver, NamedColumn, rows_of
+
+Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+
+class Welch(ColumnObserver):
+    """One-sided power spectral densities of the named columns.
+
+    Parameters
+    ----------
+    segment_s: length of a segment [s], a whole number of steps; the frequency step is its inverse
+    step_s: time between rows [s]
+    remove_mean: take the mean out of each segment first; what is slower than a segment is lost then
+    start_s: rows before this time [s] are left out
+    """
+
+    def __init__(
+        self,
+        columns: Sequence[NamedColumn],
+        names: Sequence[str],
+        *,
+        segment_s: float,
+        step_s: float,
+        remove_mean: bool = True,
+        start_s: float = -math.inf,
+    ) -> None:
+        super().__init__(columns, names, start_s=start_s)
+        rows = rows_of(segment_s, step_s, "segment")
+        if rows < 4:
+            raise ValueError(f"segment: {segment_s!r} s is {rows} steps; a spectrum needs four at least")
+        self.segment_s = segment_s
+        self.segments = 0
+        self.frequency: Array = np.arange(rows // 2 + 1) / segment_s  # Hz
+        self._remove_mean = remove_mean
+        self._overlap = rows // 2
+        self._window = 0.5 - 0.5 * np.cos(2.0 * np.pi * np.arange(rows) / rows)
+        # Density of a one-sided spectrum: every bin but 0 Hz and Nyquist stands for its mirror image too.
+        density = segment_s / rows / np.square(self._window).sum()
+        self._scale: Array = np.full(self.frequency.shape, 2.0 * density)
+        self._scale[0] /= 2.0
+        if rows % 2 == 0:
+            self._scale[-1] /= 2.0
+        self._held = np.empty((len(self.names), rows))
+        self._filled = 0
+        self._allocate()
+
+    def _allocate(self) -> None:
+        self._power = np.zeros((len(self.names), len(self.frequency)))
+
+    def take(self, time: Array, samples: Array) -> None:
+        """Fill the segment; transform it when it is full and keep its second half for the next."""
+        rows = self._held.shape[1]
+        taken = 0
+        while taken < samples.shape[1]:
+            count = min(rows - self._filled, samples.shape[1] - taken)
+            self._held[:, self._filled : self._filled + count] = samples[:, taken : taken + count]
+            taken += count
+            self._filled += count
+            if self._filled == rows:
+                segment = self._held
+                if self._remove_mean:
+                    segment = segment - segment.mean(axis=1, keepdims=True)
+                self._add(np.fft.rfft(segment * self._window, axis=1))
+                self.segments += 1
+                self._held[:, : self._overlap] = self._held[:, rows - self._overlap :].copy()
+                self._filled = self._overlap
+
+    def _add(self, transform: ComplexArray) -> None:
+        self._power += np.square(transform.real) + np.square(transform.imag)
+
+    def _check(self, needed: int = 1) -> None:
+        if self.segments < needed:
+            raise ValueError(
+                f"{needed} segments of {self.segment_s} s are needed and {self.segments} were filled: "
+                "run longer or shorten the segment"
+            )
+
+    def psd(self) -> Array:
+        """One-sided densities (signals, frequencies) in unit^2/Hz at :attr:`frequency`.
+
+        Raises ``ValueError`` while no segment has been filled.
+        """
+        self._check()
+        return self._power * (self._scale / self.segments)

@@ -1,0 +1,102 @@
+"""One look for all figures: large type, colours that colour-blind readers can tell apart, engineering units.
+
+Figures are made with matplotlib's object interface and its Agg canvas: no window system and no global state.
+matplotlib is imported when the first figure is drawn.
+"""
+
+from __future__ import annotations
+
+import io
+import math
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..slavekit.pack.files import write_atomically
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+Array = NDArray[np.float64]
+
+# M. Okabe, K. Ito, Color Universal Design (2008).
+PASSIVE = "#D55E00"
+ACTIVE = "#0072B2"
+AXES = ("#0072B2", "#D55E00", "#009E73")  # x, y, z
+REFERENCE = "#555555"
+
+DOTS_PER_INCH = 150
+
+STYLE: dict[Any, Any] = {
+    "font.size": 13.0,
+    "axes.titlesize": 14.0,
+    "axes.grid": True,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "grid.color": "#DDDDDD",
+    "grid.linewidth": 0.8,
+    "axes.axisbelow": True,
+    "lines.linewidth": 1.6,
+    "legend.frameon": False,
+    "figure.titlesize": 15.0,
+    "figure.titleweight": "bold",
+    "agg.path.chunksize": 10000,
+}
+
+
+def draw(path: Path, width: float, height: float, paint: Callable[[Figure], None]) -> None:
+    """Let ``paint`` draw on a figure of ``width`` x ``height`` inches and write it as PNG to ``path``."""
+    from matplotlib import rc_context
+    from matplotlib.figure import Figure
+
+    with rc_context(STYLE):
+        figure = Figure(figsize=(width, height), dpi=DOTS_PER_INCH, layout="constrained")
+        paint(figure)
+        image = io.BytesIO()
+        # No metadata: the same data give the same bytes.
+        figure.savefig(image, format="png", metadata={"Software": None})
+    write_atomically(path, image.getvalue())
+
+
+_PREFIXES = {-12: "p", -9: "n", -6: "\N{MICRO SIGN}", -3: "m", 0: "", 3: "k", 6: "M"}
+
+
+def engineering(unit: str, magnitude: float) -> tuple[float, str]:
+    """Factor and label of the engineering prefix that suits ``magnitude`` (in ``unit``).
+
+    >>> engineering("m", 2.3e-3)
+    (1000.0, 'mm')
+
+    Units with a prefix of their own or with a power keep their own scale.
+    """
+    if unit not in {"m", "rad", "N", "N.m", "m/s", "rad/s", "m/s2", "rad/s2"} or not magnitude > 0.0:
+        return 1.0, pretty(unit)
+    exponent = min(max(3 * math.floor(math.log10(magnitude) / 3.0), -12), 6)
+    return 10.0**-exponent, _PREFIXES[exponent] + pretty(unit)
+
+
+def pretty(unit: str) -> str:
+    """An FMI unit as a label: ``rad/s2`` with a raised 2, ``N.m`` with a space, nothing for ``1``."""
+    if unit == "1":
+        return ""
+    text = unit.replace(".", " ")
+    return "".join(rf"$^{letter}$" if letter.isdigit() else letter for letter in text)
+
+
+def largest(values: Iterable[Array]) -> float:
+    """Largest finite magnitude in the arrays; 0 if there is none."""
+    found = 0.0
+    for array in values:
+        finite = np.abs(array[np.isfinite(array)])
+        if finite.size:
+            found = max(found, float(finite.max()))
+    return found
+
+
+def label(axes: Axes, text: str, unit: str) -> None:
+    """Label the y axis with a quantity and its unit."""
+    axes.set_ylabel(f"{text} ({unit})" if unit else text)

@@ -1,0 +1,1 @@
+"""The product's scenarios: the runs behind system/run.py."""

@@ -1,0 +1,127 @@
+"""What a run with disturbance is judged by: the observers of the payload's rotation and of the image point."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..results.observers.arrival import LastRow
+from ..results.observers.drift import DriftObserver
+from ..results.observers.envelope import Envelope, EnvelopeObserver
+from ..results.observers.indices import Indices, PerformanceIndices
+from ..results.observers.observer import ColumnObserver, NamedColumn
+from ..results.observers.scatter import Scatter, ScatterObserver
+from ..results.observers.statistics import SignalStatistics, Statistics
+from ..results.observers.welch import Welch
+
+Array = NDArray[np.float64]
+
+ROTATION = tuple(f"plant.payload_rotation.{axis}" for axis in "xyz")
+IMAGE_POINT = ("plant.los.x", "plant.los.y")
+ORIENTATION = tuple(f"plant.orientation.{angle}" for angle in ("roll", "pitch", "yaw"))
+REACHABLE = "commander.reachable"
+SATURATED = "isolator.saturated"
+WINDOW_S = 1.0  # of the ECSS indices: an averaging time of a terminal, an exposure of a camera
+MAX_SEGMENT_ROWS = 2**18  # 26 s at 1e-4 s; a spectrum from 0.04 Hz in 2 MB per signal
+
+
+class Jitter:
+    """Statistics, ECSS indices, spectra, scatter and envelope of one run; ``observers`` goes to the master.
+
+    ``steps`` is the length of the run; ``window_s`` the window of the ECSS indices [s].  With ``lead_steps`` the
+    statistics cover only the steps after those, ``steps - lead_steps`` rows; the envelope shows all.  A run that is
+    too short for a window or a segment simply has no indices (None) or spectrum (None).
+    """
+
+    def __init__(
+        self,
+        columns: Sequence[NamedColumn],
+        *,
+        step_s: float,
+        steps: int,
+        lead_steps: int = 0,
+        window_s: float = WINDOW_S,
+    ) -> None:
+        # Between two rows, so that rounding of the times does not matter.
+        start_s = (lead_steps + 0.5) * step_s if lead_steps else -math.inf
+        counted = steps - lead_steps
+        self._statistics = Statistics(columns, ROTATION, start_s=start_s)
+        self._drift = DriftObserver(columns, ROTATION, start_s=lead_steps * step_s, end_s=steps * step_s)
+        self._scatter = ScatterObserver(columns, IMAGE_POINT, start_s=start_s)
+        self._envelope = EnvelopeObserver(columns, ROTATION)
+        self._state = LastRow(columns, (*ORIENTATION, REACHABLE))
+        self._saturated = Statistics(columns, (SATURATED,))
+        self._indices: PerformanceIndices | None = None
+        self._welch: Welch | None = None
+        window_rows = round(window_s / step_s)
+        if 2 <= window_rows <= counted:
+            self._indices = PerformanceIndices(
+                columns, ROTATION, window_s=window_rows * step_s, step_s=step_s, start_s=start_s
+            )
+        # Two segments' length at least, so that three are averaged; a power of two for the transform.
+        rows = min(2 ** int(math.log2(max(counted, 1)) - 1), MAX_SEGMENT_ROWS)
+        if rows >= 4:
+            self._welch = Welch(columns, ROTATION, segment_s=rows * step_s, step_s=step_s, start_s=start_s)
+
+    @property
+    def observers(self) -> list[ColumnObserver]:
+        """The observers, for :meth:`ps_fmu.cosim.Master.run`."""
+        found = (
+            self._statistics,
+            self._drift,
+            self._scatter,
+            self._envelope,
+            self._state,
+            self._saturated,
+            self._indices,
+            self._welch,
+        )
+        return [observer for observer in found if observer is not None]
+
+    @property
+    def statistics(self) -> SignalStatistics:
+        """Mean, RMS, standard deviation and peak of the payload's rotation [rad]."""
+        return self._statistics.result()
+
+    @property
+    def drift(self) -> Array:
+        """Second half less first half of the payload's rotation, (3,), rad; NaN for a run of a few steps."""
+        return self._drift.result()
+
+    @property
+    def scatter(self) -> Scatter:
+        """Scatter of the image point [m]."""
+        return self._scatter.result()
+
+    @property
+    def envelope(self) -> Envelope:
+        """The payload's rotation over time [rad], for figures."""
+        return self._envelope.result()
+
+    @property
+    def indices(self) -> Indices | None:
+        """ECSS indices of the payload's rotation [rad]."""
+        return self._indices.result() if self._indices is not None else None
+
+    @property
+    def spectrum(self) -> tuple[Array, Array] | None:
+        """Frequency [Hz] and one-sided PSD (3, frequencies) of the payload's rotation [rad^2/Hz]."""
+        return (self._welch.frequency, self._welch.psd()) if self._welch is not None else None
+
+    @property
+    def orientation(self) -> Array:
+        """Nominal orientation of the platform at the end: roll, pitch, yaw [rad]."""
+        return self._state.result()[:3]
+
+    @property
+    def reachable(self) -> bool:
+        """At the end the commander had accepted its target."""
+        return bool(self._state.result()[3] > 0.5)
+
+    @property
+    def saturated(self) -> float:
+        """Fraction of the rows in which the isolator was at its force limit."""
+        return float(self._saturated.result().mean[0])

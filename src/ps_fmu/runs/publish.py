@@ -1,0 +1,83 @@
+"""What a scenario leaves behind: summary.json, report.html, and the last lines on the terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+from ..cosim import System
+from ..results.report import Picture, Report, Table
+from ..results.summary import RunSummary, versions
+from .cases import Outcome
+from .options import REPORT, SUMMARY, RunOptions
+from .setup import SEED, fmu_files, given_parameters, start_value
+
+
+@dataclass(frozen=True)
+class Findings:
+    """The results of a scenario.  The three lists are those of :class:`RunSummary`; ``more`` goes there, too."""
+
+    title: str
+    text: Sequence[str]  # paragraphs of the report
+    tables: Sequence[Table]
+    pictures: Sequence[Picture]
+    outcomes: Sequence[Outcome]
+    orientation_deg: Sequence[float]  # roll, pitch, yaw
+    rms_passive_rad: Sequence[float] | None
+    rms_active_rad: Sequence[float] | None
+    rejection_percent: Sequence[float] | None
+    more: Mapping[str, object] = field(default_factory=dict)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What the runs warned of, each text once."""
+        return tuple(dict.fromkeys(text for outcome in self.outcomes for text in outcome.warnings))
+
+    @property
+    def real_time_factor(self) -> float:
+        """Simulated seconds of all runs per second."""
+        return sum(o.simulated_s for o in self.outcomes) / sum(o.wall_s for o in self.outcomes)
+
+
+def publish(options: RunOptions, system: System, findings: Findings) -> None:
+    """Write summary.json and report.html; say on the terminal how fast it went and where they are.
+
+    Raises ``OSError`` if they cannot be written.
+    """
+    fmus = fmu_files(system)
+    parameters = given_parameters(options, system)
+    RunSummary(
+        scenario=options.scenario,
+        orientation_deg=findings.orientation_deg,
+        step_s=options.step_s,
+        duration_s=options.duration_s,
+        seed=int(start_value(system, SEED)),
+        rms_passive_rad=findings.rms_passive_rad,
+        rms_active_rad=findings.rms_active_rad,
+        rejection_percent=findings.rejection_percent,
+        real_time_factor=findings.real_time_factor,
+        fmus=fmus,
+        more={**findings.more, "parameters": parameters, "warnings": findings.warnings},
+    ).write(options.output / SUMMARY)
+    Report(
+        title=findings.title,
+        text=findings.text,
+        tables=findings.tables,
+        pictures=findings.pictures,
+        parameters=parameters,
+        fmus=fmus,
+        versions=versions(),
+        warnings=findings.warnings,
+    ).write(options.output / REPORT)
+    print(f"{findings.real_time_factor:.1f} x real time; results in {options.output}")
+
+
+def text_table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """A table for the terminal: the first column left-aligned, the others right-aligned."""
+    lines = [list(header), *map(list, rows)]
+    widths = [max(len(line[column]) for line in lines) for column in range(len(header))]
+    aligned = [
+        "  ".join(text.rjust(width) if column else text.ljust(width) for column, (text, width) in enumerate(pairs))
+        for pairs in (list(zip(line, widths, strict=True)) for line in lines)
+    ]
+    return "\n".join([aligned[0], "-" * len(aligned[0]), *aligned[1:]])

@@ -1,0 +1,49 @@
+"""Default scenario: what the isolator does at one orientation, by default the nominal one.  Passive, then active."""
+
+from __future__ import annotations
+
+from ...results.report import Table
+from ..comparison import HEADER, TargetError, angles, compare, draw, index_table, out_of_reach, rows, target_of
+from ..options import RunOptions
+from ..publish import Findings, publish, text_table
+from ..setup import load_system, real_start
+
+
+def run(options: RunOptions) -> None:
+    """Run the scenario; writes results.nc, summary.json, figures and report.html, prints the table.
+
+    Raises :class:`TargetError` after that if the target is out of reach.
+    """
+    system = load_system(options)
+    found = compare(system, options, target_of(system))
+    table = Table("Jitter of the payload: rotation by vibration, axes of P", HEADER, rows(found))
+    print(text_table(table.header, table.rows))
+
+    rise = real_start(system, "disturbance.rise_time")
+    text = [
+        "Four FMUs in co-simulation: plant, commander, isolator and disturbance source. The disturbance acts on the "
+        "bus twice, without and with the feedforward isolator. Tables and figures cover the whole run; the "
+        f"disturbance rises from zero over the first {rise:g} s.",
+    ]
+    refused = out_of_reach(found.target_deg)
+    if not found.reachable:
+        text.insert(0, refused)
+    indices = index_table(found)
+    publish(
+        options,
+        system,
+        Findings(
+            title=f"Isolation at {angles(found.orientation_deg)} deg",
+            text=text,
+            tables=[table] if indices is None else [table, indices],
+            pictures=draw(found, options.output),
+            outcomes=found.outcomes,
+            orientation_deg=found.orientation_deg,
+            rms_passive_rad=found.rms_passive.tolist(),
+            rms_active_rad=found.rms_active.tolist(),
+            rejection_percent=found.rejection.tolist(),
+            more=found.entry,
+        ),
+    )
+    if not found.reachable:
+        raise TargetError(refused)

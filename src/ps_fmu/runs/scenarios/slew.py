@@ -1,0 +1,78 @@
+"""A slew without disturbance: from (0, 0, 0) to (8.5, 0, 0) deg, or to the target of a parameter file.
+
+Twice, with the isolator off and on: where the platform arrives, how the bus reacts, what the slew shakes.
+"""
+
+from __future__ import annotations
+
+import math
+
+from ...pointing.rejection import rejection_percent
+from ..cases import Case, run_case
+from ..comparison import TARGET, TargetError, angles, out_of_reach, target_of
+from ..jitter_record import ROTATION
+from ..options import OptionError, RunOptions
+from ..publish import Findings, publish, text_table
+from ..setup import load_system
+from ..slew_record import SlewRecord
+from ..slew_report import CASES, Slews, draw, entry, tables, verdict, when
+
+DEFAULT_TARGET_DEG = (8.5, 0.0, 0.0)
+START_S = 1.0  # the target changes
+
+DIRECTION = (
+    "The nominal orientation is what the coarse legs set. The relative orientation, of the platform on the bus, "
+    "includes the fine legs. With the isolator off they come back to rest, and it equals the nominal one. With the "
+    "isolator on it does not, and must not: the slew turns the bus the other way (momentum is conserved), and the "
+    "isolator keeps the payload's direction in inertial space, so on the turned bus the payload differs from the "
+    "nominal orientation by the rotation of the bus. The fine legs add just that. The payload follows the bus slowly, "
+    "by the high-pass of the isolator (1e-4 Hz by default): that is the rotation that is left to the payload."
+)
+
+
+def run(options: RunOptions) -> None:
+    """Run the scenario; writes results.nc, summary.json, figures and report.html, prints the tables.
+
+    Raises :class:`TargetError` after that if the target is out of reach.
+    """
+    start_s = math.ceil(START_S / options.step_s - 1e-6) * options.step_s
+    if options.duration_s <= start_s:
+        raise OptionError(f"--duration: the slew begins at {start_s:g} s, got {options.duration_s:g} s")
+    system = load_system(options, {"disturbance.noise.enabled": False})
+    given_deg = target_of(system)
+    target_deg = given_deg if any(given_deg) else DEFAULT_TARGET_DEG
+    found, outcomes = [], []
+    for name, enabled in zip(CASES, (False, True), strict=True):
+        at_rest = dict.fromkeys(TARGET, 0.0)
+        events = [(start_s, port, math.radians(angle)) for port, angle in zip(TARGET, target_deg, strict=True)]
+        case = Case(name, {**at_rest, "isolator.enabled": enabled}, events)
+        outcome, record = run_case(system, options, case, SlewRecord)
+        outcomes.append(outcome)
+        found.append(record.result())
+    slews = Slews(target_deg, start_s, *found)
+
+    parts = tables(slews)
+    text = [*when(slews), *verdict(slews), DIRECTION] if slews.on.reachable else when(slews)
+    for part in parts:
+        print(f"{part.caption}\n{text_table(part.header, part.rows)}\n")
+    print(*text, sep="\n")
+    moved = slews.on.arrival.during is not None
+    passive, active = (slew.during(ROTATION, "rms") for slew in (slews.off, slews.on))
+    publish(
+        options,
+        system,
+        Findings(
+            title=f"Slew from (0, 0, 0) to {angles(target_deg)} deg",
+            text=text,
+            tables=parts,
+            pictures=draw(slews, options.output),
+            outcomes=outcomes,
+            orientation_deg=slews.orientation_deg,
+            rms_passive_rad=passive.tolist() if moved else None,
+            rms_active_rad=active.tolist() if moved else None,
+            rejection_percent=rejection_percent(passive, active).tolist() if moved else None,
+            more={"slew": entry(slews)},
+        ),
+    )
+    if not slews.on.reachable:
+        raise TargetError(out_of_reach(target_deg))

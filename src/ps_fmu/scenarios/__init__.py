@@ -1,1 +1,0 @@
-"""The runs behind ``system/run.py``: a module per scenario, with ``run(options)``."""

@@ -1,0 +1,108 @@
+"""What a model states about itself: sizes, variables, its linear map and its events.
+
+This is the part of the base class that model authors read; :class:`ps_fmu.slavekit.author.slave.Slave` drives it.
+"""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from pythonfmu.fmi2slave import Fmi2Slave
+
+from .buffer import Array
+from .terminals import Terminal
+from .variables import Port
+
+
+class Model(Fmi2Slave):
+    """A system that is linear between events::
+
+        [y; x] <- step_map(h) @ [x; u; a]     each step
+        y       = output_map() @ [x; u; a]    in initialisation mode
+
+    y are all outputs in the order of ``ports``, Booleans as 0 and 1 (declare them last: hosts then read the Reals in
+    one piece); x the states; u the Real inputs that are not events; a auxiliary inputs that the model sets itself, for
+    example the constant 1.  An output that an event computes is a component of ``a`` that the map copies.
+
+    What a step or an event needs later lies in x, a or memory, or is rebuilt from them by :meth:`restore`.  All of it
+    must stay finite.
+    """
+
+    ports: ClassVar[tuple[Port, ...]] = ()
+    terminals: ClassVar[tuple[Terminal, ...]] = ()
+    n_states: ClassVar[int] = 0
+    """Size of x.  Fixed: a mode that is switched off keeps its place, with zeros."""
+    n_auxiliary: ClassVar[int] = 0
+    n_memory: ClassVar[int] = 0
+    """Further numbers that events keep; part of the FMU state."""
+    limit_flag: ClassVar[str] = ""
+    """A Boolean output that a step makes true if it meets a limit, see :meth:`limits`; false is up to the map."""
+    block_rows: ClassVar[int] = 0
+    """Above 0: outputs come from tables of up to so many rows, see :meth:`rows`; then no states, no map."""
+
+    model_description: ClassVar[str] = ""
+    default_step: ClassVar[float] = 1e-4  # s
+    default_stop: ClassVar[float] = 10.0  # s
+
+    # Views of the buffer, never rebound.
+    y: Array
+    x: Array
+    u: Array
+    a: Array
+    memory: Array
+
+    finishing: bool = False
+    """Call :meth:`finish_step` after each map.  To be set by ``configure`` and ``restore``.  It takes away most of the
+    speed of a step."""
+
+    def configure(self) -> None:
+        """Build the model from parameters and present inputs; set x, a, memory and whatever is derived.
+
+        Called in initialisation mode, again whenever something was set since: must be idempotent.
+
+        Raises
+        ------
+        ModelError: a parameter or input is impossible; the text names it.
+        """
+
+    def output_map(self) -> Array | None:
+        """Outputs at once from [x; u; a], shape (ny, nx + nu + na); None: ``configure`` has set y itself."""
+        return None
+
+    def step_map(self, h: float) -> Array:
+        """One step of size h (s), shape (ny + nx, nx + nu + na).  Cached by h until ``remap()``."""
+        raise NotImplementedError(f"{type(self).__name__} has neither step_map nor block_rows")
+
+    def event(self, t: float, h: float) -> bool:
+        """Before the step from t to t + h (s), if an event input has changed or the last event asked for it.
+
+        Returns True to be called again before the next step.  If it raises, the step is refused, everything
+        in the buffer is as before, :meth:`restore` is called, and the event stays due.
+        """
+        return False
+
+    def rows(self, t: float, h: float, n: int) -> Array:
+        """Outputs at t + h, ..., t + n h (s), shape (n, ny).
+
+        A function of its arguments, parameters and memory alone.  The same row must not depend on the table
+        it comes in: take the times from :meth:`Slave.times`.
+        """
+        raise NotImplementedError(f"{type(self).__name__} has block_rows, but no rows")
+
+    def finish_step(self) -> None:
+        """After the map, if ``finishing``: move a delay line, hold a sample.  May write y, x, a, memory."""
+
+    def limits(self) -> tuple[Array, Array] | None:
+        """Lowest and highest values of y at the end of a step, each (ny,), -inf and inf where there is no limit.
+
+        Results beyond them are held there.  Asked for with each new map and table; None: no limits at all.
+        """
+        return None
+
+    def restore(self) -> None:
+        """Rebuild what is derived (matrices, plans) from the buffer: an FMU state was set, or an event failed.
+
+        ``configure`` may never have been called in this instance.  By default it is called now, which is right for
+        models whose derived data depend on parameters alone.  What this does to the buffer is undone.
+        """
+        self.configure()

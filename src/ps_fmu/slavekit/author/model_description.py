@@ -1,0 +1,104 @@
+"""The complete ``modelDescription.xml`` of a slave (FMI 2.0.4, chapter 2.2).
+
+pythonfmu writes the frame; this adds what it leaves out: unit definitions, the dependencies of outputs and
+initial unknowns, who made it.  The same class gives the same text, whenever and wherever.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import uuid
+from collections.abc import Callable, Iterable
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING
+from xml.etree.ElementTree import Element, SubElement, tostring
+
+from pythonfmu.default_experiment import DefaultExperiment
+
+from ... import __version__
+from .units import unit_definitions
+from .variables import Port, fmi_variable
+
+if TYPE_CHECKING:
+    from .slave import Slave
+
+CAPABILITIES = {
+    # The FMU carries its code, but no interpreter unless it is bundled: the target needs a Python with numpy.
+    "needsExecutionTool": True,
+    "canHandleVariableCommunicationStepSize": True,
+    "canInterpolateInputs": False,
+    "canBeInstantiatedOnlyOncePerProcess": False,
+    "canGetAndSetFMUstate": True,
+    "canSerializeFMUstate": True,
+}
+
+AUTHOR = "The ps_fmu developers"
+LICENSE = "BSD-3-Clause"
+COPYRIGHT = "Copyright (c) 2026, The ps_fmu developers"
+DATE = datetime(2023, 2, 8, tzinfo=UTC)  # of the paper: builds of the same source have the same bytes
+
+
+def model_description(slave: Slave, pythonfmu_xml: Callable[[dict[str, str]], Element]) -> Element:
+    """The ``fmiModelDescription`` of a slave that has just been instantiated.
+
+    Parameters
+    ----------
+    slave: the instance.
+    pythonfmu_xml: pythonfmu's own ``to_xml``, bound to it.
+    """
+    slave.vars.clear()
+    for port in slave.layout.ports:
+        reference = slave.layout.reference[port.name]
+        slave.vars[reference] = fmi_variable(port, reference)
+    slave.description = slave.model_description or None
+    slave.author, slave.license, slave.copyright, slave.version = AUTHOR, LICENSE, COPYRIGHT, __version__
+    slave.default_experiment = DefaultExperiment(0.0, slave.default_stop, slave.default_step)
+
+    root = pythonfmu_xml({name: str(value).lower() for name, value in CAPABILITIES.items()})
+    root.set("generationTool", f"ps_fmu {__version__} with {root.get('generationTool')}")
+    root.set("generationDateAndTime", _date().strftime("%Y-%m-%dT%H:%M:%SZ"))
+    units = unit_definitions(_units(slave.layout.ports))
+    root.insert(list(root).index(_child(root, "CoSimulation")) + 1, units)
+    _fill_structure(_child(root, "ModelStructure"), slave.layout.ports)
+    root.set("guid", "")
+    root.set("guid", guid(hashlib.sha256(tostring(root)).digest()))
+    return root
+
+
+def guid(digest: bytes) -> str:
+    """A GUID that states a content: the same content has the same GUID."""
+    return f"{{{uuid.UUID(bytes=digest[:16])}}}"
+
+
+def _date() -> datetime:
+    """Of the build, reproducibly: SOURCE_DATE_EPOCH (s since 1970) if the builder has set it."""
+    epoch = os.environ.get("SOURCE_DATE_EPOCH")
+    return DATE if epoch is None else datetime.fromtimestamp(int(epoch), UTC)
+
+
+def _units(ports: Iterable[Port]) -> list[str]:
+    return list(dict.fromkeys(port.unit for port in ports if port.type == "Real"))
+
+
+def _child(root: Element, tag: str) -> Element:
+    child = root.find(tag)
+    if child is None:
+        raise RuntimeError(f"pythonfmu wrote no {tag} element")
+    return child
+
+
+def _fill_structure(structure: Element, ports: tuple[Port, ...]) -> None:
+    """Outputs and InitialUnknowns, ascending.  An index is a variable's place in ModelVariables, from 1."""
+    index = {port.name: i for i, port in enumerate(ports, 1)}
+    structure.clear()
+    for tag in ("Outputs", "InitialUnknowns"):
+        unknowns = [port for port in ports if port.causality == "output"]
+        if not unknowns:
+            return
+        element = SubElement(structure, tag)
+        for port in unknowns:
+            known = port.depends_on if tag == "Outputs" else port.initially_depends_on
+            unknown = SubElement(element, "Unknown", index=str(index[port.name]))
+            if known is not None:
+                unknown.set("dependencies", " ".join(map(str, sorted(index[name] for name in known))))

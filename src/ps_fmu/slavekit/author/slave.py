@@ -1,0 +1,226 @@
+"""Base class of the slaves: pythonfmu's, on one buffer, one linear map per step, events apart from it.
+
+The files it is made of, each one subject: ``model`` what a model states, ``values`` access to variables,
+``stepper`` steps, and here the life cycle.  A simulation in order::
+
+    instantiate --- set parameters and inputs --- setup_experiment --- enter_initialization_mode
+        configure(), output_map()             whenever something was set and an output is read
+    exit_initialization_mode                  configure() for good
+    do_step(t, h) ...                         [event(t, h)] [step_map(h)] map [finish_step()]
+    terminate
+
+Every call checks its arguments and the phase, and a refused call changes nothing.
+"""
+
+from __future__ import annotations
+
+import sys
+from math import inf, isfinite
+from typing import Any, ClassVar
+from weakref import WeakSet
+from xml.etree.ElementTree import Element
+
+import numpy as np
+from pythonfmu.enums import Fmi2Status
+
+from ... import __version__
+from .far import blame
+from .guard import ModelError, Refused, guarded, guarded_class, report
+from .layout import Layout
+from .state import Phase, State, Unreadable, from_bytes, to_bytes
+from .stepper import Stepper
+from .threads import forget_host_thread
+from .variables import Port, numbered, vector
+
+__all__ = ["ModelError", "Phase", "Port", "Refused", "Slave", "numbered", "vector"]
+
+
+# The library looks its methods up by a new text in each call, which no cache knows: every class on the way to the one
+# that has the method costs time: 0.4 us in a step of four FMUs.  So the model's own class has these.
+_CALLED_OFTEN = ("do_step", "get_real", "get_integer", "get_boolean", "set_real", "set_integer", "set_boolean")
+
+
+class Slave(Stepper):
+    """FMI 2.0 co-simulation slave.  Subclasses fill in what :class:`.model.Model` lists."""
+
+    instances: ClassVar[WeakSet[Slave]]
+    """All that are alive, for :func:`.guard.escape_class`."""
+
+    def __init_subclass__(cls, **kwargs: Any) -> None:
+        super().__init_subclass__(**kwargs)
+        if "__init__" in cls.__dict__:
+            raise TypeError(f"{cls.__name__}: no __init__ please; what a model needs is made in configure()")
+        if cls.block_rows and cls.n_states:
+            raise TypeError(f"{cls.__name__}: n_states = {cls.n_states}, but with block_rows there are no states")
+        flags = {port.name for port in cls.ports if port.causality == "output" and port.type == "Boolean"}
+        if cls.limit_flag and cls.limit_flag not in flags:
+            raise TypeError(f"{cls.__name__}: limit_flag = {cls.limit_flag!r} is no Boolean output")
+        for name in _CALLED_OFTEN:
+            setattr(cls, name, getattr(cls, name))
+        cls.instances = WeakSet()
+        cls.layout = Layout(cls.__name__, __version__, cls.ports, cls.n_states, cls.n_auxiliary, cls.n_memory)
+
+    def __init__(self, **kwargs: Any) -> None:
+        super().__init__(**kwargs)
+        self.label = f"{type(self).__name__} {self.instance_name!r}"
+        self.hosted = "logger" in kwargs  # only pythonfmu's native library passes one
+        if self.hosted:
+            forget_host_thread()
+        self._allocate()
+        self.instances.add(self)
+
+    # --- Life cycle ---------------------------------------------------------------------
+
+    @guarded
+    def setup_experiment(
+        self, start_time: float, stop_time: float | None = None, tolerance: float | None = None
+    ) -> None:
+        """Start and stop time, s.  The tolerance is not used: between events a step is exact."""
+        self._require("setup_experiment", Phase.INSTANTIATED)
+        stop = inf if stop_time is None else stop_time
+        if not isfinite(start_time):
+            raise Refused(f"start time {start_time!r} s: expected a finite number")
+        if not stop > start_time:
+            raise Refused(f"stop time {stop!r} s: expected a number above the start time {start_time!r} s")
+        self._start = self._core.time = self._origin = float(start_time)
+        self._stop = float(stop)
+        self._ready = True
+        self._stale = True  # outputs may have been read before; a model may use the start time
+
+    @guarded
+    def enter_initialization_mode(self) -> None:
+        self._require("enter_initialization_mode", Phase.INSTANTIATED)
+        if not self._ready:
+            raise Refused("enter_initialization_mode: setup_experiment has to be called before")
+        self._enter(Phase.INITIALISATION)
+
+    @guarded
+    def exit_initialization_mode(self) -> None:
+        self._require("exit_initialization_mode", Phase.INITIALISATION)
+        if self._stale:
+            self._configure()
+        self._enter(Phase.STEPPING)
+
+    @guarded
+    def terminate(self) -> None:
+        self._require("terminate", Phase.STEPPING)
+        self._enter(Phase.TERMINATED)
+
+    def _require(self, call: str, phase: Phase) -> None:
+        if self._phase != phase:
+            now, wanted = self._phase.name.lower(), phase.name.lower()
+            raise Refused(f"{call} is not possible in phase {now}, only in phase {wanted}")
+
+    def _configure(self) -> None:
+        """Build the model and the outputs from parameters and inputs.  All or nothing."""
+        kept = self._buffer.data.copy()
+        try:
+            self._core.pending = False
+            self.remap()
+            self.discard_rows()
+            self.configure()
+            self._require_finite("configure()")
+            outputs = self.output_map()
+            if outputs is not None:
+                self.y[:] = self._checked_matrix("output_map", outputs, self.y.size) @ self._source
+                self._require_finite("output_map()")
+        except BaseException as error:
+            self._buffer.data[:] = kept
+            blame(error, self.layout, kept, self._core.step, self.default_step)
+            raise
+        self._stale = False
+
+    def _require_finite(self, after: str) -> None:
+        bad = np.flatnonzero(~np.isfinite(self._buffer.data))
+        if bad.size:
+            raise ModelError(f"{self.layout.describe(int(bad[0]))} is not finite after {after}")
+
+    def _on_change(self, event: bool) -> None:
+        if self._phase < Phase.STEPPING:
+            self._stale = True
+        elif event:
+            self.request_event()
+
+    # --- FMU state ----------------------------------------------------------------------
+
+    @guarded
+    def _get_fmu_state(self) -> State:
+        buffer = self._buffer
+        return State(self.layout.identity, self._clock(), buffer.data.copy(), tuple(buffer.strings))
+
+    @guarded
+    def _set_fmu_state(self, state: State | Unreadable) -> None:
+        state = self._checked_state(state)
+        before, table = self._get_fmu_state(), self._table
+        try:
+            self._put_state(state)
+        except BaseException as error:
+            self._buffer.data[:] = before.buffer
+            self._buffer.strings[:] = before.strings
+            if before.clock.phase >= Phase.STEPPING:
+                self._rebuild()
+            self._recall(before.clock, table)
+            blame(error, self.layout, state.buffer, state.clock.step, self.default_step)
+            if isinstance(error, (ArithmeticError, ValueError)) and not isinstance(error, (ModelError, Refused)):
+                raise Refused(f"the FMU state cannot be restored: {type(error).__name__}: {error}") from error
+            raise
+
+    def _checked_state(self, state: State | Unreadable) -> State:
+        if isinstance(state, Unreadable):
+            raise Refused(state.why)
+        if not isinstance(state, State) or state.identity != self.layout.identity:
+            raise Refused("the FMU state belongs to another FMU, or to another version of this one")
+        if state.clock.rows > self.block_rows:
+            raise Refused(f"the FMU state has a table of {state.clock.rows} rows; at most {self.block_rows} fit")
+        return state
+
+    def _put_state(self, state: State) -> None:
+        self._buffer.data[:] = state.buffer
+        self._buffer.strings[:] = state.strings
+        self._recall(state.clock, self._table[:0])
+        if self._phase < Phase.STEPPING:
+            self._stale = True  # configure() has to rebuild what is derived
+        else:
+            self._derive()
+            self._recall(state.clock, self._table_again(state.clock))
+
+    @classmethod
+    @guarded_class
+    def _fmu_state_to_bytes(cls, state: State | Unreadable) -> bytes:
+        """None at all of what is unreadable: by that the launcher knows it."""
+        return b"" if isinstance(state, Unreadable) else to_bytes(state)
+
+    @classmethod
+    @guarded_class
+    def _fmu_state_from_bytes(cls, state: bytes) -> State | Unreadable:
+        try:
+            return from_bytes(state, cls.layout)
+        except Refused as error:
+            return Unreadable(str(error))
+
+    # --- Messages -----------------------------------------------------------------------
+
+    def warning(self, text: str) -> None:
+        """Tell the host about something that the user should know."""
+        self.log(f"{self.label}: {text}", Fmi2Status.warning)
+
+    def error(self, text: str) -> None:
+        """Tell the host about an error; also on stderr, since hosts may have logging off."""
+        self.log(report(f"{self.label}: {text}"), Fmi2Status.error)
+
+    def log(self, msg: str, status: Fmi2Status = Fmi2Status.ok, category: str | None = None, debug: Any = None) -> None:
+        """As pythonfmu's, but safe: hosts take the text for a printf format.
+
+        The library never frees a text that it has logged, so equal texts are made one object.
+        """
+        if category is None:
+            category = "logAll" if status == Fmi2Status.ok else f"logStatus{status.name.capitalize()}"
+        super().log(sys.intern(msg.replace("%", "%%")), status, sys.intern(category), debug)
+
+    # --- Description --------------------------------------------------------------------
+
+    def to_xml(self, model_options: dict[str, str] | None = None) -> Element:
+        """The complete ``fmiModelDescription``, see :mod:`.description`; the options are its own."""
+        from .model_description import model_description
+
+        return model_description(self, super().to_xml)

@@ -1,0 +1,50 @@
+"""What the launcher is compiled from, see :mod:`..native`.  As a program: compile it."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+from ..pack.c_program import CompileError, Program, Target
+
+_HEADERS = (
+    "text.h", "find.h", "python.h", "instance.h", "core.h", "kernel.h", "product.h", "native.h", "platform.h",
+    "windows/wide.h",
+)  # fmt: skip
+_PARTS = ("paths.c", "programs.c", "libraries.c", "threads.c", "belongings.c")
+
+
+def _linux(zig: str) -> Target:
+    return Target(
+        zig,
+        "launcher.so",
+        ("-D_GNU_SOURCE", "-fPIC", "-fvisibility=hidden", "-shared", "-s", "-Wl,-z,nodelete", "-Wl,--build-id=none"),
+        ("-lpthread", "-ldl"),
+        tuple(f"posix/{name}" for name in _PARTS),
+    )
+
+
+_WINDOWS = Target(
+    "x86_64-windows-gnu",
+    "launcher.dll",
+    ("-D_GNU_SOURCE", "-D__USE_MINGW_ANSI_STDIO=0", "-shared", "-s", "-Wl,--build-id=none"),  # Windows' own printf
+    sources=tuple(f"windows/{name}" for name in (*_PARTS, "wide.c")),
+)
+
+LAUNCHER = Program(
+    "launcher",
+    Path(__file__).parent,
+    sources=("text.c", "find.c", "python.c", "instance.c", "kernel.c", "native.c", "launcher.c", "status.c"),
+    headers=_HEADERS,
+    targets={
+        "linux64": _linux("x86_64-linux-gnu.2.17"),
+        "aarch64-linux": _linux("aarch64-linux-gnu.2.17"),  # pythonfmu 0.7 has no library for it to go with
+        "win64": _WINDOWS,
+    },
+)
+
+if __name__ == "__main__":
+    try:
+        LAUNCHER.make()
+    except CompileError as error:
+        sys.exit(str(error))

@@ -1,0 +1,239 @@
+"""From a folder in ``fmus/`` to an FMU file that stands alone and is reproducible.
+
+pythonfmu's builder contributes native libraries and model description.  What this adds: only the Python
+files that the slave needs, under names made from their content; terminals, icon, documentation and licences; a GUID
+from the content; the same bytes from the same source.  Each FMU has run by itself before it is written.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import os
+import re
+import sys
+import tempfile
+import uuid
+from collections.abc import Iterable, Iterator
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+import pythonfmu
+from pythonfmu.builder import FmuBuilder, get_model_class
+
+from ..author.model_description import CAPABILITIES
+from ..author.slave import Slave
+from ..author.terminals import terminals_and_icons
+from ..launcher.compile import LAUNCHER
+from . import licenses, smoke
+from . import zip_writer as archive
+from .bundle import BundleError, bundle
+from .bundle import check as check_bundle
+from .dependencies import external_dependencies
+from .entry import entry_source
+from .files import write_atomically
+from .licenses import LicenseError
+from .page import page
+from .sources import Files, SourceError, closure, foreign, imported, renamed
+
+PACKAGE = Path(__file__).resolve().parents[2]
+_OLDEST_PYTHON = "3.11"
+_RESOURCES = PurePosixPath("resources")
+_DESCRIPTION = PurePosixPath("modelDescription.xml")
+_WRAPPER = {".so": "libpythonfmu-export.so", ".dll": "pythonfmu-export.dll"}  # names that the launcher looks for
+_TERMINALS = PurePosixPath("terminalsAndIcons", "terminalsAndIcons.xml")
+_ICON = PurePosixPath("model.png")
+_DOCUMENTATION = PurePosixPath("documentation")
+_NO_TOOL_NEEDED = b'needsExecutionTool="true"', b'needsExecutionTool="false"'
+_GUID = re.compile(rb'guid="[^"]*"')
+
+
+class BuildError(RuntimeError):
+    """An FMU that cannot be built; the text says which and why."""
+
+
+def default_fmus() -> Path:
+    """``fmus`` in the checkout that this package runs from.  Raises BuildError if there is none."""
+    folder = PACKAGE.parents[1] / "fmus"
+    if not folder.is_dir():
+        raise BuildError(f"no folder {folder}: say with --fmus where the FMUs' sources are")
+    return folder
+
+
+def find(fmus: Path, only: Iterable[str] = ()) -> list[Path]:
+    """The folders ``<name>`` below ``fmus`` that hold a ``<name>.py``; all, or those named.
+
+    Raises BuildError if there are none, or one of those named is missing.
+    """
+    scripts = [path for path in sorted(fmus.glob("*/*.py")) if path.stem == path.parent.name]
+    found = {path.stem: path.parent for path in scripts}
+    missing = [name for name in only if name not in found]
+    if missing or not found:
+        wanted = ", ".join(missing) or "<name>/<name>.py"
+        raise BuildError(f"{fmus}: no {wanted}; found {', '.join(found) or 'nothing'}")
+    return [found[name] for name in only] or list(found.values())
+
+
+def build_all(output: Path, fmus: Path | None = None, only: Iterable[str] = (), **variant: Any) -> list[Path]:
+    """Build the FMUs of a checkout into the folder ``output``; their paths.  As :func:`build_one` otherwise."""
+    return [build_one(folder, output, **variant) for folder in find(fmus or default_fmus(), only)]
+
+
+def build_one(folder: Path, output: Path, *, interpreter: Path | None = None, bundled: bool = False) -> Path:
+    """Build the FMU in ``folder`` into the folder ``output``, as ``<class>.fmu``; its path.
+
+    Parameters
+    ----------
+    interpreter: noted in the FMU as the Python for hosts that do not run one; that ties the FMU to this machine.
+    bundled: put a Python of its own into the FMU, see :mod:`.bundle`.
+
+    Raises
+    ------
+    BuildError: the sources are not complete or not as they have to be, or the FMU does not run by itself.
+    """
+    folder = folder.resolve()
+    script = folder / f"{folder.name}.py"
+    if not script.is_file():
+        raise BuildError(f"{folder.name}: no {script}")
+    if interpreter is not None and not (interpreter.is_file() and os.access(interpreter, os.X_OK)):
+        raise BuildError(f"--interpreter: {interpreter} is no program: expected the path of a Python")
+    output.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(prefix="ps_fmu_build_") as temporary:
+        try:
+            stock, slave = _pythonfmu_build(script, Path(temporary))
+            name, files = _repackaged(stock, slave, script, interpreter, bundled)
+            fmu = Path(temporary) / f"{name}.fmu"
+            archive.write(fmu, files)
+            smoke.check(fmu)
+            if bundled:
+                check_bundle(fmu)
+        except (SourceError, BundleError, LicenseError, smoke.SmokeError) as error:
+            raise BuildError(f"{folder.name}: {error}") from None
+        result = output / fmu.name
+        write_atomically(result, fmu.read_bytes())
+    return result
+
+
+def _pythonfmu_build(script: Path, output: Path) -> tuple[Path, type[Slave]]:
+    """pythonfmu's own FMU and the slave's class; what its builder does to this process is undone."""
+    with _imports_undone(script.stem), contextlib.redirect_stdout(io.StringIO()):
+        try:
+            fmu = Path(FmuBuilder.build_FMU(script, dest=output / "stock.fmu", **CAPABILITIES))
+            return fmu, get_model_class(script)
+        except (Exception, SystemExit) as error:
+            raise BuildError(f"{script.parent.name}: {type(error).__name__}: {error}") from error
+
+
+@contextlib.contextmanager
+def _imports_undone(script: str) -> Iterator[None]:
+    """The builder imports the script under its bare name, and leaves its folder on sys.path."""
+    path, bytecode, before = sys.path[:], sys.dont_write_bytecode, sys.modules.pop(script, None)
+    sys.dont_write_bytecode = True  # no __pycache__ among the sources
+    try:
+        yield
+    finally:
+        sys.path[:] = path
+        sys.dont_write_bytecode = bytecode
+        sys.modules.pop(script, None)
+        if before is not None:
+            sys.modules[script] = before
+
+
+def _repackaged(
+    stock: Path, slave: type[Slave], script: Path, interpreter: Path | None, bundled: bool
+) -> tuple[str, Files]:
+    """Model name and files of the final FMU, from pythonfmu's and the sources."""
+    built = archive.read(stock)
+    files = _binaries(built)
+    files[_DESCRIPTION] = _GUID.sub(b'guid=""', built[_DESCRIPTION], count=1)
+    model = _model_name(built[_DESCRIPTION])
+    sources = _sources(script)
+    files |= _for_readers(script.parent, slave, files[_DESCRIPTION])
+    digest = archive.digest(files | sources)
+
+    package = f"ps_fmu_{digest.hex()[:12]}"
+    names = {"ps_fmu": package, "pythonfmu": f"{package}.pythonfmu"}
+    for name, content in sources.items():
+        if name.suffix == ".py":
+            content = renamed(content, str(name), names)
+        inside = name.relative_to("ps_fmu") if name.parts[0] == "ps_fmu" else name
+        files[_RESOURCES / package / inside] = content
+    entry = f"{script.stem}_{digest.hex()[:12]}"
+    files[_RESOURCES / f"{entry}.py"] = entry_source(package, script.stem, model)
+    files[_RESOURCES / "slavemodule.txt"] = entry.encode()
+    guid = f"{{{uuid.UUID(bytes=digest[:16])}}}"
+    files[_DESCRIPTION] = files[_DESCRIPTION].replace(b'guid=""', f'guid="{guid}"'.encode(), 1)
+    modules = foreign(sources)
+    files[_RESOURCES / "launcher.txt"] = _launcher_notes(guid, modules, interpreter)
+    files[_DOCUMENTATION / "externalDependencies.txt"] = external_dependencies(model, _OLDEST_PYTHON, modules, bundled)
+    texts = list(licenses.of_sources(sources))
+    if bundled:
+        runtime = bundle(modules)
+        texts += runtime.licenses
+        files |= {PurePosixPath("binaries/linux64") / name: content for name, content in runtime.files.items()}
+        files[_DESCRIPTION] = files[_DESCRIPTION].replace(*_NO_TOOL_NEEDED, 1)
+    files |= licenses.files(texts)
+    return model, files
+
+
+def _binaries(built: Files) -> Files:
+    """pythonfmu's libraries as they are; where there is a launcher, that takes the name that hosts look for."""
+    files: Files = {}
+    for name, content in built.items():
+        if name.parts[0] != "binaries":
+            continue
+        launcher = LAUNCHER.path(name.parent.name)
+        if launcher is not None:
+            files[name.with_name(_WRAPPER[name.suffix])] = content
+            files[name] = launcher.read_bytes()
+        else:
+            files[name] = content
+    return files
+
+
+def _launcher_notes(guid: str, modules: list[str], interpreter: Path | None) -> bytes:
+    """What the launcher has to know: which FMU this is, and what a Python has to have for it."""
+    lines = [f"guid={guid}", f"python={_OLDEST_PYTHON}", f"modules={' '.join(modules)}"]
+    if interpreter is not None:
+        lines.append(f"interpreter={interpreter.absolute()}")
+    return ("\n".join(lines) + "\n").encode()
+
+
+def _model_name(description: bytes) -> str:
+    match = re.search(rb'modelIdentifier="(\w+)"', description)
+    if match is None:
+        raise BuildError("pythonfmu wrote a model description without modelIdentifier")
+    return match[1].decode()
+
+
+def _sources(script: Path) -> Files:
+    """The script and the modules that it needs, by their names in the checkout."""
+    for name in imported(script.read_text(encoding="utf-8"), script.name, ""):
+        helper = script.with_name(f"{name.partition('.')[0]}.py")
+        if helper.is_file():
+            raise SourceError(
+                f"{script.name} imports {helper.name} beside it: move that to ps_fmu to have it packaged"
+            )
+    roots = {"ps_fmu": PACKAGE, "pythonfmu": Path(pythonfmu.__file__).parent}
+    sources = closure(script, roots, hollow=("pythonfmu",))
+    place = PurePosixPath("ps_fmu", script.name)
+    if place in sources or (PACKAGE / script.stem).is_dir():
+        raise SourceError(f"{script.name} has the name of a module of ps_fmu: give it another one")
+    return sources | {place: script.read_bytes()}
+
+
+def _for_readers(folder: Path, slave: type[Slave], description: bytes) -> Files:
+    """What no simulation needs: page, terminals, icon."""
+    readme, icon = folder / "README.md", folder / "icon.png"
+    if not readme.is_file():
+        raise BuildError(f"{folder.name}: no README.md, which becomes the FMU's documentation")
+    try:
+        terminals = terminals_and_icons(slave.terminals, slave.layout) if slave.terminals else None
+        files = {_DOCUMENTATION / "index.html": page(readme.read_text(encoding="utf-8"), description, terminals)}
+    except (KeyError, ValueError) as error:
+        raise BuildError(f"{folder.name}: {error.args[0]}") from None
+    if terminals is not None:
+        files[_TERMINALS] = terminals
+    if icon.is_file():
+        files[_ICON] = icon.read_bytes()
+    return files

@@ -1,0 +1,210 @@
+"""A Python of its own for an FMU: interpreter, standard library without its rarer parts, and the packages it needs.
+
+It is this very interpreter's, and so runs on Linux of the same architecture with a glibc not older than the one that it
+and its packages were built for.  Of the interpreter's own libraries it has what is loaded, without debug information
+(which saves 10 MB); those of packages are as they were installed.  The launcher finds it beside itself, in the folder
+``python``::
+
+    bundle.txt                what the launcher has to know
+    lib/libpython3.11.so.1.0
+    lib/python311.zip         standard library, compiled
+    lib/python3.11/lib-dynload, lib/site-packages
+    lib/system                shared libraries that the others need and that a machine may lack
+"""
+
+from __future__ import annotations
+
+import functools
+import importlib.metadata
+import io
+import json
+import py_compile
+import subprocess
+import sys
+import sysconfig
+import tempfile
+import zipfile
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+
+from . import zip_writer as archive
+from .elf import loaded
+from .licenses import License, of_runtime
+from .sources import Files
+
+_ROOT = PurePosixPath("python")
+_VERSION = "{}.{}".format(*sys.version_info)
+_ZIP = f"lib/python{_VERSION.replace('.', '')}.zip"
+_DYNLOAD = f"lib/python{_VERSION}/lib-dynload"
+_PACKAGES = "lib/site-packages"
+
+# Of the standard library: tests, user interfaces, tools for developers, and what needs large libraries (OpenSSL,
+# SQLite, Tk, readline).  hashlib has implementations of its own.
+_LEFT_OUT = {
+    "__pycache__", "curses", "dbm", "distutils", "ensurepip", "idlelib", "lib2to3", "pydoc_data", "site-packages",
+    "sqlite3", "test", "tests", "tkinter", "turtle.py", "turtledemo", "venv",
+}  # fmt: skip
+_EXTENSIONS_LEFT_OUT = (
+    "_crypt", "_ctypes_test", "_curses", "_dbm", "_gdbm", "_hashlib", "_sqlite3", "_ssl", "_test", "_tkinter", "_uuid",
+    "_xx", "nis", "ossaudiodev", "readline", "spwd", "xx",
+)  # fmt: skip
+# Of packages: what is only for developing with them, and for testing them.
+_PACKAGE_PARTS_LEFT_OUT = {"__pycache__", "tests", "include", "_pyinstaller"}
+_PACKAGE_FILES_LEFT_OUT = (".pyi", ".pxd", ".h", ".a", ".pyc", ".typed")
+
+# Part of every Linux that can load the launcher and pythonfmu's library.
+_ALWAYS_THERE = (
+    "ld-linux", "libc.so", "libc-", "libdl", "libgcc_s", "libm.so", "libm-", "libpthread", "librt", "libstdc++",
+    "libutil",
+)  # fmt: skip
+
+
+class BundleError(RuntimeError):
+    """An FMU that cannot be given a Python of its own; the text says why."""
+
+
+@dataclass(frozen=True)
+class Bundle:
+    """The folder ``python`` as files by name, and the licences of what is in it."""
+
+    files: Files
+    licenses: tuple[License, ...]
+
+
+def bundle(modules: Sequence[str]) -> Bundle:
+    """This Python with some installed packages.  Raises BundleError."""
+    if sys.platform != "linux":
+        raise BundleError("a runtime can be bundled on Linux only")
+    standard = Path(sysconfig.get_path("stdlib"))
+    all_extensions = _extensions(standard / "lib-dynload")
+    absent = [name for name in all_extensions if name.startswith(_EXTENSIONS_LEFT_OUT)]
+    extensions = {name: path for name, path in all_extensions.items() if name not in absent}
+    packages = dict(_packages(modules))
+    libraries = {path.name: path for path in _needed_libraries([*extensions, *modules], absent)}
+    libpython = _libpython()
+    notes = {
+        "version": _VERSION,
+        "library": f"lib/{libpython.name}",
+        "entries": ":".join((_ZIP, _DYNLOAD, _PACKAGES)),
+        "packages": _PACKAGES,
+        "preload": ":".join(f"lib/system/{name}" for name in sorted(libraries)),
+    }
+    files = {
+        "bundle.txt": "".join(f"{key}={value}\n" for key, value in notes.items()).encode(),
+        notes["library"]: loaded(libpython.read_bytes()),
+        _ZIP: _standard_library(standard),
+    }
+    files |= {f"{_DYNLOAD}/{path.name}": loaded(path.read_bytes()) for path in extensions.values()}
+    files |= {f"{_PACKAGES}/{name}": content for name, content in packages.items()}
+    files |= {f"lib/system/{name}": path.read_bytes() for name, path in libraries.items()}
+    distributions = [importlib.metadata.packages_distributions()[module][0] for module in modules]
+    licenses = tuple(of_runtime(distributions, list(libraries.values())))
+    return Bundle({_ROOT / name: content for name, content in files.items()}, licenses)
+
+
+def check(fmu: Path) -> None:
+    """Run the model of an FMU with what is in its bundle, and nothing else.  Raises BundleError if it fails."""
+    with tempfile.TemporaryDirectory(prefix="ps_fmu_bundle_") as folder, zipfile.ZipFile(fmu) as content:
+        content.extractall(folder)
+        command = [sys.executable, "-I", "-S", "-B", "-c", _TRIAL, folder, f"binaries/linux64/{_ROOT}"]
+        run = subprocess.run(command, capture_output=True, text=True)
+    if run.returncode != 0:
+        raise BundleError(f"the model does not run with what is bundled:\n{run.stderr}")
+
+
+# The life of a slave without a host, since there is none that comes without Python.
+_TRIAL = """
+import os, sys
+folder, home = sys.argv[1], os.path.join(*sys.argv[1:])
+notes = dict(line.rstrip().split("=", 1) for line in open(os.path.join(home, "bundle.txt")))
+sys.path[:] = [os.path.join(home, entry) for entry in notes["entries"].split(":")]
+sys.path.insert(0, os.path.join(folder, "resources"))
+import importlib, xml.etree.ElementTree
+description = xml.etree.ElementTree.parse(os.path.join(folder, "modelDescription.xml")).getroot()
+model = description.find("CoSimulation").get("modelIdentifier")
+step = float(description.find("DefaultExperiment").get("stepSize"))
+with open(os.path.join(folder, "resources", "slavemodule.txt")) as name:
+    slave = getattr(importlib.import_module(name.read().strip()), model)(instance_name="trial")
+slave.setup_experiment(0.0)
+slave.enter_initialization_mode()
+slave.exit_initialization_mode()
+slave.do_step(0.0, step)
+slave.do_step(step, step)
+"""
+
+
+def _libpython() -> Path:
+    name = sysconfig.get_config_var("INSTSONAME") or ""
+    folders = (sysconfig.get_config_var("LIBDIR") or "", f"{sys.base_prefix}/lib")
+    for folder in folders:
+        if ".so" in name and (Path(folder) / name).is_file():
+            return Path(folder) / name
+    raise BundleError(f"{sys.executable} was built without a shared libpython (looked in {', '.join(folders)})")
+
+
+def _compiled(path: Path, name: str) -> bytes:
+    """A .pyc that is never checked against its source; the same bytes wherever it is made."""
+    with tempfile.TemporaryDirectory() as folder:
+        result = Path(folder) / "module.pyc"
+        mode = py_compile.PycInvalidationMode.UNCHECKED_HASH
+        py_compile.compile(str(path), str(result), name, doraise=True, optimize=0, invalidation_mode=mode)
+        return result.read_bytes()
+
+
+@functools.cache  # 2.5 s, the same for all FMUs
+def _standard_library(folder: Path) -> bytes:
+    content = io.BytesIO()
+    with zipfile.ZipFile(content, "w", zipfile.ZIP_STORED) as library:  # the FMU compresses it
+        for path in sorted(folder.rglob("*.py")):
+            name = path.relative_to(folder)
+            if not _LEFT_OUT.intersection(name.parts) and not any("config-" in part for part in name.parts):
+                entry = zipfile.ZipInfo(str(name.with_suffix(".pyc")), archive.DATE)
+                library.writestr(entry, _compiled(path, str(name)))
+    return content.getvalue()
+
+
+def _extensions(folder: Path) -> dict[str, Path]:
+    """Name and file of the standard library's compiled modules."""
+    return {path.name.partition(".")[0]: path for path in sorted(folder.glob("*.so"))}
+
+
+def _packages(modules: Iterable[str]) -> Iterator[tuple[str, bytes]]:
+    """The installed files of some packages, Python sources compiled."""
+    providers = importlib.metadata.packages_distributions()
+    for module in modules:
+        if module not in providers:
+            raise BundleError(f"the FMU needs {module}, which is not installed here")
+        for file in importlib.metadata.files(providers[module][0]) or ():
+            if ".." in file.parts or _PACKAGE_PARTS_LEFT_OUT.intersection(file.parts):
+                continue
+            path, name = Path(str(file.locate())), str(file)
+            if name.endswith(".py"):
+                yield f"{name}c", _compiled(path, name)
+            elif not name.endswith(_PACKAGE_FILES_LEFT_OUT) and file.name not in ("RECORD", "INSTALLER", "REQUESTED"):
+                yield name, path.read_bytes()
+
+
+def _needed_libraries(modules: Iterable[str], absent: Iterable[str]) -> list[Path]:
+    """Shared libraries that modules bring into a process where some others are not to be had, and that neither they
+    nor every system have.
+    """
+    program = (
+        "import importlib, json, sys\n"
+        "absent, present = (part.split() for part in sys.argv[1:])\n"
+        "sys.modules.update(dict.fromkeys(absent))\n"
+        "for name in present: importlib.import_module(name)\n"
+        "maps = [line.split(None, 5) for line in open('/proc/self/maps')]\n"
+        "print(json.dumps(sorted({m[5].strip() for m in maps if len(m) == 6 and '.so' in m[5]})))\n"
+    )
+    command = [sys.executable, "-I", "-c", program, " ".join(absent), " ".join(modules)]
+    run = subprocess.run(command, capture_output=True, text=True)
+    if run.returncode != 0:
+        raise BundleError(f"a module to be bundled cannot be imported:\n{run.stderr}")
+    inside = tuple(str(Path(sysconfig.get_path(name)).resolve()) for name in ("stdlib", "platlib"))
+    mapped = [Path(path) for path in json.loads(run.stdout)]
+    return [
+        path
+        for path in mapped
+        if not path.name.startswith((*_ALWAYS_THERE, "libpython")) and not str(path.resolve()).startswith(inside)
+    ]

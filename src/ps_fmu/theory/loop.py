@@ -1,0 +1,297 @@
+"""Stability of the internal loop: base acceleration - isolator - fine force - base, with a pure delay (section 3.2.2).
+
+The isolator is called feedforward, but its force moves the base whose motion it measures.  With the fine forces
+``f = K_we(s) s^2 q_b exp(-s tau)`` of (55) and the base motion ``q_b = C(s) f + D(s) w_b`` of (34)::
+
+    L(s) = s^2 C(s) K_we(s) exp(-s tau)      loop transfer matrix, (6, 6)
+    S(s) = (E - L(s))^-1                     sensitivity, eq (48)
+
+The feedback is positive: the critical point of Nyquist's criterion is **+1**.  The paper reads the margins of +L
+against -1.  Zeros of det(E - L) are the poles of the loop; C (the practical plant, from force to base acceleration)
+and K_we have all their poles in the left half-plane.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..control.feedforward import Controller, lowpass
+from ..control.isolator import Isolator
+from ..mechanism.inverse import inverse_kinematics
+from ..mechanism.parameters import Parameters
+from ..mechanism.plant import Plant
+from ..mechanism.practical import PlantModel
+from .frequency import Practical, crowded
+from .statespace import BASE_ACCELERATION, FINE_FORCES, controller_system, plant_system
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+_TURN = 0.15  # rad: the curve of det(E - L) is refined until no step turns by more
+_LOWEST, _HIGHEST = 1e-7, 1e5  # Hz: range of the Nyquist curve; beyond it L is below 1e-5
+_PADE_ORDER = 12
+
+
+@dataclass(frozen=True, eq=False)
+class Loop:
+    """The internal loop of the practical plant at one pose."""
+
+    model: PlantModel
+    controller: Controller
+    delay: float = 0.0
+    """Pure delay tau of the forces, s."""
+
+    def with_delay(self, delay: float) -> Loop:
+        """The same loop with another delay, s."""
+        return replace(self, delay=delay)
+
+    def inverted(self) -> Loop:
+        """The loop with the force in the opposite direction: L with its sign changed, critical point -1."""
+        g = self.controller.gains
+        gains = replace(g, acceleration=-g.acceleration, velocity=-g.velocity, displacement=-g.displacement)
+        return replace(self, controller=replace(self.controller, gains=gains))
+
+    def transfer(self, s: ArrayLike) -> Complex:
+        """L(s), (..., 6, 6), from base acceleration to the base acceleration that its force makes."""
+        s = np.asarray(s, dtype=complex)
+        return np.asarray(self._from_force(s) @ self.controller.response(s) * _delayed(s, self.delay))
+
+    def eigenvalues(self, s: ArrayLike) -> Complex:
+        """The three eigenvalues of L(s) that are not zero, (..., 3)."""
+        s = np.asarray(s, dtype=complex)
+        loop = self.controller.response(s) @ self._from_force(s)
+        return np.asarray(np.linalg.eigvals(loop * _delayed(s, self.delay)))
+
+    def characteristic(self, s: ArrayLike) -> Complex:
+        """det(E - L(s)), (...); computed as det(E_3 - K s^2 C)."""
+        return np.asarray(np.prod(1.0 - self.eigenvalues(s), axis=-1))
+
+    def sensitivity(self, s: ArrayLike) -> Complex:
+        """S(s) = (E - L)^-1 of eq (48), (..., 6, 6)."""
+        return np.asarray(np.linalg.inv(np.eye(6) - self.transfer(s)))
+
+    def _from_force(self, s: Complex) -> Complex:
+        """s^2 C(s), (..., 6, 3): fine force to base acceleration."""
+        return s[..., None, None] ** 2 * Practical(self.model.dynamics).C(s)
+
+    # --- Poles --------------------------------------------------------------------------
+
+    def unstable_poles(self) -> int:
+        """Zeros of det(E - L) in the right half-plane, by the argument principle along the imaginary axis.
+
+        The curve is refined until neighbouring points turn by less than 0.15 rad about the origin.
+        """
+        frequency = np.geomspace(_LOWEST, _HIGHEST, 2000)  # Hz
+        value = self.characteristic(2j * np.pi * frequency)
+        while True:
+            turn = np.angle(value[1:] / value[:-1])
+            coarse = np.flatnonzero((np.abs(turn) > _TURN) & (np.diff(frequency) > 1e-9 * frequency[1:]))
+            if coarse.size == 0:
+                break
+            between = 0.5 * (frequency[coarse] + frequency[coarse + 1])
+            frequency = np.insert(frequency, coarse + 1, between)
+            value = np.insert(value, coarse + 1, self.characteristic(2j * np.pi * between))
+        # Upwards along half of the axis; the other half is its mirror image, and det(E - L) is 1 far out.
+        return round(-float(turn.sum()) / np.pi)
+
+    def poles(self) -> Complex:
+        """Poles of the closed loop within reach of a Pade approximation, refined with the exact delay, (n,), rad/s.
+
+        Those to the right come first.  A loop with delay has infinitely many, ever further to the left.
+        """
+        if self.delay == 0.0:
+            return _from_the_right(np.linalg.eigvals(self._closed(0)).astype(complex))
+        rough = np.linalg.eigvals(self._closed(_PADE_ORDER))
+        # Not the free base at zero, which the loop does not move, nor where the approximation of the delay ends.
+        usable = (np.abs(rough) > 1e-6) & (np.abs(rough) < _PADE_ORDER / self.delay) & (rough.imag >= 0.0)
+        found = np.array([pole for start in rough[usable] if (pole := self._refined(start)) is not None])
+        return _from_the_right(_distinct(np.concatenate([found, found[found.imag > 0.0].conj()])))
+
+    def plant_poles(self) -> Complex:
+        """Poles of the plant alone, rad/s."""
+        return np.asarray(np.linalg.eigvals(plant_system(self.model).A).astype(complex))
+
+    def _refined(self, start: complex) -> complex | None:
+        """Pole near ``start`` by Newton's method; None if there is none within 10 %.
+
+        On the dynamic stiffness of the closed loop, which unlike det(E - L) has no poles where the plant has them:
+        with G singular at a pole, ``d(det G)/ds / det G = trace(G^-1 dG/ds)``.
+        """
+        s = complex(start)
+        for _ in range(30):
+            h = 1e-6 * abs(s)
+            slope = (self._stiffness(s + h) - self._stiffness(s - h)) / (2.0 * h)
+            try:
+                step = 1.0 / np.trace(np.linalg.solve(self._stiffness(s), slope))
+            except np.linalg.LinAlgError:  # there already
+                step = 0.0
+            s -= step
+            if not abs(s - start) < 0.1 * abs(start):
+                return None
+            if abs(step) <= 1e-12 * abs(s):
+                return s
+        return None
+
+    def _stiffness(self, s: complex) -> Complex:
+        """``s^2 M + s C + K`` of the plant's active coordinates, less the isolator's force."""
+        d = self.model.dynamics
+        on = np.flatnonzero(d.active)
+        stiffness = s * s * d.M + s * d.C + d.K + 0.0j
+        force = self.controller.response(np.asarray(s)) * (s * s * np.exp(-s * self.delay))
+        stiffness[d.slices["d_f"], d.slices["q_b"]] -= force
+        return np.asarray(stiffness[np.ix_(on, on)])
+
+    def _closed(self, order: int) -> Array:
+        """System matrix of plant, controller and Pade approximation of the delay."""
+        from control import append, feedback, pade, ss, tf
+
+        plant, isolator = plant_system(self.model), controller_system(self.controller)
+        accelerations = plant[BASE_ACCELERATION, FINE_FORCES]
+        if order:
+            one = ss(tf(*pade(self.delay, order)))
+            isolator = append(one, one, one) * isolator
+        return np.asarray(feedback(accelerations, isolator, sign=1).A)
+
+    # --- Limit of the delay -------------------------------------------------------------
+
+    @cached_property
+    def delay_limit(self) -> float:
+        """Smallest delay at which a pole reaches the imaginary axis, s; infinite if none ever does.
+
+        There an eigenvalue of L without delay has modulus one at some frequency w, and the delay turns it to +1:
+        ``tau = arg(lambda) / w``.  Only the crossings of |lambda| = 1 matter, so the search is one over frequency.
+        """
+        bare = self.with_delay(0.0)
+        frequency = np.geomspace(1e-3, 1e4, 8_000)  # Hz
+        modulus = np.sort(np.abs(bare.eigenvalues(2j * np.pi * frequency)), axis=-1)
+        delays = []
+        for branch in range(3):
+            above = modulus[:, branch] > 1.0
+            for k in np.flatnonzero(above[1:] != above[:-1]):
+                omega = 2.0 * np.pi * _crossing(bare, branch, frequency[k], frequency[k + 1])
+                values = bare.eigenvalues(1j * omega)
+                turn = float(np.angle(values[np.argsort(np.abs(values))][branch]))
+                delays.append((turn % (2.0 * np.pi)) / omega)
+        return min(delays, default=np.inf)
+
+
+def delay_limit_by_bisection(loop: Loop, longest: float, tolerance: float = 1e-6) -> float:
+    """Delay at which the loop loses stability, s, by bisection of the number of unstable poles; inf beyond ``longest``.
+
+    Independent of :attr:`Loop.delay_limit`.  Presumes one change of stability between zero and ``longest``.
+    """
+    if loop.with_delay(longest).unstable_poles() == 0:
+        return np.inf
+    low, high = 0.0, longest
+    while high - low > tolerance:
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if loop.with_delay(middle).unstable_poles() == 0 else (low, middle)
+    return 0.5 * (low + high)
+
+
+def loop_at(parameters: Parameters, orientation: ArrayLike = (0.0, 0.0, 0.0), delay: float = 0.0) -> Loop:
+    """The loop at an orientation (3,), roll, pitch, yaw, rad, with the centre of mass that the isolator assumes."""
+    p = parameters
+    plant = Plant(p.manipulator, p.payload, p.bus, p.servo, p.optics)
+    known = replace(p.payload, com_P=p.known_com_P)
+    return loop_of(plant, Isolator(p.manipulator, known, p.filters, lowpass(p.filters)), orientation, delay)
+
+
+def loop_of(plant: Plant, isolator: Isolator, orientation: ArrayLike, delay: float) -> Loop:
+    """As :func:`loop_at`, of an isolator that may know another mechanism and payload than those of the plant."""
+    orientation = np.asarray(orientation, dtype=np.float64)
+    command = inverse_kinematics(plant.manipulator.geometry, orientation).coarse_displacement
+    return Loop(plant.linearise(command), isolator.controller(orientation), delay)
+
+
+# --- Margins as the paper reads them ------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Margins:
+    """One element of L as a Bode diagram: what Fig 10 and section 4.2 state."""
+
+    largest_gain_db: float
+    largest_gain_at: float
+    """Hz."""
+    gain_crossings: tuple[float, ...]
+    """Hz, where the gain passes 0 dB."""
+    phase_crossings: tuple[float, ...]
+    """Hz, where the phase passes -180 deg while the gain is above 0 dB."""
+    phase_margin: float
+    """deg, phase above -180 deg at the last gain crossing; nan without one."""
+
+
+def element_margins(loop: Loop, band: tuple[float, float], row: int = 0, column: int = 0) -> Margins:
+    """Margins of +L[row, column] against the point -1, over a band of frequencies, Hz."""
+
+    def element(f: ArrayLike) -> Complex:
+        return loop.transfer(2j * np.pi * np.asarray(f))[..., row, column]
+
+    return margins(element, crowded(loop.plant_poles(), *band, 1500))
+
+
+def margins(element: Callable[[ArrayLike], Complex], frequency: Array) -> Margins:
+    """Margins of a function of frequency (Hz) against the point -1.
+
+    It is searched at the frequencies (n,), and then followed between them.
+    """
+    from scipy.optimize import minimize_scalar
+
+    def gain(value: Complex) -> Array:
+        return np.asarray(20.0 * np.log10(np.abs(value)))
+
+    def phase(value: Complex) -> Array:
+        """Distance from -180 deg, deg, between -180 and 180."""
+        return np.asarray(np.degrees(np.angle(-value)))
+
+    values = element(frequency)
+    gains = gain(values)
+    crossings = _roots(lambda f: gain(element(f)), frequency, gains)
+    turning = _roots(lambda f: phase(element(f)), frequency, phase(values), jump=180.0)
+    turning = [f for f in turning if gain(element(f)) > 0.0]
+    margin = float(phase(element(crossings[-1]))) if crossings else np.nan
+    top = int(np.clip(gains.argmax(), 1, len(frequency) - 2))
+    around = (frequency[top - 1], frequency[top + 1])
+    peak = minimize_scalar(lambda f: -gain(element(f)), bounds=around, method="bounded")
+    return Margins(-float(peak.fun), float(peak.x), tuple(crossings), tuple(turning), margin)
+
+
+def _delayed(s: Complex, delay: float) -> Complex:
+    return np.asarray(np.exp(-s * delay))[..., None, None]
+
+
+def _crossing(loop: Loop, branch: int, low: float, high: float) -> float:
+    """Frequency, Hz, at which the modulus of an eigenvalue (sorted by modulus) passes one."""
+    from scipy.optimize import brentq
+
+    def above(f: float) -> float:
+        return float(np.sort(np.abs(loop.eigenvalues(2j * np.pi * f)))[branch] - 1.0)
+
+    return float(brentq(above, low, high, xtol=1e-12 * high))
+
+
+def _roots(f: Callable[[float], Array], x: Array, y: Array, jump: float = np.inf) -> list[float]:
+    """Where f, with values y at the points x, passes zero, but for jumps larger than ``jump``."""
+    from scipy.optimize import brentq
+
+    places = np.flatnonzero((np.sign(y[1:]) != np.sign(y[:-1])) & (np.abs(np.diff(y)) < jump))
+    return [float(brentq(f, x[k], x[k + 1], xtol=1e-12 * x[k])) for k in places]
+
+
+def _distinct(values: Complex) -> Complex:
+    """Values that differ by more than 1e-6 of their modulus."""
+    kept: list[complex] = []
+    for value in values:
+        if all(abs(value - other) > 1e-6 * abs(value) for other in kept):
+            kept.append(complex(value))
+    return np.array(kept)
+
+
+def _from_the_right(poles: Complex) -> Complex:
+    return np.asarray(poles[np.argsort(-poles.real)])

@@ -1,0 +1,218 @@
+"""Wheels, sines, sweeps, their sum, and the parameters of all kinds."""
+
+import numpy as np
+import pytest
+
+from ps_fmu.disturbance import (
+    Chirp,
+    Disturbance,
+    Harmonics,
+    SpeedProfile,
+    Tone,
+    WheelSource,
+    default_settings,
+    read_harmonics,
+)
+from ps_fmu.disturbance.wheels import FORCE_HARMONICS, TORQUE_HARMONICS
+from ps_fmu.mechanism.flat import entries, with_values
+from ps_fmu.mechanism.parameters import ParameterError, load
+
+NOTHING = Harmonics(np.array([1.0]), np.array([0.0]))
+DEFAULTS = default_settings(load())
+QUIET = with_values(DEFAULTS, {"noise.enabled": False})
+STEP = 1e-4  # s
+
+
+# --- Wheels -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("speed", [300.0, -300.0])  # rad/s
+def test_wheel_amplitude_and_frequency_at_constant_speed(speed):
+    order, coefficient = 2.0, 1e-7  # 1, N/(rad/s)^2
+    harmonic = Harmonics(np.array([order]), np.array([coefficient]))
+    axis, position = np.array([1.0, 2.0, -0.5]), np.array([0.1, 0.4, -2.0])
+    wheel = WheelSource(
+        SpeedProfile(speed, speed, 0.0, 0.0), axis, position, (1, 2), force=harmonic, torque=NOTHING
+    )
+    times = 5.0 + np.arange(2000) * STEP
+    force, torque = np.split(wheel(times), 2, axis=1)
+    np.testing.assert_allclose(np.linalg.norm(force, axis=1), coefficient * speed**2)
+    np.testing.assert_allclose(force @ axis, 0.0, atol=1e-12)
+    np.testing.assert_allclose(torque, np.cross(position, force))
+    # It turns with the wheel, right-handed about the spin axis: the axis of the turn from one sample to the next.
+    turn = np.cross(force[:-1], force[1:]) @ axis / np.linalg.norm(axis) / (coefficient * speed**2) ** 2
+    np.testing.assert_allclose(turn, np.sin(order * speed * STEP))
+
+
+def test_wheel_amplitude_follows_the_square_of_the_present_speed():
+    harmonic = Harmonics(np.array([1.0]), np.array([1e-7]))
+    profile = SpeedProfile(initial=100.0, final=-300.0, start=3.0, duration=5.0)
+    wheel = WheelSource(profile, np.array([0.0, 0.0, 1.0]), np.zeros(3), (1,), force=harmonic, torque=NOTHING)
+    times = np.array([2.5, 4.0, 4.25, 6.0, 9.0])  # s; at 4.25 s the wheel stands still
+    size = np.linalg.norm(wheel(times)[:, :3], axis=1)
+    np.testing.assert_allclose(size, 1e-7 * np.array([100.0, 20.0, 0.0, 140.0, 300.0]) ** 2, atol=1e-15)
+
+
+def test_wheel_torque_harmonics_act_as_a_couple():
+    harmonic = Harmonics(np.array([1.0]), np.array([1e-9]))
+    wheel = WheelSource(
+        SpeedProfile(100.0, 100.0, 0.0, 0.0), np.array([0.0, 0.0, 1.0]), np.array([1.0, 2.0, 3.0]), (1,),
+        force=NOTHING, torque=harmonic,
+    )
+    wrench = wheel(np.arange(50_000, 50_100) * STEP)
+    assert not wrench[:, :3].any()
+    np.testing.assert_allclose(np.linalg.norm(wrench[:, 3:], axis=1), 1e-9 * 100.0**2)
+
+
+@pytest.mark.parametrize("duration", [4.0, 0.0])
+def test_wheel_angle_is_the_integral_of_the_speed(duration):
+    profile = SpeedProfile(initial=50.0, final=-200.0, start=3.0, duration=duration)
+    times = np.arange(100_001) * STEP
+    speed = profile.speed(times)
+    assert speed[0] == 50.0 and speed[-1] == -200.0
+    integral = np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * STEP)])
+    np.testing.assert_allclose(profile.angle(times), integral, atol=0.02)
+    steps = np.diff(profile.angle(times))
+    assert np.abs(steps).max() <= 200.0 * STEP * (1.0 + 1e-6)  # continuous
+
+
+def test_wheels_start_from_rest_and_leave_no_momentum():
+    wheel = WheelSource(
+        SpeedProfile(200.0, 200.0, 0.0, 0.0), np.array([0.0, 1.0, 0.0]), np.zeros(3), (7,), rise_time=2.0
+    )
+    wrench = wheel(np.arange(120_000) * STEP)
+    assert not wrench[0].any()
+    velocity = np.cumsum(wrench, axis=0) * STEP
+    swing = np.abs(velocity).max(axis=0)[[0, 2, 3, 5]]
+    turns = round(100 * 2.0 * np.pi / 200.0 / STEP)  # 100 turns: a whole number of cycles of every harmonic
+    assert (np.abs(velocity[-turns:].mean(axis=0))[[0, 2, 3, 5]] < 1e-3 * swing).all()
+
+
+def test_the_packaged_harmonics():
+    force, torque = read_harmonics(FORCE_HARMONICS), read_harmonics(TORQUE_HARMONICS)
+    assert force.orders.size == torque.orders.size == 12
+    assert (force.orders[0], force.coefficients[0]) == (1.01, 2.18e-7)
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        ("1.0,2e-7\n2.0\n", "line 2: expected two numbers"),
+        ("1.0,2e-7\n2.0,x\n", "line 2: expected two numbers"),
+        ("1.0,nan\n", "line 1: expected h > 0 and C >= 0"),
+        ("-1.0,1e-7\n", "line 1: expected h > 0"),
+        ("", "holds no harmonics"),
+    ],
+)
+def test_harmonics_that_cannot_be_used(tmp_path, text, problem):
+    path = tmp_path / "wheel.csv"
+    path.write_text(text)
+    with pytest.raises(ParameterError, match=problem):
+        read_harmonics(path)
+
+
+# --- Sines and sweeps -------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("frequency", [0.05, 1.0, 40.0])
+def test_tone_is_a_sine_that_does_not_push_a_free_body_away(frequency):
+    amplitude = np.array([1.0, 0.0, -2.0, 0.0, 0.5, 0.0])
+    tone, period = Tone(amplitude, frequency, phase=0.7), 1.0 / frequency
+    step = period / 200
+    rise = max(2.0, period)
+    times = np.arange(round((rise + 2.0 * period) / step) + 1) * step
+    wrench = tone(times)
+    risen = times >= rise
+    expected = np.outer(np.sin(2.0 * np.pi * frequency * times[risen] + 0.7), amplitude)
+    np.testing.assert_allclose(wrench[risen], expected, atol=1e-9)
+    velocity = np.cumsum(wrench, axis=0) * step
+    drift = velocity[-400:].mean(axis=0)  # over two periods
+    assert (np.abs(drift) < 1e-3 * period).all()  # m/s for 1 kg; the swing is period / (2 pi)
+    assert not wrench[0].any()
+
+
+@pytest.mark.parametrize(("logarithmic", "final"), [(False, 30.0), (True, 30.0), (True, 2.0), (True, 0.5)])
+def test_chirp_phase_is_the_integral_of_its_frequency(logarithmic, final):
+    chirp = Chirp(np.ones(6), 2.0, final, start=1.0, duration=10.0, logarithmic=logarithmic, rise_time=0.5)
+    elapsed = np.linspace(0.0, 10.0, 20_001)
+    frequency = np.gradient(chirp.phase(elapsed), elapsed) / (2.0 * np.pi)
+    part = elapsed / 10.0
+    expected = 2.0 * (final / 2.0) ** part if logarithmic else 2.0 + (final - 2.0) * part
+    np.testing.assert_allclose(frequency[1:-1], expected[1:-1], rtol=1e-5)
+    wrench = chirp(np.array([0.0, 1.0, 11.0, 12.0]))
+    assert not wrench.any()  # nothing before, at the ends, after
+    inside = chirp(np.linspace(2.0, 10.0, 5001))
+    assert 0.99 < np.abs(inside).max() <= 1.0
+
+
+# --- Sum and parameters -----------------------------------------------------------------
+
+
+def test_the_sum_of_all_kinds():
+    changes = {
+        "noise": {"noise.enabled": True},
+        "wheel": {"wheel_3.enabled": True, "wheel_3.final_speed": 300.0, "wheel_3.ramp_duration": 5.0},
+        "tone": {"tone_2.force.x": 0.3, "tone_2.torque.z": 0.1, "tone_2.frequency": 7.0},
+        "chirp": {"chirp.torque.y": 1.0},
+    }
+    times = np.arange(0, 100_000, 17) * STEP
+    parts = [Disturbance(with_values(QUIET, change))(times) for change in changes.values()]
+    everything = with_values(QUIET, {name: value for change in changes.values() for name, value in change.items()})
+    np.testing.assert_allclose(Disturbance(everything)(times), sum(parts), atol=1e-12)
+    assert all(part.any() for part in parts)
+    assert not Disturbance(QUIET)(times).any()
+    assert Disturbance(everything)(times[:0]).shape == (0, 6)
+
+
+def test_noise_acts_at_the_centre_of_mass():
+    """A wrench of force alone there has the torque com x force about the origin."""
+    psd = {f"noise.wrench_psd.{row}_{column}": 0.0 for row, column in _pairs() if "t" in row + column}
+    settings = with_values(DEFAULTS, psd | {"bus.com.x": 0.5, "bus.com.y": -0.3})
+    wrench = Disturbance(settings)(np.arange(30_000, 31_000) * STEP)
+    np.testing.assert_allclose(wrench[:, 3:], np.cross([0.5, -0.3, -2.0], wrench[:, :3]), atol=1e-9)
+
+
+def _pairs():
+    axes = ("fx", "fy", "fz", "tx", "ty", "tz")
+    return [(axes[i], axes[j]) for i in range(6) for j in range(i, 6)]
+
+
+def test_equal_wheels_have_phases_of_their_own():
+    axis = {f"wheel_2.spin_axis.{a}": value for a, value in zip("xyz", (1.0, 0.0, 0.0), strict=True)}
+    times = 5.0 + np.arange(1000) * STEP
+    one, other = (Disturbance(with_values(QUIET, {f"wheel_{i}.enabled": True} | axis))(times) for i in (1, 2))
+    assert np.abs(one - other).max() > 0.1 * np.abs(one).max()
+
+
+def test_scale_and_seed():
+    times = np.arange(30_000, 30_100) * STEP
+    one = Disturbance(DEFAULTS)(times)
+    np.testing.assert_allclose(Disturbance(with_values(DEFAULTS, {"noise.scale": 3.0}))(times), 3.0 * one)
+    assert not np.allclose(Disturbance(with_values(DEFAULTS, {"seed": 2}))(times), one)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("seed", -1), ("seed", 1.5), ("rise_time", 0.0), ("rise_time", 21.0), ("bus.com.x", np.nan),
+        ("noise.band.max", 0.05), ("noise.band.max", 5000.0), ("noise.scale", -1.0), ("noise.period", 10.0),
+        ("noise.period", 2000.0), ("noise.wrench_psd.fx_fx", -1.0), ("wheel_2.ramp_duration", -1.0),
+        ("wheel_1.spin_axis.x", 0.0), ("tone_1.frequency", 0.0), ("chirp.initial_frequency", 0.0),
+        ("noise.multisine", 2),
+    ],
+)  # fmt: skip
+def test_impossible_parameters_are_named(name, value):
+    with pytest.raises(ParameterError) as refusal:
+        with_values(DEFAULTS, {name: value})
+    assert name.startswith(refusal.value.name) or refusal.value.name == name
+
+
+def test_a_sweep_too_short_for_its_fades():
+    with pytest.raises(ParameterError, match=r"chirp.duration: must be at least twice the rise_time"):
+        with_values(DEFAULTS, {"chirp.force.x": 1.0, "chirp.duration": 3.0})
+
+
+def test_every_number_has_a_unit_and_a_description():
+    for entry in entries(DEFAULTS):
+        assert entry.description, entry.name
+        assert entry.unit or isinstance(entry.value, (bool, str)), entry.name

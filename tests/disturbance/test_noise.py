@@ -1,0 +1,186 @@
+"""Gaussian noise and multisine: spectrum, start from rest, no drift, a function of time and seed alone."""
+
+import numpy as np
+import pytest
+
+from ps_fmu.disturbance import GaussianNoise, Multisine, multisine_lines, psd_at_origin
+from ps_fmu.mechanism.parameters import load
+
+NOISE = load().noise
+PSD = NOISE.wrench_psd_B
+LOW_BAND = np.array([0.1, 50.0])  # Hz
+KINDS = pytest.mark.parametrize("kind", [GaussianNoise, Multisine])
+
+
+def sampled(noise, step, duration, start=0.0, rows=50_000):
+    """Rows at start, start + step, ... in blocks, as a run reads them."""
+    count = round(duration / step)
+    return np.concatenate(
+        [noise(start + np.arange(i, min(i + rows, count)) * step) for i in range(0, count, rows)]
+    )
+
+
+def cross_spectra(values, step, length):
+    """One-sided cross-spectra (frequencies, 6, 6) by averaging Hann-windowed segments."""
+    window = np.hanning(length)
+    segments = values[: len(values) // length * length].reshape(-1, length, 6)
+    transform = np.fft.rfft(segments * window[:, None], axis=1)
+    power = np.einsum("sfi,sfj->fij", transform, transform.conj()).real / len(segments)
+    return np.fft.rfftfreq(length, step), 2.0 * step * power / (window @ window)
+
+
+def free_body(force, step):
+    """Velocity and position of a unit mass pushed from rest, force held over each step."""
+    velocity = np.cumsum(force, axis=0) * step
+    position = (np.cumsum(velocity, axis=0) - 0.5 * velocity) * step
+    return velocity, position
+
+
+def position_variance_per_psd(band):
+    """Variance of G for white noise of unit one-sided density: integral of (2 pi f)^-4 over the band, s3."""
+    return (band[0] ** -3 - band[1] ** -3) / (3.0 * (2.0 * np.pi) ** 4)
+
+
+@KINDS
+def test_a_function_of_time_and_seed_alone(kind):
+    times = np.array([0.5, 3.2, 49.9997, 50.0, 50.0001, 123.4567])
+    together = kind(PSD, NOISE.band, seed=5)(times)
+    other_order = kind(PSD, NOISE.band, seed=5)
+    for i in (4, 0, 5, 2, 1, 3):
+        np.testing.assert_array_equal(other_order(times[i : i + 1])[0], together[i])
+    assert np.abs(kind(PSD, NOISE.band, seed=6)(times) - together).min() > 0.0
+
+
+@KINDS
+@pytest.mark.parametrize(("step", "every", "of_fine"), [(1e-3, 1, 10), (2.5e-4, 2, 5)])
+def test_step_sizes_agree_at_common_times(kind, step, every, of_fine):
+    noise = kind(PSD, NOISE.band, seed=1)
+    fine, coarse = np.arange(60_000) * 1e-4, np.arange(round(6.0 / step)) * step
+    np.testing.assert_allclose(noise(coarse)[::every], noise(fine)[::of_fine], rtol=0.0, atol=1e-8)
+
+
+@KINDS
+def test_starts_from_rest_and_smoothly(kind):
+    noise = kind(PSD, NOISE.band, seed=2)
+    assert not noise(np.array([-1.0, 0.0])).any()
+    assert np.abs(noise(np.arange(100) * 1e-4)).max() < 1e-3  # N, N.m; the noise itself: 24 N
+
+
+@pytest.mark.parametrize(
+    ("kind", "upper", "duration"),  # Hz, s; 15 Hz: the slow layer alone, which carries the motion
+    [(GaussianNoise, 15.0, 1000.0), (GaussianNoise, 50.0, 200.0), (Multisine, 50.0, 402.0)],
+)
+def test_a_free_body_does_not_drift(kind, upper, duration):
+    band, step = np.array([0.1, upper]), 2.5e-3  # Hz, s
+    velocity, position = free_body(sampled(kind(PSD, band, seed=3), step, duration), step)
+    deviation = np.sqrt(np.diag(PSD) * position_variance_per_psd(band))
+    assert (np.abs(position) < 6.0 * deviation).all()
+    assert (np.abs(velocity.mean(axis=0)) < 1e-2 * velocity.std(axis=0)).all()
+
+
+def test_without_the_rise_the_same_body_would_drift():
+    step = 2.5e-3  # s
+    noise = Multisine(PSD, LOW_BAND, seed=3)
+    velocity, _ = free_body(sampled(noise, step, 200.0, start=10.0), step)
+    assert (np.abs(velocity.mean(axis=0)) > 0.1 * velocity.std(axis=0)).any()
+
+
+def test_multisine_leaves_no_mean_velocity_or_position():
+    """Over a whole repetition in the steady state both are zero: the rise leaves no impulse at all."""
+    step = 2.5e-3  # s
+    velocity, position = free_body(sampled(Multisine(PSD, LOW_BAND, seed=4), step, 202.0), step)
+    for motion in (velocity, position):
+        steady = motion[-80_000:]
+        assert (np.abs(steady.mean(axis=0)) < 2e-4 * steady.std(axis=0)).all()
+
+
+def test_gaussian_spectrum_is_the_given_matrix():
+    band, step, length = np.array([0.5, 200.0]), 1e-3, 10_000
+    values = sampled(GaussianNoise(PSD, band, seed=1), step, 300.0, start=2.0)
+    frequencies, spectra = cross_spectra(values, step, length)
+    scale = np.sqrt(np.outer(np.diag(PSD), np.diag(PSD)))
+    # Below, within and above the change between the layers (15-20 Hz), and up to the edge.
+    for low, high in ((1.0, 14.0), (14.0, 21.0), (21.0, 198.0)):
+        inside = (frequencies > low) & (frequencies < high)
+        error = np.abs(spectra[inside].mean(axis=0) - PSD) / scale
+        independent = inside.sum() * len(values) / length / 1.5  # a Hann window is 1.5 lines wide
+        assert error.max() < 5.0 / np.sqrt(independent)
+    outside = (frequencies < 0.2) | (frequencies > 201.0)
+    assert (np.diagonal(spectra[outside], axis1=1, axis2=2) < 0.03 * np.diag(PSD)).all()
+
+
+def test_gaussian_noise_is_gaussian_and_does_not_repeat():
+    values = sampled(GaussianNoise(PSD, np.array([0.1, 15.0]), seed=9), 1e-2, 1000.0, start=2.0)
+    normal = values / values.std(axis=0)
+    assert np.abs((normal**3).mean(axis=0)).max() < 0.05
+    assert np.abs((normal**4).mean(axis=0) - 3.0).max() < 0.1
+    lag = 10_000  # 100 s, the length of a block
+    assert np.abs((normal[lag:] * normal[:-lag]).mean(axis=0)).max() < 0.03
+
+
+def test_gaussian_power_is_constant_over_the_blocks():
+    """Mean square over seeds within each tenth of a block: the cross-fades keep the power."""
+    band = np.array([0.5, 5.0])
+    power = np.zeros(10)
+    for seed in range(12):
+        values = sampled(GaussianNoise(PSD, band, seed, period=10.0), 0.02, 200.0, start=10.0)
+        power += (values[:, 0].reshape(-1, 10, 25) ** 2).mean(axis=(0, 2)) / 12.0
+    np.testing.assert_allclose(power, PSD[0, 0] * 4.5, rtol=0.12)
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_multisine_moves_a_free_body_with_the_exact_covariance(seed):
+    """One window of T shows the covariance of independent inputs; random phases would miss it by 10 %."""
+    step = 2.5e-3  # s
+    _, position = free_body(sampled(Multisine(PSD, LOW_BAND, seed), step, 102.0), step)
+    window = position[round(2.0 / step) :]
+    lines = (np.arange(10, 5000) + 0.5) / 100.0  # Hz
+    expected = PSD * np.sum((2.0 * np.pi * lines) ** -4.0) / 100.0
+    scale = np.sqrt(np.outer(np.diag(expected), np.diag(expected)))
+    assert np.abs((window.T @ window / len(window) - expected) / scale).max() < 5e-3
+
+
+def test_multisine_has_the_power_of_the_spectrum():
+    values = sampled(Multisine(PSD, NOISE.band, seed=1), 5e-4, 200.0, start=2.0)
+    scale = np.sqrt(np.outer(np.diag(PSD), np.diag(PSD))) * (NOISE.band[1] - NOISE.band[0])
+    covariance = values.T @ values / len(values)
+    assert np.abs((covariance - PSD * (NOISE.band[1] - NOISE.band[0])) / scale).max() < 0.01
+
+
+@KINDS
+def test_either_layer_may_be_empty(kind):
+    for band in ([0.5, 5.0], [30.0, 300.0]):
+        values = sampled(kind(PSD, np.array(band), seed=1), 1e-3, 100.0, start=2.0)
+        np.testing.assert_allclose((values**2).mean(axis=0), np.diag(PSD) * np.ptp(band), rtol=0.2)
+
+
+def test_times_far_apart_do_not_cost_what_lies_between(monkeypatch):
+    made = []
+    synthesise = GaussianNoise._synthesise
+    monkeypatch.setattr(GaussianNoise, "_synthesise", lambda *a: made.append(a[-1]) or synthesise(*a))
+    times = np.array([1e3, 2e3, 1e9])
+    together = GaussianNoise(PSD, LOW_BAND, seed=5)(times)
+    assert len(made) <= 12  # two blocks alive at a time, two layers
+    for time, expected in zip(times, together, strict=True):
+        np.testing.assert_array_equal(GaussianNoise(PSD, LOW_BAND, seed=5)(np.array([time]))[0], expected)
+
+
+@KINDS
+def test_no_noise_at_all(kind):
+    assert not kind(np.zeros((6, 6)), NOISE.band, seed=1)(np.arange(10) * 1.0).any()
+
+
+def test_the_spectrum_at_another_point():
+    """Torque about the origin = torque about the centre of mass + lever x force, for any sample of the noise."""
+    com = np.array([0.3, -0.2, -2.0])
+    factor = np.linalg.cholesky(PSD + 1e-6 * np.eye(6))
+    moved = np.concatenate([factor[:3], factor[3:] + np.cross(com, factor[:3], axisb=0).T])
+    np.testing.assert_allclose(psd_at_origin(factor @ factor.T, com), moved @ moved.T, atol=1e-12)
+
+
+def test_lines_of_the_multisine_are_what_it_plays():
+    frequency, amplitude = multisine_lines(PSD, LOW_BAND, seed=2, period=20.0)
+    times = np.array([7.3, 41.0, 123.4])
+    expected = (np.exp(2j * np.pi * np.outer(times, frequency)) @ amplitude).real
+    played = Multisine(PSD, LOW_BAND, seed=2, period=20.0)(times)
+    np.testing.assert_allclose(played, expected, rtol=0.0, atol=2e-5 * np.abs(expected).max())

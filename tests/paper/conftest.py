@@ -1,0 +1,98 @@
+"""What several tests of the analyses need: closed forms and errata, each computed once for all files of a session.
+
+Seconds are of one core with nothing else to do; what a fixture shares with one before it is not computed again.
+"""
+
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from support.published import jitter_run
+
+from ps_fmu.mechanism.parameters import load
+from ps_fmu.paper import published, settings
+from ps_fmu.paper import whole as paper
+from ps_fmu.paper.command import Options
+from ps_fmu.paper.errata import errata
+from ps_fmu.paper.figures.fig06 import analysis as workspace
+from ps_fmu.paper.figures.fig07 import analysis as trajectories
+from ps_fmu.paper.figures.fig07.scenario import METHODS, PathResult, paths
+from ps_fmu.paper.figures.fig08_11 import analysis as transmissibility
+from ps_fmu.paper.figures.fig10 import analysis as stability
+from ps_fmu.paper.figures.table2 import analysis as jitter
+from ps_fmu.paper.figures.table2 import closed_form as table2_theory
+from ps_fmu.paper.support_modules import CASES, parameters_of
+from ps_fmu.runs.options import DEFAULT_DURATION_S, DEFAULT_STEP_S, RunOptions
+
+ORIENTATIONS = table2_theory.ORIENTATIONS
+SYSTEM = Path(__file__).parents[2] / "system" / "SystemStructure.ssd"
+RATE = 0.005  # m/s, of the coarse legs
+
+
+@pytest.fixture(scope="session")
+def all_errata():
+    """The errata: 5 s."""
+    return errata()
+
+
+@pytest.fixture(scope="session")
+def curves():
+    """Transmissibility at the orientations, and of the cases: 3 s."""
+    return (
+        {name: transmissibility.curves(load(), rpy) for name, rpy in ORIENTATIONS.items()},
+        {case: transmissibility.curves(parameters_of(case)) for case in CASES},
+    )
+
+
+@pytest.fixture(scope="session")
+def jitter_results():
+    """Closed form of Table 2 beside the runs of docs/paper: 11 s, 7 s after ``closed_form``."""
+    p = load()
+    run = SimpleNamespace(band=p.noise.band, period_s=DEFAULT_DURATION_S["table2"], comparisons=jitter_run())
+    return jitter.compute(p, run, DEFAULT_STEP_S["table2"], seed=1)
+
+
+@pytest.fixture(scope="session")
+def closed_form(curves):
+    """Findings by key, all that does not come from a run of the FMUs: 13 s more than ``curves``."""
+    delay = published()["text.delay"].value
+    parts = {
+        "workspace": workspace.findings(workspace.compute()),
+        "trajectories": _trajectories(),
+        "transmissibility": transmissibility.findings(*curves),
+        "stability": stability.findings({case: stability.judge(case, delay) for case in CASES}),
+        "jitter": _jitter(),
+    }
+    assert parts.keys() == set(paper.PARTS)
+    found = settings.findings(Options(Path(), system=SYSTEM))
+    found += [finding for findings in parts.values() for finding in findings]
+    return {finding.key: finding for finding in paper.in_order_of_the_paper(found)}
+
+
+def _trajectories():
+    """Those of the usual paths, without runs: the response is the target, but for what tells no error from zero."""
+    name = "trajectories"
+    options = RunOptions(name, SYSTEM, Path(), DEFAULT_DURATION_S[name], DEFAULT_STEP_S[name])
+    results = []
+    for path, (targets, _) in paths(RATE, options).items():
+        none = np.zeros(len(targets))
+        results += [
+            PathResult(path, method, None, targets, targets + 1e-9, none, targets, none > 0.0) for method in METHODS
+        ]
+    return [_without_run(finding) for finding in trajectories.findings(results)]
+
+
+def _jitter():
+    ones = SimpleNamespace(radius_rms=1.0)
+    run = SimpleNamespace(
+        rms_passive=np.ones(3), rms_active=np.ones(3), rejection=np.ones(3),
+        passive=SimpleNamespace(scatter=ones), active=SimpleNamespace(scatter=ones),
+    )  # fmt: skip
+    results = {name: SimpleNamespace(theory=table2_theory.closed_form(name), measured=run) for name in ORIENTATIONS}
+    return [_without_run(finding) for finding in jitter.findings(results)]
+
+
+def _without_run(finding):
+    """The computed value alone: value and remark of a run that was not made do not count."""
+    return type(finding)(finding.key, finding.computed)

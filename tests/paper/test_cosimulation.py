@@ -1,0 +1,46 @@
+"""What stands in the way of a co-simulation is said before anything is built or written."""
+
+from pathlib import Path
+
+import pytest
+
+from ps_fmu.cli import main
+from ps_fmu.paper import cosimulation
+from ps_fmu.paper.command import ANALYSES, CLOSED_FORM, Options
+from ps_fmu.runs import sources
+from ps_fmu.runs.options import OptionError
+from ps_fmu.slavekit.pack import build
+
+CHECKOUT = Path(__file__).parents[2]
+CO_SIMULATED = [name for name in ANALYSES if name not in CLOSED_FORM]
+
+
+@pytest.fixture
+def no_build(monkeypatch):
+    """Building the FMUs fails the test."""
+    monkeypatch.setattr(sources, "ensure_built", lambda folder, root: pytest.fail("FMUs were built"))
+
+
+@pytest.mark.parametrize("name", CO_SIMULATED)
+def test_from_another_folder_a_hint_and_nothing_left_behind(name, no_build, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main(["analyse", name]) != 0
+    said = capsys.readouterr().err
+    assert "there is no system description system/SystemStructure.ssd" in said
+    assert f"work in {CHECKOUT}, or give --system {CHECKOUT / 'system' / 'SystemStructure.ssd'}" in said
+    assert not list(tmp_path.iterdir())
+
+
+def test_without_the_sources_of_the_fmus(no_build, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(build, "PACKAGE", tmp_path / "site-packages" / "src" / "ps_fmu")
+    assert main(["analyse", "trajectories"]) != 0
+    assert "the FMUs' sources" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
+
+
+def test_an_output_that_cannot_be_used_is_said_before_fmus_are_built(no_build, tmp_path):
+    (tmp_path / "table2").write_text("")
+    options = Options(tmp_path, tmp_path / "fmus", CHECKOUT / "system" / "SystemStructure.ssd", progress=False)
+    with pytest.raises(OptionError, match="--output: cannot write in"):
+        cosimulation.run_options(options, "table2", 1.0, 1e-3)

@@ -1,0 +1,83 @@
+"""Stability through the real FMUs: the poles in their motion are those of linear theory."""
+
+import json
+import re
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from ps_fmu.cosim import read_parameters
+from ps_fmu.mechanism.parameters import load
+from ps_fmu.paper.figures.fig10 import scenario as stability
+from ps_fmu.paper.support_modules import CASES, values_of
+from ps_fmu.runs.options import OptionError
+
+PARAMETERS = Path(__file__).parents[2] / "system" / "parameters"
+
+
+def test_time_responses_have_the_predicted_poles(make_options, capsys):
+    """In steps of 1 ms, with 1 ms more of delay: all four cases are stable, the lighter module beyond its limit not."""
+    options = make_options("stability", 3.0, step_s=1e-3)
+    stability.run(options)
+    responses = json.loads((options.output / "summary.json").read_text())["responses"]
+    assert [r["case"] for r in responses] == [*np.repeat(CASES, 2), "LSM"]
+    for r in responses:
+        assert r["pole_rad_s"] == pytest.approx(r["predicted_pole_rad_s"], rel=2e-3)
+    assert [r["stable"] for r in responses] == [True] * 8 + [False]
+    assert responses[-1]["pole_rad_s"][0] > 0.4 and responses[-1]["last_second_over_first"] > 1.5
+    text = capsys.readouterr().out
+    assert "With the delay of 0.02 s, stable: OSM, LSM, LDOSM, LDLSM; unstable: none." in text
+    assert "Beyond the limit of 91.6 ms, with 100 ms, the motion of LSM grows" in text
+    assert "Not in the predictions" not in text
+    for name in ("fine", "payload"):
+        assert (options.output / f"stability_{name}.png").stat().st_size > 20_000
+
+
+def test_predictions_are_of_the_parameters_of_the_run(make_options, ssv, monkeypatch, capsys):
+    """Stiffer legs, of which the isolator knows in part, at another orientation."""
+    monkeypatch.setattr(stability, "CASES", ("LSM",))
+    stiffness = load().manipulator.fine_legs[0].stiffness
+    given = {f"plant.fine_leg_{leg}.stiffness": 1.5 * stiffness for leg in (1, 2, 3)}
+    given |= {f"isolator.fine_leg_{leg}.stiffness": 1.4 * stiffness for leg in (1, 2, 3)}
+    given |= {"commander.target.roll": 0.1, "isolator.force_limit": 100.0}
+    options = make_options("stability", 3.0, step_s=1e-3, parameters=(ssv(given),))
+    stability.run(options)
+    passive, active, late = json.loads((options.output / "summary.json").read_text())["responses"]
+    for r in (passive, active, late):
+        assert r["pole_rad_s"] == pytest.approx(r["predicted_pole_rad_s"], rel=2e-3)
+        assert r["pole_rad_s"][1] > 1.1 * 2.0 * np.pi * 5.3  # rad/s, as with the paper's legs
+    text = capsys.readouterr().out
+    assert float(re.search(r"limit of ([\d.]+) ms, with 100 ms", text)[1]) != pytest.approx(91.6, abs=1.0)
+    assert "Not in the predictions: isolator.force_limit." in text
+
+
+def test_a_limit_is_said_to_be_exceeded_only_if_it_is():
+    for limit, said in ((0.05, "Beyond the limit of 50.0 ms"), (0.2, "Within the limit of 200.0 ms")):
+        assert stability._against_limit(SimpleNamespace(delay=0.1, delay_limit=limit)) == said
+    assert "any delay" in stability._against_limit(SimpleNamespace(delay=0.1, delay_limit=np.inf))
+
+
+def test_a_run_too_short_for_poles_is_refused(make_options):
+    with pytest.raises(OptionError, match=r"--duration: poles need 3 s at least, got 1 s"):
+        stability.run(make_options("stability", 1.0, step_s=1e-3))
+
+
+def test_pulse_leaves_neither_velocity_nor_displacement():
+    time = np.linspace(0.0, stability.PULSE_S, 4001)
+    velocity = np.cumsum(stability.pulse(time))
+    assert np.abs(stability.pulse(time)).max() == pytest.approx(1.0, abs=1e-6)
+    assert abs(velocity[-1]) < 1e-9 * np.abs(velocity).max()
+    assert abs(velocity.sum()) < 1e-9 * np.abs(velocity).sum()
+
+
+@pytest.mark.parametrize(("case", "files"), [("OSM", ["OSM"]), ("LSM", ["LSM"]), ("LDLSM", ["LSM", "large_damping"])])
+def test_cases_are_those_of_the_parameter_files(case, files):
+    """And what the files leave out is the damping that the FMUs start with."""
+    given = {}
+    for name in files:
+        given |= read_parameters(PARAMETERS / f"{name}.ssv")
+    values = values_of(case)
+    assert {name: values[name] for name in given} == given
+    assert all("damping" in name for name in values.keys() - given.keys())

@@ -1,0 +1,91 @@
+"""Findings beside what the paper says, and the files they are written to."""
+
+import json
+import math
+
+import pytest
+
+from ps_fmu.paper import Published, published
+from ps_fmu.paper.result import Analysis, Finding
+from ps_fmu.results.report import Table
+
+
+def test_every_published_number_is_complete():
+    for key, number in published().items():
+        assert number.key == key and number.where and number.what and number.unit
+        assert math.isfinite(number.value)
+    assert published()["table1.roll_max"].value == 9.60083
+
+
+def test_rejections_of_table_2_follow_from_its_rms_values():
+    """Within what two and three digits allow, but for the one that the remark is about."""
+    for key, number in published().items():
+        if "rejection" not in key or not key.startswith("table2."):
+            continue
+        passive, active = (published()[key.replace("rejection", name)].value for name in ("passive", "active"))
+        off = abs(100.0 * (1.0 - active / passive) - number.value)
+        assert off < (0.1 if number.remark else 0.06), key
+        assert bool(number.remark) == (off > 0.06), key
+
+
+@pytest.mark.parametrize(
+    ("key", "ours", "difference"),
+    [
+        ("table1.roll_max", 9.60093, "+0.0001 deg"),
+        ("table2.nominal_passive_1", 1.6665e-5, "+1 %"),
+        ("fig8.attenuation", 60.0, "holds"),
+        ("fig8.amplification", 9.5, "does not hold"),
+        ("fig7.error", 2e-9, "x 0.2"),
+    ],
+)
+def test_difference_from_the_paper(key, ours, difference):
+    assert Finding(key, ours).difference == difference
+
+
+@pytest.mark.parametrize(
+    ("key", "computed", "cosimulated", "difference"),
+    [
+        ("fig8.attenuation", 60.0, 40.0, "holds / does not hold"),
+        ("fig8.attenuation", 60.0, 61.0, "holds"),
+        ("fig9.radius_active", 1.1e-7, 1.2e-7, "x 1.1 / x 1.2"),
+        ("table2.nominal_passive_1", 1.6665e-5, 1.6335e-5, "+1 / -1 %"),
+        ("table2.nominal_rejection_1", 99.4, 99.2, "+0.1 / -0.1 points"),
+    ],
+)
+def test_computed_and_cosimulated_values_are_both_compared(key, computed, cosimulated, difference):
+    assert Finding(key, computed, cosimulated).difference == difference
+
+
+def test_a_setting_is_not_compared_as_if_it_were_a_result():
+    assert Finding("text.delay", 0.02, setting=True).difference == "as published"
+    assert Finding("text.delay", 0.03, setting=True).difference == "not as published"
+
+
+def test_what_two_analyses_found_is_joined():
+    found = Finding("table1.roll_max", 9.6, remark="a").joined(Finding("table1.roll_max", cosimulated=9.5, remark="b"))
+    assert found == Finding("table1.roll_max", 9.6, 9.5, "a; b")
+
+
+def test_published_numbers_are_in_the_order_of_the_file():
+    """Groups are interleaved there, as in the paper."""
+    keys = list(published())
+    order = ["text.epsilon", "table1.roll_max", "text.cone", "fig7.error", "text.noise_to", "fig10.OSM_peak"]
+    assert sorted(order, key=keys.index) == order
+
+
+def test_unknown_relations_are_refused():
+    with pytest.raises(ValueError, match="relation '!='"):
+        Published("a.b", "Fig 1", "something", "m", 1.0, relation="!=")
+
+
+def test_what_is_written(tmp_path):
+    table = Table("Other", ("a", "b"), [("1", "2|3")])
+    Analysis("name", "Title", ["Text."], [Finding("table1.yaw_max", 16.6)], [table], data={"x": [1.0]}).write(tmp_path)
+    content = json.loads((tmp_path / "name.json").read_text())
+    assert content["findings"][0]["published"] == 16.6285 and content["x"] == [1.0]
+    assert content["tables"] == [{"caption": "Other", "header": ["a", "b"], "rows": [["1", "2|3"]]}]
+    assert content["title"] == "Title" and content["text"] == ["Text."] and content["pictures"] == []
+    markdown = (tmp_path / "name.md").read_text()
+    assert "| Table 1 | largest yaw angle | deg | 16.6285 | 16.6 | - | -0.028 deg |  |" in markdown
+    assert "2\\|3" in markdown
+    assert "Title" in (tmp_path / "name.html").read_text()

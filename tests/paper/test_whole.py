@@ -1,0 +1,73 @@
+"""ps-fmu analyse paper."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from ps_fmu.cli import main
+from ps_fmu.paper import published
+from ps_fmu.paper import whole as paper
+from ps_fmu.paper.errata import Erratum
+from ps_fmu.paper.result import Finding
+
+ROOT = Path(__file__).parents[2]
+SYSTEM = ROOT / "system" / "SystemStructure.ssd"
+
+
+def test_every_number_of_the_paper_is_computed(closed_form):
+    assert list(closed_form) == list(published())
+    assert paper.not_computed(closed_form.values()) == []
+
+
+def test_settings_are_those_of_the_paper(closed_form):
+    settings = [finding for finding in closed_form.values() if finding.setting]
+    assert len(settings) == 17
+    for finding in settings:
+        assert finding.computed == finding.published.value, finding.key
+
+
+def test_what_the_paper_claims_and_what_it_is(closed_form):
+    """Arbitrary orientations are not in reach; the bus does not count in Fig 11; the band of amplification is there."""
+    assert closed_form["text.any_orientation"].computed == pytest.approx(4.044, abs=1e-3)
+    for key in ("fig11.similar", "fig11.similar_damped"):
+        assert closed_form[key].computed < 1e-6  # dB
+    assert closed_form["fig11.attenuation"].computed == pytest.approx(5.2, abs=0.02)
+    assert "from 43.2 to 9.0 dB" in closed_form["fig11.attenuation"].remark
+    assert closed_form["fig8.amplified_from"].computed == pytest.approx(92.2, abs=1.0)
+    assert closed_form["fig8.amplified_to"].computed == pytest.approx(602.0, abs=3.0)
+    assert "up to 19.8 and 18.4 dB" in closed_form["fig8.amplification"].remark
+    assert 1e-9 < closed_form["fig7.smallest_error"].computed < closed_form["fig7.error"].computed < 1e-8
+
+
+def test_a_number_that_is_found_twice_is_refused():
+    with pytest.raises(ValueError, match=r"table1\.roll_max: two analyses find this number"):
+        paper.in_order_of_the_paper([Finding("table1.roll_max", 9.6), Finding("table1.roll_max", 9.5)])
+
+
+def test_a_number_without_a_value_is_neither_right_nor_wrong():
+    assert Finding("text.rejection").difference == "not computed"
+
+
+def test_what_is_written(tmp_path, capsys, monkeypatch):
+    """With the errata of one entry, and without the other analyses: these have their own tests."""
+    erratum = Erratum("(1)", "wrong", "right", "computed", 1e-12, 0.5)
+    monkeypatch.setattr(paper, "PARTS", ())
+    monkeypatch.setattr("ps_fmu.paper.errata.ENTRIES", (lambda: erratum,))
+    assert main(["analyse", "paper", "--output", str(tmp_path), "--system", str(SYSTEM)]) == 0
+    content = json.loads((tmp_path / "paper.json").read_text())
+    assert [finding["key"] for finding in content["findings"]] == list(published())
+    assert "table1.roll_max" in content["not_computed"] and "text.OSM_mass" not in content["not_computed"]
+    assert content["errata"][0]["error_printed"] == 0.5
+    assert "| (1) | wrong | right | 1e-12 | 0.5 | computed |" in (tmp_path / "paper.md").read_text()
+    printed = capsys.readouterr().out
+    assert max(map(len, printed.splitlines())) <= 120
+    assert f"The table has {len(published())} numbers of the paper" in " ".join(printed.split())
+    assert (tmp_path / "paper.html").is_file()
+
+
+def test_a_missing_parameter_set_is_said_before_anything_is_computed(tmp_path, capsys):
+    alone = tmp_path / "alone.ssd"
+    alone.write_text("")
+    assert main(["analyse", "paper", "--output", str(tmp_path), "--system", str(alone)]) == 1
+    assert "large_damping.ssv" in capsys.readouterr().err

@@ -1,0 +1,65 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.spatial import ConvexHull
+
+from ps_fmu.pointing.hull import convex_hull
+from ps_fmu.results.observers.scatter import ScatterObserver
+
+NAMES = ["b.u", "b.v"]
+
+
+@given(cuts=st.lists(st.integers(1, 499), max_size=8), seed=st.integers(0, 2**32 - 1))
+def test_scatter_equals_the_direct_computation_for_any_cut(columns, feed, cuts, seed):
+    values = np.random.default_rng(seed).normal(3e-6, 1e-6, (500, 4))
+    result = feed(ScatterObserver(columns, NAMES), values, 0.1, cuts).result()
+    points = values[:, 2:]
+    radius = np.hypot(*(points - points.mean(axis=0)).T)
+    hull = ConvexHull(points * 1e6)
+    assert result.unit == "m"
+    assert result.count == 500
+    np.testing.assert_allclose(result.centre, points.mean(axis=0), rtol=1e-12)
+    assert result.radius_rms == pytest.approx(np.sqrt((radius**2).mean()), rel=1e-12)
+    assert result.radius_max == pytest.approx(radius.max(), rel=1e-12)
+    assert result.radius_50 == pytest.approx(np.quantile(radius, 0.5), rel=1e-12)
+    assert result.radius_95 == pytest.approx(np.quantile(radius, 0.95), rel=1e-12)
+    assert result.hull_area == pytest.approx(hull.volume * 1e-12, rel=1e-9)
+    assert {tuple(corner) for corner in result.hull} == {tuple(points[k]) for k in hull.vertices}
+
+
+@given(cuts=st.lists(st.integers(1, 4999), max_size=8))
+def test_the_sample_is_even_and_bounded(columns, feed, cuts):
+    values = np.arange(5000.0)[:, None] * np.ones(4)
+    points = feed(ScatterObserver(columns, NAMES, sample=100), values, 0.1, cuts).result().points
+    assert 100 <= len(points) <= 200
+    np.testing.assert_array_equal(np.diff(points[:, 0]), 32.0)
+
+
+@pytest.mark.parametrize(
+    ("points", "corners"),
+    [
+        ([[1.0, 2.0]] * 5, [[1.0, 2.0]]),
+        ([[0.0, 0.0], [1.0, 1.0], [2.0, 2.0], [0.5, 0.5]], [[0.0, 0.0], [2.0, 2.0]]),
+        ([[0.0, 0.0], [1e-9, 0.0], [1e-9, 1e-9], [0.0, 1e-9], [5e-10, 5e-10]],
+         [[0.0, 0.0], [1e-9, 0.0], [1e-9, 1e-9], [0.0, 1e-9]]),
+    ],
+)  # fmt: skip
+def test_hulls_with_and_without_area(points, corners):
+    hull = convex_hull(np.array(points))
+    assert sorted(map(tuple, hull)) == sorted(map(tuple, corners))
+
+
+def test_a_still_image_point(columns, feed):
+    result = feed(ScatterObserver(columns, NAMES), np.zeros((50, 4)), 0.1, (20,)).result()
+    assert result.radius_max == 0.0
+    assert result.hull_area == 0.0
+
+
+def test_what_is_not_an_image_point_is_refused(columns):
+    with pytest.raises(ValueError, match="two coordinates"):
+        ScatterObserver(columns, ["b.u"])
+    with pytest.raises(ValueError, match="differ in unit"):
+        ScatterObserver(columns, ["a.x", "b.u"])
+    with pytest.raises(ValueError, match="sample"):
+        ScatterObserver(columns, NAMES, sample=0)

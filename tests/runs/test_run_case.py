@@ -1,0 +1,126 @@
+"""A case of the real system: what it stores, what it says, how it ends."""
+
+from functools import partial
+
+import netCDF4
+import numpy as np
+import pytest
+
+from ps_fmu.cosim import SlaveError, SystemFileError, UsageError
+from ps_fmu.runs.cases import Case, run_case
+from ps_fmu.runs.jitter_record import ROTATION, Jitter
+from ps_fmu.runs.options import RunOptions
+from ps_fmu.runs.setup import load_system
+
+TARGET = "commander.target.roll"
+
+
+@pytest.fixture
+def options(make_options):
+    return make_options("isolation", 0.2, step_s=2e-4, storage_step_s=2e-4)
+
+
+def passive(values=None, events=()):
+    return Case("passive", {"isolator.enabled": False, **(values or {})}, events)
+
+
+def run(options, case):
+    jitter = partial(Jitter, step_s=options.step_s, steps=options.steps)
+    return run_case(load_system(options), options, case, jitter)
+
+
+def test_cases_are_stored_and_analysed(options):
+    results = {}
+    for case in (passive(), Case("active", {"isolator.enabled": True})):
+        outcome, results[case.name] = run(options, case)
+        assert outcome.real_time_factor > 0.0
+        assert "isolator.enabled" not in "".join(outcome.warnings)
+        assert f"{TARGET} is not connected and stays at 0.0 rad" in outcome.warnings
+    with netCDF4.Dataset(options.output / "results.nc") as file:
+        assert set(file.groups) == {"passive", "active"}
+        for name, jitter in results.items():
+            group = file[name]
+            stored = np.array([group[column][:] for column in ROTATION])
+            np.testing.assert_allclose(np.sqrt((stored**2).mean(axis=1)), jitter.statistics.rms, rtol=1e-12)
+            assert group["plant.los.x"].units == "m"
+            assert (group.scenario, group.scheme, group.step_s) == ("isolation", "jacobi", 2e-4)
+            assert len(group["time"]) == 1001
+    rms = {name: jitter.statistics.rms for name, jitter in results.items()}
+    assert (rms["active"] < 0.5 * rms["passive"]).all()
+
+
+def test_the_storage_step_of_the_scenario_leaves_the_statistics_alone(options, make_options):
+    _, all_rows = run(options, passive())
+    sparse = make_options("isolation", 0.2, step_s=2e-4)
+    _, jitter = run(sparse, passive())
+    np.testing.assert_array_equal(jitter.statistics.rms, all_rows.statistics.rms)
+    with netCDF4.Dataset(sparse.output / "results.nc") as file:
+        np.testing.assert_allclose(file["passive"]["time"][:], np.arange(201) * 1e-3, rtol=1e-12)
+
+
+def test_what_an_fmu_warns_of_is_passed_on_once(options, capsys, ssv):
+    """The band is the user's choice: the terminal and the report show what the FMU says of it."""
+    coarse = RunOptions(
+        **vars(options)
+        | {"step_s": 1e-3, "storage_step_s": 1e-3, "parameters": (ssv({"disturbance.noise.band.max": 1000.0}),)}
+    )
+    outcome, _ = run(coarse, passive())
+    (message,) = [text for text in outcome.warnings if "DisturbanceSource" in text]
+    assert "noise up to 1000 Hz in steps of 0.001 s" in message
+    assert capsys.readouterr().err.count(message) == 1
+
+
+def test_parameters_that_are_not_used_are_reported(options, ssv, capsys):
+    values = {TARGET: 0.1, "isolator.enabled": False, "plant.base_force.x": 3.0}
+    given = RunOptions(**vars(options) | {"parameters": (ssv(values),)})
+    outcome, _ = run(given, passive({TARGET: 0.0}))
+    by_case, by_wire = (text for text in outcome.warnings if "is not used" in text)
+    assert by_case.startswith(f"{TARGET} (") and by_case.endswith("case passive sets it to 0.0")
+    assert "given.ssv, line 4" in by_case
+    assert by_wire.endswith("given.ssv, line 6) is not used: it is connected to disturbance.base_force.x")
+    assert f"{by_case}\n{by_wire}\n" in capsys.readouterr().err
+
+
+def test_an_unreachable_target_is_refused_and_the_run_goes_on(options, capsys):
+    outcome, jitter = run(options, passive(events=[(0.1, TARGET, 0.5)]))
+    assert not jitter.reachable
+    np.testing.assert_array_equal(jitter.orientation, 0.0)
+    (message,) = [text for text in outcome.warnings if "PointingCommander" in text]
+    assert "coarse leg" in message
+    assert capsys.readouterr().err.count(message) == 1
+    with netCDF4.Dataset(options.output / "results.nc") as file:
+        group = file["passive"]
+        assert len(group["time"]) == 1001
+        reachable = group["commander.reachable"][:]
+        assert (reachable[0], reachable[-1]) == (1, 0)
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf")])
+def test_an_input_that_is_no_number_is_refused_before_the_run(options, value):
+    with pytest.raises(UsageError, match=r"commander\.target\.roll: expected a finite number, got (nan|inf)"):
+        run(options, passive(events=[(0.1, TARGET, value)]))
+
+
+def test_ctrl_c_leaves_a_readable_file(options):
+    class Interrupter:
+        @property
+        def observers(self):
+            return [self]
+
+        def block(self, first_index, time, values):
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        run_case(load_system(options), options, passive(), lambda columns: Interrupter())
+    with netCDF4.Dataset(options.output / "results.nc") as file:
+        assert len(file["passive"]["time"]) == 1000
+
+
+def test_an_impossible_parameter_is_named(options):
+    with pytest.raises(SlaveError, match=r"payload\.mass: must be greater than 0"):
+        run(options, passive({"plant.payload.mass": 0.0}))
+
+
+def test_a_missing_fmu_is_named(options, tmp_path):
+    with pytest.raises(SystemFileError, match=r"DisturbanceSource\.fmu"):
+        load_system(RunOptions(**vars(options) | {"fmus": tmp_path}))

@@ -1,0 +1,242 @@
+"""Each scenario through the real FMUs, short: what it writes, and that it is complete."""
+
+import importlib
+import json
+import math
+from dataclasses import replace
+from types import SimpleNamespace
+
+import netCDF4
+import numpy as np
+import pytest
+
+from ps_fmu.cosim import CosimError
+from ps_fmu.paper.figures.table2 import scenario as table2
+from ps_fmu.runs.comparison import TargetError
+from ps_fmu.runs.options import OptionError
+
+MODULES = {
+    "isolation": "ps_fmu.runs.scenarios.isolation",
+    "slew": "ps_fmu.runs.scenarios.slew",
+    "table2": "ps_fmu.paper.figures.table2.scenario",
+}
+KEYS = {
+    "scenario", "orientation_deg", "step_s", "duration_s", "seed", "rms_passive_rad", "rms_active_rad",
+    "rejection_percent", "real_time_factor", "fmus", "versions",
+}  # fmt: skip
+
+
+def run(options):
+    """Runs the scenario of the options; returns its summary.json."""
+    importlib.import_module(MODULES[options.scenario]).run(options)
+    summary = json.loads((options.output / "summary.json").read_text())
+    assert summary.keys() >= KEYS
+    assert summary["scenario"] == options.scenario
+    assert summary["real_time_factor"] > 0.0
+    assert len(summary["fmus"]) == 4
+    return summary
+
+
+def check_files(options, groups, rows):
+    """results.nc has the groups with as many rows, all with units; the report is complete."""
+    with netCDF4.Dataset(options.output / "results.nc") as file:
+        assert list(file.groups) == groups
+        for name in groups:
+            group = file[name]
+            assert len(group["time"]) == rows
+            assert all(variable.units for variable in group.variables.values())
+            assert {"plant.los.x", "commander.reachable", "isolator.fine_force_1"} <= set(group.variables)
+            assert np.isfinite(group["plant.payload_rotation.x"][:]).all()
+    page = (options.output / "report.html").read_text()
+    pictures = sorted(options.output.glob("*.png"))
+    assert page.count("<img ") == len(pictures) > 0
+    assert page.rstrip().endswith("</html>")
+    assert "SHA-256" in page and "matplotlib" in page
+    return page
+
+
+def test_isolation(make_options, capsys):
+    options = make_options("isolation", 0.2, step_s=2e-4, seed=3)
+    summary = run(options)
+    page = check_files(options, ["passive", "active"], 201)
+    assert (summary["orientation_deg"], summary["seed"]) == ([0.0, 0.0, 0.0], 3)
+    passive, active = (np.array(summary[f"rms_{case}_rad"]) for case in ("passive", "active"))
+    assert (active > 0.0).all() and (active < passive).all()
+    np.testing.assert_allclose(summary["rejection_percent"], 100.0 * (1.0 - active / passive), rtol=1e-12)
+    assert summary["reachable"] is True
+    assert summary["warnings"] == []
+    assert "the curves end below the RMS of the table" in page
+    text = capsys.readouterr().out
+    assert "passive RMS (rad)" in text and f"{passive[0]:.3e}" in text and "x real time" in text
+
+
+def test_isolation_where_a_parameter_file_says(make_options, ssv):
+    target = {"commander.target.roll": math.radians(8.5), "disturbance.seed": 7}
+    options = make_options("isolation", 0.02, step_s=1e-3, parameters=(ssv(target),))
+    summary = run(options)
+    assert summary["orientation_deg"] == [8.5, 0.0, 0.0]
+    assert summary["seed"] == 7
+    assert summary["parameters"]["disturbance.noise.band.max"] == pytest.approx(400.0)
+    with netCDF4.Dataset(options.output / "results.nc") as file:
+        assert file["active"]["plant.orientation.roll"][-1] == pytest.approx(math.radians(8.5), abs=1e-12)
+
+
+def test_isolation_at_an_unreachable_target_says_where_it_was(make_options, ssv, capsys):
+    options = make_options("isolation", 0.02, step_s=1e-3, parameters=(ssv({"commander.target.roll": 0.5}),))
+    with pytest.raises(TargetError, match=r"The target \(28\.6479, 0, 0\) deg is out of reach"):
+        run(options)
+    assert "passive RMS (rad)" in capsys.readouterr().out
+    summary = json.loads((options.output / "summary.json").read_text())
+    assert summary["reachable"] is False
+    np.testing.assert_allclose(summary["orientation_deg"], 0.0, atol=1e-9)
+    assert any("PointingCommander" in text for text in summary["warnings"])
+    assert "is out of reach" in (options.output / "report.html").read_text()
+
+
+def test_isolation_of_one_step_has_no_rejection(make_options, capsys):
+    """Nothing has moved: a dash in the table, null in the summary."""
+    summary = run(make_options("isolation", 1e-4))
+    assert summary["rejection_percent"] == [None] * 3
+    table = capsys.readouterr().out
+    assert "nan" not in table and table.count("  -\n") == 3
+
+
+def test_table2(make_options, ssv, monkeypatch):
+    """Lead-in, groups and entries; the values need a whole period, and the window says so."""
+    # The pictures of an orientation are those of the scenario isolation; here they are most of the time.
+    drawn = []
+    monkeypatch.setattr(table2, "draw", lambda comparison, folder, prefix: drawn.append(prefix) or [])
+    monkeypatch.setattr(table2, "SETTLING_S", 0.0)
+    quick = ssv({"disturbance.rise_time": 0.1, "commander.target.yaw": 0.1})
+    options = make_options("table2", 0.2, step_s=1e-3, parameters=(quick,))
+    summary = run(options)
+    names = ["roll0_pitch0_yaw0", "roll8.5_pitch0_yaw0", "roll0_pitch-7_yaw0", "roll0_pitch0_yaw14"]
+    page = check_files(options, [f"{name}_{case}" for name in names for case in ("passive", "active")], 31)
+    assert drawn == [f"{name}_" for name in names]
+    assert summary["statistics_from_s"] == pytest.approx(0.1)
+    assert summary["statistics_to_s"] == pytest.approx(0.3)
+    entries = summary["orientations"]
+    assert [tuple(entry["orientation_deg"]) for entry in entries] == list(table2.ORIENTATIONS.values())
+    assert summary["rms_passive_rad"] == entries[0]["rms_passive_rad"]
+    for entry in entries:
+        assert len(entry["drift_passive_rad"]) == len(entry["drift_active_rad"]) == 3
+        off = 100.0 * (np.array(entry["rms_passive_rad"]) / entry["published_rms_passive_rad"] - 1.0)
+        np.testing.assert_allclose(entry["passive_against_published_percent"], off, rtol=1e-12)
+    assert entries[1]["published_rms_active_rad"] == [8.22e-8, 3.49e-8, 1.51e-7]
+    assert "axis 3, at (8.5, 0, 0) deg: 97.4 %; 97.31 by the RMS values beside it." in page
+    assert "not a whole number of its periods of 100 s" in page
+    assert "commander.target.yaw" in " ".join(summary["warnings"])
+    assert "Nothing was tuned to it." not in page
+    assert "Parameter files set disturbance.rise_time: the runs are of that system" in page
+
+
+def test_table2_speaks_of_the_second_axis_only_of_the_papers_system(make_options, ssv):
+    found = {"nominal": SimpleNamespace(rms_active=np.ones(3))}
+    options = make_options("table2", 0.2, step_s=1e-3, parameters=(ssv({"commander.target.yaw": 0.1}),))
+    assert table2._off_axis(options, found).endswith("Nothing was tuned to it.")
+    other = ssv({"plant.payload.mass": 1.0, "isolator.delay": 0.02}, "other.ssv")
+    said = table2._off_axis(replace(options, parameters=(other,)), found)
+    assert said.startswith("Parameter files set plant.payload.mass and 1 more: ") and "tuned" not in said
+
+
+def test_table2_with_orientations_out_of_reach(make_options, ssv, monkeypatch, capsys):
+    monkeypatch.setattr(table2, "draw", lambda comparison, folder, prefix: [])
+    monkeypatch.setattr(table2, "SETTLING_S", 0.0)
+    short = {"disturbance.rise_time": 0.1, "commander.coarse_stroke.min": -0.01, "commander.coarse_stroke.max": 0.01}
+    options = make_options("table2", 0.2, step_s=1e-3, parameters=(ssv(short),))
+    with pytest.raises(TargetError, match=r"The target \(0, -7, 0\) deg is out of reach"):
+        run(options)
+    assert "is out of reach" in capsys.readouterr().out
+    reachable = [e["reachable"] for e in json.loads((options.output / "summary.json").read_text())["orientations"]]
+    assert reachable[0] and not reachable[2]
+    assert "is out of reach" in (options.output / "report.html").read_text()
+
+
+@pytest.mark.parametrize(
+    ("duration", "period"),
+    [(100.0, 100.0), (20.0, 20.0), (19.9, 100.0), (0.5, 100.0), (2000.0, 1000.0), (1500.0, 750.0)],
+)
+def test_period_of_the_disturbance(duration, period):
+    assert table2.period_s(duration) == period
+
+
+QUICK_SLEW = {"commander.target.roll": math.radians(0.5), "plant.relinearisation_distance": 1e-3}
+
+
+def test_slew(make_options, ssv):
+    """0.5 deg in 10 s.  The platform arrives, the bus keeps no momentum, the fine legs make up for its rotation."""
+    options = make_options("slew", 73.0, step_s=0.02, parameters=(ssv(QUICK_SLEW),))
+    summary = run(options)
+    check_files(options, ["isolator_off", "isolator_on"], 3651)
+    assert summary["orientation_deg"] == [0.5, 0.0, 0.0]
+    assert summary["warnings"] == []
+    slew = summary["slew"]
+    assert (slew["reachable"], slew["settled_60_s"]) == (True, True)
+    assert slew["profile_end_s"] == pytest.approx(11.0, abs=0.05)
+    assert slew["judged_s"] == pytest.approx(slew["profile_end_s"] + 60.0)
+    off, on = slew["isolator_off"], slew["isolator_on"]
+    for case in (off, on):
+        np.testing.assert_allclose(case["nominal_error_deg"], 0.0, atol=1e-8)
+        fine, bus, payload, left = (
+            np.array(case[f"{share}_deg"])
+            for share in (
+                "relative_less_nominal",
+                "bus_rotation_as_orientation",
+                "payload_rotation_as_orientation",
+                "left_over",
+            )
+        )
+        np.testing.assert_allclose(fine + bus - payload, left, atol=1e-15)
+        assert np.abs(left).max() < 1e-6 * np.abs(bus).max()
+    np.testing.assert_allclose(off["relative_error_deg"], 0.0, atol=1e-8)
+    assert np.abs(on["relative_error_deg"]).max() > 1e-5
+    assert np.abs(on["payload_rotation_rms_rad"]).max() < 0.5 * np.abs(off["payload_rotation_rms_rad"]).max()
+    assert summary["rms_active_rad"] == on["payload_rotation_rms_rad"]
+
+
+@pytest.mark.parametrize(
+    ("duration_s", "profile_end_s", "text"),
+    [(20.0, 11.0, "leaves less than 60 s"), (4.0, None, "the run ends at 4.0000 s, before the profile does")],
+)
+def test_slew_that_ends_early_is_judged_at_its_end(make_options, ssv, capsys, duration_s, profile_end_s, text):
+    options = make_options("slew", duration_s, step_s=0.02, parameters=(ssv(QUICK_SLEW),))
+    slew = run(options)["slew"]
+    assert slew["settled_60_s"] is False
+    assert slew["profile_end_s"] == pytest.approx(profile_end_s, abs=0.05)
+    assert slew["judged_s"] == pytest.approx(duration_s)
+    assert text in capsys.readouterr().out
+
+
+def test_slew_to_where_the_platform_cannot_go(make_options, ssv, capsys):
+    options = make_options("slew", 2.0, step_s=0.02, parameters=(ssv({"commander.target.pitch": 0.5}),))
+    with pytest.raises(TargetError, match=r"The target \(0, 28\.6479, 0\) deg is out of reach"):
+        run(options)
+    summary = json.loads((options.output / "summary.json").read_text())
+    assert summary["slew"]["reachable"] is False
+    assert summary["slew"]["profile_end_s"] is None
+    assert summary["rms_passive_rad"] is summary["rejection_percent"] is None
+    np.testing.assert_allclose(summary["orientation_deg"], 0.0, atol=1e-9)
+    text = capsys.readouterr().out
+    assert "is out of reach" in text and "nan" not in text
+    assert "is out of reach" in (options.output / "report.html").read_text()
+    assert sum("PointingCommander" in text for text in summary["warnings"]) == 1
+
+
+def test_slew_needs_time_to_begin(make_options):
+    with pytest.raises(OptionError, match=r"--duration: the slew begins at 1 s, got 0\.5 s"):
+        run(make_options("slew", 0.5, step_s=0.02))
+
+
+@pytest.mark.parametrize(
+    ("values", "text"),
+    [
+        ({"plant.payload.mass": 0.0}, r"payload\.mass: must be greater than 0"),
+        ({"plant.payload.mass": -1.0}, r"payload\.mass .*given\.ssv, line 4.*-1\.0 is outside \[0\.0, inf\]"),
+        ({"plant.payload.weight": 1.0}, r"plant\.payload\.weight .*given\.ssv, line 4.*no such variable"),
+        ({"plant.los.x": 1.0}, r"plant\.los\.x.*causality output"),
+    ],
+)
+def test_parameters_that_no_fmu_takes_are_named(make_options, ssv, values, text):
+    options = make_options("isolation", 0.02, step_s=1e-3, parameters=(ssv(values),))
+    with pytest.raises(CosimError, match=text):
+        run(options)

@@ -1,0 +1,25 @@
+"""The script that the native library starts, without the library."""
+
+import importlib
+import sys
+
+from ps_fmu.slavekit.pack.entry import entry_source
+
+
+def test_an_import_in_another_thread_misses_no_entry(tmp_path, monkeypatch):
+    package = tmp_path / "toy_of_the_entry"
+    (package / "slavekit" / "author").mkdir(parents=True)
+    (package / "slavekit" / "author" / "guard.py").write_text("def keep_alive(*objects): pass\n")
+    (package / "toy.py").write_text("class Toy: pass\n")
+    (tmp_path / "entry_of_the_toy.py").write_bytes(entry_source("toy_of_the_entry", "toy", "Toy"))
+    before = list(sys.path)
+    monkeypatch.setattr(sys, "path", list(before))
+
+    other = iter(sys.path)  # as the import system does for each module
+    seen = [next(other)]
+    sys.path.insert(0, str(tmp_path))  # as the library does
+    seen.append(next(other))
+    assert importlib.import_module("entry_of_the_toy").Toy.__module__ == "toy_of_the_entry.toy"
+    seen.extend(other)
+    assert sys.path == before  # the library's entry is gone
+    assert set(seen) == set(before)

@@ -1,0 +1,263 @@
+"""FMUs behind the launcher: which calls it makes by itself, and that nothing tells the difference."""
+
+import ctypes
+import math
+import shutil
+from pathlib import Path
+
+import pytest
+from fmpy import simulate_fmu
+from fmpy.fmi1 import FMICallException
+from support.host import unpack
+from support.twins import InFmpy, InPython, without_launcher
+
+from ps_fmu.slavekit.pack.build import build_one
+
+MODELS = Path(__file__).with_name("models")
+H = 0.01  # s
+
+
+@pytest.fixture(scope="module")
+def folders(built, tmp_path_factory) -> dict[str, Path]:
+    """The toys as unpacked FMUs."""
+    folder = tmp_path_factory.mktemp("unpacked")
+    return {name: unpack(fmu, folder / name) for name, fmu in built.items()}
+
+
+@pytest.fixture
+def start(folders):
+    """``start("oscillator", mass=3.0)``: an FMU in its stepping phase."""
+    instances = []
+
+    def begin(name: str, **values: float) -> InFmpy:
+        instances.append(InFmpy(folders[name]))
+        instances[-1].set(values)
+        instances[-1].initialise()
+        return instances[-1]
+
+    yield begin
+    for instance in instances:
+        instance.free()
+
+
+def drive(instance: InFmpy | InPython, first: int, n: int, inputs: bool = True) -> list[list[float]]:
+    """Steps with inputs that are functions of the step number, among them events; all outputs."""
+    rows = []
+    for k in range(first, first + n):
+        if inputs:
+            instance.set({"load": math.sin(k), "reference": 0.3 * (k // 37 % 3), "engage": k % 50 != 0})
+        instance.step(k * H, H)
+        rows.append(instance.outputs())
+    return rows
+
+
+def refused(call, *arguments) -> int:
+    """The status of a call that fails."""
+    with pytest.raises(FMICallException) as error:
+        call(*arguments)
+    return error.value.status
+
+
+def test_all_but_the_first_step_are_native(start):
+    oscillator, waves, limiter = (start(name) for name in ("oscillator", "waves", "limiter"))
+    for instance in (oscillator, waves, limiter):
+        drive(instance, 0, 300, inputs=False)
+    assert oscillator.steps() == (299, 1)
+    assert waves.steps() == (294, 6)  # tables of 16 rows, then 64
+    assert limiter.steps() == (0, 300)  # finish_step
+
+
+def test_an_event_is_one_step_in_python(start):
+    oscillator = start("oscillator")
+    drive(oscillator, 0, 10, inputs=False)
+    for k, value in enumerate([0.05, 0.05, 0.05, 0.1, 0.1], 10):
+        oscillator.set({"reference": value, "engage": True, "load": 0.1 * k, "force": 0.2 * k})
+        oscillator.step(k * H, H)
+    assert oscillator.steps() == (12, 3)
+
+
+def test_a_reset_instance_is_a_new_one(start, toys):
+    oscillator = start("oscillator")
+    first = drive(oscillator, 0, 100)
+    oscillator.fmu.reset()
+    assert oscillator.steps() == (0, 0)
+    oscillator.initialise()
+    assert drive(oscillator, 0, 100) == first
+    python = InPython(toys["oscillator"])
+    python.initialise()
+    assert drive(python, 0, 100) == first
+
+
+def test_pythonfmus_own_library_gives_the_same(start, folders, tmp_path):
+    """States go back and forth as well."""
+    native = start("oscillator")
+    plain = InFmpy(without_launcher(folders["oscillator"], tmp_path / "plain"))
+    assert not hasattr(plain.fmu.dll, "ps_fmu_steps")
+    plain.initialise()
+    assert drive(native, 0, 60) == drive(plain, 0, 60)
+    content = native.state()
+    assert content == plain.state()
+    expected = drive(native, 60, 60)
+    plain.restore(content)
+    assert drive(plain, 60, 60) == expected
+    native.restore(plain.state())
+    assert drive(native, 120, 60) == drive(plain, 120, 60)
+    plain.free()
+
+
+def test_a_value_is_stored_as_it_is(start):
+    oscillator = start("oscillator")
+    drive(oscillator, 0, 5)
+    force = [oscillator.variables["force"].valueReference]
+    for value in (100.0, -100.0, 5e-324, -0.0, 0.0):  # its limits are 100 N
+        oscillator.set({"force": value})
+        (got,) = oscillator.fmu.getReal(force)
+        assert (got, math.copysign(1.0, got)) == (value, math.copysign(1.0, value))
+    engage = [oscillator.variables["engage"].valueReference]
+    for value in (0, 1, 7, -1):
+        oscillator.fmu.setBoolean(engage, [value])
+        assert oscillator.fmu.getBoolean(engage) == [value != 0]
+    assert oscillator.fmu.getInteger([oscillator.variables["substeps"].valueReference]) == [1]
+
+
+ERROR = 3
+
+
+@pytest.mark.parametrize(
+    ("values", "problem"),
+    [
+        ({"load": 1.0, "force": math.nan}, "force = nan: expected a finite number"),
+        ({"load": 1.0, "force": -math.inf}, "force = -inf: expected a finite number"),
+        ({"load": 1.0, "force": math.nextafter(100.0, math.inf)}, "expected a value from -100 to 100 N"),
+        ({"load": 1.0, "position": 1.0}, "position is an output"),
+        ({"load": 1.0, "mass": 1.0}, "mass is a fixed parameter"),
+    ],
+)
+def test_a_refused_list_sets_nothing(start, capfd, values, problem):
+    oscillator = start("oscillator")
+    drive(oscillator, 0, 20)
+    before = oscillator.state()
+    assert refused(oscillator.set, values) == ERROR
+    assert problem in capfd.readouterr().err
+    assert oscillator.state() == before
+    drive(oscillator, 20, 20)
+
+
+def test_references_of_other_types_and_of_nothing(start, capfd):
+    oscillator = start("oscillator")
+    drive(oscillator, 0, 20)
+    before = oscillator.state()
+    fmu, position = oscillator.fmu, oscillator.variables["position"].valueReference
+    for reference in (3, 999, 2**31, 2**32 - 1):  # 3 is a state
+        for call, value in ((fmu.setReal, 0.0), (fmu.setInteger, 0), (fmu.setBoolean, False)):
+            assert refused(call, [reference], [value]) == ERROR
+        for call in (fmu.getReal, fmu.getInteger, fmu.getBoolean):
+            assert refused(call, [position, reference]) == ERROR
+    assert capfd.readouterr().err.count("value reference") == 24
+    assert oscillator.state() == before
+
+
+@pytest.mark.parametrize(
+    ("t", "h", "problem"),
+    [
+        (0.2, math.nan, "step size nan s"),
+        (0.2, -H, "step size -0.01 s"),
+        (0.2 + 0.02 * H, H, "expected 0.2"),
+        (math.nan, H, "current time nan s"),
+    ],
+)
+def test_refused_steps_change_nothing(start, capfd, t, h, problem):
+    oscillator = start("oscillator")
+    drive(oscillator, 0, 20)
+    before = oscillator.state()
+    assert refused(oscillator.step, t, h) == ERROR
+    assert problem in capfd.readouterr().err
+    assert oscillator.state() == before
+    drive(oscillator, 20, 20)
+
+
+def test_the_stop_time_holds_for_native_steps(folders):
+    oscillator = InFmpy(folders["oscillator"])
+    oscillator.fmu.setupExperiment(startTime=0.0, stopTime=1.0)
+    oscillator.fmu.enterInitializationMode()
+    oscillator.fmu.exitInitializationMode()
+    drive(oscillator, 0, 100, inputs=False)
+    assert oscillator.steps() == (99, 1)
+    assert refused(oscillator.step, 1.0, H) == ERROR
+    oscillator.free()
+
+
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")  # of numpy, on the way to a refusal
+def test_a_refused_step_ends_simulate_fmu_without_the_launcher_too(folders, tmp_path, capfd):
+    plain = without_launcher(folders["oscillator"], tmp_path / "plain")
+    with pytest.raises(FMICallException, match=r"fmi2DoStep failed with status 4 \(fatal\)"):
+        simulate_fmu(str(plain), stop_time=1e200, output_interval=1e200, timeout=30.0)
+    assert capfd.readouterr().err.count("far beyond what is usual: step size 1e+200 s") == 1
+
+
+@pytest.mark.filterwarnings("error::RuntimeWarning")
+def test_a_step_to_infinity_is_refused_until_the_input_is_put_back(start, toys, capfd):
+    values = {"mass": 0.1, "stiffness": 0.0}
+    native, python = start("oscillator", **values), InPython(toys["oscillator"])
+    python.set(values)
+    python.initialise()
+    for instance in (native, python):
+        instance.set({"load": 1.7e308})
+    for k in range(10):
+        for instance in (native, python):
+            instance.step(k * H, H)
+    assert native.steps() == (9, 1)
+    before = native.state()
+    for _ in range(2):
+        assert refused(native.step, 10 * H, H) == ERROR
+        assert "not finite: speed" in capfd.readouterr().err
+        assert native.state() == before == python.state()
+    for instance in (native, python):
+        instance.set({"load": -1e300})
+    assert drive(native, 10, 20, inputs=False) == drive(python, 10, 20, inputs=False)
+
+
+def test_a_fault_in_an_event_is_over_when_the_input_is_put_back(start, toys, capfd):
+    pair = start("oscillator"), InPython(toys["oscillator"])
+    pair[1].initialise()
+    for instance in pair:
+        drive(instance, 0, 20)
+    pair[0].set({"reference": 1.5})
+    before = pair[0].state()
+    for _ in range(2):
+        assert refused(pair[0].step, 20 * H, H) == ERROR
+        assert "reference = 1.5 m: expected at most 1 m" in capfd.readouterr().err
+        assert pair[0].state() == before
+    rows = [drive(instance, 20, 50) for instance in pair]
+    assert rows[0] == rows[1]
+
+
+def test_no_step_and_no_value_after_the_end(start, capfd):
+    oscillator = start("oscillator")
+    drive(oscillator, 0, 20)
+    oscillator.fmu.terminate()
+    assert refused(oscillator.step, 20 * H, H) == ERROR
+    assert refused(oscillator.set, {"load": 1.0}) == ERROR
+    assert "phase terminated" in capfd.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("addition", "messages"),
+    [
+        ("    def _allocate(self):\n        super()._allocate()\n        self._core.magic = 0\n", 1),  # another version
+        ("    native = False\n", 0),
+    ],
+)
+def test_models_whose_steps_are_all_in_python(start, tmp_path, capfd, addition, messages):
+    shutil.copytree(MODELS / "oscillator", tmp_path / "oscillator")
+    script = tmp_path / "oscillator" / "oscillator.py"
+    script.write_text(f"{script.read_text().rstrip()}\n\n{addition}")
+    folder = unpack(build_one(script.parent, tmp_path), tmp_path / "unpacked")
+    capfd.readouterr()
+    other = InFmpy(folder, "other")
+    other.initialise()
+    assert drive(other, 0, 50) == drive(start("oscillator"), 0, 50)
+    text = "other: fmi2Instantiate: launcher and model are of different versions: steps are made in Python"
+    assert capfd.readouterr().err.count(text) == messages
+    assert other.fmu.dll.ps_fmu_steps(ctypes.c_void_p(other.fmu.component), None, None) == ERROR
+    other.free()

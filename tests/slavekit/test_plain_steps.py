@@ -1,0 +1,177 @@
+"""Plain steps in Python and by the launcher's kernels: the same bits, whatever the processor."""
+
+import ctypes
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from ps_fmu.slavekit.author.core import Core, Limits, by_columns, core_for
+from ps_fmu.slavekit.author.layout import Layout
+from ps_fmu.slavekit.author.plain import plain_step
+from ps_fmu.slavekit.author.slave import Port, Slave
+from ps_fmu.slavekit.launcher.compile import LAUNCHER
+
+H = 0.01  # s
+
+
+def core_of(n_outputs: int, n_states: int, n_inputs: int) -> tuple[Core, np.ndarray]:
+    """A core and its buffer."""
+    ports = [Port(f"y_{i}", "output") for i in range(n_outputs)] + [Port(f"u_{i}", "input") for i in range(n_inputs)]
+    layout = Layout("sizes", "1", ports, n_states, 0, 0)
+    data = np.zeros(layout.size)
+    return core_for(layout, data), data
+
+
+def by_kernel(instructions: str, core: Core) -> bool:
+    """A plain step; skips the test where the processor cannot make it."""
+    answer = ctypes.CDLL(str(LAUNCHER.path("linux64"))).ps_fmu_step_by(instructions.encode(), ctypes.byref(core))
+    if answer < 0:
+        pytest.skip(f"this processor lacks {instructions}")
+    return bool(answer)
+
+
+@pytest.fixture(params=["sse2", "avx2", "avx512"])
+def instructions(request) -> str:
+    return request.param
+
+
+@pytest.mark.parametrize("n_outputs", [1, 2, 7, 38])
+@pytest.mark.parametrize("n_states", [0, 1, 6, 49, 100])
+@pytest.mark.parametrize("n_inputs", [1, 2, 19])
+def test_products_have_the_same_bits(instructions, n_outputs, n_states, n_inputs):
+    core, data = core_of(n_outputs, n_states, n_inputs)
+    random = np.random.default_rng(n_outputs + 100 * n_states + 10_000 * n_inputs)
+    m, n = n_outputs + n_states, n_states + n_inputs
+    core.use_map(by_columns(random.standard_normal((m, n)) * 10.0 ** random.integers(-12, 12, (m, n))))
+    data[:] = random.standard_normal(data.size)
+    data[::5] = -0.0
+    before = data.copy()
+    assert by_kernel(instructions, core)
+    found = data.copy()
+    data[:] = before
+    assert plain_step(core)()
+    assert found.tobytes() == data.tobytes()
+    exact = [math.fsum(core.arrays["matrix"][:, i] * before[n_outputs:]) for i in range(m)]
+    scale = np.abs(core.arrays["matrix"][:, :m].T * before[n_outputs:]).sum(axis=1)
+    assert (np.abs(found[:m] - exact) <= 1e-14 * scale).all()
+
+
+def test_tables_and_limits(instructions):
+    core, data = core_of(3, 0, 0)
+    core.use_table(np.array([[0.5, 2.0, 0.0], [-0.5, -2.0, 0.0], [-0.0, 1.0, 0.0]]))
+    core.use_limits(Limits(np.array([0.0, -1.0, -np.inf]), np.array([1.0, 1.0, np.inf]), 2))
+    core.block = 7
+    expected = [[0.5, 1.0, 1.0], [0.0, -1.0, 1.0], [-0.0, 1.0, 0.0]]
+    for step in (lambda: by_kernel(instructions, core), plain_step(core)):
+        data[:] = 9.0
+        for core.count in (6, 10):
+            assert not step()
+            assert data.tolist() == [9.0, 9.0, 9.0]
+        for core.count, row in enumerate(expected, 7):
+            assert step()
+            assert data.tobytes() == np.array(row).tobytes()
+
+
+@pytest.mark.filterwarnings("error::RuntimeWarning")
+@pytest.mark.parametrize("matrix", [[[1e200], [1.0]], [[1.0], [1e200]]])
+def test_a_result_that_is_not_finite_changes_nothing(instructions, matrix):
+    core, data = core_of(1, 1, 0)
+    core.use_map(by_columns(np.array(matrix)))
+    core.use_limits(Limits(np.array([-1.0]), np.array([1.0]), -1))
+    for step in (lambda: by_kernel(instructions, core), plain_step(core)):
+        data[:] = 5.0, 1e200
+        assert not step()
+        assert data.tolist() == [5.0, 1e200]
+        data[:] = 5.0, 1e100
+        assert step()
+        assert data[0] == 1.0
+
+
+def test_nothing_to_be_done(instructions):
+    core, _ = core_of(1, 1, 0)
+    core.use_nothing()
+    assert not by_kernel(instructions, core)
+
+
+def test_unknown_instructions():
+    core, _ = core_of(1, 1, 0)
+    assert ctypes.CDLL(str(LAUNCHER.path("linux64"))).ps_fmu_step_by(b"mmx", ctypes.byref(core)) == -1
+
+
+# --- Limits of a model ------------------------------------------------------------------
+
+
+class Held(Slave):
+    ports = (
+        Port("sum", "output"),
+        Port("last", "output"),
+        Port("held", "output", type="Boolean"),
+        Port("signal", "input"),
+        Port("limit", "parameter", start=1.0),
+        Port("late", "parameter", type="Boolean"),
+    )
+    n_states = 1  # last signal
+    limit_flag = "held"
+
+    def configure(self) -> None:
+        self.finishing = bool(self.value("late"))
+
+    def step_map(self, h):
+        return np.array([[1.0, 1.0], [0.0, 1.0], [0.0, 0.0], [0.0, 1.0]])
+
+    def finish_step(self) -> None:
+        self.y[0] *= 2.0
+
+    def limits(self):
+        bound = np.array([self.value("limit"), np.inf, np.inf])
+        return (-bound, bound) if self.value("limit") else None
+
+
+@pytest.fixture
+def held(put) -> Callable[..., Held]:
+    """``held(limit=2.0)``: an instance in its stepping phase."""
+
+    def make(**values: float) -> Held:
+        slave = Held(instance_name="h")
+        put(slave, **values)
+        slave.setup_experiment(0.0)
+        slave.enter_initialization_mode()
+        slave.exit_initialization_mode()
+        return slave
+
+    return make
+
+
+def outputs(slave: Held, signal: list[float]) -> list[list[float]]:
+    rows = []
+    for k, value in enumerate(signal):
+        slave.set_real([slave.layout.find("signal")], [value])
+        assert slave.do_step(k * H, H)
+        rows.append(slave.y.tolist())
+    return rows
+
+
+def test_outputs_are_held_within_limits_and_states_are_not(held):
+    signal = [0.4, 0.5, 0.6, -3.0, 3.0]
+    expected = [[0.4, 0.4, 0.0], [0.9, 0.5, 0.0], [1.0, 0.6, 1.0], [-1.0, -3.0, 1.0], [0.0, 3.0, 0.0]]
+    assert outputs(held(), signal) == expected
+    assert outputs(held(limit=0.0), signal)[3] == [-2.4, -3.0, 0.0]
+
+
+def test_limits_come_after_finish_step(held):
+    assert outputs(held(late=True), [0.4, 0.5]) == [[0.8, 0.4, 0.0], [1.0, 0.5, 1.0]]
+
+
+@pytest.mark.parametrize("limits", [(np.zeros(2), np.ones(2)), (np.ones(3), np.zeros(3)), (np.full(3, np.nan),) * 2])
+def test_wrong_limits_are_faults(held, limits):
+    slave = held()
+    slave.limits = lambda: limits
+    with pytest.raises(ValueError, match=r"Held\.limits: expected two arrays \(3,\), lower <= upper"):
+        slave.do_step(0.0, H)
+
+
+def test_the_flag_is_a_boolean_output():
+    with pytest.raises(TypeError, match="limit_flag = 'sum' is no Boolean output"):
+        type("Wrong", (Held,), {"limit_flag": "sum"})
