@@ -5,7 +5,7 @@ import math
 import pytest
 
 from ps_fmu.fmucheck.unit_names import BASE_UNITS, meaning
-from ps_fmu.slavekit.author.units import DISPLAY_UNITS, exponents
+from ps_fmu.slavekit.author.units import DISPLAY_UNITS, find_exponents
 
 
 @pytest.mark.parametrize(
@@ -56,7 +56,7 @@ def test_what_says_nothing(name):
 def test_display_units_of_our_fmus(unit):
     """The factors that are written into our FMUs, by another way than they were computed."""
     own = meaning(unit)
-    assert {base: power for base, power in zip(BASE_UNITS, own.exponents, strict=True) if power} == exponents(unit)
+    assert {base: power for base, power in zip(BASE_UNITS, own.exponents, strict=True) if power} == find_exponents(unit)
     for name, factor in DISPLAY_UNITS[unit].items():
         shown = meaning(name)
         assert shown.exponents == own.exponents

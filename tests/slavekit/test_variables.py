@@ -4,53 +4,13 @@ import math
 
 import pytest
 
-from ps_fmu.slavekit.author.units import DISPLAY_UNITS, exponents, unit_definitions
 from ps_fmu.slavekit.author.variables import Port, fmi_variable, numbered, vector
-
-
-@pytest.mark.parametrize(
-    ("unit", "expected"),
-    [
-        ("1", {}),
-        ("m", {"m": 1}),
-        ("rad", {"rad": 1}),
-        ("Hz", {"s": -1}),
-        ("N", {"kg": 1, "m": 1, "s": -2}),
-        ("N.m", {"kg": 1, "m": 2, "s": -2}),
-        ("kg.m2", {"kg": 1, "m": 2}),
-        ("rad/s2", {"rad": 1, "s": -2}),
-        ("N/m", {"kg": 1, "s": -2}),
-        ("N.s/m", {"kg": 1, "s": -1}),
-        ("N.s/m2", {"kg": 1, "m": -1, "s": -1}),
-        ("N2/Hz", {"kg": 2, "m": 2, "s": -3}),
-        ("N2.m/Hz", {"kg": 2, "m": 3, "s": -3}),
-        ("N2.m2/Hz", {"kg": 2, "m": 4, "s": -3}),
-        ("N/rad2/s2", {"kg": 1, "m": 1, "s": -4, "rad": -2}),
-    ],
-)
-def test_exponents_of_a_unit(unit, expected):
-    assert exponents(unit) == expected
-
-
-@pytest.mark.parametrize("unit", ["dB", "sqrt(kg)", "sqrt(kg).m"])
-def test_units_that_fmi_cannot_state_have_no_base_unit(unit):
-    assert exponents(unit) is None
-    (element,) = unit_definitions([unit])
-    assert (element.get("name"), len(element)) == (unit, 0)
 
 
 @pytest.mark.parametrize("unit", ["", "furlong", "deg", "m s", "m^2", "m/", "2m", "N*m"])
 def test_unknown_units_are_refused_with_the_ports_name(unit):
     with pytest.raises(ValueError, match=r"port force\.x: unit"):
         Port("force.x", "input", unit)
-
-
-def test_display_units_state_displayed_value_per_si_value():
-    (element,) = unit_definitions(["rad"])
-    factors = {child.get("name"): float(child.get("factor")) for child in element.iter("DisplayUnit")}
-    assert factors == DISPLAY_UNITS["rad"]
-    assert factors["deg"] == pytest.approx(180 / math.pi, rel=1e-15)
-    assert factors["arcsec"] == pytest.approx(3600 * 180 / math.pi, rel=1e-15)
 
 
 def test_vector_and_numbered_names():

@@ -17,7 +17,7 @@ from xml.etree.ElementTree import Element, SubElement, tostring
 from pythonfmu.default_experiment import DefaultExperiment
 
 from ... import __version__
-from .units import unit_definitions
+from .units import define_units
 from .variables import Port, fmi_variable
 
 if TYPE_CHECKING:
@@ -58,7 +58,7 @@ def model_description(slave: Slave, pythonfmu_xml: Callable[[dict[str, str]], El
     root = pythonfmu_xml({name: str(value).lower() for name, value in CAPABILITIES.items()})
     root.set("generationTool", f"ps_fmu {__version__} with {root.get('generationTool')}")
     root.set("generationDateAndTime", _date().strftime("%Y-%m-%dT%H:%M:%SZ"))
-    units = unit_definitions(_units(slave.layout.ports))
+    units = define_units(_units(slave.layout.ports))
     root.insert(list(root).index(_child(root, "CoSimulation")) + 1, units)
     _fill_structure(_child(root, "ModelStructure"), slave.layout.ports)
     root.set("guid", "")

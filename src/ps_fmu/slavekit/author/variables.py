@@ -12,7 +12,7 @@ from xml.etree.ElementTree import Element
 from pythonfmu.enums import Fmi2Causality, Fmi2Initial, Fmi2Variability
 from pythonfmu.variables import Boolean, Integer, Real, ScalarVariable, String
 
-from .units import DISPLAY_UNITS, exponents
+from .units import DISPLAY_UNITS, find_exponents
 
 Causality = Literal["input", "output", "parameter"]
 Type = Literal["Real", "Boolean", "Integer", "String"]
@@ -86,7 +86,7 @@ class Port:
     def _check_unit(self) -> None:
         if self.type == "Real":
             try:
-                exponents(self.unit)
+                find_exponents(self.unit)
             except ValueError as error:
                 raise self._error(str(error)) from None
         elif self.unit != "1" or self.nominal is not None:
