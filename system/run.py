@@ -8,9 +8,8 @@ far are kept).
 from __future__ import annotations
 
 import argparse
-import importlib
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -18,16 +17,11 @@ ROOT = Path(__file__).resolve().parents[1]
 
 try:
     from ps_fmu.cosim.errors import CosimError
-    from ps_fmu.runs.options import (
-        DEFAULT_DURATION_S,
-        DEFAULT_STEP_S,
-        DEFAULT_STORAGE_STEP_S,
-        RESULTS,
-        SCHEMES,
-        OptionError,
-        RunOptions,
-    )
+    from ps_fmu.paper import figures
+    from ps_fmu.runs import scenarios
+    from ps_fmu.runs.options import RESULTS, SCHEMES, OptionError, RunOptions, Scenario
     from ps_fmu.runs.output import held
+    from ps_fmu.runs.registry import find_scenarios
     from ps_fmu.runs.sources import ensure_built
     from ps_fmu.slavekit.pack.build import BuildError
     from ps_fmu.terminal import reason, run_command
@@ -37,25 +31,22 @@ except ModuleNotFoundError as missing:
     sys.exit(f"{missing}: run `make run` once, then use .venv/bin/python system/run.py")
 
 
-MODULES = {
-    "isolation": "ps_fmu.runs.scenarios.isolation",
-    "slew": "ps_fmu.runs.scenarios.slew",
-    "table2": "ps_fmu.paper.figures.table2.scenario",
-    "trajectories": "ps_fmu.paper.figures.fig07.scenario",
-    "stability": "ps_fmu.paper.figures.fig10.scenario",
-}
-
-
-def parser() -> argparse.ArgumentParser:
-    """The command line."""
-    durations, storage, steps = (
-        ", ".join(f"{name} {seconds:g}" for name, seconds in default.items())
-        for default in (DEFAULT_DURATION_S, DEFAULT_STORAGE_STEP_S, DEFAULT_STEP_S)
+def make_parser(found: Mapping[str, Scenario]) -> argparse.ArgumentParser:
+    """The command line, with the scenarios by name."""
+    listing = "\n".join(
+        f"  {name:14}{scenario.about}\n{'':16}--duration {scenario.duration_s:g} --step {scenario.step_s:g} "
+        f"--storage-step {scenario.storage_step_s:g}"
+        for name, scenario in found.items()
     )
-    p = argparse.ArgumentParser(prog="run.py", description=__doc__.splitlines()[0] if __doc__ else None)
-    p.add_argument("scenario", nargs="?", default="isolation", choices=list(DEFAULT_DURATION_S))
-    p.add_argument("--duration", type=float, metavar="S", help=f"seconds to simulate and judge, per run ({durations})")
-    p.add_argument("--step", type=float, metavar="S", help=f"seconds ({steps})")
+    p = argparse.ArgumentParser(
+        prog="run.py",
+        description=__doc__.splitlines()[0] if __doc__ else None,
+        epilog=f"scenarios and their defaults:\n{listing}",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    p.add_argument("scenario", nargs="?", default="isolation", choices=list(found))
+    p.add_argument("--duration", type=float, metavar="S", help="seconds to simulate and judge, per run")
+    p.add_argument("--step", type=float, metavar="S", help="communication step in seconds")
     p.add_argument("--seed", type=int, default=1, metavar="N", help="seed of the disturbance (%(default)s)")
     p.add_argument(
         "--parameters", type=Path, nargs="+", action="extend", default=[], metavar="F.ssv",
@@ -64,19 +55,19 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("--ssp", type=Path, metavar="FILE.ssp", help="the system with its FMUs, made by ps-fmu ssp")
     p.add_argument("--output", type=Path, metavar="DIR", help="folder of the results (results/SCENARIO)")
     p.add_argument("--scheme", choices=SCHEMES, default=SCHEMES[0], help="order of exchange (%(default)s)")
-    p.add_argument("--storage-step", type=float, metavar="S", help=f"seconds between stored rows ({storage})")
+    p.add_argument("--storage-step", type=float, metavar="S", help="seconds between stored rows")
     return p
 
 
-def options_of(arguments: argparse.Namespace) -> RunOptions:
+def read_options(scenario: Scenario, arguments: argparse.Namespace) -> RunOptions:
     """Checked options, with an output folder that can be written.  Raises OptionError."""
     duration, step, output = arguments.duration, arguments.step, arguments.output
     return RunOptions(
-        scenario=arguments.scenario,
+        scenario=scenario,
         system=arguments.ssp or ROOT / "system" / "SystemStructure.ssd",
-        output=output if output is not None else Path("results", arguments.scenario),
-        duration_s=duration if duration is not None else DEFAULT_DURATION_S[arguments.scenario],
-        step_s=step if step is not None else DEFAULT_STEP_S[arguments.scenario],
+        output=output if output is not None else Path("results", scenario.name),
+        duration_s=duration if duration is not None else scenario.duration_s,
+        step_s=step if step is not None else scenario.step_s,
         seed=arguments.seed,
         parameters=tuple(arguments.parameters),
         scheme=arguments.scheme,
@@ -88,17 +79,19 @@ def options_of(arguments: argparse.Namespace) -> RunOptions:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the scenario that the arguments name; returns the exit code."""
-    command_line = parser()
+    found = find_scenarios(scenarios, figures)
+    command_line = make_parser(found)
     with ExitStack() as stack:
         try:
-            options = options_of(command_line.parse_args(argv))
+            arguments = command_line.parse_args(argv)
+            options = read_options(found[arguments.scenario], arguments)
             stack.enter_context(held(options.output))
         except OptionError as error:
             command_line.error(str(error))
         try:
             if options.fmus is not None:
                 ensure_built(options.fmus, ROOT)
-            importlib.import_module(MODULES[options.scenario]).run(options)
+            options.scenario.run(options)
         except KeyboardInterrupt:
             return ended("interrupted", options.output, 130)
         except OptionError as error:  # one that needs the system to be seen, such as a path that takes longer

@@ -61,14 +61,19 @@ def built_fmus() -> Path:
 @pytest.fixture
 def make_options(built_fmus, tmp_path):
     """Options of a run of the real system by scenario and duration; each has an output folder of its own."""
+    from ps_fmu.paper import figures
+    from ps_fmu.runs import scenarios
     from ps_fmu.runs.options import RunOptions
+    from ps_fmu.runs.registry import find_scenarios
+
+    found = find_scenarios(scenarios, figures)
 
     made = []
 
     def make(scenario, duration_s, **others):
         made.append(scenario)
         output = tmp_path / f"out_{len(made)}"
-        options = RunOptions(scenario, SYSTEM, output, duration_s, fmus=built_fmus, progress=False, **others)
+        options = RunOptions(found[scenario], SYSTEM, output, duration_s, fmus=built_fmus, progress=False, **others)
         return options.claim_output()
 
     return make

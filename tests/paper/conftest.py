@@ -15,6 +15,7 @@ from ps_fmu.paper import published, settings
 from ps_fmu.paper import whole as paper
 from ps_fmu.paper.command import Options
 from ps_fmu.paper.errata import errata
+from ps_fmu.paper.figures import fig07, table2
 from ps_fmu.paper.figures.fig06 import analysis as workspace
 from ps_fmu.paper.figures.fig07 import analysis as trajectories
 from ps_fmu.paper.figures.fig07.scenario import METHODS, PathResult, paths
@@ -23,7 +24,7 @@ from ps_fmu.paper.figures.fig10 import analysis as stability
 from ps_fmu.paper.figures.table2 import analysis as jitter
 from ps_fmu.paper.figures.table2 import closed_form as table2_theory
 from ps_fmu.paper.support_modules import CASES, parameters_of
-from ps_fmu.runs.options import DEFAULT_DURATION_S, DEFAULT_STEP_S, RunOptions
+from ps_fmu.runs.options import RunOptions
 
 ORIENTATIONS = table2_theory.ORIENTATIONS
 SYSTEM = Path(__file__).parents[2] / "system" / "SystemStructure.ssd"
@@ -49,8 +50,8 @@ def curves():
 def jitter_results():
     """Closed form of Table 2 beside the runs of docs/paper: 11 s, 7 s after ``closed_form``."""
     p = load()
-    run = SimpleNamespace(band=p.noise.band, period_s=DEFAULT_DURATION_S["table2"], comparisons=jitter_run())
-    return jitter.compute(p, run, DEFAULT_STEP_S["table2"], seed=1)
+    run = SimpleNamespace(band=p.noise.band, period_s=table2.SCENARIO.duration_s, comparisons=jitter_run())
+    return jitter.compute(p, run, table2.SCENARIO.step_s, seed=1)
 
 
 @pytest.fixture(scope="session")
@@ -72,8 +73,8 @@ def closed_form(curves):
 
 def _trajectories():
     """Those of the usual paths, without runs: the response is the target, but for what tells no error from zero."""
-    name = "trajectories"
-    options = RunOptions(name, SYSTEM, Path(), DEFAULT_DURATION_S[name], DEFAULT_STEP_S[name])
+    scenario = fig07.SCENARIO
+    options = RunOptions(scenario, SYSTEM, Path(), scenario.duration_s, scenario.step_s)
     results = []
     for path, (targets, _) in paths(RATE, options).items():
         none = np.zeros(len(targets))

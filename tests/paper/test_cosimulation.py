@@ -7,6 +7,7 @@ import pytest
 from ps_fmu.cli import main
 from ps_fmu.paper import cosimulation
 from ps_fmu.paper.command import ANALYSES, CLOSED_FORM, Options
+from ps_fmu.paper.figures import table2
 from ps_fmu.runs import sources
 from ps_fmu.runs.options import OptionError
 from ps_fmu.slavekit.pack import build
@@ -43,4 +44,4 @@ def test_an_output_that_cannot_be_used_is_said_before_fmus_are_built(no_build, t
     (tmp_path / "table2").write_text("")
     options = Options(tmp_path, tmp_path / "fmus", CHECKOUT / "system" / "SystemStructure.ssd", progress=False)
     with pytest.raises(OptionError, match="--output: cannot write in"):
-        cosimulation.run_options(options, "table2", 1.0, 1e-3)
+        cosimulation.run_options(options, table2.SCENARIO, 1.0, 1e-3)

@@ -3,9 +3,9 @@
 import json
 
 import pytest
-from ps_fmu.paper.figures.fig06.analysis import rounded_down
 
 from ps_fmu.cli import main
+from ps_fmu.paper.figures.fig06.analysis import rounded_down
 
 
 def test_findings_text_and_figures(tmp_path, capsys):

@@ -5,12 +5,11 @@ import json
 import netCDF4
 import numpy as np
 import pytest
-from ps_fmu.paper.figures.fig07 import scenario as trajectories
-from ps_fmu.paper.figures.fig07.analysis import LIMITS, analyse, extremes
 
 from ps_fmu.paper import published
 from ps_fmu.paper.command import Options
-from ps_fmu.runs import options
+from ps_fmu.paper.figures.fig07 import scenario as trajectories
+from ps_fmu.paper.figures.fig07.analysis import LIMITS, analyse, extremes
 
 
 @pytest.fixture
@@ -18,7 +17,6 @@ def short(monkeypatch):
     """The random walk alone, five targets, coarse steps."""
     monkeypatch.setattr(trajectories, "PLANES", {})
     monkeypatch.setattr(trajectories, "COUNTS", (5,))
-    monkeypatch.setitem(options.DEFAULT_STEP_S, "trajectories", 5e-3)
 
 
 @pytest.mark.usefixtures("short")
@@ -35,8 +33,8 @@ def test_again_into_the_same_folder_after_an_interrupted_run(built_fmus, tmp_pat
     told = Options(tmp_path, built_fmus, progress=False)
     with monkeypatch.context() as patched, pytest.raises(KeyboardInterrupt):
         patched.setattr(trajectories, "_follow", interrupted)
-        analyse(told)
-    result = analyse(told)
+        analyse(told, step_s=5e-3)
+    result = analyse(told, step_s=5e-3)
     result.write(tmp_path)
     with netCDF4.Dataset(tmp_path / "trajectories" / "results.nc") as file:
         assert list(file.groups) == [

@@ -4,8 +4,8 @@ import json
 
 import numpy as np
 import pytest
-from ps_fmu.paper.figures.fig07 import scenario as trajectories
 
+from ps_fmu.paper.figures.fig07 import scenario as trajectories
 from ps_fmu.runs.comparison import TargetError
 from ps_fmu.runs.options import OptionError
 

@@ -19,6 +19,7 @@ from ps_fmu.mechanism.parameters import load
 from ps_fmu.paper import published
 from ps_fmu.paper import whole as paper
 from ps_fmu.paper.errata import Erratum, errata_table
+from ps_fmu.paper.figures import fig10, table2
 from ps_fmu.paper.figures.fig06 import analysis as workspace
 from ps_fmu.paper.figures.fig07 import analysis as trajectories
 from ps_fmu.paper.figures.fig08_11 import analysis as transmissibility
@@ -32,7 +33,6 @@ from ps_fmu.paper.multisine import Shaking
 from ps_fmu.paper.result import Analysis
 from ps_fmu.paper.support_modules import CASES
 from ps_fmu.results.report import Picture, Table
-from ps_fmu.runs.options import DEFAULT_STEP_S
 from ps_fmu.theory.transmissibility import singular_values_db
 
 NAMES = (*paper.PARTS, "paper")
@@ -189,10 +189,10 @@ def today(curves, jitter_results):
     verdicts = {case: judge(case, delay) for case in CASES}
     limits_s = {case: verdict.delay_limit for case, verdict in verdicts.items()}
     seen = (
-        verdicts, stored_runs.open_loops(SHAKING.lines), stored_runs.responses(limits_s, DEFAULT_STEP_S["stability"])
+        verdicts, stored_runs.open_loops(SHAKING.lines), stored_runs.responses(limits_s, fig10.SCENARIO.step_s)
     )  # fmt: skip
     limits, beyond = stored_runs.limit_results(trajectories.extremes()[0])
-    densities = jitter.nominal_densities(load(), DEFAULT_STEP_S["table2"])
+    densities = jitter.nominal_densities(load(), table2.SCENARIO.step_s)
     return {
         "workspace": (workspace.paragraphs(reach), workspace.tables(reach)),
         "trajectories": (

@@ -1,11 +1,16 @@
+import importlib
 import os
 from pathlib import Path
 
 import pytest
 
-from ps_fmu.runs.options import DEFAULT_DURATION_S, OptionError, RunOptions
+from ps_fmu.paper import figures
+from ps_fmu.runs import scenarios
+from ps_fmu.runs.options import OptionError, RunOptions, Scenario
+from ps_fmu.runs.registry import find_scenarios
 
-GOOD = {"scenario": "isolation", "system": Path("a.ssd"), "output": Path("results"), "duration_s": 20.0}
+FOUND = find_scenarios(scenarios, figures)
+GOOD = {"scenario": FOUND["isolation"], "system": Path("a.ssd"), "output": Path("results"), "duration_s": 20.0}
 
 
 def test_defaults():
@@ -17,15 +22,30 @@ def test_defaults():
     assert options.scheme == "jacobi"
 
 
-@pytest.mark.parametrize("scenario", DEFAULT_DURATION_S)
+@pytest.mark.parametrize("scenario", FOUND.values(), ids=FOUND)
 def test_each_default_duration_is_a_whole_number_of_steps(scenario):
-    RunOptions(**GOOD | {"scenario": scenario, "duration_s": DEFAULT_DURATION_S[scenario]})
+    RunOptions(scenario, Path("a.ssd"), Path("results"), scenario.duration_s, scenario.step_s)
+
+
+def test_a_file_in_a_package_is_a_scenario(tmp_path, monkeypatch):
+    (tmp_path / "studies").mkdir()
+    (tmp_path / "studies" / "__init__.py").write_text("")
+    (tmp_path / "studies" / "helpers.py").write_text("")
+    declared = "from ps_fmu.runs.options import Scenario\nSCENARIO = Scenario('spin', 'a spin', print, 5.0)\n"
+    (tmp_path / "studies" / "a_spin.py").write_text(declared)
+    monkeypatch.syspath_prepend(tmp_path)
+    studies = importlib.import_module("studies")
+    found = find_scenarios(scenarios, studies)
+    assert list(found) == ["isolation", "slew", "spin"]
+    assert found["spin"] == Scenario("spin", "a spin", print, 5.0, step_s=1e-4, storage_step_s=1e-2)
+    (tmp_path / "studies" / "b_spin.py").write_text(declared)
+    with pytest.raises(ValueError, match=r"studies\.b_spin: there is another scenario with the name 'spin'"):
+        find_scenarios(studies)
 
 
 @pytest.mark.parametrize(
     ("changed", "text"),
     [
-        ({"scenario": "dance"}, r"scenario: expected one of isolation, .*, stability, got 'dance'"),
         ({"scheme": "newton"}, r"--scheme: expected one of jacobi, gauss-seidel"),
         ({"step_s": 0.0}, r"--step: expected a time above 0 s, got 0\.0"),
         ({"step_s": -1e-4}, r"--step: expected a time above 0 s"),
@@ -59,7 +79,7 @@ def test_impossible_options_are_named(changed, text):
     ],
 )
 def test_time_between_stored_rows(scenario, step, given, stored):
-    options = RunOptions(**GOOD | {"scenario": scenario, "step_s": step, "storage_step_s": given})
+    options = RunOptions(**GOOD | {"scenario": FOUND[scenario], "step_s": step, "storage_step_s": given})
     assert options.storage_s == pytest.approx(stored, rel=1e-12)
     assert options.storage_stride == round(stored / step)
 

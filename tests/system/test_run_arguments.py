@@ -1,7 +1,7 @@
 """The command line of system/run.py: what it takes, what it refuses, how it ends."""
 
 import importlib.util
-import types
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -34,8 +34,9 @@ def scenario(run, monkeypatch):
             called.append(options)
             function(options)
 
-        module = types.SimpleNamespace(run=scenario_run)
-        monkeypatch.setattr(run.importlib, "import_module", lambda name: module)
+        found = run.find_scenarios(run.scenarios, run.figures)
+        replaced = {name: replace(scenario, run=scenario_run) for name, scenario in found.items()}
+        monkeypatch.setattr(run, "find_scenarios", lambda *packages: replaced)
         return called
 
     return replace_by
@@ -45,7 +46,7 @@ def test_defaults(run, scenario, tmp_path):
     called = scenario(lambda options: None)
     assert run.main([]) == 0
     (options,) = called
-    assert (options.scenario, options.duration_s) == ("isolation", 20.0)
+    assert (options.scenario.name, options.duration_s) == ("isolation", 20.0)
     assert (options.step_s, options.seed) == (1e-4, 1)
     assert options.output == tmp_path / "results" / "isolation"
     assert options.system == RUN.with_name("SystemStructure.ssd")
@@ -59,7 +60,7 @@ def test_all_arguments_arrive(run, scenario, tmp_path):
     arguments = "table2 --duration 2 --step 1e-3 --seed 5 --parameters a.ssv b.ssv --output out"
     assert run.main([*arguments.split(), "--scheme", "gauss-seidel", "--storage-step", "0.01"]) == 0
     (options,) = called
-    assert (options.scenario, options.duration_s, options.step_s, options.seed) == ("table2", 2.0, 1e-3, 5)
+    assert (options.scenario.name, options.duration_s, options.step_s, options.seed) == ("table2", 2.0, 1e-3, 5)
     assert options.parameters == (Path("a.ssv"), Path("b.ssv"))
     assert (options.output, options.scheme, options.storage_stride) == (tmp_path / "out", "gauss-seidel", 10)
 

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from ..runs.options import RunOptions
+    from ..runs.options import RunOptions, Scenario
     from .command import Options
 
 
@@ -34,7 +34,7 @@ def check_sources(system: Path) -> None:
         )
 
 
-def run_options(options: Options, scenario: str, duration_s: float, step_s: float) -> RunOptions:
+def run_options(options: Options, scenario: Scenario, duration_s: float, step_s: float) -> RunOptions:
     """Options of a scenario's runs; results go into a folder of its name beside those of the analysis.
 
     Makes that folder, then builds the FMUs if they are missing or older than their sources.  Raises BuildError,
@@ -47,7 +47,7 @@ def run_options(options: Options, scenario: str, duration_s: float, step_s: floa
     run = RunOptions(
         scenario,
         options.system,
-        options.output / scenario,
+        options.output / scenario.name,
         duration_s,
         step_s,
         options.seed,

@@ -137,7 +137,7 @@ def _recorder(master: Master, options: RunOptions, case: Case) -> Recorder:
         columns=master.columns,
         step=master.step,
         storage_step=options.storage_stride * master.step,
-        attributes={"scenario": options.scenario, "scheme": options.scheme, "step_s": options.step_s},
+        attributes={"scenario": options.scenario.name, "scheme": options.scheme, "step_s": options.step_s},
         append=path.exists(),
     )
 

@@ -1,25 +1,15 @@
-"""What a run is asked to do: the command line of ``system/run.py`` as checked values."""
+"""Scenarios, and the options of a run: the command line of ``system/run.py`` as checked values."""
 
 from __future__ import annotations
 
 import math
 import tempfile
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-DEFAULT_DURATION_S = {
-    "isolation": 20.0,  # at the nominal orientation; passive, then active
-    "table2": 100.0,  # window of the statistics, at each of four orientations; passive, then active
-    "slew": 100.0,  # profile, then at least 60 s to settle
-    "trajectories": 60.0,  # up to 25 targets of a path; four paths, each with two solvers
-    "stability": 10.0,  # after a pulse; four cases, passive and active, and one beyond the limit of the delay
-}
-# Each step would be 0.5 GB per case of 100 s. Figures and statistics use every step whatever is stored.
-DEFAULT_STORAGE_STEP_S = {"isolation": 1e-3, "table2": 1e-2, "slew": 1e-2, "trajectories": 1e-2, "stability": 1e-2}
-DEFAULT_STEP_S = {"isolation": 1e-4, "table2": 1e-4, "slew": 1e-4, "trajectories": 1e-3, "stability": 1e-4}
 MOST_STEPS = 10**10  # of a run: 1e6 s at 1e-4 s, some hours
 RESULTS, SUMMARY, REPORT = "results.nc", "summary.json", "report.html"  # in the output folder
-SCENARIOS = tuple(DEFAULT_DURATION_S)
 SCHEMES = ("jacobi", "gauss-seidel")
 
 
@@ -28,15 +18,31 @@ class OptionError(ValueError):
 
 
 @dataclass(frozen=True)
+class Scenario:
+    """What can be run, and the options that suit it.
+
+    Each file or package in :mod:`ps_fmu.runs.scenarios` declares one as ``SCENARIO``;
+    :func:`ps_fmu.runs.registry.find_scenarios` finds them.
+    """
+
+    name: str
+    about: str  # one sentence, for --help
+    run: Callable[[RunOptions], None]
+    """Runs it: writes the results into the output folder, prints the table."""
+    duration_s: float  # of one run
+    step_s: float = 1e-4  # communication step
+    storage_step_s: float = 1e-2  # between stored rows; a run of 100 s stored at each step of 1e-4 s takes 0.5 GB
+
+
+@dataclass(frozen=True)
 class RunOptions:
     """The options of a run, checked.
 
-    Raises :class:`OptionError` for what no run could honour: an unknown scenario or scheme, a step that is
-    not positive, a duration or storage step that is not a whole number of steps, a seed outside FMI's
-    Integer, a file that is not there.
+    Raises :class:`OptionError` for what no run could honour: an unknown scheme, a step that is not positive, a duration
+    or storage step that is not a whole number of steps, a seed outside FMI's Integer, a file that is not there.
     """
 
-    scenario: str
+    scenario: Scenario
     system: Path  # system structure description (.ssd)
     output: Path  # folder of the results
     duration_s: float
@@ -49,13 +55,11 @@ class RunOptions:
     progress: bool = True
 
     def __post_init__(self) -> None:
-        if self.scenario not in SCENARIOS:
-            raise OptionError(f"scenario: expected one of {', '.join(SCENARIOS)}, got {self.scenario!r}")
         if self.scheme not in SCHEMES:
             raise OptionError(f"--scheme: expected one of {', '.join(SCHEMES)}, got {self.scheme!r}")
         if not (math.isfinite(self.step_s) and self.step_s > 0.0):
             raise OptionError(f"--step: expected a time above 0 s, got {self.step_s!r}")
-        shortest = DEFAULT_STORAGE_STEP_S[self.scenario] / MOST_STEPS
+        shortest = self.scenario.storage_step_s / MOST_STEPS
         if self.step_s < shortest:
             raise OptionError(f"--step: expected at least {shortest:g} s, got {self.step_s!r} s")
         _multiple("--duration", self.duration_s, self.step_s)
@@ -79,7 +83,7 @@ class RunOptions:
     @property
     def storage_stride(self) -> int:
         """Number of steps from one stored row to the next."""
-        wanted = DEFAULT_STORAGE_STEP_S[self.scenario] if self.storage_step_s is None else self.storage_step_s
+        wanted = self.scenario.storage_step_s if self.storage_step_s is None else self.storage_step_s
         return max(1, round(wanted / self.step_s))
 
     @property

@@ -47,7 +47,7 @@ def publish(options: RunOptions, system: System, findings: Findings) -> None:
     fmus = fmu_files(system)
     parameters = given_parameters(options, system)
     RunSummary(
-        scenario=options.scenario,
+        scenario=options.scenario.name,
         orientation_deg=findings.orientation_deg,
         step_s=options.step_s,
         duration_s=options.duration_s,

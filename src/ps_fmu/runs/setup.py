@@ -70,7 +70,7 @@ def real_start(system: System, name: str) -> float:
 def given_parameters(options: RunOptions, system: System) -> dict[str, object]:
     """Options, the seed, and all start values that differ from those of the FMUs, for report and summary."""
     given: dict[str, object] = {
-        "scenario": options.scenario,
+        "scenario": options.scenario.name,
         "duration (s)": options.duration_s,
         "step (s)": options.step_s,
         "storage step (s)": options.storage_s,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from ...results.report import Table
 from ..comparison import HEADER, TargetError, angles, compare, draw, index_table, out_of_reach, rows, target_of
-from ..options import RunOptions
+from ..options import RunOptions, Scenario
 from ..publish import Findings, publish, text_table
 from ..setup import load_system, real_start
 
@@ -47,3 +47,12 @@ def run(options: RunOptions) -> None:
     )
     if not found.reachable:
         raise TargetError(refused)
+
+
+SCENARIO = Scenario(
+    "isolation",
+    "what the isolator does at one orientation: passive, then active",
+    run,
+    duration_s=20.0,
+    storage_step_s=1e-3,
+)

@@ -11,7 +11,7 @@ from ...pointing.rejection import rejection_percent
 from ..cases import Case, run_case
 from ..comparison import TARGET, TargetError, angles, out_of_reach, target_of
 from ..jitter_record import ROTATION
-from ..options import OptionError, RunOptions
+from ..options import OptionError, RunOptions, Scenario
 from ..publish import Findings, publish, text_table
 from ..setup import load_system
 from ..slew_record import SlewRecord
@@ -76,3 +76,11 @@ def run(options: RunOptions) -> None:
     )
     if not slews.on.reachable:
         raise TargetError(out_of_reach(target_deg))
+
+
+SCENARIO = Scenario(
+    "slew",
+    "a slew without disturbance, the isolator off, then on",
+    run,
+    duration_s=100.0,  # the profile, then at least 60 s to settle
+)

@@ -13,6 +13,7 @@ from ... import published
 from ...command import Options
 from ...result import Analysis, Finding
 from ..fig06 import analysis as workspace
+from . import SCENARIO
 
 if TYPE_CHECKING:
     from .scenario import PathResult
@@ -21,21 +22,19 @@ if TYPE_CHECKING:
 LIMITS = tuple(f"table1.{angle}_{end}" for angle in workspace.ANGLES for end in ("max", "min"))
 
 
-def analyse(options: Options) -> Analysis:
+def analyse(options: Options, step_s: float | None = None) -> Analysis:
     """Run the paths of the scenario ``trajectories`` and the limits of the workspace, and draw the paths."""
-    from ....runs.options import DEFAULT_DURATION_S, DEFAULT_STEP_S
     from ....runs.output import held
     from ...cosimulation import run_options
     from .scenario import error_table, load_quiet_system, measure, measure_limits, path_pictures
 
-    name = "trajectories"
-    run = run_options(options, name, DEFAULT_DURATION_S[name], DEFAULT_STEP_S[name])
+    run = run_options(options, SCENARIO, SCENARIO.duration_s, step_s or SCENARIO.step_s)
     with held(run.output):
         system = load_quiet_system(run)
         results = measure(system, run)
         limits, beyond = measure_limits(system, run, *extremes())
     return Analysis(
-        name=name,
+        name=SCENARIO.name,
         title="Trajectories: Fig 7, and the limits of Table 1",
         text=paragraphs(results, beyond),
         findings=[*limit_findings(limits), *findings(results)],

@@ -18,6 +18,7 @@ from ... import published
 from ...command import Options
 from ...result import Analysis, Finding
 from ...support_modules import CASES, SUSPENSION, parameters_of
+from . import SCENARIO
 from .open_loop import SHAKING, OpenLoop, open_loops
 
 if TYPE_CHECKING:
@@ -197,13 +198,11 @@ def analyse(
 
 def time_responses(options: Options, duration_s: float | None, step_s: float | None) -> list[Response]:
     """What the scenario ``stability`` measures: a pulse on the bus in each case, and in one beyond its limit."""
-    from ....runs.options import DEFAULT_DURATION_S, DEFAULT_STEP_S
     from ....runs.output import held
     from ...cosimulation import run_options
     from .scenario import measure
 
-    name = "stability"
-    run = run_options(options, name, duration_s or DEFAULT_DURATION_S[name], step_s or DEFAULT_STEP_S[name])
+    run = run_options(options, SCENARIO, duration_s or SCENARIO.duration_s, step_s or SCENARIO.step_s)
     with held(run.output):
         return measure(run)
 

@@ -13,11 +13,11 @@ from ....disturbance import multisine_lines, psd_at_origin
 from ....mechanism.parameters import Array, Parameters, load
 from ....results.report import Table, drawn
 from ....runs.comparison import Comparison, angles
-from ....runs.options import DEFAULT_DURATION_S, DEFAULT_STEP_S
 from ....theory.loop import loop_at
 from ....theory.transmissibility import Jitter, jitter, jitter_density, jitter_of_lines
 from ...command import Options
 from ...result import Analysis, Finding
+from . import SCENARIO
 from .closed_form import ORIENTATIONS, closed_form, com_error_P, published_value, rejection, second_axis
 from .scenario import measure, published_remarks
 from .tables import LOOP_DELAY, agreement_table, image_table, knowledge_table, off, rms_table, share_table, shares
@@ -47,15 +47,15 @@ class Result:
 
 def analyse(
     options: Options,
-    duration_s: float = DEFAULT_DURATION_S["table2"],
-    step_s: float = DEFAULT_STEP_S["table2"],
+    duration_s: float = SCENARIO.duration_s,
+    step_s: float = SCENARIO.step_s,
 ) -> Analysis:
     """Run the co-simulation, compute the closed forms, compare, draw and word it."""
     from ....runs.output import held
     from ...cosimulation import run_options
     from .plots import cumulative_figure, image_figure, rms_figure
 
-    run = run_options(options, "table2", duration_s, step_s)
+    run = run_options(options, SCENARIO, duration_s, step_s)
     with held(run.output):
         measured = measure(run)
     parameters = load()
