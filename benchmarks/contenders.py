@@ -20,12 +20,11 @@ from numpy.typing import NDArray
 from ps_fmu.control.feedforward import Controller, gains, lowpass
 from ps_fmu.cosim import Column, Master, System
 from ps_fmu.disturbance import Disturbance, default_settings
-from ps_fmu.mechanism.discretise import zero_order_hold
+from ps_fmu.mechanism.discretisation import zero_order_hold
 from ps_fmu.mechanism.dynamics import Pose
-from ps_fmu.mechanism.inverse import inverse_kinematics
+from ps_fmu.mechanism.inverse_kinematics import inverse_kinematics
+from ps_fmu.mechanism.linear_model import N_INPUTS, Plant
 from ps_fmu.mechanism.parameters import load
-from ps_fmu.mechanism.plant import Plant
-from ps_fmu.mechanism.practical import N_INPUTS
 from ps_fmu.mechanism.rotations import rotation_matrix
 
 Array = NDArray[np.float64]

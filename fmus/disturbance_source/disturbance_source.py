@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from ps_fmu.disturbance import Disturbance, default_settings
 from ps_fmu.interface.parameter_ports import parameter_ports
-from ps_fmu.mechanism.flat import entries, taken_from
 from ps_fmu.mechanism.parameters import ParameterError, load
+from ps_fmu.mechanism.quantities import list_entries, take_values
 from ps_fmu.slavekit.author.slave import ModelError, Slave
 from ps_fmu.slavekit.author.terminals import Terminal
 from ps_fmu.slavekit.author.variables import Port, Value, vector
@@ -34,7 +34,7 @@ class DisturbanceSource(Slave):
             "base_torque", "xyz", "N.m", "Disturbance torque on the bus about the origin of B, in B",
             causality="output", nominal=10.0,
         ),
-        *parameter_ports(entries(DEFAULTS)),
+        *parameter_ports(list_entries(DEFAULTS)),
     )  # fmt: skip
 
     terminals: ClassVar[tuple[Terminal, ...]] = (
@@ -62,7 +62,7 @@ class DisturbanceSource(Slave):
         self.built_from: dict[str, Value] = {}
         self.warned_at = 0.0  # s, step size
         try:
-            self.settings = taken_from(DEFAULTS, values)
+            self.settings = take_values(DEFAULTS, values)
             self.disturbance = Disturbance(self.settings)
         except ParameterError as error:
             raise ModelError(str(error)) from None

@@ -18,8 +18,8 @@ from ps_fmu.control.isolator import (
     whole_steps,
 )
 from ps_fmu.interface.parameter_ports import parameter_ports, refuses_parameters
-from ps_fmu.mechanism.flat import entries, taken_from
 from ps_fmu.mechanism.parameters import load
+from ps_fmu.mechanism.quantities import list_entries, take_values
 from ps_fmu.slavekit.author.slave import ModelError, Slave
 from ps_fmu.slavekit.author.terminals import Terminal
 from ps_fmu.slavekit.author.variables import Port, numbered, vector
@@ -63,9 +63,9 @@ class FeedforwardIsolator(Slave):
         ),
         Port("saturated", "output", type="Boolean", description="A force is at force_limit", initially_depends_on=()),
         *parameter_ports(
-            entries(PAPER.manipulator, keep=is_known)
-            + entries(KNOWN_PAYLOAD, "payload", keep=is_known)
-            + entries(PAPER.filters, "filters")
+            list_entries(PAPER.manipulator, keep=is_known)
+            + list_entries(KNOWN_PAYLOAD, "payload", keep=is_known)
+            + list_entries(PAPER.filters, "filters")
         ),
         Port("force_limit", "parameter", "N", "Largest force of a fine actuator; 0 = no limit", min=0.0),
         Port(
@@ -162,10 +162,10 @@ class FeedforwardIsolator(Slave):
 
     def _build(self) -> None:
         values = self.parameters()
-        filters = taken_from(PAPER.filters, values, "filters")
+        filters = take_values(PAPER.filters, values, "filters")
         self.isolator = Isolator(
-            taken_from(PAPER.manipulator, values),
-            taken_from(KNOWN_PAYLOAD, values, "payload"),
+            take_values(PAPER.manipulator, values),
+            take_values(KNOWN_PAYLOAD, values, "payload"),
             filters,
             lowpass(filters),
         )

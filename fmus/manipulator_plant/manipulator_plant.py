@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ps_fmu.interface.parameter_ports import parameter_ports, refuses_parameters
-from ps_fmu.mechanism.flat import entries, taken_from
+from ps_fmu.mechanism.linear_model import PlantModel
 from ps_fmu.mechanism.parameters import load
-from ps_fmu.mechanism.plant import Convection, Plant, coarse_motion
-from ps_fmu.mechanism.practical import PlantModel
+from ps_fmu.mechanism.quantities import list_entries, take_values
+from ps_fmu.mechanism.slews import Convection, Plant, coarse_motion
 from ps_fmu.slavekit.author.slave import Slave
 from ps_fmu.slavekit.author.terminals import Terminal
 from ps_fmu.slavekit.author.variables import Port, numbered, vector
@@ -83,11 +83,11 @@ class ManipulatorPlant(Slave):
             "los", "xy", "m", "Image point of the boresight on the image plane, axes of P", nominal=1e-6, **MICROMETRES
         ),
         *parameter_ports(
-            entries(PAPER.manipulator)
-            + entries(PAPER.payload, "payload")
-            + entries(PAPER.bus, "bus")
-            + entries(PAPER.servo, "servo")
-            + entries(PAPER.optics, "optics")
+            list_entries(PAPER.manipulator)
+            + list_entries(PAPER.payload, "payload")
+            + list_entries(PAPER.bus, "bus")
+            + list_entries(PAPER.servo, "servo")
+            + list_entries(PAPER.optics, "optics")
         ),
         Port(
             "relinearisation_distance", "parameter", "m", start=2e-5, min=1e-9, display_unit="um",
@@ -152,11 +152,11 @@ class ManipulatorPlant(Slave):
     def _build(self) -> None:
         values = self.parameters()
         self.plant = Plant(
-            taken_from(PAPER.manipulator, values),
-            taken_from(PAPER.payload, values, "payload"),
-            taken_from(PAPER.bus, values, "bus"),
-            taken_from(PAPER.servo, values, "servo"),
-            taken_from(PAPER.optics, values, "optics"),
+            take_values(PAPER.manipulator, values),
+            take_values(PAPER.payload, values, "payload"),
+            take_values(PAPER.bus, values, "bus"),
+            take_values(PAPER.servo, values, "servo"),
+            take_values(PAPER.optics, values, "optics"),
         )
         self.command = self.view("coarse_command")
         self.resolution = float(values["relinearisation_distance"])

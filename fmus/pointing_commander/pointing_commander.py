@@ -19,10 +19,10 @@ from ps_fmu.control.commander import (
 )
 from ps_fmu.control.profile import Profile
 from ps_fmu.interface.parameter_ports import parameter_ports
-from ps_fmu.mechanism.flat import entries, taken_from
-from ps_fmu.mechanism.inverse import trilaterate
+from ps_fmu.mechanism.inverse_kinematics import trilaterate
 from ps_fmu.mechanism.kinematics import KinematicsError
 from ps_fmu.mechanism.parameters import ParameterError, load
+from ps_fmu.mechanism.quantities import list_entries, take_values
 from ps_fmu.slavekit.author.slave import ModelError, Slave
 from ps_fmu.slavekit.author.terminals import Terminal
 from ps_fmu.slavekit.author.variables import Port, numbered, vector
@@ -62,9 +62,9 @@ class PointingCommander(Slave):
         Port("reachable", "output", type="Boolean", description="False: target refused, last good one stays"),
         Port("moving", type="Boolean", description="The commanded orientation is changing", **AT_REST),
         *parameter_ports(
-            entries(PAPER.manipulator, keep=is_geometric)
-            + entries(DEFAULT_LIMITS)
-            + entries(DEFAULT_ALGORITHM_1, "algorithm_1")
+            list_entries(PAPER.manipulator, keep=is_geometric)
+            + list_entries(DEFAULT_LIMITS)
+            + list_entries(DEFAULT_ALGORITHM_1, "algorithm_1")
         ),
         Port(
             "use_algorithm_1", "parameter", type="Boolean", start=False,
@@ -124,11 +124,11 @@ class PointingCommander(Slave):
     def _build(self) -> None:
         values = self.parameters()
         try:
-            settings = taken_from(DEFAULT_ALGORITHM_1, values, "algorithm_1")
+            settings = take_values(DEFAULT_ALGORITHM_1, values, "algorithm_1")
             self.commander = Commander(
-                taken_from(PAPER.manipulator, values).geometry,
+                take_values(PAPER.manipulator, values).geometry,
                 settings.solver() if values["use_algorithm_1"] else trilaterate,
-                None if values["follow"] else taken_from(DEFAULT_LIMITS, values),
+                None if values["follow"] else take_values(DEFAULT_LIMITS, values),
             )
             self.commander.pose(np.zeros(3))
         except ParameterError as error:

@@ -9,7 +9,7 @@ from support.mechanics import ORIENTATIONS_DEG, PAPER, dynamics_at, pose_at, rig
 
 from ps_fmu.control.feedforward import Controller, gains, lowpass
 from ps_fmu.mechanism.rotations import skew
-from ps_fmu.theory.frequency import Nominal, Practical
+from ps_fmu.theory.transfer_matrices import Nominal, Practical
 
 S = 2j * np.pi * np.geomspace(0.05, 300.0, 40)  # rad/s
 

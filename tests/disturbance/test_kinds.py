@@ -14,12 +14,12 @@ from ps_fmu.disturbance import (
     read_harmonics,
 )
 from ps_fmu.disturbance.wheels import FORCE_HARMONICS, TORQUE_HARMONICS
-from ps_fmu.mechanism.flat import entries, with_values
 from ps_fmu.mechanism.parameters import ParameterError, load
+from ps_fmu.mechanism.quantities import list_entries, replace_values
 
 NOTHING = Harmonics(np.array([1.0]), np.array([0.0]))
 DEFAULTS = default_settings(load())
-QUIET = with_values(DEFAULTS, {"noise.enabled": False})
+QUIET = replace_values(DEFAULTS, {"noise.enabled": False})
 STEP = 1e-4  # s
 
 
@@ -156,8 +156,8 @@ def test_the_sum_of_all_kinds():
         "chirp": {"chirp.torque.y": 1.0},
     }
     times = np.arange(0, 100_000, 17) * STEP
-    parts = [Disturbance(with_values(QUIET, change))(times) for change in changes.values()]
-    everything = with_values(QUIET, {name: value for change in changes.values() for name, value in change.items()})
+    parts = [Disturbance(replace_values(QUIET, change))(times) for change in changes.values()]
+    everything = replace_values(QUIET, {name: value for change in changes.values() for name, value in change.items()})
     np.testing.assert_allclose(Disturbance(everything)(times), sum(parts), atol=1e-12)
     assert all(part.any() for part in parts)
     assert not Disturbance(QUIET)(times).any()
@@ -167,7 +167,7 @@ def test_the_sum_of_all_kinds():
 def test_noise_acts_at_the_centre_of_mass():
     """A wrench of force alone there has the torque com x force about the origin."""
     psd = {f"noise.wrench_psd.{row}_{column}": 0.0 for row, column in _pairs() if "t" in row + column}
-    settings = with_values(DEFAULTS, psd | {"bus.com.x": 0.5, "bus.com.y": -0.3})
+    settings = replace_values(DEFAULTS, psd | {"bus.com.x": 0.5, "bus.com.y": -0.3})
     wrench = Disturbance(settings)(np.arange(30_000, 31_000) * STEP)
     np.testing.assert_allclose(wrench[:, 3:], np.cross([0.5, -0.3, -2.0], wrench[:, :3]), atol=1e-9)
 
@@ -180,15 +180,15 @@ def _pairs():
 def test_equal_wheels_have_phases_of_their_own():
     axis = {f"wheel_2.spin_axis.{a}": value for a, value in zip("xyz", (1.0, 0.0, 0.0), strict=True)}
     times = 5.0 + np.arange(1000) * STEP
-    one, other = (Disturbance(with_values(QUIET, {f"wheel_{i}.enabled": True} | axis))(times) for i in (1, 2))
+    one, other = (Disturbance(replace_values(QUIET, {f"wheel_{i}.enabled": True} | axis))(times) for i in (1, 2))
     assert np.abs(one - other).max() > 0.1 * np.abs(one).max()
 
 
 def test_scale_and_seed():
     times = np.arange(30_000, 30_100) * STEP
     one = Disturbance(DEFAULTS)(times)
-    np.testing.assert_allclose(Disturbance(with_values(DEFAULTS, {"noise.scale": 3.0}))(times), 3.0 * one)
-    assert not np.allclose(Disturbance(with_values(DEFAULTS, {"seed": 2}))(times), one)
+    np.testing.assert_allclose(Disturbance(replace_values(DEFAULTS, {"noise.scale": 3.0}))(times), 3.0 * one)
+    assert not np.allclose(Disturbance(replace_values(DEFAULTS, {"seed": 2}))(times), one)
 
 
 @pytest.mark.parametrize(
@@ -203,16 +203,16 @@ def test_scale_and_seed():
 )  # fmt: skip
 def test_impossible_parameters_are_named(name, value):
     with pytest.raises(ParameterError) as refusal:
-        with_values(DEFAULTS, {name: value})
+        replace_values(DEFAULTS, {name: value})
     assert name.startswith(refusal.value.name) or refusal.value.name == name
 
 
 def test_a_sweep_too_short_for_its_fades():
     with pytest.raises(ParameterError, match=r"chirp.duration: must be at least twice the rise_time"):
-        with_values(DEFAULTS, {"chirp.force.x": 1.0, "chirp.duration": 3.0})
+        replace_values(DEFAULTS, {"chirp.force.x": 1.0, "chirp.duration": 3.0})
 
 
 def test_every_number_has_a_unit_and_a_description():
-    for entry in entries(DEFAULTS):
+    for entry in list_entries(DEFAULTS):
         assert entry.description, entry.name
         assert entry.unit or isinstance(entry.value, (bool, str)), entry.name

@@ -5,7 +5,7 @@ import pytest
 from support.mechanics import PAPER
 from support.models import Host, slave_class
 
-from ps_fmu.mechanism.practical import OUTPUTS, output_slices
+from ps_fmu.mechanism.linear_model import OUTPUTS, output_slices
 from ps_fmu.slavekit.author.slave import ModelError, Refused
 
 ORIENTATION = ("orientation.roll", "orientation.pitch", "orientation.yaw")

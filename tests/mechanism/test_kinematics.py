@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ps_fmu.mechanism.inverse import inverse_kinematics
+from ps_fmu.mechanism.inverse_kinematics import inverse_kinematics
 from ps_fmu.mechanism.kinematics import (
     SingularPoseError,
     base_jacobian,

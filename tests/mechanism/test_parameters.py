@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from ps_fmu.mechanism.dynamics import rigid_body_mass
-from ps_fmu.mechanism.flat import entries, taken_from, with_values
 from ps_fmu.mechanism.parameters import PAPER, BusMode, ParameterError, load
+from ps_fmu.mechanism.quantities import list_entries, replace_values, take_values
 
 
 def test_published_values_are_in_the_set() -> None:
@@ -51,16 +51,16 @@ def test_arrays_cannot_be_changed() -> None:
 )
 def test_impossible_payload_is_named(name: str, value: float, text: str) -> None:
     with pytest.raises(ParameterError, match=text):
-        with_values(load().payload, {name: value}, "payload")
+        replace_values(load().payload, {name: value}, "payload")
 
 
 @pytest.mark.parametrize(("name", "value"), [("tx", 100.0), ("rz", -120.0)])
 @pytest.mark.parametrize("bus", ["OSM", "LSM"])
 def test_bus_modes_that_move_more_than_the_bus_are_named(bus: str, name: str, value: float) -> None:
     with pytest.raises(ParameterError, match=r"^bus\.mode_1\.participation: too large"):
-        with_values(load(bus=bus).bus, {f"bus.mode_1.participation.{name}": value}, "bus")
+        replace_values(load(bus=bus).bus, {f"bus.mode_1.participation.{name}": value}, "bus")
     rigid = {f"bus.mode_1.participation.{name}": value, "bus.mode_1.frequency": 0.0}
-    assert not with_values(load(bus=bus).bus, rigid, "bus").modes[0].active
+    assert not replace_values(load(bus=bus).bus, rigid, "bus").modes[0].active
 
 
 def test_what_modes_may_move_is_where_the_mass_matrix_becomes_indefinite() -> None:
@@ -132,7 +132,7 @@ def test_more_attenuation_than_numbers_hold_is_named() -> None:
 )
 def test_impossible_mechanism_is_named(changes: dict[str, float], text: str) -> None:
     with pytest.raises(ParameterError, match=text):
-        with_values(load().manipulator, changes)
+        replace_values(load().manipulator, changes)
 
 
 def test_psd_must_be_positive_semidefinite() -> None:
@@ -224,7 +224,7 @@ def test_a_file_that_is_not_text_is_named(tmp_path: Path) -> None:
 
 def test_names_are_plain_and_unique() -> None:
     paper = load()
-    found = entries(paper.manipulator) + entries(paper.payload, "payload") + entries(paper.bus, "bus")
+    found = list_entries(paper.manipulator) + list_entries(paper.payload, "payload") + list_entries(paper.bus, "bus")
     names = [entry.name for entry in found]
     assert len(set(names)) == len(names)
     assert all(set(name) <= set("abcdefghijklmnopqrstuvwxyz0123456789_.") for name in names)
@@ -234,20 +234,20 @@ def test_names_are_plain_and_unique() -> None:
 def test_flat_values_come_back() -> None:
     """entries -> with_values is the identity, and each entry reaches its own place only."""
     bus = load().bus
-    flat = {entry.name: entry.value for entry in entries(bus, "bus")}
-    assert entries(with_values(bus, flat, "bus"), "bus") == entries(bus, "bus")
+    flat = {entry.name: entry.value for entry in list_entries(bus, "bus")}
+    assert list_entries(replace_values(bus, flat, "bus"), "bus") == list_entries(bus, "bus")
     for name, value in (("bus.com.y", 5.0), ("bus.mode_3.participation.rx", 5.0), ("bus.mass", 5000.0)):
-        changed = {entry.name: entry.value for entry in entries(with_values(bus, {name: value}, "bus"), "bus")}
+        changed = {entry.name: entry.value for entry in list_entries(replace_values(bus, {name: value}, "bus"), "bus")}
         assert {key for key in flat if changed[key] != flat[key]} == {name}
 
 
 def test_off_diagonal_inertia_stays_symmetric() -> None:
-    payload = with_values(load().payload, {"payload.inertia.xy": 0.01}, "payload")
+    payload = replace_values(load().payload, {"payload.inertia.xy": 0.01}, "payload")
     assert payload.inertia_P[0, 1] == payload.inertia_P[1, 0] == 0.01
 
 
 def test_taken_from_passes_over_other_names() -> None:
-    bus = taken_from(load().bus, {"bus.mass": 1000.0, "payload.mass": 2.0}, "bus")
+    bus = take_values(load().bus, {"bus.mass": 1000.0, "payload.mass": 2.0}, "bus")
     assert bus.mass == 1000.0
 
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize_scalar
 
-from ps_fmu.mechanism.inverse import inverse_kinematics
+from ps_fmu.mechanism.inverse_kinematics import inverse_kinematics
 from ps_fmu.mechanism.parameters import load
-from ps_fmu.mechanism.reach import reachable, stroke_margin
+from ps_fmu.mechanism.reachability import reachable, stroke_margin
 from ps_fmu.mechanism.rotations import rotation_from_vector
 from ps_fmu.mechanism.workspace import (
     cone,

@@ -12,7 +12,7 @@ from support.multibody.oscillators import of_bus_mode
 from support.prototype import both, errors, other_geometry, random_orientations
 
 from ps_fmu.mechanism.parameters import BusMode, Parameters, TrussMode, load
-from ps_fmu.theory.frequency import Nominal, Practical
+from ps_fmu.theory.transfer_matrices import Nominal, Practical
 
 ORIENTATIONS_DEG = random_orientations(20)
 ANYWHERE = ORIENTATIONS_DEG[0]

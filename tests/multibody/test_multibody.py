@@ -11,7 +11,7 @@ from support.multibody.multibody import Prototype
 from support.prototype import both, errors, other_geometry, random_orientations
 
 from ps_fmu.mechanism.parameters import load
-from ps_fmu.theory.frequency import Nominal, Practical
+from ps_fmu.theory.transfer_matrices import Nominal, Practical
 
 FREE = slice(0, 9)  # fine legs and base
 RADIUS = 0.03  # m; a voice-coil actuator is about as thick: the axial inertia is a quarter of the radial one

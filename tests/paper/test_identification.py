@@ -11,7 +11,7 @@ from ps_fmu.cli import main
 from ps_fmu.cosim.parameters import read_parameters
 from ps_fmu.interface.parameter_sets import differences
 from ps_fmu.mechanism import workspace
-from ps_fmu.mechanism.forward import ForwardKinematicsError
+from ps_fmu.mechanism.forward_kinematics import ForwardKinematicsError
 from ps_fmu.mechanism.parameters import load
 from ps_fmu.paper.identification import geometry, mechanism, noise, steps, suspension
 from ps_fmu.paper.identification.fit import Identifiability, follow, roundings, slopes, targets

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ps_fmu.mechanism.dynamics import Dynamics, Pose, assemble
-from ps_fmu.mechanism.inverse import inverse_kinematics
+from ps_fmu.mechanism.inverse_kinematics import inverse_kinematics
 from ps_fmu.mechanism.parameters import Parameters, load
 from ps_fmu.mechanism.rotations import rotation_matrix
 

@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from ps_fmu.mechanism.inverse import inverse_kinematics
+from ps_fmu.mechanism.inverse_kinematics import inverse_kinematics
 from ps_fmu.mechanism.parameters import Parameters
-from ps_fmu.theory.frequency import Nominal, Practical
+from ps_fmu.theory.transfer_matrices import Nominal, Practical
 from support.multibody.linear import LinearModel
 from support.multibody.multibody import Prototype
 

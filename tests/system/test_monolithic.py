@@ -10,9 +10,8 @@ from support.mechanics import PAPER, pose_at
 from ps_fmu.control.feedforward import Controller, gains, lowpass
 from ps_fmu.cosim import Master, read_system
 from ps_fmu.disturbance import Disturbance, default_settings
-from ps_fmu.mechanism.inverse import inverse_kinematics
-from ps_fmu.mechanism.plant import Plant
-from ps_fmu.mechanism.practical import N_INPUTS, OUTPUTS, output_slices
+from ps_fmu.mechanism.inverse_kinematics import inverse_kinematics
+from ps_fmu.mechanism.linear_model import N_INPUTS, OUTPUTS, Plant, output_slices
 
 SYSTEM = Path(__file__).parents[2] / "system" / "SystemStructure.ssd"
 STEP = 1e-4  # s

@@ -8,8 +8,8 @@ from fmpy.ssp.ssd import validate_tree
 from lxml import etree
 
 from ps_fmu.cosim import Master, read_parameters, read_system
-from ps_fmu.mechanism.flat import entries
 from ps_fmu.mechanism.parameters import load
+from ps_fmu.mechanism.quantities import list_entries
 
 SYSTEM = Path(__file__).parents[2] / "system"
 FILES = sorted((SYSTEM / "parameters").glob("*.ssv"))
@@ -18,7 +18,7 @@ FILES = sorted((SYSTEM / "parameters").glob("*.ssv"))
 def of_bus(name):
     """Parameters of a bus in paper.toml: the plant's, and where the disturbance acts."""
     bus = load(bus=name).bus
-    values = {f"plant.{entry.name}": entry.value for entry in entries(bus, "bus")}
+    values = {f"plant.{entry.name}": entry.value for entry in list_entries(bus, "bus")}
     return values | {f"disturbance.bus.com.{axis}": value for axis, value in zip("xyz", bus.com_B, strict=True)}
 
 

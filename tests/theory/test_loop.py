@@ -7,7 +7,7 @@ from support.mechanics import PAPER
 from ps_fmu.mechanism.parameters import load
 from ps_fmu.paper import published
 from ps_fmu.theory.loop import delay_limit_by_bisection, element_margins, loop_at
-from ps_fmu.theory.statespace import closed_loop
+from ps_fmu.theory.state_space import closed_loop
 
 DELAY = 0.02  # s
 S = 2j * np.pi * np.geomspace(0.05, 300.0, 60)  # rad/s

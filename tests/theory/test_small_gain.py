@@ -7,7 +7,6 @@ import pytest
 from support.mechanics import PAPER, dynamics_at, pose_at, rigid
 
 from ps_fmu.control.feedforward import gains
-from ps_fmu.theory.frequency import Nominal, Practical, crowded
 from ps_fmu.theory.small_gain import (
     delay_uncertainty,
     largest_singular_value,
@@ -15,6 +14,7 @@ from ps_fmu.theory.small_gain import (
     nominal_complement_bound,
     nominal_loop_poles,
 )
+from ps_fmu.theory.transfer_matrices import Nominal, Practical, crowded
 
 DELAY = 0.02  # s
 S = 2j * np.pi * np.geomspace(0.05, 300.0, 60)  # rad/s

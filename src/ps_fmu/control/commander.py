@@ -10,11 +10,11 @@ from functools import partial
 
 import numpy as np
 
-from ..mechanism.checks import Checked, number, quantity
-from ..mechanism.inverse import InversePose, Solver, descend, inverse_kinematics
+from ..mechanism.inverse_kinematics import InversePose, Solver, descend, inverse_kinematics
 from ..mechanism.kinematics import KinematicsError
 from ..mechanism.parameters import Array, Geometry
-from ..mechanism.reach import stroke_margin, why_unreachable
+from ..mechanism.quantities import Checked, check_number, quantity
+from ..mechanism.reachability import stroke_margin, why_unreachable
 from .profile import Limits, Profile, State, plan
 
 # Bus modes from 0.45 Hz on and the 5 Hz suspension set these: 8.5 deg take 26 s and leave a 0.45 Hz mode with
@@ -36,7 +36,7 @@ def is_geometric(name: str) -> bool:
 
 @dataclass(frozen=True)
 class Algorithm1(Checked):
-    """Settings of the paper's Algorithm 1 (:func:`.inverse.descend`)."""
+    """Settings of the paper's Algorithm 1 (:func:`.inverse_kinematics.descend`)."""
 
     mu: float = quantity("1", "Step size; Algorithm 1 converges below 2/lambda_max(J J^T), about 0.81", above=0.0)
     epsilon: float = quantity("m", "Error limit; 1e-6 m leaves up to 4e-4 deg, 1e-11 m below 1e-8 deg", above=0.0)
@@ -44,10 +44,10 @@ class Algorithm1(Checked):
 
     def __post_init__(self) -> None:
         self._numbers("mu", "epsilon")
-        number(self.max_iterations, "max_iterations", at_least=1)
+        check_number(self.max_iterations, "max_iterations", at_least=1)
 
     def solver(self) -> Solver:
-        """Algorithm 1 with these settings, for :func:`.inverse.inverse_kinematics`."""
+        """Algorithm 1 with these settings, for :func:`.inverse_kinematics.inverse_kinematics`."""
         return partial(descend, mu=self.mu, epsilon=self.epsilon, max_iterations=self.max_iterations)
 
 

@@ -21,7 +21,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from ..mechanism.discretise import held_step_map, zero_order_hold
+from ..mechanism.discretisation import held_step_map, zero_order_hold
 from ..mechanism.dynamics import Pose, payload_mass
 from ..mechanism.kinematics import jacobians
 from ..mechanism.legs import leg_mass
@@ -139,7 +139,7 @@ class Controller:
         return np.hstack(self._outputs())
 
     def step_map(self, h: float) -> Array:
-        """[f; x](t + h) from [x; a](t), see :func:`.discretise.held_step_map`."""
+        """[f; x](t + h) from [x; a](t), see :func:`.discretisation.held_step_map`."""
         Ad, Bd = _held_filters(self.lowpass, self.filters, h)
         return held_step_map(Ad, self._driven(Bd), *self._outputs())
 

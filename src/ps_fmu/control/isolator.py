@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..mechanism.dynamics import Pose
-from ..mechanism.inverse import trilaterate
+from ..mechanism.inverse_kinematics import trilaterate
 from ..mechanism.parameters import FeedforwardFilters, Manipulator, Parameters, Payload
 from ..mechanism.rotations import rotation_matrix
 from .feedforward import Controller, Lowpass, gains

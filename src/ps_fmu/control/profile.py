@@ -30,7 +30,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..mechanism.checks import Array, Checked, quantity
+from ..mechanism.quantities import Array, Checked, quantity
 
 # Peaks of |x'|, |x''|, |x'''| of a transfer over unit distance in unit time.
 PEAK_RATE = 35.0 / 16.0

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..mechanism.checks import Checked, ParameterError, frozen, quantity, truth
 from ..mechanism.parameters import Noise, Parameters
+from ..mechanism.quantities import Checked, ParameterError, check_truth, freeze, quantity
 from .spectrum import HIGHEST
 
 Array = NDArray[np.float64]
@@ -24,7 +24,7 @@ class BusCentre(Checked):
     com_B: Array = quantity("m", "Centre of mass of the bus, where the noise acts, in B")
 
     def __post_init__(self) -> None:
-        self._set("com_B", frozen(self.com_B, (3,), "com"))
+        self._set("com_B", freeze(self.com_B, (3,), "com"))
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,8 +45,8 @@ class NoiseSource(Noise):
         super().__post_init__()
         if self.band[1] > HIGHEST:
             raise ParameterError("band.max", f"must not exceed {HIGHEST:g} Hz, got {self.band[1]:g} Hz")
-        self._set("enabled", truth(self.enabled, "enabled"))
-        self._set("multisine", truth(self.multisine, "multisine"))
+        self._set("enabled", check_truth(self.enabled, "enabled"))
+        self._set("multisine", check_truth(self.multisine, "multisine"))
         self._numbers("scale", "period")
         if self.period * self.band[0] < 2.0:
             raise ParameterError(
@@ -70,12 +70,12 @@ class Wheel(Checked):
     ramp_duration: float = quantity("s", "Time that the change of speed takes", at_least=0.0)
 
     def __post_init__(self) -> None:
-        self._set("enabled", truth(self.enabled, "enabled"))
+        self._set("enabled", check_truth(self.enabled, "enabled"))
         self._numbers("scale", "initial_speed", "final_speed", "ramp_start", "ramp_duration")
-        self._set("spin_axis_B", frozen(self.spin_axis_B, (3,), "spin_axis"))
+        self._set("spin_axis_B", freeze(self.spin_axis_B, (3,), "spin_axis"))
         if np.linalg.norm(self.spin_axis_B) < 1e-9:
             raise ParameterError("spin_axis", "must not be the zero vector")
-        self._set("position_B", frozen(self.position_B, (3,), "position"))
+        self._set("position_B", freeze(self.position_B, (3,), "position"))
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,8 +89,8 @@ class ToneSettings(Checked):
 
     def __post_init__(self) -> None:
         self._numbers("frequency", "phase")
-        self._set("force_B", frozen(self.force_B, (3,), "force"))
-        self._set("torque_B", frozen(self.torque_B, (3,), "torque"))
+        self._set("force_B", freeze(self.force_B, (3,), "force"))
+        self._set("torque_B", freeze(self.torque_B, (3,), "torque"))
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,9 +107,9 @@ class ChirpSettings(Checked):
 
     def __post_init__(self) -> None:
         self._numbers("initial_frequency", "final_frequency", "start", "duration")
-        self._set("logarithmic", truth(self.logarithmic, "logarithmic"))
-        self._set("force_B", frozen(self.force_B, (3,), "force"))
-        self._set("torque_B", frozen(self.torque_B, (3,), "torque"))
+        self._set("logarithmic", check_truth(self.logarithmic, "logarithmic"))
+        self._set("force_B", freeze(self.force_B, (3,), "force"))
+        self._set("torque_B", freeze(self.torque_B, (3,), "torque"))
 
 
 @dataclass(frozen=True)
@@ -123,7 +123,7 @@ class RecordingSettings(Checked):
     def __post_init__(self) -> None:
         if not isinstance(self.path, str):
             raise ParameterError("path", f"expected text, got {self.path!r}")
-        self._set("repeat", truth(self.repeat, "repeat"))
+        self._set("repeat", check_truth(self.repeat, "repeat"))
         self._numbers("scale")
 
 

@@ -6,8 +6,8 @@ import functools
 from collections.abc import Callable, Iterable
 from typing import Any, TypeVar
 
-from ..mechanism.flat import Entry
 from ..mechanism.parameters import ParameterError
+from ..mechanism.quantities import Entry
 from ..slavekit.author.guard import ModelError
 from ..slavekit.author.variables import Port, Type
 
@@ -18,7 +18,7 @@ _TYPES: dict[type, Type] = {bool: "Boolean", int: "Integer", str: "String"}
 
 
 def parameter_ports(entries: Iterable[Entry]) -> tuple[Port, ...]:
-    """One parameter port per entry of :func:`ps_fmu.mechanism.flat.entries`, of the type of its value."""
+    """One parameter port per entry of :func:`ps_fmu.mechanism.quantities.list_entries`, of the type of its value."""
     ports = []
     for entry in entries:
         kind = _TYPES.get(type(entry.value))

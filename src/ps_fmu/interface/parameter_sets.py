@@ -9,9 +9,9 @@ from ..control.feedforward import lowpass
 from ..control.isolator import Isolator, is_known, known_payload
 from ..cosim import System, Value
 from ..disturbance import default_settings
-from ..mechanism.flat import entries, taken_from
+from ..mechanism.linear_model import Plant
 from ..mechanism.parameters import Parameters, load
-from ..mechanism.plant import Plant
+from ..mechanism.quantities import list_entries, take_values
 
 #: Start values of the isolator that are not of a parameter set.
 IDEAL: dict[str, Value] = {f"isolator.{name}": 0.0 for name in ("delay", "sample_time", "force_limit")}
@@ -21,19 +21,19 @@ def start_values(p: Parameters) -> dict[str, Value]:
     """What a parameter set says of plant, isolator, commander and disturbance source."""
     components = {
         "plant": [
-            *entries(p.manipulator),
-            *entries(p.payload, "payload"),
-            *entries(p.bus, "bus"),
-            *entries(p.servo, "servo"),
-            *entries(p.optics, "optics"),
+            *list_entries(p.manipulator),
+            *list_entries(p.payload, "payload"),
+            *list_entries(p.bus, "bus"),
+            *list_entries(p.servo, "servo"),
+            *list_entries(p.optics, "optics"),
         ],
         "isolator": [
-            *entries(p.manipulator, keep=is_known),
-            *entries(known_payload(p), "payload", keep=is_known),
-            *entries(p.filters, "filters"),
+            *list_entries(p.manipulator, keep=is_known),
+            *list_entries(known_payload(p), "payload", keep=is_known),
+            *list_entries(p.filters, "filters"),
         ],
-        "commander": entries(p.manipulator, keep=is_geometric),
-        "disturbance": entries(default_settings(p)),
+        "commander": list_entries(p.manipulator, keep=is_geometric),
+        "disturbance": list_entries(default_settings(p)),
     }
     return {f"{component}.{entry.name}": entry.value for component, found in components.items() for entry in found}
 
@@ -53,18 +53,18 @@ def plant_and_isolator(system: System) -> tuple[Plant, Isolator]:
     """
     p = load()
     plant, isolator = (_given(system, component) for component in ("plant", "isolator"))
-    filters = taken_from(p.filters, isolator, "filters")
+    filters = take_values(p.filters, isolator, "filters")
     return (
         Plant(
-            taken_from(p.manipulator, plant),
-            taken_from(p.payload, plant, "payload"),
-            taken_from(p.bus, plant, "bus"),
-            taken_from(p.servo, plant, "servo"),
-            taken_from(p.optics, plant, "optics"),
+            take_values(p.manipulator, plant),
+            take_values(p.payload, plant, "payload"),
+            take_values(p.bus, plant, "bus"),
+            take_values(p.servo, plant, "servo"),
+            take_values(p.optics, plant, "optics"),
         ),
         Isolator(
-            taken_from(p.manipulator, isolator),
-            taken_from(known_payload(p), isolator, "payload"),
+            take_values(p.manipulator, isolator),
+            take_values(known_payload(p), isolator, "payload"),
             filters,
             lowpass(filters),
         ),

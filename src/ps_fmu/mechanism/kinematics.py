@@ -15,7 +15,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .parameters import Array, Geometry
+from .geometry import Geometry
+from .quantities import Array
 from .rotations import cross
 
 # Condition number of the length-scaled J_lp beyond which a pose counts as singular.  It is 4.2 to 4.7 in

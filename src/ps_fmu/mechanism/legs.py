@@ -16,8 +16,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from .geometry import Geometry
 from .kinematics import leg_vectors, platform_joints_B
-from .parameters import CoarseLeg, Geometry
+from .parameters import CoarseLeg
 from .rotations import skew
 
 Array = NDArray[np.float64]

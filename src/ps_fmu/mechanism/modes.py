@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .checks import Array, Checked, ParameterError, frozen, quantity
+from .quantities import Array, Checked, ParameterError, freeze, quantity
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,8 +22,8 @@ class TrussMode(Checked):
 
     def __post_init__(self) -> None:
         self._numbers("mass", "frequency", "damping_ratio")
-        self._set("position_P", frozen(self.position_P, (3,), "position"))
-        direction = frozen(self.direction_P, (3,), "direction")
+        self._set("position_P", freeze(self.position_P, (3,), "position"))
+        direction = freeze(self.direction_P, (3,), "direction")
         if np.linalg.norm(direction) < 1e-9:
             raise ParameterError("direction", "must not be the zero vector")
         self._set("direction_P", direction)
@@ -52,7 +52,7 @@ class BusMode(Checked):
 
     def __post_init__(self) -> None:
         self._numbers("frequency", "damping_ratio")
-        self._set("participation_B", frozen(self.participation_B, (6,), "participation"))
+        self._set("participation_B", freeze(self.participation_B, (6,), "participation"))
 
     @property
     def active(self) -> bool:
@@ -65,7 +65,7 @@ class BusMode(Checked):
         return np.concatenate([translation, rotation - np.cross(point_B, translation)])
 
 
-def carries_its_modes(mass: float, inertia_com: Array, modes: Iterable[tuple[str, Array]]) -> None:
+def check_modal_mass(mass: float, inertia_com: Array, modes: Iterable[tuple[str, Array]]) -> None:
     """Refuse modes that move more mass than the body has: its mass matrix would be indefinite, its motion explode.
 
     Parameters

@@ -19,8 +19,10 @@ from typing import Any
 
 import numpy as np
 
-from .checks import Array, Checked, ParameterError, frozen, inertia_tensor, quantity
-from .modes import BusMode, TrussMode, carries_its_modes
+from .geometry import Geometry
+from .kinematics import LARGEST_CONDITION, condition_number, platform_jacobian
+from .modes import BusMode, TrussMode, check_modal_mass
+from .quantities import Array, Checked, ParameterError, check_inertia, freeze, quantity
 
 PAPER = Path(__file__).with_name("paper.toml")
 
@@ -49,8 +51,8 @@ class CoarseLeg(Checked):
     upper: LegPart = quantity("", "Part at the platform")
 
     def __post_init__(self) -> None:
-        self._set("base_joint_B", frozen(self.base_joint_B, (3,), "base_joint"))
-        self._set("platform_joint_P", frozen(self.platform_joint_P, (3,), "platform_joint"))
+        self._set("base_joint_B", freeze(self.base_joint_B, (3,), "base_joint"))
+        self._set("platform_joint_P", freeze(self.platform_joint_P, (3,), "platform_joint"))
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,22 +79,6 @@ class CoarseRods(Checked):
 
 
 @dataclass(frozen=True, eq=False)
-class Geometry:
-    """Joints and nominal pose, as the kinematics needs them; rows are coarse legs 1..3, then fine legs 1..3 (eq 4)."""
-
-    base_joints_B: Array
-    platform_joints_P: Array
-    nominal_translation_B: Array
-    coarse_stroke: Array
-
-    @cached_property
-    def nominal_lengths(self) -> Array:
-        """Joint-to-joint lengths at the nominal pose (zero roll, pitch and yaw), shape (6,), m."""
-        legs_B = self.nominal_translation_B + self.platform_joints_P - self.base_joints_B
-        return frozen(np.linalg.norm(legs_B, axis=1), (6,), "nominal_lengths")
-
-
-@dataclass(frozen=True, eq=False)
 class Manipulator(Checked):
     """The six legs and the nominal pose."""
 
@@ -103,8 +89,8 @@ class Manipulator(Checked):
     coarse_rods: CoarseRods = quantity("", "Flexibility of the coarse rods")
 
     def __post_init__(self) -> None:
-        self._set("nominal_translation_B", frozen(self.nominal_translation_B, (3,), "nominal_translation"))
-        self._set("coarse_stroke", frozen(self.coarse_stroke, (2,), "coarse_stroke"))
+        self._set("nominal_translation_B", freeze(self.nominal_translation_B, (3,), "nominal_translation"))
+        self._set("coarse_stroke", freeze(self.coarse_stroke, (2,), "coarse_stroke"))
         if not self.coarse_stroke[0] < 0.0 < self.coarse_stroke[1]:
             raise ParameterError(
                 "coarse_stroke", f"min must be below 0 and max above, got {self.coarse_stroke.tolist()} m"
@@ -115,9 +101,6 @@ class Manipulator(Checked):
         self._check_geometry()
 
     def _check_geometry(self) -> None:
-        # Here, since kinematics needs this module.
-        from .kinematics import LARGEST_CONDITION, condition_number, platform_jacobian
-
         geometry = self.geometry
         names = [f"{kind}_leg_{i}" for kind in ("coarse", "fine") for i in (1, 2, 3)]
         for name, length in zip(names, geometry.nominal_lengths, strict=True):
@@ -157,9 +140,9 @@ class Payload(Checked):
 
     def __post_init__(self) -> None:
         self._numbers("mass")
-        self._set("com_P", frozen(self.com_P, (3,), "com"))
-        self._set("inertia_P", inertia_tensor(self.inertia_P, "inertia"))
-        carries_its_modes(
+        self._set("com_P", freeze(self.com_P, (3,), "com"))
+        self._set("inertia_P", check_inertia(self.inertia_P, "inertia"))
+        check_modal_mass(
             self.mass,
             self.inertia_P,
             (
@@ -181,9 +164,9 @@ class Bus(Checked):
 
     def __post_init__(self) -> None:
         self._numbers("mass")
-        self._set("com_B", frozen(self.com_B, (3,), "com"))
-        self._set("inertia_B", inertia_tensor(self.inertia_B, "inertia"))
-        carries_its_modes(
+        self._set("com_B", freeze(self.com_B, (3,), "com"))
+        self._set("inertia_B", check_inertia(self.inertia_B, "inertia"))
+        check_modal_mass(
             self.mass,
             self.inertia_B,
             (
@@ -252,10 +235,10 @@ class Noise(Checked):
     )
 
     def __post_init__(self) -> None:
-        self._set("band", frozen(self.band, (2,), "band"))
+        self._set("band", freeze(self.band, (2,), "band"))
         if not 0.0 < self.band[0] < self.band[1]:
             raise ParameterError("band", f"expected 0 < min < max, got {self.band.tolist()} Hz")
-        psd = frozen(self.wrench_psd_B, (6, 6), "wrench_psd")
+        psd = freeze(self.wrench_psd_B, (6, 6), "wrench_psd")
         if not np.allclose(psd, psd.T, rtol=0.0, atol=1e-9 * max(np.abs(psd).max(), 1e-300)):
             raise ParameterError("wrench_psd", "must be symmetric")
         if np.linalg.eigvalsh(psd)[0] < -1e-6 * max(np.trace(psd), 1e-300):
@@ -304,7 +287,7 @@ def load(path: Path | None = None, bus: str = "OSM") -> Parameters:
         servo=_build(CoarseServo, _entry(table, "servo", ""), "servo"),
         optics=_build(Optics, _entry(table, "optics", ""), "optics"),
         filters=_build(FeedforwardFilters, _entry(table, "filters", ""), "filters"),
-        known_com_P=frozen(
+        known_com_P=freeze(
             _entry(_entry(table, "isolator", ""), "known_com_P", "isolator"), (3,), "isolator.known_com_P"
         ),
         noise=_build(Noise, _entry(table, "noise", ""), "noise"),

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .parameters import Array
+from .quantities import Array
 
 # Below this cosine of the pitch (6e-5 deg from +-90 deg) roll and yaw have lost half of their digits.
 SMALLEST_COS_PITCH = 1e-6

@@ -13,11 +13,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .forward import ForwardPose, forward_kinematics
-from .inverse import inverse_kinematics
+from .forward_kinematics import ForwardPose, forward_kinematics
+from .geometry import Geometry
+from .inverse_kinematics import inverse_kinematics
 from .kinematics import condition_number, platform_jacobian
-from .parameters import Array, Geometry
-from .reach import reachable
+from .quantities import Array
+from .reachability import reachable
 from .rotations import roll_pitch_yaw, rotation_from_vector
 
 STEP = 2e-3  # m, of the paper

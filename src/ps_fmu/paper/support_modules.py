@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from ..mechanism.flat import entries
 from ..mechanism.parameters import Parameters, load
+from ..mechanism.quantities import list_entries
 from . import published
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ def values_of(case: str) -> dict[str, Value]:
     that of the paper whatever bus and damping the user's parameter files have.
     """
     p = parameters_of(case)
-    bus = entries(p.bus, "bus")
+    bus = list_entries(p.bus, "bus")
     values: dict[str, Value] = {f"plant.{entry.name}": entry.value for entry in bus}
     values |= {f"disturbance.{entry.name}": entry.value for entry in bus if entry.name.startswith("bus.com.")}
     for i, leg in enumerate(p.manipulator.fine_legs, 1):

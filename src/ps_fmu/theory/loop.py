@@ -22,12 +22,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..control.feedforward import Controller, lowpass
 from ..control.isolator import Isolator
-from ..mechanism.inverse import inverse_kinematics
+from ..mechanism.inverse_kinematics import inverse_kinematics
+from ..mechanism.linear_model import Plant, PlantModel
 from ..mechanism.parameters import Parameters
-from ..mechanism.plant import Plant
-from ..mechanism.practical import PlantModel
-from .frequency import Practical, crowded
-from .statespace import BASE_ACCELERATION, FINE_FORCES, controller_system, plant_system
+from .state_space import BASE_ACCELERATION, FINE_FORCES, controller_system, plant_system
+from .transfer_matrices import Practical, crowded
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]

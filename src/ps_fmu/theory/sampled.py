@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..mechanism.dynamics import Dynamics
-from .frequency import Practical
 from .loop import Loop
+from .transfer_matrices import Practical
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]

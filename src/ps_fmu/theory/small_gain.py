@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..mechanism.dynamics import Dynamics
-from .frequency import Nominal, Practical
+from .transfer_matrices import Nominal, Practical
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]

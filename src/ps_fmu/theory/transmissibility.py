@@ -17,8 +17,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..disturbance import psd_at_origin, to_origin
 from ..mechanism.parameters import Bus, Noise
-from .frequency import Practical, crowded
 from .loop import Loop
+from .transfer_matrices import Practical, crowded
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]

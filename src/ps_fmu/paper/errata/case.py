@@ -9,10 +9,10 @@ import numpy as np
 
 from ...control.feedforward import Gains, gains
 from ...mechanism.dynamics import Dynamics, Pose
-from ...mechanism.inverse import inverse_kinematics
+from ...mechanism.inverse_kinematics import inverse_kinematics
 from ...mechanism.parameters import Array, Parameters, load
 from ...mechanism.rotations import rotation_matrix
-from ...theory.frequency import Complex, Nominal, Practical
+from ...theory.transfer_matrices import Complex, Nominal, Practical
 from ..figures.fig10.analysis import nominal_system
 
 ORIENTATION = np.radians([3.0, -4.0, 10.0])  # roll, pitch, yaw, rad

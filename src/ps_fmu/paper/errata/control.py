@@ -8,8 +8,8 @@ import numpy as np
 
 from ...mechanism.dynamics import Dynamics
 from ...mechanism.parameters import Array, load
-from ...theory.frequency import Complex
 from ...theory.small_gain import nominal_complement
+from ...theory.transfer_matrices import Complex
 from .. import published
 from ..figures.fig10.analysis import nominal_system
 from . import case

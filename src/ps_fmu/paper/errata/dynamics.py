@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from ...mechanism.dynamics import bus_mass, rigid_body_mass
-from ...mechanism.forward import forward_kinematics
+from ...mechanism.forward_kinematics import forward_kinematics
 from ...mechanism.kinematics import leg_lengths
 from ...mechanism.parameters import Array
 from ...mechanism.rotations import rotation_from_vector, skew
-from ...theory.frequency import Complex, Practical
+from ...theory.transfer_matrices import Complex, Practical
 from ..figures.fig10.analysis import mobile_base, nominal_system, parameters_of
 from . import case
 from .erratum import Erratum, rate, relative_error

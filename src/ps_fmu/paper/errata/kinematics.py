@@ -7,8 +7,8 @@ from functools import partial
 import numpy as np
 
 from ...control.commander import DEFAULT_ALGORITHM_1
-from ...mechanism.forward import forward_kinematics
-from ...mechanism.inverse import Solver, descend, inverse_kinematics, step_size_bound, trilaterate
+from ...mechanism.forward_kinematics import forward_kinematics
+from ...mechanism.inverse_kinematics import Solver, descend, inverse_kinematics, step_size_bound, trilaterate
 from ...mechanism.kinematics import displacements, leg_lengths, leg_vectors
 from ...mechanism.parameters import Array
 from ...mechanism.rotations import rotation_from_vector, rotation_matrix

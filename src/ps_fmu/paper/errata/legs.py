@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 
 from ...mechanism.dynamics import Pose
-from ...mechanism.inverse import inverse_kinematics
+from ...mechanism.inverse_kinematics import inverse_kinematics
 from ...mechanism.kinematics import leg_lengths, leg_vectors
 from ...mechanism.legs import leg_mass
 from ...mechanism.parameters import Array, CoarseLeg, LegPart
 from ...mechanism.rotations import rotation_from_vector, rotation_matrix
-from ...theory.frequency import Nominal
+from ...theory.transfer_matrices import Nominal
 from ..figures.fig10.analysis import nominal_system
 from . import case
 from .erratum import BY_READING, Erratum, rate, relative_error

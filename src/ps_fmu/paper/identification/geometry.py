@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...mechanism import workspace
-from ...mechanism.forward import ForwardKinematicsError, forward_kinematics
+from ...mechanism.forward_kinematics import ForwardKinematicsError, forward_kinematics
 from ...mechanism.kinematics import KinematicsError, leg_rows, leg_vectors, platform_joints_B
 from ...mechanism.parameters import Array, Geometry
 from ...mechanism.rotations import GimbalLockError, orientation_rate_map

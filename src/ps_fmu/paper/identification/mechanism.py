@@ -11,10 +11,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from ...mechanism import workspace
-from ...mechanism.inverse import inverse_kinematics
+from ...mechanism.inverse_kinematics import inverse_kinematics
 from ...mechanism.kinematics import division_of_labour
 from ...mechanism.parameters import Array, Geometry
-from ...mechanism.reach import reachable
+from ...mechanism.reachability import reachable
 from ..figures.table2.closed_form import ORIENTATIONS
 from .fit import Range
 

@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 
 from ....control.commander import DEFAULT_ALGORITHM_1
 from ....cosim import Column, System, Value
-from ....mechanism.forward import forward_kinematics
-from ....mechanism.inverse import Solver, inverse_kinematics, trilaterate
+from ....mechanism.forward_kinematics import forward_kinematics
+from ....mechanism.inverse_kinematics import Solver, inverse_kinematics, trilaterate
 from ....mechanism.parameters import load
 from ....results.observers.sampler import SampleObserver
 from ....results.report import Picture, Table, drawn

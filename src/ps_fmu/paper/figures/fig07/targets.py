@@ -7,9 +7,9 @@ from itertools import combinations
 
 import numpy as np
 
-from ....mechanism.inverse import inverse_kinematics
+from ....mechanism.inverse_kinematics import inverse_kinematics
 from ....mechanism.parameters import Array, Geometry
-from ....mechanism.reach import reachable
+from ....mechanism.reachability import reachable
 from ....mechanism.workspace import reach_along
 
 ANGLES = ("roll", "pitch", "yaw")

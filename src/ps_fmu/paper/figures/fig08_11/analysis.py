@@ -12,8 +12,8 @@ import numpy as np
 from ....mechanism.parameters import Array, Parameters, load
 from ....results.report import Table, drawn
 from ....runs.comparison import angles
-from ....theory.frequency import Nominal
 from ....theory.loop import loop_at
+from ....theory.transfer_matrices import Nominal
 from ....theory.transmissibility import from_base, singular_values_db
 from ...agreement import Agreement
 from ...command import Options

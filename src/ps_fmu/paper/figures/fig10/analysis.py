@@ -13,7 +13,7 @@ from ....mechanism.dynamics import Dynamics, Pose, assemble
 from ....mechanism.parameters import Array, Parameters
 from ....pointing.poles import rightmost
 from ....results.report import drawn
-from ....theory.frequency import Complex, Nominal, Practical, crowded
+from ....theory.transfer_matrices import Complex, Nominal, Practical, crowded
 from ... import published
 from ...command import Options
 from ...result import Analysis, Finding
@@ -85,7 +85,7 @@ def judge(case: str, delay: float) -> Verdict:
     """All about one case; ``delay`` in s.  Cached: the errata ask for it too."""
     from ....theory.loop import delay_limit_by_bisection, element_margins, loop_at
     from ....theory.small_gain import largest_singular_value, nominal_loop_poles
-    from ....theory.statespace import controller_system
+    from ....theory.state_space import controller_system
 
     loop = loop_at(parameters_of(case), delay=delay)
     poles = loop.poles()

@@ -20,9 +20,9 @@ from numpy.typing import ArrayLike, NDArray
 from ....mechanism.parameters import Array
 from ....pointing.response import Response, periodic_response
 from ....results.observers.sampler import SampleObserver
-from ....theory.frequency import Complex
 from ....theory.loop import Margins, loop_at, margins
 from ....theory.sampled import loop_sampled
+from ....theory.transfer_matrices import Complex
 from ...agreement import coherent
 from ...command import Options
 from ...multisine import Shaking

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....results.style import REFERENCE, draw
-from ....theory.frequency import crowded
+from ....theory.transfer_matrices import crowded
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

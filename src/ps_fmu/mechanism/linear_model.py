@@ -1,4 +1,4 @@
-"""The practical plant as a linear time-invariant system about a pose: what the plant FMU steps.
+"""The practical plant: manipulator, payload, bus, servos and optics, as a linear system about a pose.
 
 State ``x`` (49 with the paper's modes), input ``u`` and output ``y``::
 
@@ -18,13 +18,16 @@ linearised, so that orientation and coarse displacement are absolute.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .discretise import held_step_map, zero_order_hold
-from .dynamics import Dynamics
-from .parameters import CoarseServo, Optics
+from .discretisation import held_step_map, zero_order_hold
+from .dynamics import Dynamics, Pose, System
+from .forward_kinematics import forward_kinematics
+from .kinematics import KinematicsError
+from .parameters import Bus, CoarseServo, Manipulator, Optics, ParameterError, Payload
 from .rotations import orientation_rate_map
 
 Array = NDArray[np.float64]
@@ -162,12 +165,62 @@ class PlantModel:
         return np.hstack([C, D])
 
     def step_map(self, h: float) -> Array:
-        """[y; x](t + h) from [x; u](t), see :func:`.discretise.held_step_map`."""
+        """[y; x](t + h) from [x; u](t), see :func:`.discretisation.held_step_map`."""
         A, B, C, D = self.matrices()
         # The convective wrench acts as the base wrench does, and the constant moves nothing: without their columns the
         # exponential takes 0.11 instead of 0.14 ms.
         Ad, Bd = zero_order_hold(A, B[:, :12], h)
         return held_step_map(Ad, np.hstack([Bd, Bd[:, 3:9], np.zeros((len(A), 1))]), C, D)
+
+
+@dataclass(frozen=True, eq=False)
+class Plant:
+    """The system whose plant models are asked for."""
+
+    manipulator: Manipulator
+    payload: Payload
+    bus: Bus
+    servo: CoarseServo
+    optics: Optics
+
+    def linearise(self, coarse_displacement: Array) -> PlantModel:
+        """The model about the pose of given coarse displacements (3,), m, with the fine legs at their nominal length.
+
+        Newton's iteration always starts from the nominal pose, so that the same displacements give the same bits
+        whatever came before: a restored FMU state continues exactly.
+
+        Raises
+        ------
+        ParameterError: no usable pose has these leg lengths; since they are within the stroke, it names the stroke.
+        """
+        geometry = self.manipulator.geometry
+        lengths = geometry.nominal_lengths.copy()
+        lengths[:3] += coarse_displacement
+        try:
+            found = forward_kinematics(geometry, lengths)
+            dynamics = self._system.at(Pose(found.translation_B, found.R))
+        except KinematicsError as error:
+            at = ", ".join(f"{1e3 * displacement:.4g}" for displacement in coarse_displacement)
+            raise ParameterError(
+                "coarse_stroke", f"too large: no usable pose with the coarse legs at ({at}) mm from nominal; {error}"
+            ) from error
+        return PlantModel(dynamics, self.servo, self.optics, np.array(coarse_displacement), found.orientation)
+
+    @cached_property
+    def _system(self) -> System:
+        return System(self.manipulator, self.payload, self.bus)
+
+    def within_stroke(self, command: Array) -> Array:
+        """The command (3,), m, with each leg kept within its stroke."""
+        low, high = self.manipulator.coarse_stroke
+        return np.minimum(np.maximum(command, low), high)
+
+    def initial_state(self, model: PlantModel) -> Array:
+        """Everything at rest at the pose of ``model``."""
+        x = np.zeros(model.n_states)
+        s, _, r = servo_slices(model.dynamics.n)
+        x[s] = x[r] = model.coarse_reference
+        return x
 
 
 def momentum(model: PlantModel, x: Array) -> Array:

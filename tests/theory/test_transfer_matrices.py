@@ -17,7 +17,7 @@ from support.mechanics import (
 )
 
 from ps_fmu.mechanism.parameters import load
-from ps_fmu.theory.frequency import Nominal, Practical
+from ps_fmu.theory.transfer_matrices import Nominal, Practical
 
 S = 2j * np.pi * np.geomspace(0.05, 300.0, 40)  # rad/s
 

@@ -8,13 +8,13 @@ import scipy.signal
 from scipy.linalg import expm
 from support.mechanics import PAPER, relative_error
 
-from ps_fmu.mechanism.discretise import zero_order_hold
+from ps_fmu.mechanism.discretisation import zero_order_hold
 from ps_fmu.mechanism.dynamics import Pose
-from ps_fmu.mechanism.forward import forward_kinematics
-from ps_fmu.mechanism.plant import Convection, Plant, coarse_motion
-from ps_fmu.mechanism.practical import N_INPUTS, OUTPUTS, momentum, output_slices, servo_slices
+from ps_fmu.mechanism.forward_kinematics import forward_kinematics
+from ps_fmu.mechanism.linear_model import N_INPUTS, OUTPUTS, momentum, output_slices, servo_slices
 from ps_fmu.mechanism.rotations import rotation_from_vector
-from ps_fmu.theory.frequency import Practical
+from ps_fmu.mechanism.slews import Convection, Plant, coarse_motion
+from ps_fmu.theory.transfer_matrices import Practical
 
 PLANT = Plant(PAPER.manipulator, PAPER.payload, PAPER.bus, PAPER.servo, PAPER.optics)
 STILL = np.zeros(3)

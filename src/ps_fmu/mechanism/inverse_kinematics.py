@@ -16,8 +16,9 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from .geometry import Geometry
 from .kinematics import KinematicsError, displacements, platform_joints_B
-from .parameters import Array, Geometry
+from .quantities import Array
 from .rotations import cross, rotation_matrix
 
 BoolArray = NDArray[np.bool_]
@@ -198,7 +199,7 @@ def inverse_kinematics(geometry: Geometry, orientation: Array, solver: Solver = 
 
     Returns
     -------
-    InversePose: ``solved`` is false where no pose exists.  The stroke is not looked at: see :mod:`.reach`.
+    InversePose: ``solved`` is false where no pose exists.  The stroke is not looked at: see :mod:`.reachability`.
 
     Raises
     ------

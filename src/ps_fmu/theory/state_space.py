@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..control.feedforward import Controller
-from ..mechanism.practical import N_INPUTS, OUTPUTS, PlantModel
+from ..mechanism.linear_model import N_INPUTS, OUTPUTS, PlantModel
 
 if TYPE_CHECKING:
     from control import StateSpace
@@ -24,7 +24,7 @@ BASE_ACCELERATION = [f"base_{kind}_{axis}" for kind in ("acceleration", "angular
 
 
 def output_names() -> list[str]:
-    """Names of the plant's outputs, in the order of :data:`.practical.OUTPUTS`."""
+    """Names of the plant's outputs, in the order of :data:`.linear_model.OUTPUTS`."""
     names = []
     for group, size in OUTPUTS.items():
         suffixes = _RPY if "orientation" in group else _123 if group in _NUMBERED else _XYZ[:size]

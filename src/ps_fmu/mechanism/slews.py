@@ -1,6 +1,6 @@
 """The plant over a slew: a linear model about a pose, replaced by one about the next pose when the legs have moved.
 
-Between poses everything is linear (:class:`.practical.PlantModel`).  What is not linear happens here: the rate
+Between poses everything is linear (:class:`.linear_model.PlantModel`).  What is not linear happens here: the rate
 limit of the coarse servos, the stroke, and the choice of a new pose.  Nothing here knows of FMI.
 
 Momentum.  At a new pose all coordinates and velocities stay as they are, but the masses they belong to are others:
@@ -18,74 +18,18 @@ Convective forces within the mechanism (between payload and legs) are neglected:
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
-from functools import cached_property
 from operator import sub
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .dynamics import Pose, System
-from .forward import forward_kinematics
-from .kinematics import KinematicsError
-from .parameters import Bus, CoarseServo, Manipulator, Optics, ParameterError, Payload
-from .practical import PlantModel, momentum, servo_slices
+from .linear_model import Plant, PlantModel, momentum, servo_slices
 
 Array = NDArray[np.float64]
 
 #: A servo is at rest when it is this close to its reference (m) and this slow (m/s): far below any optical effect.
 AT_REST = 1e-12
-
-
-@dataclass(frozen=True, eq=False)
-class Plant:
-    """The system whose plant models are asked for."""
-
-    manipulator: Manipulator
-    payload: Payload
-    bus: Bus
-    servo: CoarseServo
-    optics: Optics
-
-    def linearise(self, coarse_displacement: Array) -> PlantModel:
-        """The model about the pose of given coarse displacements (3,), m, with the fine legs at their nominal length.
-
-        Newton's iteration always starts from the nominal pose, so that the same displacements give the same bits
-        whatever came before: a restored FMU state continues exactly.
-
-        Raises
-        ------
-        ParameterError: no usable pose has these leg lengths; since they are within the stroke, it names the stroke.
-        """
-        geometry = self.manipulator.geometry
-        lengths = geometry.nominal_lengths.copy()
-        lengths[:3] += coarse_displacement
-        try:
-            found = forward_kinematics(geometry, lengths)
-            dynamics = self._system.at(Pose(found.translation_B, found.R))
-        except KinematicsError as error:
-            at = ", ".join(f"{1e3 * displacement:.4g}" for displacement in coarse_displacement)
-            raise ParameterError(
-                "coarse_stroke", f"too large: no usable pose with the coarse legs at ({at}) mm from nominal; {error}"
-            ) from error
-        return PlantModel(dynamics, self.servo, self.optics, np.array(coarse_displacement), found.orientation)
-
-    @cached_property
-    def _system(self) -> System:
-        return System(self.manipulator, self.payload, self.bus)
-
-    def within_stroke(self, command: Array) -> Array:
-        """The command (3,), m, with each leg kept within its stroke."""
-        low, high = self.manipulator.coarse_stroke
-        return np.minimum(np.maximum(command, low), high)
-
-    def initial_state(self, model: PlantModel) -> Array:
-        """Everything at rest at the pose of ``model``."""
-        x = np.zeros(model.n_states)
-        s, _, r = servo_slices(model.dynamics.n)
-        x[s] = x[r] = model.coarse_reference
-        return x
 
 
 class Convection(NamedTuple):

@@ -10,11 +10,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ps_fmu.mechanism.forward import ForwardKinematicsError, forward_kinematics
-from ps_fmu.mechanism.inverse import NotConvergedError, descend, inverse_kinematics, step_size_bound, trilaterate
+from ps_fmu.mechanism.forward_kinematics import ForwardKinematicsError, forward_kinematics
+from ps_fmu.mechanism.inverse_kinematics import (
+    NotConvergedError,
+    descend,
+    inverse_kinematics,
+    step_size_bound,
+    trilaterate,
+)
 from ps_fmu.mechanism.kinematics import KinematicsError, leg_lengths
 from ps_fmu.mechanism.parameters import load
-from ps_fmu.mechanism.reach import reachable, stroke_margin, why_unreachable, within_stroke
+from ps_fmu.mechanism.reachability import reachable, stroke_margin, why_unreachable, within_stroke
 from ps_fmu.mechanism.rotations import rotation_matrix
 
 GEOMETRY = load().manipulator.geometry

@@ -11,8 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .geometry import Geometry
 from .kinematics import KinematicsError, leg_rows, platform_joints_B
-from .parameters import Array, Geometry
+from .quantities import Array
 from .rotations import roll_pitch_yaw, rotation_from_vector
 
 TOLERANCE = 1e-14  # m; rounding of a leg length of 0.4 m is 5e-17 m

@@ -7,10 +7,9 @@ import pytest
 from support.mechanics import PAPER, pose_at
 
 from ps_fmu.control.feedforward import Controller, gains, lowpass
+from ps_fmu.mechanism.linear_model import Plant
 from ps_fmu.mechanism.parameters import load
-from ps_fmu.mechanism.plant import Plant
-from ps_fmu.theory.frequency import Practical
-from ps_fmu.theory.statespace import (
+from ps_fmu.theory.state_space import (
     BASE_WRENCH,
     FINE_FORCES,
     closed_loop,
@@ -18,6 +17,7 @@ from ps_fmu.theory.statespace import (
     output_names,
     plant_system,
 )
+from ps_fmu.theory.transfer_matrices import Practical
 
 OMEGA = 2.0 * np.pi * np.geomspace(0.1, 300.0, 15)  # rad/s
 ROTATION = [f"payload_rotation_{axis}" for axis in "xyz"]

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from .inverse import BoolArray, InversePose
+from .geometry import Geometry
+from .inverse_kinematics import BoolArray, InversePose
 from .kinematics import LARGEST_CONDITION, condition_number, platform_jacobian
-from .parameters import Array, Geometry
+from .quantities import Array
 from .rotations import rotation_matrix
 
 # A pose computed to lie on the limit of the stroke still counts as within: rounding of a length is far

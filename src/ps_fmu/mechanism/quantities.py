@@ -1,0 +1,253 @@
+"""Quantities of the parameter dataclasses: units and bounds, checks, and their scalars by name.
+
+A parameter dataclass states each field with :func:`quantity`, checks it in ``__post_init__`` and is frozen.
+:func:`list_entries` lists its scalars, :func:`replace_values` makes a copy with other values.  The names are those of
+the FMI parameters: dotted, without brackets.  A tuple ``fine_legs`` becomes ``fine_leg_1``, ``fine_leg_2`` ..., a
+vector ``com_P`` becomes ``com.x``, ``com.y``, ``com.z`` (the frame is in the description), a symmetric matrix its
+upper triangle ``inertia.xx``, ``inertia.xy`` ...
+"""
+
+from __future__ import annotations
+
+import reprlib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, fields, is_dataclass, replace
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+T = TypeVar("T")
+
+#: Magnitudes between which products and quotients of six numbers are still finite and not zero: a double ends at 1e308.
+SMALLEST, LARGEST = 1e-50, 1e50
+
+AXES = ("x", "y", "z")
+WRENCH_AXES = ("fx", "fy", "fz", "tx", "ty", "tz")
+TWIST_AXES = ("tx", "ty", "tz", "rx", "ry", "rz")
+
+
+class ParameterError(ValueError):
+    """A parameter that cannot be used; the text starts with its name, for example ``payload.mass``."""
+
+    def __init__(self, name: str, problem: str) -> None:
+        super().__init__(f"{name}: {problem}")
+        self.name = name
+        self.problem = problem
+
+
+def quantity(
+    unit: str,
+    description: str,
+    *,
+    above: float | None = None,
+    at_least: float | None = None,
+    at_most: float | None = None,
+    display: str | None = None,
+) -> Any:
+    """A dataclass field with its unit and description, for a number also its bounds and the unit to display it in."""
+    bounds = {"above": above, "at_least": at_least, "at_most": at_most}
+    return field(metadata={"unit": unit, "description": description, "bounds": bounds, "display": display})
+
+
+def freeze(value: Any, shape: tuple[int, ...], name: str) -> Array:
+    """A read-only array of numbers up to LARGEST.  Raises ParameterError, naming ``name``, for anything else."""
+    try:
+        array = np.array(value, dtype=float)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise ParameterError(name, f"expected numbers of shape {shape}, got {reprlib.repr(value)}") from error
+    if array.shape != shape:
+        raise ParameterError(name, f"expected shape {shape}, got {array.shape}")
+    if not np.isfinite(array).all():
+        raise ParameterError(name, f"every number must be finite, got {array.tolist()}")
+    if (np.abs(array) > LARGEST).any():
+        raise ParameterError(name, f"no number may be beyond {LARGEST:g}, got {array.tolist()}")
+    array.setflags(write=False)
+    return array
+
+
+def check_number(
+    value: Any, name: str, *, above: float | None = None, at_least: float | None = None, at_most: float | None = None
+) -> float:
+    """A number within bounds, zero or of a magnitude that can be multiplied.
+
+    Raises ParameterError, naming ``name``, for anything else.
+    """
+    if isinstance(value, bool) or not isinstance(value, (int, float, np.floating, np.integer)):
+        raise ParameterError(name, f"expected a number, got {reprlib.repr(value)}")
+    try:
+        result = float(value)
+    except OverflowError as error:  # TOML has whole numbers of any length
+        raise ParameterError(name, f"expected a number up to {LARGEST:g}, got {reprlib.repr(value)}") from error
+    if not np.isfinite(result):
+        raise ParameterError(name, f"must be finite, got {result}")
+    if above is not None and not result > above:
+        raise ParameterError(name, f"must be greater than {above:g}, got {result:g}")
+    if at_least is not None and result < at_least:
+        raise ParameterError(name, f"must not be less than {at_least:g}, got {result:g}")
+    if at_most is not None and result > at_most:
+        raise ParameterError(name, f"must not be more than {at_most:g}, got {result:g}")
+    if result and not SMALLEST <= abs(result) <= LARGEST:
+        raise ParameterError(name, f"expected a magnitude from {SMALLEST:g} to {LARGEST:g}, got {result:g}")
+    return result
+
+
+def check_inertia(value: Any, name: str) -> Array:
+    """A symmetric positive definite inertia whose principal moments satisfy the triangle inequality."""
+    array = freeze(value, (3, 3), name)
+    if not np.allclose(array, array.T, rtol=0.0, atol=1e-9 * np.abs(array).max()):
+        raise ParameterError(name, f"must be symmetric, got {array.tolist()}")
+    moments = np.linalg.eigvalsh(array)
+    if moments[0] < SMALLEST:
+        raise ParameterError(name, f"must be positive definite; its principal moments are {moments.tolist()} kg.m2")
+    if moments[2] > (moments[0] + moments[1]) * (1.0 + 1e-9):
+        raise ParameterError(
+            name,
+            f"no rigid body has the principal moments {moments.tolist()} kg.m2: "
+            "the largest exceeds the sum of the others",
+        )
+    return array
+
+
+def check_truth(value: Any, name: str) -> bool:
+    """A truth value, also given as 0 or 1.  Raises ParameterError, naming ``name``, for anything else."""
+    if value not in (False, True):
+        raise ParameterError(name, f"expected true or false, got {reprlib.repr(value)}")
+    return bool(value)
+
+
+class Checked:
+    """Base of the parameter classes, whose ``__post_init__`` checks each field and stores it in its own type."""
+
+    def _set(self, name: str, value: object) -> None:
+        object.__setattr__(self, name, value)
+
+    def _numbers(self, *names: str) -> None:
+        """Check fields against the bounds that their :func:`quantity` states."""
+        for f in fields(self):  # type: ignore[arg-type]  # every subclass is a dataclass
+            if f.name in names:
+                self._set(f.name, check_number(getattr(self, f.name), f.name, **f.metadata["bounds"]))
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One scalar of a parameter set."""
+
+    name: str
+    value: float | bool | int | str
+    unit: str
+    description: str
+    minimum: float | None = None
+    """Smallest value, or a bound that the value must be above."""
+    maximum: float | None = None
+    display: str | None = None
+    """Unit to display it in."""
+
+
+def list_entries(obj: Any, prefix: str = "", keep: Callable[[str], bool] | None = None) -> list[Entry]:
+    """All scalars of a parameter dataclass, in the order of its fields.
+
+    Parameters
+    ----------
+    obj: one of the dataclasses of :mod:`.parameters` (any nesting).
+    prefix: put before every name, for example ``"payload"``.
+    keep: only the names for which it is true.
+    """
+    found: list[Entry] = []
+    for f in fields(obj):
+        value, name = getattr(obj, f.name), _join(prefix, _public(f.name))
+        unit, text = f.metadata.get("unit", ""), f.metadata.get("description", "")
+        if is_dataclass(value):
+            found += list_entries(value, name)
+        elif isinstance(value, tuple):
+            for i, item in enumerate(value, 1):
+                found += list_entries(item, f"{_singular(name)}_{i}")
+        elif isinstance(value, np.ndarray):
+            found += [
+                Entry(
+                    f"{name}.{suffix}",
+                    float(value[index]),
+                    _unit(unit, index, value.ndim),
+                    f"{text} ({suffix})",
+                )
+                for suffix, index in _components(f.name, value)
+            ]
+        else:
+            bounds, display = f.metadata["bounds"], f.metadata["display"]
+            minimum = bounds["above"] if bounds["at_least"] is None else bounds["at_least"]
+            found.append(Entry(name, value, unit, text, minimum, bounds["at_most"], display))
+    return found if keep is None else [e for e in found if keep(e.name)]
+
+
+def replace_values(obj: T, values: Mapping[str, Any], prefix: str = "") -> T:
+    """A copy of ``obj`` with some scalars replaced; the copy checks itself as any other.
+
+    Raises
+    ------
+    ParameterError: a name does not exist, or a value is impossible; the text starts with the full name.
+    """
+    known = {e.name for e in list_entries(obj, prefix)}
+    for name in values:
+        if name not in known:
+            raise ParameterError(name, "no such parameter")
+    return _replaced(obj, values, prefix)
+
+
+def take_values(obj: T, values: Mapping[str, Any], prefix: str = "") -> T:
+    """As :func:`replace_values`, but for a mapping that also holds other things' values: they are passed over."""
+    known = [e.name for e in list_entries(obj, prefix)]
+    return replace_values(obj, {name: values[name] for name in known if name in values}, prefix)
+
+
+def _replaced(obj: Any, values: Mapping[str, Any], prefix: str) -> Any:
+    changes: dict[str, Any] = {}
+    for f in fields(obj):
+        value, name = getattr(obj, f.name), _join(prefix, _public(f.name))
+        if is_dataclass(value):
+            changes[f.name] = _replaced(value, values, name)
+        elif isinstance(value, tuple):
+            changes[f.name] = tuple(
+                _replaced(item, values, f"{_singular(name)}_{i}") for i, item in enumerate(value, 1)
+            )
+        elif isinstance(value, np.ndarray):
+            array = value.copy()
+            for suffix, index in _components(f.name, value):
+                array[index] = values.get(f"{name}.{suffix}", array[index])
+                array[index[::-1]] = array[index]
+            changes[f.name] = array
+        else:
+            changes[f.name] = values.get(name, value)
+    try:
+        return replace(obj, **changes)
+    except ParameterError as error:
+        raise ParameterError(_join(prefix, error.name), error.problem) from None
+
+
+def _components(field_name: str, value: Any) -> list[tuple[str, tuple[int, ...]]]:
+    """(suffix, index) of each independent component of an array field."""
+    if value.ndim == 2:
+        axes = AXES if value.shape[0] == 3 else WRENCH_AXES
+        separator = "" if value.shape[0] == 3 else "_"
+        n = value.shape[0]
+        return [(f"{axes[i]}{separator}{axes[j]}", (i, j)) for i in range(n) for j in range(i, n)]
+    names = {2: ("min", "max"), 3: AXES, 6: TWIST_AXES}[value.shape[0]]
+    return [(suffix, (i,)) for i, suffix in enumerate(names)]
+
+
+def _unit(unit: str, index: tuple[int, ...], ndim: int) -> str:
+    """Mixed arrays list their units as ``translation|rotation`` (or ``force2|force.torque|torque2``)."""
+    choices = unit.split("|")
+    return choices[0] if len(choices) == 1 else choices[sum(i >= 3 for i in index)]
+
+
+def _public(name: str) -> str:
+    return name[:-2] if name.endswith(("_B", "_P")) else name
+
+
+def _singular(name: str) -> str:
+    return name.removesuffix("s")
+
+
+def _join(prefix: str, name: str) -> str:
+    return f"{prefix}.{name}" if prefix else name
