@@ -32,7 +32,8 @@ from ps_fmu.paper.figures.table2.closed_form import ORIENTATIONS
 from ps_fmu.paper.multisine import Shaking
 from ps_fmu.paper.result import Analysis
 from ps_fmu.paper.support_modules import CASES
-from ps_fmu.results.report import Picture, Table
+from ps_fmu.results.report import Picture
+from ps_fmu.results.tables import Table
 from ps_fmu.theory.transmissibility import singular_values_db
 
 NAMES = (*paper.PARTS, "paper")

@@ -7,7 +7,7 @@ import pytest
 
 from ps_fmu.paper import Published, published
 from ps_fmu.paper.result import Analysis, Finding
-from ps_fmu.results.report import Table
+from ps_fmu.results.tables import Table
 
 
 def test_every_published_number_is_complete():

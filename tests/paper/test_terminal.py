@@ -4,7 +4,7 @@ import pytest
 
 from ps_fmu.paper.result import Analysis, Finding
 from ps_fmu.paper.terminal import printed
-from ps_fmu.results.report import Table
+from ps_fmu.results.tables import Table
 
 TEXT = "A paragraph that says a lot of things about numbers. " * 10
 FINDINGS = [

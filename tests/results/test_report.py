@@ -3,8 +3,9 @@ from html.parser import HTMLParser
 
 import pytest
 
-from ps_fmu.results.report import Picture, Report, Table
+from ps_fmu.results.report import Picture, Report
 from ps_fmu.results.summary import FmuFile
+from ps_fmu.results.tables import Table
 
 HOSTILE = '<script>alert("&")</script>'
 
@@ -108,15 +109,3 @@ def test_a_missing_picture_leaves_no_report(tmp_path):
     with pytest.raises(FileNotFoundError):
         Report(title="a", pictures=[Picture(tmp_path / "none.png", "")]).write(tmp_path / "report.html")
     assert list(tmp_path.iterdir()) == []
-
-
-def test_ragged_tables_are_refused():
-    with pytest.raises(ValueError, match="'Result': every row must have 2 entries"):
-        Table("Result", ["a", "b"], [["1"]])
-
-
-def test_columns_of_texts_are_set_as_text():
-    table = Table("Caption", ("a", "b"), [("1", "a text of more than a few words"), ("2", "-")])
-    page = Report("Title", tables=[table]).html()
-    assert '<th>a</th><th class="words">b</th>' in page
-    assert '<td>2</td><td class="words">-</td>' in page

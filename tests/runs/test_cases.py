@@ -3,17 +3,6 @@ import pytest
 
 from ps_fmu.cosim import Column
 from ps_fmu.runs.cases import Bounds, Divergence, progress_bar
-from ps_fmu.runs.publish import text_table
-
-
-def test_table_for_the_terminal():
-    table = text_table(["axis", "RMS (rad)"], [["x", "1.65e-05"], ["y", "5e-06"]])
-    assert table.splitlines() == [
-        "axis  RMS (rad)",
-        "---------------",
-        "x      1.65e-05",
-        "y         5e-06",
-    ]
 
 
 def test_values_beyond_all_use_end_a_run():

@@ -7,8 +7,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
-from ..results.report import Picture, Report, Table
+from ..results.report import Picture, Report
 from ..results.summary import plain, versions
+from ..results.tables import Table
 from ..slavekit.pack.files import write_atomically
 from . import Published, published
 
@@ -129,7 +130,7 @@ class Analysis:
 
     def markdown(self) -> str:
         """Text and tables as Markdown."""
-        parts = [f"# {self.title}", *self.text, *map(_markdown_table, self.all_tables())]
+        parts = [f"# {self.title}", *self.text, *(table.to_markdown() for table in self.all_tables())]
         parts += [f"![{picture.caption}]({picture.path.name})" for picture in self.pictures]
         return "\n\n".join(parts) + "\n"
 
@@ -165,11 +166,3 @@ class Analysis:
             pictures=self.pictures,
             versions=versions(),
         ).write(output / f"{self.name}.html")
-
-
-def _markdown_table(table: Table) -> str:
-    def row(cells: Sequence[str]) -> str:
-        return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
-
-    lines = [row(table.header), row(["---"] * len(table.header)), *map(row, table.rows)]
-    return f"**{table.caption}**\n\n" + "\n".join(lines)

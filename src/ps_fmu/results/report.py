@@ -14,19 +14,7 @@ from pathlib import Path
 
 from ..slavekit.pack.files import write_atomically
 from .summary import FmuFile
-
-
-@dataclass(frozen=True)
-class Table:
-    """A table of texts; the first column names the rows."""
-
-    caption: str
-    header: Sequence[str]
-    rows: Sequence[Sequence[str]]
-
-    def __post_init__(self) -> None:
-        if any(len(row) != len(self.header) for row in self.rows):
-            raise ValueError(f"table {self.caption!r}: every row must have {len(self.header)} entries")
+from .tables import Table
 
 
 @dataclass(frozen=True)
@@ -37,8 +25,13 @@ class Picture:
     caption: str
 
 
-def drawn(folder: Path, prefix: str, figures: Iterable[tuple[str, str, Callable[[Path], None]]]) -> list[Picture]:
-    """Draw figures (name, caption, what paints it to a file) to ``PREFIX_NAME.png`` in a folder.  Raises OSError."""
+def draw_pictures(
+    folder: Path, prefix: str, figures: Iterable[tuple[str, str, Callable[[Path], None]]]
+) -> list[Picture]:
+    """Draw figures (name, caption, function that draws it to a file) to ``PREFIX_NAME.png`` in a folder.
+
+    Raises OSError.
+    """
     pictures = []
     for name, caption, paint in figures:
         path = folder / f"{prefix}_{name}.png"
@@ -68,37 +61,22 @@ class Report:
         if self.warnings:
             items = "".join(f"<li>{escape(warning)}</li>" for warning in self.warnings)
             parts.append(f'<section class="warnings"><h2>Warnings</h2><ul>{items}</ul></section>')
-        parts += [_table(table) for table in self.tables]
+        parts += [table.to_html() for table in self.tables]
         parts += [_picture(picture) for picture in self.pictures]
         if self.parameters:
             rows = [(name, str(value)) for name, value in self.parameters.items()]
-            parts.append(_table(Table("Parameters of this run", ("parameter", "value"), rows)))
+            parts.append(Table("Parameters of this run", ("parameter", "value"), rows).to_html())
         if self.fmus:
             rows = [(fmu.name, fmu.sha256) for fmu in self.fmus]
-            parts.append(_table(Table("FMUs", ("FMU", "SHA-256"), rows)))
+            parts.append(Table("FMUs", ("FMU", "SHA-256"), rows).to_html())
         if self.versions:
-            parts.append(_table(Table("Versions", ("package", "version"), list(self.versions.items()))))
+            parts.append(Table("Versions", ("package", "version"), list(self.versions.items())).to_html())
         parts.append(f"<footer>Written {written}</footer>")
         return _PAGE.format(title=escape(self.title), style=_STYLE, body="\n".join(parts))
 
     def write(self, path: Path) -> None:
         """Write the page in one go; raises ``OSError`` and leaves what was there if that fails."""
         write_atomically(path, self.html())
-
-
-def _cells(tag: str, texts: Iterable[str], wordy: Iterable[bool]) -> str:
-    return "".join(
-        f"<{tag}{_WORDY if words else ''}>{escape(text)}</{tag}>" for text, words in zip(texts, wordy, strict=True)
-    )
-
-
-def _table(table: Table) -> str:
-    wordy = [any(len(row[column]) > _SHORT for row in table.rows) for column in range(len(table.header))]
-    rows = "\n".join(f"<tr>{_cells('td', row, wordy)}</tr>" for row in table.rows)
-    return (
-        f'<div class="table"><table><caption>{escape(table.caption)}</caption>\n'
-        f"<thead><tr>{_cells('th', table.header, wordy)}</tr></thead>\n<tbody>\n{rows}\n</tbody></table></div>"
-    )
 
 
 def _picture(picture: Picture) -> str:
@@ -108,8 +86,6 @@ def _picture(picture: Picture) -> str:
     return f"<figure>{image}<figcaption>{caption}</figcaption></figure>"
 
 
-_SHORT = 24  # characters; a column with longer texts is set as text, with line breaks, and not as numbers
-_WORDY = ' class="words"'
 _STYLE = """
 body { font: 16px/1.5 system-ui, sans-serif; max-width: 70rem; margin: 2rem auto; padding: 0 1rem; color:
 #222; } h1 { font-size: 1.6rem; } h2 { font-size: 1.1rem; margin: 0; } .table { overflow-x: auto; margin:

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from ..cosim import System, Value
 from ..pointing.rejection import rejection_percent
 from ..results import plots
-from ..results.report import Picture, Table
+from ..results.report import Picture
+from ..results.tables import Table
 from .cases import Case, Outcome, run_case
 from .jitter_record import Jitter
 from .options import RunOptions

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from ..cosim import System
-from ..results.report import Picture, Report, Table
+from ..results.report import Picture, Report
 from ..results.summary import RunSummary, versions
+from ..results.tables import Table
 from .cases import Outcome
 from .options import REPORT, SUMMARY, RunOptions
 from .setup import SEED, fmu_files, given_parameters, start_value
@@ -70,14 +71,3 @@ def publish(options: RunOptions, system: System, findings: Findings) -> None:
         warnings=findings.warnings,
     ).write(options.output / REPORT)
     print(f"{findings.real_time_factor:.1f} x real time; results in {options.output}")
-
-
-def text_table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """A table for the terminal: the first column left-aligned, the others right-aligned."""
-    lines = [list(header), *map(list, rows)]
-    widths = [max(len(line[column]) for line in lines) for column in range(len(header))]
-    aligned = [
-        "  ".join(text.rjust(width) if column else text.ljust(width) for column, (text, width) in enumerate(pairs))
-        for pairs in (list(zip(line, widths, strict=True)) for line in lines)
-    ]
-    return "\n".join([aligned[0], "-" * len(aligned[0]), *aligned[1:]])

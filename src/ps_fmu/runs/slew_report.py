@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from ..results import plots
 from ..results.observers.envelope import Envelope
-from ..results.report import Picture, Table
+from ..results.report import Picture
+from ..results.tables import Table
 from .comparison import angles, number, out_of_reach
 from .jitter_record import ORIENTATION, ROTATION
 from .slew_record import (

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...mechanism.parameters import Array
-from ...results.report import Table
+from ...results.tables import Table
 
 Matrix = NDArray[np.inexact[Any]]
 

@@ -7,7 +7,8 @@ from functools import partial
 
 import numpy as np
 
-from ...results.report import Picture, Table, drawn
+from ...results.report import Picture, draw_pictures
+from ...results.tables import Table
 from ..result import Analysis, Finding
 from . import geometry, mechanism, noise, suspension
 from .fit import Identifiability, Range, roundings, targets
@@ -167,4 +168,4 @@ def _pictures(found: Identified) -> list[Picture]:
         ),
         ("rms", "Table 2: passive RMS are met, active ones as far as possible.", partial(rms_figure, found=found)),
     )
-    return drawn(found.path.parent, "identify", figures)
+    return draw_pictures(found.path.parent, "identify", figures)

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from ...results.report import Table
+from ...results.tables import Table
 from ..comparison import HEADER, TargetError, angles, compare, draw, index_table, out_of_reach, rows, target_of
 from ..options import RunOptions, Scenario
-from ..publish import Findings, publish, text_table
+from ..publish import Findings, publish
 from ..setup import load_system, real_start
 
 
@@ -17,7 +17,7 @@ def run(options: RunOptions) -> None:
     system = load_system(options)
     found = compare(system, options, target_of(system))
     table = Table("Jitter of the payload: rotation by vibration, axes of P", HEADER, rows(found))
-    print(text_table(table.header, table.rows))
+    print(table.to_text())
 
     rise = real_start(system, "disturbance.rise_time")
     text = [

@@ -12,7 +12,7 @@ from ..cases import Case, run_case
 from ..comparison import TARGET, TargetError, angles, out_of_reach, target_of
 from ..jitter_record import ROTATION
 from ..options import OptionError, RunOptions, Scenario
-from ..publish import Findings, publish, text_table
+from ..publish import Findings, publish
 from ..setup import load_system
 from ..slew_record import SlewRecord
 from ..slew_report import CASES, Slews, draw, entry, tables, verdict, when
@@ -54,7 +54,7 @@ def run(options: RunOptions) -> None:
     parts = tables(slews)
     text = [*when(slews), *verdict(slews), DIRECTION] if slews.on.reachable else when(slews)
     for part in parts:
-        print(f"{part.caption}\n{text_table(part.header, part.rows)}\n")
+        print(f"{part.caption}\n{part.to_text()}\n")
     print(*text, sep="\n")
     moved = slews.on.arrival.during is not None
     passive, active = (slew.during(ROTATION, "rms") for slew in (slews.off, slews.on))

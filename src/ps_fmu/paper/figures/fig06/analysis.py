@@ -10,7 +10,8 @@ import numpy as np
 
 from ....mechanism import workspace
 from ....mechanism.parameters import Array, load
-from ....results.report import Picture, Table
+from ....results.report import Picture
+from ....results.tables import Table
 from ...command import Options
 from ...result import Analysis, Finding
 

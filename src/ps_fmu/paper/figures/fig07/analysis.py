@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ....mechanism.parameters import Array
-from ....results.report import Table
+from ....results.tables import Table
 from ... import published
 from ...command import Options
 from ...result import Analysis, Finding

@@ -25,12 +25,13 @@ from ....mechanism.forward_kinematics import forward_kinematics
 from ....mechanism.inverse_kinematics import Solver, inverse_kinematics, trilaterate
 from ....mechanism.parameters import load
 from ....results.observers.sampler import SampleObserver
-from ....results.report import Picture, Table, drawn
+from ....results.report import Picture, draw_pictures
+from ....results.tables import Table
 from ....runs.cases import Case, Outcome, run_case
 from ....runs.comparison import TARGET, TargetError
 from ....runs.jitter_record import ORIENTATION, REACHABLE
 from ....runs.options import OptionError, RunOptions
-from ....runs.publish import Findings, publish, text_table
+from ....runs.publish import Findings, publish
 from ....runs.setup import load_system, real_start
 from .plots import path_figure
 from .targets import PLANES, quadrilateral, random_walk
@@ -125,7 +126,7 @@ def run(options: RunOptions) -> None:
         if result.refused.any()
     ]
     text = [*refused, HOW, algorithm_1_text(results)]
-    print(text_table(table.header, table.rows), *text, sep="\n")
+    print(table.to_text(), *text, sep="\n")
     pictures = path_pictures(options.output, results)
     publish(
         options,
@@ -157,7 +158,7 @@ def path_pictures(folder: Path, results: Sequence[PathResult]) -> list[Picture]:
         )
         for path in dict.fromkeys(result.path for result in results)
     ]
-    return drawn(folder, "trajectory", figures)
+    return draw_pictures(folder, "trajectory", figures)
 
 
 def load_quiet_system(options: RunOptions) -> System:

@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from ....mechanism.parameters import Array, Parameters, load
-from ....results.report import Table, drawn
+from ....results.report import draw_pictures
+from ....results.tables import Table
 from ....runs.comparison import angles
 from ....theory.loop import loop_at
 from ....theory.transfer_matrices import Nominal
@@ -121,7 +122,7 @@ def analyse(options: Options, shaking: Shaking | None = None) -> Analysis:
         text=paragraphs(measured),
         findings=findings(at_orientations, of_cases, measured),
         tables=tables(at_orientations, of_cases, measured, of_step),
-        pictures=drawn(options.output, "transmissibility", figures),
+        pictures=draw_pictures(options.output, "transmissibility", figures),
         data={
             "orientations": {name: _entry(c) for name, c in at_orientations.items()},
             "cases": {case: {"largest_db": float(c.passive.max())} for case, c in of_cases.items()},

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ....cosim import Value, read_system
 from ....mechanism.parameters import Array
-from ....results.report import Table
+from ....results.tables import Table
 from ....runs.comparison import TARGET, angles
 from ....theory.loop import Loop, loop_at
 from ....theory.sampled import from_base_sampled

@@ -12,7 +12,7 @@ import numpy as np
 from ....mechanism.dynamics import Dynamics, Pose, assemble
 from ....mechanism.parameters import Array, Parameters
 from ....pointing.poles import rightmost
-from ....results.report import drawn
+from ....results.report import draw_pictures
 from ....theory.transfer_matrices import Complex, Nominal, Practical, crowded
 from ... import published
 from ...command import Options
@@ -179,7 +179,7 @@ def analyse(
             partial(sensitivity_figure, verdicts=verdicts),
         ),
     )
-    pictures = drawn(options.output, "stability", figures)
+    pictures = draw_pictures(options.output, "stability", figures)
     return Analysis(
         name="stability",
         title="Stability of the internal loop: Fig 10",

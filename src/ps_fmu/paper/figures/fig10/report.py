@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ....results.report import Table
+from ....results.tables import Table
 from ...support_modules import SUSPENSION
 from .analysis import BAND, LONGEST, WIDE, Verdict
 from .scenario import HOW, Response, response_table, verdict

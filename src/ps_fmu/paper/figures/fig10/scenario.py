@@ -21,12 +21,13 @@ from ....disturbance.recorded import HEADER as RECORDING
 from ....interface.parameter_sets import plant_and_isolator
 from ....pointing.poles import rightmost, slowest_mode
 from ....results.observers.sampler import SampleObserver
-from ....results.report import Picture, Table, drawn
+from ....results.report import Picture, draw_pictures
+from ....results.tables import Table
 from ....runs.cases import Case, Outcome, run_case
 from ....runs.comparison import number
 from ....runs.jitter_record import ROTATION
 from ....runs.options import OptionError, RunOptions
-from ....runs.publish import Findings, publish, text_table
+from ....runs.publish import Findings, publish
 from ....runs.setup import load_system, real_start
 from ....theory.loop import Loop, loop_of
 from ... import published
@@ -131,7 +132,7 @@ def run(options: RunOptions) -> None:
     system = _system(options)
     table = response_table(responses)
     text = [HOW, *verdict(responses), *_not_predicted(system)]
-    print(text_table(table.header, table.rows), *text[1:], sep="\n")
+    print(table.to_text(), *text[1:], sep="\n")
     pictures = response_pictures(options.output, responses)
     publish(
         options,
@@ -255,7 +256,7 @@ def response_pictures(folder: Path, responses: Sequence[Response]) -> list[Pictu
             partial(response_figure, responses=responses, what="payload"),
         ),
     )
-    return drawn(folder, "stability", figures)
+    return draw_pictures(folder, "stability", figures)
 
 
 def response_table(responses: Sequence[Response]) -> Table:

@@ -11,7 +11,8 @@ import numpy as np
 
 from ....disturbance import multisine_lines, psd_at_origin
 from ....mechanism.parameters import Array, Parameters, load
-from ....results.report import Table, drawn
+from ....results.report import draw_pictures
+from ....results.tables import Table
 from ....runs.comparison import Comparison, angles
 from ....theory.loop import loop_at
 from ....theory.transmissibility import Jitter, jitter, jitter_density, jitter_of_lines
@@ -85,7 +86,7 @@ def analyse(
         text=paragraphs(results, densities),
         findings=findings(results),
         tables=tables(results, densities),
-        pictures=drawn(options.output, "jitter", figures),
+        pictures=draw_pictures(options.output, "jitter", figures),
         data={"loop_delay_steps": LOOP_DELAY, "orientations": {r.name: _entry(r) for r in results.values()}},
     )
 

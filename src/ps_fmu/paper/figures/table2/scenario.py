@@ -18,10 +18,11 @@ from numpy.typing import NDArray
 from ....cosim import System
 from ....interface.parameter_sets import not_of_the_paper
 from ....results import plots
-from ....results.report import Picture, Table
+from ....results.report import Picture
+from ....results.tables import Table
 from ....runs.comparison import HEADER, Comparison, TargetError, compare, draw, number, out_of_reach, rows
 from ....runs.options import RunOptions
-from ....runs.publish import Findings, publish, text_table
+from ....runs.publish import Findings, publish
 from ....runs.setup import load_system, real_start, user_parameters
 from ... import published
 from .closed_form import ORIENTATIONS, published_value, rejection, second_axis
@@ -87,7 +88,7 @@ def run(options: RunOptions) -> None:
     table = Table("Jitter of the payload against Table 2", _header(), rows_of_all)
     refused = [out_of_reach(comparison.target_deg) for comparison in found.values() if not comparison.reachable]
     text = [HOW, *refused, _window(measured), _drift(found.values()), _off_axis(options, found), *published_remarks()]
-    print(text_table(table.header, table.rows), *text[1:], sep="\n")
+    print(table.to_text(), *text[1:], sep="\n")
 
     path = options.output / "table2.png"
     plots.table(path, table.header, table.rows, title="Table 2: published and co-simulated")

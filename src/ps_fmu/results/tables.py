@@ -1,0 +1,89 @@
+"""Tables of texts, and how they look on a terminal, in Markdown and in HTML."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from html import escape
+
+GAP = 2  # characters between columns
+LONGEST_CELLS = range(60, 16, -4)  # characters, tried in turn; a longer cell is broken into lines
+NUMBER_WIDTH = 24  # characters; a column with longer texts is left-aligned in HTML and may break lines
+WORDS = ' class="words"'
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table of texts; the first column names the rows.
+
+    Raises ``ValueError`` for a row with more or fewer cells than the header.
+    """
+
+    caption: str
+    header: Sequence[str]
+    rows: Sequence[Sequence[str]]
+
+    def __post_init__(self) -> None:
+        if any(len(row) != len(self.header) for row in self.rows):
+            raise ValueError(f"table {self.caption!r}: every row must have {len(self.header)} entries")
+
+    def to_text(self) -> str:
+        """Header and rows in aligned columns, one line each, without the caption."""
+        widths = [max(map(len, column)) for column in zip(self.header, *self.rows, strict=True)]
+        return self._align(widths)
+
+    def fit_text(self, width: int) -> str | None:
+        """As :meth:`to_text` in ``width`` characters: long cells and headings take several lines.
+
+        None if the table is too wide even so.
+        """
+        columns = list(zip(*self.rows, strict=True)) or [()] * len(self.header)
+        for longest in LONGEST_CELLS:
+            widths = [
+                max([min(len(cell), longest) for cell in cells] + [len(word) for word in title.split()])
+                for title, cells in zip(self.header, columns, strict=True)
+            ]
+            if sum(widths) + GAP * (len(widths) - 1) <= width:
+                return self._align(widths)
+        return None
+
+    def to_markdown(self) -> str:
+        """The caption in bold, then the table."""
+        lines = [self.header, ["---"] * len(self.header), *self.rows]
+        rows = ("| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |" for line in lines)
+        return f"**{self.caption}**\n\n" + "\n".join(rows)
+
+    def to_html(self) -> str:
+        """The table with its caption; all text is escaped."""
+        wordy = [any(len(cell) > NUMBER_WIDTH for cell in column) for column in zip(*self.rows, strict=True)]
+        wordy = wordy or [False] * len(self.header)
+        rows = "\n".join(f"<tr>{_join_cells('td', row, wordy)}</tr>" for row in self.rows)
+        return (
+            f'<div class="table"><table><caption>{escape(self.caption)}</caption>\n'
+            f"<thead><tr>{_join_cells('th', self.header, wordy)}</tr></thead>\n<tbody>\n{rows}\n</tbody></table></div>"
+        )
+
+    def _align(self, widths: Sequence[int]) -> str:
+        rule = "-" * (sum(widths) + GAP * (len(widths) - 1))
+        rows = [line for row in self.rows for line in _break_row(row, widths)]
+        return "\n".join([*_break_row(self.header, widths), rule, *rows])
+
+
+def _break_row(row: Sequence[str], widths: Sequence[int]) -> list[str]:
+    """A row as lines: the first column left-aligned, the others right-aligned."""
+    cells = [textwrap.wrap(cell, max(width, 1)) or [""] for cell, width in zip(row, widths, strict=True)]
+    height = max(map(len, cells))
+    padded = [cell + [""] * (height - len(cell)) for cell in cells]
+    return [
+        (" " * GAP)
+        .join(text.rjust(widths[i]) if i else text.ljust(widths[i]) for i, text in enumerate(line))
+        .rstrip()
+        for line in zip(*padded, strict=True)
+    ]
+
+
+def _join_cells(tag: str, texts: Iterable[str], wordy: Iterable[bool]) -> str:
+    return "".join(
+        f"<{tag}{WORDS if words else ''}>{escape(text)}</{tag}>" for text, words in zip(texts, wordy, strict=True)
+    )
