@@ -25,6 +25,7 @@ SSD = HERE.parents[1] / "system" / "SystemStructure.ssd"
 HOST_SOURCES = (HERE / "host.c", HERE / "mistakes.c", HERE / "fmu.c")
 SYSTEM_SOURCES = (HERE / "system.c", HERE / "wired.c", HERE / "fmu.c")
 CALLS_SOURCES = (HERE / "calls.c", HERE / "words.c")
+LAUNCHER_SOURCES = [LAUNCHER.folder / name for name in LAUNCHER.sources_for("linux64")]
 TIMEOUT = 120.0  # s
 
 Host = Callable[..., "subprocess.CompletedProcess[str]"]
@@ -49,9 +50,12 @@ def calls_program(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def compiled(sources: Sequence[Path], program: Path) -> Path:
-    compiler = ["cc"] if shutil.which("cc") else [sys.executable, "-m", "ziglang", "cc"]
-    compile_c(compiler, sources, program)
+    compile_c(find_compiler(), sources, program)
     return program
+
+
+def find_compiler() -> list[str]:
+    return ["cc"] if shutil.which("cc") else [sys.executable, "-m", "ziglang", "cc"]
 
 
 def compile_c(compiler: list[str], sources: Sequence[Path], result: Path) -> None:
@@ -76,11 +80,18 @@ def sanitized(bound: dict[str, Path], tmp_path_factory: pytest.TempPathFactory) 
         compile_c(checks, HOST_SOURCES, folder / "host")
         shutil.copytree(bound["oscillator"], folder / "oscillator")
         library = folder / "oscillator" / "binaries" / "linux64" / "Oscillator.so"
-        sources = [LAUNCHER.folder / name for name in LAUNCHER.sources_for("linux64")]
-        compile_c([*checks, "-fPIC", "-shared", "-fvisibility=hidden"], sources, library)
+        compile_c([*checks, "-fPIC", "-shared", "-fvisibility=hidden"], LAUNCHER_SOURCES, library)
         return folder / "host", folder / "oscillator"
 
     return compiled
+
+
+@pytest.fixture(scope="session")
+def compiled_launcher(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The launcher as a library of which all functions can be called."""
+    library = tmp_path_factory.mktemp("launcher") / "launcher.so"
+    compile_c([*find_compiler(), "-fPIC", "-shared"], LAUNCHER_SOURCES, library)
+    return library
 
 
 @pytest.fixture(scope="session")
@@ -163,8 +174,10 @@ def system_host(system_program: Path) -> Host:
 
 
 def starter(program: Path) -> Host:
-    def start(mode: str, n: int, *arguments: object, **environment: str) -> subprocess.CompletedProcess[str]:
+    def start(
+        mode: str, n: int, *arguments: object, cwd: Path | None = None, **environment: str
+    ) -> subprocess.CompletedProcess[str]:
         command = [str(program), mode, str(n), *map(str, arguments)]
-        return subprocess.run(command, env=environment, capture_output=True, text=True, timeout=TIMEOUT)
+        return subprocess.run(command, cwd=cwd, env=environment, capture_output=True, text=True, timeout=TIMEOUT)
 
     return start

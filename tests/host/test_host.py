@@ -18,7 +18,6 @@ from ps_fmu.slavekit.pack.build import build_one
 
 MODELS = Path(__file__).parents[1] / "slavekit" / "models"
 
-ANSWER = "printf 'version={}\\nprogram=x\\nmissing={}\\nlibrary=/x\\nentries=/\\ncomplete=1\\n'"
 TOYS = ("limiter", "oscillator", "waves")
 
 
@@ -124,68 +123,6 @@ def test_forms_of_the_resource_location(host, plain, tmp_path, form):
         run = host("run", 5, told(folder, uri), PS_FMU_PYTHON=sys.executable)
         assert (run.returncode, run.stderr) == (0, "")
         assert len(values(run.stdout)) == 2
-
-
-class TestFindingPython:
-    def failure(self, host, folder, **environment):
-        run = host("run", 1, told(folder), **environment)
-        assert (run.returncode, run.stdout) == (3, "")
-        own, logged = run.stderr.split("[host 100%s] 3 logStatusError: ")
-        assert own == f"host 100%s: {logged}"  # printed and logged
-        return logged
-
-    def test_nothing_to_be_found_is_one_error_that_lists_all(self, host, plain, tmp_path):
-        text = self.failure(host, plain, PATH=str(tmp_path), VIRTUAL_ENV=str(tmp_path / "venv"))
-        places = ["PS_FMU_PYTHON: not set", "runtime in the FMU: none", "interpreter noted at build: none"]
-        places += [f"VIRTUAL_ENV: {tmp_path}/venv/bin/python: No such file", f"PATH: no python3 in {tmp_path}"]
-        assert [text.index(place) for place in places] == sorted(text.index(place) for place in places)
-        assert "Python 3.11 or newer with a shared libpython and with numpy" in text
-
-    @pytest.mark.parametrize(
-        ("script", "problem"),
-        [
-            ("echo oops >&2; exit 1", "failed, its last words: oops"),
-            ("kill -9 $$", "failed, its last words: nothing"),
-            (ANSWER.format("3.9", ""), "Python 3.9, 3.11 or newer is needed"),
-            (ANSWER.format("3.12", "lacks numpy"), "Python 3.12, lacks numpy"),
-        ],
-    )
-    def test_why_an_interpreter_is_turned_down(self, host, plain, tmp_path, script, problem):
-        program = tmp_path / "python3"
-        program.write_text(f"#!/bin/sh\n{script}\n")
-        program.chmod(0o755)
-        assert f"PS_FMU_PYTHON: {program}: {problem}" in self.failure(host, plain, PS_FMU_PYTHON=str(program))
-        assert f"PATH: {program}: {problem}" in self.failure(host, plain, PATH=str(tmp_path))
-
-    def test_an_interpreter_without_the_modules_of_the_fmu(self, host, plain, tmp_path):
-        notes = plain / "resources" / "launcher.txt"
-        original = notes.read_text()
-        notes.write_text(original.replace("modules=numpy", "modules=numpy nowhere_to_be_found"))
-        try:
-            text = self.failure(host, plain, PS_FMU_PYTHON=sys.executable)
-        finally:
-            notes.write_text(original)
-        assert "lacks nowhere_to_be_found" in text
-
-    @pytest.mark.parametrize("variable", ["PS_FMU_PYTHON", "VIRTUAL_ENV", "PATH"])
-    def test_each_way_of_naming_one(self, host, plain, tmp_path, variable):
-        # Not a copy: what an interpreter finds depends on where it is.
-        (tmp_path / "bin").mkdir()
-        for name in ("python", "python3"):
-            (tmp_path / "bin" / name).write_text(f'#!/bin/sh\nexec {sys.executable} "$@"\n')
-            (tmp_path / "bin" / name).chmod(0o755)
-        place = {"PS_FMU_PYTHON": tmp_path / "bin" / "python", "VIRTUAL_ENV": tmp_path, "PATH": tmp_path / "bin"}
-        run = host("run", 5, told(plain), **{variable: str(place[variable])})
-        assert (run.returncode, run.stderr) == (0, "")
-
-    def test_what_hosts_set_for_themselves_does_no_harm(self, host, plain):
-        spoilt = {"PYTHONHOME": "/nowhere", "PYTHONPATH": "/nowhere", "PYTHONSTARTUP": "/x", "LD_LIBRARY_PATH": "/x"}
-        run = host("run", 5, told(plain), PS_FMU_PYTHON=sys.executable, **spoilt)
-        assert (run.returncode, run.stderr) == (0, "")
-
-    def test_the_machine_is_named_only_on_demand(self, plain, bound):
-        assert "interpreter=" not in (plain / "resources" / "launcher.txt").read_text()
-        assert f"interpreter={sys.executable}" in (bound["oscillator"] / "resources" / "launcher.txt").read_text()
 
 
 def test_an_incomplete_fmu_is_told(host, plain):

@@ -12,9 +12,10 @@ enum {
     MOST_OUTPUT = 1 << 16 /* bytes */
 };
 
-/* Run by a candidate: tells about itself in lines key=value.  "missing" is the reason it cannot be used. */
+/* A candidate runs this and describes itself in lines key=value.  "missing" is the reason why it cannot be used.  It is
+   started with -I: without that, Python would import modules from the current directory of the host. */
 static const char PROBE[] =
-    "import importlib.util, os, sys, sysconfig\n"
+    "import importlib.util, os, site, sys, sysconfig\n"
     "get = sysconfig.get_config_var\n"
     "version = '%d.%d' % sys.version_info[:2]\n"
     "if os.name == 'nt':\n"
@@ -29,6 +30,13 @@ static const char PROBE[] =
     "    shared = [f + '/' + n for f in folders for n in names if '.so' in n and os.path.isfile(f + '/' + n)]\n"
     "    with open('/proc/self/maps') as maps:\n"
     "        shared = [m.split(None, 5)[5].strip() for m in maps if '/libpython' + version + '.so' in m] + shared\n"
+    /* -I leaves out the user's own packages as well: put them where they are without it. */
+    "user, own = site.getusersitepackages(), sys.path[:]\n"
+    "is_owner = os.name == 'nt' or os.getuid() == os.geteuid()\n"
+    "if is_owner and sys.base_prefix in site.PREFIXES and os.path.isabs(user) and os.path.isdir(user):\n"
+    "    site.addsitedir(user)\n"
+    "    at = min([own.index(entry) for entry in site.getsitepackages() if entry in own] or [len(own)])\n"
+    "    sys.path[:] = own[:at] + sys.path[len(own):] + own[at:]\n"
     "search = [entry for entry in sys.path if os.path.isabs(entry)]\n"
     "sys.path[:] = search\n"
     "absent = [name for name in sys.argv[1:] if importlib.util.find_spec(name) is None]\n"
@@ -68,7 +76,7 @@ void python_free(Python *python)
 /* Run the probe; false with a reason if it could not be run to its end. */
 static bool run_probe(const char *program, const Needs *needs, Text *output, Text *reason)
 {
-    char *arguments[64] = {(char *)program, "-E", "-c", (char *)PROBE};
+    char *arguments[64] = {(char *)program, "-I", "-c", (char *)PROBE};
     char *modules = strdup(needs->modules != NULL ? needs->modules : ""), *rest = NULL;
     size_t n = 4;
     for (char *name = modules != NULL ? strtok_r(modules, " ", &rest) : NULL; name != NULL && n < 63;
@@ -114,7 +122,9 @@ static bool try_interpreter(const char *program, const char *origin, const Needs
                             Python *found, Text *why)
 {
     Text output = {0}, reason = {0};
-    if (!is_program(program))
+    if (!is_absolute(program)) /* the current directory is the host's, and anything may be in it */
+        text_add(&reason, "is not an absolute path");
+    else if (!is_program(program))
         add_system_error(&reason);
     else if (run_probe(program, needs, &output, &reason))
         judge(needs, library, &output, found, &reason);

@@ -35,7 +35,7 @@ bool make_plain(char **path);
 /* --- Programs and libraries ------------------------------------------------------------------------------------- */
 
 /* Run a program (an argument list that ends with NULL) without what a host may have set for its own libraries and its
-   own Python, until it closes its output or the time is up.  False if it could not be run to its end. */
+   own Python.  After `timeout` s it is killed, even if it has closed its output.  False if it did not run to its end. */
 bool run_program(char *const arguments[], int timeout, size_t most_output, Text *output, Text *reason);
 
 char *own_folder(void);                              /* of the launcher */

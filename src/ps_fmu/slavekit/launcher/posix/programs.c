@@ -45,7 +45,8 @@ static pid_t start(char *const arguments[], int output)
     posix_spawn_file_actions_adddup2(&files, output, STDERR_FILENO);
     posix_spawnattr_setsigmask(&attributes, &none);
     posix_spawnattr_setsigdefault(&attributes, &all);
-    posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF);
+    posix_spawnattr_setpgroup(&attributes, 0); /* a group of its own, which can be killed as a whole */
+    posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF | POSIX_SPAWN_SETPGROUP);
     int error = environment == NULL ? ENOMEM
                                     : posix_spawn(&child, arguments[0], &files, &attributes, arguments, environment);
     posix_spawnattr_destroy(&attributes);
@@ -62,10 +63,9 @@ static long milliseconds(void)
     return now.tv_sec * 1000L + now.tv_nsec / 1000000L;
 }
 
-/* What the child prints until it closes its output, or the time is up (then false). */
-static bool read_output(int input, int timeout, size_t most, Text *output)
+/* Collect what the child prints until it closes its output.  False if that lasts until the time `end`. */
+static bool read_output(int input, long end, size_t most, Text *output)
 {
-    long end = milliseconds() + 1000L * timeout;
     for (;;) {
         struct pollfd ready = {.fd = input, .events = POLLIN};
         long left = end - milliseconds();
@@ -83,26 +83,44 @@ static bool read_output(int input, int timeout, size_t most, Text *output)
     }
 }
 
+/* Wait for the child to end.  False if it still runs at the time `end`.
+   Hosts that ignore SIGCHLD, or wait for any child, take its status: no more is asked than that it is gone. */
+static bool wait_until(pid_t child, long end)
+{
+    for (;;) {
+        pid_t ended = waitpid(child, NULL, WNOHANG);
+        if (ended != 0 && (ended > 0 || errno != EINTR))
+            return true;
+        if (milliseconds() >= end)
+            return false;
+        sleep_a_millisecond();
+    }
+}
+
+static void kill_group(pid_t child)
+{
+    kill(-child, SIGKILL);
+    while (waitpid(child, NULL, 0) < 0 && errno == EINTR)
+        continue;
+}
+
 bool run_program(char *const arguments[], int timeout, size_t most_output, Text *output, Text *reason)
 {
     int ends[2];
-    pid_t child = -1;
-    if (pipe2(ends, O_CLOEXEC) == 0) {
-        child = start(arguments, ends[1]);
-        int error = errno;
-        close(ends[1]);
-        if (child < 0)
-            text_add(reason, "cannot be started: %s", strerror(error));
-        else if (!read_output(ends[0], timeout, most_output, output)) {
-            kill(child, SIGKILL);
-            text_add(reason, "did not answer within %d s", timeout);
-        }
-        close(ends[0]);
-    } else {
+    if (pipe2(ends, O_CLOEXEC) != 0) {
         text_add(reason, "no pipe: %s", strerror(errno));
+        return false;
     }
-    /* Hosts that ignore SIGCHLD, or wait for any child, take the status: the output has to do. */
-    while (child > 0 && waitpid(child, NULL, 0) < 0 && errno == EINTR)
-        continue;
+    long end = milliseconds() + 1000L * timeout;
+    pid_t child = start(arguments, ends[1]);
+    int error = errno;
+    close(ends[1]);
+    if (child < 0) {
+        text_add(reason, "cannot be started: %s", strerror(error));
+    } else if (!read_output(ends[0], end, most_output, output) || !wait_until(child, end)) {
+        kill_group(child);
+        text_add(reason, "did not end within %d s", timeout);
+    }
+    close(ends[0]);
     return reason->used == 0;
 }

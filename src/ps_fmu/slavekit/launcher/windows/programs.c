@@ -38,7 +38,8 @@ static wchar_t *child_environment(void)
         end += wcslen(end) + 1;
     wchar_t *result = all != NULL ? calloc((size_t)(end - all) + 2, sizeof *result) : NULL, *to = result;
     for (const wchar_t *from = all; result != NULL && *from != L'\0'; from += wcslen(from) + 1)
-        if (_wcsnicmp(from, L"PYTHON", 6) != 0 && _wcsnicmp(from, L"__PYVENV", 8) != 0) {
+        if (_wcsnicmp(from, L"PYTHON", 6) != 0 && _wcsnicmp(from, L"__PYVENV", 8) != 0 &&
+            _wcsnicmp(from, L"VIRTUAL_ENV=", 12) != 0) { /* py.exe would follow it, also to a relative path */
             wcscpy(to, from);
             to += wcslen(to) + 1;
         }
@@ -83,11 +84,10 @@ static bool start(char *const arguments[], HANDLE input, HANDLE output, PROCESS_
     return started;
 }
 
-/* What the child prints until it ends or closes its output, or the time is up (then false). */
-static bool read_output(HANDLE input, HANDLE process, int timeout, size_t most, Text *output)
+/* Collect what the child prints until it ends or closes its output.  False if that lasts until the time `end`. */
+static bool read_output(HANDLE input, HANDLE process, ULONGLONG end, size_t most, Text *output)
 {
     enum { PAUSE = 5 }; /* ms; a pipe cannot be waited for */
-    ULONGLONG end = GetTickCount64() + 1000ULL * (unsigned)timeout;
     while (GetTickCount64() < end) {
         bool ended = WaitForSingleObject(process, 0) == WAIT_OBJECT_0;
         char part[4096];
@@ -108,6 +108,13 @@ static bool read_output(HANDLE input, HANDLE process, int timeout, size_t most, 
     return false;
 }
 
+/* Wait for the child to end.  False if it still runs at the time `end`. */
+static bool wait_until(HANDLE process, ULONGLONG end)
+{
+    ULONGLONG now = GetTickCount64();
+    return WaitForSingleObject(process, now < end ? (DWORD)(end - now) : 0) == WAIT_OBJECT_0;
+}
+
 bool run_program(char *const arguments[], int timeout, size_t most_output, Text *output, Text *reason)
 {
     SECURITY_ATTRIBUTES inheritable = {.nLength = sizeof inheritable, .bInheritHandle = TRUE};
@@ -115,6 +122,7 @@ bool run_program(char *const arguments[], int timeout, size_t most_output, Text 
     HANDLE nothing = CreateFileW(L"NUL", GENERIC_READ, FILE_SHARE_READ | FILE_SHARE_WRITE, &inheritable, OPEN_EXISTING,
                                  0, NULL);
     PROCESS_INFORMATION process;
+    ULONGLONG end = GetTickCount64() + 1000ULL * (unsigned)timeout;
     if (nothing == INVALID_HANDLE_VALUE || !CreatePipe(&input, &to_child, &inheritable, 0)) {
         text_add(reason, "no pipe: ");
         add_system_error(reason);
@@ -124,9 +132,9 @@ bool run_program(char *const arguments[], int timeout, size_t most_output, Text 
     } else {
         CloseHandle(to_child);
         to_child = NULL;
-        if (!read_output(input, process.hProcess, timeout, most_output, output)) {
+        if (!read_output(input, process.hProcess, end, most_output, output) || !wait_until(process.hProcess, end)) {
             TerminateProcess(process.hProcess, 1);
-            text_add(reason, "did not answer within %d s", timeout);
+            text_add(reason, "did not end within %d s", timeout);
         }
         CloseHandle(process.hThread);
         CloseHandle(process.hProcess);
