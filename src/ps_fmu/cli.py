@@ -40,6 +40,7 @@ def parser() -> argparse.ArgumentParser:
     top = argparse.ArgumentParser(prog="ps-fmu", description="FMUs of a pointing manipulator.")
     commands = top.add_subparsers(title="commands", required=True, metavar="COMMAND")
     _add_build(commands)
+    _add_wrap(commands)
     _add_check(commands)
     _add_ssp(commands)
     _add_crosscheck(commands)
@@ -50,10 +51,15 @@ def parser() -> argparse.ArgumentParser:
 
 def _add_build(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     build = commands.add_parser(
-        "build", help="build the FMUs", description="Build the FMUs of this checkout."
+        "build",
+        help="build FMUs from Python slaves",
+        description="Build an FMU from a script with a pythonfmu.Fmi2Slave, or without a script the FMUs of this "
+        "checkout.  This runs the code of the slave.",
     )
+    build.add_argument("script", type=Path, nargs="?", metavar="SLAVE.py", help="modules beside it go with it")
+    build.add_argument("files", type=Path, nargs="*", metavar="FILE", help="other files and folders that it needs")
     build.add_argument(
-        "--output", type=Path, default=Path("build/fmus"), metavar="DIR", help="default: %(default)s"
+        "--output", type=Path, metavar="DIR", help="default: build/fmus, for a script the current folder"
     )
     build.add_argument(
         "--only", action="append", default=[], metavar="NAME", help="folder in fmus/; may be repeated"
@@ -61,29 +67,69 @@ def _add_build(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     build.add_argument(
         "--fmus", type=Path, metavar="DIR", help="folder of the sources (default: fmus/ of the checkout)"
     )
-    build.add_argument(
+    _add_python_options(build)
+    build.set_defaults(run=_build)
+
+
+def _add_python_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
         "--interpreter",
         type=Path,
         metavar="PYTHON",
-        help="note this Python in the FMUs, for hosts that do not run one; ties them to this machine",
+        help="note this Python in the FMU, for hosts that do not run one; ties the FMU to this machine",
     )
-    build.add_argument(
-        "--bundle", action="store_true", help="put a Python into each FMU, with the packages it needs (20 to 60 MB)"
+    parser.add_argument(
+        "--bundle", action="store_true", help="put a Python into the FMU, with the packages it needs (8 to 60 MB)"
     )
-    build.set_defaults(run=_build)
 
 
 def _build(options: argparse.Namespace) -> int:
     from .slavekit.pack.build import BuildError, build_one, default_fmus, find
+    from .slavekit.pack.from_source import build_script
 
+    python = {"interpreter": options.interpreter, "bundled": options.bundle}
     try:
+        if options.script is not None:
+            if options.only or options.fmus is not None:
+                raise BuildError("a script and --only or --fmus exclude each other")
+            _print_fmu(*build_script(options.script, options.files, options.output or Path(), **python))
+            return EXIT_OK
         for folder in find(options.fmus or default_fmus(), options.only):
-            fmu = build_one(folder, options.output, interpreter=options.interpreter, bundled=options.bundle)
-            print(f"{fmu}  {fmu.stat().st_size / 1e3:.0f} kB", flush=True)
+            _print_fmu(build_one(folder, options.output or Path("build/fmus"), **python))
     except (BuildError, OSError) as error:
         print(f"ps-fmu build: {reason(error)}", file=sys.stderr)
         return EXIT_FAILED
     return EXIT_OK
+
+
+def _add_wrap(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    wrap = commands.add_parser(
+        "wrap",
+        help="have an FMU of pythonfmu load anywhere",
+        description="Put the launcher in front of an FMU that 'pythonfmu build' has made: it then loads in hosts that "
+        "do not run Python.  This runs the code of the FMU.",
+    )
+    wrap.add_argument("fmu", type=Path, metavar="IN.fmu")
+    wrap.add_argument("--output", type=Path, required=True, metavar="OUT.fmu", help="the new file, or its folder")
+    _add_python_options(wrap)
+    wrap.set_defaults(run=_wrap)
+
+
+def _wrap(options: argparse.Namespace) -> int:
+    from .slavekit.pack.wrap import BuildError, wrap
+
+    try:
+        _print_fmu(*wrap(options.fmu, options.output, interpreter=options.interpreter, bundled=options.bundle))
+    except (BuildError, OSError) as error:
+        print(f"ps-fmu wrap: {reason(error)}", file=sys.stderr)
+        return EXIT_FAILED
+    return EXIT_OK
+
+
+def _print_fmu(fmu: Path, remarks: Sequence[str] = ()) -> None:
+    for remark in remarks:
+        print(f"{fmu.name}: {remark}", file=sys.stderr)
+    print(f"{fmu}  {fmu.stat().st_size / 1e3:.0f} kB", flush=True)
 
 
 def _add_check(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:

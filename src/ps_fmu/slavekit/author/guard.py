@@ -96,11 +96,22 @@ def escape(slave: Any, error: BaseException) -> None:
     exception may pass as it is, and this returns.
     """
     if slave.hosted and not isinstance(error, FmuError):
-        keep_alive(type(slave), slave, slave.log_queue)
-        # The library would log these now, and lose the exception over it.
-        before = "".join(f"\nbefore that: {message.msg.replace('%%', '%')}" for message in slave.log_queue)
-        slave.log_queue.clear()
-        _raise_reported(slave.label, error, before)
+        raise_compensated(slave, slave.label, slave.log_queue, error)
+
+
+def raise_compensated(slave: object, label: str, log_queue: list[Any], error: BaseException) -> NoReturn:
+    """Report ``error``, give the library what it releases, raise FmuError.
+
+    Parameters
+    ----------
+    label: name of the slave, for the report.
+    log_queue: the list that the library has of the slave.
+    """
+    keep_alive(type(slave), slave, log_queue)
+    # The library would log these now, and lose the exception over it.
+    before = "".join(f"\nbefore that: {message.msg.replace('%%', '%')}" for message in log_queue)
+    log_queue.clear()
+    _raise_reported(label, error, before)
 
 
 def escape_class(cls: Any, error: BaseException) -> None:

@@ -9,11 +9,9 @@ from __future__ import annotations
 
 import contextlib
 import io
-import os
 import re
 import sys
 import tempfile
-import uuid
 from collections.abc import Iterable, Iterator
 from pathlib import Path, PurePosixPath
 from typing import Any
@@ -24,7 +22,6 @@ from pythonfmu.builder import FmuBuilder, get_model_class
 from ..author.model_description import CAPABILITIES
 from ..author.slave import Slave
 from ..author.terminals import terminals_and_icons
-from ..launcher.compile import LAUNCHER
 from . import licenses, smoke
 from . import zip_writer as archive
 from .bundle import BundleError, bundle
@@ -32,24 +29,19 @@ from .bundle import check as check_bundle
 from .dependencies import external_dependencies
 from .entry import entry_source
 from .files import write_atomically
+from .launch import OLDEST_PYTHON, make_guid, put_launcher_in_front, write_notes
 from .licenses import LicenseError
 from .page import page
 from .sources import Files, SourceError, closure, foreign, imported, renamed
+from .wrap import PACKAGE, BuildError, check_interpreter
 
-PACKAGE = Path(__file__).resolve().parents[2]
-_OLDEST_PYTHON = "3.11"
 _RESOURCES = PurePosixPath("resources")
 _DESCRIPTION = PurePosixPath("modelDescription.xml")
-_WRAPPER = {".so": "libpythonfmu-export.so", ".dll": "pythonfmu-export.dll"}  # names that the launcher looks for
 _TERMINALS = PurePosixPath("terminalsAndIcons", "terminalsAndIcons.xml")
 _ICON = PurePosixPath("model.png")
 _DOCUMENTATION = PurePosixPath("documentation")
 _NO_TOOL_NEEDED = b'needsExecutionTool="true"', b'needsExecutionTool="false"'
 _GUID = re.compile(rb'guid="[^"]*"')
-
-
-class BuildError(RuntimeError):
-    """An FMU that cannot be built; the text says which and why."""
 
 
 def default_fmus() -> Path:
@@ -95,8 +87,7 @@ def build_one(folder: Path, output: Path, *, interpreter: Path | None = None, bu
     script = folder / f"{folder.name}.py"
     if not script.is_file():
         raise BuildError(f"{folder.name}: no {script}")
-    if interpreter is not None and not (interpreter.is_file() and os.access(interpreter, os.X_OK)):
-        raise BuildError(f"--interpreter: {interpreter} is no program: expected the path of a Python")
+    check_interpreter(interpreter)
     output.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(prefix="ps_fmu_build_") as temporary:
         try:
@@ -107,7 +98,7 @@ def build_one(folder: Path, output: Path, *, interpreter: Path | None = None, bu
             smoke.check(fmu)
             if bundled:
                 check_bundle(fmu)
-        except (SourceError, BundleError, LicenseError, smoke.SmokeError) as error:
+        except (SourceError, BundleError, LicenseError, smoke.SmokeError, smoke.StateError) as error:
             raise BuildError(f"{folder.name}: {error}") from None
         result = output / fmu.name
         write_atomically(result, fmu.read_bytes())
@@ -144,7 +135,7 @@ def _repackaged(
 ) -> tuple[str, Files]:
     """Model name and files of the final FMU, from pythonfmu's and the sources."""
     built = archive.read(stock)
-    files = _binaries(built)
+    files = put_launcher_in_front(built)
     files[_DESCRIPTION] = _GUID.sub(b'guid=""', built[_DESCRIPTION], count=1)
     model = _model_name(built[_DESCRIPTION])
     sources = _sources(script)
@@ -161,11 +152,11 @@ def _repackaged(
     entry = f"{script.stem}_{digest.hex()[:12]}"
     files[_RESOURCES / f"{entry}.py"] = entry_source(package, script.stem, model)
     files[_RESOURCES / "slavemodule.txt"] = entry.encode()
-    guid = f"{{{uuid.UUID(bytes=digest[:16])}}}"
+    guid = make_guid(digest)
     files[_DESCRIPTION] = files[_DESCRIPTION].replace(b'guid=""', f'guid="{guid}"'.encode(), 1)
     modules = foreign(sources)
-    files[_RESOURCES / "launcher.txt"] = _launcher_notes(guid, modules, interpreter)
-    files[_DOCUMENTATION / "externalDependencies.txt"] = external_dependencies(model, _OLDEST_PYTHON, modules, bundled)
+    files[_RESOURCES / "launcher.txt"] = write_notes(guid, modules, interpreter)
+    files[_DOCUMENTATION / "externalDependencies.txt"] = external_dependencies(model, OLDEST_PYTHON, modules, bundled)
     texts = list(licenses.of_sources(sources))
     if bundled:
         runtime = bundle(modules)
@@ -174,29 +165,6 @@ def _repackaged(
         files[_DESCRIPTION] = files[_DESCRIPTION].replace(*_NO_TOOL_NEEDED, 1)
     files |= licenses.files(texts)
     return model, files
-
-
-def _binaries(built: Files) -> Files:
-    """pythonfmu's libraries as they are; where there is a launcher, that takes the name that hosts look for."""
-    files: Files = {}
-    for name, content in built.items():
-        if name.parts[0] != "binaries":
-            continue
-        launcher = LAUNCHER.path(name.parent.name)
-        if launcher is not None:
-            files[name.with_name(_WRAPPER[name.suffix])] = content
-            files[name] = launcher.read_bytes()
-        else:
-            files[name] = content
-    return files
-
-
-def _launcher_notes(guid: str, modules: list[str], interpreter: Path | None) -> bytes:
-    """What the launcher has to know: which FMU this is, and what a Python has to have for it."""
-    lines = [f"guid={guid}", f"python={_OLDEST_PYTHON}", f"modules={' '.join(modules)}"]
-    if interpreter is not None:
-        lines.append(f"interpreter={interpreter.absolute()}")
-    return ("\n".join(lines) + "\n").encode()
 
 
 def _model_name(description: bytes) -> str:

@@ -19,6 +19,7 @@ import importlib.metadata
 import io
 import json
 import py_compile
+import re
 import subprocess
 import sys
 import sysconfig
@@ -72,15 +73,22 @@ class Bundle:
     licenses: tuple[License, ...]
 
 
-def bundle(modules: Sequence[str]) -> Bundle:
-    """This Python with some installed packages.  Raises BundleError."""
+def bundle(modules: Sequence[str], requirements: Sequence[str] = ()) -> Bundle:
+    """This Python with some installed packages.  Raises BundleError.
+
+    Parameters
+    ----------
+    modules: what is imported, for example ``yaml``.
+    requirements: further packages by the names of their distributions, for example ``PyYAML``.
+    """
     if sys.platform != "linux":
         raise BundleError("a runtime can be bundled on Linux only")
     standard = Path(sysconfig.get_path("stdlib"))
     all_extensions = _extensions(standard / "lib-dynload")
     absent = [name for name in all_extensions if name.startswith(_EXTENSIONS_LEFT_OUT)]
     extensions = {name: path for name, path in all_extensions.items() if name not in absent}
-    packages = dict(_packages(modules))
+    distributions = _find_distributions(modules, requirements)
+    packages = dict(_packages(distributions))
     libraries = {path.name: path for path in _needed_libraries([*extensions, *modules], absent)}
     libpython = _libpython()
     notes = {
@@ -98,7 +106,6 @@ def bundle(modules: Sequence[str]) -> Bundle:
     files |= {f"{_DYNLOAD}/{path.name}": loaded(path.read_bytes()) for path in extensions.values()}
     files |= {f"{_PACKAGES}/{name}": content for name, content in packages.items()}
     files |= {f"lib/system/{name}": path.read_bytes() for name, path in libraries.items()}
-    distributions = [importlib.metadata.packages_distributions()[module][0] for module in modules]
     licenses = tuple(of_runtime(distributions, list(libraries.values())))
     return Bundle({_ROOT / name: content for name, content in files.items()}, licenses)
 
@@ -122,11 +129,13 @@ sys.path[:] = [os.path.join(home, entry) for entry in notes["entries"].split(":"
 sys.path.insert(0, os.path.join(folder, "resources"))
 import importlib, xml.etree.ElementTree
 description = xml.etree.ElementTree.parse(os.path.join(folder, "modelDescription.xml")).getroot()
-model = description.find("CoSimulation").get("modelIdentifier")
-step = float(description.find("DefaultExperiment").get("stepSize"))
-with open(os.path.join(folder, "resources", "slavemodule.txt")) as name:
-    slave = getattr(importlib.import_module(name.read().strip()), model)(instance_name="trial")
-slave.setup_experiment(0.0)
+experiment = description.find("DefaultExperiment")
+step = float(experiment.get("stepSize", "0.01") if experiment is not None else "0.01")
+resources = os.path.join(folder, "resources")
+with open(os.path.join(resources, "slavemodule.txt")) as name:
+    (model,) = [c for c in vars(importlib.import_module(name.read().strip())).values() if isinstance(c, type)]
+slave = model(instance_name="trial", resources=resources)
+slave.setup_experiment(0.0, None, None)
 slave.enter_initialization_mode()
 slave.exit_initialization_mode()
 slave.do_step(0.0, step)
@@ -169,13 +178,35 @@ def _extensions(folder: Path) -> dict[str, Path]:
     return {path.name.partition(".")[0]: path for path in sorted(folder.glob("*.so"))}
 
 
-def _packages(modules: Iterable[str]) -> Iterator[tuple[str, bytes]]:
-    """The installed files of some packages, Python sources compiled."""
+def _find_distributions(modules: Iterable[str], requirements: Iterable[str]) -> list[str]:
+    """The installed distributions that provide some modules and requirements, and those that these need in turn."""
     providers = importlib.metadata.packages_distributions()
-    for module in modules:
-        if module not in providers:
-            raise BundleError(f"the FMU needs {module}, which is not installed here")
-        for file in importlib.metadata.files(providers[module][0]) or ():
+    missing = [module for module in modules if module not in providers]
+    waiting = [*requirements, *(providers[module][0] for module in modules if module in providers)]
+    found: dict[str, str] = {}
+    for name in waiting:  # grows
+        key = re.sub(r"[-_.]+", "-", name).lower()
+        if key in found:
+            continue
+        try:
+            distribution = importlib.metadata.distribution(name)
+        except (importlib.metadata.PackageNotFoundError, ValueError):
+            if name in requirements:
+                missing.append(name)
+            continue  # needed on other systems only
+        found[key] = distribution.metadata["Name"]
+        needs = [need for need in distribution.requires or () if "extra ==" not in need]
+        waiting += [re.split(r"[^A-Za-z0-9._-]", need, maxsplit=1)[0] for need in needs]
+    if missing:
+        names = ", ".join(missing)
+        raise BundleError(f"the FMU needs {names}, which is not installed here: install it beside ps_fmu")
+    return list(found.values())
+
+
+def _packages(distributions: Iterable[str]) -> Iterator[tuple[str, bytes]]:
+    """The installed files of some distributions, Python sources compiled."""
+    for distribution in distributions:
+        for file in importlib.metadata.files(distribution) or ():
             if ".." in file.parts or _PACKAGE_PARTS_LEFT_OUT.intersection(file.parts):
                 continue
             path, name = Path(str(file.locate())), str(file)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 _SOURCE = '''\
 """Entry point of this FMU: the native library executes this file at each instantiation.
 
-It takes the class that is defined here; the model itself is {package}/{module}.py.
+It takes the class that is defined here; the model itself is {place}.
 """
 
 import importlib
@@ -18,9 +20,9 @@ try:
     if _package is not None and not os.path.isdir(_package.__path__[0]):
         # The FMU was loaded before, from a folder that is gone: files that are read later would be missing.
         importlib.invalidate_caches()
-        for _name in [name for name in sys.modules if name.partition(".")[0] == "{package}"]:
+        for _name in [name for name in sys.modules if name.partition(".")[0] in ("{package}", "{private}")]:
             del sys.modules[_name]
-    {model} = importlib.import_module("{package}.{module}").{model}
+    {model} = {load}
     globals()["{model}"] = {model}  # the library executes this file with locals of their own
     importlib.import_module("{package}.slavekit.author.guard").keep_alive(globals())  # see there
 except BaseException:
@@ -38,4 +40,27 @@ finally:
 
 def entry_source(package: str, module: str, model: str) -> bytes:
     """The script for class ``model`` in ``package.module``."""
-    return _SOURCE.format(package=package, module=module, model=model).encode()
+    load = f'importlib.import_module("{package}.{module}").{model}'
+    return _fill(package, f"{package}/{module}.py", model, load)
+
+
+def load_source(package: str, module: str, names: Iterable[str]) -> bytes:
+    """The script for a slave in ``module.py`` beside it.
+
+    Parameters
+    ----------
+    package: the part of ps_fmu in the FMU.
+    names: modules and packages of the FMU, see :func:`..author.pythonfmu_slave.load_slave`.
+    """
+    arguments = f'"{_private(package)}", {tuple(names)!r}, "{module}"'
+    load = f'importlib.import_module("{package}.slavekit.author.pythonfmu_slave").load_slave({arguments})'
+    return _fill(package, f"{module}.py", "SlaveOfThisFmu", load)
+
+
+def _fill(package: str, place: str, model: str, load: str) -> bytes:
+    return _SOURCE.format(package=package, private=_private(package), place=place, model=model, load=load).encode()
+
+
+def _private(package: str) -> str:
+    """The package that the author's modules are kept in."""
+    return package.replace("ps_fmu_", "fmu_")

@@ -34,13 +34,19 @@ class License:
     text: bytes
 
 
-def files(licenses: Iterable[License]) -> Files:
-    """The folder: ``license.txt``, where FMI wants readers to begin, and the texts."""
+def files(licenses: Iterable[License], part: str = "") -> Files:
+    """The folder: ``license.txt``, where FMI wants readers to begin, and the texts.
+
+    Parameters
+    ----------
+    part: a folder in it, in an FMU of another author; ``license.txt`` then is about what was added.
+    """
+    folder = _FOLDER / part
     others = list(licenses)
     index = [f"{one.name}: {one.subject}\n" for one in others]
     head = f"ps_fmu {__version__} under the licence below, and work of others under the licences in this folder:\n\n"
-    result = {_FOLDER / one.name: one.text for one in others}
-    result[_FOLDER / "license.txt"] = "".join([head, *index, "\n", "-" * 80, "\n\n"]).encode() + _own()
+    result = {folder / one.name: one.text for one in others}
+    result[folder / "license.txt"] = "".join([head, *index, "\n", "-" * 80, "\n\n"]).encode() + _own()
     return result
 
 

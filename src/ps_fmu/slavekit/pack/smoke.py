@@ -14,22 +14,31 @@ from pathlib import Path
 from typing import Any
 
 _TIMEOUT = 120.0  # s
+_STATE_FAILED = 3  # exit code
+_USUAL_STEP = 0.01  # s, where the model has no default experiment
+_STEPS = 3
 
 
 class SmokeError(RuntimeError):
     """A built FMU does not run by itself; the text ends with what it printed."""
 
 
+class StateError(RuntimeError):
+    """The FMU runs, but its states are not what it claims."""
+
+
 def check(fmu: Path) -> None:
-    """Run an FMU by itself.  Raises SmokeError if it fails."""
+    """Run an FMU by itself.  Raises SmokeError if it fails, StateError if only its states do."""
     try:
         run = subprocess.run(
             [sys.executable, "-I", "-B", __file__, str(fmu)], capture_output=True, text=True, timeout=_TIMEOUT
         )
     except subprocess.TimeoutExpired:
         raise SmokeError(f"{fmu.name} did not finish a few steps within {_TIMEOUT:g} s") from None
+    output = f"{run.stdout}{run.stderr}"
+    if run.returncode == _STATE_FAILED:
+        raise StateError(output.strip().splitlines()[-1])
     if run.returncode != 0:
-        output = f"{run.stdout}{run.stderr}"
         raise SmokeError(f"{fmu.name} does not run by itself (exit code {run.returncode}):\n{output}")
 
 
@@ -55,10 +64,10 @@ def _run_once(fmu: Path, folder: str) -> None:
         modelIdentifier=description.coSimulation.modelIdentifier,
         instanceName="smoke",
     )
-    reals = [v for v in description.modelVariables if v.causality == "output" and v.type == "Real"]
-    outputs = [v.valueReference for v in reals]
-    step = float(description.defaultExperiment.stepSize)
-    slave.instantiate(loggingOn=True)
+    experiment = description.defaultExperiment
+    step = float((experiment is not None and experiment.stepSize) or _USUAL_STEP)
+    outputs = [v.valueReference for v in description.modelVariables if (v.causality, v.type) == ("output", "Real")]
+    slave.instantiate()
     for reset in (False, True):
         if reset:
             slave.reset()
@@ -66,24 +75,64 @@ def _run_once(fmu: Path, folder: str) -> None:
         slave.enterInitializationMode()
         slave.getReal(outputs)
         slave.exitInitializationMode()
-        slave.doStep(0.0, step)
-        expected = _step_from_a_state(slave, step, outputs)
-        if _step_from_a_state(slave, step, outputs, serialised=True) != expected:
-            raise AssertionError("a step from a serialised state gives other outputs")
+        _step(slave, 0.0, step)
+        try:
+            _compare_states(slave, description, step, outputs)
+        except Exception as error:
+            print(f"{type(error).__name__}: {error}", file=sys.stderr)
+            sys.exit(_STATE_FAILED)
     slave.terminate()
     slave.freeInstance()
 
 
+def _compare_states(slave: Any, description: Any, step: float, outputs: list[int]) -> None:
+    """Steps from a state give the same outputs again, as far as the FMU claims that."""
+    if description.coSimulation.canGetAndSetFMUstate:
+        _move_inputs(slave, description)
+        expected = _step_from_a_state(slave, step, outputs)
+        if _step_from_a_state(slave, step, outputs) != expected:
+            raise AssertionError("steps from the same state give other outputs")
+        if description.coSimulation.canSerializeFMUstate:
+            if _step_from_a_state(slave, step, outputs, serialised=True) != expected:
+                raise AssertionError("steps from a serialised state give other outputs")
+    elif description.coSimulation.canSerializeFMUstate:
+        raise AssertionError("canGetAndSetFMUstate is not claimed")
+
+
+def _step(slave: Any, time: float, step: float) -> None:
+    from fmpy.fmi1 import FMICallException
+    from fmpy.fmi2 import fmi2Discard
+
+    try:
+        slave.doStep(time, step)
+    except FMICallException as error:
+        if error.status == fmi2Discard:
+            raise AssertionError("do_step did not return True: fmi2Discard, no step was made") from None
+        raise
+
+
+def _move_inputs(slave: Any, description: Any) -> None:
+    """Another value for each Real input, within its limits, so that what the slave keeps in silence moves."""
+    for variable in description.modelVariables:
+        if (variable.causality, variable.type) == ("input", "Real"):
+            low, high = (float(limit) if limit is not None else None for limit in (variable.min, variable.max))
+            value = float(variable.start or 0.0) + 0.1
+            value = high if high is not None and value > high else value
+            slave.setReal([variable.valueReference], [low if low is not None and value < low else value])
+
+
 def _step_from_a_state(slave: Any, step: float, outputs: list[int], serialised: bool = False) -> list[float]:
-    """Outputs after the second step; the state is then as after the first one."""
+    """Outputs after some more steps; the state is then as after the first step."""
     state = slave.getFMUstate()
     if serialised:
         content = slave.serializeFMUstate(state)
         slave.freeFMUstate(state)
         state = slave.deSerializeFMUstate(content)
         slave.setFMUstate(state)
-    slave.doStep(step, step)
-    values: list[float] = slave.getReal(outputs)
+    values: list[float] = []
+    for i in range(1, _STEPS):
+        _step(slave, i * step, step)
+        values += slave.getReal(outputs)
     slave.setFMUstate(state)
     slave.freeFMUstate(state)
     return values
@@ -92,4 +141,7 @@ def _step_from_a_state(slave: Any, step: float, outputs: list[int], serialised: 
 if __name__ == "__main__":
     for absent in ("ps_fmu", "pythonfmu"):
         sys.modules[absent] = None  # type: ignore[assignment]
-    exercise(Path(sys.argv[1]))
+    try:
+        exercise(Path(sys.argv[1]))
+    except Exception as error:  # the FMU itself has printed the traceback, if there is one
+        sys.exit(f"{type(error).__name__}: {error}")

@@ -10,7 +10,7 @@ import ast
 import importlib.util
 import re
 import sys
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 from pathlib import Path, PurePosixPath
 
 _DOTTED_NAME = re.compile(r"[A-Za-z_]\w*(\.\w+)*", re.ASCII)
@@ -23,7 +23,7 @@ class SourceError(RuntimeError):
     """Python sources that cannot be packaged; the text says which line and what to do."""
 
 
-def imported(source: str, name: str, package: str) -> set[str]:
+def imported(source: str | bytes, name: str, package: str, optional: bool = True) -> set[str]:
     """Absolute names of all modules, and of all names in modules, that a source imports, wherever in it.
 
     Parameters
@@ -31,9 +31,10 @@ def imported(source: str, name: str, package: str) -> set[str]:
     source: the Python source.
     name: what to call it in errors.
     package: the package it is in, to resolve relative imports; ``""`` for a script.
+    optional: also those that may fail: in ``try`` with handlers, and in ``if TYPE_CHECKING``.
     """
     found: set[str] = set()
-    for node in ast.walk(ast.parse(source, filename=name)):
+    for node in _walk(ast.parse(source, filename=name), optional):
         if isinstance(node, ast.Import):
             found |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
@@ -45,11 +46,16 @@ def imported(source: str, name: str, package: str) -> set[str]:
 
 
 def closure(script: Path, roots: dict[str, Path], hollow: Collection[str] = ()) -> Files:
-    """The modules that ``script`` needs of some packages, directly or not, and the data files beside them.
+    """As :func:`closure_of` the modules that ``script`` imports; it is not part of the result itself."""
+    return closure_of(imported(script.read_text(encoding="utf-8"), script.name, ""), roots, hollow)
+
+
+def closure_of(modules: Iterable[str], roots: dict[str, Path], hollow: Collection[str] = ()) -> Files:
+    """Some modules and those that they import of some packages, directly or not, and the data files beside them.
 
     Parameters
     ----------
-    script: the file that everything starts from; not part of the result.
+    modules: absolute names that everything starts from.
     roots: package name -> its folder.
     hollow: packages of these whose ``__init__.py`` is left out, with all that only it imports; an empty one
         stands in.
@@ -59,7 +65,7 @@ def closure(script: Path, roots: dict[str, Path], hollow: Collection[str] = ()) 
     Files: ``package/sub/module.py`` -> content.
     """
     files: Files = {}
-    waiting = sorted(imported(script.read_text(encoding="utf-8"), script.name, ""))
+    waiting = sorted(modules)
     while waiting:
         name = waiting.pop()
         top, *_ = name.split(".")
@@ -76,6 +82,64 @@ def closure(script: Path, roots: dict[str, Path], hollow: Collection[str] = ()) 
             if path.name == "__init__.py":
                 files |= {arcname.with_name(data.name): data.read_bytes() for data in _data(path.parent)}
     return files
+
+
+def _walk(tree: ast.AST, optional: bool) -> Iterator[ast.AST]:
+    waiting = [tree]
+    while waiting:
+        node = waiting.pop()
+        yield node
+        may_fail = isinstance(node, ast.Try) and node.handlers
+        if optional or not (may_fail or (isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test))):
+            waiting.extend(ast.iter_child_nodes(node))
+
+
+def find_needed_modules(script: str, files: Files) -> list[str]:
+    """Top-level packages that a module in ``files`` needs, directly or not, beside these files and Python's own.
+
+    Parameters
+    ----------
+    script: name of the module that everything starts from.
+    files: Python sources and others, by their place below a folder in which imports are looked up.
+
+    Raises SourceError for a source that is not Python.
+    """
+    needed: set[str] = set()
+    for place, content in _reach(script, files.get):
+        needed |= {_top(name) for name in imported(content, str(place), ".".join(place.parts[:-1]), optional=False)}
+    own = {name.parts[0].removesuffix(".py") for name in files}
+    return sorted(needed - own - sys.stdlib_module_names - {""})
+
+
+def find_beside(script: Path) -> list[Path]:
+    """The modules and packages beside a script that it imports, directly or not.  Raises SourceError."""
+
+    def read(name: PurePosixPath) -> bytes | None:
+        path = script.parent / name
+        return path.read_bytes() if path.is_file() else None
+
+    tops = {place.parts[0] for place, _ in _reach(script.stem, read)}
+    return [script.parent / top for top in sorted(tops)]
+
+
+def _reach(script: str, read: Callable[[PurePosixPath], bytes | None]) -> Iterator[tuple[PurePosixPath, bytes]]:
+    """A module and those that it imports, directly or not, as far as ``read`` has their sources; with these."""
+    seen: set[PurePosixPath] = set()
+    waiting = [script]
+    while waiting:
+        parts = waiting.pop().split(".")
+        for n in range(1, len(parts) + 1):
+            module = PurePosixPath(*parts[:n])
+            for place in (module / "__init__.py", module.with_suffix(".py")):
+                content = None if place in seen else read(place)
+                if content is None:
+                    continue
+                seen.add(place)
+                try:
+                    waiting += imported(content, str(place), ".".join(place.parts[:-1]))
+                except (SyntaxError, ValueError, ImportError, RecursionError, MemoryError) as error:
+                    raise SourceError(f"{place} is no Python that can be read here: {error}") from None
+                yield place, content
 
 
 def foreign(files: Files) -> list[str]:

@@ -1,0 +1,96 @@
+"""An FMU that loads anywhere from a slave of pythonfmu: ``ps-fmu build my_slave.py``."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+from . import pythonfmu_build
+from .build import build_one
+from .sources import SourceError, find_beside, imported
+from .wrap import BuildError, wrap
+
+_TIMEOUT = 600.0  # s; the author's modules may take their time
+
+
+def build_script(
+    script: Path, more: Sequence[Path] = (), output: Path = Path(), *, interpreter: Path | None = None,
+    bundled: bool = False,
+) -> tuple[Path, list[str]]:  # fmt: skip
+    """Build the FMU of the slave in a script into the folder ``output``, as ``<model>.fmu``.
+
+    Parameters
+    ----------
+    script: defines a class that derives from ``pythonfmu.Fmi2Slave``.  It is run.  The modules and packages beside it
+        that it imports go with it.
+    more: other files and folders that go with it, for example data.
+    output, interpreter, bundled: as for :func:`.wrap.wrap`.
+
+    Returns
+    -------
+    tuple: path of the FMU; remarks, a line each.
+
+    Raises
+    ------
+    BuildError: there is no such slave, or it does not run; with the author's traceback where it is due to his code.
+    """
+    script = script.resolve()
+    output.mkdir(parents=True, exist_ok=True)
+    if uses_the_kit(script):
+        if more or script.parent.name != script.stem:
+            raise BuildError(
+                f"{script}: a slave that imports ps_fmu lies in a folder {script.stem} of its own, with a README.md; "
+                "all that it needs beside it is in ps_fmu"
+            )
+        return build_one(script.parent, output, interpreter=interpreter, bundled=bundled), []
+    with tempfile.TemporaryDirectory(prefix="ps_fmu_build_") as folder:
+        stock = Path(folder) / f"{script.stem}.fmu"
+        _run_builder(script, stock, _list_files(script, more))
+        return wrap(stock, output, interpreter=interpreter, bundled=bundled, source=script)
+
+
+def uses_the_kit(script: Path) -> bool:
+    """Does a script import ps_fmu, as slaves with its base class do?  Raises BuildError for what is no Python."""
+    if script.suffix != ".py" or not script.is_file():
+        raise BuildError(f"{script}: expected a file .py with a class that derives from pythonfmu.Fmi2Slave")
+    try:
+        return any(name.partition(".")[0] == "ps_fmu" for name in imported(script.read_bytes(), script.name, ""))
+    except (SyntaxError, ValueError, ImportError, RecursionError, MemoryError) as error:
+        raise BuildError(f"{script}: this is no Python that can be read here: {error}") from None
+
+
+def _list_files(script: Path, more: Iterable[Path]) -> list[Path]:
+    """The files and folders that go with the script.  Raises BuildError if one is missing."""
+    if not script.stem.isidentifier():
+        raise BuildError(f"{script}: Python cannot import a file of this name; expected letters, digits, underscores")
+    try:
+        files = {path.resolve() for path in (*more, *find_beside(script))} - {script}
+    except SourceError as error:
+        raise BuildError(str(error)) from None
+    for path in sorted(files):
+        if not path.exists():
+            raise BuildError(f"{path}: no such file or folder")
+        if path == script.parent or path in script.parents:
+            raise BuildError(f"{path} is a folder above {script.name}: name the files in it that the slave needs")
+    names = [path.name for path in sorted(files)]
+    twice = sorted({name for name in names if names.count(name) > 1 or name == script.name})
+    if twice:
+        raise BuildError(f"two files are called {twice[0]}: in an FMU all lie in one folder, so rename one")
+    return sorted(files)
+
+
+def _run_builder(script: Path, stock: Path, files: Iterable[Path]) -> None:
+    search = [os.path.abspath(entry) for entry in sys.path if entry]
+    program = [sys.executable, "-I", "-B", pythonfmu_build.__file__]
+    command = [*program, str(script), str(stock), json.dumps(search), *map(str, files)]
+    try:
+        run = subprocess.run(command, capture_output=True, text=True, timeout=_TIMEOUT)
+    except subprocess.TimeoutExpired:
+        raise BuildError(f"{script}: it was not built within {_TIMEOUT:g} s") from None
+    if run.returncode != 0:
+        raise BuildError(f"{script}: the slave cannot be built:\n{run.stdout}{run.stderr}".rstrip())

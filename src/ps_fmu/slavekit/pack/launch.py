@@ -1,0 +1,46 @@
+"""The launcher in front of pythonfmu's library: file names within an FMU, and what the launcher has to know."""
+
+from __future__ import annotations
+
+import uuid
+from collections.abc import Sequence
+from pathlib import Path
+
+from ..launcher.compile import LAUNCHER
+from .sources import Files
+
+OLDEST_PYTHON = "3.11"
+_WRAPPER = {".so": "libpythonfmu-export.so", ".dll": "pythonfmu-export.dll"}  # names that the launcher looks for
+
+
+def put_launcher_in_front(files: Files) -> Files:
+    """The files in ``binaries``: where there is a launcher, it takes the name that hosts look for.
+
+    pythonfmu's libraries stay as they are, under the name that the launcher looks for.
+    """
+    result: Files = {}
+    for name, content in files.items():
+        if name.parts[0] != "binaries":
+            continue
+        launcher = LAUNCHER.path(name.parent.name)
+        if launcher is not None and name.suffix in _WRAPPER:
+            result[name.with_name(_WRAPPER[name.suffix])] = content
+            result[name] = launcher.read_bytes()
+        else:
+            result[name] = content
+    return result
+
+
+def write_notes(guid: str, modules: Sequence[str], interpreter: Path | None) -> bytes:
+    """What the launcher has to know: which FMU this is, and what a Python has to have for it."""
+    lines = [f"guid={guid}", f"python={OLDEST_PYTHON}"]
+    if modules:
+        lines.append(f"modules={' '.join(modules)}")
+    if interpreter is not None:
+        lines.append(f"interpreter={interpreter.absolute()}")
+    return ("\n".join(lines) + "\n").encode()
+
+
+def make_guid(digest: bytes) -> str:
+    """A GUID that states a content: the same content has the same GUID."""
+    return f"{{{uuid.UUID(bytes=digest[:16])}}}"

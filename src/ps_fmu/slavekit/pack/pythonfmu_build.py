@@ -1,0 +1,43 @@
+"""pythonfmu's own builder in a process of its own, since it runs the author's modules under their bare names.
+
+As a program: ``pythonfmu_build.py SCRIPT FMU SEARCH_PATH [FILE ...]``.  It must not import anything of the package.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import traceback
+from pathlib import Path
+
+
+def main(script: Path, fmu: Path, search: list[str], files: list[Path]) -> int:
+    """Build; 1 if the author's code or the builder fails, with what the author needs to know on stderr."""
+    sys.path[:] = [*sys.path, *(entry for entry in search if entry not in sys.path)]
+    from pythonfmu.builder import FmuBuilder
+
+    try:
+        FmuBuilder.build_FMU(script, dest=fmu, project_files=set(files))
+    except (Exception, SystemExit) as error:
+        print(describe_to_author(error, script.parent), file=sys.stderr)
+        return 1
+    return 0
+
+
+def describe_to_author(error: BaseException, folder: Path) -> str:
+    """The traceback without frames of others.  The builder works on a copy: the files are told by their own places."""
+    lines = traceback.format_exception_only(error)
+    frames = []
+    for frame in traceback.extract_tb(error.__traceback__):
+        own = folder / Path(frame.filename).name
+        if frame.filename.startswith("<") or "site-packages" in frame.filename or not own.is_file():
+            continue
+        frames.append(traceback.FrameSummary(str(own), frame.lineno, frame.name))
+    if frames:
+        lines = ["Traceback (most recent call last):\n", *traceback.format_list(frames), *lines]
+    return "".join(lines).rstrip()
+
+
+if __name__ == "__main__":
+    script, fmu, search, *files = sys.argv[1:]
+    sys.exit(main(Path(script), Path(fmu), json.loads(search), [Path(file) for file in files]))
