@@ -20,7 +20,7 @@ try:
     from ps_fmu.paper import figures
     from ps_fmu.runs import scenarios
     from ps_fmu.runs.options import RESULTS, SCHEMES, OptionError, RunOptions, Scenario
-    from ps_fmu.runs.output import held
+    from ps_fmu.runs.output import hold_folder
     from ps_fmu.runs.registry import find_scenarios
     from ps_fmu.runs.sources import ensure_built
     from ps_fmu.slavekit.pack.build import BuildError
@@ -85,7 +85,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         try:
             arguments = command_line.parse_args(argv)
             options = read_options(found[arguments.scenario], arguments)
-            stack.enter_context(held(options.output))
+            stack.enter_context(hold_folder(options.output))
         except OptionError as error:
             command_line.error(str(error))
         try:

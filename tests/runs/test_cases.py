@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from ps_fmu.cosim import Column
-from ps_fmu.runs.cases import Bounds, Divergence, progress_bar
+from ps_fmu.runs.cases import Bounds, Divergence, show_progress
 
 
 def test_values_beyond_all_use_end_a_run():
@@ -17,7 +17,7 @@ def test_values_beyond_all_use_end_a_run():
 
 @pytest.mark.parametrize("shown", [True, False])
 def test_progress_bar(capsys, shown):
-    with progress_bar("passive", 20.0, shown) as advance:
+    with show_progress("passive", 20.0, shown) as advance:
         advance(10.0, 2.0, 5.0)
         advance(20.0, 4.0, 5.0)
     text = capsys.readouterr().err
@@ -27,5 +27,5 @@ def test_progress_bar(capsys, shown):
 
 def test_no_progress_bar_without_an_error_stream(monkeypatch):
     monkeypatch.setattr("sys.stderr", None)
-    with progress_bar("passive", 20.0, True) as advance:
+    with show_progress("passive", 20.0, True) as advance:
         advance(10.0, 2.0, 5.0)

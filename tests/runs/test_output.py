@@ -5,7 +5,7 @@ import os
 import pytest
 
 from ps_fmu.runs.options import OptionError
-from ps_fmu.runs.output import held
+from ps_fmu.runs.output import hold_folder
 
 EARLIER = ("summary.json", "results.nc", "report.html")
 
@@ -18,7 +18,7 @@ def folder(tmp_path):
 
 
 def test_earlier_results_are_replaced_and_nothing_else(folder):
-    with held(folder):
+    with hold_folder(folder):
         assert not any((folder / name).exists() for name in EARLIER)
         (folder / "results.nc").write_text("new")
     assert sorted(os.listdir(folder)) == ["notes.txt", "results.nc"]
@@ -26,14 +26,14 @@ def test_earlier_results_are_replaced_and_nothing_else(folder):
 
 
 def test_earlier_results_outlive_a_run_that_stores_nothing(folder):
-    with pytest.raises(RuntimeError), held(folder):
+    with pytest.raises(RuntimeError), hold_folder(folder):
         raise RuntimeError
     assert sorted(os.listdir(folder)) == sorted([*EARLIER, "notes.txt"])
     assert (folder / "results.nc").read_text() == "earlier"
 
 
 def test_earlier_results_do_not_pass_for_those_of_a_run_that_stops_early(folder):
-    with pytest.raises(KeyboardInterrupt), held(folder):
+    with pytest.raises(KeyboardInterrupt), hold_folder(folder):
         (folder / "results.nc").write_text("half")
         raise KeyboardInterrupt
     assert sorted(os.listdir(folder)) == ["notes.txt", "results.nc"]
@@ -41,16 +41,17 @@ def test_earlier_results_do_not_pass_for_those_of_a_run_that_stops_early(folder)
 
 def test_what_a_killed_run_left_aside_is_removed(tmp_path):
     (tmp_path / "results.nc.earlier").write_text("old")
-    with held(tmp_path):
+    with hold_folder(tmp_path):
         pass
     assert os.listdir(tmp_path) == []
 
 
 def test_one_run_at_a_time(folder):
-    with held(folder):
-        with pytest.raises(OptionError, match=r"--output: another run is writing in .*: name another"), held(folder):
+    with hold_folder(folder):
+        message = r"--output: another run is writing in .*: name another"
+        with pytest.raises(OptionError, match=message), hold_folder(folder):
             pass
         (folder / "results.nc").write_text("new")
     assert (folder / "results.nc").read_text() == "new"
-    with held(folder):
+    with hold_folder(folder):
         pass

@@ -25,17 +25,18 @@ def passive(values=None, events=()):
 
 
 def run(options, case):
-    jitter = partial(Jitter, step_s=options.step_s, steps=options.steps)
-    return run_case(load_system(options), options, case, jitter)
+    """The outcome, the analysis and the warnings of a case."""
+    system, jitter = load_system(options), partial(Jitter, step_s=options.step_s, steps=options.steps)
+    return *run_case(system, options, case, jitter), system.warnings.texts
 
 
 def test_cases_are_stored_and_analysed(options):
     results = {}
     for case in (passive(), Case("active", {"isolator.enabled": True})):
-        outcome, results[case.name] = run(options, case)
+        outcome, results[case.name], warnings = run(options, case)
         assert outcome.real_time_factor > 0.0
-        assert "isolator.enabled" not in "".join(outcome.warnings)
-        assert f"{TARGET} is not connected and stays at 0.0 rad" in outcome.warnings
+        assert "isolator.enabled" not in "".join(warnings)
+        assert f"{TARGET} is not connected and stays at 0.0 rad" in warnings
     with netCDF4.Dataset(options.output / "results.nc") as file:
         assert set(file.groups) == {"passive", "active"}
         for name, jitter in results.items():
@@ -50,9 +51,9 @@ def test_cases_are_stored_and_analysed(options):
 
 
 def test_the_storage_step_of_the_scenario_leaves_the_statistics_alone(options, make_options):
-    _, all_rows = run(options, passive())
+    _, all_rows, _ = run(options, passive())
     sparse = make_options("isolation", 0.2, step_s=2e-4)
-    _, jitter = run(sparse, passive())
+    _, jitter, _ = run(sparse, passive())
     np.testing.assert_array_equal(jitter.statistics.rms, all_rows.statistics.rms)
     with netCDF4.Dataset(sparse.output / "results.nc") as file:
         np.testing.assert_allclose(file["passive"]["time"][:], np.arange(201) * 1e-3, rtol=1e-12)
@@ -64,8 +65,8 @@ def test_what_an_fmu_warns_of_is_passed_on_once(options, capsys, ssv):
         **vars(options)
         | {"step_s": 1e-3, "storage_step_s": 1e-3, "parameters": (ssv({"disturbance.noise.band.max": 1000.0}),)}
     )
-    outcome, _ = run(coarse, passive())
-    (message,) = [text for text in outcome.warnings if "DisturbanceSource" in text]
+    *_, warnings = run(coarse, passive())
+    (message,) = [text for text in warnings if "DisturbanceSource" in text]
     assert "noise up to 1000 Hz in steps of 0.001 s" in message
     assert capsys.readouterr().err.count(message) == 1
 
@@ -73,8 +74,8 @@ def test_what_an_fmu_warns_of_is_passed_on_once(options, capsys, ssv):
 def test_parameters_that_are_not_used_are_reported(options, ssv, capsys):
     values = {TARGET: 0.1, "isolator.enabled": False, "plant.base_force.x": 3.0}
     given = RunOptions(**vars(options) | {"parameters": (ssv(values),)})
-    outcome, _ = run(given, passive({TARGET: 0.0}))
-    by_case, by_wire = (text for text in outcome.warnings if "is not used" in text)
+    *_, warnings = run(given, passive({TARGET: 0.0}))
+    by_case, by_wire = (text for text in warnings if "is not used" in text)
     assert by_case.startswith(f"{TARGET} (") and by_case.endswith("case passive sets it to 0.0")
     assert "given.ssv, line 4" in by_case
     assert by_wire.endswith("given.ssv, line 6) is not used: it is connected to disturbance.base_force.x")
@@ -82,10 +83,10 @@ def test_parameters_that_are_not_used_are_reported(options, ssv, capsys):
 
 
 def test_an_unreachable_target_is_refused_and_the_run_goes_on(options, capsys):
-    outcome, jitter = run(options, passive(events=[(0.1, TARGET, 0.5)]))
+    _, jitter, warnings = run(options, passive(events=[(0.1, TARGET, 0.5)]))
     assert not jitter.reachable
     np.testing.assert_array_equal(jitter.orientation, 0.0)
-    (message,) = [text for text in outcome.warnings if "PointingCommander" in text]
+    (message,) = [text for text in warnings if "PointingCommander" in text]
     assert "coarse leg" in message
     assert capsys.readouterr().err.count(message) == 1
     with netCDF4.Dataset(options.output / "results.nc") as file:

@@ -9,10 +9,12 @@ import netCDF4
 import numpy as np
 import pytest
 
-from ps_fmu.cosim import CosimError
+from ps_fmu.cosim import CosimError, UsageError, description
 from ps_fmu.paper.figures.table2 import scenario as table2
+from ps_fmu.runs import setup
 from ps_fmu.runs.comparison import TargetError
 from ps_fmu.runs.options import OptionError
+from ps_fmu.runs.setup import load_system
 
 KEYS = {
     "scenario", "orientation_deg", "step_s", "duration_s", "seed", "rms_passive_rad", "rms_active_rad",
@@ -64,15 +66,42 @@ def test_isolation(make_options, capsys):
     assert "passive RMS (rad)" in text and f"{passive[0]:.3e}" in text and "x real time" in text
 
 
-def test_isolation_where_a_parameter_file_says(make_options, ssv):
-    target = {"commander.target.roll": math.radians(8.5), "disturbance.seed": 7}
+def test_isolation_where_a_parameter_file_says(make_options, ssv, capsys):
+    """The target is used as it is given, and the one warning, of the noise, is everywhere, once."""
+    target = {"commander.target.roll": 0.1, "disturbance.seed": 7}
     options = make_options("isolation", 0.02, step_s=1e-3, parameters=(ssv(target),))
     summary = run(options)
-    assert summary["orientation_deg"] == [8.5, 0.0, 0.0]
+    assert summary["orientation_deg"] == [pytest.approx(math.degrees(0.1)), 0.0, 0.0]
     assert summary["seed"] == 7
     assert summary["parameters"]["disturbance.noise.band.max"] == pytest.approx(400.0)
     with netCDF4.Dataset(options.output / "results.nc") as file:
-        assert file["active"]["plant.orientation.roll"][-1] == pytest.approx(math.radians(8.5), abs=1e-12)
+        assert file["active"]["plant.orientation.roll"][-1] == pytest.approx(0.1, abs=1e-12)
+    (warning,) = summary["warnings"]
+    assert warning.startswith("The noise ends at 400 Hz: a step of 0.001 s")
+    assert capsys.readouterr().err == f"{warning}\n"
+    assert (options.output / "report.html").read_text().count(f"<li>{warning}</li>") == 1
+
+
+def test_the_files_of_a_run_are_read_once(make_options, ssv, monkeypatch):
+    read = []
+
+    def count(module, name):
+        function = getattr(module, name)
+        monkeypatch.setattr(module, name, lambda path: read.append(path.name) or function(path))
+
+    count(description, "read_model_description")
+    count(setup, "read_parameters")
+    run(make_options("isolation", 1e-4, parameters=(ssv({"commander.target.roll": 0.1}),)))
+    fmus = ("DisturbanceSource", "FeedforwardIsolator", "ManipulatorPlant", "PointingCommander")
+    assert sorted(read) == [*(f"{name}.fmu" for name in fmus), "given.ssv"]
+
+
+def test_a_target_in_degrees_is_refused_before_the_run(make_options, ssv):
+    options = make_options("isolation", 0.02, step_s=1e-3, parameters=(ssv({"commander.target.yaw": 8.5}),))
+    text = r"target\.yaw \(.*given\.ssv, line 4\): 8\.5 rad is more than a turn: give radians \(8\.5 deg are 0\.148"
+    with pytest.raises(UsageError, match=text):
+        run(options)
+    assert not (options.output / "results.nc").exists()
 
 
 def test_isolation_at_an_unreachable_target_says_where_it_was(make_options, ssv, capsys):
@@ -99,7 +128,7 @@ def test_table2(make_options, ssv, monkeypatch):
     """Lead-in, groups and entries; the values need a whole period, and the window says so."""
     # The pictures of an orientation are those of the scenario isolation; here they are most of the time.
     drawn = []
-    monkeypatch.setattr(table2, "draw", lambda comparison, folder, prefix: drawn.append(prefix) or [])
+    monkeypatch.setattr(table2, "draw_comparison", lambda comparison, folder, prefix: drawn.append(prefix) or [])
     monkeypatch.setattr(table2, "SETTLING_S", 0.0)
     quick = ssv({"disturbance.rise_time": 0.1, "commander.target.yaw": 0.1})
     options = make_options("table2", 0.2, step_s=1e-3, parameters=(quick,))
@@ -127,14 +156,14 @@ def test_table2(make_options, ssv, monkeypatch):
 def test_table2_speaks_of_the_second_axis_only_of_the_papers_system(make_options, ssv):
     found = {"nominal": SimpleNamespace(rms_active=np.ones(3))}
     options = make_options("table2", 0.2, step_s=1e-3, parameters=(ssv({"commander.target.yaw": 0.1}),))
-    assert table2._off_axis(options, found).endswith("Nothing was tuned to it.")
+    assert table2._off_axis(load_system(options), found).endswith("Nothing was tuned to it.")
     other = ssv({"plant.payload.mass": 1.0, "isolator.delay": 0.02}, "other.ssv")
-    said = table2._off_axis(replace(options, parameters=(other,)), found)
+    said = table2._off_axis(load_system(replace(options, parameters=(other,))), found)
     assert said.startswith("Parameter files set plant.payload.mass and 1 more: ") and "tuned" not in said
 
 
 def test_table2_with_orientations_out_of_reach(make_options, ssv, monkeypatch, capsys):
-    monkeypatch.setattr(table2, "draw", lambda comparison, folder, prefix: [])
+    monkeypatch.setattr(table2, "draw_comparison", lambda comparison, folder, prefix: [])
     monkeypatch.setattr(table2, "SETTLING_S", 0.0)
     short = {"disturbance.rise_time": 0.1, "commander.coarse_stroke.min": -0.01, "commander.coarse_stroke.max": 0.01}
     options = make_options("table2", 0.2, step_s=1e-3, parameters=(ssv(short),))

@@ -3,31 +3,31 @@
 import pytest
 
 from ps_fmu.cosim import UsageError
-from ps_fmu.runs.options import RunOptions
-from ps_fmu.runs.setup import fmu_files, given_parameters, load_system, start_value
+from ps_fmu.runs.options import OptionError, RunOptions
+from ps_fmu.runs.setup import collect_parameters, identify_fmus, load_system
 
 BAND = "disturbance.noise.band.max"
 
 
 def test_the_value_of_the_fmu_the_scenario_or_the_user(make_options, ssv):
     options = make_options("isolation", 1.0, seed=4)
-    assert start_value(load_system(options), "plant.payload.mass") == 14.89
-    assert start_value(load_system(options), "disturbance.noise.enabled") is True
-    assert start_value(load_system(options), "disturbance.recording.path") == ""
-    assert start_value(load_system(options), "disturbance.seed") == 4
+    assert load_system(options).get_start("plant.payload.mass") == 14.89
+    assert load_system(options).get_start("disturbance.noise.enabled") is True
+    assert load_system(options).get_start("disturbance.recording.path") == ""
+    assert load_system(options).get_start("disturbance.seed") == 4
     quiet = {"disturbance.noise.scale": 0.5, "plant.payload.mass": 10}
-    assert start_value(load_system(options, quiet), "plant.payload.mass") == 10.0
+    assert load_system(options, quiet).get_start("plant.payload.mass") == 10.0
     files = (ssv({"plant.payload.mass": 20}), ssv({"plant.payload.mass": 30}, "later.ssv"))
     given = RunOptions(**vars(options) | {"parameters": files})
     system = load_system(given, quiet)
-    assert start_value(system, "plant.payload.mass") == 30.0
-    parameters = given_parameters(given, system)
+    assert system.get_start("plant.payload.mass") == 30.0
+    parameters = collect_parameters(given, system)
     assert parameters["plant.payload.mass"] == 30
     assert parameters["disturbance.noise.scale"] == 0.5
     assert parameters["storage step (s)"] == 1e-3
     assert parameters["disturbance.seed"] == 4
     # What is set to what the FMU has anyway is no news.
-    assert "plant.payload.mass" not in given_parameters(options, load_system(options, {"plant.payload.mass": 14.89}))
+    assert "plant.payload.mass" not in collect_parameters(options, load_system(options, {"plant.payload.mass": 14.89}))
 
 
 @pytest.mark.parametrize(
@@ -49,38 +49,44 @@ def test_a_start_value_in_another_unit_is_refused(make_options, ssv):
     path.write_text(path.read_text().replace('value="8.5"', 'value="8.5" unit="deg"'))
     system = load_system(make_options("isolation", 1.0, parameters=(path,)))
     with pytest.raises(UsageError, match=r"target\.roll \(.*line 4\): is given in 'deg', its unit is 'rad'"):
-        start_value(system, "commander.target.roll")
+        system.get_start("commander.target.roll")
 
 
 def test_the_noise_ends_where_the_step_would_fold_it(make_options, capsys):
     options = make_options("isolation", 1.0, step_s=1e-3)
-    assert start_value(load_system(options), BAND) == pytest.approx(400.0)
+    assert load_system(options).get_start(BAND) == pytest.approx(400.0)
     assert "The noise ends at 400 Hz: a step of 0.001 s" in capsys.readouterr().err
     fine = make_options("isolation", 1.0, step_s=4e-4)
-    assert start_value(load_system(fine), BAND) == 1000.0
+    assert load_system(fine).get_start(BAND) == 1000.0
     assert capsys.readouterr().err == ""
+
+
+def test_a_step_that_leaves_no_noise_is_refused(make_options):
+    text = r"--step: 10 s is too long for the noise, which begins at 0\.1 Hz .*: expected less than 4 s"
+    with pytest.raises(OptionError, match=text):
+        load_system(make_options("isolation", 20.0, step_s=10.0))
 
 
 def test_a_band_that_the_system_itself_sets_ends_there_too(make_options):
     """An archive holds all start values."""
     options = make_options("isolation", 1.0, step_s=1e-3)
-    assert start_value(load_system(options, {BAND: 1000.0}), BAND) == pytest.approx(400.0)
+    assert load_system(options, {BAND: 1000.0}).get_start(BAND) == pytest.approx(400.0)
 
 
 def test_a_band_that_the_user_sets_stays(make_options, ssv, capsys):
     options = make_options("isolation", 1.0, step_s=1e-3, parameters=(ssv({BAND: 900.0}),))
-    assert start_value(load_system(options), BAND) == 900.0
+    assert load_system(options).get_start(BAND) == 900.0
     assert capsys.readouterr().err == ""
 
 
 def test_without_noise_there_is_nothing_to_limit(make_options, capsys):
     system = load_system(make_options("slew", 1.0, step_s=1e-3), {"disturbance.noise.enabled": False})
-    assert start_value(system, BAND) == 1000.0
+    assert system.get_start(BAND) == 1000.0
     assert capsys.readouterr().err == ""
 
 
 def test_fmus_are_identified(make_options):
-    files = fmu_files(load_system(make_options("isolation", 1.0)))
+    files = identify_fmus(load_system(make_options("isolation", 1.0)))
     assert {file.name for file in files} == {
         "ManipulatorPlant",
         "PointingCommander",

@@ -10,7 +10,7 @@ from fmpy.model_description import ModelDescription, ModelVariable
 
 from .archive import check_archive, read_member
 from .errors import SystemFileError, UsageError
-from .structure import Value, closest
+from .structure import System, Value, closest
 from .xmlfile import MAXIMUM_BYTES, parse_xml
 
 DISCRETE_TYPES = ("Integer", "Boolean", "Enumeration")
@@ -41,6 +41,12 @@ def read_description(path: Path) -> ModelDescription:
     return description
 
 
+def read_descriptions(system: System) -> dict[str, ModelDescription]:
+    """Model descriptions of a system's FMUs by component; each file is read once.  Raises :class:`SystemFileError`."""
+    read = {source: read_description(source) for source in {component.source for component in system.components}}
+    return {component.name: read[component.source] for component in system.components}
+
+
 def variables_of(description: ModelDescription) -> dict[str, ModelVariable]:
     """Variables by name."""
     return {variable.name: variable for variable in description.modelVariables}
@@ -54,6 +60,16 @@ def variable_of(description: ModelDescription, name: str) -> ModelVariable:
             f"the FMU {description.modelName} has no variable {name!r}{closest(name, variables)}"
         )
     return variables[name]
+
+
+def read_start(variable: ModelVariable) -> Value:
+    """The start value that the model description states as text, as its FMI type."""
+    text = str(variable.start)
+    if variable.type == "Boolean":
+        return text.lower() in ("true", "1")
+    if variable.type == "Real":
+        return float(text)
+    return text if variable.type == "String" else int(text)
 
 
 def unit_of(variable: ModelVariable) -> str | None:

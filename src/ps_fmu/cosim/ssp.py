@@ -17,11 +17,11 @@ from pathlib import Path, PurePosixPath
 from fmpy.model_description import ModelDescription
 
 from ..slavekit.pack import zip_writer as archive
-from .description import read_description, typed_value, variables_of
+from .description import read_descriptions, read_start, typed_value, variables_of
 from .errors import SystemFileError, UsageError
 from .graph import check_wiring
 from .ssp_xml import fmu_place, parameter_set_xml, parameters_place, structure_xml
-from .structure import Component, Parameter, System, Value
+from .structure import Component, Parameter, System
 from .system import SSD_NAME
 from .xmlfile import read_xml
 
@@ -41,7 +41,7 @@ def write_ssp(system: System, output: Path) -> None:
     if step is None or stop_time is None:
         missing = "step" if step is None else "stop time"
         raise UsageError(f"{system.path} states no {missing} in its default experiment: an archive needs one")
-    descriptions = {c.name: read_description(c.source) for c in system.components}
+    descriptions = read_descriptions(system)
     wiring = check_wiring(system, descriptions)
     open_inputs = [item.port for item in wiring.open_inputs]
 
@@ -70,18 +70,8 @@ def chosen_values(
             entry = component.parameters[name]
             chosen[name] = Parameter(typed_value(variable, entry.value), entry.unit, entry.origin)
         elif (name in inputs or switch) and variable.start is not None:
-            value = _start(variable.type, variable.start)
-            chosen[name] = Parameter(value, variable.unit, "start value of the FMU")
+            chosen[name] = Parameter(read_start(variable), variable.unit, "start value of the FMU")
     return chosen
-
-
-def _start(kind: str, text: str) -> Value:
-    """A start value, as text in the model description, as its FMI type."""
-    if kind == "Boolean":
-        return str(text).lower() in ("true", "1")
-    if kind == "Real":
-        return float(text)
-    return str(text) if kind == "String" else int(text)
 
 
 def _place(component: Component) -> PurePosixPath:

@@ -67,7 +67,7 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
 def run(arguments: argparse.Namespace) -> int:
     """Run the analysis that the arguments name, write and print its results; the exit code."""
     from ..cosim.errors import CosimError
-    from ..runs.options import OptionError, claim
+    from ..runs.options import OptionError, claim_folder
     from ..slavekit.pack.build import BuildError
     from .cosimulation import check_sources
     from .terminal import printed
@@ -77,7 +77,7 @@ def run(arguments: argparse.Namespace) -> int:
     try:
         if name not in CLOSED_FORM:
             check_sources(arguments.system)
-        claim(output)
+        claim_folder(output)
         progress = sys.stderr is not None and sys.stderr.isatty()
         options = Options(output, arguments.fmus, arguments.system, arguments.seed, progress)
         analysis: Analysis = importlib.import_module(f".{MODULES[name]}", __package__).analyse(options)

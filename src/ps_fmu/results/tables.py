@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import textwrap
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -68,6 +69,16 @@ class Table:
         rule = "-" * (sum(widths) + GAP * (len(widths) - 1))
         rows = [line for row in self.rows for line in _break_row(row, widths)]
         return "\n".join([*_break_row(self.header, widths), rule, *rows])
+
+
+def format_number(value: float, form: str) -> str:
+    """A number as text; a dash for NaN, as for the rejection of what did not move."""
+    return "-" if math.isnan(value) else f"{value:{form}}"
+
+
+def format_angles(orientation_deg: Sequence[float]) -> str:
+    """Roll, pitch and yaw (deg) as text."""
+    return "({:g}, {:g}, {:g})".format(*orientation_deg)
 
 
 def _break_row(row: Sequence[str], widths: Sequence[int]) -> list[str]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -12,9 +11,9 @@ from typing import Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ..cosim import Column, CosimError, Event, Master, Observer, Recorder, System, Value
+from ..cosim import Column, CosimError, Event, Master, Observer, Recorder, Value
 from .options import RESULTS, RunOptions
-from .setup import user_parameters
+from .setup import RunSystem
 
 Array = NDArray[np.float64]
 
@@ -42,12 +41,11 @@ class Case:
 
 @dataclass(frozen=True)
 class Outcome:
-    """How a case went: seconds that passed, and what the user should know."""
+    """How long a case took."""
 
     case: Case
     simulated_s: float
     wall_s: float
-    warnings: tuple[str, ...]
 
     @property
     def real_time_factor(self) -> float:
@@ -91,7 +89,7 @@ Progress = Callable[[float, float, float], None]
 
 
 def run_case(
-    system: System,
+    system: RunSystem,
     options: RunOptions,
     case: Case,
     analyse: Callable[[tuple[Column, ...]], A],
@@ -101,8 +99,10 @@ def run_case(
     """Run one case from its start to ``duration_s`` (by default that of the options) and free the FMUs.
 
     ``analyse`` makes the analysis of the run once its columns are known.  All outputs are stored in the case's
-    group of results.nc.  Raises :class:`ps_fmu.cosim.CosimError` (what is wrong, where and when) and
-    KeyboardInterrupt; the analysis and the file have then all complete rows.
+    group of results.nc; what the user should know is added to the warnings of ``system``.
+
+    Raises :class:`ps_fmu.cosim.CosimError` (what is wrong, where and when) and KeyboardInterrupt; the analysis and
+    the file have then all complete rows.
     """
     duration = options.duration_s if duration_s is None else duration_s
     wall = [0.0]
@@ -111,25 +111,24 @@ def run_case(
         wall[0] = passed
         show(simulated, passed, factor)
 
+    structure = system.structure.with_parameters(case.values)
     with (
-        _warnings() as messages,
-        Master(system.with_parameters(case.values), options.step_s, options.scheme) as master,
+        system.warnings.collect(),
+        Master(structure, options.step_s, options.scheme, descriptions=system.descriptions) as master,
     ):
-        unused = [*_overruled(options, case), *_fed(options, master)]
-        for text in unused:
-            print(text, file=sys.stderr)
-        messages += [*unused, *_unconnected(master, case)]
+        for text in (*_list_overruled(system, case), *_list_connected(system, master), *_list_open(master, case)):
+            system.warnings.add(text)
         master.initialise()
         analysis = analyse(master.columns)
         with (
-            progress_bar(case.name, duration, options.progress) as show,
-            _recorder(master, options, case) as recorder,
+            show_progress(case.name, duration, options.progress) as show,
+            _make_recorder(master, options, case) as recorder,
         ):
             master.run(duration, [Bounds(master.columns), recorder, *analysis.observers], case.events, note)
-        return Outcome(case, duration, wall[0], tuple(messages)), analysis
+        return Outcome(case, duration, wall[0]), analysis
 
 
-def _recorder(master: Master, options: RunOptions, case: Case) -> Recorder:
+def _make_recorder(master: Master, options: RunOptions, case: Case) -> Recorder:
     path = options.output / RESULTS
     return Recorder(
         path,
@@ -142,49 +141,27 @@ def _recorder(master: Master, options: RunOptions, case: Case) -> Recorder:
     )
 
 
-def _unconnected(master: Master, case: Case) -> Iterator[str]:
+def _list_open(master: Master, case: Case) -> Iterator[str]:
     for item in master.open_inputs:
         if str(item.port) not in case.values.keys() | case.changed:
             yield f"{item.port} is not connected and stays at {item.start} {item.unit or ''}".rstrip()
 
 
-def _overruled(options: RunOptions, case: Case) -> Iterator[str]:
-    for name, entry in user_parameters(options).items():
+def _list_overruled(system: RunSystem, case: Case) -> Iterator[str]:
+    for name, entry in system.given.items():
         if name in case.values.keys() - case.changed and case.values[name] != entry.value:
             yield f"{name} ({entry.origin}) is not used: case {case.name} sets it to {case.values[name]}"
 
 
-def _fed(options: RunOptions, master: Master) -> Iterator[str]:
+def _list_connected(system: RunSystem, master: Master) -> Iterator[str]:
     sources = {str(connection.target): connection.source for connection in master.wiring.connections}
-    for name, entry in user_parameters(options).items():
+    for name, entry in system.given.items():
         if name in sources:
             yield f"{name} ({entry.origin}) is not used: it is connected to {sources[name]}"
 
 
 @contextmanager
-def _warnings() -> Iterator[list[str]]:
-    """Collects what the co-simulation warns of, each text once, and shows it above the progress bar."""
-    from tqdm import tqdm
-
-    texts: list[str] = []
-
-    class Collector(logging.Handler):
-        def emit(self, record: logging.LogRecord) -> None:
-            if (text := record.getMessage()) not in texts:
-                texts.append(text)
-                tqdm.write(text, file=sys.stderr)
-
-    collector = Collector(logging.WARNING)
-    logger = logging.getLogger("ps_fmu.cosim")
-    logger.addHandler(collector)
-    try:
-        yield texts
-    finally:
-        logger.removeHandler(collector)
-
-
-@contextmanager
-def progress_bar(name: str, duration_s: float, shown: bool) -> Iterator[Progress]:
+def show_progress(name: str, duration_s: float, shown: bool) -> Iterator[Progress]:
     """A bar on the error stream with the simulated seconds and the real-time factor.
 
     Where the error stream is no terminal, a line every :data:`QUIET_INTERVAL_S`.

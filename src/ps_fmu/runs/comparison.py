@@ -3,25 +3,28 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..cosim import System, Value
+from ..cosim import UsageError, Value
 from ..pointing.rejection import rejection_percent
 from ..results import plots
 from ..results.report import Picture
-from ..results.tables import Table
+from ..results.tables import Table, format_angles, format_number
 from .cases import Case, Outcome, run_case
 from .jitter_record import Jitter
 from .options import RunOptions
-from .setup import real_start
+from .setup import RunSystem
 
 Array = NDArray[np.float64]
+Orientation: TypeAlias = tuple[float, float, float]
+"""Roll, pitch, yaw."""
 
 TARGET = ("commander.target.roll", "commander.target.pitch", "commander.target.yaw")
 AXES = ("x", "y", "z")
@@ -35,10 +38,15 @@ class TargetError(ValueError):
 class Comparison:
     """The payload's jitter at one orientation without and with the isolator."""
 
-    target_deg: tuple[float, float, float]  # roll, pitch, yaw
+    target: Orientation
     passive: Jitter
     active: Jitter
     outcomes: tuple[Outcome, Outcome]
+
+    @property
+    def target_deg(self) -> Orientation:
+        """The target in deg."""
+        return to_degrees(self.target)
 
     @property
     def rms_passive(self) -> Array:
@@ -61,12 +69,11 @@ class Comparison:
         return self.active.reachable
 
     @property
-    def orientation_deg(self) -> tuple[float, float, float]:
+    def orientation_deg(self) -> Orientation:
         """Where the runs were: the target, or what the platform kept if that is out of reach."""
         if self.reachable:
             return self.target_deg
-        roll, pitch, yaw = np.degrees(self.active.orientation).tolist()
-        return roll, pitch, yaw
+        return to_degrees(self.active.orientation.tolist())
 
     @property
     def entry(self) -> dict[str, object]:
@@ -88,77 +95,81 @@ class Comparison:
 
 
 def compare(
-    system: System,
+    system: RunSystem,
     options: RunOptions,
-    target_deg: tuple[float, float, float],
+    target: Iterable[float],
     *,
     values: Mapping[str, Value] | None = None,
     lead_steps: int = 0,
     prefix: str = "",
 ) -> Comparison:
-    """Run the system passive, then active, with the commander's target at ``target_deg`` from the start.
+    """Run the system passive, then active, with the commander's target from the start.
 
     Parameters
     ----------
+    target: roll, pitch, yaw, rad.
     values: further start values of both runs, by ``component.variable``.
     lead_steps: steps to run before the duration of the options, left out of the statistics.
     prefix: of the two groups in results.nc, for scenarios with several orientations.
     """
-    target = {name: float(np.radians(angle)) for name, angle in zip(TARGET, target_deg, strict=True)}
+    roll, pitch, yaw = map(float, target)
+    targets = dict(zip(TARGET, (roll, pitch, yaw), strict=True))
     steps = lead_steps + options.steps
     judge = partial(Jitter, step_s=options.step_s, steps=steps, lead_steps=lead_steps)
     found = [
         run_case(
             system,
             options,
-            Case(prefix + name, {**(values or {}), **target, "isolator.enabled": enabled}),
+            Case(prefix + name, {**(values or {}), **targets, "isolator.enabled": enabled}),
             judge,
             duration_s=steps * options.step_s,
         )
         for name, enabled in (("passive", False), ("active", True))
     ]
     (first, passive), (second, active) = found
-    return Comparison(target_deg, passive, active, (first, second))
+    return Comparison((roll, pitch, yaw), passive, active, (first, second))
 
 
-def target_of(system: System) -> tuple[float, float, float]:
-    """Roll, pitch and yaw (deg) of the target that the commander will start with.
+def read_target(system: RunSystem) -> Orientation:
+    """Roll, pitch and yaw (rad) of the target that the commander will start with.
 
-    Parameter files give it in rad; rounding to 1e-12 deg gives back what was meant.
+    Raises :class:`ps_fmu.cosim.UsageError` for an angle of more than a turn, which somebody meant in degrees.
     """
-    roll, pitch, yaw = (round(math.degrees(real_start(system, name)), 12) for name in TARGET)
+    roll, pitch, yaw = (system.get_number(name) for name in TARGET)
+    for name, angle in zip(TARGET, (roll, pitch, yaw), strict=True):
+        if abs(angle) > 2.0 * math.pi:
+            raise UsageError(
+                f"{name} ({system.get_origin(name)}): {angle:g} rad is more than a turn: give radians "
+                f"({angle:g} deg are {math.radians(angle):.6g} rad)"
+            )
     return roll, pitch, yaw
 
 
-def out_of_reach(target_deg: tuple[float, float, float]) -> str:
-    """What terminal and report say of a target (roll, pitch, yaw) that the commander refused."""
-    return f"The target {angles(target_deg)} deg is out of reach: the platform stayed where it was."
+def to_degrees(orientation: Sequence[float]) -> Orientation:
+    """Roll, pitch, yaw in deg of the same in rad; rounding to 1e-12 deg gives back what was meant."""
+    roll, pitch, yaw = (round(math.degrees(angle), 12) for angle in orientation)
+    return roll, pitch, yaw
+
+
+def explain_refusal(target_deg: Orientation) -> str:
+    """What terminal and report say of a target that the commander refused."""
+    return f"The target {format_angles(target_deg)} deg is out of reach: the platform stayed where it was."
 
 
 HEADER = ("orientation (deg)", "axis", "passive RMS (rad)", "active RMS (rad)", "rejection (%)")
 
 
-def rows(comparison: Comparison) -> list[tuple[str, ...]]:
+def make_rows(comparison: Comparison) -> list[tuple[str, ...]]:
     """The results of an orientation as rows under :data:`HEADER`."""
-    first = angles(comparison.orientation_deg)
-    columns = (comparison.rms_passive, comparison.rms_active, comparison.rejection)
+    first = format_angles(comparison.orientation_deg)
+    columns = zip(comparison.rms_passive, comparison.rms_active, comparison.rejection, strict=True)
     return [
-        (first if i == 0 else "", axis, f"{columns[0][i]:.3e}", f"{columns[1][i]:.3e}", number(columns[2][i], ".2f"))
-        for i, axis in enumerate(AXES)
+        (first if axis == "x" else "", axis, f"{passive:.3e}", f"{active:.3e}", format_number(rejection, ".2f"))
+        for axis, (passive, active, rejection) in zip(AXES, columns, strict=True)
     ]
 
 
-def number(value: float, form: str) -> str:
-    """A number as text; a dash where there is none: no rejection of what did not move."""
-    return "-" if math.isnan(value) else f"{value:{form}}"
-
-
-def angles(orientation_deg: tuple[float, float, float]) -> str:
-    """Roll, pitch and yaw (deg) as text."""
-    return "({:g}, {:g}, {:g})".format(*orientation_deg)
-
-
-def index_table(comparison: Comparison) -> Table | None:
+def make_index_table(comparison: Comparison) -> Table | None:
     """ECSS pointing indices of both runs; None for runs shorter than their window."""
     passive, active = comparison.passive.indices, comparison.active.indices
     if passive is None or active is None:
@@ -178,7 +189,7 @@ def index_table(comparison: Comparison) -> Table | None:
     )
 
 
-def draw(comparison: Comparison, folder: Path, prefix: str = "") -> list[Picture]:
+def draw_comparison(comparison: Comparison, folder: Path, prefix: str = "") -> list[Picture]:
     """Draw histories, spectra and image points of an orientation; the pictures, with captions."""
     passive, active = comparison.passive, comparison.active
     where = "roll, pitch, yaw = {:g}, {:g}, {:g} deg".format(*comparison.orientation_deg)

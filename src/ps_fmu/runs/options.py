@@ -97,11 +97,11 @@ class RunOptions:
         Returns the options with the absolute path; raises :class:`OptionError` if it cannot be used.
         """
         folder = self.output.absolute()
-        claim(folder)
+        claim_folder(folder)
         return replace(self, output=folder)
 
 
-def claim(folder: Path) -> None:
+def claim_folder(folder: Path) -> None:
     """Make the output folder and try to write there.  Raises :class:`OptionError` if it cannot be used."""
     try:
         folder.mkdir(parents=True, exist_ok=True)

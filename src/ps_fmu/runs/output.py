@@ -11,7 +11,7 @@ from .options import REPORT, RESULTS, SUMMARY, OptionError
 
 
 @contextmanager
-def held(folder: Path) -> Iterator[None]:
+def hold_folder(folder: Path) -> Iterator[None]:
     """Keep other runs out of an existing folder, and the results of an earlier run aside, during the body.
 
     They must not pass for those of a run that stops early, so they are removed once there are new ones. Where there

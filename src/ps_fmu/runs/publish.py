@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from ..cosim import System
 from ..results.report import Picture, Report
 from ..results.summary import RunSummary, versions
 from ..results.tables import Table
 from .cases import Outcome
 from .options import REPORT, SUMMARY, RunOptions
-from .setup import SEED, fmu_files, given_parameters, start_value
+from .setup import SEED, RunSystem, collect_parameters, identify_fmus
 
 
 @dataclass(frozen=True)
@@ -30,35 +29,30 @@ class Findings:
     more: Mapping[str, object] = field(default_factory=dict)
 
     @property
-    def warnings(self) -> tuple[str, ...]:
-        """What the runs warned of, each text once."""
-        return tuple(dict.fromkeys(text for outcome in self.outcomes for text in outcome.warnings))
-
-    @property
     def real_time_factor(self) -> float:
         """Simulated seconds of all runs per second."""
         return sum(o.simulated_s for o in self.outcomes) / sum(o.wall_s for o in self.outcomes)
 
 
-def publish(options: RunOptions, system: System, findings: Findings) -> None:
+def publish(options: RunOptions, system: RunSystem, findings: Findings) -> None:
     """Write summary.json and report.html; say on the terminal how fast it went and where they are.
 
     Raises ``OSError`` if they cannot be written.
     """
-    fmus = fmu_files(system)
-    parameters = given_parameters(options, system)
+    fmus = identify_fmus(system)
+    parameters = collect_parameters(options, system)
     RunSummary(
         scenario=options.scenario.name,
         orientation_deg=findings.orientation_deg,
         step_s=options.step_s,
         duration_s=options.duration_s,
-        seed=int(start_value(system, SEED)),
+        seed=int(system.get_start(SEED)),
         rms_passive_rad=findings.rms_passive_rad,
         rms_active_rad=findings.rms_active_rad,
         rejection_percent=findings.rejection_percent,
         real_time_factor=findings.real_time_factor,
         fmus=fmus,
-        more={**findings.more, "parameters": parameters, "warnings": findings.warnings},
+        more={**findings.more, "parameters": parameters, "warnings": system.warnings.texts},
     ).write(options.output / SUMMARY)
     Report(
         title=findings.title,
@@ -68,6 +62,6 @@ def publish(options: RunOptions, system: System, findings: Findings) -> None:
         parameters=parameters,
         fmus=fmus,
         versions=versions(),
-        warnings=findings.warnings,
+        warnings=system.warnings.texts,
     ).write(options.output / REPORT)
     print(f"{findings.real_time_factor:.1f} x real time; results in {options.output}")

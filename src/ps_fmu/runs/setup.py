@@ -2,112 +2,125 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 
-from fmpy.model_description import ModelVariable
+from fmpy.model_description import ModelDescription
 
 from ..cosim import System, UsageError, Value, read_parameters, read_system
-from ..cosim.description import read_description, typed_value, unit_of, variable_of, variables_of
+from ..cosim.description import read_descriptions, read_start, typed_value, unit_of, variable_of, variables_of
 from ..cosim.structure import Parameter, port_of
 from ..results.summary import FmuFile
-from .options import RunOptions
+from .options import OptionError, RunOptions
+from .warning_log import WarningLog
 
 SEED = "disturbance.seed"
 NOISE = "disturbance.noise.enabled"
-HIGHEST_NOISE = "disturbance.noise.band.max"  # Hz
+LOWEST_NOISE, HIGHEST_NOISE = "disturbance.noise.band.min", "disturbance.noise.band.max"  # Hz
 #: Highest frequency of the noise over the rate of the steps.  What is above half that rate would fold down to low
 #: frequencies, where the same force moves the bus a thousand times more.
 HIGHEST_PER_RATE = 0.4
 
 
-def load_system(options: RunOptions, defaults: Mapping[str, Value] | None = None) -> System:
+@dataclass(frozen=True, eq=False)
+class RunSystem:
+    """The system of a run: its files are read once, by :func:`load_system`."""
+
+    structure: System
+    """Wiring and start values."""
+    descriptions: Mapping[str, ModelDescription]
+    """Model descriptions of the FMUs by component."""
+    given: Mapping[str, Parameter]
+    """What the user's parameter files set, by ``component.variable``."""
+    warnings: WarningLog = field(default_factory=WarningLog)
+    """What the user should know about the run."""
+
+    def get_start(self, name: str) -> Value:
+        """The value that ``component.variable`` will start with: as set in the system, or else as its FMU has it.
+
+        Raises :class:`ps_fmu.cosim.UsageError` for a value that is not of the variable's type or unit.
+        """
+        port = port_of(name)
+        entry = self.structure.component(port.component).parameters.get(port.variable)
+        variable = variable_of(self.descriptions[port.component], port.variable)
+        if entry is None:
+            return read_start(variable)
+        unit = unit_of(variable)
+        if entry.unit and unit and entry.unit != unit:
+            raise UsageError(f"{name} ({entry.origin}): is given in {entry.unit!r}, its unit is {unit!r}")
+        try:
+            return typed_value(variable, entry.value)
+        except UsageError as error:
+            raise UsageError(f"{name} ({entry.origin}): {error}") from error
+
+    def get_number(self, name: str) -> float:
+        """:meth:`get_start` of a number."""
+        return float(self.get_start(name))
+
+    def get_origin(self, name: str) -> str:
+        """Where the start value of ``component.variable`` comes from: a file with its line, or the FMU."""
+        port = port_of(name)
+        component = self.structure.component(port.component)
+        entry = component.parameters.get(port.variable)
+        return component.source.name if entry is None else entry.origin
+
+
+def load_system(options: RunOptions, defaults: Mapping[str, Value] | None = None) -> RunSystem:
     """The system of the options, with the scenario's ``defaults``, the seed, and then the user's parameter files.
 
-    Where the step is too long for the band of the noise, and no parameter file sets that band, it is lowered and
-    the terminal says so.
+    Where the step is too long for the band of the noise, and no parameter file sets that band, the band is lowered,
+    with a warning.
 
-    Raises :class:`ps_fmu.cosim.SystemFileError` or :class:`ps_fmu.cosim.UsageError` naming the file and line.
+    Raises :class:`OptionError` for a step that is too long for any noise, :class:`ps_fmu.cosim.SystemFileError` or
+    :class:`ps_fmu.cosim.UsageError` naming the file and line.
     """
-    system = read_system(options.system, options.fmus)
-    given = user_parameters(options)
-    system = system.with_parameters({**(defaults or {}), SEED: options.seed}).with_parameters(given)
-    return system if HIGHEST_NOISE in given else _without_aliases(system, options.step_s)
-
-
-def user_parameters(options: RunOptions) -> dict[str, Parameter]:
-    """What the parameter files of the options say, by ``component.variable``; later files win."""
-    found: dict[str, Parameter] = {}
+    given: dict[str, Parameter] = {}
     for path in options.parameters:
-        found |= read_parameters(path).entries()
-    return found
+        given |= read_parameters(path).entries()
+    structure = read_system(options.system, options.fmus)
+    structure = structure.with_parameters({**(defaults or {}), SEED: options.seed}).with_parameters(given)
+    system = RunSystem(structure, read_descriptions(structure), given)
+    return system if HIGHEST_NOISE in given else _limit_noise(system, options.step_s)
 
 
-def start_value(system: System, name: str) -> Value:
-    """The value that ``component.variable`` will start with: as set in the system, or else as its FMU has it.
-
-    Raises :class:`ps_fmu.cosim.UsageError` for a value that is not of the variable's type or unit.
-    """
-    port = port_of(name)
-    component = system.component(port.component)
-    variable = variable_of(read_description(component.source), port.variable)
-    given = component.parameters.get(port.variable)
-    if given is None:
-        return _own_start(variable)
-    if given.unit and unit_of(variable) and given.unit != unit_of(variable):
-        raise UsageError(f"{name} ({given.origin}): is given in {given.unit!r}, its unit is {unit_of(variable)!r}")
-    try:
-        return typed_value(variable, given.value)
-    except UsageError as error:
-        raise UsageError(f"{name} ({given.origin}): {error}") from error
-
-
-def real_start(system: System, name: str) -> float:
-    """:func:`start_value` of a number."""
-    return float(start_value(system, name))
-
-
-def given_parameters(options: RunOptions, system: System) -> dict[str, object]:
+def collect_parameters(options: RunOptions, system: RunSystem) -> dict[str, object]:
     """Options, the seed, and all start values that differ from those of the FMUs, for report and summary."""
-    given: dict[str, object] = {
+    found: dict[str, object] = {
         "scenario": options.scenario.name,
         "duration (s)": options.duration_s,
         "step (s)": options.step_s,
         "storage step (s)": options.storage_s,
         "scheme": options.scheme,
-        SEED: start_value(system, SEED),
+        SEED: system.get_start(SEED),
     }
-    for component in system.components:
-        variables = variables_of(read_description(component.source))
-        given |= {
+    for component in system.structure.components:
+        variables = variables_of(system.descriptions[component.name])
+        found |= {
             f"{component.name}.{name}": entry.value
             for name, entry in component.parameters.items()
-            if entry.value != _own_start(variables[name])
+            if entry.value != read_start(variables[name])
         }
-    return given
+    return found
 
 
-def fmu_files(system: System) -> tuple[FmuFile, ...]:
+def identify_fmus(system: RunSystem) -> tuple[FmuFile, ...]:
     """Name and SHA-256 of each FMU of the system."""
-    return tuple(FmuFile.of(component.source) for component in system.components)
+    return tuple(FmuFile.of(component.source) for component in system.structure.components)
 
 
-def _own_start(variable: ModelVariable) -> Value:
-    text = str(variable.start)
-    if variable.type == "Boolean":
-        return text in ("true", "1")
-    if variable.type == "Real":
-        return float(text)
-    return int(text) if variable.type in ("Integer", "Enumeration") else text
-
-
-def _without_aliases(system: System, step_s: float) -> System:
+def _limit_noise(system: RunSystem, step_s: float) -> RunSystem:
+    """Have the noise end where the steps would fold it to low frequencies."""
     highest = HIGHEST_PER_RATE / step_s
-    if not start_value(system, NOISE) or highest >= real_start(system, HIGHEST_NOISE):
+    if not system.get_start(NOISE) or highest >= system.get_number(HIGHEST_NOISE):
         return system
-    print(
+    lowest = system.get_number(LOWEST_NOISE)
+    if highest <= lowest:
+        raise OptionError(
+            f"--step: {step_s:g} s is too long for the noise, which begins at {lowest:g} Hz ({LOWEST_NOISE}): expected "
+            f"less than {HIGHEST_PER_RATE / lowest:g} s, or {NOISE} set to false in a parameter file"
+        )
+    system.warnings.add(
         f"The noise ends at {highest:g} Hz: a step of {step_s:g} s would fold what is above down to low "
-        f"frequencies ({HIGHEST_NOISE} in a parameter file overrides this).",
-        file=sys.stderr,
+        f"frequencies ({HIGHEST_NOISE} in a parameter file overrides this)."
     )
-    return system.with_parameters({HIGHEST_NOISE: highest})
+    return replace(system, structure=system.structure.with_parameters({HIGHEST_NOISE: highest}))

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from ..results import plots
 from ..results.observers.envelope import Envelope
 from ..results.report import Picture
-from ..results.tables import Table
-from .comparison import angles, number, out_of_reach
+from ..results.tables import Table, format_angles, format_number
+from .comparison import Orientation, explain_refusal, to_degrees
 from .jitter_record import ORIENTATION, ROTATION
 from .slew_record import (
     BUS_ACCELERATION,
@@ -39,22 +39,26 @@ ORIENTATIONS = (("nominal", ORIENTATION), ("relative", RELATIVE))
 class Slews:
     """The same slew without and with the isolator."""
 
-    target_deg: tuple[float, float, float]  # roll, pitch, yaw
+    target: Orientation  # rad
     start_s: float  # when the target changed
     off: Slew
     on: Slew
 
     @property
-    def orientation_deg(self) -> tuple[float, float, float]:
+    def target_deg(self) -> Orientation:
+        """The target in deg."""
+        return to_degrees(self.target)
+
+    @property
+    def orientation_deg(self) -> Orientation:
         """The target, or where the platform was at last if that is out of reach."""
         if self.on.reachable:
             return self.target_deg
-        roll, pitch, yaw = np.degrees(self.on.final(ORIENTATION)).tolist()
-        return roll, pitch, yaw
+        return to_degrees(self.on.final(ORIENTATION).tolist())
 
     def error_deg(self, slew: Slew, names: tuple[str, ...]) -> Array:
         """Roll, pitch and yaw less the target when they are judged, (3,), deg."""
-        return np.degrees(slew.final(names) - np.radians(self.target_deg))
+        return np.degrees(slew.final(names) - np.array(self.target))
 
     @property
     def both(self) -> tuple[tuple[str, Slew], tuple[str, Slew]]:
@@ -62,12 +66,12 @@ class Slews:
         return ("off", self.off), ("on", self.on)
 
 
-def when(slews: Slews) -> list[str]:
+def describe_run(slews: Slews) -> list[str]:
     """What ran, when it ended and when the orientation was judged: sentences for terminal and report."""
     arrival = slews.on.arrival
-    target = angles(slews.target_deg)
+    target = format_angles(slews.target_deg)
     if not slews.on.reachable:
-        return [out_of_reach(slews.target_deg)]
+        return [explain_refusal(slews.target_deg)]
     begins = f"The target becomes {target} deg at {slews.start_s:g} s;"
     if arrival.after is None:
         return [f"{begins} the run ends at {arrival.final_s:.4f} s, before the profile does. Run longer."]
@@ -80,7 +84,7 @@ def when(slews: Slews) -> list[str]:
     ]
 
 
-def verdict(slews: Slews) -> list[str]:
+def judge(slews: Slews) -> list[str]:
     """Which orientations meet the requirement, as a sentence."""
     found = []
     for what, names in ORIENTATIONS:
@@ -91,13 +95,14 @@ def verdict(slews: Slews) -> list[str]:
     return [f"Largest error, {REQUIRED_DEG:g} deg being required: {'; '.join(found)}."]
 
 
-def tables(slews: Slews) -> list[Table]:
+def make_tables(slews: Slews) -> list[Table]:
     """Errors, their origin, the bus's reaction, and what the slew shakes."""
-    return [_errors(slews), _origin(slews), _reaction(slews), _shaking(slews), _fine_legs(slews)]
+    parts = (_tabulate_errors, _tabulate_origin, _tabulate_reaction, _tabulate_shaking, _tabulate_fine_legs)
+    return [tabulate(slews) for tabulate in parts]
 
 
-def _errors(slews: Slews) -> Table:
-    rows = _rows(
+def _tabulate_errors(slews: Slews) -> Table:
+    rows = _format_rows(
         (what, case, slews.error_deg(slew, names)) for what, names in ORIENTATIONS for case, slew in slews.both
     )
     return Table(
@@ -105,7 +110,7 @@ def _errors(slews: Slews) -> Table:
     )
 
 
-def _origin(slews: Slews) -> Table:
+def _tabulate_origin(slews: Slews) -> Table:
     rows = []
     for case, slew in slews.both:
         shares = slew.shares
@@ -116,11 +121,11 @@ def _origin(slews: Slews) -> Table:
             ("= left over", case, np.degrees(shares.left)),
         ]
     caption = "What the fine legs add: it makes up for the rotation of the bus (deg)"
-    return Table(caption, ("share", "isolator", "roll", "pitch", "yaw"), _rows(rows))
+    return Table(caption, ("share", "isolator", "roll", "pitch", "yaw"), _format_rows(rows))
 
 
-def _reaction(slews: Slews) -> Table:
-    return _per_quantity(
+def _tabulate_reaction(slews: Slews) -> Table:
+    return _tabulate_quantities(
         slews,
         "Reaction of the bus, axes of B",
         ("bus", "isolator", "x", "y", "z"),
@@ -134,8 +139,8 @@ def _reaction(slews: Slews) -> Table:
     )
 
 
-def _shaking(slews: Slews) -> Table:
-    return _per_quantity(
+def _tabulate_shaking(slews: Slews) -> Table:
+    return _tabulate_quantities(
         slews,
         "Rotation of the payload in inertial space by vibration (jitter), axes of P (rad)",
         ("payload", "isolator", "x", "y", "z"),
@@ -148,8 +153,8 @@ def _shaking(slews: Slews) -> Table:
     )
 
 
-def _fine_legs(slews: Slews) -> Table:
-    return _per_quantity(
+def _tabulate_fine_legs(slews: Slews) -> Table:
+    return _tabulate_quantities(
         slews,
         "Fine legs",
         ("fine legs", "isolator", "leg 1", "leg 2", "leg 3"),
@@ -160,19 +165,21 @@ def _fine_legs(slews: Slews) -> Table:
     )
 
 
-def _per_quantity(slews: Slews, caption: str, header: Row, quantities: dict[str, Callable[[Slew], Array]]) -> Table:
+def _tabulate_quantities(
+    slews: Slews, caption: str, header: Row, quantities: dict[str, Callable[[Slew], Array]]
+) -> Table:
     return Table(
         caption,
         header,
-        _rows((what, case, of(slew)) for what, of in quantities.items() for case, slew in slews.both),
+        _format_rows((what, case, of(slew)) for what, of in quantities.items() for case, slew in slews.both),
     )
 
 
-def _rows(entries: Iterable[tuple[str, str, Array]]) -> list[Row]:
-    return [(what, case, *(number(value, ".2e") for value in values)) for what, case, values in entries]
+def _format_rows(entries: Iterable[tuple[str, str, Array]]) -> list[Row]:
+    return [(what, case, *(format_number(value, ".2e") for value in values)) for what, case, values in entries]
 
 
-def entry(slews: Slews) -> dict[str, object]:
+def list_results(slews: Slews) -> dict[str, object]:
     """What summary.json says under ``slew``: SI units, angles of orientations in deg."""
     arrival = slews.on.arrival
     return {
@@ -183,11 +190,11 @@ def entry(slews: Slews) -> dict[str, object]:
         "judged_s": arrival.final_s,
         "settled_60_s": arrival.settled,
         "required_deg": REQUIRED_DEG,
-        **{name: _case(slews, slew) for name, slew in zip(CASES, (slews.off, slews.on), strict=True)},
+        **{name: _list_case(slews, slew) for name, slew in zip(CASES, (slews.off, slews.on), strict=True)},
     }
 
 
-def _case(slews: Slews, slew: Slew) -> dict[str, object]:
+def _list_case(slews: Slews, slew: Slew) -> dict[str, object]:
     shares = slew.shares
     return {
         "nominal_error_deg": slews.error_deg(slew, ORIENTATION),
@@ -210,21 +217,21 @@ def _case(slews: Slews, slew: Slew) -> dict[str, object]:
     }
 
 
-def draw(slews: Slews, folder: Path) -> list[Picture]:
+def draw_slews(slews: Slews, folder: Path) -> list[Picture]:
     """A figure for each case; the pictures, with captions."""
     pictures = []
     for name, (case, slew) in zip(CASES, slews.both, strict=True):
         path = folder / f"slew_{name}.png"
-        goal = np.radians(slews.target_deg)[:, None]
+        goal = np.array(slews.target)[:, None]
         time = slew.orientation.time
         plots.slew(
             path,
             slew.orientation,
             np.where(time >= slews.start_s, goal, 0.0),
-            _less(slew.relative, goal),
+            _subtract(slew.relative, goal),
             slew.bus,
             slew.fine,
-            title=f"Slew to {angles(slews.target_deg)} deg, isolator {case}",
+            title=f"Slew to {format_angles(slews.target_deg)} deg, isolator {case}",
             profile_end_s=slew.arrival.ended_s,
         )
         caption = (
@@ -235,5 +242,5 @@ def draw(slews: Slews, folder: Path) -> list[Picture]:
     return pictures
 
 
-def _less(envelope: Envelope, constant: Array) -> Envelope:
+def _subtract(envelope: Envelope, constant: Array) -> Envelope:
     return replace(envelope, low=envelope.low - constant, high=envelope.high - constant)

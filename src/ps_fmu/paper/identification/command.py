@@ -33,7 +33,7 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
 
 def run(arguments: argparse.Namespace) -> int:
     """Identify, write and print; the exit code."""
-    from ...runs.options import OptionError, claim
+    from ...runs.options import OptionError, claim_folder
     from ..terminal import printed
     from .report import report
     from .steps import identify
@@ -41,7 +41,7 @@ def run(arguments: argparse.Namespace) -> int:
     try:
         if arguments.seed < 0 or arguments.starts < 1:
             raise OptionError("--seed must be 0 or greater and --starts 1 or greater")
-        claim(arguments.output)
+        claim_folder(arguments.output)
         progress = sys.stderr is not None and sys.stderr.isatty()
         path = arguments.output / FILE
         analysis = report(identify(path, arguments.seed, arguments.starts, progress=progress))

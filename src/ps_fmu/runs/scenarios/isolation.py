@@ -2,11 +2,20 @@
 
 from __future__ import annotations
 
-from ...results.tables import Table
-from ..comparison import HEADER, TargetError, angles, compare, draw, index_table, out_of_reach, rows, target_of
+from ...results.tables import Table, format_angles
+from ..comparison import (
+    HEADER,
+    TargetError,
+    compare,
+    draw_comparison,
+    explain_refusal,
+    make_index_table,
+    make_rows,
+    read_target,
+)
 from ..options import RunOptions, Scenario
 from ..publish import Findings, publish
-from ..setup import load_system, real_start
+from ..setup import load_system
 
 
 def run(options: RunOptions) -> None:
@@ -15,28 +24,28 @@ def run(options: RunOptions) -> None:
     Raises :class:`TargetError` after that if the target is out of reach.
     """
     system = load_system(options)
-    found = compare(system, options, target_of(system))
-    table = Table("Jitter of the payload: rotation by vibration, axes of P", HEADER, rows(found))
+    found = compare(system, options, read_target(system))
+    table = Table("Jitter of the payload: rotation by vibration, axes of P", HEADER, make_rows(found))
     print(table.to_text())
 
-    rise = real_start(system, "disturbance.rise_time")
+    rise = system.get_number("disturbance.rise_time")
     text = [
         "Four FMUs in co-simulation: plant, commander, isolator and disturbance source. The disturbance acts on the "
         "bus twice, without and with the feedforward isolator. Tables and figures cover the whole run; the "
         f"disturbance rises from zero over the first {rise:g} s.",
     ]
-    refused = out_of_reach(found.target_deg)
+    refused = explain_refusal(found.target_deg)
     if not found.reachable:
         text.insert(0, refused)
-    indices = index_table(found)
+    indices = make_index_table(found)
     publish(
         options,
         system,
         Findings(
-            title=f"Isolation at {angles(found.orientation_deg)} deg",
+            title=f"Isolation at {format_angles(found.orientation_deg)} deg",
             text=text,
             tables=[table] if indices is None else [table, indices],
-            pictures=draw(found, options.output),
+            pictures=draw_comparison(found, options.output),
             outcomes=found.outcomes,
             orientation_deg=found.orientation_deg,
             rms_passive_rad=found.rms_passive.tolist(),

@@ -8,16 +8,17 @@ from __future__ import annotations
 import math
 
 from ...pointing.rejection import rejection_percent
+from ...results.tables import format_angles
 from ..cases import Case, run_case
-from ..comparison import TARGET, TargetError, angles, out_of_reach, target_of
+from ..comparison import TARGET, TargetError, explain_refusal, read_target
 from ..jitter_record import ROTATION
 from ..options import OptionError, RunOptions, Scenario
 from ..publish import Findings, publish
 from ..setup import load_system
 from ..slew_record import SlewRecord
-from ..slew_report import CASES, Slews, draw, entry, tables, verdict, when
+from ..slew_report import CASES, Slews, describe_run, draw_slews, judge, list_results, make_tables
 
-DEFAULT_TARGET_DEG = (8.5, 0.0, 0.0)
+DEFAULT_TARGET = (math.radians(8.5), 0.0, 0.0)
 START_S = 1.0  # the target changes
 
 DIRECTION = (
@@ -39,21 +40,21 @@ def run(options: RunOptions) -> None:
     if options.duration_s <= start_s:
         raise OptionError(f"--duration: the slew begins at {start_s:g} s, got {options.duration_s:g} s")
     system = load_system(options, {"disturbance.noise.enabled": False})
-    given_deg = target_of(system)
-    target_deg = given_deg if any(given_deg) else DEFAULT_TARGET_DEG
+    given = read_target(system)
+    target = given if any(given) else DEFAULT_TARGET
     found, outcomes = [], []
     for name, enabled in zip(CASES, (False, True), strict=True):
         at_rest = dict.fromkeys(TARGET, 0.0)
-        events = [(start_s, port, math.radians(angle)) for port, angle in zip(TARGET, target_deg, strict=True)]
+        events = [(start_s, port, angle) for port, angle in zip(TARGET, target, strict=True)]
         case = Case(name, {**at_rest, "isolator.enabled": enabled}, events)
         outcome, record = run_case(system, options, case, SlewRecord)
         outcomes.append(outcome)
         found.append(record.result())
-    slews = Slews(target_deg, start_s, *found)
+    slews = Slews(target, start_s, *found)
 
-    parts = tables(slews)
-    text = [*when(slews), *verdict(slews), DIRECTION] if slews.on.reachable else when(slews)
-    for part in parts:
+    tables = make_tables(slews)
+    text = [*describe_run(slews), *judge(slews), DIRECTION] if slews.on.reachable else describe_run(slews)
+    for part in tables:
         print(f"{part.caption}\n{part.to_text()}\n")
     print(*text, sep="\n")
     moved = slews.on.arrival.during is not None
@@ -62,20 +63,20 @@ def run(options: RunOptions) -> None:
         options,
         system,
         Findings(
-            title=f"Slew from (0, 0, 0) to {angles(target_deg)} deg",
+            title=f"Slew from (0, 0, 0) to {format_angles(slews.target_deg)} deg",
             text=text,
-            tables=parts,
-            pictures=draw(slews, options.output),
+            tables=tables,
+            pictures=draw_slews(slews, options.output),
             outcomes=outcomes,
             orientation_deg=slews.orientation_deg,
             rms_passive_rad=passive.tolist() if moved else None,
             rms_active_rad=active.tolist() if moved else None,
             rejection_percent=rejection_percent(passive, active).tolist() if moved else None,
-            more={"slew": entry(slews)},
+            more={"slew": list_results(slews)},
         ),
     )
     if not slews.on.reachable:
-        raise TargetError(out_of_reach(target_deg))
+        raise TargetError(explain_refusal(slews.target_deg))
 
 
 SCENARIO = Scenario(

@@ -24,12 +24,12 @@ LIMITS = tuple(f"table1.{angle}_{end}" for angle in workspace.ANGLES for end in 
 
 def analyse(options: Options, step_s: float | None = None) -> Analysis:
     """Run the paths of the scenario ``trajectories`` and the limits of the workspace, and draw the paths."""
-    from ....runs.output import held
+    from ....runs.output import hold_folder
     from ...cosimulation import run_options
     from .scenario import error_table, load_quiet_system, measure, measure_limits, path_pictures
 
     run = run_options(options, SCENARIO, SCENARIO.duration_s, step_s or SCENARIO.step_s)
-    with held(run.output):
+    with hold_folder(run.output):
         system = load_quiet_system(run)
         results = measure(system, run)
         limits, beyond = measure_limits(system, run, *extremes())

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....control.commander import DEFAULT_ALGORITHM_1
-from ....cosim import Column, System, Value
+from ....cosim import Column, Value
 from ....mechanism.forward_kinematics import forward_kinematics
 from ....mechanism.inverse_kinematics import Solver, inverse_kinematics, trilaterate
 from ....mechanism.parameters import load
@@ -32,7 +32,7 @@ from ....runs.comparison import TARGET, TargetError
 from ....runs.jitter_record import ORIENTATION, REACHABLE
 from ....runs.options import OptionError, RunOptions
 from ....runs.publish import Findings, publish
-from ....runs.setup import load_system, real_start
+from ....runs.setup import RunSystem, load_system
 from .plots import path_figure
 from .targets import PLANES, quadrilateral, random_walk
 
@@ -161,12 +161,12 @@ def path_pictures(folder: Path, results: Sequence[PathResult]) -> list[Picture]:
     return draw_pictures(folder, "trajectory", figures)
 
 
-def load_quiet_system(options: RunOptions) -> System:
+def load_quiet_system(options: RunOptions) -> RunSystem:
     """The system without disturbance and with the isolator off."""
     return load_system(options, {"disturbance.noise.enabled": False, "isolator.enabled": False})
 
 
-def measure(system: System, options: RunOptions) -> list[PathResult]:
+def measure(system: RunSystem, options: RunOptions) -> list[PathResult]:
     """Run every path with every method.
 
     The duration of the options is what a path may take: it has as many targets as fit into it with the time to get
@@ -174,7 +174,7 @@ def measure(system: System, options: RunOptions) -> list[PathResult]:
     """
     return [
         _follow(system, options, path, method, targets, dwell_steps)
-        for path, (targets, dwell_steps) in paths(real_start(system, RATE_LIMIT), options).items()
+        for path, (targets, dwell_steps) in paths(system.get_number(RATE_LIMIT), options).items()
         for method in METHODS
     ]
 
@@ -187,12 +187,14 @@ def paths(rate: float, options: RunOptions) -> dict[str, tuple[Array, int]]:
     return {path: _fitting(path, make, rate, options) for path, make in makers.items()}
 
 
-def measure_limits(system: System, options: RunOptions, targets: Array, beyond: Array) -> tuple[PathResult, PathResult]:
+def measure_limits(
+    system: RunSystem, options: RunOptions, targets: Array, beyond: Array
+) -> tuple[PathResult, PathResult]:
     """Run through orientations at the edge of what is within reach, and through others behind it; (n, 3), rad, each.
 
     The latter are to be refused, which takes no time.
     """
-    dwell_steps = _dwell_steps(targets, real_start(system, RATE_LIMIT), options)
+    dwell_steps = _dwell_steps(targets, system.get_number(RATE_LIMIT), options)
     reached = _follow(system, options, "limits", EXACT, targets, dwell_steps)
     with _without_warnings():  # of refusals: they are what is looked for
         return reached, _follow(system, options, "beyond the limits", EXACT, beyond, dwell_steps=2)
@@ -266,7 +268,7 @@ def error_table(results: Sequence[PathResult]) -> Table:
 
 
 def _follow(
-    system: System, options: RunOptions, path: str, method: str, targets: Array, dwell_steps: int
+    system: RunSystem, options: RunOptions, path: str, method: str, targets: Array, dwell_steps: int
 ) -> PathResult:
     values = {
         **COARSE_MODEL,

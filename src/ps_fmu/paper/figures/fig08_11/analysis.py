@@ -11,8 +11,7 @@ import numpy as np
 
 from ....mechanism.parameters import Array, Parameters, load
 from ....results.report import draw_pictures
-from ....results.tables import Table
-from ....runs.comparison import angles
+from ....results.tables import Table, format_angles
 from ....theory.loop import loop_at
 from ....theory.transfer_matrices import Nominal
 from ....theory.transmissibility import from_base, singular_values_db
@@ -248,7 +247,7 @@ def tables(
 def _orientation_table(found: Mapping[str, Curves]) -> Table:
     header = ("orientation (deg)", "start (dB)", "largest attenuation (dB)", "largest amplification, 100-700 Hz (dB)")
     rows = [
-        (angles(ORIENTATIONS[name]), f"{c.start:.4f}", f"{c.attenuation:.2f}", f"{c.amplification:.2f}")
+        (format_angles(ORIENTATIONS[name]), f"{c.start:.4f}", f"{c.attenuation:.2f}", f"{c.amplification:.2f}")
         for name, c in found.items()
     ]
     return Table("Fig 8, practical plant, largest singular value; published: 0, over 50, under 9 dB", header, rows)

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from ....cosim import Value, read_system
 from ....mechanism.parameters import Array
-from ....results.tables import Table
-from ....runs.comparison import TARGET, angles
+from ....results.tables import Table, format_angles
+from ....runs.comparison import TARGET
 from ....theory.loop import Loop, loop_at
 from ....theory.sampled import from_base_sampled
 from ....theory.transmissibility import from_base
@@ -126,7 +126,7 @@ def agreement_table(measured: Measured) -> Table:
     """Largest deviations, a row for each setup."""
     header = ("orientation (deg)", "case", "isolator", *_DEVIATIONS, "allowed")
     rows = [
-        (angles(s.rpy_deg), s.case, s.mode, *_deviations(a), "holds" if a.holds else "does not hold")
+        (format_angles(s.rpy_deg), s.case, s.mode, *_deviations(a), "holds" if a.holds else "does not hold")
         for s, a in measured.items()
     ]
     caption = (
@@ -163,4 +163,4 @@ def _deviations(a: Agreement) -> tuple[str, ...]:
 
 
 def _name(setup: Setup) -> str:
-    return f"{setup.case} at {angles(setup.rpy_deg)} deg, {setup.mode}"
+    return f"{setup.case} at {format_angles(setup.rpy_deg)} deg, {setup.mode}"

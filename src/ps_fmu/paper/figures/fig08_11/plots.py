@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ....mechanism.parameters import Array
 from ....results.style import ACTIVE, PASSIVE, REFERENCE, draw
-from ....runs.comparison import angles
+from ....results.tables import format_angles
 from ....theory.transmissibility import singular_values_db
 from ...agreement import ALLOWED_DB, ALLOWED_DEG, BAND, COHERENCE
 from ...support_modules import CASES
@@ -47,7 +47,7 @@ def orientations_figure(path: Path, found: Mapping[str, Curves]) -> None:
                         FREQUENCY, values[:, i], style, color=colour, linewidth=width,
                         label=text if i == 0 else None,
                     )  # fmt: skip
-            axes.set(title=f"{angles(ORIENTATIONS[name])} deg", ylim=(-90.0, 50.0))
+            axes.set(title=f"{format_angles(ORIENTATIONS[name])} deg", ylim=(-90.0, 50.0))
         for axes in panels[:, 0]:
             axes.set_ylabel("singular values (dB)")
         for axes in panels[1]:
@@ -101,7 +101,7 @@ def measured_figure(path: Path, measured: Measured) -> None:
                 axes.semilogx(f, values[:, 1:], ".", color=colour, markersize=6.0)
                 axes.semilogx(f, singular_values_db(agreement.reference), color="black", linewidth=0.9)
             axes.plot([], [], color="black", linewidth=0.9, label="closed form")
-            axes.set(title=f"{angles(ORIENTATIONS[name])} deg", ylim=(-90.0, 50.0))
+            axes.set(title=f"{format_angles(ORIENTATIONS[name])} deg", ylim=(-90.0, 50.0))
         _band(panels[-1])
         for axes in panels[:, 0]:
             axes.set_ylabel("singular values (dB)")
@@ -119,7 +119,7 @@ def deviation_figure(path: Path, measured: Measured) -> None:
     """
     columns = {
         f"orientations (deg), {mode}": {
-            angles(ORIENTATIONS[name]): (measured[Setup(name, active=active)], colour)
+            format_angles(ORIENTATIONS[name]): (measured[Setup(name, active=active)], colour)
             for name, colour in zip(ORIENTATIONS, COLOURS.values(), strict=True)
         }
         for mode, active in (("passive", False), ("active", True))

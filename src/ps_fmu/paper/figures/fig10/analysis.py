@@ -198,12 +198,12 @@ def analyse(
 
 def time_responses(options: Options, duration_s: float | None, step_s: float | None) -> list[Response]:
     """What the scenario ``stability`` measures: a pulse on the bus in each case, and in one beyond its limit."""
-    from ....runs.output import held
+    from ....runs.output import hold_folder
     from ...cosimulation import run_options
     from .scenario import measure
 
     run = run_options(options, SCENARIO, duration_s or SCENARIO.duration_s, step_s or SCENARIO.step_s)
-    with held(run.output):
+    with hold_folder(run.output):
         return measure(run)
 
 

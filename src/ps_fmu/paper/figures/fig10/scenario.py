@@ -16,19 +16,18 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ....cosim import Column, System
+from ....cosim import Column
 from ....disturbance.recorded import HEADER as RECORDING
 from ....interface.parameter_sets import plant_and_isolator
 from ....pointing.poles import rightmost, slowest_mode
 from ....results.observers.sampler import SampleObserver
 from ....results.report import Picture, draw_pictures
-from ....results.tables import Table
+from ....results.tables import Table, format_number
 from ....runs.cases import Case, Outcome, run_case
-from ....runs.comparison import number
 from ....runs.jitter_record import ROTATION
 from ....runs.options import OptionError, RunOptions
 from ....runs.publish import Findings, publish
-from ....runs.setup import load_system, real_start
+from ....runs.setup import RunSystem, load_system
 from ....theory.loop import Loop, loop_of
 from ... import published
 from ...support_modules import CASES, SUSPENSION, values_of
@@ -160,7 +159,7 @@ def measure(options: RunOptions) -> list[Response]:
     return [_respond(system, options, *each) for each in [*wanted, ("LSM", BEYOND_S, True)]]
 
 
-def _system(options: RunOptions) -> System:
+def _system(options: RunOptions) -> RunSystem:
     """The system with the pulse, which is written beside the results."""
     path = options.output / "pulse.csv"
     time = np.arange(0.0, PULSE_S + 0.5e-3, 1e-3)  # s
@@ -180,15 +179,14 @@ def pulse(time: Array) -> Array:
     return np.asarray(sine**6 * (8.0 * sine**2 - 7.0))
 
 
-def _respond(system: System, options: RunOptions, case: str, delay_s: float, enabled: bool) -> Response:
+def _respond(system: RunSystem, options: RunOptions, case: str, delay_s: float, enabled: bool) -> Response:
     stride = max(round(SAMPLE_S / options.step_s), 1)
     rows = np.arange(0, options.steps + 1, stride)
     name = f"{case}_{1e3 * delay_s:g}ms_active" if enabled else f"{case}_passive"
     values = {**values_of(case), "isolator.enabled": enabled, "isolator.delay": delay_s if enabled else 0.0}
     outcome, record = run_case(system, options, Case(name, values), lambda columns: _Record(columns, rows.tolist()))
-    loop = loop_of(
-        *plant_and_isolator(system.with_parameters(values)), record.samples.values(*POSE)[0], delay_s + options.step_s
-    )
+    plant, isolator = plant_and_isolator(system.structure.with_parameters(values))
+    loop = loop_of(plant, isolator, record.samples.values(*POSE)[0], delay_s + options.step_s)
     return Response(
         case=case,
         delay_s=delay_s,
@@ -227,9 +225,9 @@ def verdict(responses: Sequence[Response]) -> list[str]:
     return said
 
 
-def _not_predicted(system: System) -> list[str]:
+def _not_predicted(system: RunSystem) -> list[str]:
     """What the system has and the prediction has not, as a sentence."""
-    found = [name for name in ("isolator.sample_time", "isolator.force_limit") if real_start(system, name)]
+    found = [name for name in ("isolator.sample_time", "isolator.force_limit") if system.get_number(name)]
     return [f"Not in the predictions: {', '.join(found)}."] if found else []
 
 
@@ -274,7 +272,7 @@ def response_table(responses: Sequence[Response]) -> Table:
             f"{r.pole.imag / (2.0 * math.pi):.4f}",
             f"{r.predicted.real:+.4f}",
             f"{r.predicted.imag / (2.0 * math.pi):.4f}",
-            number(r.growth, ".2e"),
+            format_number(r.growth, ".2e"),
             "yes" if r.stable else "no",
             f"{r.rms:.3e}",
         )

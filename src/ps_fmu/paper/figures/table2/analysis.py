@@ -12,8 +12,8 @@ import numpy as np
 from ....disturbance import multisine_lines, psd_at_origin
 from ....mechanism.parameters import Array, Parameters, load
 from ....results.report import draw_pictures
-from ....results.tables import Table
-from ....runs.comparison import Comparison, angles
+from ....results.tables import Table, format_angles
+from ....runs.comparison import Comparison
 from ....theory.loop import loop_at
 from ....theory.transmissibility import Jitter, jitter, jitter_density, jitter_of_lines
 from ...command import Options
@@ -52,12 +52,12 @@ def analyse(
     step_s: float = SCENARIO.step_s,
 ) -> Analysis:
     """Run the co-simulation, compute the closed forms, compare, draw and word it."""
-    from ....runs.output import held
+    from ....runs.output import hold_folder
     from ...cosimulation import run_options
     from .plots import cumulative_figure, image_figure, rms_figure
 
     run = run_options(options, SCENARIO, duration_s, step_s)
-    with held(run.output):
+    with hold_folder(run.output):
         measured = measure(run)
     parameters = load()
     results = compute(parameters, measured, step_s, options.seed)
@@ -222,7 +222,7 @@ def paragraphs(results: Mapping[str, Result], densities: list[tuple[Array, Array
         knowledge_text(),
         second_axis({r.name: r.measured.rms_active for r in results.values()}),
         "On the other axes the active RMS of the runs differs from the published one by "
-        f"{others.min():+.0f} to {others.max():+.0f} %, most at {angles(ORIENTATIONS[farthest])} deg.",
+        f"{others.min():+.0f} to {others.max():+.0f} %, most at {format_angles(ORIENTATIONS[farthest])} deg.",
         *published_remarks(),
     ]
 

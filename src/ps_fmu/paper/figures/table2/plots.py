@@ -10,7 +10,7 @@ import numpy as np
 
 from ....mechanism.parameters import Array
 from ....results.style import ACTIVE, AXES, PASSIVE, REFERENCE, draw
-from ....runs.comparison import angles
+from ....results.tables import format_angles
 from .closed_form import ORIENTATIONS, published_value
 from .tables import LOOP_DELAY
 
@@ -34,7 +34,7 @@ def image_figure(path: Path, results: Mapping[str, Result]) -> None:
             passive, active = grid[:, column]
             _cloud(passive, r.measured.passive.scatter, r.theory[0], PASSIVE, 1e6, "µm")
             _cloud(active, r.measured.active.scatter, r.delayed, ACTIVE, 1e9, "nm")
-            passive.set_title(f"{angles(ORIENTATIONS[r.name])}°")
+            passive.set_title(f"{format_angles(ORIENTATIONS[r.name])}°")
         grid[0, 0].set_ylabel("passive, y (µm)")
         grid[1, 0].set_ylabel("active, y (nm)")
         for row in grid:  # one scale for all orientations
@@ -115,7 +115,7 @@ def rms_figure(path: Path, results: Mapping[str, Result]) -> None:
             axes.grid(axis="x", visible=False)
             axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
         for k, name in enumerate(results):
-            grid[0].text(3.6 * k + 1.0, 1.02, f"{angles(ORIENTATIONS[name])}°", ha="center", va="bottom",
+            grid[0].text(3.6 * k + 1.0, 1.02, f"{format_angles(ORIENTATIONS[name])}°", ha="center", va="bottom",
                          transform=grid[0].get_xaxis_transform())  # fmt: skip
         figure.suptitle("RMS of the payload's rotation; active axis 2 is not reproduced")
 

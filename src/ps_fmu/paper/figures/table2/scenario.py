@@ -15,15 +15,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ....cosim import System
 from ....interface.parameter_sets import not_of_the_paper
 from ....results import plots
 from ....results.report import Picture
-from ....results.tables import Table
-from ....runs.comparison import HEADER, Comparison, TargetError, compare, draw, number, out_of_reach, rows
+from ....results.tables import Table, format_number
+from ....runs.comparison import HEADER, Comparison, TargetError, compare, draw_comparison, explain_refusal, make_rows
 from ....runs.options import RunOptions
 from ....runs.publish import Findings, publish
-from ....runs.setup import load_system, real_start, user_parameters
+from ....runs.setup import RunSystem, load_system
 from ... import published
 from .closed_form import ORIENTATIONS, published_value, rejection, second_axis
 
@@ -46,7 +45,7 @@ HOW = (
 class Measurement:
     """The four orientations, passive and active, in the order of :data:`ORIENTATIONS`."""
 
-    system: System
+    system: RunSystem
     comparisons: Mapping[str, Comparison]
     start_s: float
     """Start of the statistics."""
@@ -56,23 +55,23 @@ class Measurement:
     @property
     def period_s(self) -> float:
         """Period of the disturbance."""
-        return real_start(self.system, PERIOD)
+        return self.system.get_number(PERIOD)
 
     @property
     def band(self) -> Array:
         """Band of the disturbance, (2,), Hz."""
-        return np.array([real_start(self.system, f"disturbance.noise.band.{end}") for end in ("min", "max")])
+        return np.array([self.system.get_number(f"disturbance.noise.band.{end}") for end in ("min", "max")])
 
 
 def measure(options: RunOptions) -> Measurement:
     """Run the four orientations, each passive and active; the runs are stored in results.nc."""
     settings = {"disturbance.noise.multisine": True, PERIOD: period_s(options.duration_s)}
     system = load_system(options, settings)
-    lead_s = real_start(system, "disturbance.rise_time") + SETTLING_S
+    lead_s = system.get_number("disturbance.rise_time") + SETTLING_S
     lead_steps = math.ceil(lead_s / options.step_s - 1e-6)
     found = {
-        name: compare(system, options, orientation, lead_steps=lead_steps, prefix=_prefix(orientation))
-        for name, orientation in ORIENTATIONS.items()
+        name: compare(system, options, np.radians(target_deg), lead_steps=lead_steps, prefix=_prefix(target_deg))
+        for name, target_deg in ORIENTATIONS.items()
     }
     return Measurement(system, found, lead_steps * options.step_s, options.duration_s)
 
@@ -86,15 +85,16 @@ def run(options: RunOptions) -> None:
     found = measured.comparisons
     rows_of_all = [row for name, comparison in found.items() for row in _rows(name, comparison)]
     table = Table("Jitter of the payload against Table 2", _header(), rows_of_all)
-    refused = [out_of_reach(comparison.target_deg) for comparison in found.values() if not comparison.reachable]
-    text = [HOW, *refused, _window(measured), _drift(found.values()), _off_axis(options, found), *published_remarks()]
+    refused = [explain_refusal(comparison.target_deg) for comparison in found.values() if not comparison.reachable]
+    remarks = [_window(measured), _drift(found.values()), _off_axis(measured.system, found), *published_remarks()]
+    text = [HOW, *refused, *remarks]
     print(table.to_text(), *text[1:], sep="\n")
 
     path = options.output / "table2.png"
     plots.table(path, table.header, table.rows, title="Table 2: published and co-simulated")
     pictures = [Picture(path, "Published and co-simulated values.")]
     for comparison in found.values():
-        pictures += draw(comparison, options.output, _prefix(comparison.target_deg))
+        pictures += draw_comparison(comparison, options.output, _prefix(comparison.target_deg))
     nominal = found["nominal"]
     publish(
         options,
@@ -135,9 +135,9 @@ def period_s(duration_s: float) -> float:
     return period if period >= SHORTEST_PERIOD_S else USUAL_PERIOD_S
 
 
-def _off_axis(options: RunOptions, found: Mapping[str, Comparison]) -> str:
+def _off_axis(system: RunSystem, found: Mapping[str, Comparison]) -> str:
     """What is to be said of the second axis; nothing is where parameter files make another system of it."""
-    given = {name: entry.value for name, entry in user_parameters(options).items()}
+    given = {name: entry.value for name, entry in system.given.items()}
     if others := not_of_the_paper(given):
         return (
             f"Parameter files set {others[0]}{f' and {len(others) - 1} more' if others[1:] else ''}: the runs are of "
@@ -169,7 +169,7 @@ def _drift(found: Iterable[Comparison]) -> str:
         for comparison in found
         for jitter in (comparison.passive, comparison.active)
     ]
-    largest = number(100.0 * float(np.max(ratios)), ".2f")
+    largest = format_number(100.0 * float(np.max(ratios)), ".2f")
     return (
         "Drift: the weighted means over the second and the first half of the window differ by "
         f"{largest} % of the RMS at most (any axis, orientation, passive or active)."
@@ -202,9 +202,9 @@ def _rows(name: str, comparison: Comparison) -> list[tuple[str, ...]]:
             row[4],
             f"{said['rejection'][i]:.1f}",
             f"{identified[i]:.2f}",
-            number(points[i], "+.2f"),
+            format_number(points[i], "+.2f"),
         )
-        for i, row in enumerate(rows(comparison))
+        for i, row in enumerate(make_rows(comparison))
     ]
 
 

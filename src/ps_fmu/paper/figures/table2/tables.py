@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ....mechanism.parameters import Array
-from ....results.tables import Table
-from ....runs.comparison import angles
+from ....results.tables import Table, format_angles
 from .closed_form import ORIENTATIONS, closed_form, published_value, rejection
 
 if TYPE_CHECKING:
@@ -43,7 +42,7 @@ def off(result: Result) -> Array:
 def _each_axis(results: Mapping[str, Result]) -> Iterator[tuple[Result, int, tuple[str, str]]]:
     for result in results.values():
         for i in range(3):
-            yield result, i, (angles(ORIENTATIONS[result.name]) if i == 0 else "", str(i + 1))
+            yield result, i, (format_angles(ORIENTATIONS[result.name]) if i == 0 else "", str(i + 1))
 
 
 def rms_table(results: Mapping[str, Result]) -> Table:
@@ -108,7 +107,7 @@ def image_table(results: Mapping[str, Result]) -> Table:
     )  # fmt: skip
     rows = [
         (
-            angles(ORIENTATIONS[r.name]) if case == "passive" else "", case,
+            format_angles(ORIENTATIONS[r.name]) if case == "passive" else "", case,
             f"{theory.radius_rms:.3e}", f"{scatter.radius_rms:.3e}", f"{scatter.radius_max:.3e}",
             f"{scatter.hull_area:.3e}",
         )
