@@ -23,7 +23,7 @@ from ps_fmu.disturbance import Disturbance, default_settings
 from ps_fmu.mechanism.discretisation import zero_order_hold
 from ps_fmu.mechanism.dynamics import Pose
 from ps_fmu.mechanism.inverse_kinematics import inverse_kinematics
-from ps_fmu.mechanism.linear_model import N_INPUTS, Plant
+from ps_fmu.mechanism.linear_model import N_INPUTS, N_LOADS, Plant
 from ps_fmu.mechanism.parameters import load
 from ps_fmu.mechanism.rotations import rotation_matrix
 
@@ -168,7 +168,7 @@ class Textbook:
         paper = load()
         known = replace(paper.payload, com_P=paper.known_com_P)
         found = inverse_kinematics(paper.manipulator.geometry, np.zeros(3))
-        plant = Plant(paper.manipulator, paper.payload, paper.bus, paper.servo, paper.optics)
+        plant = Plant.from_parameters(paper)
         model = plant.linearise(found.coarse_displacement)
         pose = Pose(found.translation_B, rotation_matrix(np.zeros(3)))
         controller = Controller(gains(paper.manipulator, known, pose), lowpass(paper.filters), paper.filters)
@@ -185,7 +185,7 @@ class Textbook:
         self._plant_y = slice(first["plant"], first["plant"] + len(self._plant[2]))
         self._force = slice(first["isolator"], first["isolator"] + 3)
         self._y, self._f = initial[self._plant_y], initial[self._force]
-        self._rest = np.zeros(N_INPUTS - 9)
+        self._rest = np.zeros(N_INPUTS - N_LOADS)
         self._rest[-1] = 1.0  # the constant input
         self.run()
 

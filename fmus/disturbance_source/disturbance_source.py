@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ps_fmu.disturbance import Disturbance, default_settings
-from ps_fmu.interface.parameter_ports import parameter_ports
-from ps_fmu.mechanism.parameters import ParameterError, load
-from ps_fmu.mechanism.quantities import list_entries, take_values
-from ps_fmu.slavekit.author.slave import ModelError, Slave
+from ps_fmu.interface.ports import make_parameter_ports, refuse_parameters
+from ps_fmu.mechanism.parameters import load
+from ps_fmu.mechanism.quantities import take_values
+from ps_fmu.slavekit.author.slave import Slave
 from ps_fmu.slavekit.author.terminals import Terminal
 from ps_fmu.slavekit.author.variables import Port, Value, vector
 
@@ -34,7 +34,7 @@ class DisturbanceSource(Slave):
             "base_torque", "xyz", "N.m", "Disturbance torque on the bus about the origin of B, in B",
             causality="output", nominal=10.0,
         ),
-        *parameter_ports(list_entries(DEFAULTS)),
+        *make_parameter_ports(DEFAULTS),
     )  # fmt: skip
 
     terminals: ClassVar[tuple[Terminal, ...]] = (
@@ -58,14 +58,12 @@ class DisturbanceSource(Slave):
         if getattr(self, "built_from", None) != values:
             self._build(values)
 
+    @refuse_parameters
     def _build(self, values: dict[str, Value]) -> None:
         self.built_from: dict[str, Value] = {}
         self.warned_at = 0.0  # s, step size
-        try:
-            self.settings = take_values(DEFAULTS, values)
-            self.disturbance = Disturbance(self.settings)
-        except ParameterError as error:
-            raise ModelError(str(error)) from None
+        self.settings = take_values(DEFAULTS, values)
+        self.disturbance = Disturbance(self.settings)
         self.built_from = values
 
     def _warn_of_aliasing(self, h: float) -> None:

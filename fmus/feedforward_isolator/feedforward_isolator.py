@@ -7,25 +7,17 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ps_fmu.control.feedforward import lowpass
-from ps_fmu.control.isolator import (
-    DelayLine,
-    Isolator,
-    StepError,
-    UnreachableOrientationError,
-    is_known,
-    known_payload,
-    whole_steps,
-)
-from ps_fmu.interface.parameter_ports import parameter_ports, refuses_parameters
-from ps_fmu.mechanism.parameters import load
-from ps_fmu.mechanism.quantities import list_entries, take_values
+from ps_fmu.control.feedforward import count_states
+from ps_fmu.control.force_path import ForcePath, StepError
+from ps_fmu.control.isolator import Isolator, UnreachableOrientationError
+from ps_fmu.interface.ports import make_parameter_ports, refuse_parameters
+from ps_fmu.mechanism.parameters import LARGEST_ORDER, load
+from ps_fmu.mechanism.quantities import take_values
 from ps_fmu.slavekit.author.slave import ModelError, Slave
 from ps_fmu.slavekit.author.terminals import Terminal
 from ps_fmu.slavekit.author.variables import Port, numbered, vector
 
-PAPER = load()
-KNOWN_PAYLOAD = known_payload(PAPER)
+DEFAULT = Isolator.from_parameters(load())
 #: An orientation this close (rad) is the same: a plant at rest varies it by rounding.
 SAME_ORIENTATION = 1e-12
 
@@ -34,9 +26,9 @@ class FeedforwardIsolator(Slave):
     """Cancels the base's vibration at the payload; has its own copy of what it must know of the plant."""
 
     model_description = "Feedforward vibration isolator: voice-coil forces from measured base acceleration"
-    n_states: ClassVar[int] = 12 + 3 * 9  # feedforward.Controller with the highest order of low-pass, 9
+    n_states: ClassVar[int] = count_states(LARGEST_ORDER)
     n_auxiliary: ClassVar[int] = 6  # acceleration as last sampled, where the controller has a period of its own
-    n_memory: ClassVar[int] = 10 + DelayLine.SIZE  # see the views made in _build
+    n_memory: ClassVar[int] = 3 + 3 + ForcePath.SIZE  # see the views made in _build
     limit_flag: ClassVar[str] = "saturated"
 
     ports: ClassVar[tuple[Port, ...]] = (
@@ -62,11 +54,7 @@ class FeedforwardIsolator(Slave):
             causality="output", initially_depends_on=(), nominal=0.1,
         ),
         Port("saturated", "output", type="Boolean", description="A force is at force_limit", initially_depends_on=()),
-        *parameter_ports(
-            list_entries(PAPER.manipulator, keep=is_known)
-            + list_entries(KNOWN_PAYLOAD, "payload", keep=is_known)
-            + list_entries(PAPER.filters, "filters")
-        ),
+        *make_parameter_ports(DEFAULT),
         Port("force_limit", "parameter", "N", "Largest force of a fine actuator; 0 = no limit", min=0.0),
         Port(
             "delay", "parameter", "s", "Pure delay of the forces, a multiple of the step, at most 1000 steps",
@@ -92,14 +80,14 @@ class FeedforwardIsolator(Slave):
         ),
     )
 
-    @refuses_parameters
+    @refuse_parameters
     def configure(self) -> None:
         """Build the controller for the present orientation, filters at rest."""
         self.x[:] = self.a[:] = self.memory[:] = 0.0
         self._build()
         self.last_orientation[:] = self.values("orientation")
         self._use(self.last_orientation)
-        if self.sampled:
+        if self.path.sample_time:
             self.request_event()
 
     def output_map(self) -> NDArray[np.float64]:
@@ -114,24 +102,27 @@ class FeedforwardIsolator(Slave):
         """The platform turns, the isolator is switched, or the controller's next period begins."""
         # In every step of a slew: with lists of three, this takes 2 us instead of 7 with arrays.
         orientation = self.orientation.tolist()
-        off = max(abs(new - old) for new, old in zip(orientation, self.gain_orientation.tolist(), strict=True))
+        turn = max(abs(new - old) for new, old in zip(orientation, self.gain_orientation.tolist(), strict=True))
         at_rest = orientation == self.last_orientation.tolist()
         self.last_orientation[:] = orientation
-        if off > self.resolution or (at_rest and off > SAME_ORIENTATION):
+        if turn > self.resolution or (at_rest and turn > SAME_ORIENTATION):
             self._use(self.orientation)
-            off = 0.0
-        if self.wanted[0] != self.enabled:
+            turn = 0.0
+        if self.switch[0] != self.enabled:
             self._use(self.gain_orientation.copy())
-        if self.sampled and self.since_sample[0] == 0.0:
+        if self.path.samples_now:
             self.a[:] = self.u
-        return off > SAME_ORIENTATION or self.sampled
+        return turn > SAME_ORIENTATION or self.path.sample_time > 0.0
 
     def finish_step(self) -> None:
         """Hold and delay the forces, behind the linear map."""
+        force = self.y[:3]
         try:
-            self._hold_and_delay(self.y[:3])
+            force[:] = self.path.push(force, self.step_size)
         except StepError as error:
             raise ModelError(str(error)) from None
+        if not self.enabled:  # at once, whatever is still on its way
+            force[:] = 0.0
 
     def limits(self) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
         """The largest force of a fine actuator, either way."""
@@ -141,20 +132,7 @@ class FeedforwardIsolator(Slave):
         upper = np.array([limit, limit, limit, np.inf])
         return -upper, upper
 
-    def _hold_and_delay(self, force: NDArray[np.float64]) -> None:
-        if self.sampled:
-            period = float(self.value("sample_time"))
-            whole_steps("sample_time", period, self.step_size)
-            self.since_sample[0] += self.step_size
-            if self.since_sample[0] > period - 0.5 * self.step_size:
-                self.since_sample[0] = 0.0
-                self.held_force[:] = force
-            force[:] = self.held_force
-        force[:] = self.delay.push(force, float(self.value("delay")), self.step_size)
-        if not self.enabled:  # at once, whatever is still on its way
-            force[:] = 0.0
-
-    @refuses_parameters
+    @refuse_parameters
     def restore(self) -> None:
         """Rebuild the controller that the restored memory stands for."""
         self._build()
@@ -162,20 +140,12 @@ class FeedforwardIsolator(Slave):
 
     def _build(self) -> None:
         values = self.parameters()
-        filters = take_values(PAPER.filters, values, "filters")
-        self.isolator = Isolator(
-            take_values(PAPER.manipulator, values),
-            take_values(KNOWN_PAYLOAD, values, "payload"),
-            filters,
-            lowpass(filters),
-        )
-        self.orientation, self.wanted = self.view("orientation"), self.view("enabled")
+        self.isolator = take_values(DEFAULT, values)
         self.resolution = max(float(values["orientation_resolution"]), SAME_ORIENTATION)
+        self.orientation, self.switch = self.view("orientation"), self.view("enabled")
         self.gain_orientation, self.last_orientation = self.memory[0:3], self.memory[3:6]  # rad
-        self.since_sample, self.held_force = self.memory[6:7], self.memory[7:10]  # s; N
-        self.delay = DelayLine(self.memory[10:])
-        self.sampled = bool(values["sample_time"])
-        self.finishing = bool(values["sample_time"] or values["delay"])
+        self.path = ForcePath(self.memory[6:], float(values["sample_time"]), float(values["delay"]))
+        self.finishing = bool(self.path.sample_time or self.path.delay)
 
     def _use(self, orientation: NDArray[np.float64]) -> None:
         """The controller for an orientation, from the next step on."""
@@ -191,7 +161,7 @@ class FeedforwardIsolator(Slave):
         """The controller's map in the FMU's shape: room for `saturated`, unused states, sampled inputs."""
         framed = np.zeros((4 + (self.n_states if n_states else 0), self.n_states + 12))
         n = self.controller.n_states
-        first = self.n_states + (6 if self.sampled else 0)
+        first = self.n_states + (6 if self.path.sample_time else 0)
         for rows, own in ((slice(0, 3), slice(0, 3)), (slice(4, 4 + n_states), slice(3, 3 + n_states))):
             framed[rows, :n], framed[rows, first : first + 6] = matrix[own, :n], matrix[own, n:]
         if not self.enabled:

@@ -7,27 +7,17 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ps_fmu.control.commander import (
-    DEFAULT_ALGORITHM_1,
-    DEFAULT_LIMITS,
-    Commander,
-    Decision,
-    from_numbers,
-    is_geometric,
-    same_target,
-    to_numbers,
-)
+from ps_fmu.control.commander import N_PROFILE, Commander, Decision, from_numbers, same_target, to_numbers
 from ps_fmu.control.profile import Profile
-from ps_fmu.interface.parameter_ports import parameter_ports
-from ps_fmu.mechanism.inverse_kinematics import trilaterate
+from ps_fmu.interface.ports import make_parameter_ports, refuse_parameters
 from ps_fmu.mechanism.kinematics import KinematicsError
-from ps_fmu.mechanism.parameters import ParameterError, load
-from ps_fmu.mechanism.quantities import list_entries, take_values
+from ps_fmu.mechanism.parameters import load
+from ps_fmu.mechanism.quantities import take_values
 from ps_fmu.slavekit.author.slave import ModelError, Slave
 from ps_fmu.slavekit.author.terminals import Terminal
 from ps_fmu.slavekit.author.variables import Port, numbered, vector
 
-PAPER = load()
+DEFAULT = Commander.from_parameters(load())
 RPY = ("roll", "pitch", "yaw")
 DEG: dict[str, Any] = {"display_unit": "deg", "nominal": 0.1}
 DEG_PER_S: dict[str, Any] = {"display_unit": "deg/s", "nominal": 0.01}
@@ -42,7 +32,7 @@ class PointingCommander(Slave):
 
     model_description = "Pointing commander: coarse actuator commands for a target orientation of P in B"
     block_rows: ClassVar[int] = 1024  # 1.3 us a row in motion; 1.9 us in tables of 256
-    n_memory: ClassVar[int] = 18 + 1 + 1 + 3  # profile, reachable, waiting, the last target: see _decide
+    n_memory: ClassVar[int] = N_PROFILE + 1 + 1 + 3  # profile, reachable, waiting, last target: see _build
 
     ports: ClassVar[tuple[Port, ...]] = (
         *vector("target", RPY, "rad", "Target orientation of P in B", causality="input", event=True, **DEG),
@@ -61,19 +51,7 @@ class PointingCommander(Slave):
         ),
         Port("reachable", "output", type="Boolean", description="False: target refused, last good one stays"),
         Port("moving", type="Boolean", description="The commanded orientation is changing", **AT_REST),
-        *parameter_ports(
-            list_entries(PAPER.manipulator, keep=is_geometric)
-            + list_entries(DEFAULT_LIMITS)
-            + list_entries(DEFAULT_ALGORITHM_1, "algorithm_1")
-        ),
-        Port(
-            "use_algorithm_1", "parameter", type="Boolean", start=False,
-            description="Inverse kinematics by the paper's Algorithm 1; false: closed-form trilateration",
-        ),
-        Port(
-            "follow", "parameter", type="Boolean", start=False,
-            description="Follow the target at once, without a profile: for hosts with smooth targets",
-        ),
+        *make_parameter_ports(DEFAULT),
     )  # fmt: skip
 
     terminals: ClassVar[tuple[Terminal, ...]] = (
@@ -89,21 +67,21 @@ class PointingCommander(Slave):
         target = self.values("target")
         decision = self.commander.begin(target)
         if decision.refusal is not None:
-            self.warning(f"initial target {degrees(target)} refused: {decision.refusal}; at the nominal pose")
+            self.warning(f"initial target {format_degrees(target)} refused: {decision.refusal}; at the nominal pose")
         self._decide(decision, target)
         self.y[:] = self._outputs(np.zeros(1))[0]
 
     def event(self, t: float, h: float) -> bool:
         """A new target, or another try of one whose path was unreachable while moving."""
         target = self.values("target")
-        was_reachable, waiting, known = bool(self.memory[18]), bool(self.memory[19]), self.memory[20:23]
-        if same_target(target, known) and not (waiting and self.profile.remaining(t) == 0.0):
+        waiting = bool(self.waiting[0])
+        if same_target(target, self.last_target) and not (waiting and self.profile.remaining(t) == 0.0):
             return waiting
         decision = self.commander.redirect(self.profile, t, target)
-        # A host that leads the target out of reach step by step is told once.
-        if decision.refusal is not None and (was_reachable or not self.value("follow")):
+        # A host that leads the target out of reach step by step gets one warning.
+        if decision.refusal is not None and (self.reachable[0] or not self.commander.follow):
             then = "tried again when the present motion has ended" if decision.retry else "the last one stays"
-            self.warning(f"target {degrees(target)} refused at t = {t:.6g} s: {decision.refusal}; {then}")
+            self.warning(f"target {format_degrees(target)} refused at t = {t:.6g} s: {decision.refusal}; {then}")
         self._decide(decision, target)
         self.discard_rows()
         return decision.retry
@@ -119,22 +97,17 @@ class PointingCommander(Slave):
     def restore(self) -> None:
         """Rebuild the motion that the restored memory stands for."""
         self._build()
-        self._follow(from_numbers(self.memory))
+        self._follow(from_numbers(self.kept_profile))
 
+    @refuse_parameters
     def _build(self) -> None:
-        values = self.parameters()
+        self.commander = take_values(DEFAULT, self.parameters())
         try:
-            settings = take_values(DEFAULT_ALGORITHM_1, values, "algorithm_1")
-            self.commander = Commander(
-                take_values(PAPER.manipulator, values).geometry,
-                settings.solver() if values["use_algorithm_1"] else trilaterate,
-                None if values["follow"] else take_values(DEFAULT_LIMITS, values),
-            )
             self.commander.pose(np.zeros(3))
-        except ParameterError as error:
-            raise ModelError(str(error)) from None
         except KinematicsError as error:
             raise ModelError(f"algorithm_1.mu: {error}") from None
+        self.kept_profile, rest = self.memory[:N_PROFILE], self.memory[N_PROFILE:]
+        self.reachable, self.waiting, self.last_target = rest[:1], rest[1:2], rest[2:]
 
     def _follow(self, profile: Profile) -> None:
         self.profile = profile
@@ -142,17 +115,17 @@ class PointingCommander(Slave):
 
     def _decide(self, decision: Decision, target: NDArray[np.float64]) -> None:
         self._follow(decision.profile)
-        self.memory[:18] = to_numbers(decision.profile)
-        self.memory[18] = decision.refusal is None
-        self.memory[19] = decision.retry
-        self.memory[20:23] = target
+        self.kept_profile[:] = to_numbers(decision.profile)
+        self.reachable[0] = decision.refusal is None
+        self.waiting[0] = decision.retry
+        self.last_target[:] = target
 
     def _outputs(self, times: NDArray[np.float64]) -> NDArray[np.float64]:
         table = self.commander.table(self.profile, times)
-        reachable = np.full(len(times), self.memory[18])
+        reachable = np.full(len(times), self.reachable[0])
         return np.column_stack([table, reachable, table[:, -1] > 0.0])
 
 
-def degrees(orientation: NDArray[np.float64]) -> str:
+def format_degrees(orientation: NDArray[np.float64]) -> str:
     """An orientation for messages."""
     return f"({', '.join(f'{angle:.6g}' for angle in np.degrees(orientation))}) deg"

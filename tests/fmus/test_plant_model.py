@@ -3,22 +3,12 @@
 import numpy as np
 import pytest
 from support.mechanics import PAPER
-from support.models import Host, slave_class
+from support.models import Host
 
-from ps_fmu.mechanism.linear_model import OUTPUTS, output_slices
 from ps_fmu.slavekit.author.slave import ModelError, Refused
 
 ORIENTATION = ("orientation.roll", "orientation.pitch", "orientation.yaw")
 H = 1e-3  # s
-
-
-def test_outputs_are_declared_in_the_order_of_the_model() -> None:
-    layout = slave_class("manipulator_plant").layout
-    names = [layout.by_reference[i].name for i in range(layout.y.stop)]
-    assert len(names) == sum(OUTPUTS.values())
-    for group, place in output_slices().items():
-        prefixes = {name.rsplit(".", 1)[0] if "." in name else name.rsplit("_", 1)[0] for name in names[place]}
-        assert prefixes == {group}
 
 
 def test_every_number_of_the_parameter_set_is_a_parameter_with_its_value() -> None:

@@ -11,12 +11,12 @@ from support.mechanics import PAPER, relative_error
 from ps_fmu.mechanism.discretisation import zero_order_hold
 from ps_fmu.mechanism.dynamics import Pose
 from ps_fmu.mechanism.forward_kinematics import forward_kinematics
-from ps_fmu.mechanism.linear_model import N_INPUTS, OUTPUTS, momentum, output_slices, servo_slices
+from ps_fmu.mechanism.linear_model import N_INPUTS, N_OUTPUTS, OUTPUTS, Plant, momentum, output_slices, servo_slices
 from ps_fmu.mechanism.rotations import rotation_from_vector
-from ps_fmu.mechanism.slews import Convection, Plant, coarse_motion
+from ps_fmu.mechanism.slews import Convection, coarse_motion
 from ps_fmu.theory.transfer_matrices import Practical
 
-PLANT = Plant(PAPER.manipulator, PAPER.payload, PAPER.bus, PAPER.servo, PAPER.optics)
+PLANT = Plant.from_parameters(PAPER)
 STILL = np.zeros(3)
 REST = np.array([0.0] * (N_INPUTS - 1) + [1.0])  # no force, no motion, the constant 1
 SLOPE = np.array([0.004, -0.003, 0.002])  # m
@@ -45,7 +45,7 @@ def test_step_is_exact_for_a_held_input() -> None:
     model = PLANT.linearise(STILL)
     rng = np.random.default_rng(3)
     x, u = rng.normal(size=model.n_states) * 1e-4, rng.normal(size=N_INPUTS)
-    p = sum(OUTPUTS.values())
+    p = N_OUTPUTS
     once = model.step_map(1e-3) @ np.concatenate([x, u])
     short, state = model.step_map(1e-4), x
     for _ in range(10):
@@ -112,7 +112,7 @@ def test_outputs_are_those_of_the_moved_mechanism() -> None:
         "relative_orientation": relative.orientation,
         "los": 2.5 * boresight_P[:2],
     }
-    assert set(expected) == {group for group in OUTPUTS if "acceleration" not in group}
+    assert set(expected) == {signal.name for signal in OUTPUTS if "acceleration" not in signal.name}
     for group, value in expected.items():
         np.testing.assert_allclose(found[group], value, rtol=0.0, atol=1e-10, err_msg=group)
     assert np.abs(relative.orientation - model.rpy).min() > 1e-8
@@ -123,7 +123,7 @@ def test_momentum_of_a_pushed_free_body() -> None:
     model = PLANT.linearise(STILL)
     u = np.zeros(N_INPUTS)
     u[3:9] = [1.0, 2.0, -1.0, 0.3, 0.2, -0.1]
-    x = (model.step_map(1.0) @ np.concatenate([np.zeros(model.n_states), u]))[sum(OUTPUTS.values()) :]
+    x = (model.step_map(1.0) @ np.concatenate([np.zeros(model.n_states), u]))[N_OUTPUTS :]
     np.testing.assert_allclose(momentum(model, x), u[3:9], rtol=1e-9, atol=1e-11)
 
 
@@ -132,7 +132,7 @@ def test_internal_forces_leave_the_momentum_alone() -> None:
     n = model.dynamics.n
     u = REST.copy()
     u[:3], u[9:12] = [5.0, -3.0, 2.0], [2e-3, -3e-3, 1e-3]  # fine forces and a coarse motion
-    x = (model.step_map(0.37) @ np.concatenate([np.zeros(model.n_states), u]))[sum(OUTPUTS.values()) :]
+    x = (model.step_map(0.37) @ np.concatenate([np.zeros(model.n_states), u]))[N_OUTPUTS :]
     assert np.abs(momentum(model, x)).max() < 1e-9
     assert np.abs(x[n : 2 * n]).max() > 1e-4  # and yet it moves
 
@@ -159,7 +159,7 @@ def test_new_pose_owes_the_bus_the_momentum_it_takes() -> None:
 
 def test_convective_wrench_acts_as_long_as_the_pose_before_lasted() -> None:
     h, taken = 1e-3, np.arange(1.0, 7.0)
-    convection = Convection.none()
+    convection = Convection(np.zeros(6))
     for _ in range(4):
         wrench, convection = convection.step(h)
         assert not wrench.any()
@@ -184,7 +184,7 @@ def test_servos_are_second_order(damping_ratio: float) -> None:
     x[R] = [1e-3, -2e-3, 0.0]  # m
     step, found = model.step_map(5e-3), []
     for _ in times:
-        x = (step @ np.concatenate([x, REST]))[sum(OUTPUTS.values()) :]
+        x = (step @ np.concatenate([x, REST]))[N_OUTPUTS :]
         found.append(x[S])
     omega = 2.0 * np.pi * 3.0  # rad/s
     _, expected = scipy.signal.step(([omega**2], [1.0, 2.0 * damping_ratio * omega, omega**2]), T=np.r_[0.0, times])
@@ -196,7 +196,7 @@ def run_slew(
 ) -> tuple[np.ndarray, object, int]:
     """A step command to a bus at some velocity, as the FMU executes it: state at the end, model, number of poses."""
     model = plant.linearise(STILL)
-    x, u, poses, moving, convection = plant.initial_state(model), REST.copy(), 1, True, Convection.none()
+    x, u, poses, moving, convection = plant.initial_state(model), REST.copy(), 1, True, Convection(np.zeros(6))
     x[23:26] = velocity_B  # m/s
     step = model.step_map(h)
     for _ in range(steps):
@@ -206,7 +206,7 @@ def run_slew(
                 step, poses = motion.model.step_map(h), poses + 1
             model, x, convection, moving = motion.model, motion.state, motion.convection, motion.moving
             u[9:12], u[12:18] = motion.rate, motion.wrench
-        x = (step @ np.concatenate([x, u]))[sum(OUTPUTS.values()) :]
+        x = (step @ np.concatenate([x, u]))[N_OUTPUTS :]
     return x, model, poses
 
 
@@ -233,7 +233,7 @@ def test_slew_is_the_same_on_a_bus_that_moves() -> None:
 def test_a_command_that_creeps_makes_no_new_pose_until_it_stays() -> None:
     """A slew begins with less than 1e-12 m a step: each would be a pose that the legs have reached."""
     model = PLANT.linearise(SLOPE)
-    x, convection = PLANT.initial_state(model), Convection.none()
+    x, convection = PLANT.initial_state(model), Convection(np.zeros(6))
     for k in range(1, 6):
         command = SLOPE + k * 1e-13  # m
         motion = coarse_motion(PLANT, model, x, convection, command, 1e-4, 1e-4)
@@ -248,7 +248,7 @@ def test_a_command_that_creeps_makes_no_new_pose_until_it_stays() -> None:
 def test_rate_limit_and_stroke() -> None:
     model = PLANT.linearise(STILL)
     command = np.array([0.01, -0.01, 1e-9])
-    motion = coarse_motion(PLANT, model, PLANT.initial_state(model), Convection.none(), command, 1e-3, 1e-4)
+    motion = coarse_motion(PLANT, model, PLANT.initial_state(model), Convection(np.zeros(6)), command, 1e-3, 1e-4)
     np.testing.assert_allclose(motion.rate, [5e-3, -5e-3, 1e-6])  # m/s
     assert motion.moving
     np.testing.assert_array_equal(PLANT.within_stroke(np.array([0.5, -0.5, 0.01])), [0.02, -0.02, 0.01])
@@ -257,7 +257,7 @@ def test_rate_limit_and_stroke() -> None:
 def test_at_rest_at_the_command_nothing_moves() -> None:
     model = PLANT.linearise(SLOPE)
     x = PLANT.initial_state(model)
-    motion = coarse_motion(PLANT, model, x, Convection.none(), SLOPE, 1e-3, 1e-4)
+    motion = coarse_motion(PLANT, model, x, Convection(np.zeros(6)), SLOPE, 1e-3, 1e-4)
     assert motion.model is model
     assert not motion.moving
     np.testing.assert_array_equal(motion.state, x)
@@ -269,7 +269,7 @@ def test_inactive_coordinates_stay_zero() -> None:
     model = plant.linearise(STILL)
     e_c = model.dynamics.slices["e_c"]
     u = np.concatenate([np.ones(9), 1e-3 * np.ones(3), np.zeros(6), [1.0]])
-    x = (model.step_map(0.1) @ np.concatenate([plant.initial_state(model), u]))[sum(OUTPUTS.values()) :]
+    x = (model.step_map(0.1) @ np.concatenate([plant.initial_state(model), u]))[N_OUTPUTS :]
     np.testing.assert_array_equal(x[e_c], 0.0)
     assert np.abs(x[0:3]).min() > 0.0
 

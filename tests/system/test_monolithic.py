@@ -11,7 +11,7 @@ from ps_fmu.control.feedforward import Controller, gains, lowpass
 from ps_fmu.cosim import Master, read_system
 from ps_fmu.disturbance import Disturbance, default_settings
 from ps_fmu.mechanism.inverse_kinematics import inverse_kinematics
-from ps_fmu.mechanism.linear_model import N_INPUTS, OUTPUTS, Plant, output_slices
+from ps_fmu.mechanism.linear_model import N_INPUTS, N_OUTPUTS, Plant, output_slices
 
 SYSTEM = Path(__file__).parents[2] / "system" / "SystemStructure.ssd"
 STEP = 1e-4  # s
@@ -35,7 +35,7 @@ class Rows:
 def monolithic(scheme: str, enabled: bool) -> np.ndarray:
     """Outputs of the plant, (STEPS + 1, outputs): one loop over the continuous models' exact steps, no FMI."""
     found = inverse_kinematics(PAPER.manipulator.geometry, np.radians(TILTED_DEG))
-    plant = Plant(PAPER.manipulator, PAPER.payload, PAPER.bus, PAPER.servo, PAPER.optics)
+    plant = Plant.from_parameters(PAPER)
     model = plant.linearise(found.coarse_displacement)
     known = replace(PAPER.payload, com_P=PAPER.known_com_P)
     pose = pose_at(TILTED_DEG)
@@ -43,7 +43,7 @@ def monolithic(scheme: str, enabled: bool) -> np.ndarray:
     wrench = Disturbance(replace(default_settings(PAPER), rise_time=RISE))(np.arange(STEPS + 1) * STEP)
 
     plant_step, control_step = model.step_map(STEP), controller.step_map(STEP)
-    p = sum(OUTPUTS.values())
+    p = N_OUTPUTS
     x, xc, force = plant.initial_state(model), np.zeros(controller.n_states), np.zeros(3)
     u = np.zeros(N_INPUTS)
     u[-1] = 1.0

@@ -12,9 +12,9 @@ from ps_fmu.mechanism.parameters import load
 from ps_fmu.theory.state_space import (
     BASE_WRENCH,
     FINE_FORCES,
+    OUTPUT_NAMES,
     closed_loop,
     controller_system,
-    output_names,
     plant_system,
 )
 from ps_fmu.theory.transfer_matrices import Practical
@@ -24,7 +24,7 @@ ROTATION = [f"payload_rotation_{axis}" for axis in "xyz"]
 
 
 def model_of(parameters):
-    plant = Plant(parameters.manipulator, parameters.payload, parameters.bus, parameters.servo, parameters.optics)
+    plant = Plant.from_parameters(parameters)
     return plant.linearise(np.zeros(3))
 
 
@@ -37,7 +37,7 @@ def test_names_are_those_of_the_fmu() -> None:
     from support.models import slave_class
 
     layout = slave_class("manipulator_plant").layout
-    assert output_names() == [layout.by_reference[i].name.replace(".", "_") for i in range(layout.y.stop)]
+    assert [layout.by_reference[i].name.replace(".", "_") for i in range(layout.y.stop)] == OUTPUT_NAMES
     inputs = [layout.by_reference[i].name.replace(".", "_") for i in range(layout.u.start, layout.u.stop)]
     assert inputs == FINE_FORCES + BASE_WRENCH
 

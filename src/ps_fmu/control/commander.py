@@ -6,14 +6,15 @@ A target is accepted when it and the path to it are reachable; otherwise the mot
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 
 import numpy as np
 
-from ..mechanism.inverse_kinematics import InversePose, Solver, descend, inverse_kinematics
+from ..mechanism.geometry import Geometry
+from ..mechanism.inverse_kinematics import InversePose, Solver, descend, inverse_kinematics, trilaterate
 from ..mechanism.kinematics import KinematicsError
-from ..mechanism.parameters import Array, Geometry
-from ..mechanism.quantities import Checked, check_number, quantity
+from ..mechanism.parameters import Manipulator, Parameters
+from ..mechanism.quantities import Array, Checked, check_number, group, quantity
 from ..mechanism.reachability import stroke_margin, why_unreachable
 from .profile import Limits, Profile, State, plan
 
@@ -68,12 +69,33 @@ class Decision:
 
 @dataclass(frozen=True, eq=False)
 class Commander:
-    """Plans motions and computes their commands; without state of its own."""
+    """Plans motions and computes their commands; without state of its own.
 
-    geometry: Geometry
-    solver: Solver
-    limits: Limits | None
-    """None: follow the target at once, without a profile."""
+    Its scalars are the parameters of the FMU.
+    """
+
+    manipulator: Manipulator = group(flat=True, keep=is_geometric)
+    limits: Limits = group(flat=True)
+    algorithm_1: Algorithm1 = group()
+    use_algorithm_1: bool = quantity(
+        "", "Inverse kinematics by the paper's Algorithm 1; false: closed-form trilateration"
+    )
+    follow: bool = quantity("", "Follow the target at once, without a profile: for hosts with smooth targets")
+
+    @classmethod
+    def from_parameters(cls, p: Parameters) -> Commander:
+        """The commander of a parameter set, with the default limits and the closed-form kinematics."""
+        return cls(p.manipulator, DEFAULT_LIMITS, DEFAULT_ALGORITHM_1, use_algorithm_1=False, follow=False)
+
+    @property
+    def geometry(self) -> Geometry:
+        """Joints, nominal pose and stroke."""
+        return self.manipulator.geometry
+
+    @cached_property
+    def solver(self) -> Solver:
+        """The chosen method of inverse kinematics."""
+        return self.algorithm_1.solver() if self.use_algorithm_1 else trilaterate
 
     def begin(self, target: Array) -> Decision:
         """Rest at the target; at the nominal pose if the target is unreachable."""
@@ -87,7 +109,7 @@ class Commander:
             return Decision(profile, refusal)
         if same_target(target, profile.target):
             return Decision(profile, None)
-        if self.limits is None:
+        if self.follow:
             return Decision(Profile.hold(target, time), None)
         new = plan(time, profile.at(time), target, self.limits)
         refusal = self.refusal(new.at(np.linspace(time, new.end_time, _PATH_POSES)).position)
@@ -133,8 +155,12 @@ def same_target(a: Array, b: Array) -> bool:
     return bool(np.all(np.abs(a - b) <= TARGET_RESOLUTION))
 
 
+#: Numbers that a profile is kept in.
+N_PROFILE = 18
+
+
 def to_numbers(profile: Profile) -> Array:
-    """A profile as 18 numbers, for the FMU state."""
+    """A profile as N_PROFILE numbers, for the FMU state."""
     times = (profile.start_time, profile.brake, profile.transfer)
     return np.concatenate([times, *profile.start, profile.target])
 
@@ -142,5 +168,5 @@ def to_numbers(profile: Profile) -> Array:
 def from_numbers(numbers: Array) -> Profile:
     """Inverse of :func:`to_numbers`."""
     start_time, brake, transfer = (float(number) for number in numbers[:3])
-    *start, target = np.array(numbers[3:18]).reshape(5, 3)
+    *start, target = np.array(numbers[3:N_PROFILE]).reshape(5, 3)
     return Profile(start_time, brake, transfer, State(*start), target)

@@ -126,8 +126,8 @@ class Controller:
 
     @property
     def n_states(self) -> int:
-        """12 + 3 x low-pass order."""
-        return 12 + 3 * self.lowpass.order
+        """Size of ``x``."""
+        return count_states(self.lowpass.order)
 
     def matrices(self) -> tuple[Array, Array, Array, Array]:
         """A, B, C, D of ``x' = A x + B a``, ``f = C x + D a``."""
@@ -162,9 +162,14 @@ class Controller:
         return C, low.d * self.gains.acceleration
 
 
+def count_states(order: int) -> int:
+    """Size of the state of a controller with a low-pass of an order."""
+    return 12 + 3 * order
+
+
 def _filters(lowpass: Lowpass, filters: FeedforwardFilters) -> tuple[Array, Array]:
     """A and B of ``x' = A x + B [q_b''; K_a q_b'']``, (n, n) and (n, 9): the part that no pose changes."""
-    n, omega = 12 + 3 * lowpass.order, 2.0 * np.pi * filters.highpass_frequency
+    n, omega = count_states(lowpass.order), 2.0 * np.pi * filters.highpass_frequency
     A, B = np.zeros((n, n)), np.zeros((n, 9))
     p, v = slice(0, 6), slice(6, 12)
     A[p, v] = np.eye(6)

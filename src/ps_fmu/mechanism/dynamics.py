@@ -141,6 +141,11 @@ class System:
         C[on_rods, on_rods] = 2.0 * rods.damping_ratio * np.sqrt(rods.axial_stiffness * M[on_rods, on_rods])
         return Dynamics(pose, J, legs, M, C, K, M[:, e_c].copy(), active, self._slices)
 
+    @property
+    def n(self) -> int:
+        """Number of coordinates, inactive ones included."""
+        return self._slices[GROUPS[-1]].stop
+
     @cached_property
     def _slices(self) -> dict[str, slice]:
         n_bus, n_truss = len(self.bus.modes), len(self.payload.truss_modes)

@@ -19,6 +19,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,45 +28,83 @@ from .discretisation import held_step_map, zero_order_hold
 from .dynamics import Dynamics, Pose, System
 from .forward_kinematics import forward_kinematics
 from .kinematics import KinematicsError
-from .parameters import Bus, CoarseServo, Manipulator, Optics, ParameterError, Payload
+from .parameters import Bus, CoarseServo, Manipulator, Optics, Parameters, Payload
+from .quantities import ParameterError, group
 from .rotations import orientation_rate_map
 
 Array = NDArray[np.float64]
 
-#: Groups of outputs and their sizes, in the order of ``y``.
-OUTPUTS: dict[str, int] = {
-    "base_acceleration": 3,  # m/s2, of the origin of B, B axes
-    "base_angular_acceleration": 3,  # rad/s2, B axes
-    "base_velocity": 3,  # m/s
-    "base_angular_velocity": 3,  # rad/s
-    "base_position": 3,  # m, displacement from the start
-    "base_rotation": 3,  # rad, small rotation from the start, B axes
-    "payload_position": 3,  # m, displacement of the origin of P by vibration, B axes
-    "payload_rotation": 3,  # rad, small rotation by vibration (jitter), P axes
-    "fine_displacement": 3,  # m
-    "coarse_displacement": 3,  # m, actuator displacement from the nominal length
-    "orientation": 3,  # rad, nominal roll, pitch, yaw: coarse actuators alone
-    "relative_orientation": 3,  # rad, roll, pitch, yaw of P relative to B with fine legs and rod stretch
-    "los": 2,  # m, image point of the boresight (z of P), x and y of P
-}
+_XYZ, _RPY, _123 = ("x", "y", "z"), ("roll", "pitch", "yaw"), ("1", "2", "3")
 
 
+class Signal(NamedTuple):
+    """A vector among the outputs."""
+
+    name: str
+    components: tuple[str, ...]
+    unit: str
+    description: str
+    nominal: float
+    """Magnitude under the default disturbance, or in a slew."""
+    display_unit: str | None = None
+    starts_at_zero: bool = True
+    """Zero at the start whatever the inputs are: the system begins at rest and undeformed."""
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the components: ``base_position.x``, ``fine_displacement_1``."""
+        joint = "_" if self.components == _123 else "."
+        return [f"{self.name}{joint}{component}" for component in self.components]
+
+
+#: Groups of outputs, in the order of ``y``.
+OUTPUTS = (
+    Signal("base_acceleration", _XYZ, "m/s2", "Acceleration of the origin of B, in B", 1e-3, starts_at_zero=False),
+    Signal("base_angular_acceleration", _XYZ, "rad/s2", "Angular acceleration of B, in B", 1e-3, starts_at_zero=False),
+    Signal("base_velocity", _XYZ, "m/s", "Velocity of the origin of B, in B", 1e-5),
+    Signal("base_angular_velocity", _XYZ, "rad/s", "Angular velocity of B, in B", 1e-5),
+    Signal("base_position", _XYZ, "m", "Displacement of the origin of B since the start, in B", 1e-5, "um"),
+    Signal("base_rotation", _XYZ, "rad", "Small rotation of B since the start, in B", 1e-5, "urad"),
+    Signal("payload_position", _XYZ, "m", "Displacement of the origin of P by vibration, in B", 1e-5, "um"),
+    Signal("payload_rotation", _XYZ, "rad", "Small rotation of P by vibration (jitter), in P", 1e-6, "urad"),
+    Signal("fine_displacement", _123, "m", "Elongation of a fine leg", 1e-6, "um"),
+    Signal(
+        "coarse_displacement", _123, "m", "Displacement of a coarse actuator from its nominal length", 0.01, "mm", False
+    ),
+    Signal(
+        "orientation", _RPY, "rad", "Nominal orientation of P in B, by the coarse actuators alone", 0.1, "deg", False
+    ),
+    Signal(
+        "relative_orientation", _RPY, "rad", "Orientation of P in B with fine legs and rod stretch", 0.1, "deg", False
+    ),
+    Signal("los", ("x", "y"), "m", "Image point of the boresight on the image plane, axes of P", 1e-6, "um"),
+)
+
+#: Size of ``y``.
+N_OUTPUTS = sum(len(signal.components) for signal in OUTPUTS)
 #: Size of ``u``.
 N_INPUTS = 19
+#: Fine forces and base wrench, the first inputs: what acts from outside.
+N_LOADS = 9
 
 
 def output_slices() -> dict[str, slice]:
     """Place of each group in ``y``."""
     places, start = {}, 0
-    for name, size in OUTPUTS.items():
-        places[name] = slice(start, start + size)
-        start += size
+    for signal in OUTPUTS:
+        places[signal.name] = slice(start, start + len(signal.components))
+        start += len(signal.components)
     return places
 
 
 def servo_slices(n: int) -> tuple[slice, slice, slice]:
     """Places of ``s``, ``s'`` and ``r`` in the state, for n coordinates."""
-    return slice(2 * n, 2 * n + 3), slice(2 * n + 3, 2 * n + 6), slice(2 * n + 6, 2 * n + 9)
+    return slice(2 * n, 2 * n + 3), slice(2 * n + 3, 2 * n + 6), slice(2 * n + 6, count_states(n))
+
+
+def count_states(n: int) -> int:
+    """Size of ``x`` for n coordinates."""
+    return 2 * n + 9
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,8 +127,8 @@ class PlantModel:
 
     @property
     def n_states(self) -> int:
-        """Size of ``x``: 2 n + 9."""
-        return 2 * self.dynamics.n + 9
+        """Size of ``x``."""
+        return count_states(self.dynamics.n)
 
     def matrices(self) -> tuple[Array, Array, Array, Array]:
         """A, B, C, D of ``x' = A x + B u``, ``y = C x + D u``."""
@@ -122,8 +161,7 @@ class PlantModel:
         J = d.jacobians
         R_PB = d.pose.rotation_BP.T
         place = output_slices()
-        p = sum(OUTPUTS.values())
-        C, D = np.zeros((p, self.n_states)), np.zeros((p, N_INPUTS))
+        C, D = np.zeros((N_OUTPUTS, self.n_states)), np.zeros((N_OUTPUTS, N_INPUTS))
         q_b = d.slices["q_b"]
         t_b, r_b = slice(q_b.start, q_b.start + 3), slice(q_b.start + 3, q_b.stop)
         dt_b, dr_b = slice(n + t_b.start, n + t_b.stop), slice(n + r_b.start, n + r_b.stop)
@@ -175,13 +213,23 @@ class PlantModel:
 
 @dataclass(frozen=True, eq=False)
 class Plant:
-    """The system whose plant models are asked for."""
+    """What the plant FMU simulates; its scalars are the parameters of the FMU."""
 
-    manipulator: Manipulator
-    payload: Payload
-    bus: Bus
-    servo: CoarseServo
-    optics: Optics
+    manipulator: Manipulator = group(flat=True)
+    payload: Payload = group()
+    bus: Bus = group()
+    servo: CoarseServo = group()
+    optics: Optics = group()
+
+    @classmethod
+    def from_parameters(cls, p: Parameters) -> Plant:
+        """The plant of a parameter set."""
+        return cls(p.manipulator, p.payload, p.bus, p.servo, p.optics)
+
+    @property
+    def n_states(self) -> int:
+        """Size of the state of its models."""
+        return count_states(self._system.n)
 
     def linearise(self, coarse_displacement: Array) -> PlantModel:
         """The model about the pose of given coarse displacements (3,), m, with the fine legs at their nominal length.

@@ -26,6 +26,9 @@ from .quantities import Array, Checked, ParameterError, check_inertia, freeze, q
 
 PAPER = Path(__file__).with_name("paper.toml")
 
+#: Order of the low-pass M(s) that the isolator has states for.
+LARGEST_ORDER = 9
+
 
 @dataclass(frozen=True)
 class LegPart(Checked):
@@ -203,7 +206,9 @@ class Optics(Checked):
 class FeedforwardFilters(Checked):
     """Filters of the practical controller (eq 55): Chebyshev II low-pass M(s), high-pass inside H1(s) and H2(s)."""
 
-    lowpass_order: int = quantity("1", "Order of the Chebyshev type II low-pass M(s), odd", at_least=1, at_most=9)
+    lowpass_order: int = quantity(
+        "1", "Order of the Chebyshev type II low-pass M(s), odd", at_least=1, at_most=LARGEST_ORDER
+    )
     lowpass_stop_frequency: float = quantity("Hz", "Stop-band edge of the low-pass", above=0.0)
     lowpass_stop_attenuation: float = quantity(
         "dB", "Stop-band attenuation of the low-pass", above=0.0, at_most=200.0  # doubles hold 300
@@ -214,9 +219,9 @@ class FeedforwardFilters(Checked):
     def __post_init__(self) -> None:
         order = self.lowpass_order
         # An even order passes 10^(-attenuation/20) straight through: an algebraic loop with the plant.
-        if isinstance(order, bool | np.ndarray) or order not in (1, 3, 5, 7, 9):
+        if isinstance(order, bool | np.ndarray) or order not in range(1, LARGEST_ORDER + 1, 2):
             raise ParameterError(
-                "lowpass_order", f"expected an odd whole number from 1 to 9, got {reprlib.repr(order)}"
+                "lowpass_order", f"expected an odd whole number from 1 to {LARGEST_ORDER}, got {reprlib.repr(order)}"
             )
         self._set("lowpass_order", int(order))
         self._numbers(

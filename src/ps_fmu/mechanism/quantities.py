@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import reprlib
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, fields, is_dataclass, replace
+from dataclasses import Field, dataclass, field, fields, is_dataclass, replace
 from typing import Any, TypeVar
 
 import numpy as np
@@ -49,6 +49,17 @@ def quantity(
     """A dataclass field with its unit and description, for a number also its bounds and the unit to display it in."""
     bounds = {"above": above, "at_least": at_least, "at_most": at_most}
     return field(metadata={"unit": unit, "description": description, "bounds": bounds, "display": display})
+
+
+def group(*, flat: bool = False, keep: Callable[[str], bool] | None = None) -> Any:
+    """A dataclass field that holds other parameter dataclasses.
+
+    Parameters
+    ----------
+    flat: the names of what is inside begin without the name of the field.
+    keep: the names for which it is true are listed; the others keep their values.
+    """
+    return field(metadata={"flat": flat, "keep": keep})
 
 
 def freeze(value: Any, shape: tuple[int, ...], name: str) -> Array:
@@ -156,14 +167,9 @@ def list_entries(obj: Any, prefix: str = "", keep: Callable[[str], bool] | None 
     """
     found: list[Entry] = []
     for f in fields(obj):
-        value, name = getattr(obj, f.name), _join(prefix, _public(f.name))
+        value, name = getattr(obj, f.name), _field_name(f, prefix)
         unit, text = f.metadata.get("unit", ""), f.metadata.get("description", "")
-        if is_dataclass(value):
-            found += list_entries(value, name)
-        elif isinstance(value, tuple):
-            for i, item in enumerate(value, 1):
-                found += list_entries(item, f"{_singular(name)}_{i}")
-        elif isinstance(value, np.ndarray):
+        if isinstance(value, np.ndarray):
             found += [
                 Entry(
                     f"{name}.{suffix}",
@@ -171,13 +177,26 @@ def list_entries(obj: Any, prefix: str = "", keep: Callable[[str], bool] | None 
                     _unit(unit, index, value.ndim),
                     f"{text} ({suffix})",
                 )
-                for suffix, index in _components(f.name, value)
+                for suffix, index in _components(value)
             ]
-        else:
+        elif isinstance(value, float | bool | int | str):
             bounds, display = f.metadata["bounds"], f.metadata["display"]
             minimum = bounds["above"] if bounds["at_least"] is None else bounds["at_least"]
             found.append(Entry(name, value, unit, text, minimum, bounds["at_most"], display))
+        else:
+            within = f.metadata.get("keep")
+            for inner, item in _list_dataclasses(value, name):
+                found += list_entries(item, inner, within)
     return found if keep is None else [e for e in found if keep(e.name)]
+
+
+def _list_dataclasses(value: Any, name: str) -> list[tuple[str, Any]]:
+    """Prefix and value of each parameter dataclass in a field: one, a tuple of several, or a mapping of both."""
+    if isinstance(value, tuple):
+        return [(f"{_singular(name)}_{i}", item) for i, item in enumerate(value, 1)]
+    if isinstance(value, Mapping):
+        return [pair for key, item in value.items() for pair in _list_dataclasses(item, _join(name, key))]
+    return [(name, value)]
 
 
 def replace_values(obj: T, values: Mapping[str, Any], prefix: str = "") -> T:
@@ -201,31 +220,31 @@ def take_values(obj: T, values: Mapping[str, Any], prefix: str = "") -> T:
 
 
 def _replaced(obj: Any, values: Mapping[str, Any], prefix: str) -> Any:
-    changes: dict[str, Any] = {}
-    for f in fields(obj):
-        value, name = getattr(obj, f.name), _join(prefix, _public(f.name))
-        if is_dataclass(value):
-            changes[f.name] = _replaced(value, values, name)
-        elif isinstance(value, tuple):
-            changes[f.name] = tuple(
-                _replaced(item, values, f"{_singular(name)}_{i}") for i, item in enumerate(value, 1)
-            )
-        elif isinstance(value, np.ndarray):
-            array = value.copy()
-            for suffix, index in _components(f.name, value):
-                array[index] = values.get(f"{name}.{suffix}", array[index])
-                array[index[::-1]] = array[index]
-            changes[f.name] = array
-        else:
-            changes[f.name] = values.get(name, value)
+    changes = {f.name: _replaced_value(getattr(obj, f.name), values, _field_name(f, prefix)) for f in fields(obj)}
     try:
         return replace(obj, **changes)
     except ParameterError as error:
         raise ParameterError(_join(prefix, error.name), error.problem) from None
 
 
-def _components(field_name: str, value: Any) -> list[tuple[str, tuple[int, ...]]]:
-    """(suffix, index) of each independent component of an array field."""
+def _replaced_value(value: Any, values: Mapping[str, Any], name: str) -> Any:
+    if is_dataclass(value):
+        return _replaced(value, values, name)
+    if isinstance(value, tuple):
+        return tuple(_replaced(item, values, inner) for inner, item in _list_dataclasses(value, name))
+    if isinstance(value, Mapping):
+        return {key: _replaced_value(item, values, _join(name, key)) for key, item in value.items()}
+    if not isinstance(value, np.ndarray):
+        return values.get(name, value)
+    array = value.copy()
+    for suffix, index in _components(value):
+        array[index] = values.get(f"{name}.{suffix}", array[index])
+        array[index[::-1]] = array[index]
+    return array
+
+
+def _components(value: Array) -> list[tuple[str, tuple[int, ...]]]:
+    """(suffix, index) of each independent component of an array."""
     if value.ndim == 2:
         axes = AXES if value.shape[0] == 3 else WRENCH_AXES
         separator = "" if value.shape[0] == 3 else "_"
@@ -233,6 +252,10 @@ def _components(field_name: str, value: Any) -> list[tuple[str, tuple[int, ...]]
         return [(f"{axes[i]}{separator}{axes[j]}", (i, j)) for i in range(n) for j in range(i, n)]
     names = {2: ("min", "max"), 3: AXES, 6: TWIST_AXES}[value.shape[0]]
     return [(suffix, (i,)) for i, suffix in enumerate(names)]
+
+
+def _field_name(f: Field[Any], prefix: str) -> str:
+    return prefix if f.metadata.get("flat") else _join(prefix, _public(f.name))
 
 
 def _unit(unit: str, index: tuple[int, ...], ndim: int) -> str:

@@ -32,6 +32,10 @@ Array = NDArray[np.float64]
 AT_REST = 1e-12
 
 
+#: Numbers that a :class:`Convection` is kept in.
+N_CONVECTION = 8
+
+
 class Convection(NamedTuple):
     """Momentum that changes of pose have taken from the model and that the bus has yet to be given."""
 
@@ -40,9 +44,13 @@ class Convection(NamedTuple):
     remaining: float = 0.0  # s, time over which the rest is given
 
     @classmethod
-    def none(cls) -> Convection:
-        """At rest."""
-        return cls(np.zeros(6))
+    def read(cls, numbers: Array) -> Convection:
+        """From N_CONVECTION numbers, as :meth:`write` leaves them; zeros: at rest."""
+        return cls(numbers[:6], *numbers[6:].tolist())
+
+    def write(self, numbers: Array) -> None:
+        """Into N_CONVECTION numbers, for the FMU state."""
+        numbers[:6], numbers[6], numbers[7] = self
 
     def at_new_pose(self, taken: Array) -> Convection:
         """A new model has been made; its velocities stand for ``taken`` (6,) less momentum."""

@@ -20,7 +20,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..control.feedforward import Controller, lowpass
+from ..control.feedforward import Controller
 from ..control.isolator import Isolator
 from ..mechanism.inverse_kinematics import inverse_kinematics
 from ..mechanism.linear_model import Plant, PlantModel
@@ -195,10 +195,7 @@ def delay_limit_by_bisection(loop: Loop, longest: float, tolerance: float = 1e-6
 
 def loop_at(parameters: Parameters, orientation: ArrayLike = (0.0, 0.0, 0.0), delay: float = 0.0) -> Loop:
     """The loop at an orientation (3,), roll, pitch, yaw, rad, with the centre of mass that the isolator assumes."""
-    p = parameters
-    plant = Plant(p.manipulator, p.payload, p.bus, p.servo, p.optics)
-    known = replace(p.payload, com_P=p.known_com_P)
-    return loop_of(plant, Isolator(p.manipulator, known, p.filters, lowpass(p.filters)), orientation, delay)
+    return loop_of(Plant.from_parameters(parameters), Isolator.from_parameters(parameters), orientation, delay)
 
 
 def loop_of(plant: Plant, isolator: Isolator, orientation: ArrayLike, delay: float) -> Loop:

@@ -10,26 +10,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..control.feedforward import Controller
-from ..mechanism.linear_model import N_INPUTS, OUTPUTS, PlantModel
+from ..mechanism.linear_model import N_INPUTS, N_LOADS, OUTPUTS, PlantModel
 
 if TYPE_CHECKING:
     from control import StateSpace
 
-_XYZ, _RPY, _123 = ("x", "y", "z"), ("roll", "pitch", "yaw"), ("1", "2", "3")
-_NUMBERED = ("fine_force", "fine_displacement", "coarse_displacement")
-
-FINE_FORCES = [f"fine_force_{i}" for i in _123]  # N
-BASE_WRENCH = [f"base_{kind}_{axis}" for kind in ("force", "torque") for axis in _XYZ]  # N, N.m, in B at its origin
-BASE_ACCELERATION = [f"base_{kind}_{axis}" for kind in ("acceleration", "angular_acceleration") for axis in _XYZ]
-
-
-def output_names() -> list[str]:
-    """Names of the plant's outputs, in the order of :data:`.linear_model.OUTPUTS`."""
-    names = []
-    for group, size in OUTPUTS.items():
-        suffixes = _RPY if "orientation" in group else _123 if group in _NUMBERED else _XYZ[:size]
-        names += [f"{group}_{suffix}" for suffix in suffixes]
-    return names
+FINE_FORCES = [f"fine_force_{i}" for i in (1, 2, 3)]  # N
+BASE_WRENCH = [f"base_{kind}_{axis}" for kind in ("force", "torque") for axis in "xyz"]  # N, N.m, in B at its origin
+OUTPUT_NAMES = [name.replace(".", "_") for signal in OUTPUTS for name in signal.names]
+BASE_ACCELERATION = OUTPUT_NAMES[:6]
 
 
 def plant_system(model: PlantModel) -> StateSpace:
@@ -42,14 +31,14 @@ def plant_system(model: PlantModel) -> StateSpace:
     A, B, C, D = model.matrices()
     d = model.dynamics
     moving = np.concatenate([d.active, d.active, np.zeros(model.n_states - 2 * d.n, dtype=bool)])
-    inputs = np.arange(N_INPUTS) < 9
+    inputs = np.arange(N_INPUTS) < N_LOADS
     return ss(
         A[np.ix_(moving, moving)],
         B[np.ix_(moving, inputs)],
         C[:, moving],
         D[:, inputs],
         inputs=FINE_FORCES + BASE_WRENCH,
-        outputs=output_names(),
+        outputs=OUTPUT_NAMES,
         name="plant",
     )
 
@@ -74,8 +63,8 @@ def closed_loop(model: PlantModel, controller: Controller) -> StateSpace:
             + [[f"plant.{name}", f"isolator.{name}"] for name in FINE_FORCES],
             inplist=[f"plant.{name}" for name in BASE_WRENCH],
             inputs=BASE_WRENCH,
-            outlist=[f"plant.{name}" for name in output_names()],
-            outputs=output_names(),
+            outlist=[f"plant.{name}" for name in OUTPUT_NAMES],
+            outputs=OUTPUT_NAMES,
             name="closed_loop",
         )
     )

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from ....cosim import Column
 from ....disturbance.recorded import HEADER as RECORDING
-from ....interface.parameter_sets import plant_and_isolator
+from ....interface.parameter_sets import build_plant_and_isolator
 from ....pointing.poles import rightmost, slowest_mode
 from ....results.observers.sampler import SampleObserver
 from ....results.report import Picture, draw_pictures
@@ -185,7 +185,7 @@ def _respond(system: RunSystem, options: RunOptions, case: str, delay_s: float, 
     name = f"{case}_{1e3 * delay_s:g}ms_active" if enabled else f"{case}_passive"
     values = {**values_of(case), "isolator.enabled": enabled, "isolator.delay": delay_s if enabled else 0.0}
     outcome, record = run_case(system, options, Case(name, values), lambda columns: _Record(columns, rows.tolist()))
-    plant, isolator = plant_and_isolator(system.structure.with_parameters(values))
+    plant, isolator = build_plant_and_isolator(system.structure.with_parameters(values))
     loop = loop_of(plant, isolator, record.samples.values(*POSE)[0], delay_s + options.step_s)
     return Response(
         case=case,

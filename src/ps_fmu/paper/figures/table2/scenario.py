@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ....interface.parameter_sets import not_of_the_paper
+from ....interface.parameter_sets import list_departures
 from ....results import plots
 from ....results.report import Picture
 from ....results.tables import Table, format_number
@@ -138,7 +138,7 @@ def period_s(duration_s: float) -> float:
 def _off_axis(system: RunSystem, found: Mapping[str, Comparison]) -> str:
     """What is to be said of the second axis; nothing is where parameter files make another system of it."""
     given = {name: entry.value for name, entry in system.given.items()}
-    if others := not_of_the_paper(given):
+    if others := list_departures(given):
         return (
             f"Parameter files set {others[0]}{f' and {len(others) - 1} more' if others[1:] else ''}: the runs are of "
             "that system; the columns 'published' and 'identified', and what differs from them, are of the paper's."

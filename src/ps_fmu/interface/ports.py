@@ -1,0 +1,69 @@
+"""FMI variables made from the physics: parameters from the dataclasses, outputs from the model's own list."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Iterable
+from typing import Any, TypeVar
+
+from ..mechanism.linear_model import Signal
+from ..mechanism.quantities import ParameterError, list_entries
+from ..slavekit.author.guard import ModelError
+from ..slavekit.author.variables import Port, Type
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+_DISPLAY = {"rad": "deg"}
+_TYPES: dict[type, Type] = {bool: "Boolean", int: "Integer", str: "String"}
+
+
+def make_parameter_ports(component: Any) -> tuple[Port, ...]:
+    """A parameter port for each scalar of a dataclass, of the type of its value, which is the start value."""
+    ports = []
+    for entry in list_entries(component):
+        kind = _TYPES.get(type(entry.value), "Real")
+        real = kind == "Real"
+        ports.append(
+            Port(
+                entry.name,
+                "parameter",
+                entry.unit if real else "1",
+                entry.description,
+                type=kind,
+                start=entry.value,
+                min=entry.minimum,
+                max=entry.maximum,
+                display_unit=entry.display or _DISPLAY.get(entry.unit) if real else None,
+            )
+        )
+    return tuple(ports)
+
+
+def make_output_ports(signals: Iterable[Signal]) -> tuple[Port, ...]:
+    """An output port for each component of the signals, in their order."""
+    return tuple(
+        Port(
+            name,
+            "output",
+            signal.unit,
+            f"{signal.description}, {component}",
+            nominal=signal.nominal,
+            display_unit=signal.display_unit,
+            initially_depends_on=() if signal.starts_at_zero else None,
+        )
+        for signal in signals
+        for name, component in zip(signal.names, signal.components, strict=True)
+    )
+
+
+def refuse_parameters(method: F) -> F:
+    """For methods of slaves: a ParameterError, which names the parameter, becomes a refusal, a ModelError."""
+
+    @functools.wraps(method)
+    def wrapper(self: Any, *args: Any) -> Any:
+        try:
+            return method(self, *args)
+        except ParameterError as error:
+            raise ModelError(str(error)) from None
+
+    return wrapper  # type: ignore[return-value]
