@@ -6,8 +6,7 @@ import functools
 from collections.abc import Callable, Iterable
 from typing import Any, TypeVar
 
-from ..mechanism.linear_model import Signal
-from ..mechanism.quantities import ParameterError, list_entries
+from ..mechanism.quantities import ParameterError, Signal, list_entries
 from ..slavekit.author.guard import ModelError
 from ..slavekit.author.variables import Port, Type
 

@@ -19,7 +19,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,33 +28,12 @@ from .dynamics import Dynamics, Pose, System
 from .forward_kinematics import forward_kinematics
 from .kinematics import KinematicsError
 from .parameters import Bus, CoarseServo, Manipulator, Optics, Parameters, Payload
-from .quantities import ParameterError, group
+from .quantities import ParameterError, Signal, group
 from .rotations import orientation_rate_map
 
 Array = NDArray[np.float64]
 
 _XYZ, _RPY, _123 = ("x", "y", "z"), ("roll", "pitch", "yaw"), ("1", "2", "3")
-
-
-class Signal(NamedTuple):
-    """A vector among the outputs."""
-
-    name: str
-    components: tuple[str, ...]
-    unit: str
-    description: str
-    nominal: float
-    """Magnitude under the default disturbance, or in a slew."""
-    display_unit: str | None = None
-    starts_at_zero: bool = True
-    """Zero at the start whatever the inputs are: the system begins at rest and undeformed."""
-
-    @property
-    def names(self) -> list[str]:
-        """Names of the components: ``base_position.x``, ``fine_displacement_1``."""
-        joint = "_" if self.components == _123 else "."
-        return [f"{self.name}{joint}{component}" for component in self.components]
-
 
 #: Groups of outputs, in the order of ``y``.
 OUTPUTS = (

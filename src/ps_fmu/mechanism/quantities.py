@@ -12,7 +12,7 @@ from __future__ import annotations
 import reprlib
 from collections.abc import Callable, Mapping
 from dataclasses import Field, dataclass, field, fields, is_dataclass, replace
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -139,6 +139,26 @@ class Checked:
         for f in fields(self):  # type: ignore[arg-type]  # every subclass is a dataclass
             if f.name in names:
                 self._set(f.name, check_number(getattr(self, f.name), f.name, **f.metadata["bounds"]))
+
+
+class Signal(NamedTuple):
+    """A vector that a model puts out."""
+
+    name: str
+    components: tuple[str, ...]
+    unit: str
+    description: str
+    nominal: float
+    """Magnitude under the default disturbance, or in a slew."""
+    display_unit: str | None = None
+    starts_at_zero: bool = True
+    """Zero at the start whatever the inputs are: the system begins at rest and undeformed."""
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the components: ``base_position.x``, ``fine_displacement_1``."""
+        joint = "_" if self.components[0].isdigit() else "."
+        return [f"{self.name}{joint}{component}" for component in self.components]
 
 
 @dataclass(frozen=True)

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
+from ..cosim import Value
+from ..interface.parameter_sets import start_values
 from ..mechanism.parameters import Parameters, load
-from ..mechanism.quantities import list_entries
 from . import published
 
-if TYPE_CHECKING:
-    from ..cosim import Value
-
 CASES = ("OSM", "LSM", "LDOSM", "LDLSM")
+_DAMPING = re.compile(r"(plant|isolator)\.fine_leg_\d\.damping")
 SUSPENSION = (2.0, 20.0)  # Hz: above the modes of the bus, below those of rods and truss
 
 
@@ -35,10 +34,6 @@ def values_of(case: str) -> dict[str, Value]:
     The whole bus, also what is as in paper.toml and :func:`.parameter_sets.differences` would leave out: a case is
     that of the paper whatever bus and damping the user's parameter files have.
     """
-    p = parameters_of(case)
-    bus = list_entries(p.bus, "bus")
-    values: dict[str, Value] = {f"plant.{entry.name}": entry.value for entry in bus}
-    values |= {f"disturbance.{entry.name}": entry.value for entry in bus if entry.name.startswith("bus.com.")}
-    for i, leg in enumerate(p.manipulator.fine_legs, 1):
-        values |= {f"{component}.fine_leg_{i}.damping": leg.damping for component in ("plant", "isolator")}
-    return values
+    of_bus = ("plant.bus.", "disturbance.bus.com.")
+    values = start_values(parameters_of(case))
+    return {name: value for name, value in values.items() if name.startswith(of_bus) or _DAMPING.fullmatch(name)}
