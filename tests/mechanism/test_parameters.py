@@ -232,7 +232,7 @@ def test_names_are_plain_and_unique() -> None:
 
 
 def test_flat_values_come_back() -> None:
-    """entries -> with_values is the identity, and each entry reaches its own place only."""
+    """list_entries -> replace_values is the identity, and each entry reaches its own place only."""
     bus = load().bus
     flat = {entry.name: entry.value for entry in list_entries(bus, "bus")}
     assert list_entries(replace_values(bus, flat, "bus"), "bus") == list_entries(bus, "bus")
