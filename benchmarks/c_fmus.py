@@ -18,7 +18,7 @@ from ps_fmu.cosim.structure import Component
 from ps_fmu.slavekit.author.core import by_columns
 from ps_fmu.slavekit.author.slave import Slave
 from ps_fmu.slavekit.launcher.compile import LAUNCHER
-from ps_fmu.slavekit.pack.c_program import Program, Target
+from ps_fmu.slavekit.launcher.c_program import Program, Target
 
 PLATFORM = "linux64"
 MODEL = Program(

@@ -20,7 +20,7 @@ from typing import Any
 from calls import cost
 from fmpy import extract, read_model_description
 
-from ps_fmu.slavekit.pack.c_program import Program, Target
+from ps_fmu.slavekit.launcher.c_program import Program, Target
 
 HERE = Path(__file__).resolve().parent
 PROGRAM = Program(

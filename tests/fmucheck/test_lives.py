@@ -14,7 +14,7 @@ from ps_fmu.fmucheck import fmu_check, lives, stages
 from ps_fmu.fmucheck.fmu_check import NOT_RUN, PASSED, check_fmu
 from ps_fmu.fmucheck.host.compile import HOST
 from ps_fmu.fmucheck.reading import read
-from ps_fmu.slavekit.pack.c_program import fmi_headers
+from ps_fmu.slavekit.launcher.c_program import fmi_headers
 
 SOURCES = Path(__file__).parent / "native"
 DESCRIPTION = (SOURCES / "modelDescription.xml").read_text()

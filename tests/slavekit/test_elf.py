@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from ps_fmu.slavekit.pack.c_program import fmi_headers
+from ps_fmu.slavekit.launcher.c_program import fmi_headers
 from ps_fmu.slavekit.pack.elf import loaded
 
 SOURCE = "int answer(void) { static int calls; return 41 + ++calls; }\n"

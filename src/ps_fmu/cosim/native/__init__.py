@@ -1,13 +1,13 @@
 """The master's loop in C, which :mod:`..compiled` uses.
 
-``python -m ps_fmu.cosim.native`` makes the library from ``loop.c``, see :mod:`ps_fmu.slavekit.pack.c_program`.
+``python -m ps_fmu.cosim.native`` makes the library from ``loop.c``, see :mod:`ps_fmu.slavekit.launcher.c_program`.
 """
 
 from __future__ import annotations
 
 from pathlib import Path
 
-from ...slavekit.pack.c_program import Program, Target
+from ...slavekit.launcher.c_program import Program, Target
 
 _LINUX = Target(
     "x86_64-linux-gnu.2.17",

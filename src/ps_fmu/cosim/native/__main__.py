@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 
-from ...slavekit.pack.c_program import CompileError
+from ...slavekit.launcher.c_program import CompileError
 from . import LOOP
 
 try:

@@ -1,11 +1,11 @@
-"""What the C host is compiled from, see :mod:`ps_fmu.slavekit.pack.c_program`.  As a program: compile it."""
+"""What the C host is compiled from, see :mod:`ps_fmu.slavekit.launcher.c_program`.  As a program: compile it."""
 
 from __future__ import annotations
 
 import sys
 from pathlib import Path
 
-from ...slavekit.pack.c_program import CompileError, Program, Target
+from ...slavekit.launcher.c_program import CompileError, Program, Target
 
 HOST = Program(
     "host",

@@ -11,17 +11,14 @@ import os
 import uuid
 from collections.abc import Callable, Iterable
 from datetime import UTC, datetime
-from typing import TYPE_CHECKING
 from xml.etree.ElementTree import Element, SubElement, tostring
 
 from pythonfmu.default_experiment import DefaultExperiment
 
 from ... import __version__
 from .units import define_units
+from .values import Values
 from .variables import Port, fmi_variable
-
-if TYPE_CHECKING:
-    from .slave import Slave
 
 CAPABILITIES = {
     # The FMU carries its code, but no interpreter unless it is bundled: the target needs a Python with numpy.
@@ -39,7 +36,7 @@ COPYRIGHT = "Copyright (c) 2026, The ps_fmu developers"
 DATE = datetime(2023, 2, 8, tzinfo=UTC)  # of the paper: builds of the same source have the same bytes
 
 
-def model_description(slave: Slave, pythonfmu_xml: Callable[[dict[str, str]], Element]) -> Element:
+def model_description(slave: Values, pythonfmu_xml: Callable[[dict[str, str]], Element]) -> Element:
     """The ``fmiModelDescription`` of a slave that has just been instantiated.
 
     Parameters

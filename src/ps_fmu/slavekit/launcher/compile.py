@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from ..pack.c_program import CompileError, Program, Target
+from .c_program import CompileError, Program, Target
 
 _HEADERS = (
     "text.h", "find.h", "python.h", "instance.h", "core.h", "kernel.h", "product.h", "native.h", "platform.h",

@@ -94,7 +94,7 @@ def bundle(modules: Sequence[str], requirements: Sequence[str] = ()) -> Bundle:
     notes = {
         "version": _VERSION,
         "library": f"lib/{libpython.name}",
-        "entries": ":".join((_ZIP, _DYNLOAD, _PACKAGES)),
+        "entries": ":".join((_ZIP, _DYNLOAD, *([_PACKAGES] if packages else []))),  # the launcher looks for all of them
         "packages": _PACKAGES,
         "preload": ":".join(f"lib/system/{name}" for name in sorted(libraries)),
     }

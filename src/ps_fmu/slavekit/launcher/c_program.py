@@ -97,7 +97,7 @@ class Program:
         target = self.targets[platform]
         with tempfile.TemporaryDirectory() as folder:
             result = Path(folder) / target.result
-            command = [sys.executable, "-m", "ziglang", "cc", "-target", target.zig, *FLAGS, *target.flags]
+            command = [sys.executable, "-I", "-m", "ziglang", "cc", "-target", target.zig, *FLAGS, *target.flags]
             command += ["-I", str(fmi_headers()), *self.sources_for(platform), "-o", str(result), *target.libraries]
             environment = os.environ | {"ZIG_LOCAL_CACHE_DIR": folder}
             run = subprocess.run(command, cwd=self.folder, env=environment, capture_output=True, text=True)

@@ -1,0 +1,219 @@
+"""ps-fmu wrap and ps-fmu build for slaves of others, up to the FMU; how it runs in a C host is in tests/host."""
+
+import io
+import re
+import shutil
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import pytest
+from fmpy import read_model_description, simulate_fmu
+from fmpy.validation import validate_fmu
+from support.page import build_with_pythonfmu, write_example
+
+import ps_fmu
+from ps_fmu.cli import main
+from ps_fmu.slavekit.pack.from_source import build_script
+from ps_fmu.slavekit.pack.wrap import BuildError, wrap
+
+TOYS = Path(__file__).parents[1] / "cosim" / "toys"
+SLAVE = "resources/tank.py"
+
+
+@pytest.fixture(scope="module")
+def stock(tmp_path_factory):
+    """The example as pythonfmu's own command builds it."""
+    return build_with_pythonfmu(write_example(tmp_path_factory.mktemp("stock") / "example"))
+
+
+def rewrite(fmu, target, change):
+    """A copy of an FMU whose files, by name, were changed in place by ``change``."""
+    with zipfile.ZipFile(fmu) as archive:
+        files = {name: archive.read(name) for name in archive.namelist()}
+    change(files)
+    with zipfile.ZipFile(target, "w") as archive:
+        for name, content in files.items():
+            archive.writestr(name, content)
+    return target
+
+
+def replace(name, old, new):
+    """A change for :func:`rewrite`."""
+
+    def change(files):
+        assert old in files[name]
+        files[name] = files[name].replace(old, new)
+
+    return change
+
+
+def run(fmu):
+    return simulate_fmu(str(fmu), stop_time=1.0, output_interval=0.1, start_values={"inflow": 0.5})["level"].tolist()
+
+
+def test_the_example_of_the_page_from_source_and_from_a_stock_fmu(stock, tmp_path, capsys, monkeypatch):
+    script = write_example(tmp_path / "source")
+    monkeypatch.chdir(tmp_path)
+    assert main(["build", str(script)]) == 0
+    assert main(["wrap", str(stock), "--output", "wrapped/Tank.fmu"]) == 0
+    assert [line.split()[0] for line in capsys.readouterr().out.splitlines()] == ["Tank.fmu", "wrapped/Tank.fmu"]
+    built, wrapped = tmp_path / "Tank.fmu", tmp_path / "wrapped" / "Tank.fmu"
+    levels = run(built)
+    assert levels == run(wrapped)
+    assert levels[0] == 1.0
+    assert levels[-1] == pytest.approx(1.0 + (0.5 - 0.1) / 2.0, rel=2e-2)
+    assert sorted(path.name for path in script.parent.iterdir()) == ["tank.py", "valve.py"]
+    assert validate_fmu(str(built)) == validate_fmu(str(wrapped)) == []
+
+
+def test_the_authors_files_stay_and_the_same_source_gives_the_same_bytes(stock, tmp_path):
+    (first, _), (second, _) = (wrap(stock, tmp_path / name) for name in ("a.fmu", "b.fmu"))
+    assert first.read_bytes() == second.read_bytes()
+    with zipfile.ZipFile(stock) as before, zipfile.ZipFile(first) as after:
+        kept = [name for name in before.namelist() if name.startswith("resources/") and name.endswith(".py")]
+        assert SLAVE in kept
+        assert all(before.read(name) == after.read(name) for name in kept)
+        assert after.read("binaries/linux64/libpythonfmu-export.so") == before.read("binaries/linux64/Tank.so")
+    sources = [write_example(tmp_path / name) for name in ("one", "two")]
+    one, two = (build_script(script, output=script.parent)[0].read_bytes() for script in sources)
+    assert one == two
+
+
+def test_a_slave_with_variables_of_all_types_and_nothing_stated(tmp_path):
+    fmu, remarks = build_script(TOYS / "toy_counter.py", output=tmp_path)
+    assert remarks == []
+    assert validate_fmu(str(fmu)) == []
+    interface = read_model_description(str(fmu)).coSimulation
+    assert not interface.canGetAndSetFMUstate
+
+
+def test_claims_stay_where_the_trial_run_confirms_them(tmp_path):
+    claims = ("--handle-state", "--serialize-state")
+    honest = build_with_pythonfmu(write_example(tmp_path / "honest"), *claims)
+    fmu, remarks = wrap(honest, tmp_path / "honest.fmu")
+    interface = read_model_description(str(fmu)).coSimulation
+    assert (interface.canGetAndSetFMUstate, interface.canSerializeFMUstate, remarks) == (True, True, [])
+    hidden = ("outflow = ", "self.age = getattr(self, 'age', 0.0) + 0.1\n        outflow = self.age + ")
+    forgetful = build_with_pythonfmu(write_example(tmp_path / "forgetful", hidden), *claims)
+    fmu, remarks = wrap(forgetful, tmp_path / "forgetful.fmu")
+    interface = read_model_description(str(fmu)).coSimulation
+    assert (interface.canGetAndSetFMUstate, interface.canSerializeFMUstate) == (False, False)
+    assert "canGetAndSetFMUstate is taken back: AssertionError: steps from the same state" in remarks[1]
+
+
+class TestWhatIsRefused:
+    """One line that says what the file is, or where the author's code is wrong."""
+
+    @pytest.mark.parametrize(
+        ("change", "problem"),
+        [
+            (lambda files: files.pop("modelDescription.xml"), "not an FMU: it has no modelDescription.xml"),
+            (lambda files: files.pop("resources/slavemodule.txt"), "not made by pythonfmu"),
+            (lambda files: files.pop(SLAVE), "tank.py is missing"),
+            (lambda files: files.update({"resources/launcher.txt": b""}), "has a launcher already"),
+            (lambda files: files.update({"../outside.py": b""}), "leads out of the archive"),
+            (lambda files: files.update({"/outside.py": b""}), "leads out of the archive"),
+            (lambda files: files.update({"resources/" + 300 * "x": b""}), "longer than 255 characters"),
+            (replace("modelDescription.xml", b'fmiVersion="2.0"', b'fmiVersion="3.0"'), "FMI 3.0; expected FMI 2.0"),
+            (replace("modelDescription.xml", b"<fmi", b'<!DOCTYPE x [<!ENTITY a "b">]><fmi'), "document type"),
+            (replace("modelDescription.xml", b'encoding="UTF-8"', b'encoding="cp037"'), "not in UTF-8"),
+            (replace("modelDescription.xml", b'"Tank"', b'"../Tank"'), "modelIdentifier is '../Tank'"),
+            (lambda files: [files.pop(n) for n in list(files) if n[:9] == "binaries/"], "no platform at all"),
+            (replace("binaries/linux64/Tank.so", b"finalizePythonInterpreter", 25 * b"x"), "not of pythonfmu 0.7"),
+        ],
+    )
+    def test_archives(self, stock, tmp_path, change, problem):
+        with pytest.raises(BuildError, match=re.escape(problem)) as error:
+            wrap(rewrite(stock, tmp_path / "in.fmu", change), tmp_path / "out.fmu")
+        assert "\n" not in str(error.value)
+        assert not (tmp_path / "out.fmu").exists()
+
+    def test_what_unpacks_to_more_than_the_archive_says(self, stock, tmp_path):
+        content = io.BytesIO(stock.read_bytes())
+        with zipfile.ZipFile(content) as archive:
+            size = archive.getinfo(SLAVE).file_size
+        packed = content.getvalue()
+        place = packed.rindex(SLAVE.encode()) - 46 + 24  # the size in the central directory
+        (tmp_path / "in.fmu").write_bytes(packed[:place] + (size - 1).to_bytes(4, "little") + packed[place + 4 :])
+        with pytest.raises(BuildError, match=r"resources/tank\.py"):
+            wrap(tmp_path / "in.fmu", tmp_path / "out.fmu")
+
+    def test_other_files(self, tmp_path, capsys):
+        text = tmp_path / "text.fmu"
+        text.write_text("text")
+        assert main(["wrap", str(text), "--output", str(tmp_path)]) == 1
+        assert main(["wrap", str(tmp_path / "absent.fmu"), "--output", str(tmp_path)]) == 1
+        first, second = capsys.readouterr().err.splitlines()
+        assert "text.fmu: this is not an FMU" in first
+        assert second.endswith("absent.fmu: No such file or directory")
+
+    @pytest.mark.parametrize(
+        ("change", "problem"),
+        [
+            (("class Tank", "class Tank(:"), r"tank\.py: this is no Python .*line 6"),
+            (("(Fmi2Slave)", "(object)"), "No child class of Fmi2Slave"),
+            (("self.area, self.level = ", "self.area = "), r'(?s)Traceback.*source/tank.py", line 1\d, in __init__\n'),
+            (("import math", "import nowhere_to_be_found"), "(?s)valve.py.*No module named 'nowhere_to_be_found'"),
+            (("        return True\n", ""), "do_step did not return True"),
+            (("0.1 * math", "1 / 0 * math"), "(?s)Traceback.*valve.py.*ZeroDivisionError: division by zero"),
+        ],
+    )
+    def test_sources(self, tmp_path, change, problem):
+        with pytest.raises(BuildError, match=problem) as error:
+            build_script(write_example(tmp_path / "source", change), output=tmp_path / "out")
+        assert "slavekit" not in str(error.value)  # nothing of ours in a traceback
+        assert not list((tmp_path / "out").glob("*"))
+
+    def test_files_that_do_not_fit(self, tmp_path, capsys):
+        script = write_example(tmp_path / "source")
+        (tmp_path / "valve.py").write_text("")
+        for more, problem in (
+            (tmp_path / "valve.py", "two files are called valve.py"),
+            (tmp_path / "absent.csv", "absent.csv: no such file"),
+            (tmp_path, "folder above"),
+        ):
+            with pytest.raises(BuildError, match=problem):
+                build_script(script, [more], tmp_path)
+        assert main(["build", str(script), "--only", "x"]) == 1
+        assert "exclude each other" in capsys.readouterr().err
+
+
+def test_data_files_go_with_the_slave_and_are_found(tmp_path):
+    change = ("self.level = 0.0, 2.0, 1.0", "self.level = 0.0, 2.0, float(open(self.resources + '/start.txt').read())")
+    script = write_example(tmp_path / "source", change)
+    (tmp_path / "start.txt").write_text("4.0")
+    fmu, _ = build_script(script, [tmp_path / "start.txt"], tmp_path)
+    assert run(fmu)[0] == 4.0
+
+
+ALONE = """
+import sys
+from pathlib import Path
+folder, script, stock = map(Path, sys.argv[1:])
+sys.path.insert(0, str(folder))
+import ps_fmu.slavekit.author.slave
+from ps_fmu.slavekit.pack import smoke
+from ps_fmu.slavekit.pack.from_source import build_script
+from ps_fmu.slavekit.pack.wrap import wrap
+assert Path(ps_fmu.__file__).parent == folder / "ps_fmu"
+built, _ = build_script(script, output=folder)
+wrapped, _ = wrap(stock, folder / "wrapped.fmu")
+for fmu in (built, wrapped):
+    smoke.check(fmu)
+print(*sorted(name for name in sys.modules if name.count(".") == 1 and name.startswith("ps_fmu.")))
+"""
+
+
+def test_the_slave_kit_alone_builds_checks_and_runs_a_slave(stock, tmp_path):
+    """In a process where the rest of the package is absent."""
+    package = Path(ps_fmu.__file__).parent
+    (tmp_path / "alone" / "ps_fmu").mkdir(parents=True)
+    shutil.copy(package / "__init__.py", tmp_path / "alone" / "ps_fmu")
+    shutil.copytree(package / "slavekit", tmp_path / "alone" / "ps_fmu" / "slavekit")
+    arguments = [tmp_path / "alone", write_example(tmp_path / "source"), stock]
+    command = [sys.executable, "-I", "-c", ALONE, *map(str, arguments)]
+    result = subprocess.run(command, capture_output=True, text=True)
+    assert (result.returncode, result.stderr) == (0, "")
+    assert result.stdout == "ps_fmu.slavekit\n"
