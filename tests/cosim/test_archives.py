@@ -14,9 +14,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from support.cosim import OSCILLATOR, ssd_text
 
-from ps_fmu.cosim import SystemFileError, read_system
+from ps_fmu.cosim import CosimError, Master, SystemFileError, read_system
 from ps_fmu.cosim.archive import check_archive, check_content, extract, read_member
 from ps_fmu.cosim.description import read_description
+
+SSV = (
+    b'<ssv:ParameterSet xmlns:ssv="http://ssp-standard.org/SSP1/SystemStructureParameterValues" version="1.0" name="a">'
+    b'<ssv:Parameters>\n<ssv:Parameter name="mass.mass"><ssv:Real value="2"/></ssv:Parameter></ssv:Parameters>'
+    b"</ssv:ParameterSet>"
+)
 
 
 def written(path, members, method=zipfile.ZIP_DEFLATED):
@@ -134,6 +140,26 @@ def test_entities_in_an_archive(tmp_path, encoding):
         for use in (lambda fmu=fmu: read_description(fmu), lambda ssp=ssp: read_system(ssp)):
             with pytest.raises(SystemFileError, match="DOCTYPE"):
                 use()
+
+
+@pytest.mark.parametrize(
+    ("changed", "text"),
+    [
+        ({"SystemStructure.ssd": b"<a>"}, r"/a\.ssp/SystemStructure\.ssd, line 1: is not well-formed"),
+        ({"resources/ToyMass.fmu": None}, r"no FMU .*/a\.ssp/resources/ToyMass\.fmu; build it"),
+        ({"resources/ToyMass.fmu": b"no archive"}, r"/a\.ssp/resources/ToyMass\.fmu: is not a readable ZIP archive"),
+        ({"mass.ssv": b"<a/>"}, r"/a\.ssp/mass\.ssv, line 1: is not a parameter set"),
+        ({"mass.ssv": SSV.replace(b"mass.mass", b"mass.miss")}, r"mass\.miss \(.*/a\.ssp/mass\.ssv, line 2\): ToyMass"),
+    ],
+)
+def test_errors_in_an_ssp_name_the_archive_and_the_member(toys, tmp_path, changed, text):
+    binding = '<ssd:ParameterBindings><ssd:ParameterBinding source="mass.ssv"/></ssd:ParameterBindings>'
+    members = {"SystemStructure.ssd": ssd_text(*OSCILLATOR, binding).encode(), "mass.ssv": SSV}
+    members |= {f"resources/{name}.fmu": (toys / f"{name}.fmu").read_bytes() for name in ("ToyMass", "ToySpring")}
+    path = written(tmp_path / "a.ssp", [(name, data) for name, data in (members | changed).items() if data is not None])
+    with pytest.raises(CosimError, match=text) as raised:
+        Master(read_system(path), 0.01)
+    assert f"{tempfile.gettempdir()}/ssp_" not in str(raised.value)
 
 
 def test_a_refused_ssp_leaves_nothing_behind(tmp_path, monkeypatch):

@@ -59,7 +59,8 @@ def test_an_archive_is_read_and_its_copy_removed(toys, tmp_path, collect):
         for name in ("ToyMass.fmu", "ToySpring.fmu"):
             archive.write(toys / name, f"resources/{name}")
     system = read_system(path).with_parameters({"mass.mass": 3.0})
-    unpacked = system.path.parent
+    assert system.path == path / "SystemStructure.ssd"
+    unpacked = system.components[0].source.parents[1]
     with Master(system) as master:
         master.initialise()
         master.run(0.1, [collect])
@@ -70,6 +71,8 @@ def test_an_archive_is_read_and_its_copy_removed(toys, tmp_path, collect):
 
 def test_fmus_are_looked_for_in_another_folder(folder, tmp_path_factory):
     other = tmp_path_factory.mktemp("other")
+    assert read_system(folder, other).components[0].source == folder / "resources" / "ToyMass.fmu"
+    (folder / "resources" / "ToyMass.fmu").unlink()
     with pytest.raises(SystemFileError, match=r"component 'mass': there is no FMU .*ToyMass.fmu; build it"):
         read_system(folder, other)
     for name in ("ToyMass.fmu", "ToySpring.fmu"):

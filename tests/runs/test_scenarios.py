@@ -2,7 +2,9 @@
 
 import json
 import math
+import shutil
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import netCDF4
@@ -16,20 +18,21 @@ from ps_fmu.runs.comparison import TargetError
 from ps_fmu.runs.options import OptionError
 from ps_fmu.runs.setup import load_system
 
+SYSTEM = Path(__file__).parents[2] / "system" / "SystemStructure.ssd"
 KEYS = {
     "scenario", "orientation_deg", "step_s", "duration_s", "seed", "rms_passive_rad", "rms_active_rad",
     "rejection_percent", "real_time_factor", "fmus", "versions",
 }  # fmt: skip
 
 
-def run(options):
+def run(options, fmus=4):
     """Runs the scenario of the options; returns its summary.json."""
     options.scenario.run(options)
     summary = json.loads((options.output / "summary.json").read_text())
     assert summary.keys() >= KEYS
     assert summary["scenario"] == options.scenario.name
     assert summary["real_time_factor"] > 0.0
-    assert len(summary["fmus"]) == 4
+    assert len(summary["fmus"]) == fmus
     return summary
 
 
@@ -94,6 +97,22 @@ def test_the_files_of_a_run_are_read_once(make_options, ssv, monkeypatch):
     run(make_options("isolation", 1e-4, parameters=(ssv({"commander.target.roll": 0.1}),)))
     fmus = ("DisturbanceSource", "FeedforwardIsolator", "ManipulatorPlant", "PointingCommander")
     assert sorted(read) == [*(f"{name}.fmu" for name in fmus), "given.ssv"]
+
+
+def test_a_system_with_one_more_component(make_options, tmp_path):
+    """Its FMU is not among those of the product, so it is taken from where the description says."""
+    options = make_options("isolation", 0.02, step_s=1e-3)
+    more = (
+        '<ssd:Component name="thruster" type="application/x-fmu-sharedlibrary" source="resources/Thruster.fmu"/>'
+        "</ssd:Elements>"
+    )
+    (tmp_path / "other.ssd").write_text(SYSTEM.read_text().replace("</ssd:Elements>", more))
+    (tmp_path / "resources").mkdir()
+    shutil.copy(options.fmus / "DisturbanceSource.fmu", tmp_path / "resources" / "Thruster.fmu")
+    summary = run(replace(options, system=tmp_path / "other.ssd"), fmus=5)
+    assert {"name": "Thruster", "sha256": summary["fmus"][0]["sha256"]} in summary["fmus"]
+    with netCDF4.Dataset(options.output / "results.nc") as file:
+        assert np.abs(file["active"]["thruster.base_force.x"][:]).max() > 0.0
 
 
 def test_a_target_in_degrees_is_refused_before_the_run(make_options, ssv):

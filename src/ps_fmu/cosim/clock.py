@@ -16,6 +16,13 @@ RESOLUTION = 1e-3
 """Rounding of a time may be at most this fraction of a step: FMUs check that they are called on time."""
 
 
+def count_steps(duration: float, step: float) -> int | None:
+    """Steps of ``step`` [s] in a duration [s]; None unless it is a whole number of at least 1."""
+    ratio = duration / step
+    count = round(ratio) if math.isfinite(ratio) else 0
+    return count if count >= 1 and abs(ratio - count) <= ON_GRID * max(1.0, count * 1e-6) else None
+
+
 @dataclass(frozen=True)
 class Clock:
     """Start time and communication step [s].
@@ -43,9 +50,8 @@ class Clock:
 
     def steps(self, duration: float) -> int:
         """Steps in a duration [s].  Raises :class:`UsageError` unless it is a whole number of at least 1."""
-        ratio = duration / self.step if math.isfinite(duration) else math.nan
-        count = round(ratio) if math.isfinite(ratio) else 0
-        if count < 1 or abs(ratio - count) > ON_GRID * max(1.0, count * 1e-6):
+        count = count_steps(duration, self.step)
+        if count is None:
             raise UsageError(
                 f"duration: expected a positive whole number of steps of {self.step!r} s, got {duration!r} s"
             )

@@ -43,7 +43,8 @@ def read_description(path: Path) -> ModelDescription:
 
 def read_descriptions(system: System) -> dict[str, ModelDescription]:
     """Model descriptions of a system's FMUs by component; each file is read once.  Raises :class:`SystemFileError`."""
-    read = {source: read_description(source) for source in {component.source for component in system.components}}
+    with system.name_members():
+        read = {source: read_description(source) for source in {component.source for component in system.components}}
     return {component.name: read[component.source] for component in system.components}
 
 

@@ -23,12 +23,13 @@ class UsageError(CosimError, ValueError):
 class SystemFileError(CosimError, ValueError):
     """A file that cannot be used: SSD, SSV, SSP or FMU.
 
-    Attributes: ``path`` of the file, ``line`` in it (None where there is none).
+    Attributes: ``path`` of the file, ``text`` that says what is wrong, ``line`` in it (None where there is none).
     """
 
     def __init__(self, path: Path, text: str, line: int | None = None) -> None:
         super().__init__(f"{path}{'' if line is None else f', line {line}'}: {text}")
         self.path = path
+        self.text = text
         self.line = line
 
 

@@ -27,8 +27,9 @@ def load(
 
     Raises :class:`SystemFileError` or :class:`SlaveError`.
     """
-    for component in system.components:
-        slaves[component.name] = Slave(component, descriptions[component.name], folder / component.name)
+    with system.name_members():
+        for component in system.components:
+            slaves[component.name] = Slave(component, descriptions[component.name], folder / component.name)
 
 
 def initialise(

@@ -12,7 +12,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from .clock import ON_GRID
+from .clock import count_steps
 from .decimate import Decimator
 from .errors import RecorderError, UsageError
 from .rows import Array, Column
@@ -64,7 +64,7 @@ class Recorder:
         append: bool = False,
     ) -> None:
         self.path = Path(path)
-        self.factor = _factor(step, step if storage_step is None else storage_step)
+        self.factor = _count_factor(step, step if storage_step is None else storage_step)
         self._places = _places(columns, select)
         self._columns = [columns[place] for place in self._places]
         filtered = np.array([False] + [column.type == "Real" for column in self._columns])
@@ -210,10 +210,9 @@ def _chunks(rows: int) -> int:
     return -(-rows // CHUNK_ROWS)
 
 
-def _factor(step: float, storage_step: float) -> int:
-    ratio = storage_step / step
-    factor = round(ratio) if np.isfinite(ratio) else 0
-    if factor < 1 or abs(ratio - factor) > ON_GRID * factor:
+def _count_factor(step: float, storage_step: float) -> int:
+    factor = count_steps(storage_step, step)
+    if factor is None:
         raise UsageError(
             f"storage_step: expected a whole multiple of the step {step!r} s, got {storage_step!r} s"
         )

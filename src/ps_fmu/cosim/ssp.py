@@ -23,7 +23,6 @@ from .graph import check_wiring
 from .ssp_xml import fmu_place, parameter_set_xml, parameters_place, structure_xml
 from .structure import Component, Parameter, System
 from .system import SSD_NAME
-from .xmlfile import read_xml
 
 _PLAIN = re.compile(r"[A-Za-z0-9_.-]+")
 
@@ -54,7 +53,7 @@ def write_ssp(system: System, output: Path) -> None:
         own_inputs = [port.variable for port in open_inputs if port.component == component.name]
         values = chosen_values(component, descriptions[component.name], own_inputs)
         files[PurePosixPath(parameters_place(component))] = parameter_set_xml(values, descriptions[component.name])
-    files[PurePosixPath(SSD_NAME)] = structure_xml(system, descriptions, _names(system), step, stop_time)
+    files[PurePosixPath(SSD_NAME)] = structure_xml(system, descriptions, system.labels, step, stop_time)
     archive.write(output, files)
 
 
@@ -79,10 +78,3 @@ def _place(component: Component) -> PurePosixPath:
         text = "the name of an FMU in an archive may have letters, digits, _, - and . only"
         raise SystemFileError(component.source, text)
     return PurePosixPath(fmu_place(component))
-
-
-def _names(system: System) -> dict[str, str]:
-    """Name and description of the system, as the file it was read from has them."""
-    element = read_xml(system.path).find("ssd:System")
-    given = element.attributes if element is not None else {}
-    return {key: given[key] for key in ("name", "description") if key in given}

@@ -5,13 +5,15 @@ from __future__ import annotations
 import difflib
 import re
 import shutil
+import tempfile
 import weakref
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import NamedTuple
 
-from .errors import UsageError
+from .errors import SystemFileError, UsageError
 
 Value = float | int | bool | str
 COMPONENT_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
@@ -105,12 +107,16 @@ class ParameterSet(Mapping[str, Value]):
 
 @dataclass(frozen=True)
 class System:
-    """What a system description says; nothing is loaded and no FMU has been looked into."""
+    """What a system description says; nothing is loaded and no FMU has been looked into.
+
+    ``path`` is the description, in an archive the archive and the member; ``labels`` its name and description.
+    """
 
     path: Path
     components: tuple[Component, ...]
     connections: tuple[Connection, ...]
     experiment: Experiment = Experiment()
+    labels: Mapping[str, str] = field(default_factory=dict)
     unpacked: UnpackedFolder | None = field(default=None, repr=False, compare=False)
 
     def component(self, name: str) -> Component:
@@ -120,6 +126,10 @@ class System:
                 return component
         names = ", ".join(component.name for component in self.components)
         raise UsageError(f"{self.path}: there is no component {name!r}; the system has {names}")
+
+    def name_members(self) -> AbstractContextManager[None]:
+        """See :meth:`UnpackedFolder.name_members`; nothing for a system that is not from an archive."""
+        return nullcontext() if self.unpacked is None else self.unpacked.name_members()
 
     def with_parameters(self, values: Mapping[str, Value] | Mapping[str, Parameter]) -> System:
         """The same system with other start values, by ``component.variable``; they replace those of the file.
@@ -144,11 +154,26 @@ class System:
 
 
 class UnpackedFolder:
-    """A temporary folder that is removed when nobody refers to it any longer."""
+    """A temporary folder with the content of an archive; it is removed when nobody refers to it any longer."""
 
-    def __init__(self, path: Path) -> None:
-        self.path = path
+    def __init__(self, archive: Path) -> None:
+        self.archive = archive
+        self.path = path = Path(tempfile.mkdtemp(prefix="ssp_"))
         weakref.finalize(self, shutil.rmtree, path, ignore_errors=True)
+
+    def locate(self, path: Path) -> Path:
+        """A file in the folder as its user knows it: the archive, then the member."""
+        return self.archive / path.relative_to(self.path)
+
+    @contextmanager
+    def name_members(self) -> Iterator[None]:
+        """Have errors in files of the folder name the archive and the member, not the temporary folder."""
+        try:
+            yield
+        except SystemFileError as error:
+            if not error.path.is_relative_to(self.path):
+                raise
+            raise SystemFileError(self.locate(error.path), error.text, error.line) from error
 
 
 def port_of(name: str) -> Port:

@@ -6,7 +6,6 @@ connections from output to input, parameter sets.  Nothing in these files is tru
 
 from __future__ import annotations
 
-import tempfile
 from pathlib import Path, PurePosixPath
 
 from .archive import extract
@@ -41,38 +40,47 @@ def read_system(path: Path, resources: Path | None = None) -> System:
     Parameters
     ----------
     path: an ``.ssd`` file, a folder that holds ``SystemStructure.ssd``, or an ``.ssp`` archive
-    resources: folder with the FMUs, found by file name; by default they lie where the description says
+    resources: folder with the FMUs, found by file name; those that are not there, and by default all, lie where the
+        description says
 
     Raises :class:`SystemFileError`, with file and line: not SSP 1.0, an element that cannot be honoured, a
     name that occurs twice or is malformed, a source that is missing or leaves the folder of the
     description.
     """
     path = Path(path)
-    unpacked = None
+    resources = Path(resources) if resources is not None else None
     if path.is_dir():
         ssd = path / SSD_NAME
     elif path.suffix.lower() == ".ssp":
-        unpacked = UnpackedFolder(Path(tempfile.mkdtemp(prefix="ssp_")))
+        unpacked = UnpackedFolder(path)
         extract(path, unpacked.path)
         ssd = unpacked.path / SSD_NAME
+        if ssd.is_file():
+            with unpacked.name_members():
+                return _Reader(ssd, resources, unpacked).system()
     else:
         ssd = path
     if not ssd.is_file():
         raise SystemFileError(path, f"there is no system description {ssd.name} here")
-    return _Reader(ssd, Path(resources) if resources is not None else None).system(unpacked)
+    return _Reader(ssd, resources).system()
 
 
 class _Reader:
     """Turns the elements of one SSD into data; every error names the file and the line."""
 
-    def __init__(self, ssd: Path, resources: Path | None) -> None:
+    def __init__(self, ssd: Path, resources: Path | None, unpacked: UnpackedFolder | None = None) -> None:
         self.ssd = ssd
         self.resources = resources
+        self.unpacked = unpacked
+
+    def locate(self, path: Path) -> Path:
+        """A file as its user knows it."""
+        return path if self.unpacked is None else self.unpacked.locate(path)
 
     def fail(self, text: str, element: Element) -> SystemFileError:
         return SystemFileError(self.ssd, text, element.line)
 
-    def system(self, unpacked: UnpackedFolder | None) -> System:
+    def system(self) -> System:
         root = read_xml(self.ssd)
         if root.tag != "ssd:SystemStructureDescription":
             raise self.fail(f"expected ssd:SystemStructureDescription of SSP 1.0, got {root.tag}", root)
@@ -92,11 +100,12 @@ class _Reader:
             raise self.fail("the system has no components", element)
         self.unique([(c.name, c.line) for c in components], "component")
         system = System(
-            self.ssd,
+            self.locate(self.ssd),
             tuple(components),
             tuple(self.connections(element, {c.name: c for c in components})),
             self.experiment(root, element),
-            unpacked,
+            {key: element.attributes[key] for key in ("name", "description") if key in element.attributes},
+            self.unpacked,
         )
         # A binding of the system outranks those of its components (SSP 1.0, parameter bindings).
         return system.with_parameters(self.parameters(element))
@@ -145,11 +154,14 @@ class _Reader:
     def source(self, element: Element, name: str) -> Path:
         text = element.attributes["source"]
         relative = self.relative(text, element)
-        path = self.resources / relative.name if self.resources is not None else self.ssd.parent / relative
-        if not path.is_file():
-            text = f"component {name!r}: there is no FMU {path}; build it, or say where it is"
-            raise self.fail(text, element)
-        return path.absolute()  # a thread that loads an FMU changes the working directory of all
+        places = [self.ssd.parent / relative]
+        if self.resources is not None:
+            places.insert(0, self.resources / relative.name)
+        for path in places:
+            if path.is_file():
+                return path.absolute()  # a thread that loads an FMU changes the working directory of all
+        known = " and no ".join(str(self.locate(path) if path is places[-1] else path) for path in places)
+        raise self.fail(f"component {name!r}: there is no FMU {known}; build it, or say where it is", element)
 
     def relative(self, text: str, element: Element) -> PurePosixPath:
         """A source inside the folder of the description."""
@@ -178,9 +190,9 @@ class _Reader:
                 raise self.fail("a parameter binding needs a source or values, not both", binding)
             if inline is None:
                 path = self.ssd.parent / self.relative(given["source"], binding)
-                parameters.update(read_parameters(path).entries())
+                parameters.update(parameter_set(read_xml(path), self.locate(path)).entries())
             for entry in inline.children if inline is not None else ():
-                parameters.update(parameter_set(entry, self.ssd).entries())
+                parameters.update(parameter_set(entry, self.locate(self.ssd)).entries())
         return parameters
 
     def connections(self, system: Element, components: dict[str, Component]) -> list[Connection]:

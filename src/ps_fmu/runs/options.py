@@ -8,6 +8,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from ..cosim.clock import count_steps
+
 MOST_STEPS = 10**10  # of a run: 1e6 s at 1e-4 s, some hours
 RESULTS, SUMMARY, REPORT = "results.nc", "summary.json", "report.html"  # in the output folder
 SCHEMES = ("jacobi", "gauss-seidel")
@@ -62,9 +64,9 @@ class RunOptions:
         shortest = self.scenario.storage_step_s / MOST_STEPS
         if self.step_s < shortest:
             raise OptionError(f"--step: expected at least {shortest:g} s, got {self.step_s!r} s")
-        _multiple("--duration", self.duration_s, self.step_s)
+        _check_multiple("--duration", self.duration_s, self.step_s)
         if self.storage_step_s is not None:
-            _multiple("--storage-step", self.storage_step_s, self.step_s)
+            _check_multiple("--storage-step", self.storage_step_s, self.step_s)
             if self.storage_step_s > self.duration_s * (1.0 + 1e-9):
                 raise OptionError(
                     f"--storage-step: {self.storage_step_s!r} s is longer than the run of {self.duration_s!r} s"
@@ -111,13 +113,12 @@ def claim_folder(folder: Path) -> None:
         raise OptionError(f"--output: cannot write in {folder}: {error.strerror or error}") from error
 
 
-def _multiple(name: str, value: float, step: float) -> None:
+def _check_multiple(name: str, value: float, step: float) -> None:
     if not (math.isfinite(value) and value > 0.0):
         raise OptionError(f"{name}: expected a time above 0 s, got {value!r}")
     if value / step > MOST_STEPS:
         raise OptionError(
             f"{name}: {value!r} s is longer than {MOST_STEPS * step:g} s, {MOST_STEPS:g} steps of {step!r} s"
         )
-    count = round(value / step)
-    if count < 1 or abs(value / step - count) > 1e-6 * count:
+    if count_steps(value, step) is None:
         raise OptionError(f"{name}: {value!r} s is not a whole number of steps of {step!r} s")

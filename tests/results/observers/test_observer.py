@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from ps_fmu.results.observers.observer import column_indices, rows_of
+from ps_fmu.results.observers.observer import column_indices, count_rows
 from ps_fmu.results.observers.statistics import Statistics
 
 
@@ -21,19 +21,19 @@ def test_no_names_are_refused(columns):
 
 @pytest.mark.parametrize(("duration", "step", "rows"), [(1.0, 1e-4, 10000), (0.3, 0.1, 3), (1e-4, 1e-4, 1)])
 def test_durations_are_counted_in_steps(duration, step, rows):
-    assert rows_of(duration, step, "window") == rows
+    assert count_rows(duration, step, "window") == rows
 
 
 @pytest.mark.parametrize("duration", [0.0, -1.0, 0.05, 0.25, float("nan"), float("inf")])
 def test_fractions_of_a_step_are_refused(duration):
     with pytest.raises(ValueError, match="window"):
-        rows_of(duration, 0.1, "window")
+        count_rows(duration, 0.1, "window")
 
 
 @pytest.mark.parametrize("step", [0.0, -1.0, float("nan")])
 def test_impossible_steps_are_refused(step):
     with pytest.raises(ValueError, match="step"):
-        rows_of(1.0, step, "window")
+        count_rows(1.0, step, "window")
 
 
 @pytest.mark.parametrize("cuts", [(), (3,), (5,), (7,)])

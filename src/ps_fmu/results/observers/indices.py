@@ -20,7 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .observer import ColumnObserver, NamedColumn, rows_of
+from .observer import ColumnObserver, NamedColumn, count_rows
 from .statistics import Statistics
 
 Array = NDArray[np.float64]
@@ -70,7 +70,7 @@ class PerformanceIndices(ColumnObserver):
     ) -> None:
         super().__init__(columns, names, start_s=start_s)
         self.window_s = window_s
-        self._rows = rows_of(window_s, step_s, "window")
+        self._rows = count_rows(window_s, step_s, "window")
         if self._rows < 2:
             raise ValueError(f"window: {window_s!r} s is one step; a mean needs two at least")
         if drift_windows < 1:

@@ -45,7 +45,7 @@ def column_indices(columns: Sequence[NamedColumn], names: Sequence[str]) -> list
     return [places[name] for name in names]
 
 
-def rows_of(duration_s: float, step_s: float, what: str) -> int:
+def count_rows(duration_s: float, step_s: float, what: str) -> int:
     """Number of steps in a duration; raises ``ValueError`` unless it is a whole number of at least one."""
     if not (math.isfinite(step_s) and step_s > 0.0):
         raise ValueError(f"step: expected a positive number of seconds, got {step_s!r}")

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from .observer import ColumnObserver, NamedColumn, rows_of
+from .observer import ColumnObserver, NamedColumn, count_rows
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -42,7 +42,7 @@ class Welch(ColumnObserver):
         start_s: float = -math.inf,
     ) -> None:
         super().__init__(columns, names, start_s=start_s)
-        rows = rows_of(segment_s, step_s, "segment")
+        rows = count_rows(segment_s, step_s, "segment")
         if rows < 4:
             raise ValueError(f"segment: {segment_s!r} s is {rows} steps; a spectrum needs four at least")
         self.segment_s = segment_s
