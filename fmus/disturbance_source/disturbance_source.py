@@ -15,7 +15,7 @@ from ps_fmu.slavekit.author.slave import Slave
 from ps_fmu.slavekit.author.terminals import Terminal
 from ps_fmu.slavekit.author.variables import Port, Value, vector
 
-DEFAULTS = default_settings(load())
+DEFAULT = default_settings(load())
 
 
 class DisturbanceSource(Slave):
@@ -34,7 +34,7 @@ class DisturbanceSource(Slave):
             "base_torque", "xyz", "N.m", "Disturbance torque on the bus about the origin of B, in B",
             causality="output", nominal=10.0,
         ),
-        *make_parameter_ports(DEFAULTS),
+        *make_parameter_ports(DEFAULT),
     )  # fmt: skip
 
     terminals: ClassVar[tuple[Terminal, ...]] = (
@@ -61,17 +61,13 @@ class DisturbanceSource(Slave):
     @refuse_parameters
     def _build(self, values: dict[str, Value]) -> None:
         self.built_from: dict[str, Value] = {}
-        self.warned_at = 0.0  # s, step size
-        self.settings = take_values(DEFAULTS, values)
-        self.disturbance = Disturbance(self.settings)
+        self.warned_step = 0.0  # s
+        self.disturbance = Disturbance(take_values(DEFAULT, values))
         self.built_from = values
 
     def _warn_of_aliasing(self, h: float) -> None:
-        noise = self.settings.noise
-        if noise.enabled and noise.band[1] * h > 0.5 and h != self.warned_at:
-            self.warned_at = h
-            self.warning(
-                f"noise up to {noise.band[1]:g} Hz in steps of {h:g} s: what lies above {0.5 / h:g} Hz is "
-                f"taken for lower frequencies; set noise.band.max to {0.4 / h:g} Hz or less, or make steps of "
-                f"{0.4 / noise.band[1]:.2g} s"
-            )
+        if h == self.warned_step:
+            return
+        for text in self.disturbance.explain_aliasing(h):
+            self.warned_step = h
+            self.warning(text)

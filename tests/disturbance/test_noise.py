@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
-from ps_fmu.disturbance import GaussianNoise, Multisine, multisine_lines, psd_at_origin
+from ps_fmu.disturbance import multisine_lines, psd_at_origin
+from ps_fmu.disturbance.gaussian import GaussianNoise
+from ps_fmu.disturbance.multisine import Multisine
 from ps_fmu.mechanism.parameters import load
 
 NOISE = load().noise

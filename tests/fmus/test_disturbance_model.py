@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from ps_fmu.disturbance import Disturbance
-from ps_fmu.disturbance.recorded import HEADER
+from ps_fmu.disturbance.kinds.recording import HEADER
 from ps_fmu.mechanism.quantities import replace_values
 
 SCRIPT = Path(__file__).parents[2] / "fmus" / "disturbance_source" / "disturbance_source.py"
@@ -53,7 +53,7 @@ def run(slave, steps, step=STEP, first=0, start=0.0):
 def test_outputs_are_the_disturbance_at_the_end_of_each_step(make, script):
     slave = make()
     assert not slave.values("base_force").any() and not slave.values("base_torque").any()
-    disturbance = Disturbance(replace_values(script.DEFAULTS, QUICK))
+    disturbance = Disturbance(replace_values(script.DEFAULT, QUICK))
     times = np.arange(1, 5001) * STEP
     np.testing.assert_array_equal(run(slave, 5000), disturbance(times))
 

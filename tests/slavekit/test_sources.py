@@ -54,6 +54,14 @@ def test_only_what_is_imported_is_carried(packages):
     assert files[PurePosixPath("pkg/data.toml")] == b"a = 1\n"
 
 
+def test_a_package_that_lists_its_modules_is_carried_whole(packages):
+    (packages["pkg"] / "sub" / "__init__.py").write_text("import pkgutil\nKINDS = pkgutil.iter_modules(__path__)\n")
+    (packages["pkg"] / "sub" / "kind.py").write_text("from .. import unused\n")
+    files = closure(packages["pkg"].parent / "script.py", packages)
+    assert PurePosixPath("pkg/sub/kind.py") in files
+    assert PurePosixPath("pkg/unused.py") in files
+
+
 @pytest.mark.parametrize(
     ("source", "expected"),
     [

@@ -5,29 +5,15 @@ of time and parameters alone.  Noise and sines are exact second time derivatives
 from zero, so that a free spacecraft pushed from rest does not drift.
 """
 
-from .combine import Disturbance, Source, psd_at_origin, to_origin
-from .gaussian import GaussianNoise
-from .multisine import Multisine, multisine_lines
-from .recorded import Recording
-from .settings import DisturbanceSettings, default_settings
-from .tones import Chirp, Tone
-from .wheels import Harmonics, SpeedProfile, WheelSource, read_harmonics
+from .multisine import multisine_lines
+from .spectrum import psd_at_origin, to_origin
+from .total import Disturbance, DisturbanceSettings, default_settings
 
 __all__ = [
-    "Chirp",
     "Disturbance",
     "DisturbanceSettings",
-    "GaussianNoise",
-    "Harmonics",
-    "Multisine",
-    "Recording",
-    "Source",
-    "SpeedProfile",
-    "Tone",
-    "WheelSource",
     "default_settings",
     "multisine_lines",
     "psd_at_origin",
-    "read_harmonics",
     "to_origin",
 ]

@@ -15,6 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ..mechanism.rotations import skew
+
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
@@ -111,3 +113,16 @@ def share(layer: Layer) -> Array:
     """Amplitude of each line of an overlapping layer: the squares of slow and fast add up to one."""
     angle = 0.5 * np.pi * np.clip((layer.frequencies - OVERLAP) / (SPLIT - OVERLAP), 0.0, 1.0)
     return np.asarray(np.cos(angle) if layer.rate == SLOW_RATE else np.sin(angle))
+
+
+def psd_at_origin(psd_com: Array, com: Array) -> Array:
+    """Spectrum (6, 6) of a wrench at the origin from that at the point ``com`` (3,): torque + com x force."""
+    move = to_origin(com)
+    return np.asarray(move @ psd_com @ move.T)
+
+
+def to_origin(com: Array) -> Array:
+    """(6, 6): wrench at the point ``com`` (3,), m, to the same wrench at the origin."""
+    move = np.eye(6)
+    move[3:, :3] = skew(com)
+    return move

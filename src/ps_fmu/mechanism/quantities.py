@@ -205,17 +205,17 @@ def list_entries(obj: Any, prefix: str = "", keep: Callable[[str], bool] | None 
             found.append(Entry(name, value, unit, text, minimum, bounds["at_most"], display))
         else:
             within = f.metadata.get("keep")
-            for inner, item in _list_dataclasses(value, name):
+            for inner, item in list_members(value, name):
                 found += list_entries(item, inner, within)
     return found if keep is None else [e for e in found if keep(e.name)]
 
 
-def _list_dataclasses(value: Any, name: str) -> list[tuple[str, Any]]:
+def list_members(value: Any, name: str) -> list[tuple[str, Any]]:
     """Prefix and value of each parameter dataclass in a field: one, a tuple of several, or a mapping of both."""
     if isinstance(value, tuple):
         return [(f"{_singular(name)}_{i}", item) for i, item in enumerate(value, 1)]
     if isinstance(value, Mapping):
-        return [pair for key, item in value.items() for pair in _list_dataclasses(item, _join(name, key))]
+        return [pair for key, item in value.items() for pair in list_members(item, _join(name, key))]
     return [(name, value)]
 
 
@@ -251,7 +251,7 @@ def _replaced_value(value: Any, values: Mapping[str, Any], name: str) -> Any:
     if is_dataclass(value):
         return _replaced(value, values, name)
     if isinstance(value, tuple):
-        return tuple(_replaced(item, values, inner) for inner, item in _list_dataclasses(value, name))
+        return tuple(_replaced(item, values, inner) for inner, item in list_members(value, name))
     if isinstance(value, Mapping):
         return {key: _replaced_value(item, values, _join(name, key)) for key, item in value.items()}
     if not isinstance(value, np.ndarray):

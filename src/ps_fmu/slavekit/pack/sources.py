@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import ast
 import importlib.util
+import pkgutil
 import re
 import sys
 from collections.abc import Callable, Collection, Iterable, Iterator
@@ -53,6 +54,8 @@ def closure(script: Path, roots: dict[str, Path], hollow: Collection[str] = ()) 
 def closure_of(modules: Iterable[str], roots: dict[str, Path], hollow: Collection[str] = ()) -> Files:
     """Some modules and those that they import of some packages, directly or not, and the data files beside them.
 
+    A package whose ``__init__.py`` calls ``pkgutil.iter_modules`` is taken with all its modules.
+
     Parameters
     ----------
     modules: absolute names that everything starts from.
@@ -78,10 +81,19 @@ def closure_of(modules: Iterable[str], roots: dict[str, Path], hollow: Collectio
             is_hollow = path.name == "__init__.py" and path.parent == roots[top] and top in hollow
             files[arcname] = b"" if is_hollow else path.read_bytes()
             package = ".".join(arcname.parent.parts)
-            waiting += sorted(imported(files[arcname].decode(), str(arcname), package))
+            source = files[arcname].decode()
+            waiting += sorted(imported(source, str(arcname), package))
             if path.name == "__init__.py":
+                if _lists_its_modules(source, str(arcname)):
+                    waiting += [f"{package}.{found.name}" for found in pkgutil.iter_modules([str(path.parent)])]
                 files |= {arcname.with_name(data.name): data.read_bytes() for data in _data(path.parent)}
     return files
+
+
+def _lists_its_modules(source: str, name: str) -> bool:
+    """Whether a source calls ``pkgutil.iter_modules``, by which a package finds what no import names."""
+    calls = [node.func for node in ast.walk(ast.parse(source, filename=name)) if isinstance(node, ast.Call)]
+    return any(isinstance(call, ast.Attribute) and call.attr == "iter_modules" for call in calls)
 
 
 def _walk(tree: ast.AST, optional: bool) -> Iterator[ast.AST]:

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....cosim import Column
-from ....disturbance.recorded import HEADER as RECORDING
+from ....disturbance.kinds.recording import HEADER as RECORDING
 from ....interface.parameter_sets import build_plant_and_isolator
 from ....pointing.poles import rightmost, slowest_mode
 from ....results.observers.sampler import SampleObserver

@@ -14,12 +14,15 @@ from __future__ import annotations
 import csv
 from dataclasses import dataclass
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..mechanism.parameters import ParameterError
-from .smooth import ramp
+from ...mechanism.parameters import Parameters
+from ...mechanism.quantities import ParameterError, check_truth, freeze, quantity
+from ..kind import Kind, SharedSettings, Source
+from ..smooth import ramp
 
 Array = NDArray[np.float64]
 
@@ -144,3 +147,53 @@ def wheel_plane(spin_axis: Array) -> tuple[Array, Array]:
     one = np.cross(helper, axis)
     one /= np.linalg.norm(one)
     return one, np.cross(axis, one)
+
+
+@dataclass(frozen=True, eq=False)
+class WheelSettings(Kind):
+    """A reaction wheel: where it is and how its speed goes."""
+
+    name: ClassVar[str] = "wheels"
+    place: ClassVar[int] = 20
+
+    enabled: bool = quantity("", "Wheel on")
+    scale: float = quantity("1", "Factor on the wheel's force and torque", at_least=0.0)
+    spin_axis_B: Array = quantity("1", "Direction of the spin axis, in B")
+    position_B: Array = quantity("m", "Centre of the wheel, in B")
+    initial_speed: float = quantity("rad/s", "Speed before the ramp", display="rpm")
+    final_speed: float = quantity("rad/s", "Speed after the ramp", display="rpm")
+    ramp_start: float = quantity("s", "Time at which the speed begins to change")
+    ramp_duration: float = quantity("s", "Time that the change of speed takes", at_least=0.0)
+
+    def __post_init__(self) -> None:
+        self._set("enabled", check_truth(self.enabled, "enabled"))
+        self._numbers("scale", "initial_speed", "final_speed", "ramp_start", "ramp_duration")
+        self._set("spin_axis_B", freeze(self.spin_axis_B, (3,), "spin_axis"))
+        if np.linalg.norm(self.spin_axis_B) < 1e-9:
+            raise ParameterError("spin_axis", "must not be the zero vector")
+        self._set("position_B", freeze(self.position_B, (3,), "position"))
+
+    @classmethod
+    def make_defaults(cls, p: Parameters) -> tuple[WheelSettings, ...]:
+        """Four wheels at the centre of mass of the bus, switched off: three along the axes of B, one skewed."""
+        return tuple(
+            cls(
+                enabled=False,
+                scale=1.0,
+                spin_axis_B=np.array(axis),
+                position_B=p.bus.com_B,
+                initial_speed=200.0,  # rad/s
+                final_speed=200.0,  # rad/s
+                ramp_start=0.0,  # s
+                ramp_duration=0.0,  # s
+            )
+            for axis in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (1.0, 1.0, 1.0))
+        )
+
+    def make_source(self, shared: SharedSettings, number: int) -> Source | None:
+        """The wheel; its initial phases depend on seed and number."""
+        if not self.enabled:
+            return None
+        profile = SpeedProfile(self.initial_speed, self.final_speed, self.ramp_start, self.ramp_duration)
+        seed = (shared.seed, 100 + number)
+        return WheelSource(profile, self.spin_axis_B, self.position_B, seed, self.scale, shared.rise_time)

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from ps_fmu.disturbance import Recording, recorded
+from ps_fmu.disturbance.kinds import recording
 from ps_fmu.mechanism.parameters import ParameterError
 
-HEADER = ",".join(recorded.HEADER)
+HEADER = ",".join(recording.HEADER)
 
 
 @pytest.fixture
@@ -23,26 +23,26 @@ def write(tmp_path):
 
 def test_linear_interpolation_and_hold(write):
     path = write("1.0,0,0,0,0,0,0", "2.0,1,2,3,4,5,6", "", "4.0,3,0,0,0,0,6")
-    wrench = Recording(path, scale=2.0)(np.array([0.0, 1.0, 1.5, 2.0, 3.0, 4.0, 9.0]))
+    wrench = recording.Recording(path, scale=2.0)(np.array([0.0, 1.0, 1.5, 2.0, 3.0, 4.0, 9.0]))
     np.testing.assert_allclose(wrench[:, 0], 2.0 * np.array([0.0, 0.0, 0.5, 1.0, 2.0, 3.0, 3.0]))
     np.testing.assert_allclose(wrench[:, 5], 2.0 * np.array([0.0, 0.0, 3.0, 6.0, 6.0, 6.0, 6.0]))
 
 
 def test_repetition(write):
     path = write("1.0,0,0,0,0,0,0", "2.0,1,0,0,0,0,0", "3.0,0,0,0,0,0,0")
-    wrench = Recording(path, repeat=True)(np.array([0.5, 1.5, 3.5, 5.25, 101.0]))
+    wrench = recording.Recording(path, repeat=True)(np.array([0.5, 1.5, 3.5, 5.25, 101.0]))
     np.testing.assert_allclose(wrench[:, 0], [0.5, 0.5, 0.5, 0.25, 0.0])
 
 
 def test_columns_in_any_order_and_others_beside_them(write):
     header = "comment,torque.z [N.m],torque.y [N.m],torque.x [N.m],force.z [N],force.y [N],force.x [N],time  [s]"
     path = write("first,6,5,4,3,2,1,0", "second,6,5,4,3,2,1,1", header=header)
-    np.testing.assert_array_equal(Recording(path)(np.array([0.5]))[0], [1, 2, 3, 4, 5, 6])
+    np.testing.assert_array_equal(recording.Recording(path)(np.array([0.5]))[0], [1, 2, 3, 4, 5, 6])
 
 
 def test_many_lines(write):
     path = write(*(f"{i / 1000},{i},0,0,0,0,0" for i in range(5000)))
-    np.testing.assert_allclose(Recording(path)(np.array([4.9985]))[0, 0], 4998.5)
+    np.testing.assert_allclose(recording.Recording(path)(np.array([4.9985]))[0, 0], 4998.5)
 
 
 GOOD = ("0,0,0,0,0,0,0", "1,0,0,0,0,0,0")
@@ -67,25 +67,25 @@ GOOD = ("0,0,0,0,0,0,0", "1,0,0,0,0,0,0")
 )  # fmt: skip
 def test_files_that_cannot_be_used(write, lines, header, problem):
     with pytest.raises(ParameterError, match=problem) as refusal:
-        Recording(write(*lines, header=header))
-    assert str(refusal.value).startswith("recording.path: ")
+        recording.Recording(write(*lines, header=header))
+    assert str(refusal.value).startswith("path: ")
 
 
 def test_no_file_a_folder_no_text(tmp_path):
     for path in (tmp_path / "missing.csv", tmp_path):
         with pytest.raises(ParameterError, match="no file"):
-            Recording(path)
+            recording.Recording(path)
     binary = tmp_path / "binary.csv"
     binary.write_bytes(bytes(range(256)) * 10)
     with pytest.raises(ParameterError, match=r"binary\.csv"):
-        Recording(binary)
+        recording.Recording(binary)
 
 
 def test_limits_of_size(write, monkeypatch):
     path = write(*(f"{i},0,0,0,0,0,0" for i in range(20)))
-    monkeypatch.setattr(recorded, "MAX_ROWS", 10)
+    monkeypatch.setattr(recording, "MAX_ROWS", 10)
     with pytest.raises(ParameterError, match="line 12: more than 10 lines"):
-        Recording(path)
-    monkeypatch.setattr(recorded, "MAX_BYTES", 100)
+        recording.Recording(path)
+    monkeypatch.setattr(recording, "MAX_BYTES", 100)
     with pytest.raises(ParameterError, match="at most 100 are read"):
-        Recording(path)
+        recording.Recording(path)

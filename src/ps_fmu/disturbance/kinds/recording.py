@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TextIO
+from typing import ClassVar, TextIO
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..mechanism.parameters import ParameterError
+from ...mechanism.parameters import Parameters
+from ...mechanism.quantities import ParameterError, check_truth, quantity
+from ..kind import Kind, SharedSettings, Source
 
 Array = NDArray[np.float64]
 
@@ -23,7 +26,7 @@ MAX_BYTES = 512 * 1024**2
 MAX_ROWS = 2_000_000  # 112 MB in memory
 MAX_LINE = 4096  # characters
 
-NAME = "recording.path"
+NAME = "path"
 
 
 class Recording:
@@ -117,8 +120,7 @@ def _columns(path: Path, header: list[str]) -> list[int]:
         if names.count(wanted) == 1:
             columns.append(names.index(wanted))
             continue
-        quantity = wanted.split(" ")[0]
-        others = [name for name in names if name.split(" ")[0] == quantity]
+        others = [name for name in names if name.split(" ")[0] == wanted.split(" ")[0]]
         if names.count(wanted) > 1:
             problem = f"two columns {wanted!r}"
         elif others:
@@ -146,3 +148,30 @@ def _numbers(path: Path, line: int, fields: list[str], columns: list[int]) -> li
 
 def _bad(path: Path, line: int, problem: str) -> ParameterError:
     return ParameterError(NAME, f"{path.name}, line {line}: {problem}")
+
+
+@dataclass(frozen=True)
+class RecordingSettings(Kind):
+    """A file; no path means off."""
+
+    name: ClassVar[str] = "recording"
+    place: ClassVar[int] = 50
+
+    path: str = quantity("", "CSV file with time, force and torque in B at its origin; empty: none")
+    repeat: bool = quantity("", "True: begin again after the last line; false: hold the last line")
+    scale: float = quantity("1", "Factor on the recorded wrench")
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.path, str):
+            raise ParameterError("path", f"expected text, got {self.path!r}")
+        self._set("repeat", check_truth(self.repeat, "repeat"))
+        self._numbers("scale")
+
+    @classmethod
+    def make_defaults(cls, p: Parameters) -> RecordingSettings:
+        """No file."""
+        return cls(path="", repeat=False, scale=1.0)
+
+    def make_source(self, shared: SharedSettings, number: int) -> Source | None:
+        """The recording.  Raises ParameterError: the file cannot be used."""
+        return Recording(Path(self.path), self.repeat, self.scale) if self.path else None

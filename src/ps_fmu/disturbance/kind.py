@@ -1,0 +1,71 @@
+"""What each kind of disturbance consists of: its settings, and how its wrench is made from them."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import ClassVar
+
+from ..mechanism.parameters import Parameters
+from ..mechanism.quantities import Array, Checked, ParameterError, freeze, group, quantity
+
+Source = Callable[[Array], Array]  # times (n,), s -> force and torque (n, 6), N and N.m in B at its origin
+
+
+@dataclass(frozen=True, eq=False)
+class BusCentre(Checked):
+    """The point that the noise acts on."""
+
+    com_B: Array = quantity("m", "Centre of mass of the bus, where the noise acts, in B")
+
+    def __post_init__(self) -> None:
+        self._set("com_B", freeze(self.com_B, (3,), "com"))
+
+
+@dataclass(frozen=True, eq=False)
+class SharedSettings(Checked):
+    """What all kinds share."""
+
+    seed: int = quantity("1", "Seed of everything random: noise, initial phases of the wheels", at_least=0)
+    rise_time: float = quantity(
+        "s", "Time over which the disturbance rises smoothly from zero", at_least=0.1, at_most=20.0
+    )
+    bus: BusCentre = group()
+
+    def __post_init__(self) -> None:
+        if isinstance(self.seed, bool) or self.seed != int(self.seed) or self.seed < 0:
+            raise ParameterError("seed", f"expected a whole number, 0 or greater, got {self.seed!r}")
+        self._set("seed", int(self.seed))
+        self._numbers("rise_time")
+
+
+class Kind(Checked, ABC):
+    """Settings of one disturbance and its generator; a dataclass whose fields are parameters of the FMU.
+
+    Each file of :mod:`.kinds` defines one subclass; that is all it takes to add a kind.
+    """
+
+    name: ClassVar[str]
+    """First part of the names of the parameters; ``tones`` for a tuple: ``tone_1``, ``tone_2`` ..."""
+    place: ClassVar[int] = 100
+    """Order of the parameters, and of the sum; kinds at the same place are in the order of their names."""
+
+    @classmethod
+    @abstractmethod
+    def make_defaults(cls, p: Parameters) -> Kind | tuple[Kind, ...]:
+        """The settings with a parameter set; a tuple for several disturbances of this kind."""
+
+    @abstractmethod
+    def make_source(self, shared: SharedSettings, number: int) -> Source | None:
+        """The wrench as a function of time; None: switched off.
+
+        ``number``: place in the tuple, from 1 on.  Raises ParameterError, naming the field.
+        """
+
+    def check(self, shared: SharedSettings) -> None:
+        """Raise ParameterError, naming the field, where the settings contradict the shared ones."""
+
+    def explain_aliasing(self, h: float) -> str | None:
+        """What is wrong with steps of ``h`` (s), and what to do; None: nothing."""
+        return None

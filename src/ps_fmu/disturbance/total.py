@@ -1,0 +1,82 @@
+"""The wrench on the bus: the sum of the disturbances that are switched on."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..mechanism.parameters import Parameters
+from ..mechanism.quantities import Array, ParameterError, group, list_members
+from .kind import BusCentre, Kind, SharedSettings
+from .kinds import find_kinds
+
+
+@dataclass(frozen=True, eq=False)
+class DisturbanceSettings(SharedSettings):
+    """Settings of all kinds; the disturbances that are switched on are added up."""
+
+    kinds: Mapping[str, Kind | tuple[Kind, ...]] = group(flat=True)
+    """By :attr:`.Kind.name`, in the order of the sum."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name, _, kind in self.list_disturbances():
+            with _named(name):
+                kind.check(self)
+
+    def list_disturbances(self) -> list[tuple[str, int, Kind]]:
+        """Name, number among those of its kind, and settings of each disturbance: ``("tone_2", 2, ...)``."""
+        return [
+            (name, number, kind)
+            for key, kinds in self.kinds.items()
+            for number, (name, kind) in enumerate(list_members(kinds, key), 1)
+        ]
+
+
+def default_settings(p: Parameters) -> DisturbanceSettings:
+    """The noise of a parameter set alone; wheels, sines and sweep ready to be switched on."""
+    kinds = {kind.name: kind.make_defaults(p) for kind in find_kinds()}
+    return DisturbanceSettings(seed=1, rise_time=2.0, bus=BusCentre(p.bus.com_B), kinds=kinds)
+
+
+class Disturbance:
+    """A function of time and settings alone: any times, in any order of calls, give the same values.
+
+    Raises
+    ------
+    ParameterError: the recorded file cannot be used (settings have checked everything else).
+    """
+
+    def __init__(self, settings: DisturbanceSettings) -> None:
+        self._settings = settings
+        self._sources = []
+        for name, number, kind in settings.list_disturbances():
+            with _named(name):
+                source = kind.make_source(settings, number)
+            if source is not None:
+                self._sources.append(source)
+
+    def __call__(self, time: Array) -> Array:
+        """Force (N) and torque (N.m) in B at its origin at ascending times (n,) in s, shape (n, 6)."""
+        wrench = np.zeros((time.size, 6))
+        if time.size:
+            for source in self._sources:
+                wrench += source(time)
+        return wrench
+
+    def explain_aliasing(self, h: float) -> list[str]:
+        """What is wrong with steps of ``h`` (s), a text for each disturbance that has a complaint."""
+        texts = [kind.explain_aliasing(h) for _, _, kind in self._settings.list_disturbances()]
+        return [text for text in texts if text is not None]
+
+
+@contextmanager
+def _named(name: str) -> Iterator[None]:
+    """Put the name of the disturbance before that of the parameter in a ParameterError."""
+    try:
+        yield
+    except ParameterError as error:
+        raise ParameterError(f"{name}.{error.name}", error.problem) from error.__cause__
