@@ -17,8 +17,8 @@ from ps_fmu.cosim import System
 from ps_fmu.cosim.structure import Component
 from ps_fmu.slavekit.author.core import by_columns
 from ps_fmu.slavekit.author.slave import Slave
-from ps_fmu.slavekit.launcher.compile import LAUNCHER
 from ps_fmu.slavekit.launcher.c_program import Program, Target
+from ps_fmu.slavekit.launcher.compile import LAUNCHER
 
 PLATFORM = "linux64"
 MODEL = Program(

@@ -107,6 +107,14 @@ def test_nothing_runs_code_from_data(path):
     assert not called & {"eval", "exec"}
 
 
+@named(MODULES)
+def test_python_is_started_without_the_current_directory(path):
+    """With -I, which also leaves out PYTHONPATH and the packages of the user."""
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.List) and node.elts and ast.unparse(node.elts[0]) == "sys.executable":
+            assert ast.unparse(node.elts[1]) == "'-I'", f"line {node.lineno}"
+
+
 def test_the_package_itself_imports_nothing():
     assert list(imports(ast.parse((PACKAGE / "__init__.py").read_text()))) == []
 

@@ -125,9 +125,9 @@ def test_too_many_members(tmp_path, monkeypatch):
 def test_paths_that_the_system_does_not_take(tmp_path):
     for name in ("x" * 300, "x" + "/x" * 3000):
         path = written(tmp_path / "long.fmu", [(name, "x")])
-        check_archive(path)
-        with pytest.raises(SystemFileError, match="cannot be unpacked"):
-            extract(path, tmp_path / "inside")
+        for refuse in (check_archive, lambda path: extract(path, tmp_path / "inside")):
+            with pytest.raises(SystemFileError, match="is too long"):
+                refuse(path)
 
 
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-16"])

@@ -8,14 +8,13 @@ from pathlib import Path
 import pytest
 from pythonfmu.builder import FmuBuilder
 
-from ps_fmu.cli import main
-from ps_fmu.fmucheck import fmu_check, lives
-from ps_fmu.fmucheck.fmu_check import FAILED, NOT_RUN, PASSED, Row, check_fmu
-from ps_fmu.fmucheck.table import SHOWN, show
+from ps_fmu.cli import main, parser
+from ps_fmu.fmucheck import lives, other_checkers
+from ps_fmu.fmucheck.fmu_check import check_fmu
+from ps_fmu.fmucheck.verdicts import FAILED, LONGEST, NOT_RUN, OK, SHOWN, WARNING, CheckResult, write_table
 
 TOYS = Path(__file__).parent / "toys"
 LIFE = ["load", "initialise", "steps", "get and set state", "serialise state", "reset", "second instance"]
-OURS = ("ManipulatorPlant", "PointingCommander", "FeedforwardIsolator", "DisturbanceSource")
 
 
 @pytest.fixture(scope="module")
@@ -32,7 +31,7 @@ def toys(tmp_path_factory) -> dict[str, Path]:
 @pytest.fixture
 def rows(monkeypatch):
     """``rows(path)``: the rows by check, as if fmutool, which takes a second, were not installed."""
-    monkeypatch.setattr(fmu_check, "_FMUTOOL", "no_such_module")
+    monkeypatch.setattr(other_checkers, "FMUTOOL", "no_such_module")
     return lambda path: {row.check: row for row in check_fmu(path)}
 
 
@@ -47,12 +46,15 @@ def rewritten(source: Path, target: Path, change) -> Path:
 
 def test_our_fmus_pass_everything(built_fmus, capsys, rows, monkeypatch):
     monkeypatch.setenv("PATH", str(Path(sys.executable).parent), prepend=os.pathsep)  # of a host with Python and numpy
-    code = main(["check", *(str(built_fmus / f"{name}.fmu") for name in OURS)])
+    fmus = sorted(built_fmus.glob("*.fmu"))
+    code = main(["check", *map(str, fmus)])
     text = capsys.readouterr().out
     assert code == 0, text
-    counts = [line for line in text.splitlines() if " passed, " in line]
-    assert counts == ["  26 passed, 1 not run"] * 3 + ["  25 passed, 1 not run"]  # fmutool: tests/fmus; no inputs
-    assert all(f"{host}: {stage}" in text for stage in LIFE for host in ("FMPy", "C host"))
+    counts = [line for line in text.splitlines() if " ok, " in line]
+    assert len(fmus) == len(counts) >= 4
+    assert {line.partition(" ok, ")[2] for line in counts} == {"1 not run"}  # fmutool: tests/fmus
+    for check in (f"{host}: {stage}" for stage in LIFE for host in ("FMPy", "C host")):
+        assert text.count(f"  {check} ") == len(fmus)
 
 
 def test_a_plain_pythonfmu_fmu_runs_but_is_not_described_well(toys, rows):
@@ -60,11 +62,12 @@ def test_a_plain_pythonfmu_fmu_runs_but_is_not_described_well(toys, rows):
     for check in ("model description", "FMPy validate"):
         assert found[check].verdict == FAILED
         assert any("InitialUnknowns" in detail for detail in found[check].details)
-    assert found["fmutool -check"] == Row("fmutool -check", NOT_RUN, ("fmu-manipulation-toolbox is not installed",))
+    assert found["fmutool -check"].verdict == NOT_RUN
+    assert found["fmutool -check"].details == ("fmu-manipulation-toolbox is not installed",)
     # pythonfmu's library releases a pointer twice at exit, which now and then ends the process with SIGABRT.
     stages = {check: row.verdict for check, row in found.items() if check.startswith("FMPy: ")}
     stages.pop("FMPy: end of the process")
-    assert set(stages.values()) == {PASSED}
+    assert set(stages.values()) == {OK}
     assert "FMPy: get and set state" not in found
 
 
@@ -88,13 +91,79 @@ def test_a_crash_ends_with_its_stage_and_signal(toys, rows):
 
 
 def test_fmutool_is_asked(toys, tmp_path):
-    assert fmu_check._fmutool(toys["plain"], "2.0").verdict == PASSED
+    assert other_checkers.run_fmutool(toys["plain"], "2.0").verdict == OK
     broken = rewritten(
         toys["plain"], tmp_path / "broken.fmu", lambda name, content: content.replace(b'causality="input"', b"")
         .replace(b'<Unknown index="2"', b'<Unknown index="1"') if name.endswith(".xml") else content
     )  # fmt: skip
-    assert fmu_check._fmutool(broken, "2.0").verdict == FAILED
-    assert fmu_check._fmutool(broken, "1.0").verdict == NOT_RUN
+    assert other_checkers.run_fmutool(broken, "2.0").verdict == FAILED
+    assert other_checkers.run_fmutool(broken, "1.0").verdict == NOT_RUN
+
+
+@pytest.mark.parametrize("module", ["fmu_manipulation_toolbox/cli/fmutool.py", "fmpy/validation.py", "pathlib.py"])
+def test_modules_in_the_current_directory_are_not_run(module, toys, tmp_path, monkeypatch):
+    planted = tmp_path / module
+    planted.parent.mkdir(parents=True, exist_ok=True)
+    planted.write_text(f"open({str(tmp_path / 'run')!r}, 'w').close()\n")
+    for folder in planted.relative_to(tmp_path).parents:
+        (tmp_path / folder / "__init__.py").touch()
+    monkeypatch.chdir(tmp_path)
+    found = {row.check: row for row in check_fmu(toys["plain"], run=False)}
+    assert not (tmp_path / "run").exists()
+    assert found["fmutool -check"].verdict == OK
+    assert any("InitialUnknowns" in detail for detail in found["FMPy validate"].details)
+
+
+def test_a_checker_without_end_is_a_row(toys, monkeypatch):
+    monkeypatch.setattr(other_checkers, "TIME_LIMIT", 1e-3)
+    found = other_checkers.run_fmpy(toys["plain"])
+    assert found == CheckResult("FMPy validate", FAILED, ("did not end within 0.001 s",))
+
+
+def test_nothing_is_run_on_demand(toys, monkeypatch, capsys):
+    monkeypatch.setattr(lives, "live_in_fmpy", None)
+    monkeypatch.setattr(lives, "live_in_c_host", None)
+    monkeypatch.setattr(other_checkers, "FMUTOOL", "no_such_module")
+    assert main(["check", "--no-run", str(toys["crashing"])]) == 1  # for its description
+    assert capsys.readouterr().out.count("not run  --no-run: the FMU is not loaded") == 2
+
+
+def test_the_help_says_that_code_runs(capsys):
+    with pytest.raises(SystemExit):
+        parser().parse_args(["check", "--help"])
+    assert "runs its code" in " ".join(capsys.readouterr().out.split())
+
+
+LONG = {
+    "a variable of 100 kB": lambda n, c: c.replace(b'"y"', b'"' + b"y" * 100_000 + b'"') if n.endswith(".xml") else c,
+    "a unit of 100 kB": lambda n, c: c.replace(b"<ModelV", UNITS + b"<ModelV", 1) if n.endswith(".xml") else c,
+    "a member of 4000 characters": lambda n, c: c,
+    "a folder 3000 deep": lambda n, c: c,
+    "a folder 900 deep": lambda n, c: c,
+}
+UNITS = b'<UnitDefinitions><Unit name="m' + b"/" * 100_000 + b'"/></UnitDefinitions>'
+MEMBERS = {
+    "a member of 4000 characters": "resources/" + "x" * 4000,
+    "a folder 3000 deep": "resources/" + "d/" * 3000 + "x",
+    "a folder 900 deep": "d/" * 900 + "x",
+}
+
+
+@pytest.mark.parametrize("case", LONG)
+def test_long_names_end_in_a_row(case, toys, tmp_path, rows, capsys, monkeypatch):
+    monkeypatch.setattr(other_checkers, "TIME_LIMIT", 3.0)  # s; FMPy takes a minute to parse such a name
+    path = rewritten(toys["plain"], tmp_path / "long.fmu", LONG[case])
+    if case in MEMBERS:
+        with zipfile.ZipFile(path, "a") as archive:
+            archive.writestr(MEMBERS[case], "x")
+    assert main(["check", str(path)]) == 1
+    lines = capsys.readouterr().out.splitlines()
+    assert "FAILED" in lines[-1]
+    assert max(map(len, lines)) < 2 * LONGEST
+    if case in MEMBERS:
+        assert "is too long: at most 1000 bytes, 255 between two slashes, are unpacked" in "".join(lines)
+    else:
+        assert any(line.split() == ["FMPy:", "steps", "ok"] for line in lines)
 
 
 def test_archives_that_are_not_safe_are_not_opened(toys, tmp_path, rows):
@@ -153,7 +222,7 @@ def test_what_pythonfmu_takes_for_granted(toys, tmp_path, rows):
 
 @pytest.mark.parametrize("identifier", ["../../../tmp/Plain", "Plain&#10;library /tmp/evil", "", "größe"])
 def test_a_model_identifier_that_leads_elsewhere_is_not_loaded(identifier, toys, tmp_path, rows, monkeypatch):
-    monkeypatch.setattr(lives, "in_fmpy", None)
+    monkeypatch.setattr(lives, "live_in_fmpy", None)
     old, new = b'modelIdentifier="Plain"', f'modelIdentifier="{identifier}"'.encode()
     found = rows(rewritten(toys["plain"], tmp_path / "A.fmu", lambda n, c: c.replace(old, new)))
     for check in ("life in FMPy", "life in a C host"):
@@ -176,16 +245,31 @@ def test_what_cannot_be_run_says_why(change, check, reason, toys, tmp_path, rows
     assert found[check].verdict == (NOT_RUN if check == "life in FMPy" else FAILED)
     assert reason in found[check].details[0]
     if check == "life in FMPy":
-        assert found["life in a C host"] == Row("life in a C host", NOT_RUN, found[check].details)
+        assert found["life in a C host"] == CheckResult("life in a C host", NOT_RUN, found[check].details)
 
 
 def test_the_table_counts_and_shortens():
     written: list[str] = []
     many = tuple(f"problem {k}" for k in range(SHOWN + 3))
-    rows = [Row("one", PASSED, ("fine",)), Row("two", FAILED, many), Row("three", NOT_RUN, ("why", "and more of it"))]
-    assert show("A.fmu", rows, written.append) is False
+    bad = CheckResult("two", FAILED, many)
+    rows = [CheckResult("one", OK, ("fine",)), CheckResult("three", NOT_RUN, ("why", "and more of it"))]
+    rows.append(CheckResult("four", WARNING, ("this",)))
+    assert write_table("A.fmu", rows, written.append) is True
     assert written[0] == "A.fmu"
-    assert written[-1] == "  1 passed, 1 FAILED, 1 not run"
+    assert [line.split() for line in written[1:4]] == [["one", "ok", "fine"], ["three", "not", "run", "why"],
+                                                       ["and", "more", "of", "it"]]  # fmt: skip
+    assert [line.split() for line in written[4:]] == [
+        ["four", "warning"], ["this"], ["1", "ok,", "1", "warning,", "1", "not", "run"],
+    ]  # fmt: skip
+    assert write_table("A.fmu", [*rows, bad], written.append) is False
+    assert written[-1] == "  1 ok, 1 warning, 1 FAILED, 1 not run"
     assert "    and 3 more" in written
-    assert [line.split() for line in written[-3:-1]] == [["three", "not", "run", "why"], ["and", "more", "of", "it"]]
-    assert show("A.fmu", rows[:1], written.append) is True
+
+
+def test_the_table_has_no_control_characters_and_no_endless_lines():
+    written: list[str] = []
+    hostile = "\x1b[2J\x9b2J\u202etxt\ud800" + "x" * 100_000
+    write_table("A.fmu", [CheckResult("one", FAILED, (hostile,))], written.append)
+    assert written[2].startswith(r"    \x1b[2J\x9b2J\u202etxt\ud800xxx")
+    assert "xxx ... xxx" in written[2]
+    assert LONGEST < len(written[2]) < 2 * LONGEST

@@ -10,10 +10,12 @@ from time import monotonic
 
 import pytest
 
-from ps_fmu.fmucheck import fmu_check, lives, stages
-from ps_fmu.fmucheck.fmu_check import NOT_RUN, PASSED, check_fmu
+from ps_fmu.cli import main
+from ps_fmu.fmucheck import fmu_check, lives, other_checkers, stages
+from ps_fmu.fmucheck.fmu_check import check_fmu
 from ps_fmu.fmucheck.host.compile import HOST
-from ps_fmu.fmucheck.reading import read
+from ps_fmu.fmucheck.reading import read_description
+from ps_fmu.fmucheck.verdicts import NOT_RUN, OK
 from ps_fmu.slavekit.launcher.c_program import fmi_headers
 
 SOURCES = Path(__file__).parent / "native"
@@ -41,7 +43,7 @@ def library(tmp_path_factory):
 @pytest.fixture(autouse=True)
 def without_fmutool(monkeypatch):
     """It takes a second."""
-    monkeypatch.setattr(fmu_check, "_FMUTOOL", "no_such_module")
+    monkeypatch.setattr(other_checkers, "FMUTOOL", "no_such_module")
 
 
 @pytest.fixture
@@ -64,14 +66,30 @@ def tank(library, tmp_path):
 def c_host(fmu: Path, **environment: str) -> dict[str, str]:
     """Problem by stage."""
     content = zipfile.ZipFile(fmu).read("modelDescription.xml")
-    return dict(lives.in_c_host(lives.c_host("linux64"), fmu, read(content, fmu), "linux64", **environment))
+    host, description = lives.find_c_host("linux64"), read_description(content, fmu)
+    return dict(lives.live_in_c_host(host, fmu, description, "linux64", **environment))
 
 
 def test_an_fmu_of_another_maker_passes_everything(tank):
     rows = {row.check: row for row in check_fmu(tank("{right}"))}
-    assert {check: row.details for check, row in rows.items() if row.verdict != PASSED}.keys() == {"fmutool -check"}
+    assert {check: row.details for check, row in rows.items() if row.verdict != OK}.keys() == {"fmutool -check"}
     assert [check.removeprefix("C host: ") for check in rows if check.startswith("C host")] == STAGES
     assert "FMPy: end of the process" in rows
+
+
+def test_a_warning_is_no_failure(tank, capsys):
+    """As the reference FMU BouncingBall has it, which all other checkers accept: a dependency on a parameter."""
+    g = 'name="g" valueReference="6" causality="parameter" variability="fixed"'
+    changes = (
+        ("  </ModelVariables>", f'<ScalarVariable {g}><Real start="1"/></ScalarVariable></ModelVariables>'),
+        ('<Outputs><Unknown index="1"/>', '<Outputs><Unknown index="1" dependencies="2 6"/>'),
+    )
+    assert main(["check", "--no-run", str(tank("{right}", changes=changes))]) == 0
+    text = capsys.readouterr().out
+    assert ["model", "description", "warning"] in map(str.split, text.splitlines())
+    assert "warning: line " in text
+    assert "unknown 1 (level) depends on g (parameter)" in text
+    assert "FAILED" not in text
 
 
 @pytest.mark.parametrize(
@@ -145,7 +163,7 @@ def test_inputs_that_make_no_sense_are_left_out(old, new, tank):
 
 def test_the_host_has_path_and_home_and_nothing_else(tank, monkeypatch):
     asked = []
-    monkeypatch.setattr(lives, "watch", lambda command, report, environment: asked.append(environment) or [("x", "")])
+    monkeypatch.setattr(lives, "watch_stages", lambda *given: asked.append(given[2]) or [("x", "")])
     monkeypatch.setenv("PATH", "/one:/two")
     monkeypatch.setenv("HOME", "/home/someone")
     monkeypatch.setenv("LD_PRELOAD", "")
@@ -161,7 +179,7 @@ def test_where_no_host_was_compiled_for(tank, monkeypatch):
     rows = {row.check: row for row in check_fmu(tank("{right}"))}
     assert rows["life in a C host"].verdict == NOT_RUN
     assert rows["life in a C host"].details == ("the host was not compiled for linux64 on riscv64",)
-    assert rows["FMPy: end of the process"].verdict == PASSED
+    assert rows["FMPy: end of the process"].verdict == OK
 
 
 def test_a_host_that_cannot_be_started(tank, monkeypatch, tmp_path):
@@ -181,7 +199,7 @@ def test_our_fmus_say_which_python_they_got(built_fmus, monkeypatch):
     assert told.verdict == NOT_RUN
     assert told.details[0] == f"once more with PS_FMU_PYTHON={sys.executable}"
     assert any("PATH: no python3 in /nonexistent" in detail for detail in told.details)
-    assert found["C host: end of the process"].verdict == PASSED
+    assert found["C host: end of the process"].verdict == OK
 
 
 def is_running(pid: str) -> bool:
@@ -196,7 +214,7 @@ def test_a_process_without_end_is_killed_with_its_children(tmp_path):
     """The child would keep the output open for ever."""
     script = """printf '["fork", ""]\\n["wait", null]\\n' >"$1"; tail -f /dev/null & echo $!; wait"""
     report = tmp_path / "report"
-    found = dict(stages.watch(["/bin/sh", "-c", script, "sh", str(report)], report, limit=2.0))
+    found = dict(stages.watch_stages(["/bin/sh", "-c", script, "sh", str(report)], report, limit=2.0))
     assert found["fork"] == ""
     problem, pid = found["wait"].splitlines()
     assert problem == "did not end within 2 s"
@@ -206,7 +224,7 @@ def test_a_process_without_end_is_killed_with_its_children(tmp_path):
 
 
 def test_a_process_that_says_nothing(tmp_path):
-    found = stages.watch([sys.executable, "-c", "raise SystemExit('no FMU today')"], tmp_path / "report")
+    found = stages.watch_stages([sys.executable, "-c", "raise SystemExit('no FMU today')"], tmp_path / "report")
     assert found == [("start", "the process exited with 1\nno FMU today")]
 
 

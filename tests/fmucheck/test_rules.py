@@ -8,11 +8,11 @@ import pytest
 from fmpy.validation import validate_fmu
 
 from ps_fmu.cosim import SystemFileError
-from ps_fmu.fmucheck.reading import read
-from ps_fmu.fmucheck.rules import RULES, check_description
+from ps_fmu.fmucheck.reading import read_description
+from ps_fmu.fmucheck.rules import DESCRIPTION_RULES, check_description
+from ps_fmu.fmucheck.verdicts import FAILED, WARNING
 
 BASE = (Path(__file__).parent / "description.xml").read_text()
-NAMES = ("ManipulatorPlant", "PointingCommander", "FeedforwardIsolator", "DisturbanceSource")
 
 INTERFACE = re.search(r"<CoSimulation.*</CoSimulation>", BASE, re.DOTALL)[0]
 
@@ -106,20 +106,20 @@ MUTATIONS = [
     ("initial-unknowns", '<Unknown index="10"/>', '<Unknown index="10"/><Unknown index="12"/>'),
     ("initial-order", '<Unknown index="5"/>\n      <Unknown index="7"/>', '<Unknown index="7"/><Unknown index="5"/>'),
     ("dependencies", 'dependencies="1 6 8"', 'dependencies="1 6 99"'),
-    ("dependencies", 'dependencies="1 6 8"', 'dependencies="1 4 6"'),
-    ("dependencies", '<Unknown index="3" dependencies="1 6"', '<Unknown index="3" dependencies="1 5"'),
+    ("dependencies-known", 'dependencies="1 6 8"', 'dependencies="1 4 6"'),
+    ("dependencies-known", '<Unknown index="3" dependencies="1 6"', '<Unknown index="3" dependencies="1 5"'),
     ("dependencies-order", 'dependencies="1 2"', 'dependencies="2 1"'),
     ("dependencies-order", 'dependencies="1 2"', 'dependencies="2 2"'),
     ("dependencies-kind", '"dependent fixed dependent"', '"dependent fixed"'),
     ("dependencies-kind", '"dependent fixed dependent"', '"dependent fixed odd"'),
-    ("dependencies-kind", '"constant dependent"', '"fixed dependent"'),
-    ("dependencies-kind", '<Unknown index="10" dependencies=""/>',
+    ("dependencies-factor", '"constant dependent"', '"fixed dependent"'),
+    ("dependencies-factor", '<Unknown index="10" dependencies=""/>',
      '<Unknown index="10" dependencies="1" dependenciesKind="fixed"/>'),
 ]  # fmt: skip
 
 
 def broken(text: str) -> list:
-    return check_description(read(text.encode(), Path("modelDescription.xml")))
+    return check_description(read_description(text.encode(), Path("modelDescription.xml")))
 
 
 def test_the_base_keeps_all_rules(tmp_path):
@@ -137,29 +137,50 @@ def test_a_fault_is_found_by_its_rule_alone(rule, old, new):
     assert {problem.rule.name for problem in problems} == {rule}
     lines = BASE.splitlines()
     assert all(1 <= problem.line <= len(lines) for problem in problems)
-    assert str(problems[0]).endswith(f"[{rule}, FMI 2.0.4, {problems[0].rule.section}]")
+    assert str(problems[0]).endswith(f"[{rule}, FMI 2.0.4, section {problems[0].rule.section}]")
 
 
 def test_the_documents_count_the_rules():
     root = Path(__file__).parents[2]
     for document in (root / "README.md", root / "fmus" / "README.md"):
-        assert f"{len(RULES)} rules" in document.read_text().replace("\n", " ")
+        assert f"{len(DESCRIPTION_RULES)} rules" in document.read_text().replace("\n", " ")
 
 
 def test_every_rule_has_a_fault_that_it_finds():
-    names = [rule.name for rule in RULES]
+    names = [rule.name for rule in DESCRIPTION_RULES]
     assert len(set(names)) == len(names)
     assert {rule for rule, _, _ in MUTATIONS} == set(names)
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_our_fmus_keep_all_rules(name, built_fmus):
+def test_our_fmus_keep_all_rules(built_fmus):
     """And more: no two of their variables share a value reference."""
-    path = built_fmus / f"{name}.fmu"
-    description = read(ZipFile(path).read("modelDescription.xml"), path)
-    assert check_description(description) == []
-    references = [variable.reference for variable in description.variables]
-    assert len(set(references)) == len(references)
+    for path in sorted(built_fmus.glob("*.fmu")):
+        description = read_description(ZipFile(path).read("modelDescription.xml"), path)
+        assert check_description(description) == []
+        references = [variable.reference for variable in description.variables]
+        assert len(set(references)) == len(references)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "verdict", "text"),
+    [
+        ('dependencies="1 6 8"', 'dependencies="1 4 6"', WARNING,
+         "Outputs: unknown 3 (y) depends on k (parameter); there only inputs, the independent variable and "
+         "continuous-time states are knowns"),
+        ('<Unknown index="10" dependencies=""/>', '<Unknown index="10" dependencies="1" dependenciesKind="constant"/>',
+         WARNING, "Outputs: unknown 10 (count): dependenciesKind 'constant' is not allowed: only a Real depends by a "
+         "factor, this is of type Integer: expected 'dependent'"),
+        ('"constant dependent"', '"fixed dependent"', WARNING,
+         "dependenciesKind 'fixed' is not allowed: expected 'dependent' or 'constant' in InitialUnknowns"),
+        ('"dependent fixed dependent"', '"dependent fixed odd"', FAILED,
+         "dependenciesKind 'odd' is unknown, expected dependent, constant, fixed, tunable, discrete"),
+    ],
+)  # fmt: skip
+def test_dependencies_are_read_strictly_and_the_reason_is_given(old, new, verdict, text):
+    (problem,) = broken(BASE.replace(old, new))
+    assert problem.rule.verdict == verdict
+    assert text in problem.text
+    assert str(problem).endswith("FMI 2.0.4, section 2.2.8]")
 
 
 @pytest.mark.parametrize("text", ["", "<a", "<!DOCTYPE a><a/>"])

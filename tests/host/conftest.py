@@ -14,10 +14,10 @@ import pytest
 from support.host import unpack
 
 from ps_fmu.cosim import System, read_system
+from ps_fmu.slavekit.launcher.c_program import fmi_headers
 from ps_fmu.slavekit.launcher.compile import LAUNCHER
 from ps_fmu.slavekit.pack.build import build_one
 from ps_fmu.slavekit.pack.bundle import bundle
-from ps_fmu.slavekit.launcher.c_program import fmi_headers
 
 HERE = Path(__file__).parent
 MODELS = HERE.parent / "slavekit" / "models"

@@ -9,8 +9,8 @@ import pytest
 
 from ps_fmu.cosim.native import LOOP
 from ps_fmu.fmucheck.host.compile import HOST
-from ps_fmu.slavekit.launcher.compile import LAUNCHER
 from ps_fmu.slavekit.launcher import c_program
+from ps_fmu.slavekit.launcher.compile import LAUNCHER
 
 PROGRAMS = {program.name: program for program in (LAUNCHER, HOST, LOOP)}
 # For Windows zig compiles its C library first: a minute on a machine that has not done so before.

@@ -16,6 +16,10 @@ from .errors import SystemFileError
 MAXIMUM_BYTES = 2 * 2**30
 """An archive that unpacks to more is refused (a decompression bomb, or a mistake)."""
 MAXIMUM_MEMBERS = 100_000
+MAXIMUM_PART = 255
+"""Bytes of the name of a file or folder that common file systems allow."""
+MAXIMUM_NAME = 1000
+"""Bytes of a member's path; systems allow 4096 with the folder that it is unpacked into."""
 
 _DAMAGE = (
     OSError,
@@ -35,8 +39,8 @@ def check_archive(path: Path) -> list[str]:
     """Names of the members, after checking that they can be unpacked into one folder and stay in it.
 
     Raises :class:`SystemFileError`: not a readable ZIP archive, an absolute path, a drive letter, ``..``, an empty
-    part or a backslash in a name, a link, a name that occurs twice or is a file and a folder, an encrypted member, too
-    many bytes or members.
+    part or a backslash in a name, a name that is too long, a link, a name that occurs twice or is a file and a folder,
+    an encrypted member, too many bytes or members.
     """
     with _opened(path, "is not a readable ZIP archive") as archive:
         members = archive.infolist()
@@ -66,6 +70,9 @@ def _objection(member: zipfile.ZipInfo) -> str | None:
     name = member.orig_filename
     if "\\" in name or ":" in name or "\0" in name or name.startswith("/") or not name:
         return "is not a relative path with forward slashes"
+    encoded = name.encode(errors="replace")
+    if len(encoded) > MAXIMUM_NAME or max(map(len, encoded.split(b"/"))) > MAXIMUM_PART:
+        return f"is too long: at most {MAXIMUM_NAME} bytes, {MAXIMUM_PART} between two slashes, are unpacked"
     if ".." in PurePosixPath(name).parts:
         return "leaves the target folder"
     if str(PurePosixPath(name)) != name.removesuffix("/") or name in (".", "./"):

@@ -1,4 +1,4 @@
-"""Rules for the ZIP archive of an FMU and what has to be in it (FMI 2.0.4, section 2.3)."""
+"""Rules for the ZIP archive of an FMU and its content (FMI 2.0.4, section 2.3)."""
 
 from __future__ import annotations
 
@@ -15,23 +15,23 @@ _VERSION = 20  # 2.0
 _MOST_BYTES = 2**20  # of a text of one line
 
 
-def problems(path: Path, description: Description) -> list[str]:
-    """What is wrong with an archive that is safe to unpack."""
+def find_problems(path: Path, description: Description) -> list[str]:
+    """The problems of an archive that is safe to unpack."""
     with zipfile.ZipFile(path) as archive:
         members = archive.infolist()
     names = [member.filename for member in members]
     return [
-        *_file(path), *_members(members), *_same_name(names), *_content(names, description),
-        *_pythonfmu(path, names, description),
+        *_check_suffix(path), *_check_members(members), *_compare_names(names), *_check_content(names, description),
+        *_check_pythonfmu(path, names, description),
     ]  # fmt: skip
 
 
-def _file(path: Path) -> Iterator[str]:
+def _check_suffix(path: Path) -> Iterator[str]:
     if path.suffix != ".fmu":
         yield f"the file is named {path.name}, expected a name that ends with .fmu"
 
 
-def _members(members: list[zipfile.ZipInfo]) -> Iterator[str]:
+def _check_members(members: list[zipfile.ZipInfo]) -> Iterator[str]:
     for member in members:
         method, name = member.compress_type, member.filename
         if method not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
@@ -42,7 +42,7 @@ def _members(members: list[zipfile.ZipInfo]) -> Iterator[str]:
             yield f"{name}: version {member.extract_version / 10:g} is needed to extract, expected 2.0 at most"
 
 
-def _same_name(names: list[str]) -> Iterator[str]:
+def _compare_names(names: list[str]) -> Iterator[str]:
     folded: dict[str, str] = {}
     for name in names:
         other = folded.setdefault(name.lower(), name)
@@ -50,7 +50,7 @@ def _same_name(names: list[str]) -> Iterator[str]:
             yield f"{other} and {name} are one file where case does not matter"
 
 
-def _pythonfmu(path: Path, names: list[str], description: Description) -> Iterator[str]:
+def _check_pythonfmu(path: Path, names: list[str], description: Description) -> Iterator[str]:
     if description.root.attributes.get("generationTool", "").startswith("PythonFMU"):
         named = pythonfmu.MODULE_FILE in names
         content = read_member(path, pythonfmu.MODULE_FILE, _MOST_BYTES) if named else None
@@ -58,9 +58,9 @@ def _pythonfmu(path: Path, names: list[str], description: Description) -> Iterat
             yield f"{problem}: pythonfmu's library crashes without it"
 
 
-def _content(names: list[str], description: Description) -> Iterator[str]:
-    """Libraries of the right name, or sources; where there are sources, all that are listed."""
-    paths = [PurePosixPath(name) for name in names]
+def _check_content(names: list[str], description: Description) -> Iterator[str]:
+    """There are libraries with the right name, or sources; of sources all that are listed."""
+    paths = {PurePosixPath(name) for name in names}
     with_sources = any(path.parts[0] == "sources" for path in paths)
     for child in description.root.children:
         if child.tag not in ("CoSimulation", "ModelExchange"):

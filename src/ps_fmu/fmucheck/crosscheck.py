@@ -1,7 +1,7 @@
 """Reference runs by the rules 4.1 of the FMI cross-check, beside the sources of each FMU.
 
-``<Model>_ref.opt`` (times, step, tolerance) and ``<Model>_in.csv`` (inputs, linear between its rows) are written by
-hand; ``<Model>_ref.csv`` is what the FMU then puts out in FMPy, at most ten variables of it.
+Authors write ``<Model>_ref.opt`` (times, step, tolerance) and ``<Model>_in.csv`` (inputs, linear between its rows).
+FMPy computes ``<Model>_ref.csv`` from them: the outputs of the FMU, at most ten.
 """
 
 from __future__ import annotations
@@ -31,16 +31,16 @@ _DIGITS = 9
 _HEADER = re.compile(r'"[^"]+"(,"[^"]+")*')
 _REQUIRED = ("StartTime", "StopTime", "StepSize", "RelTol")
 
-Table = NDArray[Any]
+Signals = NDArray[Any]
 """Structured array: a float64 column ``time``, then one for each variable."""
 
 
 class CrossCheckError(ValueError):
-    """A reference that cannot be used: which file, what is wrong."""
+    """A reference that cannot be used; the text says which file and why."""
 
 
 @dataclass(frozen=True)
-class Options:
+class ReferenceOptions:
     """A ``<Model>_ref.opt`` file; times in s."""
 
     start_time: float
@@ -67,11 +67,11 @@ class Reference:
 
     @property
     def inputs(self) -> Path:
-        """The input signals; need not be there."""
+        """The input signals; the file may be missing."""
         return self.options.with_name(f"{self.model}_in.csv")
 
 
-def find(folder: Path) -> list[Reference]:
+def find_references(folder: Path) -> list[Reference]:
     """All references in the folders below ``folder``.  Raises CrossCheckError if there are none."""
     found = [Reference(path) for path in sorted(folder.glob("*/*_ref.opt"))]
     if not found:
@@ -79,16 +79,16 @@ def find(folder: Path) -> list[Reference]:
     return found
 
 
-def _text(path: Path) -> str:
+def _read_text(path: Path) -> str:
     try:
         return path.read_text(encoding="utf-8")
     except UnicodeDecodeError as error:
         raise CrossCheckError(f"{path}: is not text in UTF-8: {error}") from error
 
 
-def read_options(path: Path) -> Options:
-    """Read a ``_ref.opt`` file.  Raises CrossCheckError naming what is missing or is no number."""
-    rows = [row for row in csv.reader(_text(path).splitlines()) if row]
+def read_options(path: Path) -> ReferenceOptions:
+    """Read a ``_ref.opt`` file.  Raises CrossCheckError where an option is missing or no number."""
+    rows = [row for row in csv.reader(_read_text(path).splitlines()) if row]
     given = {row[0].strip(): row[1].strip() for row in rows if len(row) == 2}
     values = []
     for name in _REQUIRED:
@@ -96,7 +96,7 @@ def read_options(path: Path) -> Options:
             values.append(float(given[name]))
         except (KeyError, ValueError):
             raise CrossCheckError(f"{path}: {name} is missing or no number") from None
-    options = Options(*values)
+    options = ReferenceOptions(*values)
     if not (options.stop_time > options.start_time and options.step > 0.0 and options.relative_tolerance > 0.0):
         raise CrossCheckError(f"{path}: StopTime after StartTime, StepSize and RelTol above 0 are needed")
     if (options.stop_time - options.start_time) / options.step > MAXIMUM_ROWS:
@@ -104,7 +104,7 @@ def read_options(path: Path) -> Options:
     return options
 
 
-def read_table(path: Path) -> Table:
+def read_signals(path: Path) -> Signals:
     """Read a CSV file by the rules.
 
     Raises CrossCheckError: larger than 1 MB, names not quoted, first column not ``time``, time that goes back, a row
@@ -112,7 +112,7 @@ def read_table(path: Path) -> Table:
     """
     if path.stat().st_size > MAXIMUM_BYTES:
         raise CrossCheckError(f"{path}: {path.stat().st_size} bytes, at most {MAXIMUM_BYTES} are allowed")
-    lines = _text(path).splitlines()
+    lines = _read_text(path).splitlines()
     names = next(csv.reader(lines), [""])
     if names[0] != "time" or not _HEADER.fullmatch(lines[0]):
         raise CrossCheckError(f'{path}: the first line must be quoted names, the first of them "time"')
@@ -125,17 +125,17 @@ def read_table(path: Path) -> Table:
         if len(row) != len(names) or not all(map(math.isfinite, row)):
             raise CrossCheckError(f"{path}, line {number}: expected {len(names)} finite numbers")
         rows.append(row)
-    table = np.array(rows, dtype=[(name, np.float64) for name in names])
-    if len(rows) < 2 or np.any(np.diff(table["time"]) < 0.0):
+    signals = np.array(rows, dtype=[(name, np.float64) for name in names])
+    if len(rows) < 2 or np.any(np.diff(signals["time"]) < 0.0):
         raise CrossCheckError(f"{path}: fewer than two rows, or the time goes back")
-    return table
+    return signals
 
 
-def write_table(path: Path, table: Table) -> None:
+def write_signals(path: Path, signals: Signals) -> None:
     """Write a CSV file by the rules.  Raises CrossCheckError if it would be too large."""
     text = io.StringIO()
-    text.write(",".join(f'"{name}"' for name in table.dtype.names or ()) + "\n")
-    for row in table:
+    text.write(",".join(f'"{name}"' for name in signals.dtype.names or ()) + "\n")
+    for row in signals:
         text.write(",".join(f"{float(value):.{_DIGITS}g}" for value in row) + "\n")
     content = text.getvalue().encode()
     if len(content) > MAXIMUM_BYTES:
@@ -143,33 +143,33 @@ def write_table(path: Path, table: Table) -> None:
     path.write_bytes(content)
 
 
-def simulate(fmu: Path, reference: Reference, variables: Sequence[str] | None = None) -> Table:
+def simulate(fmu: Path, reference: Reference, variables: Sequence[str] | None = None) -> Signals:
     """Run an FMU in FMPy with the inputs and options of a reference.
 
     ``variables`` are recorded; by default those of the reference solution, or the first ten outputs if there is none.
-    Raises CrossCheckError, also for whatever FMPy raises over the FMU, and KeyboardInterrupt after a step.
+    Raises CrossCheckError, also for what FMPy raises, and KeyboardInterrupt after a step.
     """
     from fmpy import read_model_description, simulate_fmu
 
     if not fmu.is_file():
         raise CrossCheckError(f"there is no {fmu}: build it")
     options = read_options(reference.options)
-    with _blamed(fmu):
+    with _blame(fmu):
         description = read_model_description(str(fmu))
     outputs = [v.name for v in description.modelVariables if v.causality == "output" and v.type != "String"]
     if variables is None and reference.results.is_file():
-        variables = next(csv.reader(_text(reference.results).splitlines()), ["time"])[1:]
+        variables = next(csv.reader(_read_text(reference.results).splitlines()), ["time"])[1:]
     wanted = list(variables or outputs[:MAXIMUM_VARIABLES])
     if unknown := sorted(set(wanted) - set(outputs)):
         raise CrossCheckError(f"{fmu.name} has no output {', '.join(unknown)}, which {reference.results} names")
     if len(wanted) > MAXIMUM_VARIABLES:
         raise CrossCheckError(f"{reference.results}: {len(wanted)} variables, expected at most {MAXIMUM_VARIABLES}")
-    inputs = read_table(reference.inputs) if reference.inputs.is_file() else None
+    inputs = read_signals(reference.inputs) if reference.inputs.is_file() else None
     if inputs is not None:
         declared = {v.name for v in description.modelVariables if v.causality == "input"}
         if unknown := sorted(set(inputs.dtype.names or ()) - declared - {"time"}):
             raise CrossCheckError(f"{reference.inputs}: {fmu.name} has no input {', '.join(unknown)}")
-    with _blamed(fmu), noted_interrupts() as interrupted:
+    with _blame(fmu), noted_interrupts() as interrupted:
         result = simulate_fmu(
             str(fmu),
             start_time=options.start_time,
@@ -185,15 +185,15 @@ def simulate(fmu: Path, reference: Reference, variables: Sequence[str] | None = 
 
 
 @contextmanager
-def _blamed(fmu: Path) -> Iterator[None]:
-    """FMPy raises anything, and plain Exception too: all of it becomes a CrossCheckError that names the FMU."""
+def _blame(fmu: Path) -> Iterator[None]:
+    """Turn whatever FMPy raises, plain Exception too, into a CrossCheckError that names the FMU."""
     try:
         yield
     except Exception as error:
         raise CrossCheckError(f"{fmu}: {' '.join(str(error).split()) or type(error).__name__}") from error
 
 
-def deviation(result: Table, expected: Table) -> float:
+def find_deviation(result: Signals, expected: Signals) -> float:
     """Largest difference of any variable, over the largest magnitude that the variable has in ``expected``.
 
     Raises CrossCheckError if the two do not have the same columns and times.

@@ -1,6 +1,6 @@
 """The life of an FMU in FMPy, stage by stage, as a program of its own: see :mod:`.stages`.
 
-It must not import anything of the package, which an FMU could lean on.
+It imports nothing of the package: an FMU could then rely on that.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ STEPS = 10
 
 
 class Life:
-    """Drives one FMU through its stages; what must not happen raises."""
+    """Drives one FMU through its stages; a stage that fails raises."""
 
     def __init__(self, fmu: Path, folder: str) -> None:
         from fmpy import extract, read_model_description
@@ -35,8 +35,8 @@ class Life:
             if variable.causality == "output" and kind in self.outputs:
                 self.outputs[kind].append(variable.valueReference)
 
-    def instance(self, name: str) -> Any:
-        """A new instance, ready to be set up."""
+    def make_instance(self, name: str) -> Any:
+        """A new instance."""
         from fmpy.fmi2 import FMU2Slave
 
         slave = FMU2Slave(
@@ -49,19 +49,19 @@ class Life:
         return slave
 
     def initialise(self, slave: Any) -> list[float]:
-        """To the first communication point; the outputs there."""
+        """Initialise; the outputs at the first communication point."""
         slave.setupExperiment(startTime=self.start)
         slave.enterInitializationMode()
         slave.exitInitializationMode()
-        return self.read(slave)
+        return self.read_outputs(slave)
 
-    def steps(self, slave: Any, first: int = 0, count: int = STEPS) -> list[float]:
-        """Steps from number ``first`` on; the outputs after the last."""
+    def make_steps(self, slave: Any, first: int = 0, count: int = STEPS) -> list[float]:
+        """Make ``count`` steps from number ``first`` on; the outputs after the last."""
         for k in range(first, first + count):
             slave.doStep(self.start + k * self.step, self.step)
-        return self.read(slave)
+        return self.read_outputs(slave)
 
-    def read(self, slave: Any) -> list[float]:
+    def read_outputs(self, slave: Any) -> list[float]:
         """All outputs.  Raises AssertionError if one is not finite."""
         values: list[float] = []
         for kind, references in self.outputs.items():
@@ -71,68 +71,68 @@ class Life:
         assert not bad, f"{len(bad)} of {len(values)} outputs are not finite"
         return values
 
-    def from_state(self, slave: Any, serialised: bool) -> None:
-        """A step, and the same step again after the state was set back, in this instance."""
+    def repeat_from_state(self, slave: Any, serialised: bool) -> None:
+        """Make steps, set the state back, and make them again in the same instance."""
         state = slave.getFMUstate()
         if serialised:
             content = slave.serializeFMUstate(state)
             slave.freeFMUstate(state)
-        expected = self.steps(slave, STEPS)
+        expected = self.make_steps(slave, STEPS)
         if serialised:
             state = slave.deSerializeFMUstate(content)
         slave.setFMUstate(state)
-        again = self.steps(slave, STEPS)
+        again = self.make_steps(slave, STEPS)
         slave.setFMUstate(state)
         slave.freeFMUstate(state)
-        assert again == expected, f"the same steps from the same state give other outputs: {_first(again, expected)}"
+        assert again == expected, f"other outputs from the same state: {_show_first(again, expected)}"
 
 
-def live(fmu: Path, folder: str, stage: Callable[[str], Any]) -> None:
-    """All stages."""
+def run_stages(fmu: Path, folder: str, stage: Callable[[str], Any]) -> None:
+    """Run all stages."""
     with stage("load"):
         life = Life(fmu, folder)
-        slave = life.instance("first")
+        slave = life.make_instance("first")
     with stage("initialise"):
         begin = life.initialise(slave)
     with stage("steps"):
-        expected = life.steps(slave)
+        expected = life.make_steps(slave)
     abilities = life.description.coSimulation
     if abilities.canGetAndSetFMUstate:
         with stage("get and set state"):
-            life.from_state(slave, serialised=False)
+            life.repeat_from_state(slave, serialised=False)
     if abilities.canGetAndSetFMUstate and abilities.canSerializeFMUstate:
         with stage("serialise state"):
-            life.from_state(slave, serialised=True)
+            life.repeat_from_state(slave, serialised=True)
     with stage("reset"):
         slave.reset()
         again = life.initialise(slave)
-        assert again == begin, f"other outputs than in the first run after initialisation: {_first(again, begin)}"
-        again = life.steps(slave)
-        assert again == expected, f"other outputs than in the first run: {_first(again, expected)}"
+        assert again == begin, f"other outputs than in the first run after initialisation: {_show_first(again, begin)}"
+        again = life.make_steps(slave)
+        assert again == expected, f"other outputs than in the first run: {_show_first(again, expected)}"
     if not abilities.canBeInstantiatedOnlyOncePerProcess:
         with stage("second instance"):
             slave.reset()
-            other = life.instance("second")
+            other = life.make_instance("second")
             for one in (slave, other):
                 life.initialise(one)
             for k in range(STEPS):
-                results = [life.steps(one, k, 1) for one in (slave, other)]
+                results = [life.make_steps(one, k, 1) for one in (slave, other)]
             other.terminate()
             other.freeInstance()
             for again in results:
-                assert again == expected, f"two instances disturb each other: {_first(again, expected)}"
+                assert again == expected, f"two instances disturb each other: {_show_first(again, expected)}"
     with stage("terminate and free"):
         slave.terminate()
         slave.freeInstance()
 
 
-def _first(values: list[float], expected: list[float]) -> str:
+def _show_first(values: list[float], expected: list[float]) -> str:
     pairs = [f"{value!r} instead of {want!r}" for value, want in zip(values, expected, strict=True) if value != want]
     return f"{pairs[0]}, and {len(pairs) - 1} more"
 
 
 def main(fmu: str, folder: str, report: str) -> int:
-    """Write a line ``[stage, problem]`` per stage and outcome; a problem of None says that it has begun."""
+    """Write the report, see :mod:`.stages`; the exit code."""
     with open(report, "w", encoding="utf-8") as file:
 
         def note(stage: str, problem: str | None) -> None:
@@ -150,7 +150,7 @@ def main(fmu: str, folder: str, report: str) -> int:
             note(name, "")
 
         try:
-            live(Path(fmu), folder, stage)
+            run_stages(Path(fmu), folder, stage)
         except Exception:  # noted with its stage
             return 1
         note("end of the process", None)
@@ -158,5 +158,5 @@ def main(fmu: str, folder: str, report: str) -> int:
 
 
 if __name__ == "__main__":
-    sys.modules["ps_fmu"] = None  # type: ignore[assignment]  # an FMU must not lean on what checks it
+    sys.modules["ps_fmu"] = None  # type: ignore[assignment]  # an FMU must not rely on what checks it
     sys.exit(main(*sys.argv[1:]))

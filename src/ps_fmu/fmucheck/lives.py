@@ -1,10 +1,9 @@
-"""Two lives of an FMU: in FMPy, and in a host written in C that finds nothing set around it.
+"""Two lives of an FMU: in FMPy, and in a host written in C whose environment is PATH and HOME.
 
-Each finds what the other cannot.  The C host shows FMUs that need what a Python host has loaded already, that change
-what belongs to the host, that cannot be unloaded, whose inputs start elsewhere than the model description says, or
-whose state cannot move to another instance.  FMPy is a Python program, which an FMU with Python inside has to share; it
-steps two instances by turns; it reads the model description by itself, and runs on platforms that no C host was
-compiled for.
+Each finds faults that the other cannot.  The C host finds FMUs that rely on libraries of a Python host, change settings
+of the host, cannot be unloaded, have other start values than the model description states, or cannot move their state
+to another instance.  FMPy is a Python program, which an FMU with Python inside has to share.  It steps two instances by
+turns, has its own reader of the model description, and runs on platforms for which no C host was compiled.
 """
 
 from __future__ import annotations
@@ -22,51 +21,54 @@ from platform import machine
 from ..cosim.archive import extract
 from . import life_cycle
 from .host.compile import HOST
-from .reading import Description, Variable, number
-from .stages import Result, watch
+from .reading import Description, Variable, parse_number
+from .stages import StageResult, watch_stages
 
 PYTHON_VARIABLE = "PS_FMU_PYTHON"
-"""Names a Python to the launcher of FMUs that were built here."""
+"""The environment variable that names a Python to our launcher."""
 _DEFAULT_STEP = 1e-2  # s
 _REFERENCE = re.compile(r"[0-9]{1,10}")
 
 
-def in_fmpy(fmu: Path) -> list[Result]:
-    """The stages of the life in FMPy, see :mod:`.life_cycle`; after the first that failed there are no more."""
+def live_in_fmpy(fmu: Path) -> list[StageResult]:
+    """The stages of the life in FMPy, see :mod:`.life_cycle`; the first failure is the last stage."""
     with tempfile.TemporaryDirectory(prefix="fmu_life_") as folder:
         report = Path(folder, "report")
         command = [sys.executable, "-I", "-B", life_cycle.__file__, str(fmu.resolve()), folder, str(report)]
-        return watch(command, report)
+        return watch_stages(command, report)
 
 
-def c_host(platform: str) -> Path | None:
+def find_c_host(platform: str) -> Path | None:
     """The C host for this machine and a platform of FMI; None if it was not compiled for them."""
     return HOST.path(platform) if machine().lower() in ("x86_64", "amd64") else None
 
 
-def in_c_host(host: Path, fmu: Path, description: Description, platform: str, **environment: str) -> list[Result]:
-    """The stages of the life in the C host, see ``host/host.c``; after one that no other can follow there are no more.
+def live_in_c_host(
+    host: Path, fmu: Path, description: Description, platform: str, **environment: str
+) -> list[StageResult]:
+    """The stages of the life in the C host, see ``host/host.c``; it ends at the first that no other can follow.
 
-    The environment is PATH, HOME and what is given here.  Raises OSError if the host cannot be started.
+    ``environment``: variables besides PATH and HOME.  Raises OSError if the host cannot be started, SystemFileError if
+    the FMU cannot be unpacked.
     """
     kept = {name: os.environ[name] for name in ("PATH", "HOME") if name in os.environ}
     with tempfile.TemporaryDirectory(prefix="fmu_life_") as temporary:
         folder = Path(temporary)
         extract(fmu, folder / "fmu")
         plan, report, program = folder / "plan", folder / "report", folder / "host"
-        plan.write_text("\n".join(_plan(folder / "fmu", description, platform)) + "\n", encoding="utf-8")
+        plan.write_text("\n".join(_write_plan(folder / "fmu", description, platform)) + "\n", encoding="utf-8")
         shutil.copyfile(host, program)  # an installed file need not be executable
         program.chmod(0o700)
-        return watch([str(program), str(plan), str(report)], report, kept | environment)
+        return watch_stages([str(program), str(plan), str(report)], report, kept | environment)
 
 
-def looks_for_python(members: Iterable[str]) -> bool:
-    """Has the FMU a launcher of ours, which has to find a Python?"""
+def has_launcher(members: Iterable[str]) -> bool:
+    """Whether the FMU has our launcher, which needs a Python."""
     return "resources/launcher.txt" in members
 
 
-def _plan(folder: Path, description: Description, platform: str) -> Iterator[str]:
-    """The lines of ``host/plan.h`` for an unpacked FMU; numbers that make no sense are left out."""
+def _write_plan(folder: Path, description: Description, platform: str) -> Iterator[str]:
+    """The lines of ``host/plan.h`` for an unpacked FMU; without variables whose numbers cannot be used."""
     interface = description.root.find("CoSimulation")
     if interface is None:
         raise ValueError("the FMU is not for co-simulation")
@@ -74,10 +76,10 @@ def _plan(folder: Path, description: Description, platform: str) -> Iterator[str
     (folder / "resources").mkdir(exist_ok=True)
     resources = (folder / "resources").as_uri().removeprefix("file://")
     yield f"library {folder / 'binaries' / platform / given.get('modelIdentifier', '')}.so"
-    yield f"guid {_one_line(description.root.attributes.get('guid', ''))}"
+    yield f"guid {_join_lines(description.root.attributes.get('guid', ''))}"
     yield f"resources {resources}"
-    yield f"start {_setting(description, 'startTime', 0.0)!r}"
-    yield f"step {_setting(description, 'stepSize', 0.0) or _DEFAULT_STEP!r}"
+    yield f"start {_read_setting(description, 'startTime', 0.0)!r}"
+    yield f"step {_read_setting(description, 'stepSize', 0.0) or _DEFAULT_STEP!r}"
     flags = {"canBeInstantiatedOnlyOncePerProcess": "once", "canGetAndSetFMUstate": "state"}
     flags["canSerializeFMUstate"] = "serialise"
     for attribute, key in flags.items():
@@ -88,23 +90,23 @@ def _plan(folder: Path, description: Description, platform: str) -> Iterator[str
         if not kind or not _REFERENCE.fullmatch(variable.reference) or int(variable.reference) >= 2**32:
             continue
         if variable.causality == "output":
-            yield f"output {kind} {variable.reference} {_one_line(variable.name)}"
-        elif variable.causality == "input" and _has_value(variable):
+            yield f"output {kind} {variable.reference} {_join_lines(variable.name)}"
+        elif variable.causality == "input" and _can_be_set(variable):
             yield f"input {kind} {variable.reference} {variable.start}"
 
 
-def _setting(description: Description, name: str, default: float) -> float:
+def _read_setting(description: Description, name: str, default: float) -> float:
     experiment = description.root.find("DefaultExperiment")
-    value = number(experiment.attributes.get(name, ""), "Real") if experiment is not None else math.nan
+    value = parse_number(experiment.attributes.get(name, ""), "Real") if experiment is not None else math.nan
     return value if math.isfinite(value) and value >= 0.0 else default
 
 
-def _has_value(variable: Variable) -> bool:
-    """Is the start value one that can be set, and told in a line?"""
-    if variable.start is None or variable.start != _one_line(variable.start):
+def _can_be_set(variable: Variable) -> bool:
+    """Whether the start value is a value of the variable's type and fits into a line of the plan."""
+    if variable.start is None or variable.start != _join_lines(variable.start):
         return False
-    return variable.type in ("Boolean", "String") or math.isfinite(number(variable.start, variable.type))
+    return variable.type in ("Boolean", "String") or math.isfinite(parse_number(variable.start, variable.type))
 
 
-def _one_line(text: str) -> str:
+def _join_lines(text: str) -> str:
     return " ".join(text.splitlines())

@@ -1,41 +1,40 @@
-"""Rules for the root of a model description, what it says of the interface, log categories and default experiment."""
+"""Rules for the root element, the interfaces, log categories and default experiment of a model description."""
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from datetime import datetime
 
 from ..cosim.xmlfile import Element
-from .reading import Description, number
+from .reading import Description, Faults, parse_number
 
-Found = Iterator[tuple[int, str]]
 _DATE = "%Y-%m-%dT%H:%M:%SZ"
 _DATE_FORM = re.compile(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\dZ", re.ASCII)
 _C_IDENTIFIER = re.compile(r"[A-Za-z_]\w*", re.ASCII)
 
 
-def encoding(description: Description) -> Found:
-    """The first line says that the file is in UTF-8."""
+def check_encoding(description: Description) -> Faults:
+    """The first line states the encoding UTF-8."""
     if description.encoding is None or description.encoding.upper() != "UTF-8":
         yield 1, f'the encoding is stated as {description.encoding!r}, expected encoding="UTF-8" in the first line'
 
 
-def version(description: Description) -> Found:
-    """fmiVersion of every 2.0.x is "2.0"."""
+def check_version(description: Description) -> Faults:
+    """fmiVersion is "2.0", also for 2.0.1 to 2.0.4."""
     given = description.root.attributes.get("fmiVersion")
     if given != "2.0":
         yield description.root.line, f'fmiVersion is {given!r}, expected "2.0"'
 
 
-def guid(description: Description) -> Found:
-    """There is a GUID to compare with that in the library."""
+def check_guid(description: Description) -> Faults:
+    """There is a GUID, which the library compares with its own."""
     if not description.root.attributes.get("guid", "").strip():
         yield description.root.line, "guid is empty: the library cannot be matched with this file"
 
 
-def date(description: Description) -> Found:
+def check_date(description: Description) -> Faults:
     """generationDateAndTime is YYYY-MM-DDThh:mm:ssZ, a date that exists, in UTC."""
     text = description.root.attributes.get("generationDateAndTime")
     if text is None:
@@ -49,53 +48,53 @@ def date(description: Description) -> Found:
         yield description.root.line, f"generationDateAndTime {text!r} is not of the form YYYY-MM-DDThh:mm:ssZ"
 
 
-def interface(description: Description) -> Found:
+def check_interface(description: Description) -> Faults:
     """The FMU offers model exchange or co-simulation."""
-    if not _interfaces(description):
+    if not _list_interfaces(description):
         yield description.root.line, "there is neither a ModelExchange nor a CoSimulation element"
 
 
-def identifier(description: Description) -> Found:
-    """modelIdentifier begins the names of C functions."""
-    for element in _interfaces(description):
+def check_identifier(description: Description) -> Faults:
+    """modelIdentifier is a C identifier: it is part of the names of C functions."""
+    for element in _list_interfaces(description):
         name = element.attributes.get("modelIdentifier", "")
         if not _C_IDENTIFIER.fullmatch(name):
             yield element.line, f"modelIdentifier {name!r} is not a C identifier"
 
 
-def capabilities(description: Description) -> Found:
-    """A state that can be serialised can be had at all."""
-    for element in _interfaces(description):
+def check_capabilities(description: Description) -> Faults:
+    """canSerializeFMUstate comes with canGetAndSetFMUstate."""
+    for element in _list_interfaces(description):
         flags = {name for name, value in element.attributes.items() if value in ("true", "1")}
         if "canSerializeFMUstate" in flags and "canGetAndSetFMUstate" not in flags:
             yield element.line, f"{element.tag}: canSerializeFMUstate needs canGetAndSetFMUstate"
 
 
-def source_files(description: Description) -> Found:
+def check_source_files(description: Description) -> Faults:
     """Each source file is listed once."""
-    for element in _interfaces(description):
+    for element in _list_interfaces(description):
         files = element.find("SourceFiles")
-        yield from repeated(files.all("File") if files is not None else (), f"{element.tag}: source file")
+        yield from find_repeated(files.all("File") if files is not None else (), f"{element.tag}: source file")
 
 
-def vendor_annotations(description: Description) -> Found:
+def check_vendor_annotations(description: Description) -> Faults:
     """Each tool has its annotations in one element."""
     group = description.root.find("VendorAnnotations")
-    yield from repeated(group.all("Tool") if group is not None else (), "vendor annotations of tool")
+    yield from find_repeated(group.all("Tool") if group is not None else (), "vendor annotations of tool")
 
 
-def log_categories(description: Description) -> Found:
+def check_log_categories(description: Description) -> Faults:
     """Each log category is defined once."""
-    yield from repeated(description.categories, "log category")
+    yield from find_repeated(description.categories, "log category")
 
 
-def experiment(description: Description) -> Found:
+def check_experiment(description: Description) -> Faults:
     """The default experiment ends after its start; step and tolerance are positive."""
     element = description.root.find("DefaultExperiment")
     if element is None:
         return
     names = ("startTime", "stopTime", "stepSize", "tolerance")
-    given = {name: number(element.attributes[name], "Real") for name in names if name in element.attributes}
+    given = {name: parse_number(element.attributes[name], "Real") for name in names if name in element.attributes}
     for name, value in given.items():
         if not math.isfinite(value) or (name in ("stepSize", "tolerance") and value <= 0.0):
             yield element.line, f"{name} of the default experiment is {element.attributes[name]!r}"
@@ -106,12 +105,12 @@ def experiment(description: Description) -> Found:
         yield element.line, "the step of the default experiment is longer than the experiment"
 
 
-def _interfaces(description: Description) -> list[Element]:
+def _list_interfaces(description: Description) -> list[Element]:
     return [child for child in description.root.children if child.tag in ("ModelExchange", "CoSimulation")]
 
 
-def repeated(elements: Iterable[Element], what: str, attribute: str = "name") -> Found:
-    """Elements whose attribute has been there before."""
+def find_repeated(elements: Iterable[Element], what: str, attribute: str = "name") -> Faults:
+    """Find elements whose attribute an element before them has, too."""
     seen: dict[str | None, int] = {}
     for element in elements:
         name = element.attributes.get(attribute)

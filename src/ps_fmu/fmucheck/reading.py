@@ -7,13 +7,15 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
 from ..cosim.xmlfile import Element, parse_xml
 
+Faults = Iterator[tuple[int, str]]
+"""Lines of the file, each with what is wrong there."""
 TYPES = ("Real", "Integer", "Boolean", "String", "Enumeration")
 _INHERITED = ("unit", "displayUnit", "min", "max", "nominal", "quantity", "relativeQuantity", "unbounded")
 _REAL = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?|[+-]?INF|NaN", re.ASCII)
@@ -49,7 +51,7 @@ class Variable:
     def number(self, attribute: str) -> float | None:
         """A numeric attribute; None if it is not there, NaN if it is no number of the variable's type."""
         text = self.attributes.get(attribute)
-        return None if text is None else number(text, self.type)
+        return None if text is None else parse_number(text, self.type)
 
 
 @dataclass(frozen=True)
@@ -75,24 +77,24 @@ class Description:
     @cached_property
     def types(self) -> list[Element]:
         """The SimpleType elements."""
-        return self._group("TypeDefinitions", "SimpleType")
+        return self._list_group("TypeDefinitions", "SimpleType")
 
     @cached_property
     def units(self) -> list[Element]:
         """The Unit elements."""
-        return self._group("UnitDefinitions", "Unit")
+        return self._list_group("UnitDefinitions", "Unit")
 
     @cached_property
     def categories(self) -> list[Element]:
         """The Category elements of LogCategories."""
-        return self._group("LogCategories", "Category")
+        return self._list_group("LogCategories", "Category")
 
     @cached_property
     def variables(self) -> list[Variable]:
         """The variables, in the order of the file."""
         types = {element.attributes.get("name"): element for element in self.types}
-        found = self._group("ModelVariables", "ScalarVariable")
-        return [_variable(index, element, types) for index, element in enumerate(found, 1)]
+        found = self._list_group("ModelVariables", "ScalarVariable")
+        return [_read_variable(index, element, types) for index, element in enumerate(found, 1)]
 
     def variable(self, index: int) -> Variable | None:
         """The variable with an index of ModelStructure, or None."""
@@ -100,16 +102,20 @@ class Description:
 
     def unknowns(self, part: str) -> list[Unknown]:
         """The entries of Outputs, Derivatives or InitialUnknowns."""
-        structure = self.root.find("ModelStructure")
-        group = structure.find(part) if structure is not None else None
-        return [_unknown(element) for element in group.all("Unknown")] if group is not None else []
+        return self._structure.get(part, [])
 
-    def _group(self, part: str, tag: str) -> list[Element]:
+    @cached_property
+    def _structure(self) -> dict[str, list[Unknown]]:
+        structure = self.root.find("ModelStructure")
+        groups = reversed(structure.children) if structure is not None else ()  # of two with one name the first counts
+        return {group.tag: [_read_unknown(element) for element in group.all("Unknown")] for group in groups}
+
+    def _list_group(self, part: str, tag: str) -> list[Element]:
         group = self.root.find(part)
         return group.all(tag) if group is not None else []
 
 
-def read(data: bytes, path: Path) -> Description:
+def read_description(data: bytes, path: Path) -> Description:
     """Parse a model description; ``path`` is named in errors.
 
     Raises :class:`ps_fmu.cosim.SystemFileError` if it is not XML, or has a document type declaration.
@@ -118,7 +124,7 @@ def read(data: bytes, path: Path) -> Description:
     return Description(parse_xml(data, path), stated[1].decode("ascii") if stated else None)
 
 
-def number(text: str, kind: str) -> float:
+def parse_number(text: str, kind: str) -> float:
     """A number as XML Schema writes it, NaN if it is none of this FMI type."""
     text = text.strip()
     if kind == "Real" and _REAL.fullmatch(text):
@@ -129,12 +135,12 @@ def number(text: str, kind: str) -> float:
     return math.nan
 
 
-def index_of(text: str | None) -> int:
+def parse_index(text: str | None) -> int:
     """An index of ModelStructure; 0, which no variable has, for anything else."""
     return int(text) if text is not None and _INDEX.fullmatch(text) else 0
 
 
-def _variable(index: int, element: Element, types: Mapping[str | None, Element]) -> Variable:
+def _read_variable(index: int, element: Element, types: Mapping[str | None, Element]) -> Variable:
     given = element.attributes
     kind = next((child for child in element.children if child.tag in TYPES), None)
     own = kind.attributes if kind is not None else {}
@@ -155,12 +161,12 @@ def _variable(index: int, element: Element, types: Mapping[str | None, Element])
     )
 
 
-def _unknown(element: Element) -> Unknown:
+def _read_unknown(element: Element) -> Unknown:
     given = element.attributes
     dependencies, kinds = given.get("dependencies"), given.get("dependenciesKind")
     return Unknown(
-        index_of(given.get("index")),
-        None if dependencies is None else tuple(map(index_of, dependencies.split())),
+        parse_index(given.get("index")),
+        None if dependencies is None else tuple(map(parse_index, dependencies.split())),
         None if kinds is None else tuple(kinds.split()),
         element.line,
     )

@@ -1,4 +1,4 @@
-"""Processes that run an FMU and tell the stages of its life as they begin and end: what crashes there does no harm.
+"""Processes that run an FMU and report the stages of its life: a crash ends only such a process.
 
 They write a line ``["stage", problem]`` into a file: the problem is null when a stage begins, "" when it ended well.
 """
@@ -16,17 +16,23 @@ from pathlib import Path
 
 TIME_LIMIT = 120.0  # s
 _TAIL = 12  # different lines of output that a failure repeats
-Result = tuple[str, str]
-"""A stage and what went wrong in it; nothing if nothing did."""
+_MOST_OUTPUT = 1_000_000  # bytes of output that are read
+StageResult = tuple[str, str]
+"""A stage and its problem; "" if it went well."""
 
 
-def watch(
+def watch_stages(
     command: Sequence[str], report: Path, environment: Mapping[str, str] | None = None, limit: float = TIME_LIMIT
-) -> list[Result]:
-    """Run a process that writes the file ``report``, in the folder of that; the stages that were begun, in order.
+) -> list[StageResult]:
+    """Run a process that writes the file ``report``; the stages that it began, in order.
 
-    ``environment``: all that the process gets, by default what this one has.  After ``limit`` s it is killed, with
-    whatever it started.  Raises OSError if it cannot be started.
+    Parameters
+    ----------
+    command: the program and its arguments; it runs in the folder of ``report``.
+    environment: of the process, by default that of this one.
+    limit: s; after that time the process is killed, with the processes that it started.
+
+    Raises OSError if the process cannot be started.
     """
     output = report.with_suffix(".output")
     with output.open("wb") as file:
@@ -44,22 +50,29 @@ def watch(
         except subprocess.TimeoutExpired:
             code = None
         finally:
-            _end(process)
-    lines = report.read_text(encoding="utf-8", errors="replace").splitlines() if report.is_file() else []
+            _kill_group(process)
+    lines = report.read_text(encoding="utf-8", errors="replace").split("\n")[:-1] if report.is_file() else []
     stages: dict[str, str | None] = dict(map(json.loads, lines)) or {"start": None}
-    said = list(dict.fromkeys(output.read_text(encoding="utf-8", errors="replace").splitlines()))[-_TAIL:]
+    messages = list(dict.fromkeys(_read_end(output).splitlines()))[-_TAIL:]
     results = []
     for stage, problem in stages.items():
         if problem is None and code == 0:
             problem = ""  # the last stage is the end of the process
         elif problem is None:
-            problem = _ending(code, limit)
-        results.append((stage, "\n".join([problem, *said]) if problem else ""))
+            problem = _explain_end(code, limit)
+        results.append((stage, "\n".join([problem, *messages]) if problem else ""))
     return results
 
 
-def _end(process: subprocess.Popen[bytes]) -> None:
-    """Kill what is left of a process and of those that it started."""
+def _read_end(path: Path) -> str:
+    """The end of a text file, which an FMU may have filled with anything."""
+    with path.open("rb") as file:
+        file.seek(max(0, path.stat().st_size - _MOST_OUTPUT))
+        return file.read(_MOST_OUTPUT).decode("utf-8", errors="replace")
+
+
+def _kill_group(process: subprocess.Popen[bytes]) -> None:
+    """Kill a process and the processes that it started."""
     if sys.platform == "win32":
         process.kill()
     else:
@@ -68,8 +81,8 @@ def _end(process: subprocess.Popen[bytes]) -> None:
     process.wait()
 
 
-def _ending(code: int | None, limit: float) -> str:
-    """Why a process is no more that never said how its last stage ended."""
+def _explain_end(code: int | None, limit: float) -> str:
+    """Why a process ended within a stage."""
     if code is None:
         return f"did not end within {limit:g} s"
     return f"the process was killed by {signal.Signals(-code).name}" if code < 0 else f"the process exited with {code}"

@@ -1,4 +1,4 @@
-"""Rules for ModelStructure: who is listed, in which order, and what depends on what."""
+"""Rules for ModelStructure: which variables are listed, in which order, and on what they depend."""
 
 from __future__ import annotations
 
@@ -6,23 +6,21 @@ from collections import Counter
 from collections.abc import Iterator
 from itertools import pairwise
 
-from .reading import Description, Variable, index_of
-from .variable_rules import initial_of
+from .reading import Description, Faults, Unknown, Variable, parse_index
+from .variable_rules import find_initial
 
-Found = Iterator[tuple[int, str]]
 _PARTS = ("Outputs", "Derivatives", "InitialUnknowns")
-_KINDS = {part: ("dependent", "constant", "fixed", "tunable", "discrete") for part in _PARTS} | {
-    "InitialUnknowns": ("dependent", "constant")
-}
+_KINDS = ("dependent", "constant", "fixed", "tunable", "discrete")
+_INITIAL_KINDS = ("dependent", "constant")
 
 
-def outputs(description: Description) -> Found:
+def check_outputs(description: Description) -> Faults:
     """Outputs lists every output once, and nothing else."""
     wanted = [v for v in description.variables if v.causality == "output"]
-    yield from _list_differs(description, "Outputs", wanted)
+    yield from _compare_list(description, "Outputs", wanted)
 
 
-def derivatives(description: Description) -> Found:
+def check_derivatives(description: Description) -> Faults:
     """Derivatives lists variables that are derivatives."""
     for unknown in description.unknowns("Derivatives"):
         variable = description.variable(unknown.index)
@@ -30,75 +28,106 @@ def derivatives(description: Description) -> Found:
             yield unknown.line, f"Derivatives: index {unknown.index} is no variable with the attribute derivative"
 
 
-def initial_unknowns(description: Description) -> Found:
+def check_initial_unknowns(description: Description) -> Faults:
     """InitialUnknowns lists outputs, states and derivatives that are not exact, and all calculated parameters."""
     dynamic = set()
     for unknown in description.unknowns("Derivatives"):
         variable = description.variable(unknown.index)
         if variable is not None:
-            dynamic |= {variable.index, index_of(variable.attributes.get("derivative"))}
+            dynamic |= {variable.index, parse_index(variable.attributes.get("derivative"))}
     wanted = [
         v
         for v in description.variables
         if v.causality == "calculatedParameter"
-        or ((v.causality == "output" or v.index in dynamic) and initial_of(v) in ("approx", "calculated"))
+        or ((v.causality == "output" or v.index in dynamic) and find_initial(v) in ("approx", "calculated"))
     ]
-    yield from _list_differs(description, "InitialUnknowns", wanted)
+    yield from _compare_list(description, "InitialUnknowns", wanted)
 
 
-def initial_order(description: Description) -> Found:
+def check_initial_order(description: Description) -> Faults:
     """InitialUnknowns ascends by index."""
     for first, second in pairwise(description.unknowns("InitialUnknowns")):
         if first.index > second.index:
             yield second.line, f"InitialUnknowns: index {second.index} comes after {first.index}, expected ascending"
 
 
-def dependencies(description: Description) -> Found:
-    """What an unknown depends on is known: inputs, time, and states or, in InitialUnknowns, exact variables."""
-    states = {index_of(v.attributes.get("derivative")) for v in description.variables}
-    for part in _PARTS:
-        for unknown in description.unknowns(part):
-            for index in unknown.dependencies or ():
-                known = description.variable(index)
-                if known is None:
-                    yield unknown.line, f"{part}: unknown {unknown.index} depends on {index}, which is no index"
-                elif not _is_known(known, part, states):
-                    text = f"depends on {known.name} ({known.causality}), which is not known there"
-                    yield unknown.line, f"{part}: unknown {unknown.index} {text}"
+def check_dependencies(description: Description) -> Faults:
+    """Dependencies are indices of variables."""
+    for part, unknown in _list_unknowns(description):
+        for index in unknown.dependencies or ():
+            if description.variable(index) is None:
+                yield unknown.line, f"{part}: {_name(description, unknown)} depends on {index}, which is no index"
 
 
-def dependencies_order(description: Description) -> Found:
+def check_known(description: Description) -> Faults:
+    """Unknowns depend on knowns: inputs, time, and states or, in InitialUnknowns, variables with initial="exact"."""
+    states = {parse_index(v.attributes.get("derivative")) for v in description.variables}
+    for part, unknown in _list_unknowns(description):
+        for index in unknown.dependencies or ():
+            known = description.variable(index)
+            if known is not None and not _is_known(known, part, states):
+                expected = 'variables with initial="exact"' if part == "InitialUnknowns" else "continuous-time states"
+                yield unknown.line, (
+                    f"{part}: {_name(description, unknown)} depends on {known.name} ({known.causality}); "
+                    f"there only inputs, the independent variable and {expected} are knowns"
+                )
+
+
+def check_dependencies_order(description: Description) -> Faults:
     """Dependencies ascend by index."""
-    for part in _PARTS:
-        for unknown in description.unknowns(part):
-            if any(first >= second for first, second in pairwise(unknown.dependencies or ())):
-                yield unknown.line, f"{part}: the dependencies of unknown {unknown.index} do not ascend"
+    for part, unknown in _list_unknowns(description):
+        if any(first >= second for first, second in pairwise(unknown.dependencies or ())):
+            yield unknown.line, f"{part}: the dependencies of {_name(description, unknown)} do not ascend"
 
 
-def dependencies_kind(description: Description) -> Found:
-    """dependenciesKind has one allowed word for each dependency; other than ``dependent`` they are for Reals."""
+def check_dependencies_kind(description: Description) -> Faults:
+    """dependenciesKind has one word of the standard for each dependency."""
+    for part, unknown in _list_unknowns(description):
+        if unknown.kinds is None:
+            continue
+        name = f"{part}: {_name(description, unknown)}"
+        if unknown.dependencies is None or len(unknown.kinds) != len(unknown.dependencies):
+            count = len(unknown.dependencies or ())
+            yield unknown.line, f"{name} has {len(unknown.kinds)} dependenciesKind for {count} dependencies"
+        for kind in sorted(set(unknown.kinds) - set(_KINDS)):
+            yield unknown.line, f"{name}: dependenciesKind {kind!r} is unknown, expected {', '.join(_KINDS)}"
+
+
+def check_factors(description: Description) -> Faults:
+    """Only a Real depends by a factor; in InitialUnknowns that is constant."""
+    for part, unknown in _list_unknowns(description):
+        variable, kinds = description.variable(unknown.index), set(unknown.kinds or ()) & set(_KINDS)
+        name = f"{part}: {_name(description, unknown)}"
+        for kind in sorted(kinds - {"dependent"}):
+            if variable is not None and variable.type != "Real":
+                reason = f"only a Real depends by a factor, this is of type {variable.type}: expected 'dependent'"
+                yield unknown.line, f"{name}: dependenciesKind {kind!r} is not allowed: {reason}"
+            elif part == "InitialUnknowns" and kind not in _INITIAL_KINDS:
+                reason = f"expected {' or '.join(map(repr, _INITIAL_KINDS))} in InitialUnknowns"
+                yield unknown.line, f"{name}: dependenciesKind {kind!r} is not allowed: {reason}"
+
+
+def _list_unknowns(description: Description) -> Iterator[tuple[str, Unknown]]:
+    """The unknowns of all parts, each with the name of its part."""
     for part in _PARTS:
         for unknown in description.unknowns(part):
-            if unknown.kinds is None:
-                continue
-            if unknown.dependencies is None or len(unknown.kinds) != len(unknown.dependencies):
-                yield unknown.line, f"{part}: unknown {unknown.index}: not one dependenciesKind for each dependency"
-            variable = description.variable(unknown.index)
-            factors = variable is None or variable.type == "Real"
-            for kind in unknown.kinds:
-                if kind not in _KINDS[part] or not (factors or kind == "dependent"):
-                    yield unknown.line, f"{part}: unknown {unknown.index}: dependenciesKind {kind!r} is not allowed"
+            yield part, unknown
+
+
+def _name(description: Description, unknown: Unknown) -> str:
+    variable = description.variable(unknown.index)
+    return f"unknown {unknown.index}" + (f" ({variable.name})" if variable is not None else "")
 
 
 def _is_known(variable: Variable, part: str, states: set[int]) -> bool:
     if variable.causality in ("input", "independent"):
         return True
     if part == "InitialUnknowns":
-        return initial_of(variable) == "exact"
+        return find_initial(variable) == "exact"
     return variable.index in states
 
 
-def _list_differs(description: Description, part: str, wanted: list[Variable]) -> Found:
+def _compare_list(description: Description, part: str, wanted: list[Variable]) -> Faults:
     structure = description.root.find("ModelStructure")
     line = structure.line if structure is not None else description.root.line
     listed = Counter(unknown.index for unknown in description.unknowns(part))

@@ -6,35 +6,33 @@ import math
 from collections.abc import Iterator
 
 from ..cosim.xmlfile import Element
-from .model_rules import repeated
-from .reading import Description, number
-
-Found = Iterator[tuple[int, str]]
+from .model_rules import find_repeated
+from .reading import Description, Faults, parse_number
 
 
-def names(description: Description) -> Found:
+def check_names(description: Description) -> Faults:
     """Each type is defined once, and no variable has its name."""
-    yield from repeated(description.types, "type")
+    yield from find_repeated(description.types, "type")
     variables = {variable.name for variable in description.variables}
     for element in description.types:
         if element.attributes.get("name") in variables:
             yield element.line, f"type {element.attributes['name']!r} has the name of a variable"
 
 
-def enumerations(description: Description) -> Found:
+def check_enumerations(description: Description) -> Faults:
     """The items of an enumeration have names of their own and values of their own."""
     for element in description.types:
         for kind in element.all("Enumeration"):
             items = kind.all("Item")
             what = f"of enumeration {element.attributes.get('name')!r}:"
-            yield from repeated(items, f"item {what}")
-            yield from repeated(items, f"value {what}", "value")
+            yield from find_repeated(items, f"item {what}")
+            yield from find_repeated(items, f"value {what}", "value")
 
 
-def units(description: Description) -> Found:
+def check_units(description: Description) -> Faults:
     """The unit of a type is defined; a display unit needs a unit."""
     defined = {element.attributes.get("name") for element in description.units}
-    for name, kind in _kinds(description):
+    for name, kind in _list_kinds(description):
         unit, display = kind.attributes.get("unit"), kind.attributes.get("displayUnit")
         if unit is not None and unit not in defined:
             yield kind.line, f"type {name!r}: the unit {unit!r} is not defined"
@@ -42,11 +40,11 @@ def units(description: Description) -> Found:
             yield kind.line, f"type {name!r}: the display unit {display!r} has no unit"
 
 
-def bounds(description: Description) -> Found:
+def check_bounds(description: Description) -> Faults:
     """min, max and nominal of a type are values of its kind; min <= max."""
-    for name, kind in _kinds(description):
+    for name, kind in _list_kinds(description):
         keys = [key for key in ("min", "max", "nominal") if key in kind.attributes]
-        given = {key: number(kind.attributes[key], kind.tag) for key in keys}
+        given = {key: parse_number(kind.attributes[key], kind.tag) for key in keys}
         for key, value in given.items():
             if not math.isfinite(value):
                 yield kind.line, f"type {name!r}: {key} {kind.attributes[key]!r} is not possible for a {kind.tag}"
@@ -54,7 +52,7 @@ def bounds(description: Description) -> Found:
             yield kind.line, f"type {name!r}: min {given['min']:g} is above max {given['max']:g}"
 
 
-def _kinds(description: Description) -> Iterator[tuple[str | None, Element]]:
+def _list_kinds(description: Description) -> Iterator[tuple[str | None, Element]]:
     """Name of each type with its element Real, Integer or Enumeration."""
     for element in description.types:
         for kind in element.children:

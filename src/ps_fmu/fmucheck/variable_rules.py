@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import math
 from collections import Counter, defaultdict
-from collections.abc import Iterator
 from itertools import pairwise
 
-from .reading import Description, Variable, index_of, number
+from .reading import Description, Faults, Variable, parse_index, parse_number
 
-Found = Iterator[tuple[int, str]]
 _SPECIAL = ("INF", "+INF", "-INF", "NaN")
 
 # The table of section 2.2.7: for each causality and variability what `initial` may be, the default first.
@@ -33,13 +31,13 @@ INITIAL: dict[tuple[str, str], tuple[str, ...]] = {
 }
 
 
-def initial_of(variable: Variable) -> str | None:
+def find_initial(variable: Variable) -> str | None:
     """The stated ``initial``, or the default of the table; None where there is none."""
     allowed = INITIAL.get((variable.causality, variable.variability), ())
     return variable.stated_initial or (allowed[0] if allowed else None)
 
 
-def names(description: Description) -> Found:
+def check_names(description: Description) -> Faults:
     """Each name is there once, and none is empty."""
     seen: dict[str, int] = {}
     for variable in description.variables:
@@ -50,7 +48,7 @@ def names(description: Description) -> Found:
         seen.setdefault(variable.name, variable.line)
 
 
-def references(description: Description) -> Found:
+def check_references(description: Description) -> Faults:
     """Variables with one value reference and type are one value: one of them can be set, all have one unit, ..."""
     shared: dict[tuple[str, str], list[Variable]] = defaultdict(list)
     for variable in description.variables:
@@ -59,10 +57,10 @@ def references(description: Description) -> Found:
     for aliases in shared.values():
         constants = [a.start for a in aliases if a.variability == "constant"]
         problems = [
-            ("more than one can be set", sum(map(_settable, aliases)) > 1),
+            ("more than one can be set", sum(map(_is_settable, aliases)) > 1),
             ("one can be set, another is independent",
-             any(map(_settable, aliases)) and any(a.causality == "independent" for a in aliases)),
-            ("more than one has a start value", sum(_starts(a) for a in aliases) > 1),
+             any(map(_is_settable, aliases)) and any(a.causality == "independent" for a in aliases)),
+            ("more than one has a start value", sum(_has_start(a) for a in aliases) > 1),
             ("some are constant", 0 < len(constants) < len(aliases)),
             ("constants with different values", len(set(constants)) > 1),
             ("their units differ", len({a.attributes.get("unit") for a in aliases}) > 1),
@@ -73,24 +71,24 @@ def references(description: Description) -> Found:
                 yield aliases[-1].line, f"value reference {aliases[0].reference} is that of {listed}: {text}"
 
 
-def _settable(variable: Variable) -> bool:
+def _is_settable(variable: Variable) -> bool:
     if variable.causality in ("input", "parameter"):
         return True
-    return variable.variability != "constant" and initial_of(variable) in ("exact", "approx")
+    return variable.variability != "constant" and find_initial(variable) in ("exact", "approx")
 
 
-def _starts(variable: Variable) -> bool:
+def _has_start(variable: Variable) -> bool:
     return variable.variability != "constant" and variable.start is not None
 
 
-def combination(description: Description) -> Found:
+def check_combination(description: Description) -> Faults:
     """Causality and variability are a pair of the table."""
     for v in description.variables:
         if (v.causality, v.variability) not in INITIAL:
             yield v.line, f"{v.name}: causality {v.causality!r} does not go with variability {v.variability!r}"
 
 
-def initial(description: Description) -> Found:
+def check_initial(description: Description) -> Faults:
     """``initial`` is one that the table allows; inputs and the independent variable have none."""
     for v in description.variables:
         allowed = INITIAL.get((v.causality, v.variability))
@@ -99,26 +97,26 @@ def initial(description: Description) -> Found:
             yield v.line, f"{v.name} ({v.variability} {v.causality}): initial {v.stated_initial!r}, expected {expected}"
 
 
-def start(description: Description) -> Found:
+def check_start(description: Description) -> Faults:
     """There is a start value where one is needed, and none where it is calculated."""
     for v in description.variables:
         needed = v.causality in ("input", "parameter") or v.variability == "constant"
-        needed = needed or initial_of(v) in ("exact", "approx")
+        needed = needed or find_initial(v) in ("exact", "approx")
         if needed and v.start is None:
             yield v.line, f"{v.name}: a start value is missing"
-        forbidden = v.causality == "independent" or (initial_of(v) == "calculated" and not needed)
+        forbidden = v.causality == "independent" or (find_initial(v) == "calculated" and not needed)
         if forbidden and v.start is not None:
             yield v.line, f"{v.name}: the start value has no meaning, because the FMU calculates it"
 
 
-def continuous(description: Description) -> Found:
+def check_continuous(description: Description) -> Faults:
     """Only Reals are continuous, which is also the default."""
     for v in description.variables:
         if v.type != "Real" and v.variability == "continuous" and v.causality != "independent":
             yield v.line, f"{v.name}: the variability of a {v.type} cannot be continuous (the default): state another"
 
 
-def independent(description: Description) -> Found:
+def check_independent(description: Description) -> Faults:
     """At most one variable is independent, and it is a Real."""
     found = [v for v in description.variables if v.causality == "independent"]
     for v in found[1:]:
@@ -128,7 +126,7 @@ def independent(description: Description) -> Found:
             yield v.line, f"{v.name}: the independent variable is a {v.type}, expected a Real"
 
 
-def finite(description: Description) -> Found:
+def check_finite(description: Description) -> Faults:
     """The file has no infinite numbers and no NaN."""
     for v in description.variables:
         for attribute in ("start", "min", "max", "nominal"):
@@ -137,7 +135,7 @@ def finite(description: Description) -> Found:
                 yield v.line, f"{v.name}: {attribute} {text!r} is not allowed in the file"
 
 
-def values(description: Description) -> Found:
+def check_values(description: Description) -> Faults:
     """start, min, max and nominal are values of the variable's type; nominal is positive."""
     for v in description.variables:
         for attribute in ("start", "min", "max", "nominal"):
@@ -146,12 +144,12 @@ def values(description: Description) -> Found:
                 continue
             if v.type == "Real" and text.strip() in _SPECIAL:
                 continue  # is for the rule "finite"
-            value = number(text, v.type)
+            value = parse_number(text, v.type)
             if math.isnan(value) or (attribute == "nominal" and not value > 0.0):
                 yield v.line, f"{v.name}: {attribute} {text!r} is not possible for a {v.type}"
 
 
-def bounds(description: Description) -> Found:
+def check_bounds(description: Description) -> Faults:
     """min <= start <= max."""
     for v in description.variables:
         low, value, high = v.number("min"), v.number("start"), v.number("max")
@@ -161,7 +159,7 @@ def bounds(description: Description) -> Found:
                 yield v.line, f"{v.name}: {name} {smaller:g} is above {other} {larger:g}"
 
 
-def declared_type(description: Description) -> Found:
+def check_declared_type(description: Description) -> Faults:
     """A declared type is defined, and of the variable's own kind."""
     kinds = {e.attributes.get("name"): {child.tag for child in e.children} for e in description.types}
     for v in description.variables:
@@ -170,7 +168,7 @@ def declared_type(description: Description) -> Found:
             yield v.line, f"{v.name}: there is no {v.type} type {name!r}"
 
 
-def unit(description: Description) -> Found:
+def check_unit(description: Description) -> Faults:
     """A unit is defined in UnitDefinitions."""
     defined = {element.attributes.get("name") for element in description.units}
     for v in description.variables:
@@ -179,7 +177,7 @@ def unit(description: Description) -> Found:
             yield v.line, f"{v.name}: the unit {name!r} is not defined"
 
 
-def display_unit(description: Description) -> Found:
+def check_display_unit(description: Description) -> Faults:
     """A display unit is one of the variable's unit."""
     displays = {
         element.attributes.get("name"): {d.attributes.get("name") for d in element.all("DisplayUnit")}
@@ -195,24 +193,24 @@ def display_unit(description: Description) -> Found:
             yield v.line, f"{v.name}: the unit {own!r} has no display unit {name!r}, which tools then ignore"
 
 
-def derivative(description: Description) -> Found:
+def check_derivative(description: Description) -> Faults:
     """The attribute ``derivative`` points from a continuous Real to another one, which it is the only one for."""
     states = Counter(v.attributes["derivative"] for v in description.variables if "derivative" in v.attributes)
     for v in description.variables:
         text = v.attributes.get("derivative")
         if text is None:
             continue
-        state = description.variable(index_of(text))
+        state = description.variable(parse_index(text))
         if state is None or any((x.type, x.variability) != ("Real", "continuous") for x in (state, v)):
             yield v.line, f"{v.name}: derivative {text!r} is not the index of a continuous Real"
         elif states[text] > 1:
             yield v.line, f"{v.name}: {state.name} has more than one derivative"
 
 
-def model_exchange(description: Description) -> Found:
+def check_model_exchange(description: Description) -> Faults:
     """What is for model exchange only is not in a description without it: how often to set, what is set anew."""
     offered = description.root.find("ModelExchange") is not None
-    states = {index_of(v.attributes.get("derivative")) for v in description.variables}
+    states = {parse_index(v.attributes.get("derivative")) for v in description.variables}
     for v in description.variables:
         allowed = {
             "canHandleMultipleSetPerTimeInstant": (v.own, v.causality == "input", "inputs"),
@@ -223,7 +221,7 @@ def model_exchange(description: Description) -> Found:
                 yield v.line, f"{v.name}: {attribute} is for {expected} in model exchange"
 
 
-def derivative_names(description: Description) -> Found:
+def check_derivative_names(description: Description) -> Faults:
     """Where names are structured, der(...) is the derivative of something, and so a Real."""
     if description.root.attributes.get("variableNamingConvention") != "structured":
         return

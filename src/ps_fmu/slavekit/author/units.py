@@ -55,6 +55,7 @@ _CELSIUS = Unit(1.0, _si(K=1), 273.15)
 _FAHRENHEIT = Unit(5.0 / 9.0, _si(K=1), 273.15 - 32.0 * 5.0 / 9.0)
 _WITH_OFFSET = {"degC": _CELSIUS, "\u00b0C": _CELSIUS, "degF": _FAHRENHEIT, "\u00b0F": _FAHRENHEIT}
 _FACTOR = re.compile(r"([^\W\d_]+|1|%|\u00b0)(?:\^?([+-]?\d))?")
+_LONGEST = 100  # characters of a name that is parsed: the time grows with their square
 _WITHOUT_BASE = re.compile(r"dB|.*\bsqrt\(.*")
 _PLAIN = re.compile(r"[A-Za-z0-9./]*")
 
@@ -78,6 +79,8 @@ def parse_unit(name: str, *, cycle_is_angle: bool = True) -> Unit | None:
     """
     if name in _WITH_OFFSET:
         return _WITH_OFFSET[name]
+    if len(name) > _LONGEST:
+        return None
     symbols = _SYMBOLS if cycle_is_angle else _EVENTS
     above, *below = re.split(r"/(?![^(]*\))", name.replace("**", "^").replace("*", "."))
     result = _parse_product(above, symbols)
