@@ -11,8 +11,8 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from .paper.command import add_parser as add_analyse
-from .paper.identification.command import add_parser as add_identify
+from .paper.analyse_command import add_parser as add_analyse
+from .paper.identification.identify_command import add_parser as add_identify
 from .terminal import reason, run_command
 
 EXIT_OK = 0

@@ -22,7 +22,7 @@ from ps_fmu.mechanism.workspace import (
     smallest_tilt,
     surface,
 )
-from ps_fmu.paper import published
+from ps_fmu.paper.published import published_numbers
 
 GEOMETRY = load().manipulator.geometry
 
@@ -49,7 +49,7 @@ def test_table_1(boundary):
     found = np.degrees(limits(boundary))
     for i, angle in enumerate(("roll", "pitch", "yaw")):
         for column, end in enumerate(("min", "max")):
-            assert found[i, column] == pytest.approx(published()[f"table1.{angle}_{end}"].value, rel=1e-5)
+            assert found[i, column] == pytest.approx(published_numbers()[f"table1.{angle}_{end}"].value, rel=1e-5)
 
 
 def test_the_extremes_lie_on_the_surface(boundary):

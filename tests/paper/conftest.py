@@ -11,19 +11,24 @@ import pytest
 from support.published import jitter_run
 
 from ps_fmu.mechanism.parameters import load
-from ps_fmu.paper import published, settings
-from ps_fmu.paper import whole as paper
-from ps_fmu.paper.command import Options
+from ps_fmu.paper import overview, published_settings
+from ps_fmu.paper.analysis import AnalysisOptions, find_figure_analyses
+from ps_fmu.paper.bus_cases import CASES, load_case
 from ps_fmu.paper.errata import errata
 from ps_fmu.paper.figures import fig07, table2
 from ps_fmu.paper.figures.fig06 import analysis as workspace
+from ps_fmu.paper.figures.fig06.results import compute as compute_reach
 from ps_fmu.paper.figures.fig07 import analysis as trajectories
-from ps_fmu.paper.figures.fig07.scenario import METHODS, PathResult, paths
+from ps_fmu.paper.figures.fig07.results import METHODS, PathResult
+from ps_fmu.paper.figures.fig07.scenario import paths
 from ps_fmu.paper.figures.fig08_11 import analysis as transmissibility
+from ps_fmu.paper.figures.fig08_11.results import compute_curves
 from ps_fmu.paper.figures.fig10 import analysis as stability
+from ps_fmu.paper.figures.fig10.results import judge
 from ps_fmu.paper.figures.table2 import analysis as jitter
 from ps_fmu.paper.figures.table2 import closed_form as table2_theory
-from ps_fmu.paper.support_modules import CASES, parameters_of
+from ps_fmu.paper.figures.table2.results import compute as compute_jitter
+from ps_fmu.paper.published import published_numbers
 from ps_fmu.runs.options import RunOptions
 
 ORIENTATIONS = table2_theory.ORIENTATIONS
@@ -41,8 +46,8 @@ def all_errata():
 def curves():
     """Transmissibility at the orientations, and of the cases: 3 s."""
     return (
-        {name: transmissibility.curves(load(), rpy) for name, rpy in ORIENTATIONS.items()},
-        {case: transmissibility.curves(parameters_of(case)) for case in CASES},
+        {name: compute_curves(load(), rpy) for name, rpy in ORIENTATIONS.items()},
+        {case: compute_curves(load_case(case)) for case in CASES},
     )
 
 
@@ -51,24 +56,24 @@ def jitter_results():
     """Closed form of Table 2 beside the runs of docs/paper: 11 s, 7 s after ``closed_form``."""
     p = load()
     run = SimpleNamespace(band=p.noise.band, period_s=table2.SCENARIO.duration_s, comparisons=jitter_run())
-    return jitter.compute(p, run, table2.SCENARIO.step_s, seed=1)
+    return compute_jitter(p, run, table2.SCENARIO.step_s, seed=1)
 
 
 @pytest.fixture(scope="session")
 def closed_form(curves):
     """Findings by key, all that does not come from a run of the FMUs: 13 s more than ``curves``."""
-    delay = published()["text.delay"].value
+    delay = published_numbers()["text.delay"].value
     parts = {
-        "workspace": workspace.findings(workspace.compute()),
+        "workspace": workspace.findings(compute_reach()),
         "trajectories": _trajectories(),
         "transmissibility": transmissibility.findings(*curves),
-        "stability": stability.findings({case: stability.judge(case, delay) for case in CASES}),
+        "stability": stability.findings({case: judge(case, delay) for case in CASES}),
         "jitter": _jitter(),
     }
-    assert parts.keys() == set(paper.PARTS)
-    found = settings.findings(Options(Path(), system=SYSTEM))
+    assert parts.keys() == set(find_figure_analyses())
+    found = published_settings.findings(AnalysisOptions(Path(), system=SYSTEM))
     found += [finding for findings in parts.values() for finding in findings]
-    return {finding.key: finding for finding in paper.in_order_of_the_paper(found)}
+    return {finding.key: finding for finding in overview.order_findings(found)}
 
 
 def _trajectories():

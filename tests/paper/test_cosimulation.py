@@ -6,20 +6,20 @@ import pytest
 
 from ps_fmu.cli import main
 from ps_fmu.paper import cosimulation
-from ps_fmu.paper.command import ANALYSES, CLOSED_FORM, Options
+from ps_fmu.paper.analyse_command import find_analyses
+from ps_fmu.paper.analysis import AnalysisOptions
 from ps_fmu.paper.figures import table2
-from ps_fmu.runs import sources
 from ps_fmu.runs.options import OptionError
 from ps_fmu.slavekit.pack import build
 
 CHECKOUT = Path(__file__).parents[2]
-CO_SIMULATED = [name for name in ANALYSES if name not in CLOSED_FORM]
+CO_SIMULATED = [name for name, analysis in find_analyses().items() if analysis.needs_fmus]
 
 
 @pytest.fixture
 def no_build(monkeypatch):
     """Building the FMUs fails the test."""
-    monkeypatch.setattr(sources, "ensure_built", lambda folder, root: pytest.fail("FMUs were built"))
+    monkeypatch.setattr(cosimulation, "ensure_built", lambda folder, root: pytest.fail("FMUs were built"))
 
 
 @pytest.mark.parametrize("name", CO_SIMULATED)
@@ -42,6 +42,7 @@ def test_without_the_sources_of_the_fmus(no_build, tmp_path, monkeypatch, capsys
 
 def test_an_output_that_cannot_be_used_is_said_before_fmus_are_built(no_build, tmp_path):
     (tmp_path / "table2").write_text("")
-    options = Options(tmp_path, tmp_path / "fmus", CHECKOUT / "system" / "SystemStructure.ssd", progress=False)
-    with pytest.raises(OptionError, match="--output: cannot write in"):
-        cosimulation.run_options(options, table2.SCENARIO, 1.0, 1e-3)
+    options = AnalysisOptions(tmp_path, tmp_path / "fmus", CHECKOUT / "system" / "SystemStructure.ssd", progress=False)
+    refused = pytest.raises(OptionError, match="--output: cannot write in")
+    with refused, cosimulation.hold_run(options, table2.SCENARIO):
+        pass

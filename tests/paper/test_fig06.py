@@ -5,7 +5,7 @@ import json
 import pytest
 
 from ps_fmu.cli import main
-from ps_fmu.paper.figures.fig06.analysis import rounded_down
+from ps_fmu.paper.figures.fig06.results import round_down
 
 
 def test_findings_text_and_figures(tmp_path, capsys):
@@ -30,4 +30,4 @@ def test_an_output_that_cannot_be_written_is_said(tmp_path, capsys):
 
 
 def test_what_is_said_to_be_within_reach_is_rounded_down():
-    assert [rounded_down(angle) for angle in (7.4377, 7.43, 8.0)] == ["7.43", "7.43", "8.00"]
+    assert [round_down(angle) for angle in (7.4377, 7.43, 8.0)] == ["7.43", "7.43", "8.00"]

@@ -1,15 +1,19 @@
 """ps-fmu analyse trajectories: Fig 7, and Table 1 through commander and plant."""
 
 import json
+from dataclasses import replace
 
 import netCDF4
 import numpy as np
 import pytest
 
-from ps_fmu.paper import published
-from ps_fmu.paper.command import Options
+from ps_fmu.paper.analysis import AnalysisOptions
+from ps_fmu.paper.figures import fig07
 from ps_fmu.paper.figures.fig07 import scenario as trajectories
 from ps_fmu.paper.figures.fig07.analysis import LIMITS, analyse, extremes
+from ps_fmu.paper.published import published_numbers
+
+SCENARIO = replace(fig07.SCENARIO, step_s=5e-3)
 
 
 @pytest.fixture
@@ -30,11 +34,11 @@ def test_again_into_the_same_folder_after_an_interrupted_run(built_fmus, tmp_pat
         runs.append(path)
         return follow(system, run, path, method, *others, **more)
 
-    told = Options(tmp_path, built_fmus, progress=False)
+    told = AnalysisOptions(tmp_path, built_fmus, progress=False)
     with monkeypatch.context() as patched, pytest.raises(KeyboardInterrupt):
         patched.setattr(trajectories, "_follow", interrupted)
-        analyse(told, step_s=5e-3)
-    result = analyse(told, step_s=5e-3)
+        analyse(told, SCENARIO)
+    result = analyse(told, SCENARIO)
     result.write(tmp_path)
     with netCDF4.Dataset(tmp_path / "trajectories" / "results.nc") as file:
         assert list(file.groups) == [
@@ -44,7 +48,7 @@ def test_again_into_the_same_folder_after_an_interrupted_run(built_fmus, tmp_pat
 
     found = {finding.key: finding for finding in result.findings}
     for key in LIMITS:
-        assert found[key].cosimulated == pytest.approx(published()[key].value, abs=1e-4)  # deg
+        assert found[key].cosimulated == pytest.approx(published_numbers()[key].value, abs=1e-4)  # deg
     assert found["text.cone"].cosimulated == pytest.approx(8.9793, abs=1e-4)
     assert 1e-9 < found["fig7.error"].cosimulated < 1e-8
     assert found["fig7.error"].cosimulated == pytest.approx(found["fig7.error"].computed, rel=1e-3)
@@ -57,5 +61,5 @@ def test_again_into_the_same_folder_after_an_interrupted_run(built_fmus, tmp_pat
 def test_extremes_are_those_of_the_angles_in_their_order():
     at, beyond = (np.degrees(orientation) for orientation in extremes())
     own = [at[k, k // 2] for k in range(6)]
-    assert own == pytest.approx([published()[key].value for key in LIMITS], abs=1e-4)
+    assert own == pytest.approx([published_numbers()[key].value for key in LIMITS], abs=1e-4)
     assert beyond - at == pytest.approx(0.01 * np.kron(np.eye(3), [[1.0], [-1.0]]))

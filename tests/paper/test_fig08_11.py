@@ -11,14 +11,14 @@ import pytest
 from ps_fmu.cosim import read_system
 from ps_fmu.mechanism.parameters import load
 from ps_fmu.paper.agreement import Agreement
-from ps_fmu.paper.command import Options
-from ps_fmu.paper.figures.fig08_11 import analysis as transmissibility
+from ps_fmu.paper.analysis import AnalysisOptions
+from ps_fmu.paper.bus_cases import CASES, load_case
 from ps_fmu.paper.figures.fig08_11 import measured as transmissibility_measured
-from ps_fmu.paper.figures.fig08_11.analysis import analyse, curves, findings
+from ps_fmu.paper.figures.fig08_11.analysis import analyse, findings
 from ps_fmu.paper.figures.fig08_11.measured import SETUPS, Setup
-from ps_fmu.paper.figures.table2.scenario import ORIENTATIONS
-from ps_fmu.paper.multisine import Shaking, measure
-from ps_fmu.paper.support_modules import CASES, parameters_of
+from ps_fmu.paper.figures.fig08_11.results import compute_curves
+from ps_fmu.paper.figures.table2.closed_form import ORIENTATIONS
+from ps_fmu.paper.shaking import Shaking, measure
 from ps_fmu.pointing.response import Response
 from ps_fmu.theory.transmissibility import from_base
 
@@ -26,30 +26,25 @@ SYSTEM = Path(__file__).parents[2] / "system" / "SystemStructure.ssd"
 SHORT = Shaking(half_period=5.0, settling=8.0, seeds=2, band=(2.0, 110.0), step=5e-4, stride=2)
 
 
-@pytest.fixture
-def few(monkeypatch):
-    """Fewer frequencies, with those that the findings are taken at."""
-    grid = np.unique(np.concatenate([np.geomspace(0.01, 1000.0, 60), np.linspace(0.1, 0.3, 21)]))
-    monkeypatch.setattr(transmissibility, "FREQUENCY", grid)
+#: Hz: few frequencies, with those that the findings are taken at.
+FEW = np.unique(np.concatenate([np.geomspace(0.01, 1000.0, 60), np.linspace(0.1, 0.3, 21)]))
 
 
 def of_cases():
-    return {case: curves(parameters_of(case)) for case in CASES}
+    return {case: compute_curves(load_case(case), frequency=FEW) for case in CASES}
 
 
-@pytest.mark.usefixtures("few")
 def test_fig_8():
-    found = {name: curves(load(), rpy) for name, rpy in ORIENTATIONS.items()}
+    found = {name: compute_curves(load(), rpy, FEW) for name, rpy in ORIENTATIONS.items()}
     assert [c.attenuation for c in found.values()] == pytest.approx([60.6, 60.5, 60.7, 60.2], abs=0.1)
     by_key = {finding.key: finding for finding in findings(found, of_cases())}
     assert by_key["fig8.attenuation"].difference == by_key["fig8.amplification"].difference == "holds"
     assert all(finding.cosimulated is None for finding in by_key.values())
-    low = transmissibility.FREQUENCY < 20.0
+    low = FEW < 20.0
     for c in found.values():
         assert np.abs(c.theory - c.passive)[low].max() < 1.0  # dB; the rods are not quite rigid
 
 
-@pytest.mark.usefixtures("few")
 def test_fig_11_does_not_depend_on_the_bus():
     found = {case: c.passive for case, c in of_cases().items()}
     assert found["OSM"] == pytest.approx(found["LSM"], abs=1e-6)
@@ -76,7 +71,6 @@ def test_what_is_measured():
     assert {s.case for s in SETUPS if s.orientation == "nominal" and not s.active} == set(CASES)
 
 
-@pytest.mark.usefixtures("few")
 def test_files_and_findings(built_fmus, tmp_path, monkeypatch):
     """With measurements that are the closed form itself, but for two per cent of gain."""
     setups = {tuple(setup.values.items()): setup for setup in SETUPS}
@@ -87,7 +81,7 @@ def test_files_and_findings(built_fmus, tmp_path, monkeypatch):
         return Response(shaking.lines, 1.02 * matrix, np.full((len(matrix), 3), 0.9999))
 
     monkeypatch.setattr(transmissibility_measured, "measure", closed_form)
-    result = analyse(Options(tmp_path, built_fmus, SYSTEM, progress=False))
+    result = analyse(AnalysisOptions(tmp_path, built_fmus, SYSTEM, progress=False), FEW)
     result.write(tmp_path)
     content = json.loads((tmp_path / "transmissibility.json").read_text())
     assert len(content["measured"]) == len(SETUPS)

@@ -1,26 +1,32 @@
 """ps-fmu analyse stability."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from ps_fmu.paper import published
-from ps_fmu.paper.command import Options
-from ps_fmu.paper.figures.fig10.analysis import analyse, judge, parameters_of, time_responses
-from ps_fmu.paper.multisine import Shaking
-from ps_fmu.paper.support_modules import CASES
+from ps_fmu.paper.analysis import AnalysisOptions
+from ps_fmu.paper.bus_cases import CASES, load_case
+from ps_fmu.paper.cosimulation import hold_run
+from ps_fmu.paper.figures import fig10
+from ps_fmu.paper.figures.fig10.analysis import analyse
+from ps_fmu.paper.figures.fig10.results import judge
+from ps_fmu.paper.figures.fig10.scenario import measure
+from ps_fmu.paper.published import published_numbers
+from ps_fmu.paper.shaking import Shaking
 
 SYSTEM = Path(__file__).parents[2] / "system" / "SystemStructure.ssd"
 STEP = 1e-3  # s
+SCENARIO = replace(fig10.SCENARIO, duration_s=3.0, step_s=STEP)
 SHORT = Shaking(half_period=5.0, settling=12.0, band=(2.0, 30.0), step=STEP, stride=2)
 
 
 @pytest.fixture(scope="module")
 def runs(built_fmus, tmp_path_factory):
     """The analysis with short runs in long steps: its options, and the content of its JSON."""
-    options = Options(tmp_path_factory.mktemp("stability"), built_fmus, SYSTEM, progress=False)
-    analyse(options, SHORT, 3.0, STEP).write(options.output)
+    options = AnalysisOptions(tmp_path_factory.mktemp("stability"), built_fmus, SYSTEM, progress=False)
+    analyse(options, SCENARIO, SHORT).write(options.output)
     return options, json.loads((options.output / "stability.json").read_text())
 
 
@@ -28,7 +34,8 @@ def test_a_second_run_into_the_same_folder_gives_the_same(runs, monkeypatch):
     """Of one case: the others would tell no more."""
     options, content = runs
     monkeypatch.setattr("ps_fmu.paper.figures.fig10.scenario.CASES", ("OSM",))
-    again = {(r.case, r.enabled, r.delay_s): r.entry["pole_rad_s"] for r in time_responses(options, 3.0, STEP)}
+    with hold_run(options, SCENARIO) as run:
+        again = {(r.case, r.enabled, r.delay_s): r.entry["pole_rad_s"] for r in measure(run)}
     assert list(again) == [("OSM", False, 0.02), ("OSM", True, 0.02), ("LSM", True, 0.1)]
     first = content["responses"]
     assert list(again.values()) == [first[k]["pole_rad_s"] for k in (0, 1, -1)]
@@ -98,11 +105,11 @@ def test_text_tables_and_figures(runs):
 
 def test_all_that_the_pole_table_leaves_out_is_counted():
     """Poles in the table are in the left half-plane; the argument principle counts all there are."""
-    verdict = judge("LSM", published()["text.delay"].value)
+    verdict = judge("LSM", published_numbers()["text.delay"].value)
     assert verdict.poles.real.max() < 0.0 and verdict.unstable_poles == 0
 
 
 def test_larger_damping_is_that_of_section_4_2():
-    damping = [leg.damping for leg in parameters_of("LDLSM").manipulator.fine_legs]
-    assert damping == [published()["text.fine_damping_large"].value] * 3
-    assert parameters_of("LDLSM").bus.mass == parameters_of("LSM").bus.mass < parameters_of("OSM").bus.mass
+    damping = [leg.damping for leg in load_case("LDLSM").manipulator.fine_legs]
+    assert damping == [published_numbers()["text.fine_damping_large"].value] * 3
+    assert load_case("LDLSM").bus.mass == load_case("LSM").bus.mass < load_case("OSM").bus.mass

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from ps_fmu.cosim import read_system
-from ps_fmu.paper.figures.fig10.open_loop import MOVED, SHAKEN, SHAKING, OpenLoop, cut
-from ps_fmu.paper.support_modules import parameters_of
+from ps_fmu.paper.bus_cases import load_case
+from ps_fmu.paper.figures.fig10.open_loop import MOVED, SHAKEN, SHAKING, OpenLoop, cut_loop
 from ps_fmu.pointing.response import Response
 from ps_fmu.theory.loop import loop_at
 from ps_fmu.theory.sampled import loop_sampled
@@ -16,7 +16,7 @@ SYSTEM = Path(__file__).parents[2] / "system" / "SystemStructure.ssd"
 
 
 def test_the_loop_is_cut(built_fmus):
-    wires = {str(c.target): str(c.source) for c in cut(read_system(SYSTEM, built_fmus)).connections}
+    wires = {str(c.target): str(c.source) for c in cut_loop(read_system(SYSTEM, built_fmus)).connections}
     accelerations = {target: source for target, source in wires.items() if "acceleration" in target}
     assert accelerations == {"isolator.base_acceleration.x": f"{SHAKEN}.base_acceleration.x"}
     assert not [t for t, source in wires.items() if t.startswith(MOVED) and source.startswith("disturbance")]
@@ -28,7 +28,7 @@ def test_the_loop_is_cut(built_fmus):
 @pytest.fixture(scope="module")
 def closed_form():
     """L11 of LSM with the paper's delay at the lines of the measurement."""
-    loop = loop_at(parameters_of("LSM"), delay=0.02)
+    loop = loop_at(load_case("LSM"), delay=0.02)
     f = SHAKING.lines
     return f, loop.transfer(2j * np.pi * f)[:, 0, 0], loop
 

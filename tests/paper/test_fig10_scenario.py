@@ -10,8 +10,9 @@ import pytest
 
 from ps_fmu.cosim import read_parameters
 from ps_fmu.mechanism.parameters import load
+from ps_fmu.paper.bus_cases import CASES, case_start_values
 from ps_fmu.paper.figures.fig10 import scenario as stability
-from ps_fmu.paper.support_modules import CASES, values_of
+from ps_fmu.paper.figures.fig10.pulse_response import PULSE_S
 from ps_fmu.runs.options import OptionError
 
 PARAMETERS = Path(__file__).parents[2] / "system" / "parameters"
@@ -55,8 +56,8 @@ def test_predictions_are_of_the_parameters_of_the_run(make_options, ssv, monkeyp
 
 def test_a_limit_is_said_to_be_exceeded_only_if_it_is():
     for limit, said in ((0.05, "Beyond the limit of 50.0 ms"), (0.2, "Within the limit of 200.0 ms")):
-        assert stability._against_limit(SimpleNamespace(delay=0.1, delay_limit=limit)) == said
-    assert "any delay" in stability._against_limit(SimpleNamespace(delay=0.1, delay_limit=np.inf))
+        assert stability.limit_text(SimpleNamespace(delay=0.1, delay_limit=limit)) == said
+    assert "any delay" in stability.limit_text(SimpleNamespace(delay=0.1, delay_limit=np.inf))
 
 
 def test_a_run_too_short_for_poles_is_refused(make_options):
@@ -65,7 +66,7 @@ def test_a_run_too_short_for_poles_is_refused(make_options):
 
 
 def test_pulse_leaves_neither_velocity_nor_displacement():
-    time = np.linspace(0.0, stability.PULSE_S, 4001)
+    time = np.linspace(0.0, PULSE_S, 4001)
     velocity = np.cumsum(stability.pulse(time))
     assert np.abs(stability.pulse(time)).max() == pytest.approx(1.0, abs=1e-6)
     assert abs(velocity[-1]) < 1e-9 * np.abs(velocity).max()
@@ -78,6 +79,6 @@ def test_cases_are_those_of_the_parameter_files(case, files):
     given = {}
     for name in files:
         given |= read_parameters(PARAMETERS / f"{name}.ssv")
-    values = values_of(case)
+    values = case_start_values(case)
     assert {name: values[name] for name in given} == given
     assert all("damping" in name for name in values.keys() - given.keys())

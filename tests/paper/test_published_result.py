@@ -16,27 +16,31 @@ from support import published as stored_runs
 from support.published import FOLDER, ROOT, alike, content_of, finding_of
 
 from ps_fmu.mechanism.parameters import load
-from ps_fmu.paper import published
-from ps_fmu.paper import whole as paper
+from ps_fmu.paper import overview
+from ps_fmu.paper.analysis import find_figure_analyses
+from ps_fmu.paper.analysis_result import AnalysisResult
+from ps_fmu.paper.bus_cases import CASES
 from ps_fmu.paper.errata import Erratum, errata_table
 from ps_fmu.paper.figures import fig10, table2
 from ps_fmu.paper.figures.fig06 import analysis as workspace
+from ps_fmu.paper.figures.fig06.results import compute as compute_reach
 from ps_fmu.paper.figures.fig07 import analysis as trajectories
 from ps_fmu.paper.figures.fig08_11 import analysis as transmissibility
 from ps_fmu.paper.figures.fig08_11.measured import Setup
 from ps_fmu.paper.figures.fig10 import report as stability_report
-from ps_fmu.paper.figures.fig10.analysis import judge
 from ps_fmu.paper.figures.fig10.open_loop import SHAKING
+from ps_fmu.paper.figures.fig10.results import judge
 from ps_fmu.paper.figures.table2 import analysis as jitter
-from ps_fmu.paper.figures.table2.closed_form import ORIENTATIONS
-from ps_fmu.paper.multisine import Shaking
-from ps_fmu.paper.result import Analysis
-from ps_fmu.paper.support_modules import CASES
+from ps_fmu.paper.figures.table2.closed_form import ORIENTATIONS, knowledge_text
+from ps_fmu.paper.figures.table2.results import nominal_densities
+from ps_fmu.paper.published import published_numbers
+from ps_fmu.paper.shaking import Shaking
 from ps_fmu.results.report import Picture
 from ps_fmu.results.tables import Table
 from ps_fmu.theory.transmissibility import singular_values_db
 
-NAMES = (*paper.PARTS, "paper")
+PARTS = tuple(find_figure_analyses())
+NAMES = (*PARTS, "paper")
 #: Closed form today against closed form then: what other versions of the libraries may change.
 RELATIVE = 1e-3
 ABSOLUTE = {"deg": 1e-5, "dB": 1e-3, "Hz": 1e-3, "%": 1e-3}  # in the unit of the number, if that is less
@@ -48,7 +52,7 @@ RIGHT = 1e-6
 
 def rebuilt(content):
     """The analysis that was written, from its JSON file."""
-    return Analysis(
+    return AnalysisResult(
         name=content["analysis"],
         title=content["title"],
         text=content["text"],
@@ -66,7 +70,7 @@ def wrong(stored, today):
 def _same(key, then, now):
     if then is None or now is None:
         return then is now
-    tolerance = NOISE.get(key, min(RELATIVE * abs(now), ABSOLUTE.get(published()[key].unit, np.inf)))
+    tolerance = NOISE.get(key, min(RELATIVE * abs(now), ABSOLUTE.get(published_numbers()[key].unit, np.inf)))
     return abs(then - now) <= tolerance
 
 
@@ -89,8 +93,8 @@ def test_the_markdown_is_what_the_json_says(name):
 
 
 def test_the_table_has_all_numbers_and_those_of_the_parts(stored):
-    assert list(stored) == list(published())
-    for name in paper.PARTS:
+    assert list(stored) == list(published_numbers())
+    for name in PARTS:
         for entry in content_of(name)["findings"]:
             part, whole = finding_of(entry), stored[entry["key"]]
             assert part.computed in (None, whole.computed), entry["key"]
@@ -116,8 +120,8 @@ def test_any_other_number_would_be_noticed(stored, closed_form):
 
 def test_the_counts_of_the_first_paragraph(stored):
     content = content_of("paper")
-    assert content["text"][0] == paper.counted(list(stored.values()))
-    assert content["text"][1] == jitter.knowledge_text() and content["not_computed"] == []
+    assert content["text"][0] == overview.count_text(list(stored.values()))
+    assert content["text"][1] == knowledge_text() and content["not_computed"] == []
 
 
 def test_errata_are_those_of_today(all_errata):
@@ -184,16 +188,16 @@ def with_step(jitter_results):
 @pytest.fixture(scope="module")
 def today(curves, jitter_results):
     """Paragraphs and tables of each analysis."""
-    reach = workspace.compute()
+    reach = compute_reach()
     measured, of_step = stored_runs.agreements()
-    delay = published()["text.delay"].value
+    delay = published_numbers()["text.delay"].value
     verdicts = {case: judge(case, delay) for case in CASES}
     limits_s = {case: verdict.delay_limit for case, verdict in verdicts.items()}
     seen = (
         verdicts, stored_runs.open_loops(SHAKING.lines), stored_runs.responses(limits_s, fig10.SCENARIO.step_s)
     )  # fmt: skip
     limits, beyond = stored_runs.limit_results(trajectories.extremes()[0])
-    densities = jitter.nominal_densities(load(), table2.SCENARIO.step_s)
+    densities = nominal_densities(load(), table2.SCENARIO.step_s)
     return {
         "workspace": (workspace.paragraphs(reach), workspace.tables(reach)),
         "trajectories": (
@@ -224,12 +228,12 @@ def differences(content, today):
     ]
 
 
-@pytest.mark.parametrize("name", paper.PARTS)
+@pytest.mark.parametrize("name", PARTS)
 def test_text_and_tables_are_those_of_today(today, name):
     assert differences(content_of(name), today[name]) == []
 
 
-@pytest.mark.parametrize("name", paper.PARTS)
+@pytest.mark.parametrize("name", PARTS)
 def test_any_other_text_would_be_noticed(today, name):
     """A number five per cent off, in each paragraph and in each row of a table that has one; and other words."""
     content = content_of(name)
@@ -268,10 +272,10 @@ def test_remarks_of_table_2_are_those_of_today(stored, jitter_results):
 
 def test_text_of_the_whole():
     content = content_of("paper")
-    parts = [content_of(name) for name in paper.PARTS]
-    expected = paper.paragraphs(
+    parts = [content_of(name) for name in PARTS]
+    expected = overview.paragraphs(
         [finding_of(entry) for entry in content["findings"]],
-        [Analysis(part["analysis"], part["title"], part["text"]) for part in parts],
+        [AnalysisResult(part["analysis"], part["title"], part["text"]) for part in parts],
         [Erratum(**entry) for entry in content["errata"]],
     )
     assert content["text"] == expected

@@ -5,24 +5,25 @@ import math
 
 import pytest
 
-from ps_fmu.paper import Published, published
-from ps_fmu.paper.result import Analysis, Finding
+from ps_fmu.paper.analysis_result import AnalysisResult
+from ps_fmu.paper.finding import Finding
+from ps_fmu.paper.published import PublishedNumber, published_numbers
 from ps_fmu.results.tables import Table
 
 
 def test_every_published_number_is_complete():
-    for key, number in published().items():
+    for key, number in published_numbers().items():
         assert number.key == key and number.where and number.what and number.unit
         assert math.isfinite(number.value)
-    assert published()["table1.roll_max"].value == 9.60083
+    assert published_numbers()["table1.roll_max"].value == 9.60083
 
 
 def test_rejections_of_table_2_follow_from_its_rms_values():
     """Within what two and three digits allow, but for the one that the remark is about."""
-    for key, number in published().items():
+    for key, number in published_numbers().items():
         if "rejection" not in key or not key.startswith("table2."):
             continue
-        passive, active = (published()[key.replace("rejection", name)].value for name in ("passive", "active"))
+        passive, active = (published_numbers()[key.replace("rejection", name)].value for name in ("passive", "active"))
         off = abs(100.0 * (1.0 - active / passive) - number.value)
         assert off < (0.1 if number.remark else 0.06), key
         assert bool(number.remark) == (off > 0.06), key
@@ -62,25 +63,26 @@ def test_a_setting_is_not_compared_as_if_it_were_a_result():
 
 
 def test_what_two_analyses_found_is_joined():
-    found = Finding("table1.roll_max", 9.6, remark="a").joined(Finding("table1.roll_max", cosimulated=9.5, remark="b"))
+    found = Finding("table1.roll_max", 9.6, remark="a").join(Finding("table1.roll_max", cosimulated=9.5, remark="b"))
     assert found == Finding("table1.roll_max", 9.6, 9.5, "a; b")
 
 
 def test_published_numbers_are_in_the_order_of_the_file():
     """Groups are interleaved there, as in the paper."""
-    keys = list(published())
+    keys = list(published_numbers())
     order = ["text.epsilon", "table1.roll_max", "text.cone", "fig7.error", "text.noise_to", "fig10.OSM_peak"]
     assert sorted(order, key=keys.index) == order
 
 
 def test_unknown_relations_are_refused():
     with pytest.raises(ValueError, match="relation '!='"):
-        Published("a.b", "Fig 1", "something", "m", 1.0, relation="!=")
+        PublishedNumber("a.b", "Fig 1", "something", "m", 1.0, relation="!=")
 
 
 def test_what_is_written(tmp_path):
     table = Table("Other", ("a", "b"), [("1", "2|3")])
-    Analysis("name", "Title", ["Text."], [Finding("table1.yaw_max", 16.6)], [table], data={"x": [1.0]}).write(tmp_path)
+    findings = [Finding("table1.yaw_max", 16.6)]
+    AnalysisResult("name", "Title", ["Text."], findings, [table], data={"x": [1.0]}).write(tmp_path)
     content = json.loads((tmp_path / "name.json").read_text())
     assert content["findings"][0]["published"] == 16.6285 and content["x"] == [1.0]
     assert content["tables"] == [{"caption": "Other", "header": ["a", "b"], "rows": [["1", "2|3"]]}]

@@ -1,18 +1,20 @@
 """ps-fmu analyse jitter: the closed form is what the FMUs do, when both have the same lines and the loop's delay."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from ps_fmu.mechanism.parameters import load
-from ps_fmu.paper.command import Options
+from ps_fmu.paper.analysis import AnalysisOptions
+from ps_fmu.paper.figures import table2 as table2_figure
 from ps_fmu.paper.figures.table2 import analysis as jitter
 from ps_fmu.paper.figures.table2 import scenario as table2
+from ps_fmu.paper.figures.table2.closed_form import LOOP_DELAY
+from ps_fmu.paper.figures.table2.results import shares
 from ps_fmu.theory.loop import loop_at
 from ps_fmu.theory.transmissibility import jitter_density
-
-DURATION_S, STEP_S = 20.0, 1e-3
 
 
 @pytest.fixture(scope="module")
@@ -22,8 +24,9 @@ def found(built_fmus, tmp_path_factory):
     all_four = dict(table2.ORIENTATIONS)
     for name in ("roll", "pitch"):
         del table2.ORIENTATIONS[name]
+    scenario = replace(table2_figure.SCENARIO, duration_s=20.0, step_s=1e-3)
     try:
-        analysis = jitter.analyse(Options(output, built_fmus, progress=False), DURATION_S, STEP_S)
+        analysis = jitter.analyse(AnalysisOptions(output, built_fmus, progress=False), scenario)
     finally:  # in their order, too
         table2.ORIENTATIONS.clear()
         table2.ORIENTATIONS.update(all_four)
@@ -42,7 +45,7 @@ def test_closed_form_is_what_the_fmus_do(found):
         for case, tolerance in (("passive", 1.5e-2), ("active", 5e-2)):
             closed_form = np.array(entry[f"closed_form_of_lines_{case}_rad"])
             assert entry[f"cosimulated_{case}_rad"] == pytest.approx(closed_form, rel=tolerance)
-        assert entry["fitted_delay_steps"] == pytest.approx(jitter.LOOP_DELAY, abs=0.1)
+        assert entry["fitted_delay_steps"] == pytest.approx(LOOP_DELAY, abs=0.1)
 
 
 def test_findings(found):
@@ -61,9 +64,9 @@ def test_findings(found):
 
 def test_passive_variance_is_slow_and_active_variance_is_the_resonance():
     p = load()
-    loop = loop_at(p, delay=jitter.LOOP_DELAY * 1e-4)
+    loop = loop_at(p, delay=LOOP_DELAY * 1e-4)
     passive, active = (
-        jitter.shares(*jitter_density(loop, p.bus, p.noise, active=active)) for active in (False, True)
+        shares(*jitter_density(loop, p.bus, p.noise, active=active)) for active in (False, True)
     )
     assert passive.sum(axis=0) == pytest.approx(100.0) and active.sum(axis=0) == pytest.approx(100.0)
     assert (passive[0] > 81.0).all() and (passive[0] < 87.0).all()

@@ -8,9 +8,9 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from ps_fmu.paper.figures.fig07.scenario import FINE
+from ps_fmu.paper.figures.fig07.results import FINE
 from ps_fmu.paper.figures.fig08_11.measured import SETUPS
-from ps_fmu.paper.result import Finding
+from ps_fmu.paper.finding import Finding
 from ps_fmu.pointing.rejection import rejection_percent
 
 ROOT = Path(__file__).parents[2]

@@ -7,7 +7,7 @@ import pytest
 from support.mechanics import ORIENTATIONS_DEG, PAPER
 
 from ps_fmu.mechanism.rotations import skew
-from ps_fmu.paper import published
+from ps_fmu.paper.published import published_numbers
 from ps_fmu.theory.loop import loop_at
 from ps_fmu.theory.state_space import closed_loop, plant_system
 from ps_fmu.theory.transfer_matrices import Practical
@@ -52,13 +52,13 @@ def test_fig_8(loops):
         )
         assert abs(passive[0]) < 1e-3
         assert (passive - active).max() == pytest.approx(attenuation, abs=0.1)
-        assert 5.0 < (active - passive)[high].max() < published()["fig8.amplification"].value
+        assert 5.0 < (active - passive)[high].max() < published_numbers()["fig8.amplification"].value
 
 
 def test_table_2(loops):
     for loop, name, identified in zip(loops, NAMES, IDENTIFIED, strict=True):
         passive, active = (jitter(loop, PAPER.bus, PAPER.noise, 1.0, active=on) for on in (False, True))
-        said = [published()[f"table2.{name}_passive_{axis}"].value for axis in (1, 2, 3)]
+        said = [published_numbers()[f"table2.{name}_passive_{axis}"].value for axis in (1, 2, 3)]
         assert passive.rms == pytest.approx(said, rel=9e-3)
         assert 100.0 * (1.0 - active.rms / passive.rms) == pytest.approx(identified, abs=0.04)
         assert 1e-5 < passive.radius_rms < 2e-5 and 0.9e-7 < active.radius_rms < 1.4e-7  # m, Fig 9

@@ -1,5 +1,1 @@
-"""What the paper publishes: numbers to compare with."""
-
-from .published import Published, published
-
-__all__ = ["Published", "published"]
+"""The paper: its published numbers, its figures and tables recomputed, its errata, and the identification from it."""

@@ -1,26 +1,27 @@
-"""Runs of the co-simulated system for an analysis, with the FMUs as they are built in the checkout."""
+"""The co-simulated system for an analysis, with FMUs that are up to date with their sources in the checkout."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from ..runs.options import RunOptions, Scenario
-    from .command import Options
+from ..cosim import System, read_system
+from ..runs.options import OptionError, RunOptions, Scenario
+from ..runs.output import hold_folder
+from ..runs.sources import ensure_built
+from ..slavekit.pack.build import BuildError, default_fmus
+from .analysis import AnalysisOptions
 
 
 def check_sources(system: Path) -> None:
-    """Refuse, before anything is made, what cannot be co-simulated.
+    """Check, before anything is written, that FMUs can be built and the system can be read.
 
     Raises
     ------
-    OptionError: there is no system description ``system``; says where one is.
-    BuildError: the FMUs' sources are not there: the package does not run from a checkout.
+    OptionError: there is no system description ``system``; the message says where one is.
+    BuildError: the FMUs' sources are not there, since the package does not run from a checkout.
     """
-    from ..runs.options import OptionError
-    from ..slavekit.pack.build import BuildError, default_fmus
-
     try:
         checkout = default_fmus().parent
     except BuildError as error:
@@ -34,25 +35,36 @@ def check_sources(system: Path) -> None:
         )
 
 
-def run_options(options: Options, scenario: Scenario, duration_s: float, step_s: float) -> RunOptions:
-    """Options of a scenario's runs; results go into a folder of its name beside those of the analysis.
+def load_built_system(options: AnalysisOptions) -> System:
+    """Read the system of the options; builds its FMUs first if they are missing or older than their sources.
 
-    Makes that folder, then builds the FMUs if they are missing or older than their sources.  Raises BuildError,
-    OptionError.
+    Raises BuildError, CosimError.
     """
-    from ..runs.options import RunOptions
-    from ..runs.sources import ensure_built
-    from ..slavekit.pack.build import default_fmus
+    ensure_built(options.fmus, default_fmus().parent)
+    return read_system(options.system, options.fmus)
 
+
+@contextmanager
+def hold_run(
+    options: AnalysisOptions, scenario: Scenario, duration_s: float | None = None, step_s: float | None = None
+) -> Iterator[RunOptions]:
+    """Options of a scenario's runs, whose folder no other run can use during the body.
+
+    The folder has the scenario's name and is made beside the results of the analysis.  Then the FMUs are built if they
+    are missing or older than their sources.  Duration and step, s, are those of the scenario by default.
+
+    Raises BuildError, OptionError.
+    """
     run = RunOptions(
         scenario,
         options.system,
         options.output / scenario.name,
-        duration_s,
-        step_s,
+        duration_s or scenario.duration_s,
+        step_s or scenario.step_s,
         options.seed,
         fmus=options.fmus,
         progress=options.progress,
     ).claim_output()
     ensure_built(options.fmus, default_fmus().parent)
-    return run
+    with hold_folder(run.output):
+        yield run

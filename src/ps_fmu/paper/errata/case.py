@@ -13,7 +13,7 @@ from ...mechanism.inverse_kinematics import inverse_kinematics
 from ...mechanism.parameters import Array, Parameters, load
 from ...mechanism.rotations import rotation_matrix
 from ...theory.transfer_matrices import Complex, Nominal, Practical
-from ..figures.fig10.analysis import nominal_system
+from ..nominal_system import assemble_nominal
 
 ORIENTATION = np.radians([3.0, -4.0, 10.0])  # roll, pitch, yaw, rad
 S: Complex = np.asarray(2j * np.pi * np.geomspace(0.05, 300.0, 40))  # rad/s, from below the modes of the bus upwards
@@ -37,7 +37,7 @@ def pose() -> Pose:
 @cache
 def dynamics() -> Dynamics:
     """Rigid rods and payload, modes of the bus."""
-    return nominal_system(parameters(), pose())
+    return assemble_nominal(parameters(), pose())
 
 
 @cache

@@ -10,8 +10,8 @@ from ...mechanism.dynamics import Dynamics
 from ...mechanism.parameters import Array, load
 from ...theory.small_gain import nominal_complement
 from ...theory.transfer_matrices import Complex
-from .. import published
-from ..figures.fig10.analysis import nominal_system
+from ..nominal_system import assemble_nominal
+from ..published import published_numbers
 from . import case
 from .erratum import Erratum, relative_error
 
@@ -81,7 +81,7 @@ def sensitivity() -> Erratum:
 
 def poles() -> Erratum:
     """(57): poles of the loop of nominal plant and optimal controller."""
-    d, damped = case.dynamics(), nominal_system(load(), case.pose())
+    d, damped = case.dynamics(), assemble_nominal(load(), case.pose())
     found, suspension, arrays = _poles_of_the_loop(d), _roots_57(), _free_array_roots()
     below = 1.5 * np.abs(arrays).max()  # rad/s: between the arrays and the suspension
     hertz = np.abs(arrays) / (2.0 * np.pi)
@@ -102,7 +102,7 @@ def poles() -> Erratum:
 def robust_factor() -> Erratum:
     """(60): the delay of section 4.2 as the uncertainty."""
     nominal, s = case.nominal(), case.S
-    delayed = np.exp(-s * published()["text.delay"].value)[:, None, None]
+    delayed = np.exp(-s * published_numbers()["text.delay"].value)[:, None, None]
     loop = case.plant().C(s) @ case.optimal_gains().optimal(s)
     E, T = np.eye(6) + 0.0j, nominal_complement(nominal, s)
     practical = np.linalg.inv(E - delayed * loop)

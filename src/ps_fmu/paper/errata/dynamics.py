@@ -10,7 +10,8 @@ from ...mechanism.kinematics import leg_lengths
 from ...mechanism.parameters import Array
 from ...mechanism.rotations import rotation_from_vector, skew
 from ...theory.transfer_matrices import Complex, Practical
-from ..figures.fig10.analysis import mobile_base, nominal_system, parameters_of
+from ..bus_cases import load_case
+from ..nominal_system import assemble_nominal, mobile_base_factors
 from . import case
 from .erratum import Erratum, rate, relative_error
 
@@ -117,7 +118,7 @@ def base_rotation() -> Erratum:
 
 def mobile_base_factor() -> Erratum:
     """(41), (42): the estimate ignores the resonances of the bus."""
-    (original, original_estimate), (lighter, estimate) = mobile_base("OSM"), mobile_base("LSM")
+    (original, original_estimate), (lighter, estimate) = mobile_base_factors("OSM"), mobile_base_factors("LSM")
     peak = _peak("LSM")
     return Erratum(
         "(41), (42)",
@@ -167,7 +168,7 @@ def _size(matrix: Complex) -> str:
 
 def _peak(bus: str) -> float:
     """Largest singular value of Y, by a grid over the frequency axis that closes in on it."""
-    plant = Practical(nominal_system(parameters_of(bus)))
+    plant = Practical(assemble_nominal(load_case(bus)))
     frequency = np.geomspace(0.1, 10.0, 10_000)  # Hz; a tenth of the width of a resonance apart
     while True:
         value = np.linalg.svd(plant.Y(2j * np.pi * frequency), compute_uv=False)[:, 0]

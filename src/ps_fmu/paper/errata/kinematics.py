@@ -12,10 +12,10 @@ from ...mechanism.inverse_kinematics import Solver, descend, inverse_kinematics,
 from ...mechanism.kinematics import displacements, leg_lengths, leg_vectors
 from ...mechanism.parameters import Array
 from ...mechanism.rotations import rotation_from_vector, rotation_matrix
-from .. import published
-from ..figures.fig06 import analysis as workspace
-from ..figures.fig07.scenario import EPSILON_AS_PUBLISHED
+from ..figures.fig06.results import compute
+from ..figures.fig07.results import EPSILON_AS_PUBLISHED
 from ..figures.table2.closed_form import ORIENTATIONS
+from ..published import published_numbers
 from . import case
 from .erratum import BY_READING, Erratum, rate, relative_error
 
@@ -96,10 +96,11 @@ def fine_displacement() -> Erratum:
 
 def algorithm_1() -> Erratum:
     """Algorithm 1: step size and error limit, and the closed form beside them."""
-    geometry, surface = case.parameters().manipulator.geometry, workspace.compute().surface
+    geometry, surface = case.parameters().manipulator.geometry, compute().surface
     some = slice(None, None, 20)
     orientation, pose = surface.orientation[some], surface.pose
     bounds = [step_size_bound(geometry, t, R) for t, R in zip(pose.translation_B[some], pose.R[some], strict=True)]
+    smallest, largest = (published_numbers()[f"fig7.{name}"].value for name in ("smallest_error", "error"))
     needed = _orientation_error(orientation, partial(descend, epsilon=EPSILON_AS_PUBLISHED))
     return Erratum(
         "Algorithm 1",
@@ -107,7 +108,7 @@ def algorithm_1() -> Erratum:
         "mu < 2 / lambda_max(J J^T); epsilon by the precision wanted, or closed-form trilateration",
         f"forward kinematics of the result at {len(orientation)} orientations on the limit of the workspace, closed "
         f"form and epsilon = {EPSILON:g} m; {EPSILON_AS_PUBLISHED:g} m leaves {needed:.0e} deg, "
-        f"and Fig 7 shows {published()['fig7.smallest_error'].value:g} to {published()['fig7.error'].value:g} deg. "
+        f"and Fig 7 shows {smallest:g} to {largest:g} deg. "
         f"The bound of mu is {min(bounds):.2f} to {max(bounds):.2f}: at the nominal pose, "
         f"each step with 0.95 of it multiplies the error by "
         f"{_contraction(0.95):.2f}, with 1.05 of it by {_contraction(1.05):.2f}",

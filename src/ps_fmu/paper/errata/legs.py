@@ -13,7 +13,7 @@ from ...mechanism.legs import leg_mass
 from ...mechanism.parameters import Array, CoarseLeg, LegPart
 from ...mechanism.rotations import rotation_from_vector, rotation_matrix
 from ...theory.transfer_matrices import Nominal
-from ..figures.fig10.analysis import nominal_system
+from ..nominal_system import assemble_nominal
 from . import case
 from .erratum import BY_READING, Erratum, rate, relative_error
 
@@ -102,7 +102,7 @@ def coarse_leg_as_one_body() -> Erratum:
         if lengths is not None:
             coarse = tuple(map(_one_body, coarse, lengths))
         p = replace(case.parameters(), manipulator=replace(manipulator, coarse_legs=coarse))
-        return Nominal(nominal_system(p, pose))
+        return Nominal(assemble_nominal(p, pose))
 
     parts = system(None)
 

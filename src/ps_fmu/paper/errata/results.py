@@ -2,31 +2,32 @@
 
 from __future__ import annotations
 
-from .. import published
-from ..figures.fig06 import analysis as workspace
-from ..figures.fig10.analysis import judge
+from ..figures.fig06.results import CLAIMED_LIMIT, compute
+from ..figures.fig10.results import judge
+from ..published import published_numbers
 from .erratum import Erratum
 
 
 def range_of_orientations() -> Erratum:
     """The claim of the conclusions."""
-    reach = workspace.compute()
+    reach = compute()
     pitch = reach.pure[1]
     return Erratum(
         "Table 1, section 5",
-        f"any roll, pitch and yaw within +-{workspace.SAID:g} deg can be reached",
+        f"any roll, pitch and yaw within +-{CLAIMED_LIMIT:g} deg can be reached",
         f"any within +-{reach.cube:.2f} deg",
         f"inverse kinematics and stroke: pitch alone reaches {pitch[0]:+.2f} to {pitch[1]:+.2f} deg, and the largest "
         f"cube of roll, pitch and yaw is that of +-{reach.cube:.2f} deg; the error is by how much the cube is "
         "overstated. Table 1 holds the extremes of each angle wherever they occur",
-        error_printed=workspace.SAID - reach.cube,
+        error_printed=CLAIMED_LIMIT - reach.cube,
         unit="deg",
     )
 
 
 def rejection_of_table_2() -> Erratum:
     """Table 2: a quotient."""
-    passive, active, said = (published()[f"table2.roll_{what}_3"].value for what in ("passive", "active", "rejection"))
+    numbers = published_numbers()
+    passive, active, said = (numbers[f"table2.roll_{what}_3"].value for what in ("passive", "active", "rejection"))
     follows = 100.0 * (1.0 - active / passive)
     return Erratum(
         "Table 2, (8.5, 0, 0) deg, axis 3",
@@ -40,7 +41,7 @@ def rejection_of_table_2() -> Erratum:
 
 def verdict_on_the_lighter_module() -> Erratum:
     """Fig 10: the critical point."""
-    delay = published()["text.delay"].value
+    delay = published_numbers()["text.delay"].value
     lsm = judge("LSM", delay)
     return Erratum(
         "Fig 10, section 4.2",

@@ -9,7 +9,7 @@ from decimal import Decimal
 import numpy as np
 
 from ...mechanism.parameters import Array
-from .. import published
+from ..published import published_numbers
 
 STEPS = 20  # searches that succeed mostly take less than 15; the path of a longer one depends on rounding
 LONGEST_STEP = 0.1  # of the ranges
@@ -69,7 +69,7 @@ class Identifiability:
 
 def targets(keys: Sequence[str]) -> Array:
     """Published values, in the paper's units, (n,)."""
-    return np.array([published()[key].value for key in keys])
+    return np.array([published_numbers()[key].value for key in keys])
 
 
 def roundings(keys: Sequence[str]) -> Array:

@@ -18,10 +18,11 @@ from ...mechanism.forward_kinematics import ForwardKinematicsError, forward_kine
 from ...mechanism.kinematics import KinematicsError, leg_rows, leg_vectors, platform_joints_B
 from ...mechanism.parameters import Array, Geometry
 from ...mechanism.rotations import GimbalLockError, orientation_rate_map
+from ..published import ANGLES
 from .fit import Identifiability, follow, roundings, slopes, targets
 from .mechanism import RANGES, largest_condition, symmetric, why_unusable
 
-KEYS = tuple(f"table1.{angle}_{end}" for angle in ("roll", "pitch", "yaw") for end in ("min", "max"))
+KEYS = tuple(f"table1.{angle}_{end}" for angle in ANGLES for end in ("min", "max"))
 
 SEARCH_STEP = 20e-3  # m: corners, and middles of edges and faces, good to 3e-4 deg
 NEAR = 0.01  # deg, of the search on that coarse surface: worth following on the surface of the paper

@@ -10,9 +10,9 @@ import numpy as np
 from ...mechanism import workspace
 from ...mechanism.parameters import Array, Geometry, Parameters, load
 from ...results.style import ACTIVE, PASSIVE, REFERENCE, draw
-from .. import published
-from ..figures.fig10.analysis import BAND
+from ..figures.fig10.results import BAND
 from ..figures.table2.closed_form import ORIENTATIONS
+from ..published import ANGLES, published_numbers
 from . import geometry, noise, suspension
 from .fit import targets
 
@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from .steps import Identified
 
 COARSE, FINE = ACTIVE, PASSIVE
-ANGLES = ("roll", "pitch", "yaw")
 
 
 def candidates_figure(path: Path, found: Identified) -> None:
@@ -76,7 +75,7 @@ def loop_figure(path: Path, found: Identified) -> None:
     from ...theory.loop import loop_at
 
     first, second, turning, margin = targets(suspension.KEYS)
-    delay = published()["text.delay"].value
+    delay = published_numbers()["text.delay"].value
     frequency = np.geomspace(*BAND, 3000)
 
     def curve(p: Parameters) -> Array:

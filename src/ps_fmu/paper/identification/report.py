@@ -9,7 +9,8 @@ import numpy as np
 
 from ...results.report import Picture, draw_pictures
 from ...results.tables import Table
-from ..result import Analysis, Finding
+from ..analysis_result import AnalysisResult
+from ..finding import Finding
 from . import geometry, mechanism, noise, suspension
 from .fit import Identifiability, Range, roundings, targets
 from .plots import candidates_figure, loop_figure, rms_figure
@@ -18,7 +19,7 @@ from .steps import Identified
 NEARLY_FIXED = 0.2  # free share below which the text says so
 
 
-def report(found: Identified) -> Analysis:
+def report(found: Identified) -> AnalysisResult:
     """Word it, and draw it beside the parameter file."""
     met = {
         **dict(zip(geometry.KEYS, found.table1, strict=True)),
@@ -31,7 +32,7 @@ def report(found: Identified) -> Analysis:
     }
     fixed = found.fixed
     remarks = {"fitted as far as possible": approached, "not fitted": found.peaks}
-    return Analysis(
+    return AnalysisResult(
         name="identify",
         title="A parameter set from the published numbers",
         text=_text(found),

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from ...mechanism.parameters import Array, Parameters, load
-from ..support_modules import with_large_damping
+from ..bus_cases import with_large_damping
 from . import geometry, noise, parameter_file, suspension
 from .fit import Identifiability, IdentificationError
 

@@ -13,8 +13,8 @@ from typing import TypeVar
 import numpy as np
 
 from ...mechanism.parameters import Array, CoarseLeg, Geometry, Parameters
-from .. import published
-from ..figures.fig10.analysis import BAND
+from ..figures.fig10.results import BAND
+from ..published import published_numbers
 from .fit import Identifiability, Range, follow, slopes, targets
 
 Leg = TypeVar("Leg", bound=CoarseLeg)
@@ -124,7 +124,7 @@ def deviations(p: Parameters, places: Array) -> Array:
     from ...theory.loop import loop_at
 
     first, second, turning, margin = targets(KEYS)
-    loop = loop_at(with_suspension(p, places), delay=published()["text.delay"].value)
+    loop = loop_at(with_suspension(p, places), delay=published_numbers()["text.delay"].value)
     value = loop.transfer(2j * np.pi * np.array([first, second, turning]))[:, 0, 0]
     gain = 20.0 * np.log10(np.abs(value[:2])) / GAIN_UNIT
     above = np.degrees(np.angle([-value[2], -value[1] * np.exp(-1j * np.radians(margin))])) / PHASE_UNIT
@@ -135,7 +135,7 @@ def margins(p: Parameters) -> Array:
     """Fig 10 as :data:`KEYS` has it, (4,), Hz, Hz, Hz and deg; nan unless the curve crosses as often as there."""
     from ...theory.loop import element_margins, loop_at
 
-    found = element_margins(loop_at(p, delay=published()["text.delay"].value), BAND)
+    found = element_margins(loop_at(p, delay=published_numbers()["text.delay"].value), BAND)
     if len(found.gain_crossings) != 2 or len(found.phase_crossings) != 1:
         return np.full(len(KEYS), np.nan)
     return np.array([*found.gain_crossings, *found.phase_crossings, found.phase_margin])
@@ -145,7 +145,7 @@ def peak(p: Parameters) -> float:
     """Largest gain of the element of the loop that Fig 10 shows, dB."""
     from ...theory.loop import element_margins, loop_at
 
-    return element_margins(loop_at(p, delay=published()["text.delay"].value), BAND).largest_gain_db
+    return element_margins(loop_at(p, delay=published_numbers()["text.delay"].value), BAND).largest_gain_db
 
 
 def identifiability(p: Parameters, suspension: Suspension) -> Identifiability:

@@ -10,13 +10,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ....results.style import ACTIVE, PASSIVE, REFERENCE, draw
+from ...published import ANGLES
+from .results import CLAIMED_LIMIT, Reach, round_down
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-    from .analysis import Reach
-
-ANGLES = ("roll", "pitch", "yaw")
 
 
 def envelope_figure(path: Path, reach: Reach) -> None:
@@ -66,22 +64,20 @@ def _faces(displacement: np.ndarray) -> Iterator[np.ndarray]:
 
 def cone_figure(path: Path, reach: Reach) -> None:
     """How far the boresight can be tilted, seen along z of B: direction and distance are those of the tilt."""
-    from .analysis import SAID, rounded_down
-
     all_round = np.linspace(0.0, 360.0, 361)
-    cones = ((reach.cone, PASSIVE), (SAID, REFERENCE), (reach.cone_with_free_twist, ACTIVE))
+    cones = ((reach.cone, PASSIVE), (CLAIMED_LIMIT, REFERENCE), (reach.cone_with_free_twist, ACTIVE))
     labels = (
-        f"any direction, no twist: {rounded_down(reach.cone)} deg",
-        f"{SAID:g} deg of the paper",
-        f"any direction, best twist: {rounded_down(reach.cone_with_free_twist)} deg",
+        f"any direction, no twist: {round_down(reach.cone)} deg",
+        f"{CLAIMED_LIMIT:g} deg of the paper",
+        f"any direction, best twist: {round_down(reach.cone_with_free_twist)} deg",
     )
 
     def paint(figure: Figure) -> None:
         axes = figure.add_subplot()
-        axes.plot(*_seen(reach.rim_azimuth, reach.rim_tilt), color=ACTIVE, linewidth=2.4, label="best twist")
-        axes.plot(*_seen(reach.azimuth, reach.tilt), color=PASSIVE, linewidth=2.4, label="no twist")
+        axes.plot(*_close_curve(reach.rim_azimuth, reach.rim_tilt), color=ACTIVE, linewidth=2.4, label="best twist")
+        axes.plot(*_close_curve(reach.azimuth, reach.tilt), color=PASSIVE, linewidth=2.4, label="no twist")
         for (tilt, colour), label in zip(cones, labels, strict=True):
-            circle = _seen(all_round, np.full_like(all_round, tilt))
+            circle = _close_curve(all_round, np.full_like(all_round, tilt))
             axes.plot(*circle, color=colour, linestyle="--", linewidth=1.2, label=label)
         axes.set(xlabel="tilt towards x of B (deg)", ylabel="tilt towards y of B (deg)", aspect="equal")
         axes.set_title("Largest tilt of the boresight, by direction")
@@ -90,7 +86,7 @@ def cone_figure(path: Path, reach: Reach) -> None:
     draw(path, 8.0, 8.6, paint)
 
 
-def _seen(azimuth: np.ndarray, tilt: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Closed curve of tilts, deg, towards azimuths, deg, in the plane."""
+def _close_curve(azimuth: np.ndarray, tilt: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Points (x, y), deg, of the closed curve of tilts, deg, in the directions of azimuths, deg."""
     around, out = np.radians(np.append(azimuth, azimuth[0])), np.append(tilt, tilt[0])
     return out * np.cos(around), out * np.sin(around)

@@ -3,38 +3,42 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ....mechanism.parameters import Array
 from ....results.tables import Table
-from ... import published
-from ...command import Options
-from ...result import Analysis, Finding
-from ..fig06 import analysis as workspace
-from . import SCENARIO
-
-if TYPE_CHECKING:
-    from .scenario import PathResult
+from ....runs.options import Scenario
+from ...analysis import AnalysisOptions
+from ...analysis_result import AnalysisResult
+from ...cosimulation import hold_run
+from ...finding import Finding
+from ...published import ANGLES, published_numbers
+from ..fig06.results import compute as compute_reach
+from .results import EXACT, FINE, PRINTED, PathResult, largest_error_deg, smallest_error_deg
+from .scenario import (
+    BEYOND_DEG,
+    HOW,
+    algorithm_1_text,
+    error_table,
+    load_quiet_system,
+    measure,
+    measure_limits,
+    path_pictures,
+)
 
 #: Keys of Table 1, in the order of :func:`extremes`.
-LIMITS = tuple(f"table1.{angle}_{end}" for angle in workspace.ANGLES for end in ("max", "min"))
+LIMITS = tuple(f"table1.{angle}_{end}" for angle in ANGLES for end in ("max", "min"))
 
 
-def analyse(options: Options, step_s: float | None = None) -> Analysis:
+def analyse(options: AnalysisOptions, scenario: Scenario) -> AnalysisResult:
     """Run the paths of the scenario ``trajectories`` and the limits of the workspace, and draw the paths."""
-    from ....runs.output import hold_folder
-    from ...cosimulation import run_options
-    from .scenario import error_table, load_quiet_system, measure, measure_limits, path_pictures
-
-    run = run_options(options, SCENARIO, SCENARIO.duration_s, step_s or SCENARIO.step_s)
-    with hold_folder(run.output):
+    with hold_run(options, scenario) as run:
         system = load_quiet_system(run)
         results = measure(system, run)
         limits, beyond = measure_limits(system, run, *extremes())
-    return Analysis(
-        name=SCENARIO.name,
+    return AnalysisResult(
+        name="trajectories",
         title="Trajectories: Fig 7, and the limits of Table 1",
         text=paragraphs(results, beyond),
         findings=[*limit_findings(limits), *findings(results)],
@@ -53,9 +57,7 @@ def analyse(options: Options, step_s: float | None = None) -> Analysis:
 
 def extremes() -> tuple[Array, Array]:
     """The orientations in which each angle is largest and smallest, and others beyond, (6, 3), rad, each."""
-    from .scenario import BEYOND_DEG
-
-    orientation = workspace.compute().surface.orientation
+    orientation = compute_reach().surface.orientation
     rows = [int(pick(orientation[:, i])) for i in range(3) for pick in (np.argmax, np.argmin)]
     outwards = np.kron(np.eye(3), [[1.0], [-1.0]])
     return orientation[rows], orientation[rows] + np.radians(BEYOND_DEG) * outwards
@@ -63,8 +65,6 @@ def extremes() -> tuple[Array, Array]:
 
 def findings(results: Sequence[PathResult]) -> list[Finding]:
     """The numbers of Fig 7, by Algorithm 1 with the error limit that leaves them."""
-    from .scenario import EXACT, FINE, PRINTED, largest_error_deg, smallest_error_deg
-
     ours = [result for result in results if result.method == FINE]
     expected = np.degrees(np.concatenate([result.expected_error for result in ours]))
     largest = largest_error_deg(results, FINE)
@@ -80,8 +80,8 @@ def findings(results: Sequence[PathResult]) -> list[Finding]:
 
 
 def limit_findings(limits: PathResult) -> list[Finding]:
-    """Table 1 as the plant has reached it."""
-    reached = np.degrees(_own_angles(limits.response))
+    """Table 1 as the plant reached it."""
+    reached = np.degrees(_pick_extremes(limits.response))
     return [
         *(Finding(key, cosimulated=float(angle)) for key, angle in zip(LIMITS, reached, strict=True)),
         Finding("text.cone", cosimulated=float(np.abs(reached).min())),
@@ -89,16 +89,12 @@ def limit_findings(limits: PathResult) -> list[Finding]:
 
 
 def paragraphs(results: Sequence[PathResult], beyond: PathResult) -> list[str]:
-    """What was done, and what it says."""
-    from .scenario import HOW, algorithm_1_text
-
+    """What was done, and what follows."""
     return [HOW, algorithm_1_text(results), limits_text(beyond)]
 
 
 def limits_text(beyond: PathResult) -> str:
-    """What was done about the limits."""
-    from .scenario import BEYOND_DEG
-
+    """How the limits were reached and passed."""
     refused = int(beyond.refused.sum())
     return (
         "Table 1: the six orientations in which an angle is largest or smallest (analysis workspace) are commanded one "
@@ -108,13 +104,11 @@ def limits_text(beyond: PathResult) -> str:
 
 def limit_table(limits: PathResult, beyond: PathResult) -> Table:
     """Each limit: published, as computed from the stroke, as reached."""
-    from .scenario import BEYOND_DEG
-
-    targets, reached = (np.degrees(_own_angles(values)) for values in (limits.target, limits.response))
+    targets, reached = (np.degrees(_pick_extremes(values)) for values in (limits.target, limits.response))
     rows = [
         (
-            published()[key].what,
-            f"{published()[key].value:.5f}",
+            published_numbers()[key].what,
+            f"{published_numbers()[key].value:.5f}",
             f"{target:.5f}",
             f"{angle:.5f}",
             f"{error:.0e}",
@@ -131,6 +125,6 @@ def limit_table(limits: PathResult, beyond: PathResult) -> Table:
     return Table("Table 1 through commander and plant", header, rows)
 
 
-def _own_angles(orientation: Array) -> Array:
+def _pick_extremes(orientation: Array) -> Array:
     """Roll of the first two orientations, pitch of the next two, yaw of the last two, (6,), of (6, 3)."""
     return np.asarray(orientation[np.arange(6), np.repeat(np.arange(3), 2)])

@@ -1,4 +1,4 @@
-"""The figure of a path: where the platform was told to point, where it went, and how far off it was at rest."""
+"""The figure of a path: targets, response, and the error at rest."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ....results.style import ACTIVE, AXES, PASSIVE, REFERENCE, draw
-from .targets import ANGLES, PLANES
+from ...published import ANGLES
+from .results import PathResult
+from .target_paths import PLANES
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-    from .scenario import PathResult
 
 COLOURS = (ACTIVE, PASSIVE, AXES[2])
 

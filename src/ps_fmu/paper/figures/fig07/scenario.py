@@ -10,33 +10,38 @@ from __future__ import annotations
 import logging
 import math
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ....control.commander import DEFAULT_ALGORITHM_1
 from ....cosim import Column, Value
-from ....mechanism.forward_kinematics import forward_kinematics
-from ....mechanism.inverse_kinematics import Solver, inverse_kinematics, trilaterate
-from ....mechanism.parameters import load
+from ....mechanism.inverse_kinematics import inverse_kinematics
+from ....mechanism.parameters import Array, load
 from ....results.observers.sampler import SampleObserver
 from ....results.report import Picture, draw_pictures
 from ....results.tables import Table
-from ....runs.cases import Case, Outcome, run_case
+from ....runs.cases import Case, run_case
 from ....runs.comparison import TARGET, TargetError
 from ....runs.jitter_record import ORIENTATION, REACHABLE
 from ....runs.options import OptionError, RunOptions
 from ....runs.publish import Findings, publish
 from ....runs.setup import RunSystem, load_system
 from .plots import path_figure
-from .targets import PLANES, quadrilateral, random_walk
-
-Array = NDArray[np.float64]
+from .results import (
+    EPSILON_AS_PUBLISHED,
+    EXACT,
+    FINE,
+    METHODS,
+    PRINTED,
+    PathResult,
+    largest_error_deg,
+    smallest_error_deg,
+)
+from .target_paths import PLANES, quadrilateral, random_walk
 
 SETTLE_S = 1.0  # at rest before an error is taken: the servo of 5 Hz leaves 1e-12 of what it lagged behind
 COUNTS = range(41, 4, -4)  # of targets along a path
@@ -46,33 +51,7 @@ RATE_LIMIT = "plant.servo.rate_limit"
 COARSE_MODEL: dict[str, Value] = {"plant.relinearisation_distance": 5e-4, "isolator.orientation_resolution": 1e-2}
 WALK = "random walk"
 RESIDUAL = "commander.residual"
-EPSILON_AS_PUBLISHED = 2e-11  # m: with this error limit Algorithm 1 leaves 1e-9 to 1e-8 deg, as in Fig 7
 BEYOND_DEG = 0.01  # beyond a limit, where targets must be refused
-
-
-@dataclass(frozen=True)
-class Method:
-    """Inverse kinematics: the function, and the commander's parameters with which the FMU uses it."""
-
-    solver: Solver
-    values: Mapping[str, Value]
-
-
-def _algorithm_1(epsilon: float) -> Method:
-    """Algorithm 1 with an error limit, m."""
-    values: dict[str, Value] = {"commander.use_algorithm_1": True, "commander.algorithm_1.epsilon": epsilon}
-    return Method(replace(DEFAULT_ALGORITHM_1, epsilon=epsilon).solver(), values)
-
-
-EXACT, PRINTED, FINE = (
-    "trilateration", f"Algorithm 1, {DEFAULT_ALGORITHM_1.epsilon:g} m", f"Algorithm 1, {EPSILON_AS_PUBLISHED:g} m",
-)  # fmt: skip
-#: What a path is run with, by the name in tables.
-METHODS = {
-    EXACT: Method(trilaterate, {"commander.use_algorithm_1": False}),
-    PRINTED: _algorithm_1(DEFAULT_ALGORITHM_1.epsilon),
-    FINE: _algorithm_1(EPSILON_AS_PUBLISHED),
-}
 
 HOW = (
     "The commander turns each target at once into coarse commands; the plant's coarse legs follow them at their rate "
@@ -80,35 +59,6 @@ HOW = (
     "would be the servo's, which the paper's prototype does not have. The response is the orientation that the plant "
     "computes from its coarse legs by forward kinematics; the error is that of the worst of the three angles."
 )
-
-
-@dataclass(frozen=True, eq=False)
-class PathResult:
-    """One path with one solver; angles in rad."""
-
-    path: str
-    method: str  # of METHODS
-    outcome: Outcome
-    target: Array  # (n, 3)
-    response: Array  # (n, 3), at the end of each dwell
-    residual: Array  # (n,), m, largest fine displacement that the commander left
-    motion: Array  # (m, 3), response along the way, for the figure
-    refused: NDArray[np.bool_]  # (n,), targets that the commander did not take
-
-    @property
-    def error(self) -> Array:
-        """Largest angle error at each target, (n,), rad."""
-        return np.asarray(np.abs(self.response - self.target).max(axis=1))
-
-    @property
-    def expected_error(self) -> Array:
-        """The same by inverse and forward kinematics without FMUs, (n,), rad."""
-        geometry = load().manipulator.geometry
-        solver = METHODS[self.method].solver
-        # One by one: together, the fast ones would be iterated as often as the slowest.
-        coarse = np.array([inverse_kinematics(geometry, rpy, solver).coarse_displacement for rpy in self.target])
-        pose = forward_kinematics(geometry, geometry.nominal_lengths + np.pad(coarse, ((0, 0), (0, 3))))
-        return np.asarray(np.abs(pose.orientation - self.target).max(axis=1))
 
 
 def run(options: RunOptions) -> None:
@@ -184,24 +134,24 @@ def paths(rate: float, options: RunOptions) -> dict[str, tuple[Array, int]]:
     geometry = load().manipulator.geometry
     makers: dict[str, Callable[[int], Array]] = {plane: partial(quadrilateral, geometry, plane) for plane in PLANES}
     makers[WALK] = lambda count: random_walk(geometry, count, options.seed)
-    return {path: _fitting(path, make, rate, options) for path, make in makers.items()}
+    return {path: _fit_targets(path, make, rate, options) for path, make in makers.items()}
 
 
 def measure_limits(
     system: RunSystem, options: RunOptions, targets: Array, beyond: Array
 ) -> tuple[PathResult, PathResult]:
-    """Run through orientations at the edge of what is within reach, and through others behind it; (n, 3), rad, each.
+    """Run through orientations at the edge of the workspace, and through others beyond it; (n, 3), rad, each.
 
-    The latter are to be refused, which takes no time.
+    The commander must refuse the latter, which takes no time.
     """
     dwell_steps = _dwell_steps(targets, system.get_number(RATE_LIMIT), options)
     reached = _follow(system, options, "limits", EXACT, targets, dwell_steps)
-    with _without_warnings():  # of refusals: they are what is looked for
+    with _mute_warnings():  # this run is made to see the refusals
         return reached, _follow(system, options, "beyond the limits", EXACT, beyond, dwell_steps=2)
 
 
 @contextmanager
-def _without_warnings() -> Iterator[None]:
+def _mute_warnings() -> Iterator[None]:
     logger = logging.getLogger("ps_fmu.cosim")
     level = logger.level
     logger.setLevel(logging.ERROR)
@@ -211,7 +161,7 @@ def _without_warnings() -> Iterator[None]:
         logger.setLevel(level)
 
 
-def _fitting(path: str, make: Callable[[int], Array], rate: float, options: RunOptions) -> tuple[Array, int]:
+def _fit_targets(path: str, make: Callable[[int], Array], rate: float, options: RunOptions) -> tuple[Array, int]:
     """As many targets of a path as fit into the duration, and the steps at each; ``rate`` of the coarse legs, m/s."""
     needed = 0.0
     for count in COUNTS:
@@ -228,16 +178,6 @@ def _dwell_steps(targets: Array, rate: float, options: RunOptions) -> int:
     coarse = inverse_kinematics(load().manipulator.geometry, targets).coarse_displacement
     dwell_s = float(np.abs(np.diff(coarse, axis=0)).max()) / rate + SETTLE_S
     return math.ceil(dwell_s / options.step_s)
-
-
-def largest_error_deg(results: Sequence[PathResult], method: str) -> float:
-    """Over all paths with a method, deg."""
-    return max(float(np.degrees(r.error.max())) for r in results if r.method == method)
-
-
-def smallest_error_deg(results: Sequence[PathResult], method: str) -> float:
-    """Over all paths with a method, deg, without errors that are exactly zero: those of the nominal pose."""
-    return min(float(np.degrees(r.error[r.error > 0.0].min())) for r in results if r.method == method)
 
 
 def algorithm_1_text(results: Sequence[PathResult]) -> str:

@@ -3,96 +3,43 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-from ....mechanism.parameters import Array, Parameters, load
+from ....mechanism.parameters import Array, load
 from ....results.report import draw_pictures
 from ....results.tables import Table, format_angles
-from ....theory.loop import loop_at
-from ....theory.transfer_matrices import Nominal
-from ....theory.transmissibility import from_base, singular_values_db
+from ....theory.transmissibility import singular_values_db
 from ...agreement import Agreement
-from ...command import Options
-from ...multisine import Shaking
-from ...result import Analysis, Finding
-from ...support_modules import CASES, parameters_of
-from ..fig10.analysis import nominal_system
-from ..table2.scenario import ORIENTATIONS
-from .measured import Measured, Setup, agreement_table, agreements, entries, step_agreements, step_table, verdict
-
-FREQUENCY = np.geomspace(1e-2, 1e3, 3000)  # Hz
-AMPLIFIED_BAND = (100.0, 700.0)  # Hz, where the paper looks for the largest amplification
-SUSPENSION_BELOW = 20.0  # Hz: the resonance of the fine legs is the largest value below
-
-
-@dataclass(frozen=True, eq=False)
-class Curves:
-    """Singular values at :data:`FREQUENCY`, largest first, (n, 3), dB; m and rad count alike."""
-
-    theory: Array
-    """Passive, by (38): rigid legs and payload."""
-    passive: Array
-    """Of the practical plant."""
-    active: Array
-    """Of the practical plant with the isolator, without delay."""
-
-    @property
-    def gain(self) -> Array:
-        """What the isolator does to the largest singular value, (n,), dB; negative where it attenuates."""
-        return np.asarray(self.active[:, 0] - self.passive[:, 0])
-
-    @property
-    def start(self) -> float:
-        """Largest passive singular value at the lowest frequency, dB."""
-        return float(self.passive[0, 0])
-
-    @property
-    def attenuation(self) -> float:
-        """Largest attenuation, dB."""
-        return float(-self.gain.min())
-
-    @property
-    def amplification(self) -> float:
-        """Largest amplification of the largest singular value from 100 to 700 Hz, dB."""
-        return float(self.amplifications[0])
-
-    @property
-    def amplifications(self) -> Array:
-        """Largest amplification of each singular value from 100 to 700 Hz, (3,), dB."""
-        low, high = AMPLIFIED_BAND
-        return np.asarray((self.active - self.passive)[(low <= FREQUENCY) & (high >= FREQUENCY)].max(axis=0))
-
-    @property
-    def amplified_band(self) -> tuple[float, float]:
-        """Where the largest singular value is amplified, around its largest amplification above 100 Hz, Hz."""
-        top = int(np.where(AMPLIFIED_BAND[0] <= FREQUENCY, self.gain, -np.inf).argmax())
-        quiet = np.flatnonzero(self.gain <= 0.0)
-        return float(FREQUENCY[quiet[quiet < top].max()]), float(FREQUENCY[quiet[quiet > top].min()])
+from ...analysis import AnalysisOptions
+from ...analysis_result import AnalysisResult
+from ...bus_cases import CASES, load_case
+from ...finding import Finding
+from ...shaking import Shaking
+from ..table2.closed_form import ORIENTATIONS
+from .measured import (
+    Measured,
+    Setup,
+    agreement_table,
+    compare_setups,
+    compare_step_models,
+    entries,
+    step_table,
+    verdict,
+)
+from .plots import cases_figure, deviation_figure, measured_figure, orientations_figure
+from .results import FREQUENCY, SUSPENSION_BELOW, Curves, compute_curves
 
 
-def curves(p: Parameters, rpy_deg: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Curves:
-    """The curves of Figs 8 and 11 for a parameter set at an orientation, roll, pitch, yaw, deg."""
-    loop, s = loop_at(p, np.radians(rpy_deg)), 2j * np.pi * FREQUENCY
-    return Curves(
-        theory=singular_values_db(Nominal(nominal_system(p, loop.model.dynamics.pose)).G_P(s)),
-        passive=singular_values_db(from_base(loop, s, active=False)),
-        active=singular_values_db(from_base(loop, s, active=True)),
-    )
-
-
-def analyse(options: Options, shaking: Shaking | None = None) -> Analysis:
-    """Compute the curves, measure them on the FMUs, compare, draw and word it."""
-    from .plots import cases_figure, deviation_figure, measured_figure, orientations_figure
-
-    shaking = shaking or Shaking()
-    at_orientations = {name: curves(load(), rpy) for name, rpy in ORIENTATIONS.items()}
-    of_cases = {case: curves(parameters_of(case)) for case in CASES}
-    measured = agreements(options, shaking)
-    of_step = step_agreements(measured, shaking.step)
+def analyse(options: AnalysisOptions, frequency: Array = FREQUENCY) -> AnalysisResult:
+    """Compute the curves at frequencies (n,), Hz, measure them on the FMUs, compare and draw."""
+    shaking = Shaking()
+    at_orientations = {name: compute_curves(load(), rpy, frequency) for name, rpy in ORIENTATIONS.items()}
+    of_cases = {case: compute_curves(load_case(case), frequency=frequency) for case in CASES}
+    measured = compare_setups(options, shaking)
+    of_step = compare_step_models(measured, shaking.step)
     figures: list[tuple[str, str, Callable[[Path], None]]] = [
         (
             "orientations",
@@ -115,7 +62,7 @@ def analyse(options: Options, shaking: Shaking | None = None) -> Analysis:
             partial(deviation_figure, measured=measured),
         ),
     ]
-    return Analysis(
+    return AnalysisResult(
         name="transmissibility",
         title="Transmissibility: Figs 8 and 11",
         text=paragraphs(measured),
@@ -134,11 +81,11 @@ def analyse(options: Options, shaking: Shaking | None = None) -> Analysis:
 def findings(
     at_orientations: Mapping[str, Curves], of_cases: Mapping[str, Curves], measured: Measured | None = None
 ) -> list[Finding]:
-    """What the paper says of Figs 8 and 11; co-simulated values only if they were measured."""
-    return [*_of_figure_8(at_orientations, measured or {}), *_of_figure_11(of_cases, measured or {})]
+    """The published numbers of Figs 8 and 11; with co-simulated values only if they were measured."""
+    return [*_fig8_findings(at_orientations, measured or {}), *_fig11_findings(of_cases, measured or {})]
 
 
-def _of_figure_8(at_orientations: Mapping[str, Curves], measured: Measured) -> list[Finding]:
+def _fig8_findings(at_orientations: Mapping[str, Curves], measured: Measured) -> list[Finding]:
     found = at_orientations.values()
     start = attenuation = None
     if measured:
@@ -168,24 +115,25 @@ def _of_figure_8(at_orientations: Mapping[str, Curves], measured: Measured) -> l
     ]
 
 
-def _of_figure_11(of_cases: Mapping[str, Curves], measured: Measured) -> list[Finding]:
+def _fig11_findings(of_cases: Mapping[str, Curves], measured: Measured) -> list[Finding]:
     passive = {case: c.passive for case, c in of_cases.items()}
     runs = {setup.case: _measured_db(a) for setup, a in measured.items() if setup == Setup(case=setup.case)}
-    most = _farthest_below(passive["LDOSM"], passive["OSM"])
+    frequency = of_cases["OSM"].frequency
+    most = _row_farthest_below(passive["LDOSM"], passive["OSM"])
     remark = (
         f"from {passive['OSM'][most, 0]:.1f} to {passive['LDOSM'][most, 0]:.1f} dB; the largest values of the curves "
-        f"are {_suspension_peak(passive['OSM']):.1f} and {_suspension_peak(passive['LDOSM']):.1f} dB"
+        f"are {_resonance(frequency, passive['OSM'])[1]:.1f} and {_resonance(frequency, passive['LDOSM'])[1]:.1f} dB"
     )
     lines = measured[Setup()].response.frequency if measured else None
     return [
         *(
-            Finding(key, _apart(passive, *cases), _apart(runs, *cases) if runs else None, "of any singular value")
+            Finding(key, _largest(passive, *cases), _largest(runs, *cases) if runs else None, "of any singular value")
             for key, cases in (("fig11.similar", ("OSM", "LSM")), ("fig11.similar_damped", ("LDOSM", "LDLSM")))
         ),
         Finding(
             "fig11.attenuation",
-            float(FREQUENCY[most]),
-            None if lines is None else float(lines[_farthest_below(runs["LDOSM"], runs["OSM"])]),
+            float(frequency[most]),
+            None if lines is None else float(lines[_row_farthest_below(runs["LDOSM"], runs["OSM"])]),
             remark,
         ),
     ]
@@ -196,23 +144,18 @@ def _measured_db(agreement: Agreement) -> Array:
     return singular_values_db(agreement.response.matrix)
 
 
-def _apart(curves_of: Mapping[str, Array], one: str, other: str) -> float:
+def _largest(curves_of: Mapping[str, Array], one: str, other: str) -> float:
     """Largest difference of two curves, dB."""
     return float(np.abs(curves_of[one] - curves_of[other]).max())
 
 
-def _farthest_below(curve: Array, other: Array) -> int:
+def _row_farthest_below(curve: Array, other: Array) -> int:
     """Row in which the largest singular value of a curve is farthest below that of the other."""
     return int((curve - other)[:, 0].argmin())
 
 
-def _suspension_peak(curve: Array) -> float:
-    """Largest value at the resonance of the fine legs, dB."""
-    return float(curve[FREQUENCY < SUSPENSION_BELOW, 0].max())
-
-
 def paragraphs(measured: Measured) -> list[str]:
-    """What was computed and measured, and what it says."""
+    """What was computed and measured, and what follows."""
     return [
         "Closed form: singular values of the matrix from base motion (m, rad, counted alike) to payload rotation. "
         "Theory is (38), with rigid legs and payload; the practical plant has truss modes and flexible coarse rods, "
@@ -259,16 +202,21 @@ def _case_table(found: Mapping[str, Curves]) -> Table:
         "by (38): resonance (Hz)", "there (dB)", "at 20 Hz (dB)",
     )  # fmt: skip
     rows = [
-        (case, *(text for curve in (c.passive[:, 0], c.theory[:, 0]) for text in _resonance(curve)))
+        (case, *(text for curve in (c.passive, c.theory) for text in _resonance_cells(c.frequency, curve)))
         for case, c in found.items()
     ]
     return Table("Fig 11: passive, largest singular value", header, rows)
 
 
-def _resonance(curve: Array) -> tuple[str, str, str]:
-    low = FREQUENCY < SUSPENSION_BELOW
-    top = int(curve[low].argmax())
-    return f"{FREQUENCY[top]:.2f}", f"{curve[top]:.2f}", f"{np.interp(20.0, FREQUENCY, curve):.2f}"
+def _resonance(frequency: Array, curve: Array) -> tuple[float, float]:
+    """Frequency, Hz, and largest singular value, dB, at the resonance of the fine legs; ``curve`` (n, 3)."""
+    top = int(curve[frequency < SUSPENSION_BELOW, 0].argmax())
+    return float(frequency[top]), float(curve[top, 0])
+
+
+def _resonance_cells(frequency: Array, curve: Array) -> tuple[str, ...]:
+    values = (*_resonance(frequency, curve), np.interp(20.0, frequency, curve[:, 0]))
+    return tuple(f"{value:.2f}" for value in values)
 
 
 def _entry(c: Curves) -> dict[str, object]:

@@ -1,4 +1,4 @@
-"""Figs 8 and 11 on the running FMUs: what is measured, and how far it is from the closed form."""
+"""Figs 8 and 11 measured on the running FMUs, and how far they are from the closed form."""
 
 from __future__ import annotations
 
@@ -8,8 +8,9 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from tqdm import tqdm
 
-from ....cosim import Value, read_system
+from ....cosim import Value
 from ....mechanism.parameters import Array
 from ....results.tables import Table, format_angles
 from ....runs.comparison import TARGET
@@ -17,18 +18,18 @@ from ....theory.loop import Loop, loop_at
 from ....theory.sampled import from_base_sampled
 from ....theory.transmissibility import from_base
 from ...agreement import ALLOWED_DB, ALLOWED_DEG, BAND, COHERENCE, Agreement
-from ...command import Options
-from ...multisine import Shaking, measure
-from ...support_modules import CASES, parameters_of, values_of
-from ..table2.analysis import LOOP_DELAY
-from ..table2.scenario import ORIENTATIONS
+from ...analysis import AnalysisOptions
+from ...bus_cases import CASES, case_start_values, load_case
+from ...cosimulation import load_built_system
+from ...shaking import Shaking, measure
+from ..table2.closed_form import LOOP_DELAY, ORIENTATIONS
 
 ORIGINAL = "OSM"
 
 
 @dataclass(frozen=True)
 class Setup:
-    """What is shaken: an orientation of Fig 8 or a case of Fig 11, without or with the isolator."""
+    """One measurement: an orientation of Fig 8 or a case of Fig 11, without or with the isolator."""
 
     orientation: str = "nominal"  # of Table 2
     case: str = ORIGINAL
@@ -48,12 +49,12 @@ class Setup:
     def values(self) -> dict[str, Value]:
         """Start values of the system, by ``component.variable``."""
         target = {name: float(np.radians(angle)) for name, angle in zip(TARGET, self.rpy_deg, strict=True)}
-        return {**values_of(self.case), **target, "isolator.enabled": self.active}
+        return {**case_start_values(self.case), **target, "isolator.enabled": self.active}
 
     @cached_property
     def loop(self) -> Loop:
         """Plant and controller in closed form."""
-        return loop_at(parameters_of(self.case), np.radians(self.rpy_deg))
+        return loop_at(load_case(self.case), np.radians(self.rpy_deg))
 
     def closed_form(self, frequency: Array, step: float) -> NDArray[np.complex128]:
         """Base motion (m, rad; B) to payload rotation (rad; P) at frequencies (n,), Hz, (n, 3, 6); with a step, s."""
@@ -70,18 +71,12 @@ SETUPS = (
 Measured = Mapping[Setup, Agreement]
 
 
-def agreements(options: Options, shaking: Shaking) -> Measured:
+def compare_setups(options: AnalysisOptions, shaking: Shaking) -> Measured:
     """Shake the FMUs in each of :data:`SETUPS` and compare with the closed form; builds them if they are out of date.
 
     Raises BuildError, CosimError, ValueError.
     """
-    from tqdm import tqdm
-
-    from ....runs.sources import ensure_built
-    from ....slavekit.pack.build import default_fmus
-
-    ensure_built(options.fmus, default_fmus().parent)
-    system = read_system(options.system, options.fmus)
+    system = load_built_system(options)
     runs = len(SETUPS) * shaking.records
     with tqdm(total=runs, unit="run", disable=not options.progress, desc="transmissibility") as bar:
         return {
@@ -93,8 +88,8 @@ def agreements(options: Options, shaking: Shaking) -> Measured:
         }
 
 
-def step_agreements(measured: Measured, step: float) -> dict[str, Agreement]:
-    """The active response at (0, 0, 0) beside two coarser closed forms, to show what the step, s, does."""
+def compare_step_models(measured: Measured, step: float) -> dict[str, Agreement]:
+    """The active response at (0, 0, 0) against the closed form and two coarser ones; ``step`` of communication, s."""
     setup = Setup(active=True)
     exact, loop = measured[setup], setup.loop
     s = 2j * np.pi * exact.response.frequency
@@ -109,16 +104,16 @@ def step_agreements(measured: Measured, step: float) -> dict[str, Agreement]:
 
 def verdict(measured: Measured) -> str:
     """The worst of all setups, in words."""
-    found = measured.values()
+    compared = measured.values()
     worst_db = max(measured, key=lambda setup: measured[setup].largest_db.max())
     worst_deg = max(measured, key=lambda setup: measured[setup].largest_deg.max())
     return (
         f"Allowed are {ALLOWED_DB:g} dB and {ALLOWED_DEG:g} deg from {BAND[0]:g} to {BAND[1]:g} Hz wherever the "
-        f"coherence exceeds {COHERENCE:g}, as it does at {sum(a.checked.sum() for a in found)} of "
-        f"{sum(a.within.sum() for a in found)} lines (lowest: {min(a.lowest_coherence for a in found):.6f}). "
-        f"This {'holds' if all(a.holds for a in found) else 'does not hold'}: the largest deviation of a singular "
-        f"value is {measured[worst_db].largest_db.max():.3f} dB ({_name(worst_db)}), of its phase "
-        f"{measured[worst_deg].largest_deg.max():.2f} deg ({_name(worst_deg)})."
+        f"coherence exceeds {COHERENCE:g}, as it does at {sum(a.checked.sum() for a in compared)} of "
+        f"{sum(a.within.sum() for a in compared)} lines (lowest: {min(a.lowest_coherence for a in compared):.6f}). "
+        f"This {'holds' if all(a.holds for a in compared) else 'does not hold'}: the largest deviation of a singular "
+        f"value is {measured[worst_db].largest_db.max():.3f} dB ({_describe(worst_db)}), of its phase "
+        f"{measured[worst_deg].largest_deg.max():.2f} deg ({_describe(worst_deg)})."
     )
 
 
@@ -137,7 +132,7 @@ def agreement_table(measured: Measured) -> Table:
 
 
 def step_table(found: Mapping[str, Agreement]) -> Table:
-    """Largest deviations from the closed forms of :func:`step_agreements`."""
+    """Largest deviations from the closed forms of :func:`compare_step_models`."""
     rows = [(name, *_deviations(agreement)) for name, agreement in found.items()]
     caption = "What the step does: FMUs at (0, 0, 0), active, against three closed forms"
     return Table(caption, ("closed form", *_DEVIATIONS), rows)
@@ -162,5 +157,5 @@ def _deviations(a: Agreement) -> tuple[str, ...]:
     )
 
 
-def _name(setup: Setup) -> str:
+def _describe(setup: Setup) -> str:
     return f"{setup.case} at {format_angles(setup.rpy_deg)} deg, {setup.mode}"

@@ -14,16 +14,14 @@ from ....results.style import ACTIVE, PASSIVE, REFERENCE, draw
 from ....results.tables import format_angles
 from ....theory.transmissibility import singular_values_db
 from ...agreement import ALLOWED_DB, ALLOWED_DEG, BAND, COHERENCE
-from ...support_modules import CASES
-from ..fig10.plots import COLOURS
-from ..table2.scenario import ORIENTATIONS
+from ...bus_cases import CASES, COLOURS
+from ..table2.closed_form import ORIENTATIONS
 from .measured import Measured, Setup
+from .results import Curves
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-    from .analysis import Curves
 
 MARKERS = {"OSM": "o", "LSM": "x", "LDOSM": "s", "LDLSM": "+"}
 SMALLEST = 1e-8  # of what is shown: below is rounding
@@ -31,8 +29,6 @@ SMALLEST = 1e-8  # of what is shown: below is rounding
 
 def orientations_figure(path: Path, found: Mapping[str, Curves]) -> None:
     """Fig 8: all three singular values, passive and active, and the theory (38)."""
-    from .analysis import FREQUENCY
-
     def paint(figure: Figure) -> None:
         panels = figure.subplots(2, 2, sharex=True, sharey=True)
         for axes, (name, curves) in zip(panels.flat, found.items(), strict=True):
@@ -44,7 +40,7 @@ def orientations_figure(path: Path, found: Mapping[str, Curves]) -> None:
                 style = ":" if colour == "black" else "-"
                 for i, width in enumerate((1.8, 1.1, 1.1)):
                     axes.semilogx(
-                        FREQUENCY, values[:, i], style, color=colour, linewidth=width,
+                        curves.frequency, values[:, i], style, color=colour, linewidth=width,
                         label=text if i == 0 else None,
                     )  # fmt: skip
             axes.set(title=f"{format_angles(ORIENTATIONS[name])} deg", ylim=(-90.0, 50.0))
@@ -60,19 +56,17 @@ def orientations_figure(path: Path, found: Mapping[str, Curves]) -> None:
 
 def cases_figure(path: Path, found: Mapping[str, Curves], measured: Measured) -> None:
     """Fig 11: the largest singular value, passive, of the four cases: theory (38) dotted, markers as measured."""
-    from .analysis import FREQUENCY
-
     def paint(figure: Figure) -> None:
         axes = figure.subplots()
         # The passive curve does not depend on the bus: the second of two equal curves is broken.
         for case, curves in found.items():
             style = (0, (5, 5)) if case.endswith("LSM") else "-"
-            axes.semilogx(FREQUENCY, curves.passive[:, 0], linestyle=style, color=COLOURS[case], label=case)
-            axes.semilogx(FREQUENCY, curves.theory[:, 0], ":", color=REFERENCE, linewidth=1.0)
+            axes.semilogx(curves.frequency, curves.passive[:, 0], linestyle=style, color=COLOURS[case], label=case)
+            axes.semilogx(curves.frequency, curves.theory[:, 0], ":", color=REFERENCE, linewidth=1.0)
         axes.plot([], [], ":", color=REFERENCE, label="theory (38)")
         for i, case in enumerate(CASES):
             response = measured[Setup(case=case)].response
-            some = _thinned(response.frequency)[i :: len(CASES)]
+            some = _thin_out(response.frequency)[i :: len(CASES)]
             values = singular_values_db(response.matrix[some])[:, 0]
             axes.plot(
                 response.frequency[some], values, MARKERS[case], color=COLOURS[case], markersize=8.0,
@@ -102,7 +96,7 @@ def measured_figure(path: Path, measured: Measured) -> None:
                 axes.semilogx(f, singular_values_db(agreement.reference), color="black", linewidth=0.9)
             axes.plot([], [], color="black", linewidth=0.9, label="closed form")
             axes.set(title=f"{format_angles(ORIENTATIONS[name])} deg", ylim=(-90.0, 50.0))
-        _band(panels[-1])
+        _label_band(panels[-1])
         for axes in panels[:, 0]:
             axes.set_ylabel("singular values (dB)")
         handles = panels[0, 0].get_legend_handles_labels()
@@ -113,7 +107,7 @@ def measured_figure(path: Path, measured: Measured) -> None:
 
 
 def deviation_figure(path: Path, measured: Measured) -> None:
-    """Largest deviation of a singular value from the closed form, in gain and phase, and what coherence lacks to one.
+    """Largest deviation of a singular value from the closed form, in gain and phase, and one less the coherence.
 
     Columns: the orientations passive, the same active, the cases of Fig 11.
     """
@@ -145,20 +139,20 @@ def deviation_figure(path: Path, measured: Measured) -> None:
             column[-1].legend(loc="upper center", bbox_to_anchor=(0.5, -0.25), ncols=2)
         for axes, text in zip(panels[:, 0], rows, strict=True):
             axes.set_ylabel(text)
-        _band(panels[-1])
+        _label_band(panels[-1])
         figure.suptitle("FMUs against the closed form: largest deviation of a singular value; dashed: allowed")
         figure.align_ylabels(panels[:, 0])
 
     draw(path, 15.0, 10.0, paint)
 
 
-def _thinned(frequency: Array) -> NDArray[np.intp]:
+def _thin_out(frequency: Array) -> NDArray[np.intp]:
     """Indices of up to 20 frequencies to the decade."""
     decades = np.log10(frequency / frequency[0])
     return np.unique(np.searchsorted(decades, np.arange(0.0, decades[-1], 0.05)))
 
 
-def _band(lowest: Iterable[Axes]) -> None:
+def _label_band(lowest: Iterable[Axes]) -> None:
     for axes in lowest:
         axes.set(xlabel="frequency (Hz)", xlim=BAND)
         axes.set_xticks([0.2, 1, 10, 100], ["0.2", "1", "10", "100"])

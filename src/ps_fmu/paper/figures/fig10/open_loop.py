@@ -7,31 +7,28 @@ otherwise at rest.  Then L11 is the first component of the base acceleration of 
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Mapping
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from tqdm import tqdm
 
-from ....mechanism.parameters import Array
-from ....pointing.response import Response, periodic_response
-from ....results.observers.sampler import SampleObserver
+from ....cosim import System, Value
+from ....pointing.response import Response
 from ....theory.loop import Margins, loop_at, margins
 from ....theory.sampled import loop_sampled
 from ....theory.transfer_matrices import Complex
 from ...agreement import coherent
-from ...command import Options
-from ...multisine import Shaking
-from ...support_modules import CASES, parameters_of, values_of
+from ...analysis import AnalysisOptions
+from ...bus_cases import CASES, case_start_values, load_case
+from ...cosimulation import load_built_system
+from ...shaking import Shaking, measure_response
 
 if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline
-
-    from ....cosim import System, Value
 
 SHAKEN, MOVED = "shaken", "plant"  # the plant whose base is measured, and that on which the isolator acts
 MEASURED = "base_acceleration.x"
@@ -106,21 +103,14 @@ class OpenLoop:
         }
 
 
-def open_loops(options: Options, delay_s: float, shaking: Shaking = SHAKING) -> dict[str, OpenLoop]:
+def open_loops(options: AnalysisOptions, delay_s: float, shaking: Shaking = SHAKING) -> dict[str, OpenLoop]:
     """Measure the four cases; builds the FMUs if they are out of date.  Raises BuildError, CosimError."""
-    from tqdm import tqdm
-
-    from ....cosim import read_system
-    from ....runs.sources import ensure_built
-    from ....slavekit.pack.build import default_fmus
-
-    ensure_built(options.fmus, default_fmus().parent)
-    system = read_system(options.system, options.fmus)
+    system = load_built_system(options)
     found = {}
     with tqdm(total=len(CASES) * shaking.seeds, unit="run", disable=not options.progress, desc="open loop") as bar:
         for case in CASES:
-            response = measure(system, values_of(case), delay_s, shaking, options.seed, bar.update)
-            loop = loop_at(parameters_of(case), delay=delay_s)
+            response = measure(system, case_start_values(case), delay_s, shaking, options.seed, bar.update)
+            loop = loop_at(load_case(case), delay=delay_s)
             reference = loop_sampled(loop, 2j * np.pi * shaking.lines, shaking.step)[:, 0, 0]
             found[case] = OpenLoop(response, reference)
     return found
@@ -134,30 +124,20 @@ def measure(
     seed: int = 1,
     progress: Callable[[], object] | None = None,
 ) -> Response:
-    """L11 (n, 1, 1) of a system with start ``values`` of its components; ``progress`` is called after each run.
-
-    One run for each processor at a time: steps are made without Python's lock.
-    """
+    """L11 (n, 1, 1) of a system with start ``values`` of its components; ``progress`` is called after each run."""
     of_both = {
         **values,
         **{f"{SHAKEN}.{name.partition('.')[2]}": v for name, v in values.items() if name.startswith(f"{MOVED}.")},
         "isolator.enabled": True,
         "isolator.delay": delay_s,
     }
-    opened = cut(system).with_parameters(of_both)
-    runs = [opened.with_parameters(shaking.values("fx", seed + k)) for k in range(shaking.seeds)]
-    records = []
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
-        for record in pool.map(lambda run: _record(run, shaking), runs):
-            records.append(record)
-            if progress:
-                progress()
-    signals = np.stack(records)
-    return periodic_response(signals[..., :1], signals[..., 1:], shaking.step * shaking.stride, shaking.lines)
+    opened = cut_loop(system).with_parameters(of_both)
+    shaken = [opened.with_parameters(shaking.values("fx", seed + k)) for k in range(shaking.seeds)]
+    return measure_response(shaken, shaking, (f"{SHAKEN}.{MEASURED}",), (f"{MOVED}.{MEASURED}",), progress)
 
 
-def cut(system: System) -> System:
-    """The system with two plants, and the loop between base acceleration and fine forces cut."""
+def cut_loop(system: System) -> System:
+    """The system with two plants, so that the loop from base acceleration to fine forces is open."""
     components = (*system.components, replace(system.component(MOVED), name=SHAKEN))
     connections = []
     for c in system.connections:
@@ -171,18 +151,3 @@ def cut(system: System) -> System:
         elif "acceleration" not in c.source.variable:
             connections.append(c)
     return replace(system, components=components, connections=tuple(connections))
-
-
-def _record(system: System, shaking: Shaking) -> Array:
-    """One run: acceleration of the shaken and of the moved base, a period and two rows more, (n + 2, 2), m/s2."""
-    from ....cosim import Master
-
-    end = shaking.settling + shaking.period
-    kept = round(shaking.period / (shaking.step * shaking.stride)) + 2
-    names = tuple(f"{plant}.{MEASURED}" for plant in (SHAKEN, MOVED))
-    with Master(system, shaking.step) as master:
-        master.initialise()
-        rows = round(end / shaking.step) - shaking.stride * np.arange(kept)[::-1]
-        samples = SampleObserver(master.columns, names, rows.tolist())
-        master.run(end, [samples])
-    return samples.values(*names)

@@ -10,19 +10,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....results.style import REFERENCE, draw
+from ....theory.small_gain import largest_singular_value, nominal_loop_poles
 from ....theory.transfer_matrices import crowded
+from ...bus_cases import COLOURS, load_case
+from ...nominal_system import assemble_nominal, small_gain_curves
+from .open_loop import OpenLoop
+from .results import LoopVerdict
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from .analysis import Verdict
-    from .open_loop import OpenLoop
-
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
-COLOURS = {"OSM": "#0072B2", "LSM": "#D55E00", "LDOSM": "#56B4E9", "LDLSM": "#E69F00"}  # Okabe and Ito
 READINGS = ((-1.0, "det(E - L): by (48)"), (1.0, "det(E + L): as the paper reads it"))
 DRAWN = 20.0  # Hz, end of the Nyquist curves; beyond, the delay winds them about one again and again
 CLOSE = (-0.6, 2.2)  # of the real part: OSM, LDOSM and LDLSM stay near one
@@ -30,7 +31,7 @@ CLOSE = (-0.6, 2.2)  # of the real part: OSM, LDOSM and LDLSM stay near one
 ARROWS = {"OSM": (5.0, 5.3), "LSM": (5.0, 5.3, 5.7), "LDOSM": (8.0,), "LDLSM": (4.0, 12.0)}
 
 
-def bode_figure(path: Path, verdicts: Mapping[str, Verdict], opened: Mapping[str, OpenLoop]) -> None:
+def bode_figure(path: Path, verdicts: Mapping[str, LoopVerdict], opened: Mapping[str, OpenLoop]) -> None:
     """Gain and phase of L11, as in Fig 10, with what was measured on the FMUs."""
     frequency = np.geomspace(1.0, 300.0, 3000)  # Hz
     dots: dict[str, Any] = {"marker": "o", "markersize": 4.0, "linestyle": "none", "color": "k", "fillstyle": "none"}
@@ -41,7 +42,7 @@ def bode_figure(path: Path, verdicts: Mapping[str, Verdict], opened: Mapping[str
             L = verdict.loop.transfer(2j * np.pi * frequency)[:, 0, 0]
             gain.semilogx(frequency, 20.0 * np.log10(np.abs(L)), color=COLOURS[case], label=case)
             shown = frequency < 30.0  # beyond, the delay turns the phase too fast to be read
-            phase.semilogx(frequency[shown], _broken(np.degrees(np.angle(L)))[shown], color=COLOURS[case])
+            phase.semilogx(frequency[shown], _break_jumps(np.degrees(np.angle(L)))[shown], color=COLOURS[case])
             measured = opened[case]
             f, values = measured.response.frequency, measured.values
             some = np.unique(np.searchsorted(f, np.geomspace(f[0], f[-1], 90)).clip(max=len(f) - 1))
@@ -64,7 +65,7 @@ def bode_figure(path: Path, verdicts: Mapping[str, Verdict], opened: Mapping[str
     draw(path, 10.0, 8.0, paint)
 
 
-def nyquist_figure(path: Path, verdicts: Mapping[str, Verdict]) -> None:
+def nyquist_figure(path: Path, verdicts: Mapping[str, LoopVerdict]) -> None:
     """det(E - L) with the critical point at the origin, beside det(E + L), the paper's reading; below, seen closely."""
 
     def paint(figure: Figure) -> None:
@@ -77,7 +78,7 @@ def nyquist_figure(path: Path, verdicts: Mapping[str, Verdict]) -> None:
                 for axes in (upper, lower):
                     axes.plot(curve.real, curve.imag, color=COLOURS[case], label=case)
                     axes.plot(curve.real, -curve.imag, color=COLOURS[case], linewidth=0.6)
-                _arrows(upper if case == "LSM" else lower, _determinant(ends, sign), COLOURS[case])
+                _draw_arrows(upper if case == "LSM" else lower, _determinant(ends, sign), COLOURS[case])
         for (upper, lower), (sign, title) in zip(panels.T, READINGS, strict=True):
             turns = (f"{case} {v.unstable_poles if sign < 0.0 else v.encirclements}" for case, v in verdicts.items())
             upper.set_title(f"{title}\nturns about +: {', '.join(turns)}")
@@ -91,13 +92,13 @@ def nyquist_figure(path: Path, verdicts: Mapping[str, Verdict]) -> None:
     draw(path, 13.0, 10.5, paint)
 
 
-def beyond_drawn(verdicts: Mapping[str, Verdict]) -> float:
+def distance_beyond(verdicts: Mapping[str, LoopVerdict]) -> float:
     """Largest distance of det(E - L) and det(E + L) from one, beyond what the Nyquist figure shows."""
     eigenvalues = [_eigenvalues(v, crowded(v.loop.plant_poles(), DRAWN, 1e4, 2000)) for v in verdicts.values()]
     return max(float(np.abs(_determinant(e, sign) - 1.0).max()) for e in eigenvalues for sign, _ in READINGS)
 
 
-def _eigenvalues(verdict: Verdict, frequency: Array) -> Complex:
+def _eigenvalues(verdict: LoopVerdict, frequency: Array) -> Complex:
     return verdict.loop.eigenvalues(2j * np.pi * frequency)
 
 
@@ -106,7 +107,7 @@ def _determinant(eigenvalues: Complex, sign: float) -> Complex:
     return np.asarray(np.prod(1.0 + sign * eigenvalues, axis=-1))
 
 
-def _arrows(axes: Axes, ends: Complex, colour: str) -> None:
+def _draw_arrows(axes: Axes, ends: Complex, colour: str) -> None:
     """Arrow heads from the first to the second of the points (n, 2)."""
     for start, end in ends:
         axes.annotate(
@@ -115,20 +116,16 @@ def _arrows(axes: Axes, ends: Complex, colour: str) -> None:
         )  # fmt: skip
 
 
-def sensitivity_figure(path: Path, verdicts: Mapping[str, Verdict]) -> None:
+def sensitivity_figure(path: Path, verdicts: Mapping[str, LoopVerdict]) -> None:
     """Largest singular value of S of the practical loop; below, the left-hand side of the small-gain condition."""
-    from ....theory.small_gain import largest_singular_value, nominal_loop_poles
-    from ...support_modules import parameters_of
-    from .analysis import nominal_system, small_gain
-
     def paint(figure: Figure) -> None:
         upper, lower = figure.subplots(2, 1, sharex=True)
         for case, verdict in verdicts.items():
             frequency = crowded(verdict.poles, 0.1, 300.0, 3000)
             S = largest_singular_value(verdict.loop.sensitivity(2j * np.pi * frequency))
             upper.semilogx(frequency, S, color=COLOURS[case], label=case)
-            frequency = crowded(nominal_loop_poles(nominal_system(parameters_of(case))), 0.1, 300.0, 3000)
-            left, bound = small_gain(case, frequency, verdict.loop.delay)
+            frequency = crowded(nominal_loop_poles(assemble_nominal(load_case(case))), 0.1, 300.0, 3000)
+            left, bound = small_gain_curves(case, frequency, verdict.loop.delay)
             lower.loglog(frequency, left, color=COLOURS[case])
             lower.loglog(frequency, bound, color=COLOURS[case], linestyle=":", linewidth=1.2)
         lower.axhline(1.0, color=REFERENCE, linestyle="--")
@@ -146,8 +143,8 @@ def sensitivity_figure(path: Path, verdicts: Mapping[str, Verdict]) -> None:
     draw(path, 10.0, 9.0, paint)
 
 
-def _broken(angle: Array) -> Array:
-    """Angles, deg, without lines across the plot where they jump."""
+def _break_jumps(angle: Array) -> Array:
+    """Angles, deg, with NaN where they jump, so that no line crosses the plot."""
     broken = angle.copy()
     broken[1:][np.abs(np.diff(angle)) > 180.0] = np.nan
     return broken

@@ -3,26 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ....results.tables import Table
-from ...support_modules import SUSPENSION
-from .analysis import BAND, LONGEST, WIDE, Verdict
-from .scenario import HOW, Response, response_table, verdict
-
-if TYPE_CHECKING:
-    from .open_loop import OpenLoop
+from ...bus_cases import SUSPENSION
+from .open_loop import OpenLoop
+from .pulse_response import PulseResponse
+from .results import BAND, LONGEST, WIDE, LoopVerdict
+from .scenario import HOW, response_table, verdict
 
 ARRAYS = (0.2, SUSPENSION[0])  # Hz: modes of the bus
 BEYOND = (SUSPENSION[1], 1000.0)  # Hz
 
 
 def paragraphs(
-    verdicts: Mapping[str, Verdict], opened: Mapping[str, OpenLoop], responses: Sequence[Response]
+    verdicts: Mapping[str, LoopVerdict], opened: Mapping[str, OpenLoop], responses: Sequence[PulseResponse]
 ) -> list[str]:
-    """What was computed and measured, and what it says."""
+    """What was computed and measured, and what follows."""
     lsm = verdicts["LSM"]
     others = ", ".join(case for case, v in verdicts.items() if case != "LSM" and np.isinf(v.delay_limit))
     deviation = [max(loop.deviation[k] for loop in opened.values()) for k in (0, 1)]
@@ -34,14 +32,14 @@ def paragraphs(
         "by equation (48) the sensitivity is S = (E - C K)^-1: the feedback is positive and the critical point is +1.",
         "The published verdict that the lighter support module (LSM) is unstable with this delay does not survive: "
         f"det(E - L) does not go round the origin ({lsm.unstable_poles} poles in the right half-plane), and the "
-        f"slowest pole of the suspension is at {_complex(lsm.rightmost)} rad/s. It becomes unstable beyond a delay of "
-        f"{1e3 * lsm.delay_limit:.1f} ms.",
+        f"slowest pole of the suspension is at {_complex_text(lsm.rightmost)} rad/s. It becomes unstable beyond a "
+        f"delay of {1e3 * lsm.delay_limit:.1f} ms.",
         f"The other verdicts, and the trend, survive: {others} are stable with any delay. A lighter bus brings the "
         "loop closer to instability, more damping in the fine legs takes it away again. Of LDOSM the paper states no "
         "number.",
-        f"The largest gain of element (1, 1) is stated twice: around the suspension, {_band(BAND)}, and over "
-        f"{_band(WIDE)}. With large damping the second is larger, at a mode of the coarse rods.",
-        _about_small_gain(verdicts),
+        f"The largest gain of element (1, 1) is stated twice: around the suspension, {_band_text(BAND)}, and over "
+        f"{_band_text(WIDE)}. With large damping the second is larger, at a mode of the coarse rods.",
+        _small_gain_text(verdicts),
         "Open loop on the running FMUs: the disturbance shakes the base of one plant FMU, the isolator FMU is given "
         "the first component of its acceleration alone, and its forces act on a second plant FMU; L11 is the "
         "acceleration of the second base over that of the first. The communication step is in it: a delay of one step "
@@ -52,7 +50,7 @@ def paragraphs(
     ]
 
 
-def _about_small_gain(verdicts: Mapping[str, Verdict]) -> str:
+def _small_gain_text(verdicts: Mapping[str, LoopVerdict]) -> str:
     certain = [case for case, v in verdicts.items() if v.small_gain.value < 1.0]
     rest = [f"{case} ({v.small_gain.value:.2f})" for case, v in verdicts.items() if case not in certain]
     return (
@@ -65,7 +63,7 @@ def _about_small_gain(verdicts: Mapping[str, Verdict]) -> str:
 
 
 def tables(
-    verdicts: Mapping[str, Verdict], opened: Mapping[str, OpenLoop], responses: Sequence[Response]
+    verdicts: Mapping[str, LoopVerdict], opened: Mapping[str, OpenLoop], responses: Sequence[PulseResponse]
 ) -> list[Table]:
     """All tables."""
     return [
@@ -77,7 +75,7 @@ def tables(
     ]
 
 
-def _verdict_table(verdicts: Mapping[str, Verdict]) -> Table:
+def _verdict_table(verdicts: Mapping[str, LoopVerdict]) -> Table:
     header = (
         "case", "unstable poles, about -1", "unstable poles, about +1", "slowest pole of the suspension (rad/s)",
         "delay limit (ms)", "by bisection (ms)",
@@ -87,18 +85,18 @@ def _verdict_table(verdicts: Mapping[str, Verdict]) -> Table:
             case,
             f"{v.encirclements}",
             f"{v.unstable_poles}",
-            _complex(v.rightmost),
-            _milliseconds(v.delay_limit),
-            _milliseconds(v.bisected, f"none to {1e3 * LONGEST:g}"),
+            _complex_text(v.rightmost),
+            _milliseconds_text(v.delay_limit),
+            _milliseconds_text(v.bisected, f"none to {1e3 * LONGEST:g}"),
         )
         for case, v in verdicts.items()
     ]
     return Table("The four cases with the paper's delay; the critical point of (48) is +1", header, rows)
 
 
-def _gain_table(verdicts: Mapping[str, Verdict]) -> Table:
+def _gain_table(verdicts: Mapping[str, LoopVerdict]) -> Table:
     header = (
-        "case", f"gain of L11, {_band(BAND)} (dB)", f"{_band(WIDE)} (dB)", "at (Hz)", "sigma(S)", "at (Hz)",
+        "case", f"gain of L11, {_band_text(BAND)} (dB)", f"{_band_text(WIDE)} (dB)", "at (Hz)", "sigma(S)", "at (Hz)",
         "sigma(T) |Delta|", "at (Hz)", "with bound (64)", "(62) holds", "v (41)", "estimate (42)",
     )  # fmt: skip
     rows = [
@@ -118,17 +116,18 @@ def _gain_table(verdicts: Mapping[str, Verdict]) -> Table:
         )
         for case, v in verdicts.items()
     ]
-    return Table(f"Largest values over frequency; without a band: {_band(WIDE)}", header, rows)
+    return Table(f"Largest values over frequency; without a band: {_band_text(WIDE)}", header, rows)
 
 
-def _pole_table(verdicts: Mapping[str, Verdict]) -> Table:
+def _pole_table(verdicts: Mapping[str, LoopVerdict]) -> Table:
     groups = {"arrays": ARRAYS, "suspension": SUSPENSION}
     columns = [
-        [*(pole for band in groups.values() for pole in _oscillating(v, band)), _oscillating(v, BEYOND)[0]]
+        [*(pole for band in groups.values() for pole in _oscillating_poles(v, band)), _oscillating_poles(v, BEYOND)[0]]
         for v in verdicts.values()
     ]
     names = [f"{name} {k}" for name, count in (("arrays", 6), ("suspension", 3)) for k in range(1, count + 1)]
-    rows = [(name, *map(_complex, row)) for name, row in zip([*names, "next"], zip(*columns, strict=True), strict=True)]
+    poles = zip([*names, "next"], zip(*columns, strict=True), strict=True)
+    rows = [(name, *map(_complex_text, row)) for name, row in poles]
     return Table(
         "Poles of the closed loop with the delay (rad/s), those above the real axis, slowest first. Left out: the "
         'free base and the high-pass, below 0.01 rad/s; whatever is to the left of "next" (delay and low-pass), and '
@@ -138,7 +137,7 @@ def _pole_table(verdicts: Mapping[str, Verdict]) -> Table:
     )
 
 
-def _oscillating(v: Verdict, band: tuple[float, float]) -> list[complex]:
+def _oscillating_poles(v: LoopVerdict, band: tuple[float, float]) -> list[complex]:
     """Poles above the real axis with an imaginary part in a band, Hz, slowest first."""
     low, high = (2.0 * np.pi * f for f in band)
     return [complex(pole) for pole in v.poles if low < pole.imag < high]
@@ -166,13 +165,13 @@ def _open_loop_table(opened: Mapping[str, OpenLoop]) -> Table:
     return Table(caption, header, rows)
 
 
-def _band(band: tuple[float, float]) -> str:
+def _band_text(band: tuple[float, float]) -> str:
     return f"{band[0]:g} to {band[1]:g} Hz"
 
 
-def _complex(value: complex) -> str:
+def _complex_text(value: complex) -> str:
     return f"{value.real:.3f} {value.imag:+.2f}i"
 
 
-def _milliseconds(delay: float, none: str = "none") -> str:
+def _milliseconds_text(delay: float, none: str = "none") -> str:
     return none if np.isinf(delay) else f"{1e3 * delay:.2f}"

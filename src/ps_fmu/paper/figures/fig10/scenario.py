@@ -8,41 +8,34 @@ compared with those that linear theory predicts.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from functools import cached_property, partial
+from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ....cosim import Column
 from ....disturbance.kinds.recording import HEADER as RECORDING
 from ....interface.parameter_sets import build_plant_and_isolator
-from ....pointing.poles import rightmost, slowest_mode
+from ....mechanism.parameters import Array
 from ....results.observers.sampler import SampleObserver
 from ....results.report import Picture, draw_pictures
 from ....results.tables import Table, format_number
-from ....runs.cases import Case, Outcome, run_case
-from ....runs.jitter_record import ROTATION
+from ....runs.cases import Case, run_case
+from ....runs.jitter_record import ORIENTATION, ROTATION
 from ....runs.options import OptionError, RunOptions
 from ....runs.publish import Findings, publish
 from ....runs.setup import RunSystem, load_system
 from ....theory.loop import Loop, loop_of
-from ... import published
-from ...support_modules import CASES, SUSPENSION, values_of
-from .scenario_plots import response_figure
-
-Array = NDArray[np.float64]
+from ...bus_cases import CASES, case_start_values
+from .pulse_response import PULSE_S, PulseResponse, paper_delay_s
+from .response_plots import response_figure
 
 BEYOND_S = 0.1  # delay of the fifth run of the lighter module: its limit is 0.0916 s, and 1000 steps are kept
-PULSE_S = 0.4  # length of the pulse: most of it lies around 5 Hz, the resonance of the fine legs
 PULSE_B = (5.0, 3.0, 2.0, 10.0, 7.0, 5.0)  # N, N.m: largest force and torque; moves the payload by microradians
 SHORTEST_S = 3.0  # of a run: 5 Hz decays or grows visibly
 SAMPLE_S = 0.01  # between the samples that the poles are found in
-ORDER = 24  # of the free motion: three pairs of the suspension, six of the arrays, and some for the delay
 FINE = tuple(f"plant.fine_displacement_{leg}" for leg in (1, 2, 3))
-POSE = tuple(f"plant.orientation.{angle}" for angle in ("roll", "pitch", "yaw"))
 
 HOW = (
     "A pulse of force and torque shakes the bus for 0.4 s; it has neither an impulse nor an offset, so that the bus "
@@ -52,83 +45,12 @@ HOW = (
 )
 
 
-@dataclass(frozen=True, eq=False)
-class Response:
-    """One run: what followed the pulse."""
-
-    case: str
-    delay_s: float
-    enabled: bool
-    outcome: Outcome
-    time: Array  # (n,), s
-    fine: Array  # (n, 3), m, displacements of the fine legs
-    rotation: Array  # (n, 3), rad, of the payload
-    loop: Loop
-    """Of the start values of the run, with the delay and the communication step that the exchange takes."""
-
-    @property
-    def free(self) -> NDArray[np.bool_]:
-        """(n,), the samples after the pulse."""
-        return np.asarray(self.time > PULSE_S + 1e-9)
-
-    @cached_property
-    def predicted(self) -> complex:
-        """Rightmost pole of the suspension by theory, rad/s; without the isolator that of the plant."""
-        return rightmost(self.loop.poles() if self.enabled else self.loop.plant_poles(), SUSPENSION)
-
-    @cached_property
-    def pole(self) -> complex:
-        """Rightmost pole of the suspension as found in the motion, rad/s."""
-        return slowest_mode(self.fine[self.free], float(self.time[1] - self.time[0]), ORDER, SUSPENSION)
-
-    @property
-    def growth(self) -> float:
-        """RMS of the fine displacements in the last second over that in the first one after the pulse."""
-        motion, time = self.fine[self.free], self.time[self.free]
-        first, last = motion[time <= time[0] + 1.0], motion[time >= time[-1] - 1.0]
-        return float(np.sqrt(np.mean(last**2) / np.mean(first**2)))
-
-    @property
-    def stable(self) -> bool:
-        """The motion dies away."""
-        return self.pole.real < 0.0 and self.growth < 1.0
-
-    @property
-    def entry(self) -> Mapping[str, object]:
-        """For a JSON file."""
-        return {
-            "case": self.case,
-            "isolator": self.enabled,
-            "delay_s": self.delay_s if self.enabled else None,
-            "pole_rad_s": [self.pole.real, self.pole.imag],
-            "predicted_pole_rad_s": [self.predicted.real, self.predicted.imag],
-            "last_second_over_first": self.growth,
-            "stable": self.stable,
-            "payload_rms_rad": self.rms,
-        }
-
-    @property
-    def rms(self) -> float:
-        """RMS of the payload's rotation from the start of the pulse on, rad, over the three axes."""
-        return float(np.sqrt(np.mean(np.sum(self.rotation**2, axis=1))))
-
-    @property
-    def name(self) -> str:
-        """Of the case, with the delay where it is not the paper's."""
-        return self.case if self.delay_s == paper_delay_s() else f"{self.case}, {1e3 * self.delay_s:g} ms"
-
-
-def paper_delay_s() -> float:
-    """Delay of Fig 10."""
-    return published()["text.delay"].value
-
-
 def run(options: RunOptions) -> None:
     """Run the scenario; writes results.nc, summary.json, figures and report.html, prints the table."""
     if options.duration_s < SHORTEST_S:
         raise OptionError(f"--duration: poles need {SHORTEST_S:g} s at least, got {options.duration_s:g} s")
     responses = measure(options)
-    system = _system(options)
+    system = _load_shaken_system(options)
     table = response_table(responses)
     text = [HOW, *verdict(responses), *_not_predicted(system)]
     print(table.to_text(), *text[1:], sep="\n")
@@ -151,16 +73,16 @@ def run(options: RunOptions) -> None:
     )
 
 
-def measure(options: RunOptions) -> list[Response]:
-    """Each case without and with the isolator, and the lighter module with a delay beyond its limit."""
-    system = _system(options)
+def measure(options: RunOptions) -> list[PulseResponse]:
+    """Run each case without and with the isolator, and the lighter module with a delay beyond its limit."""
+    system = _load_shaken_system(options)
     delay_s = paper_delay_s()
     wanted = [(case, delay_s, enabled) for case in CASES for enabled in (False, True)]
     return [_respond(system, options, *each) for each in [*wanted, ("LSM", BEYOND_S, True)]]
 
 
-def _system(options: RunOptions) -> RunSystem:
-    """The system with the pulse, which is written beside the results."""
+def _load_shaken_system(options: RunOptions) -> RunSystem:
+    """The system with the pulse as recorded disturbance, which is written beside the results."""
     path = options.output / "pulse.csv"
     time = np.arange(0.0, PULSE_S + 0.5e-3, 1e-3)  # s
     np.savetxt(
@@ -179,15 +101,15 @@ def pulse(time: Array) -> Array:
     return np.asarray(sine**6 * (8.0 * sine**2 - 7.0))
 
 
-def _respond(system: RunSystem, options: RunOptions, case: str, delay_s: float, enabled: bool) -> Response:
+def _respond(system: RunSystem, options: RunOptions, case: str, delay_s: float, enabled: bool) -> PulseResponse:
     stride = max(round(SAMPLE_S / options.step_s), 1)
     rows = np.arange(0, options.steps + 1, stride)
     name = f"{case}_{1e3 * delay_s:g}ms_active" if enabled else f"{case}_passive"
-    values = {**values_of(case), "isolator.enabled": enabled, "isolator.delay": delay_s if enabled else 0.0}
+    values = {**case_start_values(case), "isolator.enabled": enabled, "isolator.delay": delay_s if enabled else 0.0}
     outcome, record = run_case(system, options, Case(name, values), lambda columns: _Record(columns, rows.tolist()))
     plant, isolator = build_plant_and_isolator(system.structure.with_parameters(values))
-    loop = loop_of(plant, isolator, record.samples.values(*POSE)[0], delay_s + options.step_s)
-    return Response(
+    loop = loop_of(plant, isolator, record.samples.values(*ORIENTATION)[0], delay_s + options.step_s)
+    return PulseResponse(
         case=case,
         delay_s=delay_s,
         enabled=enabled,
@@ -203,11 +125,11 @@ class _Record:
     """Samples of the fine displacements, of the payload's rotation, and of the pose."""
 
     def __init__(self, columns: tuple[Column, ...], rows: Sequence[int]) -> None:
-        self.samples = SampleObserver(columns, (*FINE, *ROTATION, *POSE), rows)
+        self.samples = SampleObserver(columns, (*FINE, *ROTATION, *ORIENTATION), rows)
         self.observers = [self.samples]
 
 
-def verdict(responses: Sequence[Response]) -> list[str]:
+def verdict(responses: Sequence[PulseResponse]) -> list[str]:
     """Which cases are stable with the paper's delay, and what becomes of a longer one: sentences."""
     delay_s = paper_delay_s()
     active = [r for r in responses if r.enabled]
@@ -219,7 +141,7 @@ def verdict(responses: Sequence[Response]) -> list[str]:
     for r in active:
         if r.delay_s != delay_s:
             said.append(
-                f"{_against_limit(r.loop)}, with {1e3 * r.delay_s:g} ms, the motion of {r.case} "
+                f"{limit_text(r.loop)}, with {1e3 * r.delay_s:g} ms, the motion of {r.case} "
                 f"{'decays' if r.stable else 'grows'}: {r.pole.real:+.3f} 1/s, predicted {r.predicted.real:+.3f} 1/s."
             )
     return said
@@ -231,14 +153,15 @@ def _not_predicted(system: RunSystem) -> list[str]:
     return [f"Not in the predictions: {', '.join(found)}."] if found else []
 
 
-def _against_limit(loop: Loop) -> str:
+def limit_text(loop: Loop) -> str:
+    """Whether the delay of a loop is beyond its limit: the start of a sentence."""
     limit_s = loop.delay_limit
     if math.isinf(limit_s):
         return "Stable with any delay by theory"
     return f"{'Beyond' if loop.delay > limit_s else 'Within'} the limit of {1e3 * limit_s:.1f} ms"
 
 
-def response_pictures(folder: Path, responses: Sequence[Response]) -> list[Picture]:
+def response_pictures(folder: Path, responses: Sequence[PulseResponse]) -> list[Picture]:
     """Draw fine legs and payload into a folder."""
     figures = (
         (
@@ -257,7 +180,7 @@ def response_pictures(folder: Path, responses: Sequence[Response]) -> list[Pictu
     return draw_pictures(folder, "stability", figures)
 
 
-def response_table(responses: Sequence[Response]) -> Table:
+def response_table(responses: Sequence[PulseResponse]) -> Table:
     """Poles found in the motion beside those predicted."""
     header = (
         "case", "isolator", "delay (ms)", "pole in the motion (1/s)", "(Hz)", "predicted (1/s)", "(Hz)",

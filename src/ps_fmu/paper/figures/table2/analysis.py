@@ -3,65 +3,34 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ....disturbance import multisine_lines, psd_at_origin
-from ....mechanism.parameters import Array, Parameters, load
+from ....mechanism.parameters import Array, load
 from ....results.report import draw_pictures
 from ....results.tables import Table, format_angles
-from ....runs.comparison import Comparison
-from ....theory.loop import loop_at
-from ....theory.transmissibility import Jitter, jitter, jitter_density, jitter_of_lines
-from ...command import Options
-from ...result import Analysis, Finding
-from . import SCENARIO
-from .closed_form import ORIENTATIONS, closed_form, com_error_P, published_value, rejection, second_axis
+from ....runs.options import Scenario
+from ...analysis import AnalysisOptions
+from ...analysis_result import AnalysisResult
+from ...cosimulation import hold_run
+from ...finding import Finding
+from .closed_form import LOOP_DELAY, ORIENTATIONS, knowledge_text, published_value, rejection, second_axis_text
+from .plots import cumulative_figure, image_figure, rms_figure
+from .results import OrientationResult, compute, deviation_percent, nominal_densities, shares
 from .scenario import measure, published_remarks
-from .tables import LOOP_DELAY, agreement_table, image_table, knowledge_table, off, rms_table, share_table, shares
+from .tables import agreement_table, image_table, knowledge_table, rms_table, share_table
 
-if TYPE_CHECKING:
-    from .scenario import Measurement
-
-MOST_OFF = 10.0  # percent: what is farther from the published value gets a remark
+LARGEST_DEVIATION = 10.0  # percent: a value farther from the published one gets a remark
 
 
-@dataclass(frozen=True, eq=False)
-class Result:
-    """One orientation.  Lists of two: passive, active."""
-
-    name: str
-    theory: tuple[Jitter, Jitter]
-    """Closed form from the density, without the delay of the communication step."""
-    delayed: Jitter
-    """The active one with the delay."""
-    lines: tuple[Jitter, Jitter]
-    """Closed form for the very lines of the disturbance of the runs, with the delay."""
-    fitted_delay: float
-    """The delay, in steps, at which the closed form for the lines comes closest to the active runs."""
-    measured: Comparison
-    """As co-simulated."""
-
-
-def analyse(
-    options: Options,
-    duration_s: float = SCENARIO.duration_s,
-    step_s: float = SCENARIO.step_s,
-) -> Analysis:
-    """Run the co-simulation, compute the closed forms, compare, draw and word it."""
-    from ....runs.output import hold_folder
-    from ...cosimulation import run_options
-    from .plots import cumulative_figure, image_figure, rms_figure
-
-    run = run_options(options, SCENARIO, duration_s, step_s)
-    with hold_folder(run.output):
+def analyse(options: AnalysisOptions, scenario: Scenario) -> AnalysisResult:
+    """Run the co-simulation, compute the closed forms, compare and draw."""
+    with hold_run(options, scenario) as run:
         measured = measure(run)
     parameters = load()
-    results = compute(parameters, measured, step_s, options.seed)
-    densities = nominal_densities(parameters, step_s)
+    results = compute(parameters, measured, run.step_s, options.seed)
+    densities = nominal_densities(parameters, run.step_s)
     figures = (
         (
             "image",
@@ -80,7 +49,7 @@ def analyse(
             partial(cumulative_figure, densities=densities),
         ),
     )
-    return Analysis(
+    return AnalysisResult(
         name="jitter",
         title="Jitter: Table 2 and Fig 9",
         text=paragraphs(results, densities),
@@ -91,41 +60,7 @@ def analyse(
     )
 
 
-def compute(p: Parameters, measured: Measurement, step_s: float, seed: int) -> dict[str, Result]:
-    """The closed forms beside what was measured; ``step_s`` of communication, ``seed`` of the disturbance."""
-    focal_length = p.optics.focal_length
-    density = psd_at_origin(p.noise.wrench_psd_B, p.bus.com_B)
-    wrench = multisine_lines(density, measured.band, seed, measured.period_s)
-    found = {}
-    for name, comparison in measured.comparisons.items():
-        bare = loop_at(p, np.radians(ORIENTATIONS[name]))
-        loop = bare.with_delay(LOOP_DELAY * step_s)
-        earlier, later = (
-            jitter_of_lines(bare.with_delay(steps * step_s), *wrench, focal_length, active=True).rms for steps in (1, 2)
-        )
-        # The RMS is nearly linear in so short a delay.
-        fitted = 1.0 + float(np.mean((comparison.rms_active - earlier) / (later - earlier)))
-        found[name] = Result(
-            name,
-            theory=closed_form(name),
-            delayed=jitter(loop, p.bus, p.noise, focal_length, active=True),
-            lines=(
-                jitter_of_lines(loop, *wrench, focal_length, active=False),
-                jitter_of_lines(loop, *wrench, focal_length, active=True),
-            ),
-            fitted_delay=fitted,
-            measured=comparison,
-        )
-    return found
-
-
-def nominal_densities(p: Parameters, step_s: float) -> list[tuple[Array, Array]]:
-    """Frequency (n,), Hz, and spectral density (n, 3, 3), rad2/Hz, at (0, 0, 0), passive and active with the delay."""
-    loop = loop_at(p, delay=LOOP_DELAY * step_s)
-    return [jitter_density(loop, p.bus, p.noise, active=active) for active in (False, True)]
-
-
-def findings(results: Mapping[str, Result]) -> list[Finding]:
+def findings(results: Mapping[str, OrientationResult]) -> list[Finding]:
     """Table 2, Fig 9 at the nominal orientation, and the claim on the rejection."""
     found = []
     for name, result in results.items():
@@ -159,9 +94,9 @@ def findings(results: Mapping[str, Result]) -> list[Finding]:
 
 
 def _remark(said: float, computed: float, cosimulated: float, *, second_axis: bool) -> str:
-    """What is to be said where a value is far from that of Table 2."""
+    """The remark on a value that is far from that of Table 2."""
     off = [100.0 * (ours / said - 1.0) for ours in (computed, cosimulated)]
-    if max(map(abs, off)) <= MOST_OFF:
+    if max(map(abs, off)) <= LARGEST_DEVIATION:
         return ""
     by = f"{off[0]:+.0f} % in closed form, {off[1]:+.0f} % co-simulated"
     if second_axis:
@@ -169,21 +104,7 @@ def _remark(said: float, computed: float, cosimulated: float, *, second_axis: bo
     return f"{by}: what is left of the 5 Hz resonance depends on unpublished details; the runs add 1.5 steps of delay"
 
 
-def knowledge_text() -> str:
-    """What the isolator does not know of the payload, and what that costs."""
-    p = load()
-    error = 1e3 * com_error_P(p)
-    cost, perfect = (", ".join(f"{value:.2f}" for value in rejection("nominal", knows)) for knows in (False, True))
-    return (
-        "The rejection has an error of the isolator in it, which was identified from Table 2: the payload's centre of "
-        f"mass as it knows it is off by ({', '.join(f'{value:+.2f}' for value in error)}) mm in axes of P, "
-        f"{np.linalg.norm(error):.1f} mm. With it the rejection at (0, 0, 0) is {cost} % in closed form (published: "
-        f"{', '.join(f'{value:g}' for value in published_value('nominal', 'rejection'))} %); with the true centre of "
-        f"mass it would be {perfect} %."
-    )
-
-
-def tables(results: Mapping[str, Result], densities: list[tuple[Array, Array]]) -> list[Table]:
+def tables(results: Mapping[str, OrientationResult], densities: list[tuple[Array, Array]]) -> list[Table]:
     """All tables."""
     return [
         rms_table(results),
@@ -194,9 +115,9 @@ def tables(results: Mapping[str, Result], densities: list[tuple[Array, Array]]) 
     ]
 
 
-def paragraphs(results: Mapping[str, Result], densities: list[tuple[Array, Array]]) -> list[str]:
-    """What was computed and measured, and what it says."""
-    worst = [float(np.abs(off(r)).max(axis=1)[k]) for k in (0, 1) for r in results.values()]
+def paragraphs(results: Mapping[str, OrientationResult], densities: list[tuple[Array, Array]]) -> list[str]:
+    """What was computed and measured, and what follows."""
+    worst = [float(np.abs(deviation_percent(r)).max(axis=1)[k]) for k in (0, 1) for r in results.values()]
     half = len(results)
     fitted = [r.fitted_delay for r in results.values()]
     passive, active = (shares(*density) for density in densities)
@@ -220,14 +141,14 @@ def paragraphs(results: Mapping[str, Result], densities: list[tuple[Array, Array
         "the active variance lie between 2 and 20 Hz: the resonance of the fine legs, and the delay of the low-pass "
         "M(s) there.",
         knowledge_text(),
-        second_axis({r.name: r.measured.rms_active for r in results.values()}),
+        second_axis_text({r.name: r.measured.rms_active for r in results.values()}),
         "On the other axes the active RMS of the runs differs from the published one by "
         f"{others.min():+.0f} to {others.max():+.0f} %, most at {format_angles(ORIENTATIONS[farthest])} deg.",
         *published_remarks(),
     ]
 
 
-def _entry(r: Result) -> dict[str, object]:
+def _entry(r: OrientationResult) -> dict[str, object]:
     return {
         "orientation_deg": ORIENTATIONS[r.name],
         "closed_form_passive_rad": r.theory[0].rms,

@@ -10,15 +10,14 @@ from dataclasses import replace
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ....mechanism.parameters import Parameters, load
+from ....mechanism.parameters import Array, Parameters, load
 from ....pointing.rejection import rejection_percent
-from ....theory.transmissibility import Jitter
-from ... import published
+from ....theory.loop import loop_at
+from ....theory.transmissibility import Jitter, jitter
+from ...published import published_numbers
 
-Array = NDArray[np.float64]
-
+LOOP_DELAY = 1.5  # steps: the exchange takes one, and a force that is held for a step is late by half a step
 #: Orientations of Table 2 (deg) by their names in published.toml.
 ORIENTATIONS: dict[str, tuple[float, float, float]] = {
     "nominal": (0.0, 0.0, 0.0),
@@ -34,9 +33,6 @@ def closed_form(name: str, knows_the_payload: bool = False) -> tuple[Jitter, Jit
 
     ``knows_the_payload``: with an isolator that has the true centre of mass of the payload, not the identified error.
     """
-    from ....theory.loop import loop_at
-    from ....theory.transmissibility import jitter
-
     p = load()
     if knows_the_payload:
         p = replace(p, known_com_P=p.payload.com_P)
@@ -57,12 +53,12 @@ def com_error_P(p: Parameters) -> Array:
 
 
 def published_value(name: str, what: str) -> Array:
-    """What Table 2 says of an orientation, (3,): ``passive`` or ``active`` RMS (rad), or ``rejection`` (%)."""
-    return np.array([published()[f"table2.{name}_{what}_{axis}"].value for axis in (1, 2, 3)])
+    """Values of Table 2 at an orientation, (3,): ``passive`` or ``active`` RMS (rad), or ``rejection`` (%)."""
+    return np.array([published_numbers()[f"table2.{name}_{what}_{axis}"].value for axis in (1, 2, 3)])
 
 
-def second_axis(measured: Mapping[str, Array]) -> str:
-    """How far the second axis is off.
+def second_axis_text(measured: Mapping[str, Array]) -> str:
+    """A paragraph: how far the active RMS of the second axis is from the published one.
 
     ``measured``: active RMS of runs with the identified parameter set at each orientation, (3,), rad.
     """
@@ -75,4 +71,18 @@ def second_axis(measured: Mapping[str, Array]) -> str:
         "The active RMS of the second axis is not that of the paper: ours over the published one is "
         f"{factors(theory)} in closed form and {factors(measured)} co-simulated at the orientations in their order. It "
         "depends on details that the paper does not give. Nothing was tuned to it."
+    )
+
+
+def knowledge_text() -> str:
+    """A paragraph: the isolator's error in the payload's centre of mass, and what it costs."""
+    p = load()
+    error = 1e3 * com_error_P(p)
+    cost, perfect = (", ".join(f"{value:.2f}" for value in rejection("nominal", knows)) for knows in (False, True))
+    return (
+        "The rejection has an error of the isolator in it, which was identified from Table 2: the payload's centre of "
+        f"mass as it knows it is off by ({', '.join(f'{value:+.2f}' for value in error)}) mm in axes of P, "
+        f"{np.linalg.norm(error):.1f} mm. With it the rejection at (0, 0, 0) is {cost} % in closed form (published: "
+        f"{', '.join(f'{value:g}' for value in published_value('nominal', 'rejection'))} %); with the true centre of "
+        f"mass it would be {perfect} %."
     )

@@ -11,8 +11,8 @@ import numpy as np
 from ....mechanism.parameters import Array
 from ....results.style import ACTIVE, AXES, PASSIVE, REFERENCE, draw
 from ....results.tables import format_angles
-from .closed_form import ORIENTATIONS, published_value
-from .tables import LOOP_DELAY
+from .closed_form import LOOP_DELAY, ORIENTATIONS, published_value
+from .results import OrientationResult, below_frequency
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -20,12 +20,11 @@ if TYPE_CHECKING:
 
     from ....results.observers.scatter import Scatter
     from ....theory.transmissibility import Jitter
-    from .analysis import Result
 
 DEVIATIONS = ((1.0, "-"), (3.0, "--"))  # standard deviations of the ellipses, and their lines
 
 
-def image_figure(path: Path, results: Mapping[str, Result]) -> None:
+def image_figure(path: Path, results: Mapping[str, OrientationResult]) -> None:
     """Image points and hull of the runs, ellipses of the closed form; passive above, active below."""
 
     def paint(figure: Figure) -> None:
@@ -84,7 +83,7 @@ def _ellipse(covariance: Array) -> Array:
     return np.asarray(vectors @ (np.sqrt(values)[:, None] * np.stack([np.cos(turn), np.sin(turn)])))
 
 
-def rms_figure(path: Path, results: Mapping[str, Result]) -> None:
+def rms_figure(path: Path, results: Mapping[str, OrientationResult]) -> None:
     """Bars for each orientation and axis: published, closed form, co-simulated; passive above, active below."""
 
     def paint(figure: Figure) -> None:
@@ -123,9 +122,7 @@ def rms_figure(path: Path, results: Mapping[str, Result]) -> None:
 
 
 def cumulative_figure(path: Path, densities: Sequence[tuple[Array, Array]]) -> None:
-    """RMS of all that lies below a frequency, three axes; passive on the left, active on the right."""
-    from .tables import below_frequency
-
+    """RMS of everything below a frequency, three axes; passive on the left, active on the right."""
     def paint(figure: Figure) -> None:
         for axes, (frequency, density), case, factor, unit in zip(
             figure.subplots(1, 2), densities, ("passive", "active"), (1e6, 1e9), ("µrad", "nrad"), strict=True

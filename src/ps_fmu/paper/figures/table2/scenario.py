@@ -13,9 +13,9 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ....interface.parameter_sets import list_departures
+from ....mechanism.parameters import Array
 from ....results import plots
 from ....results.report import Picture
 from ....results.tables import Table, format_number
@@ -23,10 +23,9 @@ from ....runs.comparison import HEADER, Comparison, TargetError, compare, draw_c
 from ....runs.options import RunOptions
 from ....runs.publish import Findings, publish
 from ....runs.setup import RunSystem, load_system
-from ... import published
-from .closed_form import ORIENTATIONS, published_value, rejection, second_axis
+from ...published import published_numbers
+from .closed_form import ORIENTATIONS, published_value, rejection, second_axis_text
 
-Array = NDArray[np.float64]
 Triple = tuple[float, float, float]
 
 PERIOD = "disturbance.noise.period"
@@ -124,7 +123,7 @@ def published_remarks() -> list[str]:
     """What is to be said of single numbers of Table 2."""
     return [
         f"Published {entry.what}: {entry.text} {entry.unit}; {entry.remark}."
-        for key, entry in published().items()
+        for key, entry in published_numbers().items()
         if key.startswith("table2.") and entry.remark
     ]
 
@@ -143,7 +142,7 @@ def _off_axis(system: RunSystem, found: Mapping[str, Comparison]) -> str:
             f"Parameter files set {others[0]}{f' and {len(others) - 1} more' if others[1:] else ''}: the runs are of "
             "that system; the columns 'published' and 'identified', and what differs from them, are of the paper's."
         )
-    return second_axis({name: comparison.rms_active for name, comparison in found.items()})
+    return second_axis_text({name: comparison.rms_active for name, comparison in found.items()})
 
 
 def _window(measured: Measurement) -> str:

@@ -3,49 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ....mechanism.parameters import Array
 from ....results.tables import Table, format_angles
-from .closed_form import ORIENTATIONS, closed_form, published_value, rejection
-
-if TYPE_CHECKING:
-    from .analysis import Result
-
-LOOP_DELAY = 1.5  # steps: the exchange takes one, and a force that is held for a step is late by half a step
-EDGES = (0.1, 0.2, 2.0, 20.0, 1000.0)  # Hz, of the bands whose shares of the variance are shown
+from .closed_form import LOOP_DELAY, ORIENTATIONS, closed_form, published_value, rejection
+from .results import EDGES, OrientationResult, deviation_percent, shares
 
 
-def shares(frequency: Array, density: Array) -> Array:
-    """Shares of the variance in the bands between :data:`EDGES`, (bands, 3), percent."""
-    below = below_frequency(frequency, density) ** 2
-    at_edges = np.stack([np.interp(EDGES, frequency, column) for column in below.T], axis=-1)
-    return np.asarray(100.0 * np.diff(at_edges, axis=0) / below[-1])
-
-
-def below_frequency(frequency: Array, density: Array) -> Array:
-    """RMS of all below each frequency, (n, 3), rad, from a density (n, 3, 3), rad2/Hz."""
-    from scipy.integrate import cumulative_trapezoid
-
-    diagonal = np.diagonal(density, axis1=1, axis2=2)
-    return np.asarray(np.sqrt(cumulative_trapezoid(diagonal, frequency, axis=0, initial=0.0)))
-
-
-def off(result: Result) -> Array:
-    """Runs against the closed form for the lines, (2, 3), percent."""
-    runs = np.stack([result.measured.rms_passive, result.measured.rms_active])
-    return np.asarray(100.0 * (runs / np.stack([found.rms for found in result.lines]) - 1.0))
-
-
-def _each_axis(results: Mapping[str, Result]) -> Iterator[tuple[Result, int, tuple[str, str]]]:
+def _each_axis(results: Mapping[str, OrientationResult]) -> Iterator[tuple[OrientationResult, int, tuple[str, str]]]:
     for result in results.values():
         for i in range(3):
             yield result, i, (format_angles(ORIENTATIONS[result.name]) if i == 0 else "", str(i + 1))
 
 
-def rms_table(results: Mapping[str, Result]) -> Table:
+def rms_table(results: Mapping[str, OrientationResult]) -> Table:
     """Table 2: published, in closed form and co-simulated, each axis of each orientation."""
     header = (
         "orientation (deg)", "axis",
@@ -80,7 +53,7 @@ def knowledge_table() -> Table:
     return Table("What the isolator knows of the payload, at (0, 0, 0), closed form", header, rows)
 
 
-def agreement_table(results: Mapping[str, Result]) -> Table:
+def agreement_table(results: Mapping[str, OrientationResult]) -> Table:
     """The runs beside the closed form with the delay of the communication step."""
     header = (
         "orientation (deg)", "axis",
@@ -90,16 +63,16 @@ def agreement_table(results: Mapping[str, Result]) -> Table:
     rows = [
         (
             *first,
-            f"{r.lines[0].rms[i]:.4e}", f"{r.measured.rms_passive[i]:.4e}", f"{off(r)[0, i]:+.2f}",
+            f"{r.lines[0].rms[i]:.4e}", f"{r.measured.rms_passive[i]:.4e}", f"{deviation_percent(r)[0, i]:+.2f}",
             f"{r.delayed.rms[i]:.4e}", f"{r.lines[1].rms[i]:.4e}", f"{r.measured.rms_active[i]:.4e}",
-            f"{off(r)[1, i]:+.2f}",
+            f"{deviation_percent(r)[1, i]:+.2f}",
         )
         for r, i, first in _each_axis(results)
     ]  # fmt: skip
     return Table(f"Closed form with {LOOP_DELAY:g} steps of delay, and co-simulation", header, rows)
 
 
-def image_table(results: Mapping[str, Result]) -> Table:
+def image_table(results: Mapping[str, OrientationResult]) -> Table:
     """Fig 9: radii and area of the scatter of the image point."""
     header = (
         "orientation (deg)", "case", "RMS radius, closed form (m)", "co-simulated (m)", "largest radius (m)",

@@ -6,18 +6,18 @@ from pathlib import Path
 import pytest
 
 from ps_fmu.cli import main
-from ps_fmu.paper import published
-from ps_fmu.paper import whole as paper
+from ps_fmu.paper import overview
 from ps_fmu.paper.errata import Erratum
-from ps_fmu.paper.result import Finding
+from ps_fmu.paper.finding import Finding
+from ps_fmu.paper.published import published_numbers
 
 ROOT = Path(__file__).parents[2]
 SYSTEM = ROOT / "system" / "SystemStructure.ssd"
 
 
 def test_every_number_of_the_paper_is_computed(closed_form):
-    assert list(closed_form) == list(published())
-    assert paper.not_computed(closed_form.values()) == []
+    assert list(closed_form) == list(published_numbers())
+    assert overview.find_missing(closed_form.values()) == []
 
 
 def test_settings_are_those_of_the_paper(closed_form):
@@ -42,7 +42,7 @@ def test_what_the_paper_claims_and_what_it_is(closed_form):
 
 def test_a_number_that_is_found_twice_is_refused():
     with pytest.raises(ValueError, match=r"table1\.roll_max: two analyses find this number"):
-        paper.in_order_of_the_paper([Finding("table1.roll_max", 9.6), Finding("table1.roll_max", 9.5)])
+        overview.order_findings([Finding("table1.roll_max", 9.6), Finding("table1.roll_max", 9.5)])
 
 
 def test_a_number_without_a_value_is_neither_right_nor_wrong():
@@ -52,17 +52,17 @@ def test_a_number_without_a_value_is_neither_right_nor_wrong():
 def test_what_is_written(tmp_path, capsys, monkeypatch):
     """With the errata of one entry, and without the other analyses: these have their own tests."""
     erratum = Erratum("(1)", "wrong", "right", "computed", 1e-12, 0.5)
-    monkeypatch.setattr(paper, "PARTS", ())
+    monkeypatch.setattr(overview, "find_figure_analyses", dict)
     monkeypatch.setattr("ps_fmu.paper.errata.ENTRIES", (lambda: erratum,))
     assert main(["analyse", "paper", "--output", str(tmp_path), "--system", str(SYSTEM)]) == 0
     content = json.loads((tmp_path / "paper.json").read_text())
-    assert [finding["key"] for finding in content["findings"]] == list(published())
+    assert [finding["key"] for finding in content["findings"]] == list(published_numbers())
     assert "table1.roll_max" in content["not_computed"] and "text.OSM_mass" not in content["not_computed"]
     assert content["errata"][0]["error_printed"] == 0.5
     assert "| (1) | wrong | right | 1e-12 | 0.5 | computed |" in (tmp_path / "paper.md").read_text()
     printed = capsys.readouterr().out
     assert max(map(len, printed.splitlines())) <= 120
-    assert f"The table has {len(published())} numbers of the paper" in " ".join(printed.split())
+    assert f"The table has {len(published_numbers())} numbers of the paper" in " ".join(printed.split())
     assert (tmp_path / "paper.html").is_file()
 
 

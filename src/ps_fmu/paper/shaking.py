@@ -1,8 +1,7 @@
-"""Transmissibility measured on the running FMUs: model, FMUs and master are checked as one.
+"""Frequency responses measured on the running FMUs: model, FMUs and master are checked together.
 
-The disturbance FMU shakes the bus with its multisine, along one axis at a time; base motion and payload rotation are
-recorded.  One axis at a time, because a mode of the bus that rings down is then in the records of the axes that
-excite it alone.
+The disturbance FMU shakes the bus with its multisine, along one axis at a time: a mode of the bus that still rings down
+is then in the records of the axes that excite it, and in no others.
 """
 
 from __future__ import annotations
@@ -11,7 +10,6 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import partial
 from itertools import combinations_with_replacement
 from typing import TYPE_CHECKING
 
@@ -20,7 +18,7 @@ import numpy as np
 from ..disturbance.spectrum import layers
 from ..mechanism.parameters import Array
 from ..pointing.response import Response, periodic_response
-from ..results.observers.observer import ColumnObserver, NamedColumn
+from ..results.observers.sampler import SampleObserver
 
 if TYPE_CHECKING:
     from ..cosim import System, Value
@@ -40,13 +38,13 @@ class Shaking:
     settling: float = 6.0
     """s, before the record: the multisine rises for 2 s, the suspension has a time constant of 1.3 s."""
     seeds: int = 2
-    """Records for each axis, with different phases; two at least for a coherence that says something."""
+    """Records for each axis, with different phases; a coherence needs two at least."""
     band: tuple[float, float] = (0.15, 110.0)
     """Hz."""
     step: float = 1e-4
     """s, of communication."""
     stride: int = 10
-    """Every so many rows are kept; the band ends far below half that rate, so that nothing folds."""
+    """One row in so many is kept; the band ends far below half that rate, so that nothing is aliased."""
 
     @property
     def period(self) -> float:
@@ -85,48 +83,57 @@ def measure(
     seed: int = 1,
     progress: Callable[[], object] | None = None,
 ) -> Response:
-    """Response from base motion (m, rad; B) to payload rotation (rad; P) of the system with further start ``values``.
+    """Measure the response from base motion (m, rad; B) to payload rotation (rad; P).
 
-    One run for each processor at a time, on two 1.7 to 2 times as fast: steps are made without Python's lock.
-    ``progress`` is called after each run.  Raises :class:`ps_fmu.cosim.CosimError`.
+    Parameters
+    ----------
+    values: start values other than those of the system.
+    seed: of the first record of an axis; the others count up from it.
+    progress: called after each run.
+
+    Raises
+    ------
+    CosimError: a run fails.
     """
-    runs = [{**shaking.values(axis, seed + k), **values} for axis in AXES for k in range(shaking.seeds)]
+    shaken = [
+        system.with_parameters({**shaking.values(axis, seed + k), **values})
+        for axis in AXES
+        for k in range(shaking.seeds)
+    ]
+    return measure_response(shaken, shaking, BASE_MOTION, PAYLOAD_ROTATION, progress)
+
+
+def measure_response(
+    shaken: Sequence[System],
+    shaking: Shaking,
+    inputs: Sequence[str],
+    outputs: Sequence[str],
+    progress: Callable[[], object] | None = None,
+) -> Response:
+    """Run systems that are set up to be shaken, and estimate the response from ``inputs`` to ``outputs``.
+
+    There is one run for each processor at a time: steps are made without Python's lock, so that two processors are 1.7
+    to 2 times as fast.  ``progress`` is called after each run.  Raises :class:`ps_fmu.cosim.CosimError`.
+    """
     records = []
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        for record in pool.map(partial(_record, system, shaking), runs):
+        for record in pool.map(lambda system: _record(system, shaking, (*inputs, *outputs)), shaken):
             records.append(record)
             if progress:
                 progress()
-    signals = np.stack(records)
-    inputs, outputs = np.split(signals, [len(BASE_MOTION)], axis=2)
-    return periodic_response(inputs, outputs, shaking.step * shaking.stride, shaking.lines)
+    before, after = np.split(np.stack(records), [len(inputs)], axis=2)
+    return periodic_response(before, after, shaking.step * shaking.stride, shaking.lines)
 
 
-def _record(system: System, shaking: Shaking, values: Mapping[str, Value]) -> Array:
-    """One run: the rows of a period, and two more, (n + 2, 9)."""
+def _record(system: System, shaking: Shaking, names: Sequence[str]) -> Array:
+    """One run: the kept rows of a period, and two more, (n + 2, names)."""
     from ..cosim import Master
 
-    with Master(system.with_parameters(values), shaking.step) as master:
+    end = shaking.settling + shaking.period
+    kept = round(shaking.period / (shaking.step * shaking.stride)) + 2
+    rows = round(end / shaking.step) - shaking.stride * np.arange(kept)[::-1]
+    with Master(system, shaking.step) as master:
         master.initialise()
-        kept = _EveryNthRow(master.columns, shaking.stride)
-        master.run(shaking.settling + shaking.period, [kept])
-    return kept.rows()[-round(shaking.period / (shaking.step * shaking.stride)) - 2 :]
-
-
-class _EveryNthRow(ColumnObserver):
-    """Keeps every ``stride``-th row of base motion and payload rotation."""
-
-    def __init__(self, columns: Sequence[NamedColumn], stride: int) -> None:
-        super().__init__(columns, (*BASE_MOTION, *PAYLOAD_ROTATION))
-        self._stride = stride
-        self._skip = 0  # rows of the next block before the first one to keep
-        self._kept: list[Array] = []
-
-    def take(self, time: Array, samples: Array) -> None:
-        kept = samples[:, self._skip :: self._stride]
-        self._skip += self._stride * kept.shape[1] - samples.shape[1]
-        self._kept.append(kept.copy())
-
-    def rows(self) -> Array:
-        """(rows, 9)."""
-        return np.concatenate(self._kept, axis=1).T
+        samples = SampleObserver(master.columns, names, rows.tolist())
+        master.run(end, [samples])
+    return samples.values(*names)

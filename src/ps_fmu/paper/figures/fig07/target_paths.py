@@ -12,7 +12,6 @@ from ....mechanism.parameters import Array, Geometry
 from ....mechanism.reachability import reachable
 from ....mechanism.workspace import reach_along
 
-ANGLES = ("roll", "pitch", "yaw")
 PLANES = {"roll-pitch": (0, 1), "roll-yaw": (0, 2), "pitch-yaw": (1, 2)}
 _MARGIN = 0.98  # of the way to the end of a stroke
 _DIRECTIONS = 36  # in which corners are looked for
@@ -30,7 +29,7 @@ def quadrilateral(geometry: Geometry, plane: str, count: int) -> Array:
     """
     if count < 5:
         raise ValueError(f"a quadrilateral needs five points or more, got {count}")
-    return _along(_corners(geometry, plane), count)
+    return _interpolate(_corners(geometry, plane), count)
 
 
 @lru_cache(maxsize=8)
@@ -41,13 +40,13 @@ def _corners(geometry: Geometry, plane: str) -> Array:
     rays[:, PLANES[plane]] = np.column_stack([np.cos(direction), np.sin(direction)])
     edge = rays * reach_along(geometry, lambda size: size[..., None] * rays, _DIRECTIONS, np.radians(40.0))[:, None]
     corners = edge[_largest_quadrilateral(edge[:, PLANES[plane]])]
-    sides = _along(corners, 401)
+    sides = _interpolate(corners, 401)
     scale = reach_along(geometry, lambda size: size[..., None] * sides, len(sides), 1.0).min()
     return np.asarray(_MARGIN * scale * corners)
 
 
-def _along(corners: Array, count: int) -> Array:
-    """Points evenly along the closed line through the corners, (count, 3)."""
+def _interpolate(corners: Array, count: int) -> Array:
+    """Points along the closed line through the corners, (count, 3), as many on each side."""
     way = np.linspace(0.0, 4.0, count)
     return np.stack([np.interp(way, np.arange(5.0), np.append(side, side[0])) for side in corners.T], axis=1)
 

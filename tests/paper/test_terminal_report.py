@@ -2,8 +2,9 @@
 
 import pytest
 
-from ps_fmu.paper.result import Analysis, Finding
-from ps_fmu.paper.terminal import printed
+from ps_fmu.paper.analysis_result import AnalysisResult
+from ps_fmu.paper.finding import Finding
+from ps_fmu.paper.terminal_report import format_result
 from ps_fmu.results.tables import Table
 
 TEXT = "A paragraph that says a lot of things about numbers. " * 10
@@ -18,7 +19,7 @@ WIDE = Table("Wide", tuple("abcdef"), [("x" * 40,) * 6])
 
 @pytest.mark.parametrize("width", [80, 100, 120])
 def test_lines_fit(width):
-    text = printed(Analysis("name", "Title", [TEXT], FINDINGS, [SMALL, WIDE]), width)
+    text = format_result(AnalysisResult("name", "Title", [TEXT], FINDINGS, [SMALL, WIDE]), width)
     assert max(map(len, text.splitlines())) <= width
     assert "In name.md:\n- Wide" in text and "xxx" not in text
     words = " ".join(text.split())
@@ -28,5 +29,6 @@ def test_lines_fit(width):
 
 
 def test_what_is_short_stays_in_one_line():
-    text = printed(Analysis("name", "Title", ["Text."], [], [Table("C", ("a", "b"), [("1", "2"), ("10", "20")])]), 80)
+    table = Table("C", ("a", "b"), [("1", "2"), ("10", "20")])
+    text = format_result(AnalysisResult("name", "Title", ["Text."], [], [table]), 80)
     assert text.splitlines() == ["Title", "Text.", "", "C", "a    b", "------", "1    2", "10  20"]

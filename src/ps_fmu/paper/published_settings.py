@@ -1,31 +1,31 @@
-"""The settings that the paper names, as equations and FMUs have them."""
+"""The settings that the paper publishes, as equations and FMUs have them."""
 
 from __future__ import annotations
 
 from ..control.commander import DEFAULT_ALGORITHM_1
+from ..cosim.parameters import read_parameters
 from ..mechanism.parameters import load
 from ..mechanism.workspace import STEP
 from ..theory.loop import loop_at
-from .command import Options
-from .figures.fig06.analysis import ANGLES
+from .analysis import AnalysisOptions
 from .figures.table2.closed_form import ORIENTATIONS
-from .result import Finding
+from .finding import Finding
+from .published import ANGLES
 
 
-def findings(options: Options) -> list[Finding]:
-    """A finding for each.
+def findings(options: AnalysisOptions) -> list[Finding]:
+    """A finding for each setting.
 
-    Raises OSError without the parameter files of the system.
+    Raises
+    ------
+    OSError: a parameter file of the system is missing.
     """
-    from ..cosim.parameters import read_parameters
-
     folder = options.system.parent / "parameters"
     damping = read_parameters(folder / "large_damping.ssv")["plant.fine_leg_1.damping"]
     delay = read_parameters(folder / "delay_20ms.ssv")["isolator.delay"]
     p, lighter = load(bus="OSM"), load(bus="LSM")
     controller = loop_at(p).controller
     integrators = controller.n_states - 3 * controller.lowpass.order  # the high-pass is in them: those of six axes
-    turned = {axis: ORIENTATIONS[axis][i] for i, axis in enumerate(ANGLES)}
     values = {
         "epsilon": DEFAULT_ALGORITHM_1.epsilon,
         "workspace_step": 1e3 * STEP,  # mm
@@ -41,6 +41,6 @@ def findings(options: Options) -> list[Finding]:
         "highpass_corner": p.filters.highpass_frequency,
         "noise_from": float(p.noise.band[0]),
         "noise_to": float(p.noise.band[1]),
-        **{f"orientation_{axis}": angle for axis, angle in turned.items()},
+        **{f"orientation_{angle}": ORIENTATIONS[angle][i] for i, angle in enumerate(ANGLES)},
     }
     return [Finding(f"text.{name}", computed=value, setting=True) for name, value in values.items()]

@@ -7,23 +7,20 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ....mechanism.parameters import Array
 from ....results.style import ACTIVE, PASSIVE, draw
+from .pulse_response import PulseResponse
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from .scenario import Response
-
-Array = NDArray[np.float64]
-
 COLUMNS = 3
 BIN_S = 0.2  # of an envelope: one cycle at 5 Hz
 
 
-def response_figure(path: Path, responses: Sequence[Response], what: str) -> None:
+def response_figure(path: Path, responses: Sequence[PulseResponse], what: str) -> None:
     """``what``: "fine", envelope of the fine displacements, logarithmic; "payload", rotation of the payload."""
     names = list(dict.fromkeys(r.name for r in responses))
 
@@ -45,7 +42,7 @@ def response_figure(path: Path, responses: Sequence[Response], what: str) -> Non
     draw(path, 14.0, 8.0, paint)
 
 
-def _fine(axes: Axes, r: Response) -> None:
+def _fine(axes: Axes, r: PulseResponse) -> None:
     time, largest = _envelope(r.time, np.abs(r.fine).max(axis=1))
     axes.semilogy(time, 1e6 * largest, color=_colour(r), label=_label(r))
     if r.enabled:
@@ -56,7 +53,7 @@ def _fine(axes: Axes, r: Response) -> None:
         axes.semilogy(time[shown], 1e6 * rate[shown], "k--", lw=1.2, label="rate of the predicted pole")
 
 
-def _payload(axes: Axes, r: Response) -> None:
+def _payload(axes: Axes, r: PulseResponse) -> None:
     axes.plot(r.time, 1e6 * r.rotation[:, 0], color=_colour(r), lw=1.2, label=_label(r))
 
 
@@ -67,9 +64,9 @@ def _envelope(time: Array, values: Array) -> tuple[Array, Array]:
     return time[starts[:-1]], np.maximum.reduceat(values, starts)[:-1]
 
 
-def _colour(r: Response) -> str:
+def _colour(r: PulseResponse) -> str:
     return ACTIVE if r.enabled else PASSIVE
 
 
-def _label(r: Response) -> str:
+def _label(r: PulseResponse) -> str:
     return "isolator on" if r.enabled else "isolator off"

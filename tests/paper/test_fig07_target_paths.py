@@ -6,7 +6,7 @@ import pytest
 from ps_fmu.mechanism.inverse_kinematics import inverse_kinematics
 from ps_fmu.mechanism.parameters import load
 from ps_fmu.mechanism.reachability import reachable, stroke_margin
-from ps_fmu.paper.figures.fig07.targets import PLANES, quadrilateral, random_walk
+from ps_fmu.paper.figures.fig07.target_paths import PLANES, quadrilateral, random_walk
 
 GEOMETRY = load().manipulator.geometry
 

@@ -1,0 +1,70 @@
+"""``ps-fmu analyse NAME``: runs an analysis of the paper."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ..terminal import reason
+from .analysis import Analysis, AnalysisOptions, find_figure_analyses
+
+if TYPE_CHECKING:
+    from .analysis_result import AnalysisResult
+
+
+def find_analyses() -> dict[str, Analysis]:
+    """All analyses by name: those of the figures, and the one that puts them together."""
+    about = "every published number beside ours, and the errata with their evidence: all analyses together"
+    return {**find_figure_analyses(), "paper": Analysis("paper", about, _analyse_all)}
+
+
+def _analyse_all(options: AnalysisOptions) -> AnalysisResult:
+    from .overview import analyse
+
+    return analyse(options)
+
+
+def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the subcommand ``analyse`` with one subcommand for each analysis."""
+    analyse = commands.add_parser("analyse", help="the paper's numbers and figures, recomputed")
+    names = analyse.add_subparsers(title="analyses", required=True, metavar="NAME", dest="analysis")
+    default = "default: %(default)s"
+    for name, analysis in find_analyses().items():
+        parser = names.add_parser(name, help=analysis.about, description=analysis.about)
+        parser.add_argument("--output", type=Path, metavar="DIR", help=f"folder of the results (results/{name})")
+        parser.add_argument("--fmus", type=Path, default=AnalysisOptions.fmus, metavar="DIR", help=default)
+        parser.add_argument("--system", type=Path, default=AnalysisOptions.system, metavar="F.ssd", help=default)
+        parser.add_argument("--seed", type=int, default=AnalysisOptions.seed, metavar="N", help=default)
+        parser.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run the analysis that the arguments name, write and print its results; returns the exit code."""
+    from ..cosim.errors import CosimError
+    from ..runs.options import OptionError, claim_folder
+    from ..slavekit.pack.build import BuildError
+    from .cosimulation import check_sources
+    from .terminal_report import format_result
+
+    name = arguments.analysis
+    analysis = find_analyses()[name]
+    output = arguments.output if arguments.output is not None else Path("results", name)
+    try:
+        if analysis.needs_fmus:
+            check_sources(arguments.system)
+        claim_folder(output)
+        progress = sys.stderr is not None and sys.stderr.isatty()
+        result = analysis.analyse(
+            AnalysisOptions(output, arguments.fmus, arguments.system, arguments.seed, progress)
+        )
+        result.write(output)
+    except OptionError as error:
+        print(f"ps-fmu analyse {name}: {error}", file=sys.stderr)
+        return 2
+    except (BuildError, CosimError, OSError, ValueError) as error:
+        print(f"ps-fmu analyse {name}: {reason(error)}", file=sys.stderr)
+        return 1
+    print(format_result(result), f"results in {output}", sep="\n")
+    return 0

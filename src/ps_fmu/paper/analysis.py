@@ -1,0 +1,56 @@
+"""What an analysis of the paper is, and how those of the figures are found.
+
+A figure or table of the paper is a module or a package in :mod:`.figures`.  It declares ``ANALYSIS``; nothing else
+names it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from pkgutil import iter_modules
+from typing import TYPE_CHECKING
+
+from . import figures
+
+if TYPE_CHECKING:
+    from .analysis_result import AnalysisResult
+
+
+@dataclass(frozen=True)
+class AnalysisOptions:
+    """The options that every analysis gets."""
+
+    output: Path
+    """Folder of the results; it exists."""
+    fmus: Path = Path("build/fmus")
+    """Folder of the built FMUs."""
+    system: Path = Path("system/SystemStructure.ssd")
+    """System structure description."""
+    seed: int = 1
+    """Seed of the disturbance."""
+    progress: bool = True
+    """Show progress bars on stderr."""
+
+
+@dataclass(frozen=True)
+class Analysis:
+    """An analysis as a figure declares it."""
+
+    name: str
+    """On the command line, and of the files."""
+    about: str
+    """One line for ``--help``."""
+    analyse: Callable[[AnalysisOptions], AnalysisResult]
+    """Imports what it needs when it is called, so that ``--help`` stays fast."""
+    needs_fmus: bool = True
+    """False: it needs neither FMUs nor a system description."""
+
+
+def find_figure_analyses() -> dict[str, Analysis]:
+    """The analyses of the figures by name, in the order of the figures' module names."""
+    modules = sorted(module.name for module in iter_modules(figures.__path__, f"{figures.__name__}."))
+    analyses: list[Analysis] = [import_module(module).ANALYSIS for module in modules]
+    return {analysis.name: analysis for analysis in analyses}

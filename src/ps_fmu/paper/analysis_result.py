@@ -1,0 +1,73 @@
+"""The result of an analysis, and its files: JSON, Markdown and HTML."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+
+from ..results.report import Picture, Report
+from ..results.summary import plain, versions
+from ..results.tables import Table
+from ..slavekit.pack.files import write_atomically
+from .finding import Finding, findings_table
+
+
+@dataclass(frozen=True)
+class AnalysisResult:
+    """The result of an analysis."""
+
+    name: str
+    """Of the analysis and of its files."""
+    title: str
+    text: Sequence[str]
+    """Paragraphs: what was computed, by which equations, and what follows."""
+    findings: Sequence[Finding] = ()
+    tables: Sequence[Table] = ()
+    pictures: Sequence[Picture] = ()
+    data: Mapping[str, object] = field(default_factory=dict)
+    """Further entries of the JSON file, in SI units."""
+
+    def all_tables(self) -> list[Table]:
+        """The table of findings, if there are any, and the others."""
+        return ([findings_table(self.findings)] if self.findings else []) + list(self.tables)
+
+    def markdown(self) -> str:
+        """Text and tables as Markdown."""
+        parts = [f"# {self.title}", *self.text, *(table.to_markdown() for table in self.all_tables())]
+        parts += [f"![{picture.caption}]({picture.path.name})" for picture in self.pictures]
+        return "\n\n".join(parts) + "\n"
+
+    def write(self, output: Path) -> None:
+        """Write NAME.json, NAME.md and NAME.html into a folder that exists.  Raises OSError.
+
+        The JSON file holds everything that the other two show.
+        """
+        findings = [
+            {
+                "key": f.key, "where": f.published.where, "what": f.published.what, "unit": f.published.unit,
+                "published": f.published.value, "relation": f.published.relation,
+                "computed": f.computed, "cosimulated": f.cosimulated, "setting": f.setting,
+                "difference": f.difference, "remark": f.remark,
+            }
+            for f in self.findings
+        ]  # fmt: skip
+        shown = {
+            "analysis": self.name,
+            "title": self.title,
+            "text": self.text,
+            "findings": findings,
+            "tables": [asdict(table) for table in self.tables],
+            "pictures": [{"file": picture.path.name, "caption": picture.caption} for picture in self.pictures],
+        }
+        content = plain({**shown, **self.data, "versions": versions()}, self.name)
+        write_atomically(output / f"{self.name}.json", json.dumps(content, indent=2, allow_nan=False) + "\n")
+        write_atomically(output / f"{self.name}.md", self.markdown())
+        Report(
+            title=self.title,
+            text=self.text,
+            tables=self.all_tables(),
+            pictures=self.pictures,
+            versions=versions(),
+        ).write(output / f"{self.name}.html")

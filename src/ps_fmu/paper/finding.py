@@ -1,0 +1,109 @@
+"""A number of the paper beside ours, and the table of such findings."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from ..results.tables import Table
+from .published import PublishedNumber, published_numbers
+
+
+@dataclass(frozen=True)
+class Finding:
+    """A number of the paper beside ours, in the paper's unit."""
+
+    key: str
+    """Of the number in published.toml."""
+    computed: float | None = None
+    """From the equations; None: not computed."""
+    cosimulated: float | None = None
+    """From the running FMUs; None: not measured."""
+    remark: str = ""
+    setting: bool = False
+    """``computed`` is a setting of equations and FMUs, and not a result."""
+
+    @property
+    def published(self) -> PublishedNumber:
+        """The number of the paper.  Raises KeyError for a key that published.toml does not have."""
+        return published_numbers()[self.key]
+
+    @property
+    def has_value(self) -> bool:
+        """Whether the number was computed or measured."""
+        return self.computed is not None or self.cosimulated is not None
+
+    @property
+    def difference(self) -> str:
+        """Our value against the paper's: the difference, or whether the paper's relation holds.
+
+        Where the computed and the co-simulated value differ from it in other ways, both, with a slash between them.
+        """
+        ours = [value for value in (self.computed, self.cosimulated) if value is not None]
+        if self.setting:
+            return "as published" if ours == [self.published.value] else "not as published"
+        texts = list(dict.fromkeys(self._compare(value) for value in ours))
+        if len(texts) == 2:
+            unit = texts[1].rpartition(" ")[2]
+            texts[0] = texts[0].removesuffix(f" {unit}")  # once is enough
+        return " / ".join(texts) or "not computed"
+
+    def join(self, other: Finding) -> Finding:
+        """One finding with the values of either and both remarks.  Raises ValueError where both have a value."""
+
+        def either(one: float | None, two: float | None) -> float | None:
+            if None not in (one, two):
+                raise ValueError(f"{self.key}: two analyses find this number; which one belongs into the table?")
+            return two if one is None else one
+
+        return Finding(
+            self.key,
+            either(self.computed, other.computed),
+            either(self.cosimulated, other.cosimulated),
+            "; ".join(filter(None, (self.remark, other.remark))),
+            self.setting or other.setting,
+        )
+
+    def _compare(self, ours: float) -> str:
+        paper = self.published
+        if paper.relation == ">":
+            return "holds" if ours > paper.value else "does not hold"
+        if paper.relation == "<":
+            return "holds" if ours < paper.value else "does not hold"
+        if paper.relation == "~":
+            return f"x {ours / paper.value:.2g}"
+        if paper.unit == "%":
+            return f"{ours - paper.value:+.2g} points"
+        if paper.value == 0.0 or paper.unit in ("deg", "dB"):
+            return f"{ours - paper.value:+.2g} {paper.unit}"
+        percent = 100.0 * (ours / paper.value - 1.0)
+        return f"{percent:+.0f} %" if abs(percent) >= 10.0 else f"{percent:+.2g} %"
+
+
+FINDINGS_HEADER = (
+    "where", "number", "unit", "published", "computed", "co-simulated", "difference: computed / co-simulated", "remark",
+)  # fmt: skip
+
+
+def format_value(value: float | None) -> str:
+    """A value of a finding as text, ``-`` for None."""
+    return "-" if value is None else f"{value:.6g}"
+
+
+def findings_table(findings: Sequence[Finding], caption: str = "Published and ours") -> Table:
+    """The table of findings, one in a row."""
+
+    rows = [
+        (
+            f.published.where,
+            f.published.what,
+            f.published.unit,
+            f.published.text,
+            f"{format_value(f.computed)} (input)" if f.setting else format_value(f.computed),
+            "input" if f.setting else format_value(f.cosimulated),
+            f.difference,
+            "; ".join(filter(None, (f.published.remark, f.remark))),
+        )
+        for f in findings
+    ]
+    return Table(caption, FINDINGS_HEADER, rows)
