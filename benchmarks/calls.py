@@ -18,11 +18,11 @@ from fmpy.fmi2 import FMU2Slave
 from ps_fmu.cosim import System
 from ps_fmu.cosim.compiled import CompiledLoop
 from ps_fmu.cosim.description import read_description
+from ps_fmu.cosim.fmu_instance import FmuInstance
 from ps_fmu.cosim.graph import check_wiring
 from ps_fmu.cosim.initialisation import first_row, initialise, load
 from ps_fmu.cosim.plan import Call, Plan, Stage, make_plan
-from ps_fmu.cosim.rows import Array, Rows, layout_of
-from ps_fmu.cosim.slaves import Slave
+from ps_fmu.cosim.rows import Array, Rows, make_layout
 
 CALLS = 500
 ROUNDS = 15
@@ -32,8 +32,8 @@ def of_each_fmu(system: System, step: float) -> dict[str, dict[str, float]]:
     """Component -> function -> us a step, called by the master's loop in C."""
     descriptions = {c.name: read_description(c.source) for c in system.components}
     wiring = check_wiring(system, descriptions)
-    rows = Rows(layout_of(descriptions), CALLS)
-    slaves: dict[str, Slave] = {}
+    rows = Rows(make_layout(descriptions), CALLS)
+    slaves: dict[str, FmuInstance] = {}
     with tempfile.TemporaryDirectory(prefix="ps_fmu_bench_") as folder:
         load(system, descriptions, Path(folder), slaves)
         initialise(slaves, system, wiring, {}, 0.0)
@@ -45,7 +45,7 @@ def of_each_fmu(system: System, step: float) -> dict[str, dict[str, float]]:
         loop_itself = _in_loop(plan, rows, ())
         costs: dict[str, dict[str, float]] = {name: {} for name in slaves}
         for call in stage.calls:
-            costs[call.slave.name][call.function] = _in_loop(plan, rows, (call,)) - loop_itself
+            costs[call.instance.name][call.function] = _in_loop(plan, rows, (call,)) - loop_itself
         for slave in slaves.values():
             slave.terminate(0.0)
             slave.free()

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from ps_fmu.cosim import System, write_ssp
-from ps_fmu.cosim.description import read_description, variables_of
+from ps_fmu.cosim.description import index_variables, read_description
 
 HOSTS = Path(__file__).resolve().parents[1] / "tests" / "system" / "hosts"
 IMPORTERS = ("libcosim", "Ecos")
@@ -27,7 +27,7 @@ def in_importer(
     wanted = {
         component.name: {
             variable.name: (variable.valueReference, variable.type)
-            for variable in variables_of(read_description(component.source)).values()
+            for variable in index_variables(read_description(component.source)).values()
             if variable.causality == "output" and variable.type == "Real"
         }
         for component in system.components

@@ -30,7 +30,7 @@ from threads import throughput_of_two
 from tqdm import tqdm
 
 from ps_fmu.cosim import System, read_system
-from ps_fmu.runs.sources import ensure_built
+from ps_fmu.runs.built_fmus import ensure_built
 
 ROOT = Path(__file__).resolve().parents[1]
 SSD = ROOT / "system" / "SystemStructure.ssd"

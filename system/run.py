@@ -19,10 +19,10 @@ try:
     from ps_fmu.cosim.errors import CosimError
     from ps_fmu.paper import figures
     from ps_fmu.runs import scenarios
+    from ps_fmu.runs.built_fmus import ensure_built
     from ps_fmu.runs.options import RESULTS, SCHEMES, OptionError, RunOptions, Scenario
     from ps_fmu.runs.output import hold_folder
     from ps_fmu.runs.registry import find_scenarios
-    from ps_fmu.runs.sources import ensure_built
     from ps_fmu.slavekit.pack.build import BuildError
     from ps_fmu.terminal import reason, run_command
 except KeyboardInterrupt:

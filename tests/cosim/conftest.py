@@ -12,7 +12,7 @@ from pythonfmu.builder import FmuBuilder
 from support.cosim import OSCILLATOR, Collect, ssd_text
 
 from ps_fmu.cosim import System, loops, read_system
-from ps_fmu.cosim.slaves import ACCESS, STEP, Slave
+from ps_fmu.cosim.fmu_instance import ACCESS, STEP, FmuInstance
 
 TOYS = Path(__file__).parent / "toys"
 
@@ -70,9 +70,9 @@ def rewrite(tmp_path: Path) -> Callable[[Path, Mapping[str, str]], Path]:
 def each_loop(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
     """The test runs with the loop in C and with the one in Python."""
     if request.param == "Python":
-        monkeypatch.setattr(loops, "available", lambda: False)
+        monkeypatch.setattr(loops, "is_available", lambda: False)
     else:
-        assert loops.available()
+        assert loops.is_available()
 
 
 @pytest.fixture
@@ -82,9 +82,9 @@ def answer(monkeypatch: pytest.MonkeyPatch) -> Callable[..., list[Any]]:
     def patch(component: str, function: str, status: int, n: int = 5, really: bool = False) -> list[Any]:
         calls: list[Any] = []
         for attribute, prototype in (("stepper", STEP), ("access", ACCESS)):
-            original = getattr(Slave, attribute)
+            original = getattr(FmuInstance, attribute)
 
-            def replaced(self: Slave, *args: str, original: Any = original, prototype: Any = prototype) -> Any:
+            def replaced(self: FmuInstance, *args: str, original: Any = original, prototype: Any = prototype) -> Any:
                 real = original(self, *args)
                 if self.name != component or (args or ("fmi2DoStep",)) != (function,):
                     return real
@@ -97,7 +97,7 @@ def answer(monkeypatch: pytest.MonkeyPatch) -> Callable[..., list[Any]]:
 
                 return prototype(stand_in)
 
-            monkeypatch.setattr(Slave, attribute, replaced)
+            monkeypatch.setattr(FmuInstance, attribute, replaced)
         return calls
 
     return patch

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from ps_fmu.cosim import SystemFileError, UsageError
 from ps_fmu.cosim import archive as archives
 from ps_fmu.cosim.archive import check_archive, extract, read_member
-from ps_fmu.cosim.description import read_description, typed_value
+from ps_fmu.cosim.description import convert_value, read_description
 
 
 def archive(path, members):
@@ -126,7 +126,7 @@ def variable(kind, low=None, high=None):
     ],
 )
 def test_values_get_their_exact_type(kind, value, expected):
-    result = typed_value(variable(kind), value)
+    result = convert_value(variable(kind), value)
     assert result == expected
     assert type(result) is type(expected)
 
@@ -149,4 +149,4 @@ def test_values_get_their_exact_type(kind, value, expected):
 )
 def test_values_of_another_type_are_refused(kind, value, reason):
     with pytest.raises(UsageError, match=reason):
-        typed_value(variable(kind, "-1", "1.5"), value)
+        convert_value(variable(kind, "-1", "1.5"), value)

@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 from ps_fmu.cosim import Master, RecorderError, SlaveError
-from ps_fmu.cosim.slaves import Phase, Slave
+from ps_fmu.cosim.fmu_instance import FmuInstance, InstancePhase
 
 pytestmark = pytest.mark.usefixtures("each_loop")
 
@@ -56,7 +56,7 @@ def test_discard_keeps_all_complete_rows(failing, collect, scheme, block_rows):
         assert part in text
     assert "stopped at t = 0.05 s" in error.__notes__[0]
     np.testing.assert_allclose(collect.time, np.arange(6) * H)
-    assert master._slaves["clock"].phase is Phase.FREED
+    assert master.phases["clock"] is InstancePhase.FREED
 
 
 def test_a_value_that_is_not_finite_ends_the_run_before_it(failing, collect):
@@ -105,10 +105,10 @@ def test_a_warning_status_lets_the_run_go_on(failing, collect, caplog, answer):
 @pytest.mark.parametrize(
     ("status", "name", "phase"),
     [
-        (3, "fmi2Error", Phase.FREED),
-        (4, "fmi2Fatal", Phase.FATAL),
-        (5, "fmi2Pending", Phase.FREED),
-        (-7, "not an fmi2Status", Phase.FREED),
+        (3, "fmi2Error", InstancePhase.FREED),
+        (4, "fmi2Fatal", InstancePhase.FATAL),
+        (5, "fmi2Pending", InstancePhase.FREED),
+        (-7, "not an fmi2Status", InstancePhase.FREED),
     ],
 )
 def test_errors_name_component_function_and_time(failing, collect, answer, status, name, phase):
@@ -120,18 +120,18 @@ def test_errors_name_component_function_and_time(failing, collect, answer, statu
     assert name in str(error)
     assert len(collect.time) == 6
     assert len(calls) == 6  # nothing is stepped after a failure
-    assert master._slaves["clock"].phase is phase
-    assert master._slaves["mass"].phase is Phase.FREED
+    assert master.phases["clock"] is phase
+    assert master.phases["mass"] is InstancePhase.FREED
 
 
 def test_fatal_silences_every_instance_of_the_fmu(make_system, collect, answer, monkeypatch):
     """After fmi2Fatal no function of that FMU may be called, not even to free an instance."""
     phases = {}
-    free = Slave.free
-    monkeypatch.setattr(Slave, "free", lambda self: (phases.setdefault(self.name, self.phase), free(self)))
+    free = FmuInstance.free
+    monkeypatch.setattr(FmuInstance, "free", lambda self: (phases.setdefault(self.name, self.phase), free(self)))
     answer("b", "fmi2DoStep", 4)
     run(make_system({"a": "ToyGain", "b": "ToyGain", "mass": "ToyMass"}, []), collect)
-    assert phases == {"a": Phase.FATAL, "b": Phase.FATAL, "mass": Phase.TERMINATED}
+    assert phases == {"a": InstancePhase.FATAL, "b": InstancePhase.FATAL, "mass": InstancePhase.TERMINATED}
 
 
 def test_get_and_set_failures_name_the_variables(failing, collect, answer):
@@ -164,7 +164,7 @@ def test_an_observer_that_raises_does_not_rob_the_others(failing, collect):
     assert len(collect.time) == 8
     assert "Refusing" in caught.value.__notes__[0]
     assert "stopped at t = 0.07 s" in caught.value.__notes__[1]
-    assert master._slaves["mass"].phase is Phase.FREED
+    assert master.phases["mass"] is InstancePhase.FREED
 
 
 def test_a_failing_observer_does_not_hide_the_failing_fmu(failing, collect):
@@ -183,14 +183,14 @@ def test_ctrl_c_inside_an_fmu_ends_the_run_after_the_step(failing, collect):
     assert "stopped at t = 0.06 s" in error.__notes__[0]
     np.testing.assert_allclose(collect.time, np.arange(7) * H)
     np.testing.assert_allclose(collect.values[:, 2], np.arange(7) * H)
-    assert master._slaves["clock"].phase is Phase.FREED
+    assert master.phases["clock"] is InstancePhase.FREED
     assert signal.getsignal(signal.SIGINT) is before
 
 
 def test_ctrl_c_inside_the_initialisation_of_an_fmu(failing, collect):
     master, error = run(failing("", "ToyInterrupting").with_parameters({"clock.at": -1.0}), collect)
     assert isinstance(error, KeyboardInterrupt)
-    assert master._slaves["clock"].phase is Phase.FREED
+    assert master.phases["clock"] is InstancePhase.FREED
     assert collect.time.size == 0
 
 
@@ -237,10 +237,10 @@ def test_an_exception_of_a_stock_slave_is_fatal_and_reported(toys, tmp_path):
 
 def test_a_failing_initialisation_frees_what_was_loaded(make_system, answer, monkeypatch):
     freed = []
-    free = Slave.free
-    monkeypatch.setattr(Slave, "free", lambda self: (freed.append(self.name), free(self)))
+    free = FmuInstance.free
+    monkeypatch.setattr(FmuInstance, "free", lambda self: (freed.append(self.name), free(self)))
     monkeypatch.setattr(
-        Slave, "exit_initialisation", lambda self, time: self.check("fmi2ExitInitializationMode", 3, time)
+        FmuInstance, "exit_initialisation", lambda self, time: self.check("fmi2ExitInitializationMode", 3, time)
     )
     master = Master(make_system({"mass": "ToyMass", "gain": "ToyGain"}, []), H)
     with pytest.raises(SlaveError, match="fmi2ExitInitializationMode at t = 0 s returned fmi2Error"):

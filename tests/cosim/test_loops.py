@@ -10,9 +10,12 @@ import numpy as np
 import pytest
 from support.cosim import Collect
 
-from ps_fmu.cosim import Master, compiled, loops, slaves
-from ps_fmu.cosim.compiled import CompiledLoop
-from ps_fmu.cosim.loops import PythonLoop
+from ps_fmu.cosim import Master, compiled, fmu_instance, loops
+from ps_fmu.cosim.description import read_descriptions
+from ps_fmu.cosim.graph import check_wiring
+from ps_fmu.cosim.initialisation import initialise, load
+from ps_fmu.cosim.plan import make_plan
+from ps_fmu.cosim.rows import Rows, make_layout
 
 H = 0.01
 
@@ -40,7 +43,7 @@ def both(system, *, events=(), steps=200, **options):
         collect = Collect()
         with Master(system, H, compiled=in_c, **options) as master:
             master.initialise()
-            assert type(master._loop) is (CompiledLoop if in_c else PythonLoop)
+            assert master.runs_in_c == in_c
             master.run(steps // 2 * H, [collect], events)
             master.set("mass.mass", 3.0)
             master.run((steps - steps // 2) * H, [collect])
@@ -69,19 +72,23 @@ def test_warnings_are_counted_the_same_and_cost_no_step(mixed, answer, caplog, f
     assert in_c[2]["spring"] == 200
 
 
-def test_time_that_is_up_ends_between_two_steps(mixed, monkeypatch):
-    with Master(mixed, H) as master:
-        master.initialise()
-        loop, rows = master._loop, master._rows
-        times = H * np.arange(5)
-        monkeypatch.setattr(compiled, "BUDGET_S", -1.0)
-        loop.advance(times, c_int())
-        assert rows.filled == 1  # that of the initialisation
-        monkeypatch.undo()
-        loop.advance(times, c_int())
-        assert rows.filled == 6
-        loop.advance(times, c_int(1))
-        assert rows.filled == 6
+def test_time_that_is_up_ends_between_two_steps(mixed, monkeypatch, tmp_path):
+    descriptions = read_descriptions(mixed)
+    wiring, rows, instances = check_wiring(mixed, descriptions), Rows(make_layout(descriptions), 10), {}
+    load(mixed, descriptions, tmp_path, instances)
+    initialise(instances, mixed, wiring, {}, 0.0)
+    loop = loops.make_loop(make_plan(instances, wiring, rows, H, "jacobi", ()), rows, compiled=True)
+    times = H * np.arange(5)
+    monkeypatch.setattr(compiled, "BUDGET_S", -1.0)
+    loop.advance(times, c_int())
+    assert rows.filled == 0
+    monkeypatch.undo()
+    loop.advance(times, c_int())
+    assert rows.filled == 5
+    loop.advance(times, c_int(1))
+    assert rows.filled == 5
+    for instance in instances.values():
+        instance.free()
 
 
 def test_a_run_in_slices_of_time_is_the_same_run(mixed, monkeypatch):
@@ -117,29 +124,30 @@ def test_libraries_are_loaded_one_at_a_time(monkeypatch, tmp_path):
             return "alone"
         return "together"
 
-    monkeypatch.setattr(slaves, "FMU2Slave", fmpy)
+    monkeypatch.setattr(fmu_instance, "FMU2Slave", fmpy)
     description = SimpleNamespace(guid="", coSimulation=SimpleNamespace(modelIdentifier=""))
     with ThreadPoolExecutor(2) as pool:
-        loads = [pool.submit(slaves._load, SimpleNamespace(name=name), description, tmp_path) for name in "ab"]
+        components = [SimpleNamespace(name=name) for name in "ab"]
+        loads = [pool.submit(fmu_instance.load_library, c, description, tmp_path) for c in components]
     assert [load.result() for load in loads] == ["alone", "alone"]
 
 
 def test_without_a_library_python_runs_the_steps(mixed, monkeypatch, tmp_path, caplog):
-    def loop():
+    def is_in_c():
         with Master(mixed, H) as master:
             master.initialise()
-            return type(master._loop)
+            return master.runs_in_c
 
-    compiled._library.cache_clear()
+    compiled.load_library.cache_clear()
     with monkeypatch.context() as patch, caplog.at_level(logging.INFO):
         patch.setattr(compiled, "platform", "win64")
-        assert loop() is PythonLoop
+        assert not is_in_c()
         assert "there is no compiled loop for win64" in caplog.text
     with monkeypatch.context() as patch, caplog.at_level(logging.INFO):
         (tmp_path / "linux64").mkdir()
         (tmp_path / "linux64" / "loop.so").write_text("not a library\n")
         patch.setattr(type(compiled.LOOP), "path", lambda self, platform: tmp_path / platform / "loop.so")
-        assert loop() is PythonLoop
+        assert not is_in_c()
         assert "steps are run in Python" in caplog.text
-    assert loop() is CompiledLoop
-    assert loops.available()
+    assert is_in_c()
+    assert loops.is_available()

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from ps_fmu.cosim import Master, UsageError
+from ps_fmu.cosim.description import read_description
+from ps_fmu.cosim.fmu_instance import FmuInstance
 
 pytestmark = pytest.mark.usefixtures("each_loop")
 
@@ -183,9 +185,15 @@ def test_arguments_are_checked_before_anything_runs(oscillator):
     for use in (lambda: master.run(1.0), lambda: master.get("mass.mass"), lambda: master.set("mass.mass", 1.0)):
         with pytest.raises(UsageError, match="closed"):
             use()
-    with pytest.raises(UsageError, match="fmi2GetReal cannot be called, the instance is freed"):
-        master._slaves["mass"].get(["mass"], 0.0)
     master.close()
+
+
+def test_a_freed_instance_is_not_called(oscillator, tmp_path):
+    mass = oscillator.component("mass")
+    instance = FmuInstance(mass, read_description(mass.source), tmp_path / "mass")
+    instance.free()
+    with pytest.raises(UsageError, match="fmi2GetReal cannot be called, the instance is freed"):
+        instance.get(["mass"], 0.0)
 
 
 def test_time_does_not_accumulate_rounding(oscillator, collect):

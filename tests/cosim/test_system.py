@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from support.cosim import HEAD, OSCILLATOR, ssd_text
 
-from ps_fmu.cosim import CosimError, Master, Port, System, SystemFileError, UsageError, read_system, xmlfile
+from ps_fmu.cosim import CosimError, Master, PortName, System, SystemFileError, UsageError, read_system, xmlfile
 
 PROJECT_SSD = Path(__file__).parents[2] / "system" / "SystemStructure.ssd"
 SSV = (
@@ -46,8 +46,8 @@ def test_a_description_is_read(folder):
     assert [component.name for component in system.components] == ["mass", "spring"]
     assert system.components[0].source == folder / "resources" / "ToyMass.fmu"
     assert system.components[0].connectors[0].name == "force"
-    assert system.connections[2].source == Port("spring", "force")
-    assert system.connections[2].target == Port("mass", "force")
+    assert system.connections[2].source == PortName("spring", "force")
+    assert system.connections[2].target == PortName("mass", "force")
     assert (system.experiment.start_time, system.experiment.stop_time, system.experiment.step) == (1.0, 3.5, 0.01)
     assert read_system(folder / "SystemStructure.ssd") == system
 

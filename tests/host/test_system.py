@@ -15,7 +15,7 @@ import pytest
 from support.host import told, unpack
 from support.wired import run_master, wired
 
-from ps_fmu.cosim import Port
+from ps_fmu.cosim import PortName
 from ps_fmu.cosim.structure import Connection
 from ps_fmu.slavekit.pack.build import build_one
 
@@ -34,7 +34,7 @@ VALUES = {
     "isolator.force_limit": 0.05,  # N
     "plant.payload.mass": 40.0,  # kg
 }
-SWITCH = Connection(Port("commander", "moving"), Port("isolator", "enabled"), 0)
+SWITCH = Connection(PortName("commander", "moving"), PortName("isolator", "enabled"), 0)
 EVENTS = [(20 * STEP, "commander.target.roll", 0.01)]
 RECORDING = """\
 time [s],force.x [N],force.y [N],force.z [N],torque.x [N.m],torque.y [N.m],torque.z [N.m]

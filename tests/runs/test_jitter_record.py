@@ -3,7 +3,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from ps_fmu.runs.jitter_record import IMAGE_POINT, ORIENTATION, REACHABLE, ROTATION, SATURATED, Jitter
+from ps_fmu.runs.jitter_record import IMAGE_POINT, ORIENTATION, REACHABLE, ROTATION, SATURATED, JitterRecord
 
 
 @dataclass(frozen=True)
@@ -24,7 +24,7 @@ def samples(steps):
 
 
 def observed(values, step=1e-3, **others):
-    jitter = Jitter(COLUMNS, step_s=step, steps=len(values) - 1, **others)
+    jitter = JitterRecord(COLUMNS, step_s=step, steps=len(values) - 1, **others)
     for first in range(0, len(values), 1000):
         block = values[first : first + 1000]
         for observer in jitter.observers:

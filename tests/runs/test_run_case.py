@@ -8,7 +8,7 @@ import pytest
 
 from ps_fmu.cosim import SlaveError, SystemFileError, UsageError
 from ps_fmu.runs.cases import Case, run_case
-from ps_fmu.runs.jitter_record import ROTATION, Jitter
+from ps_fmu.runs.jitter_record import ROTATION, JitterRecord
 from ps_fmu.runs.options import RunOptions
 from ps_fmu.runs.setup import load_system
 
@@ -26,7 +26,7 @@ def passive(values=None, events=()):
 
 def run(options, case):
     """The outcome, the analysis and the warnings of a case."""
-    system, jitter = load_system(options), partial(Jitter, step_s=options.step_s, steps=options.steps)
+    system, jitter = load_system(options), partial(JitterRecord, step_s=options.step_s, steps=options.steps)
     return *run_case(system, options, case, jitter), system.warnings.texts
 
 

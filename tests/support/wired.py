@@ -11,14 +11,14 @@ from pathlib import Path
 
 import numpy as np
 
-from ps_fmu.cosim import Port, System, Value
-from ps_fmu.cosim.clock import Clock
-from ps_fmu.cosim.description import read_description, typed_value, variables_of
+from ps_fmu.cosim import PortName, System, Value
+from ps_fmu.cosim.clock import StepClock
+from ps_fmu.cosim.description import convert_value, index_variables, read_description
+from ps_fmu.cosim.fmu_instance import FAMILY
 from ps_fmu.cosim.graph import check_wiring
 from ps_fmu.cosim.master import Event
-from ps_fmu.cosim.rows import layout_of
-from ps_fmu.cosim.slaves import FAMILY
-from ps_fmu.cosim.structure import port_of
+from ps_fmu.cosim.rows import make_layout
+from ps_fmu.cosim.structure import parse_port
 
 from .host import told
 
@@ -43,30 +43,30 @@ def wired(
     names = list(order) or [component.name for component in system.components]
     descriptions = {component.name: read_description(component.source) for component in system.components}
     wiring = check_wiring(system, descriptions)
-    layout = layout_of(descriptions)
-    variables = {name: variables_of(description) for name, description in descriptions.items()}
+    layout = make_layout(descriptions)
+    variables = {name: index_variables(description) for name, description in descriptions.items()}
 
-    def words(port: Port) -> str:
+    def words(port: PortName) -> str:
         variable = variables[port.component][port.variable]
         return f"{names.index(port.component)} {FAMILY[variable.type]} {variable.valueReference}"
 
-    def given(index: int, port: Port, value: Value) -> str:
-        typed = typed_value(variables[port.component][port.variable], value)
+    def given(index: int, port: PortName, value: Value) -> str:
+        typed = convert_value(variables[port.component][port.variable], value)
         return f"set {index} {words(port)} {int(typed) if isinstance(typed, bool) else typed}"
 
-    def place(port: Port) -> tuple[str, str, int]:
+    def place(port: PortName) -> tuple[str, str, int]:
         variable = variables[port.component][port.variable]
         return port.component, FAMILY[variable.type], variable.valueReference
 
     outputs = [*layout.real, *layout.discrete]
     inputs = sorted(wiring.connections, key=lambda connection: place(connection.target))
-    clock = Clock(0.0, step)
+    clock = StepClock(0.0, step)
     lines = [f"step {step!r}", *(f"fmu {name} {told(folders[name], step=step)}" for name in names)]
     for component in system.components:
         lines += [
-            given(-1, Port(component.name, name), entry.value) for name, entry in component.parameters.items()
+            given(-1, PortName(component.name, name), entry.value) for name, entry in component.parameters.items()
         ]
-    lines += [given(clock.index(time), port_of(name), value) for time, name, value in events]
+    lines += [given(clock.index(time), parse_port(name), value) for time, name, value in events]
     lines += [f"output {words(port)}" for port in outputs]
     lines += [f"input {words(c.target)} {outputs.index(c.source)}" for c in inputs]
     for group in wiring.order:

@@ -8,7 +8,7 @@ from support.importers import interpreter_with
 from support.jobs import Job, Results, assert_same, reference, run_job, without_booleans
 
 from ps_fmu.cosim import System, read_system
-from ps_fmu.cosim.description import read_description, variables_of
+from ps_fmu.cosim.description import index_variables, read_description
 
 SSD = Path(__file__).parents[2] / "system" / "SystemStructure.ssd"
 TOOLS = ("libcosim", "Ecos", "PathSim", "CoFMUPy")
@@ -42,7 +42,7 @@ def prepared(system: System, step: float, steps: int) -> Job:
     job: Job = {"step": step, "steps": steps, "fmus": {}, "start": [], "inputs": [], "connections": [], "outputs": []}
     for name in COMPONENTS:
         source = system.component(name).source
-        variables = variables_of(read_description(source))
+        variables = index_variables(read_description(source))
         job["fmus"][name] = str(source)
         parameter, value = START[name]
         job["start"].append((name, parameter, variables[parameter].valueReference, "Real", value))
@@ -56,7 +56,7 @@ def alone(system: System) -> Job:
     job = prepared(system, 1e-3, 40)
     numbers = random.Random(3)
     for component in COMPONENTS:
-        for v in variables_of(read_description(system.component(component).source)).values():
+        for v in index_variables(read_description(system.component(component).source)).values():
             if v.causality == "input" and v.type == "Boolean":
                 values: list = [k % 25 < 15 for k in range(job["steps"])]
             elif v.causality == "input":
@@ -71,7 +71,7 @@ def alone(system: System) -> Job:
 def loop(system: System) -> Job:
     """All four, wired as the system description says, with a target to go to."""
     job = prepared(system, 1e-4, 100)
-    variables = {name: variables_of(read_description(system.component(name).source)) for name in COMPONENTS}
+    variables = {name: index_variables(read_description(system.component(name).source)) for name in COMPONENTS}
     for c in system.connections:
         ends = [(end.component, end.variable, variables[end.component][end.variable]) for end in (c.source, c.target)]
         job["connections"].append([x for name, port, v in ends for x in (name, port, v.valueReference)])
@@ -111,7 +111,7 @@ def test_a_refused_step_ends_the_run_with_the_reason(tool, system, tmp_path):
     """Ecos goes on whatever a step answers."""
     job = prepared(system, 1e-3, 5)
     job["start"] = [entry for entry in job["start"] if entry[0] != "isolator"]
-    variables = variables_of(read_description(system.component("isolator").source))
+    variables = index_variables(read_description(system.component("isolator").source))
     job["start"].append(("isolator", "delay", variables["delay"].valueReference, "Real", 1.5e-3))
     with pytest.raises(AssertionError, match=r"'isolator': step from t = 0 s refused: delay: 0\.0015 s"):
         run_job(without_booleans(job), interpreter_with(tool), tool.lower(), tmp_path)

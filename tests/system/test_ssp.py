@@ -17,7 +17,7 @@ from support.importers import interpreter_with
 
 from ps_fmu.cli import main
 from ps_fmu.cosim import Master, System, read_system, write_ssp
-from ps_fmu.cosim.description import read_description, variables_of
+from ps_fmu.cosim.description import index_variables, read_description
 
 ROOT = Path(__file__).parents[2]
 SSD = ROOT / "system" / "SystemStructure.ssd"
@@ -136,7 +136,7 @@ def test_another_importer_gets_the_same_numbers(tool, system, archive, expected)
     interpreter = interpreter_with(tool)
     wanted: dict[str, dict] = {}
     for component in system.components:
-        variables = variables_of(read_description(component.source))
+        variables = index_variables(read_description(component.source))
         wanted[component.name] = {n: (variables[n].valueReference, variables[n].type) for n in READ[component.name]}
     extra = [str(STEP)] if tool == "Ecos" else []
     script = HOSTS / f"in_{tool.lower()}.py"

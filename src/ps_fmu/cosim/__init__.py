@@ -6,7 +6,7 @@ from .master import Event, Master
 from .recorder import Recorder
 from .rows import Column
 from .ssp import write_ssp
-from .structure import Port, System, Value
+from .structure import PortName, System, Value
 from .system import read_parameters, read_system
 
 __all__ = [
@@ -15,7 +15,7 @@ __all__ = [
     "Event",
     "Master",
     "Observer",
-    "Port",
+    "PortName",
     "Recorder",
     "RecorderError",
     "SlaveError",

@@ -24,7 +24,7 @@ def count_steps(duration: float, step: float) -> int | None:
 
 
 @dataclass(frozen=True)
-class Clock:
+class StepClock:
     """Start time and communication step [s].
 
     Raises :class:`UsageError`: not finite, a step that is not positive or too small to tell times apart.

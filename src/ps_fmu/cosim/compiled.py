@@ -68,7 +68,7 @@ class CompiledLoop:
     """Steps of a plan, in C.  Raises OSError if there is no library for this platform, or none that can be loaded."""
 
     def __init__(self, plan: Plan, rows: Rows) -> None:
-        self._run_steps = _library().run_steps
+        self._run_steps = load_library().run_steps
         self._plan, self._rows = plan, rows
         self._parts = list(_parts(plan))
         operations = (_Operation * len(self._parts))(*map(_operation, self._parts))
@@ -88,10 +88,10 @@ class CompiledLoop:
             self._rows.filled = first + loop.rows_done
 
 
-def available() -> bool:
+def is_available() -> bool:
     """Whether the loop can be run here."""
     try:
-        _library()
+        load_library()
     except OSError as error:
         log.info("steps are run in Python: %s", error)
         return False
@@ -99,7 +99,8 @@ def available() -> bool:
 
 
 @cache
-def _library() -> ctypes.CDLL:
+def load_library() -> ctypes.CDLL:
+    """The library of the loop.  Raises OSError if there is none for this platform, or none that can be loaded."""
     path = LOOP.path(platform)
     if path is None:
         raise OSError(f"there is no compiled loop for {platform}")
@@ -121,4 +122,4 @@ def _operation(part: Gather | Call) -> _Operation:
         return _Operation(_TAKE[part.inputs.dtype.name], len(part.sources), *arrays)
     references, values = (None if array is None else array.ctypes.data for array in (part.references, part.values))
     kind = _CALL[part.function]
-    return _Operation(kind, len(part.names), references, None, values, part.slave.address, part.address)
+    return _Operation(kind, len(part.names), references, None, values, part.instance.address, part.address)

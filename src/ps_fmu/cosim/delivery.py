@@ -7,10 +7,10 @@ from typing import Protocol
 
 import numpy as np
 
-from .clock import Clock
+from .clock import StepClock
 from .errors import SlaveError
 from .rows import Array, Column, Rows
-from .structure import port_of
+from .structure import parse_port
 
 
 class Observer(Protocol):
@@ -26,7 +26,7 @@ class Observer(Protocol):
 
 def deliver(
     rows: Rows,
-    clock: Clock,
+    clock: StepClock,
     columns: Sequence[Column],
     observers: Sequence[Observer],
     error: BaseException | None = None,
@@ -62,7 +62,7 @@ def deliver(
 def _not_finite(columns: Sequence[Column], row: Array, time: float) -> SlaveError:
     bad = [column.name for column, value in zip(columns, row, strict=True) if not np.isfinite(value)]
     named = ", ".join(bad[:5]) + (f" and {len(bad) - 5} more" if len(bad) > 5 else "")
-    component = port_of(bad[0]).component
+    component = parse_port(bad[0]).component
     return SlaveError(
         f"{component}: not a finite number at t = {time:.9g} s: {named}; the rows before are kept",
         component=component,

@@ -10,7 +10,7 @@ from fmpy.model_description import ModelDescription, ModelVariable
 
 from .archive import check_archive, read_member
 from .errors import SystemFileError, UsageError
-from .structure import System, Value, closest
+from .structure import System, Value, suggest_names
 from .xmlfile import MAXIMUM_BYTES, parse_xml
 
 DISCRETE_TYPES = ("Integer", "Boolean", "Enumeration")
@@ -48,17 +48,17 @@ def read_descriptions(system: System) -> dict[str, ModelDescription]:
     return {component.name: read[component.source] for component in system.components}
 
 
-def variables_of(description: ModelDescription) -> dict[str, ModelVariable]:
+def index_variables(description: ModelDescription) -> dict[str, ModelVariable]:
     """Variables by name."""
     return {variable.name: variable for variable in description.modelVariables}
 
 
-def variable_of(description: ModelDescription, name: str) -> ModelVariable:
+def find_variable(description: ModelDescription, name: str) -> ModelVariable:
     """A variable by name.  Raises :class:`UsageError` with the closest names."""
-    variables = variables_of(description)
+    variables = index_variables(description)
     if name not in variables:
         raise UsageError(
-            f"the FMU {description.modelName} has no variable {name!r}{closest(name, variables)}"
+            f"the FMU {description.modelName} has no variable {name!r}{suggest_names(name, variables)}"
         )
     return variables[name]
 
@@ -73,13 +73,13 @@ def read_start(variable: ModelVariable) -> Value:
     return text if variable.type == "String" else int(text)
 
 
-def unit_of(variable: ModelVariable) -> str | None:
+def get_unit(variable: ModelVariable) -> str | None:
     """Unit of a variable, its own or that of its declared type; None where the FMU states none."""
     declared = variable.declaredType.unit if variable.declaredType is not None else None
     return variable.unit or declared or None
 
 
-def settable(variable: ModelVariable, running: bool) -> str | None:
+def explain_unsettable(variable: ModelVariable, running: bool) -> str | None:
     """Why the master may not set a variable, or None if it may (FMI 2.0.4, section 2.2.7)."""
     if variable.causality == "input" or (
         variable.causality == "parameter" and variable.variability == "tunable"
@@ -90,7 +90,7 @@ def settable(variable: ModelVariable, running: bool) -> str | None:
     return f"is of causality {variable.causality}: only inputs and parameters can be set"
 
 
-def typed_value(variable: ModelVariable, value: Value) -> Value:
+def convert_value(variable: ModelVariable, value: Value) -> Value:
     """``value`` as the exact FMI type of the variable; a whole number is taken for a Real.
 
     Raises :class:`UsageError`, without the name: another type, not finite, outside the declared bounds.

@@ -15,7 +15,7 @@ from .xmlfile import Element
 
 
 @dataclass(frozen=True)
-class Rule:
+class ElementRule:
     """Children, attributes that must be there and attributes that may be there."""
 
     children: frozenset[str] = frozenset()
@@ -23,8 +23,8 @@ class Rule:
     optional: frozenset[str] = frozenset()
 
 
-def _rule(children: str = "", required: str = "", optional: str = "") -> Rule:
-    return Rule(frozenset(children.split()), frozenset(required.split()), frozenset(optional.split()))
+def _rule(children: str = "", required: str = "", optional: str = "") -> ElementRule:
+    return ElementRule(frozenset(children.split()), frozenset(required.split()), frozenset(optional.split()))
 
 
 _META = _rule(

@@ -15,9 +15,9 @@ from typing import TypeVar
 import numpy as np
 from fmpy.model_description import ModelDescription, ModelVariable
 
-from .description import DISCRETE_TYPES, settable, typed_value, unit_of, variables_of
+from .description import DISCRETE_TYPES, convert_value, explain_unsettable, get_unit, index_variables
 from .errors import UsageError, WiringError
-from .structure import Component, Connection, Connector, Port, System, closest
+from .structure import Component, Connection, Connector, PortName, System, suggest_names
 
 Node = TypeVar("Node", bound=Hashable)
 
@@ -26,7 +26,7 @@ Node = TypeVar("Node", bound=Hashable)
 class OpenInput:
     """An input that nothing is connected to; it keeps its start value unless the user sets it."""
 
-    port: Port
+    port: PortName
     type: str
     unit: str | None
     start: str
@@ -36,7 +36,7 @@ class OpenInput:
 class InitialGroup:
     """Outputs whose initial values are passed on together, ``passes`` times (more than once in a loop)."""
 
-    outputs: tuple[Port, ...]
+    outputs: tuple[PortName, ...]
     passes: int
 
 
@@ -51,7 +51,7 @@ class Wiring:
     connections: tuple[Connection, ...]
     open_inputs: tuple[OpenInput, ...]
     order: tuple[InitialGroup, ...]
-    loops: tuple[tuple[Port, ...], ...]
+    loops: tuple[tuple[PortName, ...], ...]
     stepping: tuple[str, ...]
 
 
@@ -60,12 +60,12 @@ def check_wiring(system: System, descriptions: Mapping[str, ModelDescription]) -
 
     Raises :class:`WiringError` that lists everything that does not fit.
     """
-    variables = {name: variables_of(description) for name, description in descriptions.items()}
+    variables = {name: index_variables(description) for name, description in descriptions.items()}
     problems = _names(system, descriptions)
     for component in system.components:
         problems += _connectors(component, variables[component.name])
         problems += _parameters(component, variables[component.name])
-    sources: dict[Port, Connection] = {}
+    sources: dict[PortName, Connection] = {}
     for connection in system.connections:
         problems += _connection(connection, variables)
         if other := sources.get(connection.target):
@@ -129,7 +129,7 @@ def _connectors(component: Component, variables: Mapping[str, ModelVariable]) ->
     for connector in component.connectors:
         where = f"line {connector.line}: connector {component.name}.{connector.name}"
         if connector.name not in variables:
-            hint = closest(connector.name, variables)
+            hint = suggest_names(connector.name, variables)
             problems.append(f"{where}: {component.source.name} has no such variable{hint}")
             continue
         problems += [f"{where}: {text}" for text in _mismatch(connector, variables[connector.name])]
@@ -142,8 +142,8 @@ def _mismatch(connector: Connector, variable: ModelVariable) -> list[str]:
         problems.append(f"is declared {connector.kind}, in the FMU it is {variable.causality}")
     if connector.type not in (None, variable.type):
         problems.append(f"is declared {connector.type}, in the FMU it is {variable.type}")
-    if connector.unit and unit_of(variable) and connector.unit != unit_of(variable):
-        problems.append(f"is declared in {connector.unit!r}, in the FMU its unit is {unit_of(variable)!r}")
+    if connector.unit and get_unit(variable) and connector.unit != get_unit(variable):
+        problems.append(f"is declared in {connector.unit!r}, in the FMU its unit is {get_unit(variable)!r}")
     return problems
 
 
@@ -152,16 +152,16 @@ def _parameters(component: Component, variables: Mapping[str, ModelVariable]) ->
     for name, parameter in component.parameters.items():
         where = f"parameter {component.name}.{name} ({parameter.origin})"
         if name not in variables:
-            hint = closest(name, variables)
+            hint = suggest_names(name, variables)
             problems.append(f"{where}: {component.source.name} has no such variable{hint}")
             continue
         variable = variables[name]
-        if reason := settable(variable, running=False):
+        if reason := explain_unsettable(variable, running=False):
             problems.append(f"{where}: {reason}")
-        if parameter.unit and unit_of(variable) and parameter.unit != unit_of(variable):
-            problems.append(f"{where}: is given in {parameter.unit!r}, its unit is {unit_of(variable)!r}")
+        if parameter.unit and get_unit(variable) and parameter.unit != get_unit(variable):
+            problems.append(f"{where}: is given in {parameter.unit!r}, its unit is {get_unit(variable)!r}")
         try:
-            typed_value(variable, parameter.value)
+            convert_value(variable, parameter.value)
         except UsageError as error:
             problems.append(f"{where}: {error}")
     return problems
@@ -184,29 +184,29 @@ def _connection(connection: Connection, variables: Mapping[str, Mapping[str, Mod
         problems.append(f"{where}: the types differ, {source.type} and {target.type}")
     elif source.type != "Real" and source.type not in DISCRETE_TYPES:
         problems.append(f"{where}: variables of type {source.type} cannot be connected")
-    units = (unit_of(source), unit_of(target))
+    units = (get_unit(source), get_unit(target))
     if None not in units and units[0] != units[1]:
         problems.append(f"{where}: the units differ, {units[0]!r} and {units[1]!r}; nobody converts them")
     return problems
 
 
 def _open_inputs(
-    system: System, variables: Mapping[str, Mapping[str, ModelVariable]], sources: Mapping[Port, Connection]
+    system: System, variables: Mapping[str, Mapping[str, ModelVariable]], sources: Mapping[PortName, Connection]
 ) -> list[OpenInput]:
     inputs = []
     for component in system.components:
         for name, variable in variables[component.name].items():
-            port = Port(component.name, name)
+            port = PortName(component.name, name)
             if variable.causality == "input" and port not in sources:
                 given = component.parameters.get(name)
                 start = str(variable.start) if given is None else str(given.value)
-                inputs.append(OpenInput(port, variable.type, unit_of(variable), start))
+                inputs.append(OpenInput(port, variable.type, get_unit(variable), start))
     return inputs
 
 
 def _initial_order(
     system: System, descriptions: Mapping[str, ModelDescription]
-) -> tuple[list[InitialGroup], list[tuple[Port, ...]]]:
+) -> tuple[list[InitialGroup], list[tuple[PortName, ...]]]:
     """Initial values travel along connections, and inside an FMU from the inputs an output depends on.
 
     A loop is not solved but passed round as often as there are FMUs, the scheme that other tools use.

@@ -9,10 +9,10 @@ from pathlib import Path
 
 from fmpy.model_description import ModelDescription
 
+from .fmu_instance import FmuInstance
 from .graph import Wiring
 from .rows import Rows
-from .slaves import Slave
-from .structure import Port, System, Value
+from .structure import PortName, System, Value
 
 log = logging.getLogger("ps_fmu.cosim")
 
@@ -21,19 +21,19 @@ SETTLED = 1e-9
 
 
 def load(
-    system: System, descriptions: Mapping[str, ModelDescription], folder: Path, slaves: dict[str, Slave]
+    system: System, descriptions: Mapping[str, ModelDescription], folder: Path, instances: dict[str, FmuInstance]
 ) -> None:
-    """Unpack and instantiate each component; what is loaded is in ``slaves`` also when a later one fails.
+    """Unpack and instantiate each component; what is loaded is in ``instances`` also when a later one fails.
 
     Raises :class:`SystemFileError` or :class:`SlaveError`.
     """
     with system.name_members():
         for component in system.components:
-            slaves[component.name] = Slave(component, descriptions[component.name], folder / component.name)
+            instances[component.name] = FmuInstance(component, descriptions[component.name], folder / component.name)
 
 
 def initialise(
-    slaves: Mapping[str, Slave], system: System, wiring: Wiring, given: Mapping[Port, Value], start: float
+    instances: Mapping[str, FmuInstance], system: System, wiring: Wiring, given: Mapping[PortName, Value], start: float
 ) -> None:
     """Set start values, and pass the initial values along the connections.
 
@@ -43,34 +43,34 @@ def initialise(
     for component in system.components:
         values = {name: parameter.value for name, parameter in component.parameters.items()}
         values |= {port.variable: value for port, value in given.items() if port.component == component.name}
-        slave = slaves[component.name]
-        slave.set_up(start)
-        slave.set(values, start)
-        slave.enter_initialisation(start)
-    _propagate(slaves, wiring, given.keys(), start)
-    for slave in slaves.values():
-        slave.exit_initialisation(start)
+        instance = instances[component.name]
+        instance.set_up(start)
+        instance.set(values, start)
+        instance.enter_initialisation(start)
+    _propagate(instances, wiring, given.keys(), start)
+    for instance in instances.values():
+        instance.exit_initialisation(start)
 
 
-def first_row(slaves: Mapping[str, Slave], rows: Rows, start: float) -> None:
+def first_row(instances: Mapping[str, FmuInstance], rows: Rows, start: float) -> None:
     """Read all outputs into the first row of the block.  Raises :class:`SlaveError`."""
     for kind in (rows.real, rows.discrete):
         for port, place in kind.places.items():
-            kind.values[place] = slaves[port.component].get([port.variable], start)[port.variable]
+            kind.values[place] = instances[port.component].get([port.variable], start)[port.variable]
     rows.store_latest()
 
 
-def _propagate(slaves: Mapping[str, Slave], wiring: Wiring, cut: Collection[Port], start: float) -> None:
+def _propagate(instances: Mapping[str, FmuInstance], wiring: Wiring, cut: Collection[PortName], start: float) -> None:
     """In the order that the FMUs' dependencies give; round a loop as often as there are FMUs."""
     for group in wiring.order:
         connections = [c for c in wiring.connections if c.source in group.outputs and c.target not in cut]
-        values: dict[Port, Value] = {}
+        values: dict[PortName, Value] = {}
         before = values
         for _ in range(group.passes):
             before = values
-            values = {p: slaves[p.component].get([p.variable], start)[p.variable] for p in group.outputs}
+            values = {p: instances[p.component].get([p.variable], start)[p.variable] for p in group.outputs}
             for c in connections:
-                slaves[c.target.component].set({c.target.variable: values[c.source]}, start)
+                instances[c.target.component].set({c.target.variable: values[c.source]}, start)
         moving = [str(p) for p, value in values.items() if p in before and not _equal(value, before[p])]
         if moving:
             log.warning(

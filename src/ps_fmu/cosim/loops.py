@@ -9,12 +9,12 @@ from ctypes import c_int
 from operator import call, length_hint
 from typing import Protocol
 
-from .compiled import CompiledLoop, available
+from .compiled import CompiledLoop, is_available
 from .plan import Plan
 from .rows import Array, Rows
 
 
-class Loop(Protocol):
+class StepLoop(Protocol):
     """Runs steps of a plan."""
 
     def advance(self, times: Array, interrupted: c_int) -> None:
@@ -24,9 +24,9 @@ class Loop(Protocol):
         """
 
 
-def make_loop(plan: Plan, rows: Rows, compiled: bool) -> Loop:
+def make_loop(plan: Plan, rows: Rows, compiled: bool) -> StepLoop:
     """The loop for a plan: in C if that is wanted and there is a library for this platform."""
-    return CompiledLoop(plan, rows) if compiled and available() else PythonLoop(plan, rows)
+    return CompiledLoop(plan, rows) if compiled and is_available() else PythonLoop(plan, rows)
 
 
 class PythonLoop:

@@ -16,18 +16,19 @@ from typing import Self
 
 from fmpy.model_description import ModelDescription
 
-from .clock import Clock
+from .clock import StepClock
+from .compiled import CompiledLoop
 from .delivery import Observer, deliver
-from .description import read_descriptions, settable, typed_value, variable_of
+from .description import convert_value, explain_unsettable, find_variable, read_descriptions
 from .errors import CosimError, SlaveError, UsageError
+from .fmu_instance import FmuInstance, InstancePhase
 from .graph import OpenInput, check_wiring
 from .initialisation import first_row, initialise, load
 from .interrupt import noted_interrupts
-from .loops import Loop, make_loop
+from .loops import StepLoop, make_loop
 from .plan import SCHEMES, make_plan
-from .rows import Column, Rows, layout_of
-from .slaves import Phase, Slave
-from .structure import Port, System, Value, port_of
+from .rows import Column, Rows, make_layout
+from .structure import PortName, System, Value, parse_port
 
 log = logging.getLogger("ps_fmu.cosim")
 
@@ -79,17 +80,17 @@ class Master:
         size = system.experiment.step if step is None else step
         if size is None:
             raise UsageError(f"step: not given, and {system.path} states none in its default experiment")
-        self.clock = Clock(system.experiment.start_time if start_time is None else start_time, size)
+        self.clock = StepClock(system.experiment.start_time if start_time is None else start_time, size)
         self.system = system
         self.scheme = scheme
         self._descriptions = read_descriptions(system) if descriptions is None else descriptions
         self.wiring = check_wiring(system, self._descriptions)
-        self._layout = layout_of(self._descriptions)
+        self._layout = make_layout(self._descriptions)
         self._rows = Rows(self._layout, block_rows)
-        self._slaves: dict[str, Slave] = {}
+        self._instances: dict[str, FmuInstance] = {}
         self._compiled = compiled
-        self._loop: Loop | None = None
-        self._set: dict[Port, Value] = {}
+        self._loop: StepLoop | None = None
+        self._set: dict[PortName, Value] = {}
         self._folder: tempfile.TemporaryDirectory[str] | None = None
         self._index = 0
         self._running = False
@@ -119,14 +120,24 @@ class Master:
     @property
     def warnings(self) -> dict[str, int]:
         """How often the FMUs returned fmi2Warning, by component."""
-        return {name: slave.warnings for name, slave in self._slaves.items()}
+        return {name: instance.warnings for name, instance in self._instances.items()}
+
+    @property
+    def phases(self) -> dict[str, InstancePhase]:
+        """Where each FMU that was loaded is in its life, by component."""
+        return {name: instance.phase for name, instance in self._instances.items()}
+
+    @property
+    def runs_in_c(self) -> bool:
+        """Whether the steps are run by the library in C; False before the initialisation."""
+        return isinstance(self._loop, CompiledLoop)
 
     def get(self, name: str) -> Value:
         """Value of any variable, ``component.variable``, at the current communication point."""
         port = self._port(name)
         if self._loop is None:
             raise UsageError(f"{name}: the system is not initialised, or closed")
-        return self._slaves[port.component].get([port.variable], self.time)[port.variable]
+        return self._instances[port.component].get([port.variable], self.time)[port.variable]
 
     def set(self, name: str, value: Value) -> None:
         """Set an input or a parameter, ``component.variable``, from the current communication point on.
@@ -152,9 +163,9 @@ class Master:
         start = self.clock.start
         try:
             with noted_interrupts() as interrupted:
-                load(self.system, self._descriptions, Path(self._folder.name), self._slaves)
-                initialise(self._slaves, self.system, self.wiring, self._set, start)
-                first_row(self._slaves, self._rows, start)
+                load(self.system, self._descriptions, Path(self._folder.name), self._instances)
+                initialise(self._instances, self.system, self.wiring, self._set, start)
+                first_row(self._instances, self._rows, start)
                 self._make_plan()
             if interrupted:
                 raise KeyboardInterrupt
@@ -202,14 +213,14 @@ class Master:
         self._loop = None
         failures = []
         self._silence_fatal()
-        for slave in self._slaves.values():
+        for instance in self._instances.values():
             try:
-                slave.terminate(self.time)
+                instance.terminate(self.time)
             except SlaveError as error:
                 failures.append(error)
         self._silence_fatal()
-        for slave in self._slaves.values():
-            slave.free()
+        for instance in self._instances.values():
+            instance.free()
         if self._folder is not None:
             self._folder.cleanup()
         if failures:
@@ -232,36 +243,36 @@ class Master:
 
     # ---- how ---------------------------------------------------------------------------------------------
 
-    def _port(self, name: str) -> Port:
-        port = port_of(name)
+    def _port(self, name: str) -> PortName:
+        port = parse_port(name)
         self.system.component(port.component)
-        variable_of(self._descriptions[port.component], port.variable)
+        find_variable(self._descriptions[port.component], port.variable)
         return port
 
-    def _checked(self, port: Port, value: Value, running: bool) -> Value:
-        variable = variable_of(self._descriptions[port.component], port.variable)
-        if reason := settable(variable, running):
+    def _checked(self, port: PortName, value: Value, running: bool) -> Value:
+        variable = find_variable(self._descriptions[port.component], port.variable)
+        if reason := explain_unsettable(variable, running):
             raise UsageError(f"{port} {reason}")
         try:
-            return typed_value(variable, value)
+            return convert_value(variable, value)
         except UsageError as error:
             raise UsageError(f"{port}: {error}") from None
 
-    def _apply(self, port: Port, value: Value) -> None:
+    def _apply(self, port: PortName, value: Value) -> None:
         new = port not in self._set
         self._set[port] = value
         if self._loop is not None:
-            self._slaves[port.component].set({port.variable: value}, self.time)
+            self._instances[port.component].set({port.variable: value}, self.time)
             if new and any(port == c.target for c in self.wiring.connections):
                 self._make_plan()
 
     def _make_plan(self) -> None:
         plan = make_plan(
-            self._slaves, self.wiring, self._rows, self.clock.step, self.scheme, self._set.keys()
+            self._instances, self.wiring, self._rows, self.clock.step, self.scheme, self._set.keys()
         )
         self._loop = make_loop(plan, self._rows, self._compiled)
 
-    def _schedule(self, events: Iterable[Event], end: int) -> list[tuple[int, Port, Value]]:
+    def _schedule(self, events: Iterable[Event], end: int) -> list[tuple[int, PortName, Value]]:
         schedule = []
         for time, name, value in events:
             port = self._port(name)
@@ -277,7 +288,7 @@ class Master:
     def _advance(
         self,
         end: int,
-        schedule: list[tuple[int, Port, Value]],
+        schedule: list[tuple[int, PortName, Value]],
         observers: Sequence[Observer],
         progress: Progress | None,
         interrupted: c_int,
@@ -311,10 +322,11 @@ class Master:
 
     def _silence_fatal(self) -> None:
         """After fmi2Fatal all instances of that FMU are corrupt, not only one (FMI 2.0.4, section 2.1.3)."""
-        corrupt = {slave.source.resolve() for slave in self._slaves.values() if slave.phase is Phase.FATAL}
-        for slave in self._slaves.values():
-            if slave.source.resolve() in corrupt:
-                slave.phase = Phase.FATAL
+        instances = self._instances.values()
+        corrupt = {instance.source.resolve() for instance in instances if instance.phase is InstancePhase.FATAL}
+        for instance in instances:
+            if instance.source.resolve() in corrupt:
+                instance.phase = InstancePhase.FATAL
 
     def _abort(self) -> None:
         """Free everything after a failure, without hiding it behind another one."""

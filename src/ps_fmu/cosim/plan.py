@@ -15,10 +15,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .fmu_instance import FAMILY, FmuInstance
 from .graph import Wiring
 from .rows import Rows
-from .slaves import FAMILY, Slave
-from .structure import Port
+from .structure import PortName
 
 SCHEMES = ("jacobi", "gauss-seidel")
 
@@ -38,7 +38,7 @@ class Call:
     ``values``, as many of each as there are names.
     """
 
-    slave: Slave
+    instance: FmuInstance
     function: str
     invoke: Callable[[], int]
     address: int
@@ -49,7 +49,7 @@ class Call:
 
     def check(self, status: int, time: float, step: float) -> None:
         """Count a warning in the step from ``time`` on [s], raise :class:`SlaveError` on anything worse."""
-        self.slave.check(self.function, status, time + step if self.later else time, self.names)
+        self.instance.check(self.function, status, time + step if self.later else time, self.names)
 
 
 @dataclass(frozen=True)
@@ -79,13 +79,18 @@ class Plan:
 
 
 def make_plan(
-    slaves: Mapping[str, Slave], wiring: Wiring, rows: Rows, step: float, scheme: str, cut: Collection[Port]
+    instances: Mapping[str, FmuInstance],
+    wiring: Wiring,
+    rows: Rows,
+    step: float,
+    scheme: str,
+    cut: Collection[PortName],
 ) -> Plan:
     """Plan of one step.
 
     Parameters
     ----------
-    slaves: loaded FMUs by component
+    instances: loaded FMUs by component
     wiring: connections, and the order of stepping for Gauss-Seidel
     rows: where the outputs go
     step: communication step [s]
@@ -95,74 +100,82 @@ def make_plan(
     """
     now = c_double()
     sources = {c.target: c.source for c in wiring.connections if c.target not in cut}
-    order = wiring.stepping if scheme == "gauss-seidel" else tuple(slaves)
+    order = wiring.stepping if scheme == "gauss-seidel" else tuple(instances)
     groups = [(name,) for name in order] if scheme == "gauss-seidel" else [order]
     return Plan(
-        tuple(_stage([slaves[name] for name in group], sources, rows, now, step) for group in groups),
+        tuple(_make_stage([instances[name] for name in group], sources, rows, now, step) for group in groups),
         now,
         step,
     )
 
 
-def _stage(slaves: Sequence[Slave], sources: Mapping[Port, Port], rows: Rows, now: c_double, step: float) -> Stage:
+def _make_stage(
+    instances: Sequence[FmuInstance], sources: Mapping[PortName, PortName], rows: Rows, now: c_double, step: float
+) -> Stage:
     """The part of a step that some FMUs go through together."""
     gathers, sets, gets = [], [], []
     for kind in (rows.real, rows.discrete):
         # One buffer for all of them: to gather 21 numbers costs 0.25 us, twice 10 costs 0.4.
-        wired = [p for slave in slaves for p in _inputs(slave, sources) if sources[p] in kind.places]
+        wired = [p for instance in instances for p in _list_inputs(instance, sources) if sources[p] in kind.places]
         inputs = np.zeros(len(wired), kind.values.dtype)
         if wired:
             gathers.append(Gather(kind.values, np.array([kind.places[sources[p]] for p in wired]), inputs))
-        for slave in slaves:
-            sets += [_access(slave, "Set", run, inputs, wired.index) for run in _runs(slave, wired, wired.index)]
+        for instance in instances:
+            runs = _find_runs(instance, wired, wired.index)
+            sets += [_make_access(instance, "Set", run, inputs, wired.index) for run in runs]
             outputs = list(kind.places)
             gets += [
-                _access(slave, "Get", run, kind.values, kind.places.__getitem__)
-                for run in _runs(slave, outputs, kind.places.__getitem__)
+                _make_access(instance, "Get", run, kind.values, kind.places.__getitem__)
+                for run in _find_runs(instance, outputs, kind.places.__getitem__)
             ]
     # noSetFMUStatePriorToCurrentPoint is true: no step is ever repeated.
     rest = _double(step), _boolean(1)
-    steps = [Call(slave, "fmi2DoStep", *_bound(slave, slave.stepper(), now, *rest)) for slave in slaves]
+    steps = [Call(instance, "fmi2DoStep", *_bind(instance, instance.stepper(), now, *rest)) for instance in instances]
     return Stage(tuple(gathers), (*sets, *steps, *gets))
 
 
-def _inputs(slave: Slave, sources: Mapping[Port, Port]) -> list[Port]:
-    """A slave's connected inputs, by value reference: FMUs that store them in that order copy longer runs."""
-    own = [port for port in sources if port.component == slave.name]
-    return sorted(own, key=lambda port: slave.variables[port.variable].valueReference)
+def _list_inputs(instance: FmuInstance, sources: Mapping[PortName, PortName]) -> list[PortName]:
+    """An instance's connected inputs, by value reference: FMUs that store them in that order copy longer runs."""
+    own = [port for port in sources if port.component == instance.name]
+    return sorted(own, key=lambda port: instance.variables[port.variable].valueReference)
 
 
-def _runs(slave: Slave, ports: Sequence[Port], place: Callable[[Port], int]) -> list[list[Port]]:
-    """A slave's own ports, cut so that one call does for each: one access function, neighbouring places."""
-    runs: list[list[Port]] = []
+def _find_runs(
+    instance: FmuInstance, ports: Sequence[PortName], place: Callable[[PortName], int]
+) -> list[list[PortName]]:
+    """An instance's own ports, cut so that one call does for each: one access function, neighbouring places."""
+    runs: list[list[PortName]] = []
     for port in ports:
-        if port.component != slave.name:
+        if port.component != instance.name:
             continue
         last = runs[-1][-1] if runs else None
-        if last is not None and _family(slave, port) == _family(slave, last) and place(port) == place(last) + 1:
+        neighbour = last is not None and place(port) == place(last) + 1
+        if last is not None and neighbour and _get_family(instance, port) == _get_family(instance, last):
             runs[-1].append(port)
         else:
             runs.append([port])
     return runs
 
 
-def _family(slave: Slave, port: Port) -> str:
-    return FAMILY[slave.variables[port.variable].type]
+def _get_family(instance: FmuInstance, port: PortName) -> str:
+    return FAMILY[instance.variables[port.variable].type]
 
 
-def _access(slave: Slave, verb: str, ports: Sequence[Port], array: NDArray[Any], place: Callable[[Port], int]) -> Call:
+def _make_access(
+    instance: FmuInstance, verb: str, ports: Sequence[PortName], array: NDArray[Any], place: Callable[[PortName], int]
+) -> Call:
     """fmi2Set... or fmi2Get... of neighbours in an array."""
-    function = f"fmi2{verb}{_family(slave, ports[0])}"
+    function = f"fmi2{verb}{_get_family(instance, ports[0])}"
     names = tuple(port.variable for port in ports)
-    references = np.array([slave.variables[name].valueReference for name in names], dtype=np.uint32)
+    references = np.array([instance.variables[name].valueReference for name in names], dtype=np.uint32)
     values = array[place(ports[0]) :]
     arguments = _pointer(references.ctypes.data), _size(len(names)), _pointer(values.ctypes.data)
-    bound = _bound(slave, slave.access(function), *arguments)
-    return Call(slave, function, *bound, names, references, values, later=verb == "Get")
+    bound = _bind(instance, instance.access(function), *arguments)
+    return Call(instance, function, *bound, names, references, values, later=verb == "Get")
 
 
-def _bound(slave: Slave, function: Any, *arguments: Any) -> tuple[Callable[[], int], int]:
+def _bind(instance: FmuInstance, function: Any, *arguments: Any) -> tuple[Callable[[], int], int]:
     """A function of the library, the instance and the other arguments as a function of nothing; its address."""
-    prototype = _CONVERTED_LOCKED if slave.runs_python else _CONVERTED
-    invoke = partial(cast(function, prototype), _pointer(slave.address), *arguments)
+    prototype = _CONVERTED_LOCKED if instance.runs_python else _CONVERTED
+    invoke = partial(cast(function, prototype), _pointer(instance.address), *arguments)
     return invoke, cast(function, c_void_p).value or 0

@@ -16,7 +16,7 @@ from .clock import count_steps
 from .decimate import Decimator
 from .errors import RecorderError, UsageError
 from .rows import Array, Column
-from .structure import closest
+from .structure import suggest_names
 
 CHUNK_ROWS = 4000
 """Rows of a chunk in the file, and rows that are written at once (1.4 us a row; by 1000 it is 4.3 us)."""
@@ -224,7 +224,7 @@ def _places(columns: Sequence[Column], select: Sequence[str] | None) -> list[int
     names = list(places) if select is None else list(select)
     for name in names:
         if name not in places:
-            raise UsageError(f"select: there is no column {name!r}{closest(name, places)}")
+            raise UsageError(f"select: there is no column {name!r}{suggest_names(name, places)}")
     if len(set(names)) != len(names):
         raise UsageError("select: a column is named twice")
     return [places[name] for name in names]

@@ -14,8 +14,8 @@ import numpy as np
 from fmpy.model_description import ModelDescription
 from numpy.typing import NDArray
 
-from .description import DISCRETE_TYPES, unit_of
-from .structure import Port
+from .description import DISCRETE_TYPES, get_unit
+from .structure import PortName
 
 Array = NDArray[np.float64]
 
@@ -31,29 +31,29 @@ class Column:
 
 
 @dataclass(frozen=True)
-class Layout:
+class RowLayout:
     """Where each output lies: place among the Real columns, or among the discrete ones that follow them."""
 
     columns: tuple[Column, ...]
-    real: Mapping[Port, int]
-    discrete: Mapping[Port, int]
+    real: Mapping[PortName, int]
+    discrete: Mapping[PortName, int]
 
 
-def layout_of(descriptions: Mapping[str, ModelDescription]) -> Layout:
+def make_layout(descriptions: Mapping[str, ModelDescription]) -> RowLayout:
     """Columns of all outputs of all components, in the order of the components and of their variables.
 
     Strings are left out: they have no place in an array of numbers.
     """
-    real: dict[Port, Column] = {}
-    discrete: dict[Port, Column] = {}
+    real: dict[PortName, Column] = {}
+    discrete: dict[PortName, Column] = {}
     for name, description in descriptions.items():
         for variable in description.modelVariables:
             if variable.causality != "output" or variable.type == "String":
                 continue
-            port = Port(name, variable.name)
-            column = Column(str(port), unit_of(variable) or "1", variable.type, variable.description or "")
+            port = PortName(name, variable.name)
+            column = Column(str(port), get_unit(variable) or "1", variable.type, variable.description or "")
             (discrete if variable.type in DISCRETE_TYPES else real)[port] = column
-    return Layout(
+    return RowLayout(
         (*real.values(), *discrete.values()),
         {port: place for place, port in enumerate(real)},
         {port: place for place, port in enumerate(discrete)},
@@ -64,7 +64,7 @@ def layout_of(descriptions: Mapping[str, ModelDescription]) -> Layout:
 class Latest:
     """The outputs of one kind of numbers at the last communication point; FMUs write to it by address."""
 
-    places: Mapping[Port, int]
+    places: Mapping[PortName, int]
     values: NDArray[Any]
 
 
@@ -78,7 +78,7 @@ class Rows:
     views: such a copy takes half of the time that numpy needs (0.13 instead of 0.29 us for 65 numbers).
     """
 
-    def __init__(self, layout: Layout, capacity: int) -> None:
+    def __init__(self, layout: RowLayout, capacity: int) -> None:
         self.capacity = capacity
         self.filled = 0
         self.first_index = 0

@@ -17,7 +17,7 @@ from pathlib import Path, PurePosixPath
 from fmpy.model_description import ModelDescription
 
 from ..slavekit.pack import zip_writer as archive
-from .description import read_descriptions, read_start, typed_value, variables_of
+from .description import convert_value, index_variables, read_descriptions, read_start
 from .errors import SystemFileError, UsageError
 from .graph import check_wiring
 from .ssp_xml import fmu_place, parameter_set_xml, parameters_place, structure_xml
@@ -63,11 +63,11 @@ def chosen_values(
     """Start values that go into the component's parameter set, in the order of the model description."""
     inputs = set(open_inputs)
     chosen = {}
-    for name, variable in variables_of(description).items():
+    for name, variable in index_variables(description).items():
         switch = variable.causality == "parameter" and variable.type in ("Boolean", "Integer")
         if name in component.parameters:
             entry = component.parameters[name]
-            chosen[name] = Parameter(typed_value(variable, entry.value), entry.unit, entry.origin)
+            chosen[name] = Parameter(convert_value(variable, entry.value), entry.unit, entry.origin)
         elif (name in inputs or switch) and variable.start is not None:
             chosen[name] = Parameter(read_start(variable), variable.unit, "start value of the FMU")
     return chosen

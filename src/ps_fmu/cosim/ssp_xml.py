@@ -11,7 +11,7 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 from fmpy.model_description import ModelDescription, ModelVariable, Unit
 
-from .description import unit_of, variables_of
+from .description import get_unit, index_variables
 from .structure import Component, Parameter, System
 from .system import FMU_TYPE, PARAMETER_TYPE
 
@@ -94,7 +94,7 @@ def _add_component(
 
     It has no annotations: OMSimulator refuses a system in which a component has any.
     """
-    variables = variables_of(description)
+    variables = index_variables(description)
     element = SubElement(
         elements,
         "ssd:Component",
@@ -128,7 +128,7 @@ def _add_master(top: Element, step: float) -> None:
 
 def parameter_set_xml(values: Mapping[str, Parameter], description: ModelDescription) -> bytes:
     """A ``.ssv`` file with bare variable names; the values have the FMI types of the variables."""
-    variables = variables_of(description)
+    variables = index_variables(description)
     root = Element("ssv:ParameterSet", {**_SET_SPACES, "version": "1.0", "name": PARAMETER_SET})
     parameters = SubElement(root, "ssv:Parameters")
     units: dict[str, Unit] = {}
@@ -152,7 +152,7 @@ def real_values_xml(values: Mapping[str, float]) -> bytes:
 
 def _unit(variable: ModelVariable, description: ModelDescription, used: dict[str, Unit]) -> dict[str, str]:
     """The attribute ``unit``, where SSP can define it (units with SI exponents); adds the unit to ``used``."""
-    name = unit_of(variable)
+    name = get_unit(variable)
     for unit in description.unitDefinitions:
         if variable.type == "Real" and unit.name == name and unit.baseUnit is not None:
             used.setdefault(unit.name, unit)

@@ -19,7 +19,7 @@ Value = float | int | bool | str
 COMPONENT_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 
 
-class Port(NamedTuple):
+class PortName(NamedTuple):
     """A variable of a component, written ``component.variable`` (the variable may contain dots)."""
 
     component: str
@@ -64,8 +64,8 @@ class Component:
 class Connection:
     """Signal path from an output to an input."""
 
-    source: Port
-    target: Port
+    source: PortName
+    target: PortName
     line: int
 
 
@@ -142,7 +142,7 @@ class System:
         for name, value in named.items():
             entry = value if isinstance(value, Parameter) else Parameter(value, None, "given by the caller")
             try:
-                port = port_of(name)
+                port = parse_port(name)
                 self.component(port.component)
             except UsageError as error:
                 raise UsageError(f"parameter {name!r} ({entry.origin}): {error}") from error
@@ -176,15 +176,15 @@ class UnpackedFolder:
             raise SystemFileError(self.locate(error.path), error.text, error.line) from error
 
 
-def port_of(name: str) -> Port:
+def parse_port(name: str) -> PortName:
     """``component.variable`` taken apart.  Raises :class:`UsageError` for a name of another form."""
     component, dot, variable = name.partition(".")
     if not (dot and variable and COMPONENT_NAME.fullmatch(component)):
         raise UsageError(f"{name!r} is not of the form component.variable")
-    return Port(component, variable)
+    return PortName(component, variable)
 
 
-def closest(name: str, known: Iterable[str]) -> str:
+def suggest_names(name: str, known: Iterable[str]) -> str:
     """Hint for a misspelt name: ``; did you mean a, b?``, or nothing."""
     near = difflib.get_close_matches(name, list(known), n=3, cutoff=0.6)
     return f"; did you mean {', '.join(near)}?" if near else ""

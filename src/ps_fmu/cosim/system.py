@@ -11,7 +11,7 @@ from pathlib import Path, PurePosixPath
 from .archive import extract
 from .dialect import check_element, only_child
 from .errors import SystemFileError
-from .parameters import parameter_set, read_parameters, real_number
+from .ssv import parameter_set, read_parameters, real_number
 from .structure import (
     COMPONENT_NAME,
     Component,
@@ -19,10 +19,10 @@ from .structure import (
     Connector,
     Experiment,
     Parameter,
-    Port,
+    PortName,
     System,
     UnpackedFolder,
-    closest,
+    suggest_names,
 )
 from .xmlfile import Element, read_xml
 
@@ -201,16 +201,16 @@ class _Reader:
         for element in group.children if group is not None else ():
             check_element(element, self.ssd)
             ends = [
-                Port(element.attributes[f"{end}Element"], element.attributes[f"{end}Connector"])
+                PortName(element.attributes[f"{end}Element"], element.attributes[f"{end}Connector"])
                 for end in ("start", "end")
             ]
             for port in ends:
                 if port.component not in components:
-                    hint = closest(port.component, components)
+                    hint = suggest_names(port.component, components)
                     raise self.fail(f"connection: there is no component {port.component!r}{hint}", element)
                 known = [c.name for c in components[port.component].connectors]
                 if port.variable not in known:
-                    hint = closest(port.variable, known)
+                    hint = suggest_names(port.variable, known)
                     raise self.fail(
                         f"connection: component {port.component!r} has no connector {port.variable!r}{hint}",
                         element,

@@ -7,9 +7,9 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from ..cosim import System, read_system
+from ..runs.built_fmus import ensure_built
 from ..runs.options import OptionError, RunOptions, Scenario
 from ..runs.output import hold_folder
-from ..runs.sources import ensure_built
 from ..slavekit.pack.build import BuildError, default_fmus
 from .analysis import AnalysisOptions
 

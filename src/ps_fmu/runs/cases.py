@@ -75,7 +75,7 @@ class Bounds:
         )
 
 
-class Analysis(Protocol):
+class RunRecord(Protocol):
     """What is to be learnt from a run, block by block."""
 
     @property
@@ -83,7 +83,7 @@ class Analysis(Protocol):
         """The observers that feed it."""
 
 
-A = TypeVar("A", bound=Analysis)
+A = TypeVar("A", bound=RunRecord)
 Progress = Callable[[float, float, float], None]
 """Takes simulated time [s], wall time [s], simulated over wall time."""
 

@@ -18,7 +18,7 @@ from ..results import plots
 from ..results.report import Picture
 from ..results.tables import Table, format_angles, format_number
 from .cases import Case, Outcome, run_case
-from .jitter_record import Jitter
+from .jitter_record import JitterRecord
 from .options import RunOptions
 from .setup import RunSystem
 
@@ -39,8 +39,8 @@ class Comparison:
     """The payload's jitter at one orientation without and with the isolator."""
 
     target: Orientation
-    passive: Jitter
-    active: Jitter
+    passive: JitterRecord
+    active: JitterRecord
     outcomes: tuple[Outcome, Outcome]
 
     @property
@@ -115,7 +115,7 @@ def compare(
     roll, pitch, yaw = map(float, target)
     targets = dict(zip(TARGET, (roll, pitch, yaw), strict=True))
     steps = lead_steps + options.steps
-    judge = partial(Jitter, step_s=options.step_s, steps=steps, lead_steps=lead_steps)
+    judge = partial(JitterRecord, step_s=options.step_s, steps=steps, lead_steps=lead_steps)
     found = [
         run_case(
             system,

@@ -28,7 +28,7 @@ WINDOW_S = 1.0  # of the ECSS indices: an averaging time of a terminal, an expos
 MAX_SEGMENT_ROWS = 2**18  # 26 s at 1e-4 s; a spectrum from 0.04 Hz in 2 MB per signal
 
 
-class Jitter:
+class JitterRecord:
     """Statistics, ECSS indices, spectra, scatter and envelope of one run; ``observers`` goes to the master.
 
     ``steps`` is the length of the run; ``window_s`` the window of the ECSS indices [s].  With ``lead_steps`` the

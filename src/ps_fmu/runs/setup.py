@@ -8,8 +8,8 @@ from dataclasses import dataclass, field, replace
 from fmpy.model_description import ModelDescription
 
 from ..cosim import System, UsageError, Value, read_parameters, read_system
-from ..cosim.description import read_descriptions, read_start, typed_value, unit_of, variable_of, variables_of
-from ..cosim.structure import Parameter, port_of
+from ..cosim.description import convert_value, find_variable, get_unit, index_variables, read_descriptions, read_start
+from ..cosim.structure import Parameter, parse_port
 from ..results.summary import FmuFile
 from .options import OptionError, RunOptions
 from .warning_log import WarningLog
@@ -40,16 +40,16 @@ class RunSystem:
 
         Raises :class:`ps_fmu.cosim.UsageError` for a value that is not of the variable's type or unit.
         """
-        port = port_of(name)
+        port = parse_port(name)
         entry = self.structure.component(port.component).parameters.get(port.variable)
-        variable = variable_of(self.descriptions[port.component], port.variable)
+        variable = find_variable(self.descriptions[port.component], port.variable)
         if entry is None:
             return read_start(variable)
-        unit = unit_of(variable)
+        unit = get_unit(variable)
         if entry.unit and unit and entry.unit != unit:
             raise UsageError(f"{name} ({entry.origin}): is given in {entry.unit!r}, its unit is {unit!r}")
         try:
-            return typed_value(variable, entry.value)
+            return convert_value(variable, entry.value)
         except UsageError as error:
             raise UsageError(f"{name} ({entry.origin}): {error}") from error
 
@@ -59,7 +59,7 @@ class RunSystem:
 
     def get_origin(self, name: str) -> str:
         """Where the start value of ``component.variable`` comes from: a file with its line, or the FMU."""
-        port = port_of(name)
+        port = parse_port(name)
         component = self.structure.component(port.component)
         entry = component.parameters.get(port.variable)
         return component.source.name if entry is None else entry.origin
@@ -94,7 +94,7 @@ def collect_parameters(options: RunOptions, system: RunSystem) -> dict[str, obje
         SEED: system.get_start(SEED),
     }
     for component in system.structure.components:
-        variables = variables_of(system.descriptions[component.name])
+        variables = index_variables(system.descriptions[component.name])
         found |= {
             f"{component.name}.{name}": entry.value
             for name, entry in component.parameters.items()

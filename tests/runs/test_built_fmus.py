@@ -2,7 +2,7 @@ import os
 
 import pytest
 
-from ps_fmu.runs.sources import ensure_built, find_newest_source, list_models, list_outdated
+from ps_fmu.runs.built_fmus import ensure_built, find_newest_source, list_models, list_outdated
 
 
 @pytest.fixture

@@ -21,7 +21,7 @@ from fmpy.model_description import ModelDescription
 
 from . import pythonfmu
 from .archive import extract
-from .description import typed_value, variables_of
+from .description import convert_value, index_variables
 from .errors import SlaveError, SystemFileError, UsageError, status_name
 from .messages import MessageLog, forget, listen
 from .structure import Component, Value
@@ -41,7 +41,7 @@ FAMILY = {name: name for name in ("Real", "Integer", "Boolean", "String")} | {"E
 C_TYPES: dict[str, Any] = {"Real": c_double, "Integer": c_int, "Boolean": c_int, "String": c_char_p}
 
 
-class Phase(Enum):
+class InstancePhase(Enum):
     """Where an instance is in its life."""
 
     INSTANTIATED = auto()
@@ -62,7 +62,7 @@ _ADVICE = {
 }
 
 
-class Slave:
+class FmuInstance:
     """An instance of an FMU, from loading its library to freeing it.
 
     Raises :class:`SystemFileError` if the FMU cannot be unpacked or loaded, :class:`SlaveError` from every
@@ -72,7 +72,7 @@ class Slave:
     def __init__(self, component: Component, description: ModelDescription, folder: Path) -> None:
         self.name = component.name
         self.source = component.source
-        self.variables = variables_of(description)
+        self.variables = index_variables(description)
         self.runs_python = (description.generationTool or "").startswith("PythonFMU")
         self.messages = MessageLog(self.name)
         self.warnings = 0
@@ -84,7 +84,7 @@ class Slave:
                 f"is unpacked in {folder}, which some FMUs cannot read: point TMPDIR to a folder "
                 "whose name has only ASCII letters, digits, and . _ -",
             )
-        self._fmu = _load(component, description, folder)
+        self._fmu = load_library(component, description, folder)
         if pythonfmu.is_plain(self._fmu.dll) and (problem := pythonfmu.missing_in(folder)):
             raise SystemFileError(component.source, problem)
         self._callbacks = listen(self.messages)
@@ -102,7 +102,7 @@ class Slave:
                 messages=messages,
             ) from error
         self.address: int = self._fmu.component
-        self.phase = Phase.INSTANTIATED
+        self.phase = InstancePhase.INSTANTIATED
 
     # ---- the life of an instance -------------------------------------------------------------------------
 
@@ -113,24 +113,24 @@ class Slave:
     def enter_initialisation(self, time: float) -> None:
         """fmi2EnterInitializationMode."""
         self._call("fmi2EnterInitializationMode", time=time)
-        self.phase = Phase.INITIALISING
+        self.phase = InstancePhase.INITIALISING
 
     def exit_initialisation(self, time: float) -> None:
         """fmi2ExitInitializationMode."""
         self._call("fmi2ExitInitializationMode", time=time)
-        self.phase = Phase.RUNNING
+        self.phase = InstancePhase.RUNNING
 
     def terminate(self, time: float) -> None:
         """fmi2Terminate, where the standard allows it; otherwise nothing."""
-        if self.phase in (Phase.RUNNING, Phase.STEP_FAILED):
-            self.phase = Phase.TERMINATED
+        if self.phase in (InstancePhase.RUNNING, InstancePhase.STEP_FAILED):
+            self.phase = InstancePhase.TERMINATED
             self._call("fmi2Terminate", time=time)
 
     def free(self) -> None:
         """fmi2FreeInstance and unloading of the library; nothing after fmi2Fatal."""
         self.messages.show_held()
-        if self.phase not in (Phase.FATAL, Phase.FREED):
-            self.phase = Phase.FREED
+        if self.phase not in (InstancePhase.FATAL, InstancePhase.FREED):
+            self.phase = InstancePhase.FREED
             pythonfmu.release_once(self._fmu.dll)
             self._fmu.freeInstance()
             forget(self._callbacks)
@@ -140,7 +140,7 @@ class Slave:
     def set(self, values: Mapping[str, Value], time: float) -> None:
         """Set variables by name, one call per type.  Raises :class:`UsageError` for another type."""
         for family, names in self._families(values).items():
-            typed = [typed_value(self.variables[name], values[name]) for name in names]
+            typed = [convert_value(self.variables[name], values[name]) for name in names]
             raw = [value.encode() if isinstance(value, str) else value for value in typed]
             array = (C_TYPES[family] * len(names))(*raw)
             self._call(f"fmi2Set{family}", *self._references(names), array, time=time, variables=names)
@@ -175,13 +175,13 @@ class Slave:
             self.warnings += 1
             self.messages.show(f"{function} returned fmi2Warning")
             return
-        advice = _ADVICE.get(status, "Only synchronous slaves that answer with an fmi2Status can be run.")
+        advice = _ADVICE.get(status, "Only synchronous instances that answer with an fmi2Status can be run.")
         details = f" (variables: {', '.join(variables)})" if variables else ""
         if status == DISCARD and function == "fmi2DoStep":
-            self.phase = Phase.STEP_FAILED
+            self.phase = InstancePhase.STEP_FAILED
             details += self._last_successful_time()
         elif status != DISCARD:
-            self.phase = Phase.FATAL if status == FATAL else Phase.ERROR
+            self.phase = InstancePhase.FATAL if status == FATAL else InstancePhase.ERROR
         messages = self.messages.take()
         raise SlaveError(
             f"{self.name}: {where} returned {status_name(status)}{details}{_quoted(messages)}\n  {advice}",
@@ -203,7 +203,7 @@ class Slave:
     def _call(
         self, function: str, *arguments: Any, time: float | None = None, variables: Sequence[str] = ()
     ) -> None:
-        if self.phase in (Phase.FATAL, Phase.FREED):
+        if self.phase in (InstancePhase.FATAL, InstancePhase.FREED):
             raise UsageError(
                 f"{self.name}: {function} cannot be called, the instance is {self.phase.name.lower()}"
             )
@@ -233,7 +233,7 @@ def _quoted(messages: Sequence[str]) -> str:
     return "\n  The FMU says:\n" + "\n".join("    " + line.replace("\n", "\n    ") for line in messages)
 
 
-def _load(component: Component, description: ModelDescription, folder: Path) -> FMU2Slave:
+def load_library(component: Component, description: ModelDescription, folder: Path) -> FMU2Slave:
     """Load the library; FMPy changes the working directory for that and leaves it changed when it fails."""
     with _LOADING:
         directory = Path.cwd()
