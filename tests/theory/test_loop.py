@@ -6,7 +6,8 @@ from support.mechanics import PAPER
 
 from ps_fmu.mechanism.parameters import load
 from ps_fmu.paper.published import published_numbers
-from ps_fmu.theory.loop import delay_limit_by_bisection, element_margins, loop_at
+from ps_fmu.theory.loop import delay_limit_by_bisection, loop_at
+from ps_fmu.theory.margins import element_margins
 from ps_fmu.theory.state_space import closed_loop
 
 DELAY = 0.02  # s

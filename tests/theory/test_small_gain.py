@@ -14,7 +14,7 @@ from ps_fmu.theory.small_gain import (
     nominal_complement_bound,
     nominal_loop_poles,
 )
-from ps_fmu.theory.transfer_matrices import Nominal, Practical, crowded
+from ps_fmu.theory.transfer_matrices import Nominal, Practical, place_frequencies
 
 DELAY = 0.02  # s
 S = 2j * np.pi * np.geomspace(0.05, 300.0, 60)  # rad/s
@@ -57,7 +57,7 @@ def test_a_grid_crowded_at_the_poles_finds_the_peaks():
         return largest_singular_value(nominal_complement(plant, 2j * np.pi * f)).max()
 
     dense = peak(np.linspace(*band, 10_001))
-    assert peak(crowded(nominal_loop_poles(SYSTEM), *band, 20)) == pytest.approx(dense, rel=0.01)
+    assert peak(place_frequencies(nominal_loop_poles(SYSTEM), *band, 20)) == pytest.approx(dense, rel=0.01)
     assert peak(np.geomspace(*band, 20)) < 0.9 * dense
 
 

@@ -13,7 +13,6 @@ and K_we have all their poles in the left half-plane.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -26,7 +25,7 @@ from ..mechanism.inverse_kinematics import inverse_kinematics
 from ..mechanism.linear_model import Plant, PlantModel
 from ..mechanism.parameters import Parameters
 from .state_space import BASE_ACCELERATION, FINE_FORCES, controller_system, plant_system
-from .transfer_matrices import Practical, crowded
+from .transfer_matrices import Practical
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -205,59 +204,6 @@ def loop_of(plant: Plant, isolator: Isolator, orientation: ArrayLike, delay: flo
     return Loop(plant.linearise(command), isolator.controller(orientation), delay)
 
 
-# --- Margins as the paper reads them ------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class Margins:
-    """One element of L as a Bode diagram: what Fig 10 and section 4.2 state."""
-
-    largest_gain_db: float
-    largest_gain_at: float
-    """Hz."""
-    gain_crossings: tuple[float, ...]
-    """Hz, where the gain passes 0 dB."""
-    phase_crossings: tuple[float, ...]
-    """Hz, where the phase passes -180 deg while the gain is above 0 dB."""
-    phase_margin: float
-    """deg, phase above -180 deg at the last gain crossing; nan without one."""
-
-
-def element_margins(loop: Loop, band: tuple[float, float], row: int = 0, column: int = 0) -> Margins:
-    """Margins of +L[row, column] against the point -1, over a band of frequencies, Hz."""
-
-    def element(f: ArrayLike) -> Complex:
-        return loop.transfer(2j * np.pi * np.asarray(f))[..., row, column]
-
-    return margins(element, crowded(loop.plant_poles(), *band, 1500))
-
-
-def margins(element: Callable[[ArrayLike], Complex], frequency: Array) -> Margins:
-    """Margins of a function of frequency (Hz) against the point -1.
-
-    It is searched at the frequencies (n,), and then followed between them.
-    """
-    from scipy.optimize import minimize_scalar
-
-    def gain(value: Complex) -> Array:
-        return np.asarray(20.0 * np.log10(np.abs(value)))
-
-    def phase(value: Complex) -> Array:
-        """Distance from -180 deg, deg, between -180 and 180."""
-        return np.asarray(np.degrees(np.angle(-value)))
-
-    values = element(frequency)
-    gains = gain(values)
-    crossings = _roots(lambda f: gain(element(f)), frequency, gains)
-    turning = _roots(lambda f: phase(element(f)), frequency, phase(values), jump=180.0)
-    turning = [f for f in turning if gain(element(f)) > 0.0]
-    margin = float(phase(element(crossings[-1]))) if crossings else np.nan
-    top = int(np.clip(gains.argmax(), 1, len(frequency) - 2))
-    around = (frequency[top - 1], frequency[top + 1])
-    peak = minimize_scalar(lambda f: -gain(element(f)), bounds=around, method="bounded")
-    return Margins(-float(peak.fun), float(peak.x), tuple(crossings), tuple(turning), margin)
-
-
 def _delayed(s: Complex, delay: float) -> Complex:
     return np.asarray(np.exp(-s * delay))[..., None, None]
 
@@ -270,14 +216,6 @@ def _crossing(loop: Loop, branch: int, low: float, high: float) -> float:
         return float(np.sort(np.abs(loop.eigenvalues(2j * np.pi * f)))[branch] - 1.0)
 
     return float(brentq(above, low, high, xtol=1e-12 * high))
-
-
-def _roots(f: Callable[[float], Array], x: Array, y: Array, jump: float = np.inf) -> list[float]:
-    """Where f, with values y at the points x, passes zero, but for jumps larger than ``jump``."""
-    from scipy.optimize import brentq
-
-    places = np.flatnonzero((np.sign(y[1:]) != np.sign(y[:-1])) & (np.abs(np.diff(y)) < jump))
-    return [float(brentq(f, x[k], x[k + 1], xtol=1e-12 * x[k])) for k in places]
 
 
 def _distinct(values: Complex) -> Complex:

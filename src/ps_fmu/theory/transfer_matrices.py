@@ -184,7 +184,7 @@ class Practical:
         return d_f, np.flatnonzero(d.active)[d_f.stop :]
 
 
-def crowded(poles: Complex, low: float, high: float, points: int = 6000, per_pole: int = 60) -> Array:
+def place_frequencies(poles: Complex, low: float, high: float, points: int = 6000, per_pole: int = 60) -> Array:
     """Frequencies, Hz, logarithmic from low to high, and more of them around poles (n,), rad/s, by their damping."""
     poles = poles[poles.imag > 0.0] / (2.0 * np.pi)  # Hz
     spread = np.sinh(np.linspace(-6.0, 6.0, per_pole))

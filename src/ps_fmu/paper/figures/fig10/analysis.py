@@ -9,7 +9,7 @@ from tqdm import tqdm
 
 from ....results.report import draw_pictures
 from ....runs.options import Scenario
-from ....theory.loop import Margins
+from ....theory.margins import Margins
 from ...analysis import AnalysisOptions
 from ...analysis_result import AnalysisResult
 from ...bus_cases import CASES

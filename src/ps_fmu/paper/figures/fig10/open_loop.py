@@ -18,7 +18,8 @@ from tqdm import tqdm
 
 from ....cosim import System, Value
 from ....pointing.response import Response
-from ....theory.loop import Margins, loop_at, margins
+from ....theory.loop import loop_at
+from ....theory.margins import Margins, margins
 from ....theory.sampled import loop_sampled
 from ....theory.transfer_matrices import Complex
 from ...agreement import coherent

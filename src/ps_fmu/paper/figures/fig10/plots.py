@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ....results.style import REFERENCE, draw
 from ....theory.small_gain import largest_singular_value, nominal_loop_poles
-from ....theory.transfer_matrices import crowded
+from ....theory.transfer_matrices import place_frequencies
 from ...bus_cases import COLOURS, load_case
 from ...nominal_system import assemble_nominal, small_gain_curves
 from .open_loop import OpenLoop
@@ -71,7 +71,8 @@ def nyquist_figure(path: Path, verdicts: Mapping[str, LoopVerdict]) -> None:
     def paint(figure: Figure) -> None:
         panels = figure.subplots(2, 2, height_ratios=(1.5, 1.0))
         for case, v in verdicts.items():
-            eigenvalues = _eigenvalues(v, np.union1d(crowded(v.poles, 1e-3, DRAWN, 2000), np.linspace(4.5, 6.5, 500)))
+            frequency = np.union1d(place_frequencies(v.poles, 1e-3, DRAWN, 2000), np.linspace(4.5, 6.5, 500))  # Hz
+            eigenvalues = _eigenvalues(v, frequency)
             ends = _eigenvalues(v, np.add.outer(ARROWS[case], [0.0, 0.01]))
             for (upper, lower), (sign, _) in zip(panels.T, READINGS, strict=True):
                 curve = _determinant(eigenvalues, sign)
@@ -94,7 +95,8 @@ def nyquist_figure(path: Path, verdicts: Mapping[str, LoopVerdict]) -> None:
 
 def distance_beyond(verdicts: Mapping[str, LoopVerdict]) -> float:
     """Largest distance of det(E - L) and det(E + L) from one, beyond what the Nyquist figure shows."""
-    eigenvalues = [_eigenvalues(v, crowded(v.loop.plant_poles(), DRAWN, 1e4, 2000)) for v in verdicts.values()]
+    frequencies = [place_frequencies(v.loop.plant_poles(), DRAWN, 1e4, 2000) for v in verdicts.values()]  # Hz
+    eigenvalues = [_eigenvalues(v, f) for v, f in zip(verdicts.values(), frequencies, strict=True)]
     return max(float(np.abs(_determinant(e, sign) - 1.0).max()) for e in eigenvalues for sign, _ in READINGS)
 
 
@@ -121,10 +123,10 @@ def sensitivity_figure(path: Path, verdicts: Mapping[str, LoopVerdict]) -> None:
     def paint(figure: Figure) -> None:
         upper, lower = figure.subplots(2, 1, sharex=True)
         for case, verdict in verdicts.items():
-            frequency = crowded(verdict.poles, 0.1, 300.0, 3000)
+            frequency = place_frequencies(verdict.poles, 0.1, 300.0, 3000)
             S = largest_singular_value(verdict.loop.sensitivity(2j * np.pi * frequency))
             upper.semilogx(frequency, S, color=COLOURS[case], label=case)
-            frequency = crowded(nominal_loop_poles(assemble_nominal(load_case(case))), 0.1, 300.0, 3000)
+            frequency = place_frequencies(nominal_loop_poles(assemble_nominal(load_case(case))), 0.1, 300.0, 3000)
             left, bound = small_gain_curves(case, frequency, verdict.loop.delay)
             lower.loglog(frequency, left, color=COLOURS[case])
             lower.loglog(frequency, bound, color=COLOURS[case], linestyle=":", linewidth=1.2)

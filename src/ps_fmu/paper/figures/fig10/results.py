@@ -11,10 +11,11 @@ from scipy.optimize import minimize_scalar
 
 from ....mechanism.parameters import Array
 from ....pointing.poles import rightmost
-from ....theory.loop import Loop, Margins, delay_limit_by_bisection, element_margins, loop_at
+from ....theory.loop import Loop, delay_limit_by_bisection, loop_at
+from ....theory.margins import Margins, element_margins
 from ....theory.small_gain import largest_singular_value, nominal_loop_poles
 from ....theory.state_space import controller_system
-from ....theory.transfer_matrices import Complex, crowded
+from ....theory.transfer_matrices import Complex, place_frequencies
 from ...bus_cases import SUSPENSION, load_case
 from ...nominal_system import assemble_nominal, mobile_base_factors, small_gain_curves
 
@@ -79,7 +80,7 @@ def judge(case: str, delay: float) -> LoopVerdict:
     poles = loop.poles()
     opened = np.concatenate([loop.plant_poles(), controller_system(loop.controller).poles()])
     factor, estimate = mobile_base_factors(case)
-    at_T = crowded(nominal_loop_poles(assemble_nominal(load_case(case))), *WIDE, 2000)
+    at_T = place_frequencies(nominal_loop_poles(assemble_nominal(load_case(case))), *WIDE, 2000)
     return LoopVerdict(
         case=case,
         loop=loop,
@@ -96,14 +97,14 @@ def judge(case: str, delay: float) -> LoopVerdict:
         small_gain=_find_peak(lambda f: small_gain_curves(case, f, delay)[0], at_T),
         small_gain_bound=_find_peak(lambda f: small_gain_curves(case, f, delay)[1], at_T),
         sensitivity=_find_peak(
-            lambda f: largest_singular_value(loop.sensitivity(2j * np.pi * f)), crowded(poles, *WIDE, 2000)
+            lambda f: largest_singular_value(loop.sensitivity(2j * np.pi * f)), place_frequencies(poles, *WIDE, 2000)
         ),
     )
 
 
 def least_gain_ratio_db(above: Loop, below: Loop) -> float:
     """Least ratio of the gains of element (1, 1) over :data:`WIDE`, dB."""
-    s = 2j * np.pi * crowded(np.concatenate([above.plant_poles(), below.plant_poles()]), *WIDE)
+    s = 2j * np.pi * place_frequencies(np.concatenate([above.plant_poles(), below.plant_poles()]), *WIDE)
     gains = [np.abs(loop.transfer(s)[:, 0, 0]) for loop in (above, below)]
     return float(20.0 * np.log10(gains[0] / gains[1]).min())
 
