@@ -15,7 +15,7 @@ from c_host import slave_class
 
 from ps_fmu.cosim import System
 from ps_fmu.cosim.structure import Component
-from ps_fmu.slavekit.author.core import by_columns
+from ps_fmu.slavekit.author.core import store_by_columns
 from ps_fmu.slavekit.author.slave import Slave
 from ps_fmu.slavekit.launcher.c_program import Program, Target
 from ps_fmu.slavekit.launcher.compile import LAUNCHER
@@ -80,6 +80,6 @@ def _numbers(slave: Slave, step: float, rows: int) -> bytes:
     if slave.block_rows:
         table, matrix = slave.rows(0.0, step, rows), np.zeros((0, 8 * -(-target.size // 8)))
     else:
-        table, matrix = np.zeros((0, target.size)), by_columns(slave.step_map(step))
+        table, matrix = np.zeros((0, target.size)), store_by_columns(slave.step_map(step))
     sizes = [data.size, layout.source.start, source.size, layout.target.start, target.size, matrix.shape[1], len(table)]
     return np.array(sizes, dtype=np.int64).tobytes() + data.tobytes() + matrix.tobytes() + table.tobytes()

@@ -16,7 +16,7 @@ from ps_fmu.fmucheck.fmu_check import check_fmu
 from ps_fmu.fmucheck.host.compile import HOST
 from ps_fmu.fmucheck.reading import read_description
 from ps_fmu.fmucheck.verdicts import NOT_RUN, OK
-from ps_fmu.slavekit.launcher.c_program import fmi_headers
+from ps_fmu.slavekit.launcher.c_program import find_fmi_headers
 
 SOURCES = Path(__file__).parent / "native"
 DESCRIPTION = (SOURCES / "modelDescription.xml").read_text()
@@ -30,7 +30,7 @@ STAGES = [
 def compiled(folder: Path, *flags: str) -> Path:
     library = folder / "Tank.so"
     command = [sys.executable, "-m", "ziglang", "cc", "-std=c99", "-D_GNU_SOURCE", "-O1", "-Wall", "-Wextra", "-Werror"]
-    command += ["-fPIC", "-shared", "-I", str(fmi_headers()), *flags, str(SOURCES / "tank.c"), "-o", str(library)]
+    command += ["-fPIC", "-shared", "-I", str(find_fmi_headers()), *flags, str(SOURCES / "tank.c"), "-o", str(library)]
     subprocess.run([*command, "-lm"], check=True)
     return library
 
@@ -231,7 +231,7 @@ def test_a_process_that_says_nothing(tmp_path):
 def test_the_host_under_checks_of_memory_and_undefined_behaviour(tank, tmp_path, monkeypatch):
     """gcc or clang as cc."""
     command = ["cc", "-std=c99", "-D_GNU_SOURCE", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
-    command += ["-I", str(fmi_headers()), *(str(HOST.folder / name) for name in HOST.sources)]
+    command += ["-I", str(find_fmi_headers()), *(str(HOST.folder / name) for name in HOST.sources)]
     subprocess.run([*command, "-o", str(tmp_path / "host"), "-ldl", "-lm"], check=True)
     monkeypatch.setattr(type(HOST), "path", lambda self, platform: tmp_path / "host")
     settings = {"ASAN_OPTIONS": "detect_leaks=0:exitcode=99", "UBSAN_OPTIONS": "exitcode=99"}

@@ -14,7 +14,7 @@ import pytest
 from support.host import unpack
 
 from ps_fmu.cosim import System, read_system
-from ps_fmu.slavekit.launcher.c_program import fmi_headers
+from ps_fmu.slavekit.launcher.c_program import find_fmi_headers
 from ps_fmu.slavekit.launcher.compile import LAUNCHER
 from ps_fmu.slavekit.pack.build import build_one
 from ps_fmu.slavekit.pack.bundle import bundle
@@ -59,7 +59,7 @@ def find_compiler() -> list[str]:
 
 
 def compile_c(compiler: list[str], sources: Sequence[Path], result: Path) -> None:
-    flags = ["-std=c99", "-D_GNU_SOURCE", "-O1", "-Wall", "-Wextra", "-Werror", "-I", str(fmi_headers())]
+    flags = ["-std=c99", "-D_GNU_SOURCE", "-O1", "-Wall", "-Wextra", "-Werror", "-I", str(find_fmi_headers())]
     libraries = ["-ldl", "-lpthread", "-lm"]
     subprocess.run([*compiler, *flags, *map(str, sources), "-o", str(result), *libraries], check=True)
 

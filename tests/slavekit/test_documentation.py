@@ -5,8 +5,8 @@ from xml.etree.ElementTree import fromstring, tostring
 
 import pytest
 
-from ps_fmu.slavekit.author.terminals import Terminal, terminals_and_icons
-from ps_fmu.slavekit.pack.dependencies import external_dependencies
+from ps_fmu.slavekit.author.terminals import Terminal, write_terminals
+from ps_fmu.slavekit.pack.dependencies import write_external_dependencies
 from ps_fmu.slavekit.pack.page import page
 
 README = r"""# Title & more
@@ -98,7 +98,7 @@ def test_all_variables_are_in_the_tables(description, toys):
 
 
 def test_terminals_are_listed(description, toys):
-    xml = terminals_and_icons([Terminal("motion", ("position", "speed"), "Motion")], toys["oscillator"].layout)
+    xml = write_terminals([Terminal("motion", ("position", "speed"), "Motion")], toys["oscillator"].layout)
     tables = shown("# Oscillator", description, xml).findall("body/div/table")
     assert texts(tables[-1], "tbody/tr/td") == ["motion", "Motion", "position, speed"]
 
@@ -111,7 +111,7 @@ def test_terminals_are_listed(description, toys):
     ],
 )
 def test_what_an_fmu_needs_of_the_machine(bundled, words):
-    text = external_dependencies("Oscillator", "3.11", ["numpy", "scipy"], bundled).decode()
+    text = write_external_dependencies("Oscillator", "3.11", ["numpy", "scipy"], bundled).decode()
     assert text.startswith("What Oscillator.fmu needs of the machine\n")
     for word in words:
         assert word in text

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from ps_fmu.slavekit.launcher.c_program import fmi_headers
+from ps_fmu.slavekit.launcher.c_program import find_fmi_headers
 from ps_fmu.slavekit.pack.elf import loaded
 
 SOURCE = "int answer(void) { static int calls; return 41 + ++calls; }\n"
@@ -51,6 +51,6 @@ def test_the_standard_librarys_modules_still_import(tmp_path):
 
 def test_what_is_no_complete_library_stays_as_it_is(library):
     content = library.read_bytes()
-    header = (fmi_headers() / "fmi2Functions.h").read_bytes()
+    header = (find_fmi_headers() / "fmi2Functions.h").read_bytes()
     cases = [b"", b"\x7fELF", content[:63], content[:100], content[:2000], b"\x7fELF\x01" + content[5:], header]
     assert [loaded(case) for case in cases] == cases

@@ -3,7 +3,7 @@
 import importlib
 import sys
 
-from ps_fmu.slavekit.pack.entry import entry_source
+from ps_fmu.slavekit.pack.entry import write_entry
 
 
 def test_an_import_in_another_thread_misses_no_entry(tmp_path, monkeypatch):
@@ -11,7 +11,7 @@ def test_an_import_in_another_thread_misses_no_entry(tmp_path, monkeypatch):
     (package / "slavekit" / "author").mkdir(parents=True)
     (package / "slavekit" / "author" / "guard.py").write_text("def keep_alive(*objects): pass\n")
     (package / "toy.py").write_text("class Toy: pass\n")
-    (tmp_path / "entry_of_the_toy.py").write_bytes(entry_source("toy_of_the_entry", "toy", "Toy"))
+    (tmp_path / "entry_of_the_toy.py").write_bytes(write_entry("toy_of_the_entry", "toy", "Toy"))
     before = list(sys.path)
     monkeypatch.setattr(sys, "path", list(before))
 

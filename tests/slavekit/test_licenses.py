@@ -23,7 +23,7 @@ def test_the_index_lists_the_others_and_ends_with_the_own_licence():
 
 def test_sources_bring_the_licence_of_pythonfmu_and_of_data():
     sources = {PurePosixPath("p/x.csv"): b"1", PurePosixPath("p/x.license"): b"by X", PurePosixPath("p/y.py"): b""}
-    found = {one.name: one for one in licenses.of_sources(sources)}
+    found = {one.name: one for one in licenses.collect_source_licenses(sources)}
     assert set(found) == {"pythonfmu.txt", "x.txt"}
     assert b"NTNU" in found["pythonfmu.txt"].text
     assert found["x.txt"].text == b"by X"
@@ -31,7 +31,7 @@ def test_sources_bring_the_licence_of_pythonfmu_and_of_data():
 
 def test_a_runtime_brings_those_of_python_packages_and_libraries(tmp_path):
     library = tmp_path / "libunknown.so.1"
-    found = {one.name: one for one in licenses.of_runtime(["numpy"], [library])}
+    found = {one.name: one for one in licenses.collect_runtime_licenses(["numpy"], [library])}
     assert b"PYTHON SOFTWARE FOUNDATION LICENSE" in found["python.txt"].text
     assert b"OpenBLAS" in found["numpy/LICENSE.txt"].text
     assert found["numpy/LICENSE.txt"].subject == f"numpy {np.__version__} and the libraries that it brings"
@@ -48,4 +48,4 @@ def test_a_distribution_without_a_licence_is_named(monkeypatch):
 
     monkeypatch.setattr(licenses.importlib.metadata, "distribution", lambda _name: Bare())
     with pytest.raises(licenses.LicenseError, match="the installed pythonfmu carries no licence text"):
-        list(licenses.of_sources({}))
+        list(licenses.collect_source_licenses({}))

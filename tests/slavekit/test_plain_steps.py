@@ -7,9 +7,9 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from ps_fmu.slavekit.author.core import Core, Limits, by_columns, core_for
-from ps_fmu.slavekit.author.layout import Layout
-from ps_fmu.slavekit.author.plain import plain_step
+from ps_fmu.slavekit.author.core import Core, OutputLimits, make_core, store_by_columns
+from ps_fmu.slavekit.author.layout import BufferLayout
+from ps_fmu.slavekit.author.plain import make_plain_step
 from ps_fmu.slavekit.author.slave import Port, Slave
 from ps_fmu.slavekit.launcher.compile import LAUNCHER
 
@@ -19,9 +19,9 @@ H = 0.01  # s
 def core_of(n_outputs: int, n_states: int, n_inputs: int) -> tuple[Core, np.ndarray]:
     """A core and its buffer."""
     ports = [Port(f"y_{i}", "output") for i in range(n_outputs)] + [Port(f"u_{i}", "input") for i in range(n_inputs)]
-    layout = Layout("sizes", "1", ports, n_states, 0, 0)
+    layout = BufferLayout("sizes", "1", ports, n_states, 0, 0)
     data = np.zeros(layout.size)
-    return core_for(layout, data), data
+    return make_core(layout, data), data
 
 
 def by_kernel(instructions: str, core: Core) -> bool:
@@ -44,14 +44,14 @@ def test_products_have_the_same_bits(instructions, n_outputs, n_states, n_inputs
     core, data = core_of(n_outputs, n_states, n_inputs)
     random = np.random.default_rng(n_outputs + 100 * n_states + 10_000 * n_inputs)
     m, n = n_outputs + n_states, n_states + n_inputs
-    core.use_map(by_columns(random.standard_normal((m, n)) * 10.0 ** random.integers(-12, 12, (m, n))))
+    core.use_map(store_by_columns(random.standard_normal((m, n)) * 10.0 ** random.integers(-12, 12, (m, n))))
     data[:] = random.standard_normal(data.size)
     data[::5] = -0.0
     before = data.copy()
     assert by_kernel(instructions, core)
     found = data.copy()
     data[:] = before
-    assert plain_step(core)()
+    assert make_plain_step(core)()
     assert found.tobytes() == data.tobytes()
     exact = [math.fsum(core.arrays["matrix"][:, i] * before[n_outputs:]) for i in range(m)]
     scale = np.abs(core.arrays["matrix"][:, :m].T * before[n_outputs:]).sum(axis=1)
@@ -61,10 +61,10 @@ def test_products_have_the_same_bits(instructions, n_outputs, n_states, n_inputs
 def test_tables_and_limits(instructions):
     core, data = core_of(3, 0, 0)
     core.use_table(np.array([[0.5, 2.0, 0.0], [-0.5, -2.0, 0.0], [-0.0, 1.0, 0.0]]))
-    core.use_limits(Limits(np.array([0.0, -1.0, -np.inf]), np.array([1.0, 1.0, np.inf]), 2))
+    core.use_limits(OutputLimits(np.array([0.0, -1.0, -np.inf]), np.array([1.0, 1.0, np.inf]), 2))
     core.block = 7
     expected = [[0.5, 1.0, 1.0], [0.0, -1.0, 1.0], [-0.0, 1.0, 0.0]]
-    for step in (lambda: by_kernel(instructions, core), plain_step(core)):
+    for step in (lambda: by_kernel(instructions, core), make_plain_step(core)):
         data[:] = 9.0
         for core.count in (6, 10):
             assert not step()
@@ -78,9 +78,9 @@ def test_tables_and_limits(instructions):
 @pytest.mark.parametrize("matrix", [[[1e200], [1.0]], [[1.0], [1e200]]])
 def test_a_result_that_is_not_finite_changes_nothing(instructions, matrix):
     core, data = core_of(1, 1, 0)
-    core.use_map(by_columns(np.array(matrix)))
-    core.use_limits(Limits(np.array([-1.0]), np.array([1.0]), -1))
-    for step in (lambda: by_kernel(instructions, core), plain_step(core)):
+    core.use_map(store_by_columns(np.array(matrix)))
+    core.use_limits(OutputLimits(np.array([-1.0]), np.array([1.0]), -1))
+    for step in (lambda: by_kernel(instructions, core), make_plain_step(core)):
         data[:] = 5.0, 1e200
         assert not step()
         assert data.tolist() == [5.0, 1e200]

@@ -8,7 +8,7 @@ import pytest
 from lxml import etree
 
 from ps_fmu.slavekit.author.slave import Slave, vector
-from ps_fmu.slavekit.author.terminals import Terminal, terminals_and_icons
+from ps_fmu.slavekit.author.terminals import Terminal, write_terminals
 
 SCHEMA = Path(fmpy.__file__).parent / "schema" / "fmi3" / "fmi3TerminalsAndIcons.xsd"
 
@@ -25,7 +25,7 @@ class Gripper(Slave):
 
 def test_members_are_the_components_in_their_order():
     terminals = [Terminal("grip", ("force",), "Force"), Terminal("motion", ("position", "force.z"), "Motion & more")]
-    data = terminals_and_icons(terminals, Gripper.layout)
+    data = write_terminals(terminals, Gripper.layout)
     etree.XMLSchema(etree.parse(str(SCHEMA))).assertValid(etree.fromstring(data))
     root = fromstring(data)
     assert root.get("fmiVersion") == "3.0"
@@ -40,4 +40,4 @@ def test_members_are_the_components_in_their_order():
 
 def test_a_member_that_does_not_exist_is_named():
     with pytest.raises(KeyError, match=r"Gripper has no variable 'torque'"):
-        terminals_and_icons([Terminal("grip", ("torque",), "")], Gripper.layout)
+        write_terminals([Terminal("grip", ("torque",), "")], Gripper.layout)

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from ps_fmu.slavekit.author.variables import Port, fmi_variable, numbered, vector
+from ps_fmu.slavekit.author.variables import Port, make_fmi_variable, numbered, vector
 
 
 @pytest.mark.parametrize("unit", ["", "furlong", "deg", "m s", "m^2", "m/", "2m", "N*m"])
@@ -61,7 +61,7 @@ def test_inputs_that_are_not_real_are_events():
 
 def test_xml_of_a_real_parameter_has_all_digits():
     port = Port("a.b", "parameter", "rad", "Text", start=0.1 + 0.2, min=-1, max=2, nominal=0.5, display_unit="deg")
-    element = fmi_variable(port, 7).to_xml()
+    element = make_fmi_variable(port, 7).to_xml()
     assert element.attrib == {
         "name": "a.b",
         "valueReference": "7",
@@ -93,7 +93,7 @@ def test_xml_of_a_real_parameter_has_all_digits():
     ],
 )
 def test_variability_and_initial_are_explicit_where_the_standard_has_them(port, variability, initial, inner):
-    element = fmi_variable(port, 0).to_xml()
+    element = make_fmi_variable(port, 0).to_xml()
     assert element.get("variability") == variability
     assert element.get("initial") == initial
     assert element[0].tag == port.type

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from hypothesis import strategies as st
 
-from ps_fmu.slavekit.author.slave import ModelError, Phase, Refused, Slave
+from ps_fmu.slavekit.author.slave import LifePhase, ModelError, Refused, Slave
 from ps_fmu.slavekit.author.state import to_bytes
 
 _NUMBERS = st.one_of(
@@ -20,9 +20,9 @@ _COUNTS = st.one_of(st.integers(-1, 2000), st.sampled_from((2**31, 2**52, 2**62,
 
 
 def clocks() -> st.SearchStrategy[dict[str, Any]]:
-    """Other values for some fields of a Clock."""
+    """Other values for some fields of a StepClock."""
     fields = {
-        "phase": st.sampled_from(Phase),
+        "phase": st.sampled_from(LifePhase),
         **dict.fromkeys(("ready", "stale", "pending"), st.booleans()),
         **dict.fromkeys(("count", "rows", "block"), _COUNTS),
         **dict.fromkeys(("start", "stop", "time", "origin", "step"), _NUMBERS),

@@ -7,7 +7,7 @@ from typing import Any
 
 from hypothesis import strategies as st
 
-from ps_fmu.slavekit.author.layout import Layout
+from ps_fmu.slavekit.author.layout import BufferLayout
 from support.fmi_calls.session import INSTANCES
 from support.fmi_calls.states import Mutation, sealed
 
@@ -20,7 +20,7 @@ KINDS = ("Real", "Integer", "Boolean", "String")
 
 
 
-def sequences(layout: Layout) -> st.SearchStrategy[list[Step]]:
+def sequences(layout: BufferLayout) -> st.SearchStrategy[list[Step]]:
     """Thirty to ninety calls to an FMU with these variables, after two instances have got on in their lives."""
     begin = st.tuples(st.sampled_from((4, 5, 2, 0)), st.sampled_from((0, 5, 2)))
     return st.tuples(begin, st.lists(_calls(layout), min_size=30, max_size=90)).map(
@@ -28,7 +28,7 @@ def sequences(layout: Layout) -> st.SearchStrategy[list[Step]]:
     )
 
 
-def _calls(layout: Layout) -> st.SearchStrategy[Step]:
+def _calls(layout: BufferLayout) -> st.SearchStrategy[Step]:
     """A call of any kind; what gets a simulation further is more frequent."""
     good_step = _call("step", _instances, st.just(0.0), st.sampled_from(STEPS))
     march = _call("march", _instances, st.integers(2, 9), st.sampled_from(STEPS))
@@ -51,7 +51,7 @@ _instances = st.sampled_from((0, 0, 0, 0, 0, 0, 1, 1, 2, INSTANCES))
 _places = st.sampled_from((0, 0, 0, 0, 0, 1, 1, 2, 3, None))
 _ordinary = st.sampled_from((0.1, 0.0, -0.05, 1.0, 0.3, 13.0))
 _doubles = _any_of(_ordinary, st.sampled_from(EXTREME), st.one_of(st.floats(), st.floats(-1.0, 1.0)))
-_texts = st.one_of(
+_read_texts = st.one_of(
     st.sampled_from(["", "100%s %n", "impossible", "a\nb", b"\xff\xfe", b"\xed\xa0\x80", b"\xc0\x80", None]),
     st.text(st.characters(exclude_characters="\0", exclude_categories=["Cs"]), max_size=20),
 )
@@ -59,14 +59,14 @@ _values: dict[str, st.SearchStrategy[Any]] = {
     "Real": _any_of(_ordinary, _ordinary, _doubles),
     "Integer": _any_of(st.integers(0, 10), st.sampled_from((2**31 - 1, -(2**31)))),
     "Boolean": st.sampled_from((0, 1, 2, -1)),
-    "String": _texts,
+    "String": _read_texts,
 }
 
 
 def _life_cycle() -> st.SearchStrategy[Step]:
     changes = ("EnterInitializationMode", "ExitInitializationMode", "Terminate")
     places = st.integers(0, INSTANCES - 1)
-    texts = _any_of(st.sampled_from(("a", "100% %s %n", "größe", "x" * 300)), _texts)
+    texts = _any_of(st.sampled_from(("a", "100% %s %n", "größe", "x" * 300)), _read_texts)
     guids = st.sampled_from(("", "", None, "{other}"))
     return _any_of(
         _call("set_up", _instances, _doubles, st.one_of(st.none(), _doubles), st.one_of(st.none(), _doubles)),
@@ -81,7 +81,7 @@ def _life_cycle() -> st.SearchStrategy[Step]:
     )
 
 
-def _access(layout: Layout, kind: str) -> st.SearchStrategy[Step]:
+def _access(layout: BufferLayout, kind: str) -> st.SearchStrategy[Step]:
     """Get and set variables of one FMI type."""
     known = [vr for vr, port in layout.by_reference.items() if port.type == kind]
     settable = [vr for vr in known if layout.by_reference[vr].causality != "output"]
@@ -99,7 +99,7 @@ def _set(kind: str, references: st.SearchStrategy[int], most: int) -> st.SearchS
     )
 
 
-def _odd_access(layout: Layout) -> st.SearchStrategy[Step]:
+def _odd_access(layout: BufferLayout) -> st.SearchStrategy[Step]:
     """Of any variables, with lengths and pointers as they should not be."""
     known = list(layout.by_reference)
     others = [0, layout.size - 1, layout.size + 50, 2**31 - 1, 2**31, 2**32 - 1]

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from ps_fmu.slavekit.author.core import REFERENCE
-from ps_fmu.slavekit.author.slave import Phase, Slave
+from ps_fmu.slavekit.author.slave import LifePhase, Slave
 from support.fmi_calls.caller import DISCARD, ERROR, OK, Caller, double, item, listed, read, text
 from support.fmi_calls.comparison import PLACES
 from support.fmi_calls.states import StateCalls
@@ -58,13 +58,13 @@ class Session(StateCalls):
             self.instantiate(instance, "ordinary")
         elif twin is None:
             return
-        elif twin.known.phase == Phase.INSTANTIATED and not twin.known.is_set_up:
+        elif twin.known.phase == LifePhase.INSTANTIATED and not twin.known.is_set_up:
             self.set_up(instance, 0.0)
-        elif twin.known.phase == Phase.INSTANTIATED:
+        elif twin.known.phase == LifePhase.INSTANTIATED:
             self.change(instance, "EnterInitializationMode")
-        elif twin.known.phase == Phase.INITIALISATION:
+        elif twin.known.phase == LifePhase.INITIALISATION:
             self.change(instance, "ExitInitializationMode")
-        elif twin.known.phase == Phase.STEPPING:
+        elif twin.known.phase == LifePhase.STEPPING:
             self.step(instance, 0.0, 0.01)
         else:
             self.reset(instance)
@@ -93,9 +93,9 @@ class Session(StateCalls):
     def change(self, instance: int, function: str) -> None:
         """EnterInitializationMode, ExitInitializationMode, Terminate."""
         method, phase = {
-            "EnterInitializationMode": ("enter_initialization_mode", Phase.INITIALISATION),
-            "ExitInitializationMode": ("exit_initialization_mode", Phase.STEPPING),
-            "Terminate": ("terminate", Phase.TERMINATED),
+            "EnterInitializationMode": ("enter_initialization_mode", LifePhase.INITIALISATION),
+            "ExitInitializationMode": ("exit_initialization_mode", LifePhase.STEPPING),
+            "Terminate": ("terminate", LifePhase.TERMINATED),
         }[function]
         answer = self.call(function, instance)
         twin = self.twins.get(instance)
@@ -144,7 +144,7 @@ class Session(StateCalls):
         fault = length > MOST_VALUES or (length > 0 and any(null)) or (kind == "String" and REFERENCE in references)
         allowed = twin is not None and twin.allows_reading(kind, references)
         by_model = twin is None or any(twin.ports[vr].causality == "output" for vr in references if vr in twin.ports)
-        certain = allowed and (not by_model or twin.known.phase >= Phase.STEPPING)
+        certain = allowed and (not by_model or twin.known.phase >= LifePhase.STEPPING)
         read_from = lambda: getattr(twin.slave, f"get_{kind.lower()}")(signed(references))  # noqa: E731
         expected = self.compare(f"Get{kind}", instance, answer, read_from, fault, allowed, certain)
         if expected is None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable
 
-from ps_fmu.slavekit.author.state import State, Unreadable, to_bytes
+from ps_fmu.slavekit.author.state import SlaveState, Unreadable, to_bytes
 from support.fmi_calls.caller import Answer, text
 from support.fmi_calls.comparison import Comparison
 from support.fmi_calls.twin import Twin
@@ -124,7 +124,7 @@ class StateCalls(Comparison):
         twin = self.twins.get(instance)
         fault = place is None or size is not None
 
-        def take() -> State:
+        def take() -> SlaveState:
             state = twin.slave._fmu_state_from_bytes(content)
             if isinstance(state, Unreadable):
                 twin.slave._set_fmu_state(state)  # raises

@@ -7,16 +7,16 @@ from dataclasses import dataclass, replace
 from math import inf, isfinite
 from typing import Any
 
-from ps_fmu.slavekit.author.slave import ModelError, Phase, Refused, Slave
-from ps_fmu.slavekit.author.state import State
+from ps_fmu.slavekit.author.slave import LifePhase, ModelError, Refused, Slave
+from ps_fmu.slavekit.author.state import SlaveState
 from support.fmi_calls.caller import ERROR, OK, Message
 
 ALLOWED = {
-    "SetupExperiment": {Phase.INSTANTIATED},
-    "EnterInitializationMode": {Phase.INSTANTIATED},
-    "ExitInitializationMode": {Phase.INITIALISATION},
-    "DoStep": {Phase.STEPPING},
-    "Terminate": {Phase.STEPPING},
+    "SetupExperiment": {LifePhase.INSTANTIATED},
+    "EnterInitializationMode": {LifePhase.INSTANTIATED},
+    "ExitInitializationMode": {LifePhase.INITIALISATION},
+    "DoStep": {LifePhase.STEPPING},
+    "Terminate": {LifePhase.STEPPING},
 }
 """In which phases the standard allows a call (FMI 2.0.4, section 4.2.4); all others are allowed in each of them.
 
@@ -25,8 +25,8 @@ may be read before the initialisation mode: they are the start values.
 """
 
 SETTABLE = {
-    "parameter": {Phase.INSTANTIATED, Phase.INITIALISATION},
-    "input": {Phase.INSTANTIATED, Phase.INITIALISATION, Phase.STEPPING},
+    "parameter": {LifePhase.INSTANTIATED, LifePhase.INITIALISATION},
+    "input": {LifePhase.INSTANTIATED, LifePhase.INITIALISATION, LifePhase.STEPPING},
     "output": set(),
 }
 """In which phases variables may be set: fixed parameters with initial = exact, inputs, calculated outputs."""
@@ -36,7 +36,7 @@ SETTABLE = {
 class Known:
     """What follows from the calls so far without looking into the slave."""
 
-    phase: Phase
+    phase: LifePhase
     is_set_up: bool
     values: dict[int, Any]
     """Parameters and inputs by value reference."""
@@ -53,7 +53,7 @@ class Twin:
         self.listens = listens  # the host has given a logger
         self.logging = logging
         self.categories: list[str] = []
-        self.states: dict[int, tuple[State, Known]] = {}  # by address
+        self.states: dict[int, tuple[SlaveState, Known]] = {}  # by address
         self.reset()
 
     def reset(self) -> None:
@@ -61,7 +61,7 @@ class Twin:
         self.slave = self.make()
         self.ports = self.slave.layout.by_reference
         start = {reference: port.start for reference, port in self.ports.items() if port.causality != "output"}
-        self.known = Known(Phase.INSTANTIATED, False, start, 0.0, inf)
+        self.known = Known(LifePhase.INSTANTIATED, False, start, 0.0, inf)
 
     def outcome(self, action: Callable[[], Any]) -> tuple[int, Any, list[Message]]:
         """Status, result and messages.  Whatever is raised but a refusal is a fault of the slave, and passes."""
@@ -89,7 +89,7 @@ class Twin:
         """Does the standard allow this call now?"""
         if function == "EnterInitializationMode" and not self.known.is_set_up:
             return False
-        return self.known.phase in ALLOWED.get(function, set(Phase))
+        return self.known.phase in ALLOWED.get(function, set(LifePhase))
 
     def allows_reading(self, kind: str, references: list[int]) -> bool:
         """Are all of these variables there, and of this type?"""
@@ -127,12 +127,12 @@ class Twin:
         """These variables were set."""
         self.known.values.update(zip(references, values, strict=True))
 
-    def save(self, address: int, state: State) -> None:
+    def save(self, address: int, state: SlaveState) -> None:
         """A state of now was handed out."""
         known = replace(self.known, values=dict(self.known.values))
         self.states[address] = (state, known)
 
-    def read_in(self, address: int, state: State) -> None:
+    def read_in(self, address: int, state: SlaveState) -> None:
         """A state was made from bytes; what it holds is known from it alone."""
         clock, numbers, size = state.clock, state.buffer, self.slave.layout.size
         values = {

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .guard import Refused
-from .layout import Layout
+from .layout import BufferLayout
 from .variables import Port, Value
 
 Array = NDArray[np.float64]
@@ -29,12 +29,12 @@ def aligned(*shape: int) -> Array:
 
 
 class Buffer:
-    """All values of one slave, laid out as its :class:`Layout` says.
+    """All values of one slave, laid out as its :class:`BufferLayout` says.
 
     ``data`` is allocated once; everything else is a view of it.
     """
 
-    def __init__(self, layout: Layout) -> None:
+    def __init__(self, layout: BufferLayout) -> None:
         self.layout = layout
         self.data = aligned(layout.size)
         self.strings = [str(port.start) for port in layout.strings]
@@ -62,7 +62,7 @@ class Buffer:
             self.data[reference] = value
 
     def group(self, names: str | Sequence[str]) -> list[int]:
-        """References of several numeric variables, as :meth:`Layout.group`; texts are looked up once."""
+        """References of several numeric variables, as :meth:`BufferLayout.group`; texts are looked up once."""
         if not isinstance(names, str):
             return self.layout.group(names)
         if names not in self._groups:
@@ -118,7 +118,7 @@ class Buffer:
         )
 
 
-def runs(references: Sequence[int], kind: Callable[[int], object]) -> list[tuple[int, int, int]]:
+def find_runs(references: Sequence[int], kind: Callable[[int], object]) -> list[tuple[int, int, int]]:
     """``references`` cut into runs that lie side by side and are of one ``kind``.
 
     Each is (reference, first, last): the positions first to last - 1 are ``reference`` and those that follow it.

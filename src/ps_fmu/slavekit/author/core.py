@@ -14,7 +14,7 @@ from typing import Any
 from numpy.typing import NDArray
 
 from .buffer import Array, aligned
-from .layout import Layout
+from .layout import BufferLayout
 
 REFERENCE = 2**31 - 1
 """Value reference of a String that no description lists: the address of the core."""
@@ -22,7 +22,7 @@ REFERENCE = 2**31 - 1
 
 
 @dataclass(frozen=True, eq=False)
-class Limits:
+class OutputLimits:
     """Between which a step holds its first results."""
 
     lower: Array
@@ -40,7 +40,7 @@ _LANES = 8  # doubles in the widest vector register
 class Core(ctypes.Structure):
     """The structure of the same name in ``launcher/core.h``, and the arrays that it points to.
 
-    Made by :func:`core_for`.  An array is exchanged by a method, which keeps the new one alive.
+    Made by :func:`make_core`.  An array is exchanged by a method, which keeps the new one alive.
     """
 
     _fields_ = (
@@ -76,10 +76,10 @@ class Core(ctypes.Structure):
 
     arrays: dict[str, NDArray[Any]]
     """By the name of their word."""
-    limits: Limits | None = None
+    limits: OutputLimits | None = None
 
     def use_map(self, matrix: Array) -> None:
-        """A plain step is ``target <- matrix.T @ source``; see :func:`by_columns`."""
+        """A plain step is ``target <- matrix.T @ source``; see :func:`store_by_columns`."""
         self._point(matrix=matrix)
         self.plain = MAP
 
@@ -93,7 +93,7 @@ class Core(ctypes.Structure):
         """No step is a plain one."""
         self.plain = NOTHING
 
-    def use_limits(self, limits: Limits | None) -> None:
+    def use_limits(self, limits: OutputLimits | None) -> None:
         """The result of a plain step is held within these."""
         self.limits = limits
         self.n_limited = 0
@@ -107,7 +107,7 @@ class Core(ctypes.Structure):
             setattr(self, name, array.__array_interface__["data"][0])
 
 
-def core_for(layout: Layout, data: Array) -> Core:
+def make_core(layout: BufferLayout, data: Array) -> Core:
     """The core of an instance with the buffer ``data``; no step is a plain one yet."""
     memory = aligned(-(-ctypes.sizeof(Core) // 64) * 8)  # whole cache lines: another thread steps the next instance
     core = Core.from_buffer(memory.data)
@@ -124,7 +124,7 @@ def core_for(layout: Layout, data: Array) -> Core:
     return core
 
 
-def by_columns(matrix: Array) -> Array:
+def store_by_columns(matrix: Array) -> Array:
     """A matrix (m, n) as (n, stride): column by column, each on a cache line and padded with zeros.
 
     The kernel reads it so; numpy in the same order gives the same bits.

@@ -12,13 +12,13 @@ from typing import NamedTuple
 
 from .buffer import Array
 from .guard import ModelError, Refused
-from .layout import Layout
+from .layout import BufferLayout
 
 FAR = 1e6  # factor; the arithmetic of the four FMUs fails from 1e8 on
 _MOST = 3  # of such values in a message
 
 
-def blame(error: BaseException, layout: Layout, data: Array, step: float, usual_step: float) -> None:
+def blame(error: BaseException, layout: BufferLayout, data: Array, step: float, usual_step: float) -> None:
     """Raise ModelError in place of an error that may come from values far from the usual, unless it says so itself.
 
     Parameters
@@ -29,11 +29,11 @@ def blame(error: BaseException, layout: Layout, data: Array, step: float, usual_
     if not isinstance(error, (ArithmeticError, ValueError)):  # numpy's LinAlgError is a ValueError
         return
     text = str(error) if isinstance(error, (ModelError, Refused)) else f"{type(error).__name__}: {error}"
-    far = sorted(_far_values(layout, data), key=lambda found: -found.decades)
+    far = sorted(_find_far_values(layout, data), key=lambda found: -found.decades)
     if any(name in text for name in [*(port.name for port in layout.strings), *(value.name for value in far)]):
         return
     named = [value.text for value in far]
-    if step and _decades(step, usual_step) > log10(FAR):
+    if step and _count_decades(step, usual_step) > log10(FAR):
         named.insert(0, f"step size {step:g} s")
     if named:
         more = " ..." if len(named) > _MOST else ""
@@ -47,12 +47,12 @@ class _Far(NamedTuple):
     text: str
 
 
-def _far_values(layout: Layout, data: Array) -> Iterator[_Far]:
+def _find_far_values(layout: BufferLayout, data: Array) -> Iterator[_Far]:
     """Inputs, parameters and memory that are far from the usual; outputs and states are results."""
     for place in range(layout.u.start, layout.size):
         port, value = layout.by_reference.get(place), float(data[place])
         if port is not None and port.start and port.type != "Boolean":
-            decades = _decades(value, float(port.start))
+            decades = _count_decades(value, float(port.start))
         else:  # where 0 is usual, so is any small value
             decades = log10(max(abs(value) / ((port and port.nominal) or 1.0), 1.0))
         if decades > log10(FAR):
@@ -60,5 +60,5 @@ def _far_values(layout: Layout, data: Array) -> Iterator[_Far]:
             yield _Far(decades, name, f"{name} = {value:g} {unit}".removesuffix(" 1"))
 
 
-def _decades(value: float, usual: float) -> float:
+def _count_decades(value: float, usual: float) -> float:
     return abs(log10(abs(value)) - log10(abs(usual))) if value else 0.0

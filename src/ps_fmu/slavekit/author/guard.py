@@ -3,7 +3,7 @@
 When a call into Python raises, the library (0.7.0) releases references that it goes on using: the class, the instance
 and the instance's log list, once per exception.  After one to three exceptions they are freed and the host crashes.
 (The dictionary of the entry module meets the same fate at each instantiation.)  The library also takes the text of the
-exception for a printf format, and tells nothing to hosts that have logging off.  :func:`guarded` makes up for all that.
+exception for a printf format, and tells nothing to hosts that have logging off.  :func:`guard_method` makes up for all that.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ def keep_alive(*objects: object) -> None:
         ctypes.pythonapi.Py_IncRef(ctypes.py_object(item))
 
 
-def guarded(method: F) -> F:
+def guard_method(method: F) -> F:
     """For methods that the library calls and that may raise, see :func:`escape`."""
 
     @functools.wraps(method)
@@ -75,8 +75,8 @@ def guarded(method: F) -> F:
     return wrapper  # type: ignore[return-value]
 
 
-def guarded_class(method: F) -> F:
-    """As :func:`guarded`, for what the library calls on the class: below ``@classmethod``."""
+def guard_class_method(method: F) -> F:
+    """As :func:`guard_method`, for what the library calls on the class: below ``@classmethod``."""
 
     @functools.wraps(method)
     def wrapper(cls: Any, *args: Any) -> Any:

@@ -17,7 +17,7 @@ _SET, _EVENT = 8, 16
 _LARGEST = float(np.finfo(np.float64).max)
 
 
-class Layout:
+class BufferLayout:
     """The buffer ``[outputs y | states x | inputs u | auxiliary a | event inputs | parameters | memory]``.
 
     ``y`` and ``x`` are adjacent, and so are ``x``, ``u`` and ``a``: a step is ``[y; x] <- M @ [x; u; a]``.

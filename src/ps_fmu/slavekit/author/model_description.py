@@ -18,7 +18,7 @@ from pythonfmu.default_experiment import DefaultExperiment
 from ... import __version__
 from .units import define_units
 from .values import Values
-from .variables import Port, fmi_variable
+from .variables import Port, make_fmi_variable
 
 CAPABILITIES = {
     # The FMU carries its code, but no interpreter unless it is bundled: the target needs a Python with numpy.
@@ -47,7 +47,7 @@ def model_description(slave: Values, pythonfmu_xml: Callable[[dict[str, str]], E
     slave.vars.clear()
     for port in slave.layout.ports:
         reference = slave.layout.reference[port.name]
-        slave.vars[reference] = fmi_variable(port, reference)
+        slave.vars[reference] = make_fmi_variable(port, reference)
     slave.description = slave.model_description or None
     slave.author, slave.license, slave.copyright, slave.version = AUTHOR, LICENSE, COPYRIGHT, __version__
     slave.default_experiment = DefaultExperiment(0.0, slave.default_stop, slave.default_step)

@@ -13,7 +13,7 @@ from math import isfinite
 import numpy as np
 
 from .buffer import Array
-from .core import TABLE, Core, Limits
+from .core import TABLE, Core, OutputLimits
 
 Step = Callable[[], bool]
 """Makes a plain step.  False: no row is left, or the result, in ``work``, is not finite; then nothing has changed."""
@@ -21,13 +21,13 @@ Step = Callable[[], bool]
 _KERNEL = ctypes.PYFUNCTYPE(ctypes.c_bool, ctypes.c_void_p)
 
 
-def plain_step(core: Core) -> Step:
+def make_plain_step(core: Core) -> Step:
     """The plain step that ``core`` has now; by the launcher's kernel where there is one."""
     if core.kernel:
         kernel, address = _KERNEL(core.kernel), ctypes.addressof(core)
         return lambda: kernel(address)
-    compute = _next_row(core) if core.plain == TABLE else _product(core)
-    hold = None if core.limits is None else holder(core.limits)
+    compute = _make_row_step(core) if core.plain == TABLE else _make_product_step(core)
+    hold = None if core.limits is None else make_holder(core.limits)
     work = core.arrays["work"]
     target, result = core.arrays["target"].data, work[: core.n_target].data  # memory views are copied most quickly
 
@@ -42,7 +42,7 @@ def plain_step(core: Core) -> Step:
     return step
 
 
-def holder(limits: Limits) -> Callable[[Array], None]:
+def make_holder(limits: OutputLimits) -> Callable[[Array], None]:
     """A function that holds values within limits."""
     lower, upper, flag = limits.lower, limits.upper, limits.flag
 
@@ -58,7 +58,7 @@ def holder(limits: Limits) -> Callable[[Array], None]:
     return hold
 
 
-def _product(core: Core) -> Step:
+def _make_product_step(core: Core) -> Step:
     matrix, source, work = (core.arrays[name] for name in ("matrix", "source", "work"))
     operand, products = source[:, np.newaxis], np.empty_like(matrix)
     multiply, add, square = np.multiply, np.add.reduce, work.dot
@@ -72,7 +72,7 @@ def _product(core: Core) -> Step:
     return compute
 
 
-def _next_row(core: Core) -> Step:
+def _make_row_step(core: Core) -> Step:
     table, work = core.arrays["table"], core.arrays["work"][: core.n_target]
 
     def compute() -> bool:

@@ -125,7 +125,7 @@ class _Unreadable:
         self.why = why
 
 
-def _guarded(method: Callable[..., Any]) -> Callable[..., Any]:
+def _guard(method: Callable[..., Any]) -> Callable[..., Any]:
     """``method``, whose exceptions are told and made harmless where pythonfmu's library makes the call."""
 
     @functools.wraps(method)
@@ -189,12 +189,12 @@ class _Border:
         """Hosts take the text for a printf format.  The library never frees a text, so equal ones are one object."""
         self._ps_fmu_model.log(self, sys.intern(str(msg).replace("%", "%%")), *arguments, **settings)
 
-    @_guarded
+    @_guard
     def do_step(self, current_time: float, step_size: float) -> bool:
         """What pythonfmu takes for true or false is so here."""
         return bool(self._ps_fmu_model.do_step(self, current_time, step_size))
 
-    @_guarded
+    @_guard
     def _set_fmu_state(self, state: Any) -> None:
         if isinstance(state, _Unreadable):
             raise Refused(state.why)
@@ -231,9 +231,9 @@ def protect(model: type) -> type:
     """
     namespace = {name: value for name, value in vars(_Border).items() if name not in ("__dict__", "__weakref__")}
     for name in (*_CALLS, *(f"set_{kind}" for kind in _CONVERT), "_get_fmu_state"):
-        namespace[name] = _guarded(getattr(model, name))
+        namespace[name] = _guard(getattr(model, name))
     for kind in _CONVERT:
-        namespace[f"get_{kind}"] = _guarded(_make_getter(getattr(model, f"get_{kind}"), kind))
+        namespace[f"get_{kind}"] = _guard(_make_getter(getattr(model, f"get_{kind}"), kind))
     namespace |= {"__doc__": model.__doc__, "__module__": model.__module__, "__qualname__": model.__qualname__}
     namespace |= {"_ps_fmu_model": model, "_ps_fmu_instances": WeakValueDictionary()}
     return type(model)(model.__name__, (model,), namespace)

@@ -25,14 +25,14 @@ from pythonfmu.enums import Fmi2Status
 
 from ... import __version__
 from .far import blame
-from .guard import ModelError, Refused, guarded, guarded_class, report
-from .layout import Layout
-from .state import Phase, State, Unreadable, from_bytes, to_bytes
+from .guard import ModelError, Refused, guard_class_method, guard_method, report
+from .layout import BufferLayout
+from .state import LifePhase, SlaveState, Unreadable, from_bytes, to_bytes
 from .stepper import Stepper
 from .threads import forget_host_thread
 from .variables import Port, numbered, vector
 
-__all__ = ["ModelError", "Phase", "Port", "Refused", "Slave", "numbered", "vector"]
+__all__ = ["LifePhase", "ModelError", "Port", "Refused", "Slave", "numbered", "vector"]
 
 
 # The library looks its methods up by a new text in each call, which no cache knows: every class on the way to the one
@@ -58,7 +58,7 @@ class Slave(Stepper):
         for name in _CALLED_OFTEN:
             setattr(cls, name, getattr(cls, name))
         cls.instances = WeakSet()
-        cls.layout = Layout(cls.__name__, __version__, cls.ports, cls.n_states, cls.n_auxiliary, cls.n_memory)
+        cls.layout = BufferLayout(cls.__name__, __version__, cls.ports, cls.n_states, cls.n_auxiliary, cls.n_memory)
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__(**kwargs)
@@ -71,12 +71,12 @@ class Slave(Stepper):
 
     # --- Life cycle ---------------------------------------------------------------------
 
-    @guarded
+    @guard_method
     def setup_experiment(
         self, start_time: float, stop_time: float | None = None, tolerance: float | None = None
     ) -> None:
         """Start and stop time, s.  The tolerance is not used: between events a step is exact."""
-        self._require("setup_experiment", Phase.INSTANTIATED)
+        self._require("setup_experiment", LifePhase.INSTANTIATED)
         stop = inf if stop_time is None else stop_time
         if not isfinite(start_time):
             raise Refused(f"start time {start_time!r} s: expected a finite number")
@@ -87,26 +87,26 @@ class Slave(Stepper):
         self._ready = True
         self._stale = True  # outputs may have been read before; a model may use the start time
 
-    @guarded
+    @guard_method
     def enter_initialization_mode(self) -> None:
-        self._require("enter_initialization_mode", Phase.INSTANTIATED)
+        self._require("enter_initialization_mode", LifePhase.INSTANTIATED)
         if not self._ready:
             raise Refused("enter_initialization_mode: setup_experiment has to be called before")
-        self._enter(Phase.INITIALISATION)
+        self._enter(LifePhase.INITIALISATION)
 
-    @guarded
+    @guard_method
     def exit_initialization_mode(self) -> None:
-        self._require("exit_initialization_mode", Phase.INITIALISATION)
+        self._require("exit_initialization_mode", LifePhase.INITIALISATION)
         if self._stale:
             self._configure()
-        self._enter(Phase.STEPPING)
+        self._enter(LifePhase.STEPPING)
 
-    @guarded
+    @guard_method
     def terminate(self) -> None:
-        self._require("terminate", Phase.STEPPING)
-        self._enter(Phase.TERMINATED)
+        self._require("terminate", LifePhase.STEPPING)
+        self._enter(LifePhase.TERMINATED)
 
-    def _require(self, call: str, phase: Phase) -> None:
+    def _require(self, call: str, phase: LifePhase) -> None:
         if self._phase != phase:
             now, wanted = self._phase.name.lower(), phase.name.lower()
             raise Refused(f"{call} is not possible in phase {now}, only in phase {wanted}")
@@ -119,45 +119,45 @@ class Slave(Stepper):
             self.remap()
             self.discard_rows()
             self.configure()
-            self._require_finite("configure()")
+            self._check_finite("configure()")
             outputs = self.output_map()
             if outputs is not None:
-                self.y[:] = self._checked_matrix("output_map", outputs, self.y.size) @ self._source
-                self._require_finite("output_map()")
+                self.y[:] = self._check_matrix("output_map", outputs, self.y.size) @ self._source
+                self._check_finite("output_map()")
         except BaseException as error:
             self._buffer.data[:] = kept
             blame(error, self.layout, kept, self._core.step, self.default_step)
             raise
         self._stale = False
 
-    def _require_finite(self, after: str) -> None:
+    def _check_finite(self, after: str) -> None:
         bad = np.flatnonzero(~np.isfinite(self._buffer.data))
         if bad.size:
             raise ModelError(f"{self.layout.describe(int(bad[0]))} is not finite after {after}")
 
     def _on_change(self, event: bool) -> None:
-        if self._phase < Phase.STEPPING:
+        if self._phase < LifePhase.STEPPING:
             self._stale = True
         elif event:
             self.request_event()
 
     # --- FMU state ----------------------------------------------------------------------
 
-    @guarded
-    def _get_fmu_state(self) -> State:
+    @guard_method
+    def _get_fmu_state(self) -> SlaveState:
         buffer = self._buffer
-        return State(self.layout.identity, self._clock(), buffer.data.copy(), tuple(buffer.strings))
+        return SlaveState(self.layout.identity, self._read_clock(), buffer.data.copy(), tuple(buffer.strings))
 
-    @guarded
-    def _set_fmu_state(self, state: State | Unreadable) -> None:
-        state = self._checked_state(state)
+    @guard_method
+    def _set_fmu_state(self, state: SlaveState | Unreadable) -> None:
+        state = self._check_state(state)
         before, table = self._get_fmu_state(), self._table
         try:
             self._put_state(state)
         except BaseException as error:
             self._buffer.data[:] = before.buffer
             self._buffer.strings[:] = before.strings
-            if before.clock.phase >= Phase.STEPPING:
+            if before.clock.phase >= LifePhase.STEPPING:
                 self._rebuild()
             self._recall(before.clock, table)
             blame(error, self.layout, state.buffer, state.clock.step, self.default_step)
@@ -165,34 +165,34 @@ class Slave(Stepper):
                 raise Refused(f"the FMU state cannot be restored: {type(error).__name__}: {error}") from error
             raise
 
-    def _checked_state(self, state: State | Unreadable) -> State:
+    def _check_state(self, state: SlaveState | Unreadable) -> SlaveState:
         if isinstance(state, Unreadable):
             raise Refused(state.why)
-        if not isinstance(state, State) or state.identity != self.layout.identity:
+        if not isinstance(state, SlaveState) or state.identity != self.layout.identity:
             raise Refused("the FMU state belongs to another FMU, or to another version of this one")
         if state.clock.rows > self.block_rows:
             raise Refused(f"the FMU state has a table of {state.clock.rows} rows; at most {self.block_rows} fit")
         return state
 
-    def _put_state(self, state: State) -> None:
+    def _put_state(self, state: SlaveState) -> None:
         self._buffer.data[:] = state.buffer
         self._buffer.strings[:] = state.strings
         self._recall(state.clock, self._table[:0])
-        if self._phase < Phase.STEPPING:
+        if self._phase < LifePhase.STEPPING:
             self._stale = True  # configure() has to rebuild what is derived
         else:
             self._derive()
-            self._recall(state.clock, self._table_again(state.clock))
+            self._recall(state.clock, self._compute_table_again(state.clock))
 
     @classmethod
-    @guarded_class
-    def _fmu_state_to_bytes(cls, state: State | Unreadable) -> bytes:
+    @guard_class_method
+    def _fmu_state_to_bytes(cls, state: SlaveState | Unreadable) -> bytes:
         """None at all of what is unreadable: by that the launcher knows it."""
         return b"" if isinstance(state, Unreadable) else to_bytes(state)
 
     @classmethod
-    @guarded_class
-    def _fmu_state_from_bytes(cls, state: bytes) -> State | Unreadable:
+    @guard_class_method
+    def _fmu_state_from_bytes(cls, state: bytes) -> SlaveState | Unreadable:
         try:
             return from_bytes(state, cls.layout)
         except Refused as error:

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .guard import Refused
-from .layout import Layout
+from .layout import BufferLayout
 
 Array = NDArray[np.float64]
 
@@ -32,7 +32,7 @@ _PREFIX_SIZE = len(_MAGIC) + _CHECKSUM_SIZE + _HEADER.size
 _MOST_STEPS = 2**53  # counted exactly by a double
 
 
-class Phase(IntEnum):
+class LifePhase(IntEnum):
     """Where in its life cycle a slave is."""
 
     INSTANTIATED = 0
@@ -42,10 +42,10 @@ class Phase(IntEnum):
 
 
 @dataclass(frozen=True)
-class Clock:
+class StepClock:
     """Communication points and what is pending.  Times in s."""
 
-    phase: Phase
+    phase: LifePhase
     ready: bool
     """fmi2SetupExperiment was called."""
     stale: bool
@@ -71,11 +71,11 @@ class Clock:
 
 
 @dataclass(frozen=True)
-class State:
+class SlaveState:
     """A complete copy of one instance's state."""
 
     identity: bytes
-    clock: Clock
+    clock: StepClock
     buffer: Array
     strings: tuple[str, ...]
 
@@ -91,7 +91,7 @@ class Unreadable:
     why: str
 
 
-def to_bytes(state: State) -> bytes:
+def to_bytes(state: SlaveState) -> bytes:
     """The state as bytes; the same state gives the same bytes."""
     c = state.clock
     header = _HEADER.pack(
@@ -108,7 +108,7 @@ def to_bytes(state: State) -> bytes:
     return content + hashlib.sha256(content).digest()
 
 
-def from_bytes(content: bytes, layout: Layout) -> State:
+def from_bytes(content: bytes, layout: BufferLayout) -> SlaveState:
     """The state in ``content``, for the model with this layout.
 
     Raises Refused if the bytes are damaged, of another model or version, or impossible.
@@ -130,17 +130,17 @@ def from_bytes(content: bytes, layout: Layout) -> State:
     if len(content) - _CHECKSUM_SIZE < texts_start:
         raise Refused("the serialised FMU state ends within its numbers")
     buffer = np.frombuffer(content, "<f8", n_numbers, _PREFIX_SIZE).astype(np.float64)
-    strings = _texts(content[texts_start:-_CHECKSUM_SIZE], n_texts)
+    strings = _read_texts(content[texts_start:-_CHECKSUM_SIZE], n_texts)
     _check_values(buffer, strings, layout)
-    return State(layout.identity, _clock(words), buffer, strings)
+    return SlaveState(layout.identity, _read_clock(words), buffer, strings)
 
 
-def _clock(words: list[float]) -> Clock:
+def _read_clock(words: list[float]) -> StepClock:
     phase, *flags = map(int, words[:4])
-    if phase > max(Phase) or any(flag > 1 for flag in flags):
+    if phase > max(LifePhase) or any(flag > 1 for flag in flags):
         raise Refused(f"the serialised FMU state has impossible flags {words[:4]}")
-    clock = Clock(Phase(phase), *map(bool, flags), *words[4:])
-    if clock.stale and clock.phase >= Phase.STEPPING:
+    clock = StepClock(LifePhase(phase), *map(bool, flags), *words[4:])
+    if clock.stale and clock.phase >= LifePhase.STEPPING:
         raise Refused("the serialised FMU state is after initialisation, but not configured")
     times = (clock.start, clock.time, clock.origin, clock.step)
     if not all(map(math.isfinite, times)) or math.isnan(clock.stop) or clock.step < 0.0:
@@ -150,7 +150,7 @@ def _clock(words: list[float]) -> Clock:
     return clock
 
 
-def _check_values(buffer: Array, strings: tuple[str, ...], layout: Layout) -> None:
+def _check_values(buffer: Array, strings: tuple[str, ...], layout: BufferLayout) -> None:
     """What a host may set has to be what a host could have set, and all has to be finite."""
     if not np.isfinite(buffer).all():
         raise Refused("the serialised FMU state contains numbers that are not finite")
@@ -163,7 +163,7 @@ def _check_values(buffer: Array, strings: tuple[str, ...], layout: Layout) -> No
                 raise Refused(f"the serialised FMU state is impossible: {error}") from None
 
 
-def _texts(content: bytes, n: int) -> tuple[str, ...]:
+def _read_texts(content: bytes, n: int) -> tuple[str, ...]:
     texts = []
     position = 0
     for _ in range(n):

@@ -8,11 +8,11 @@ from math import inf, isfinite
 import numpy as np
 
 from .buffer import Array, aligned
-from .core import Limits, by_columns
+from .core import OutputLimits, store_by_columns
 from .far import blame
 from .guard import ModelError, Refused, escape, report
-from .plain import Step, holder, plain_step
-from .state import Clock, Phase
+from .plain import Step, make_holder, make_plain_step
+from .state import LifePhase, StepClock
 from .values import Values
 
 SAME_STEP = 1e-6  # relative: step sizes this close are one; hosts form them as differences of times
@@ -22,7 +22,7 @@ _FIRST_ROWS = 16  # of the first table after a change of step: hosts with a new 
 
 
 class Stepper(Values):
-    """Makes steps: plain ones by :func:`.plain_step`, and all else by :meth:`_careful_step`.
+    """Makes steps: plain ones by :func:`.plain_step`, and all else by :meth:`_step_carefully`.
 
     A step is a plain one as long as the host goes on at the expected time with the same step size and nothing is due.
     The launcher makes those by itself, from the words in ``_core``; where there is none, and before ``finish_step``,
@@ -95,12 +95,12 @@ class Stepper(Values):
                 abs(current_time - core.time) <= core.time_slack
                 and abs(step_size - core.step) <= core.step_slack
                 and current_time <= core.last_start
-                and (self._due_step() if step is None or core.pending else step())
+                and (self._step_if_due() if step is None or core.pending else step())
             ):
                 core.time = current_time + step_size
                 core.count += 1
             else:
-                self._careful_step(current_time, step_size)
+                self._step_carefully(current_time, step_size)
             core.python_steps += 1
             return True
         except BaseException as error:
@@ -111,10 +111,10 @@ class Stepper(Values):
 
     # --- Behind it ----------------------------------------------------------------------
 
-    def _enter(self, phase: Phase) -> None:
+    def _enter(self, phase: LifePhase) -> None:
         """Another phase, or another time: the next step is a careful one."""
         self._phase = phase
-        self._core.stepping = phase == Phase.STEPPING
+        self._core.stepping = phase == LifePhase.STEPPING
         self._core.step_slack = -1.0
         self._forget_lists()
 
@@ -123,21 +123,21 @@ class Stepper(Values):
         self._plain_step = None
         self._core.use_nothing()
 
-    def _not_finite(self) -> str:
+    def _describe_not_finite(self) -> str:
         """The outputs and states that are not finite after a map, and how large what they come from is."""
         bad = np.flatnonzero(~np.isfinite(self._core.arrays["work"])).tolist()
         names = [self.layout.describe(place) for place in bad[:5]]
         more = " ..." if len(bad) > 5 else ""
         return f"{', '.join(names)}{more}; largest operand {np.abs(self._source).max():g}"
 
-    def _careful_step(self, t: float, h: float) -> None:
+    def _step_carefully(self, t: float, h: float) -> None:
         """A step that checks all.  All or nothing."""
         self._check_step(t, h)
-        core, clock, table = self._core, self._clock(), self._table
+        core, clock, table = self._core, self._read_clock(), self._table
         try:
             if not (abs(h - core.step) <= SAME_STEP * core.step and self._is_on_grid(t)):
                 self._restart_count(t, h)
-            self._full_step()
+            self._step_fully()
         except BaseException:
             self._recall(clock, table)
             raise
@@ -147,11 +147,11 @@ class Stepper(Values):
         core.last_start = self._stop - (1.0 - SAME_TIME) * core.step
         core.step_slack = SAME_STEP * core.step
 
-    def _due_step(self) -> bool:
+    def _step_if_due(self) -> bool:
         """A step before which something is due.  False: the host has drifted off the grid; nothing is changed."""
-        return self._is_on_grid(self._core.time) and self._full_step()
+        return self._is_on_grid(self._core.time) and self._step_fully()
 
-    def _full_step(self) -> bool:
+    def _step_fully(self) -> bool:
         """A step with all that is due before it: an event, a new map, a new table.  All or nothing.
 
         A slew has an event in every step, so this is quick, too: 1.5 us less than a careful one.
@@ -162,12 +162,12 @@ class Stepper(Values):
         try:
             if due:
                 core.pending = False
-                again = self.event(self._now(), core.step)
+                again = self.event(self._get_time(), core.step)
                 core.pending = core.pending or bool(again)
             if self._plain_step is None or self._is_used_up():
-                self._plain_step = self._new_plain_step()
+                self._plain_step = self._make_plain_step()
             if not self._plain_step():
-                raise Refused(f"the step leads to numbers that are not finite: {self._not_finite()}")
+                raise Refused(f"the step leads to numbers that are not finite: {self._describe_not_finite()}")
         except BaseException as error:
             data[:] = kept
             if due:
@@ -178,7 +178,7 @@ class Stepper(Values):
             raise
         return True
 
-    def _now(self) -> float:
+    def _get_time(self) -> float:
         """Present time on the grid of whole steps, s."""
         return self._origin + self._core.count * self._core.step
 
@@ -190,7 +190,7 @@ class Stepper(Values):
             report(f"{self.label}: restore() failed as well, after the failure reported next", error)
 
     def _check_step(self, t: float, h: float) -> None:
-        if self._phase != Phase.STEPPING:
+        if self._phase != LifePhase.STEPPING:
             raise Refused(f"no step is possible in phase {self._phase.name.lower()}")
         if not (isfinite(h) and h > 0.0):
             raise Refused(f"step size {h!r} s: expected a finite number above 0")
@@ -202,7 +202,7 @@ class Stepper(Values):
             raise Refused(f"a step from {t!r} s to {t + h!r} s ends beyond the stop time {self._stop!r} s")
 
     def _is_on_grid(self, t: float) -> bool:
-        return abs(self._now() - t) <= SAME_TIME * self._core.step
+        return abs(self._get_time() - t) <= SAME_TIME * self._core.step
 
     def _restart_count(self, t: float, h: float) -> None:
         known = [step for step, _ in self._maps if abs(step - h) <= SAME_STEP * step]
@@ -213,26 +213,26 @@ class Stepper(Values):
     def _is_used_up(self) -> bool:
         return self.block_rows > 0 and self._core.count - self._core.block >= len(self._table)
 
-    def _new_plain_step(self) -> Step:
+    def _make_plain_step(self) -> Step:
         core = self._core
         if self.block_rows > 0:
             if self._is_used_up():
                 self._fill_table()
             core.use_table(self._table)
         else:
-            core.use_map(self._map_for(core.step))
-        limits = self._checked_limits()
+            core.use_map(self._find_map(core.step))
+        limits = self._compute_limits()
         core.finishing = self.finishing
         if not self.finishing:
             core.use_limits(limits)
-            return plain_step(core)
+            return make_plain_step(core)
         core.use_limits(None)
-        return self._with_finish(plain_step(core), limits)
+        return self._add_finish(make_plain_step(core), limits)
 
-    def _with_finish(self, step: Step, limits: Limits | None) -> Step:
+    def _add_finish(self, step: Step, limits: OutputLimits | None) -> Step:
         data, target, y = self._buffer.data, self._target, self.y
         kept = np.empty_like(data)
-        hold = None if limits is None else holder(limits)
+        hold = None if limits is None else make_holder(limits)
         model = weakref.proxy(self)  # it keeps this function: a cycle would stay, with all buffers, until collected
 
         def finished() -> bool:
@@ -252,17 +252,17 @@ class Stepper(Values):
 
         return finished
 
-    def _map_for(self, h: float) -> Array:
+    def _find_map(self, h: float) -> Array:
         for step, matrix in self._maps:
             if step == h:
                 return matrix
-        matrix = by_columns(self._checked_matrix("step_map", self.step_map(h), self._target.size))
+        matrix = store_by_columns(self._check_matrix("step_map", self.step_map(h), self._target.size))
         if len(self._maps) >= _MOST_MAPS:
             del self._maps[0]
         self._maps.append((h, matrix))
         return matrix
 
-    def _checked_matrix(self, what: str, matrix: Array, rows: int) -> Array:
+    def _check_matrix(self, what: str, matrix: Array, rows: int) -> Array:
         """An aligned copy, C-contiguous as numpy's fastest product wants it."""
         shape = (rows, self._source.size)
         given = np.asarray(matrix, dtype=np.float64)
@@ -276,12 +276,12 @@ class Stepper(Values):
 
     def _fill_table(self) -> None:
         n = min(self._next_rows, self.block_rows)
-        self._table = self._checked_rows(n)
+        self._table = self._compute_rows(n)
         self._core.block = self._core.count
         self._next_rows = min(4 * n, self.block_rows)
 
-    def _checked_rows(self, n: int) -> Array:
-        table = np.ascontiguousarray(self.rows(self._now(), self._core.step, n), dtype=np.float64)
+    def _compute_rows(self, n: int) -> Array:
+        table = np.ascontiguousarray(self.rows(self._get_time(), self._core.step, n), dtype=np.float64)
         if table.shape != (n, self.y.size):
             expected = (n, self.y.size)
             raise ValueError(f"{type(self).__name__}.rows has shape {table.shape}; expected {expected}")
@@ -289,14 +289,14 @@ class Stepper(Values):
             raise ModelError(f"{type(self).__name__}.rows has elements that are not finite")
         return table
 
-    def _checked_limits(self) -> Limits | None:
+    def _compute_limits(self) -> OutputLimits | None:
         limits = self.limits()
         if limits is None:
             return None
         lower, upper = (np.array(limit, dtype=np.float64) for limit in limits)
         if not (lower.shape == upper.shape == self.y.shape and (lower <= upper).all()):
             raise ValueError(f"{type(self).__name__}.limits: expected two arrays ({self.y.size},), lower <= upper")
-        return Limits(lower, upper, self.layout.reference.get(self.limit_flag, -1))
+        return OutputLimits(lower, upper, self.layout.reference.get(self.limit_flag, -1))
 
     def _derive(self) -> None:
         """Have the model derive everything from the buffer, which stays as it is."""
@@ -310,15 +310,15 @@ class Stepper(Values):
 
     # --- State --------------------------------------------------------------------------
 
-    def _clock(self) -> Clock:
+    def _read_clock(self) -> StepClock:
         core = self._core
-        return Clock(
+        return StepClock(
             phase=self._phase, ready=self._ready, stale=self._stale, pending=bool(core.pending),
             count=core.count, rows=len(self._table), block=core.block,
             start=self._start, stop=self._stop, time=core.time, origin=self._origin, step=core.step,
         )  # fmt: skip
 
-    def _recall(self, clock: Clock, table: Array) -> None:
+    def _recall(self, clock: StepClock, table: Array) -> None:
         """Go back to an earlier clock; ``table`` is the one that belongs to it."""
         core = self._core
         self._ready, self._stale, core.pending = clock.ready, clock.stale, clock.pending
@@ -333,10 +333,10 @@ class Stepper(Values):
         self._next_rows = min(4 * len(table), self.block_rows) if len(table) else _FIRST_ROWS
         self._renew()
 
-    def _table_again(self, clock: Clock) -> Array:
+    def _compute_table_again(self, clock: StepClock) -> Array:
         """The table that was current at ``clock``, computed from the buffer as it is now."""
         if clock.rows == 0:
             return self._table[:0]
         self._origin = clock.origin
         self._core.count, self._core.step = clock.block, clock.step
-        return self._checked_rows(clock.rows)
+        return self._compute_rows(clock.rows)

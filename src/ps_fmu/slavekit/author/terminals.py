@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
-from .layout import Layout
+from .layout import BufferLayout
 
 _FMI_VERSION = "3.0"  # of the schema
 
@@ -22,7 +22,7 @@ class Terminal:
     Parameters
     ----------
     name: unique within the FMU.
-    variables: texts such as ``"base_force"``, which stand for their components, see :meth:`.Layout.group`.
+    variables: texts such as ``"base_force"``, which stand for their components, see :meth:`.BufferLayout.group`.
     description: one line.
     """
 
@@ -30,13 +30,13 @@ class Terminal:
     variables: tuple[str, ...]
     description: str
 
-    def members(self, layout: Layout) -> list[str]:
+    def members(self, layout: BufferLayout) -> list[str]:
         """Names of the variables.  Raises KeyError if the slave has none of that name."""
         references = [reference for text in self.variables for reference in layout.group(text)]
         return [layout.by_reference[reference].name for reference in references]
 
 
-def terminals_and_icons(terminals: Iterable[Terminal], layout: Layout) -> bytes:
+def write_terminals(terminals: Iterable[Terminal], layout: BufferLayout) -> bytes:
     """The file ``terminalsAndIcons.xml``.
 
     The rule is ``plug``: two terminals fit if all members of each are in the other one too.

@@ -8,12 +8,12 @@ from collections.abc import Callable, Sequence
 from math import isfinite
 from typing import Any, ClassVar, TypeVar
 
-from .buffer import Array, Buffer, runs
-from .core import REFERENCE, core_for
-from .guard import Refused, escape, guarded
-from .layout import Layout
+from .buffer import Array, Buffer, find_runs
+from .core import REFERENCE, make_core
+from .guard import Refused, escape, guard_method
+from .layout import BufferLayout
 from .model import Model
-from .state import Phase
+from .state import LifePhase
 from .variables import Value
 
 _MOST_LISTS = 256  # remembered lists of value references, per instance and direction
@@ -32,7 +32,7 @@ class Values(Model):
     function that reads, or to functions that store.  All else goes by ``_get`` and ``_set``.
     """
 
-    layout: ClassVar[Layout]
+    layout: ClassVar[BufferLayout]
     native: ClassVar[bool] = True
     """False: a launcher passes all calls on to Python; for comparisons."""
 
@@ -41,10 +41,10 @@ class Values(Model):
         layout = self.layout
         self._buffer = Buffer(layout)
         data = self._buffer.data
-        self._core = core_for(layout, data)
+        self._core = make_core(layout, data)
         self.y, self.x, self.u = data[layout.y], data[layout.x], data[layout.u]
         self.a, self.memory = data[layout.a], data[layout.memory]
-        self._phase = Phase.INSTANTIATED
+        self._phase = LifePhase.INSTANTIATED
         self._stale = True  # something was set since the last configure()
         self._forget_lists()
 
@@ -76,7 +76,7 @@ class Values(Model):
             escape(self, error)
             raise
 
-    @guarded
+    @guard_method
     def get_integer(self, vrs: list[int]) -> list[int]:
         return self._read("Integer", vrs)
 
@@ -88,7 +88,7 @@ class Values(Model):
             escape(self, error)
             raise
 
-    @guarded
+    @guard_method
     def get_string(self, vrs: list[int]) -> list[str]:
         if vrs == [REFERENCE]:
             return [str(ctypes.addressof(self._core) if self.native else 0)]
@@ -114,15 +114,15 @@ class Values(Model):
             escape(self, error)
             raise
 
-    @guarded
+    @guard_method
     def set_integer(self, vrs: list[int], values: list[int]) -> None:
         self._set_unless_same("Integer", vrs, values)
 
-    @guarded
+    @guard_method
     def set_boolean(self, vrs: list[int], values: list[bool]) -> None:
         self._set_unless_same("Boolean", vrs, values)
 
-    @guarded
+    @guard_method
     def set_string(self, vrs: list[int], values: list[str]) -> None:
         self._set_unless_same("String", vrs, values)
 
@@ -152,7 +152,7 @@ class Values(Model):
         reader = self._buffer.reader(kind, references)
         if self._stale and any(self.layout.by_reference[vr].causality == "output" for vr in references):
             self._configure()
-        if self._phase >= Phase.STEPPING:
+        if self._phase >= LifePhase.STEPPING:
             _remember(self._readers, (kind, *references), reader)
             if kind == "Real":
                 self._last_read, self._last_reader = list(references), reader
@@ -167,9 +167,9 @@ class Values(Model):
         for port, value in zip(ports, values, strict=True):
             if port.causality == "output":
                 raise Refused(f"{port.name} is an output and cannot be set")
-            if port.causality == "parameter" and self._phase >= Phase.STEPPING:
+            if port.causality == "parameter" and self._phase >= LifePhase.STEPPING:
                 raise Refused(f"{port.name} is a fixed parameter: set it before initialisation ends, or after a reset")
-            if self._phase == Phase.TERMINATED:
+            if self._phase == LifePhase.TERMINATED:
                 raise Refused(f"{port.name} cannot be set: the simulation is terminated")
             try:
                 checked.append(port.checked(value))
@@ -179,7 +179,7 @@ class Values(Model):
             if self._buffer.raw(reference) != new:
                 self._on_change(port.event)
             self._buffer.store(reference, new)  # -0.0, too, in place of 0.0
-        if self._phase == Phase.STEPPING and references:
+        if self._phase == LifePhase.STEPPING and references:
             if kind == "Real":
                 self._remember_writer(references)
             else:
@@ -187,7 +187,7 @@ class Values(Model):
 
     def _remember_writer(self, references: list[int]) -> None:
         writer: Writer = ([], [], [])
-        for start, first, last in runs(references, self._treatment):
+        for start, first, last in find_runs(references, self._treatment):
             place = self._buffer.data[start : start + last - first]
             write = self._buffer.writer(start, last - first), place, first, last
             for group in {self._treatment(start), 2}:

@@ -155,15 +155,15 @@ def vector(
     Further attributes are those of :class:`Port`; a list or tuple for start, min, max or nominal has one
     entry per suffix.
     """
-    return _several([(f"{name}.{suffix}", suffix) for suffix in suffixes], unit, description, attributes)
+    return _make_ports([(f"{name}.{suffix}", suffix) for suffix in suffixes], unit, description, attributes)
 
 
 def numbered(name: str, n: int, unit: str, description: str, **attributes: Any) -> tuple[Port, ...]:
     """Ports ``name_1`` to ``name_n``; further attributes as for :func:`vector`."""
-    return _several([(f"{name}_{i}", str(i)) for i in range(1, n + 1)], unit, description, attributes)
+    return _make_ports([(f"{name}_{i}", str(i)) for i in range(1, n + 1)], unit, description, attributes)
 
 
-def _several(
+def _make_ports(
     names: Sequence[tuple[str, str]], unit: str, description: str, attributes: dict[str, Any]
 ) -> tuple[Port, ...]:
     ports = []
@@ -185,7 +185,7 @@ _PYTHONFMU: dict[str, type[ScalarVariable]] = {
 }  # fmt: skip
 
 
-def fmi_variable(port: Port, reference: int) -> ScalarVariable:
+def make_fmi_variable(port: Port, reference: int) -> ScalarVariable:
     """pythonfmu's variable for a port, with all its attributes in the XML.
 
     What pythonfmu leaves to chance is explicit: variability always; ``initial`` wherever the standard allows

@@ -74,7 +74,7 @@ class Program:
         """
         names = [name for platform in self.targets for name in self.sources_for(platform)]
         files = {name: self.folder / name for name in (*names, *self.headers)}
-        files |= {path.name: path for path in sorted(fmi_headers().glob("fmi2*.h"))}
+        files |= {path.name: path for path in sorted(find_fmi_headers().glob("fmi2*.h"))}
         content = {
             "compiler": f"ziglang {COMPILER}",
             "flags": FLAGS,
@@ -98,7 +98,7 @@ class Program:
         with tempfile.TemporaryDirectory() as folder:
             result = Path(folder) / target.result
             command = [sys.executable, "-I", "-m", "ziglang", "cc", "-target", target.zig, *FLAGS, *target.flags]
-            command += ["-I", str(fmi_headers()), *self.sources_for(platform), "-o", str(result), *target.libraries]
+            command += ["-I", str(find_fmi_headers()), *self.sources_for(platform), "-o", str(result), *target.libraries]
             environment = os.environ | {"ZIG_LOCAL_CACHE_DIR": folder}
             run = subprocess.run(command, cwd=self.folder, env=environment, capture_output=True, text=True)
             if run.returncode != 0:
@@ -116,7 +116,7 @@ class Program:
         self.record.write_text(self.recorded(made), encoding="utf-8")
 
 
-def fmi_headers() -> Path:
+def find_fmi_headers() -> Path:
     """The folder of FMI's C headers, which FMPy's wheel carries."""
     import fmpy
 

@@ -21,13 +21,13 @@ from pythonfmu.builder import FmuBuilder, get_model_class
 
 from ..author.model_description import CAPABILITIES
 from ..author.slave import Slave
-from ..author.terminals import terminals_and_icons
+from ..author.terminals import write_terminals
 from . import licenses, smoke
 from . import zip_writer as archive
 from .bundle import BundleError, bundle
 from .bundle import check as check_bundle
-from .dependencies import external_dependencies
-from .entry import entry_source
+from .dependencies import write_external_dependencies
+from .entry import write_entry
 from .files import write_atomically
 from .launch import OLDEST_PYTHON, make_guid, put_launcher_in_front, write_notes
 from .licenses import LicenseError
@@ -44,7 +44,7 @@ _NO_TOOL_NEEDED = b'needsExecutionTool="true"', b'needsExecutionTool="false"'
 _GUID = re.compile(rb'guid="[^"]*"')
 
 
-def default_fmus() -> Path:
+def find_default_fmus() -> Path:
     """``fmus`` in the checkout that this package runs from.  Raises BuildError if there is none."""
     folder = PACKAGE.parents[1] / "fmus"
     if not folder.is_dir():
@@ -68,7 +68,7 @@ def find(fmus: Path, only: Iterable[str] = ()) -> list[Path]:
 
 def build_all(output: Path, fmus: Path | None = None, only: Iterable[str] = (), **variant: Any) -> list[Path]:
     """Build the FMUs of a checkout into the folder ``output``; their paths.  As :func:`build_one` otherwise."""
-    return [build_one(folder, output, **variant) for folder in find(fmus or default_fmus(), only)]
+    return [build_one(folder, output, **variant) for folder in find(fmus or find_default_fmus(), only)]
 
 
 def build_one(folder: Path, output: Path, *, interpreter: Path | None = None, bundled: bool = False) -> Path:
@@ -91,8 +91,8 @@ def build_one(folder: Path, output: Path, *, interpreter: Path | None = None, bu
     output.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(prefix="ps_fmu_build_") as temporary:
         try:
-            stock, slave = _pythonfmu_build(script, Path(temporary))
-            name, files = _repackaged(stock, slave, script, interpreter, bundled)
+            stock, slave = _run_pythonfmu(script, Path(temporary))
+            name, files = _repackage(stock, slave, script, interpreter, bundled)
             fmu = Path(temporary) / f"{name}.fmu"
             archive.write(fmu, files)
             smoke.check(fmu)
@@ -105,9 +105,9 @@ def build_one(folder: Path, output: Path, *, interpreter: Path | None = None, bu
     return result
 
 
-def _pythonfmu_build(script: Path, output: Path) -> tuple[Path, type[Slave]]:
+def _run_pythonfmu(script: Path, output: Path) -> tuple[Path, type[Slave]]:
     """pythonfmu's own FMU and the slave's class; what its builder does to this process is undone."""
-    with _imports_undone(script.stem), contextlib.redirect_stdout(io.StringIO()):
+    with _undo_imports(script.stem), contextlib.redirect_stdout(io.StringIO()):
         try:
             fmu = Path(FmuBuilder.build_FMU(script, dest=output / "stock.fmu", **CAPABILITIES))
             return fmu, get_model_class(script)
@@ -116,7 +116,7 @@ def _pythonfmu_build(script: Path, output: Path) -> tuple[Path, type[Slave]]:
 
 
 @contextlib.contextmanager
-def _imports_undone(script: str) -> Iterator[None]:
+def _undo_imports(script: str) -> Iterator[None]:
     """The builder imports the script under its bare name, and leaves its folder on sys.path."""
     path, bytecode, before = sys.path[:], sys.dont_write_bytecode, sys.modules.pop(script, None)
     sys.dont_write_bytecode = True  # no __pycache__ among the sources
@@ -130,16 +130,16 @@ def _imports_undone(script: str) -> Iterator[None]:
             sys.modules[script] = before
 
 
-def _repackaged(
+def _repackage(
     stock: Path, slave: type[Slave], script: Path, interpreter: Path | None, bundled: bool
 ) -> tuple[str, Files]:
     """Model name and files of the final FMU, from pythonfmu's and the sources."""
     built = archive.read(stock)
     files = put_launcher_in_front(built)
     files[_DESCRIPTION] = _GUID.sub(b'guid=""', built[_DESCRIPTION], count=1)
-    model = _model_name(built[_DESCRIPTION])
+    model = _read_model_name(built[_DESCRIPTION])
     sources = _sources(script)
-    files |= _for_readers(script.parent, slave, files[_DESCRIPTION])
+    files |= _write_documentation(script.parent, slave, files[_DESCRIPTION])
     digest = archive.digest(files | sources)
 
     package = f"ps_fmu_{digest.hex()[:12]}"
@@ -150,14 +150,14 @@ def _repackaged(
         inside = name.relative_to("ps_fmu") if name.parts[0] == "ps_fmu" else name
         files[_RESOURCES / package / inside] = content
     entry = f"{script.stem}_{digest.hex()[:12]}"
-    files[_RESOURCES / f"{entry}.py"] = entry_source(package, script.stem, model)
+    files[_RESOURCES / f"{entry}.py"] = write_entry(package, script.stem, model)
     files[_RESOURCES / "slavemodule.txt"] = entry.encode()
     guid = make_guid(digest)
     files[_DESCRIPTION] = files[_DESCRIPTION].replace(b'guid=""', f'guid="{guid}"'.encode(), 1)
     modules = foreign(sources)
     files[_RESOURCES / "launcher.txt"] = write_notes(guid, modules, interpreter)
-    files[_DOCUMENTATION / "externalDependencies.txt"] = external_dependencies(model, OLDEST_PYTHON, modules, bundled)
-    texts = list(licenses.of_sources(sources))
+    files[_DOCUMENTATION / "externalDependencies.txt"] = write_external_dependencies(model, OLDEST_PYTHON, modules, bundled)
+    texts = list(licenses.collect_source_licenses(sources))
     if bundled:
         runtime = bundle(modules)
         texts += runtime.licenses
@@ -167,7 +167,7 @@ def _repackaged(
     return model, files
 
 
-def _model_name(description: bytes) -> str:
+def _read_model_name(description: bytes) -> str:
     match = re.search(rb'modelIdentifier="(\w+)"', description)
     if match is None:
         raise BuildError("pythonfmu wrote a model description without modelIdentifier")
@@ -190,13 +190,13 @@ def _sources(script: Path) -> Files:
     return sources | {place: script.read_bytes()}
 
 
-def _for_readers(folder: Path, slave: type[Slave], description: bytes) -> Files:
+def _write_documentation(folder: Path, slave: type[Slave], description: bytes) -> Files:
     """What no simulation needs: page, terminals, icon."""
     readme, icon = folder / "README.md", folder / "icon.png"
     if not readme.is_file():
         raise BuildError(f"{folder.name}: no README.md, which becomes the FMU's documentation")
     try:
-        terminals = terminals_and_icons(slave.terminals, slave.layout) if slave.terminals else None
+        terminals = write_terminals(slave.terminals, slave.layout) if slave.terminals else None
         files = {_DOCUMENTATION / "index.html": page(readme.read_text(encoding="utf-8"), description, terminals)}
     except (KeyError, ValueError) as error:
         raise BuildError(f"{folder.name}: {error.args[0]}") from None

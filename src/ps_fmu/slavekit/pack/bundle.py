@@ -31,7 +31,7 @@ from pathlib import Path, PurePosixPath
 
 from . import zip_writer as archive
 from .elf import loaded
-from .licenses import License, of_runtime
+from .licenses import License, collect_runtime_licenses
 from .sources import Files
 
 _ROOT = PurePosixPath("python")
@@ -84,13 +84,13 @@ def bundle(modules: Sequence[str], requirements: Sequence[str] = ()) -> Bundle:
     if sys.platform != "linux":
         raise BundleError("a runtime can be bundled on Linux only")
     standard = Path(sysconfig.get_path("stdlib"))
-    all_extensions = _extensions(standard / "lib-dynload")
+    all_extensions = _list_extensions(standard / "lib-dynload")
     absent = [name for name in all_extensions if name.startswith(_EXTENSIONS_LEFT_OUT)]
     extensions = {name: path for name, path in all_extensions.items() if name not in absent}
     distributions = _find_distributions(modules, requirements)
     packages = dict(_packages(distributions))
-    libraries = {path.name: path for path in _needed_libraries([*extensions, *modules], absent)}
-    libpython = _libpython()
+    libraries = {path.name: path for path in _find_libraries([*extensions, *modules], absent)}
+    libpython = _find_libpython()
     notes = {
         "version": _VERSION,
         "library": f"lib/{libpython.name}",
@@ -101,12 +101,12 @@ def bundle(modules: Sequence[str], requirements: Sequence[str] = ()) -> Bundle:
     files = {
         "bundle.txt": "".join(f"{key}={value}\n" for key, value in notes.items()).encode(),
         notes["library"]: loaded(libpython.read_bytes()),
-        _ZIP: _standard_library(standard),
+        _ZIP: _pack_standard_library(standard),
     }
     files |= {f"{_DYNLOAD}/{path.name}": loaded(path.read_bytes()) for path in extensions.values()}
     files |= {f"{_PACKAGES}/{name}": content for name, content in packages.items()}
     files |= {f"lib/system/{name}": path.read_bytes() for name, path in libraries.items()}
-    licenses = tuple(of_runtime(distributions, list(libraries.values())))
+    licenses = tuple(collect_runtime_licenses(distributions, list(libraries.values())))
     return Bundle({_ROOT / name: content for name, content in files.items()}, licenses)
 
 
@@ -143,7 +143,7 @@ slave.do_step(step, step)
 """
 
 
-def _libpython() -> Path:
+def _find_libpython() -> Path:
     name = sysconfig.get_config_var("INSTSONAME") or ""
     folders = (sysconfig.get_config_var("LIBDIR") or "", f"{sys.base_prefix}/lib")
     for folder in folders:
@@ -162,7 +162,7 @@ def _compiled(path: Path, name: str) -> bytes:
 
 
 @functools.cache  # 2.5 s, the same for all FMUs
-def _standard_library(folder: Path) -> bytes:
+def _pack_standard_library(folder: Path) -> bytes:
     content = io.BytesIO()
     with zipfile.ZipFile(content, "w", zipfile.ZIP_STORED) as library:  # the FMU compresses it
         for path in sorted(folder.rglob("*.py")):
@@ -173,7 +173,7 @@ def _standard_library(folder: Path) -> bytes:
     return content.getvalue()
 
 
-def _extensions(folder: Path) -> dict[str, Path]:
+def _list_extensions(folder: Path) -> dict[str, Path]:
     """Name and file of the standard library's compiled modules."""
     return {path.name.partition(".")[0]: path for path in sorted(folder.glob("*.so"))}
 
@@ -216,7 +216,7 @@ def _packages(distributions: Iterable[str]) -> Iterator[tuple[str, bytes]]:
                 yield name, path.read_bytes()
 
 
-def _needed_libraries(modules: Iterable[str], absent: Iterable[str]) -> list[Path]:
+def _find_libraries(modules: Iterable[str], absent: Iterable[str]) -> list[Path]:
     """Shared libraries that modules bring into a process where some others are not to be had, and that neither they
     nor every system have.
     """

@@ -34,7 +34,7 @@ Other systems: CPython {python} or later with {modules}.
 """
 
 
-def external_dependencies(model: str, python: str, modules: Sequence[str], bundled: bool) -> bytes:
+def write_external_dependencies(model: str, python: str, modules: Sequence[str], bundled: bool) -> bytes:
     """The file's content.
 
     Parameters

@@ -38,13 +38,13 @@ finally:
 '''
 
 
-def entry_source(package: str, module: str, model: str) -> bytes:
+def write_entry(package: str, module: str, model: str) -> bytes:
     """The script for class ``model`` in ``package.module``."""
     load = f'importlib.import_module("{package}.{module}").{model}'
     return _fill(package, f"{package}/{module}.py", model, load)
 
 
-def load_source(package: str, module: str, names: Iterable[str]) -> bytes:
+def write_loading_entry(package: str, module: str, names: Iterable[str]) -> bytes:
     """The script for a slave in ``module.py`` beside it.
 
     Parameters

@@ -23,7 +23,7 @@ _BEFORE_FENCED_CODE = 30
 _BETWEEN_CODE_AND_ESCAPES = 185
 
 
-def mathml(latex: str, display: str) -> str:
+def convert_to_mathml(latex: str, display: str) -> str:
     """The element ``math``; ``display`` is ``"block"`` or ``"inline"``.
 
     Raises ValueError if the converter does not know a part of it: it lets that pass as text.
@@ -50,7 +50,7 @@ class Equations(Extension):
 class _Blocks(Preprocessor):
     def run(self, lines: list[str]) -> list[str]:
         def stored(match: re.Match[str]) -> str:
-            place: str = self.md.htmlStash.store(mathml(match[1], "block"))
+            place: str = self.md.htmlStash.store(convert_to_mathml(match[1], "block"))
             return f"\n\n{place}\n\n"
 
         return _BLOCK.sub(stored, "\n".join(lines)).split("\n")
@@ -58,5 +58,5 @@ class _Blocks(Preprocessor):
 
 class _Inline(InlineProcessor):
     def handleMatch(self, m: re.Match[str], data: str) -> Any:
-        place = self.md.htmlStash.store(mathml(m[1], "inline"))
+        place = self.md.htmlStash.store(convert_to_mathml(m[1], "inline"))
         return place, m.start(0), m.end(0)

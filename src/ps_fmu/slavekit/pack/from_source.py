@@ -41,7 +41,7 @@ def build_script(
     """
     script = script.resolve()
     output.mkdir(parents=True, exist_ok=True)
-    if uses_the_kit(script):
+    if imports_the_kit(script):
         if more or script.parent.name != script.stem:
             raise BuildError(
                 f"{script}: a slave that imports ps_fmu lies in a folder {script.stem} of its own, with a README.md; "
@@ -54,7 +54,7 @@ def build_script(
         return wrap(stock, output, interpreter=interpreter, bundled=bundled, source=script)
 
 
-def uses_the_kit(script: Path) -> bool:
+def imports_the_kit(script: Path) -> bool:
     """Does a script import ps_fmu, as slaves with its base class do?  Raises BuildError for what is no Python."""
     if script.suffix != ".py" or not script.is_file():
         raise BuildError(f"{script}: expected a file .py with a class that derives from pythonfmu.Fmi2Slave")

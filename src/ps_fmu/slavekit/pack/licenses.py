@@ -50,18 +50,18 @@ def files(licenses: Iterable[License], part: str = "") -> Files:
     return result
 
 
-def of_sources(sources: Files) -> Iterator[License]:
+def collect_source_licenses(sources: Files) -> Iterator[License]:
     """Licences of pythonfmu and of data of others, whose text lies beside them as ``<name>.license``."""
     version = importlib.metadata.version("pythonfmu")
-    yield License("pythonfmu.txt", f"pythonfmu {version}, its library and its Python files", _text_of("pythonfmu"))
+    yield License("pythonfmu.txt", f"pythonfmu {version}, its library and its Python files", _read_text_of("pythonfmu"))
     for name, content in sorted(sources.items()):
         if name.suffix == ".license":
             yield License(f"{name.stem}.txt", f"data files {name.stem}*", content)
 
 
-def of_runtime(distributions: Iterable[str], libraries: Sequence[Path]) -> Iterator[License]:
+def collect_runtime_licenses(distributions: Iterable[str], libraries: Sequence[Path]) -> Iterator[License]:
     """Licences of this Python, of installed packages, and of shared libraries of the system."""
-    yield License("python.txt", f"CPython {platform.python_version()}", _text_of_python())
+    yield License("python.txt", f"CPython {platform.python_version()}", _read_text_of_python())
     for distribution in distributions:
         version = importlib.metadata.version(distribution)
         for file in importlib.metadata.files(distribution) or ():
@@ -71,16 +71,16 @@ def of_runtime(distributions: Iterable[str], libraries: Sequence[Path]) -> Itera
                 subject = f"{distribution} {version} and the libraries that it brings"
                 yield License(f"{distribution}/{name}", subject, Path(str(file.locate())).read_bytes())
     for path in libraries:
-        yield License(f"{path.name}.txt", f"library {path.name}", _text_of_library(path) or _NO_TEXT)
+        yield License(f"{path.name}.txt", f"library {path.name}", _read_text_of_library(path) or _NO_TEXT)
 
 
 def _own() -> bytes:
     """From the checkout, or from the metadata where the package is installed."""
     checkout = _PROJECT / "LICENSE"
-    return checkout.read_bytes() if checkout.is_file() else _text_of("ps-fmu")
+    return checkout.read_bytes() if checkout.is_file() else _read_text_of("ps-fmu")
 
 
-def _text_of(distribution: str) -> bytes:
+def _read_text_of(distribution: str) -> bytes:
     """The licence that an installed distribution carries."""
     metadata = importlib.metadata.distribution(distribution)
     text = metadata.read_text("licenses/LICENSE") or metadata.read_text("LICENSE")
@@ -89,7 +89,7 @@ def _text_of(distribution: str) -> bytes:
     return text.encode()
 
 
-def _text_of_python() -> bytes:
+def _read_text_of_python() -> bytes:
     version = sysconfig.get_python_version()
     library = Path(sysconfig.get_path("stdlib"))
     for path in (library / "LICENSE.txt", Path(f"/usr/share/doc/python{version}/copyright")):
@@ -98,7 +98,7 @@ def _text_of_python() -> bytes:
     raise LicenseError(f"this Python has no licence text {library / 'LICENSE.txt'}")
 
 
-def _text_of_library(path: Path) -> bytes | None:
+def _read_text_of_library(path: Path) -> bytes | None:
     """What Debian and its kin say of the package that a file belongs to; None elsewhere."""
     if shutil.which("dpkg-query") is None:
         return None

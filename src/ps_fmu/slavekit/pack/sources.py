@@ -74,7 +74,7 @@ def closure_of(modules: Iterable[str], roots: dict[str, Path], hollow: Collectio
         top, *_ = name.split(".")
         if top not in roots:
             continue
-        for path in _module_files(name, roots[top]):
+        for path in _list_module_files(name, roots[top]):
             arcname = PurePosixPath(top, path.relative_to(roots[top]).as_posix())
             if arcname in files:
                 continue
@@ -166,7 +166,7 @@ def foreign(files: Files) -> list[str]:
     return sorted(found - {name.parts[0] for name in files} - sys.stdlib_module_names - {""})
 
 
-def _module_files(name: str, folder: Path) -> Iterator[Path]:
+def _list_module_files(name: str, folder: Path) -> Iterator[Path]:
     """The files that an import of ``a.b.c`` executes: each package's, and the module's own."""
     yield folder / "__init__.py"
     for part in name.split(".")[1:]:

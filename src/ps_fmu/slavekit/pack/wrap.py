@@ -21,8 +21,8 @@ from . import licenses, smoke
 from . import zip_writer as archive
 from .bundle import BundleError, bundle
 from .bundle import check as check_bundle
-from .dependencies import external_dependencies
-from .entry import load_source
+from .dependencies import write_external_dependencies
+from .entry import write_loading_entry
 from .files import write_atomically
 from .launch import OLDEST_PYTHON, make_guid, put_launcher_in_front, write_notes
 from .licenses import LicenseError
@@ -121,16 +121,16 @@ def _add_launcher(stock: Stock, interpreter: Path | None, bundled: bool = False)
     package = f"ps_fmu_{digest.hex()[:12]}"
     files |= {RESOURCES / package / name.relative_to("ps_fmu"): content for name, content in kit.items()}
     entry = f"{stock.script}_{digest.hex()[:12]}"
-    files[RESOURCES / f"{entry}.py"] = load_source(package, stock.script, sorted(_find_private_names(inside)))
+    files[RESOURCES / f"{entry}.py"] = write_loading_entry(package, stock.script, sorted(_find_private_names(inside)))
     files[RESOURCES / "slavemodule.txt"] = entry.encode()
     guid = make_guid(digest)
     stock.description.set("guid", guid)
     files[DESCRIPTION] = tostring(stock.description, encoding="UTF-8", xml_declaration=True) + b"\n"
     files |= put_launcher_in_front(files)
     files[RESOURCES / "launcher.txt"] = write_notes(guid, modules, interpreter)
-    dependencies = external_dependencies(stock.model, OLDEST_PYTHON, modules, bundled)
+    dependencies = write_external_dependencies(stock.model, OLDEST_PYTHON, modules, bundled)
     files.setdefault(PurePosixPath("documentation", "externalDependencies.txt"), dependencies)
-    texts = list(licenses.of_sources({}))
+    texts = list(licenses.collect_source_licenses({}))
     if bundled:
         runtime = bundle(modules, _find_requirements(inside))
         texts += runtime.licenses
