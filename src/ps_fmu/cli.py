@@ -84,7 +84,7 @@ def _add_python_options(parser: argparse.ArgumentParser) -> None:
 
 
 def _build(options: argparse.Namespace) -> int:
-    from .slavekit.pack.build import BuildError, build_one, find, find_default_fmus
+    from .slavekit.pack.build import BuildError, build_one, find_default_fmus, find_folders
     from .slavekit.pack.from_source import build_script
 
     python = {"interpreter": options.interpreter, "bundled": options.bundle}
@@ -94,7 +94,7 @@ def _build(options: argparse.Namespace) -> int:
                 raise BuildError("a script and --only or --fmus exclude each other")
             _print_fmu(*build_script(options.script, options.files, options.output or Path(), **python))
             return EXIT_OK
-        for folder in find(options.fmus or find_default_fmus(), options.only):
+        for folder in find_folders(options.fmus or find_default_fmus(), options.only):
             _print_fmu(build_one(folder, options.output or Path("build/fmus"), **python))
     except (BuildError, OSError) as error:
         print(f"ps-fmu build: {reason(error)}", file=sys.stderr)

@@ -214,10 +214,12 @@ def test_the_builder_leaves_this_process_as_it_was(tmp_path):
 
 
 def test_a_missing_project_file_is_noticed(tmp_path, monkeypatch):
-    complete = build.closure
-    monkeypatch.setattr(
-        build, "closure", lambda *args, **kw: {k: v for k, v in complete(*args, **kw).items() if k.name != "guard.py"}
-    )
+    complete = build.collect_modules
+
+    def collect(*args, **kw):
+        return {name: content for name, content in complete(*args, **kw).items() if name.name != "guard.py"}
+
+    monkeypatch.setattr(build, "collect_modules", collect)
     with pytest.raises(BuildError, match=r"waves: Waves\.fmu does not run by itself.*\n[\s\S]*No module named.*guard"):
         build_one(MODELS / "waves", tmp_path)
     assert list(tmp_path.iterdir()) == []

@@ -7,7 +7,7 @@ import pytest
 
 from ps_fmu.slavekit.author.terminals import Terminal, write_terminals
 from ps_fmu.slavekit.pack.dependencies import write_external_dependencies
-from ps_fmu.slavekit.pack.page import page
+from ps_fmu.slavekit.pack.page import write_page
 
 README = r"""# Title & more
 
@@ -25,7 +25,7 @@ x = "<b>"
 
 def shown(readme, description=b'<fmiModelDescription modelName="A &amp; B"/>', terminals=None):
     """The page as elements; browsers read what is XML but for its first lines."""
-    text = page(readme, description, terminals).decode()
+    text = write_page(readme, description, terminals).decode()
     return fromstring(re.sub(r"<!DOCTYPE html>\n|<meta [^>]*>", "", text).replace("<br>", "").replace("&middot;", ""))
 
 
@@ -54,7 +54,7 @@ def test_a_page_has_the_structure_of_its_source():
 
 
 def test_a_page_needs_nothing_from_elsewhere(description):
-    text = page("$x$ and [a link](https://example.org/x)", description, None).decode()
+    text = write_page("$x$ and [a link](https://example.org/x)", description, None).decode()
     for word in ("<script", "<link", "<img", "<iframe", "@import", "url("):
         assert word not in text
     assert re.findall(r'https?://[^"]*', text) == ["http://www.w3.org/1998/Math/MathML", "https://example.org/x"]
@@ -80,7 +80,7 @@ def test_what_is_no_equation_stays(text):
 @pytest.mark.parametrize("latex", [r"\nosuchcommand x", r"\begin{aligned} a &= b \end{aligned}"])
 def test_an_equation_that_cannot_be_converted_is_refused(latex):
     with pytest.raises(ValueError, match="cannot convert this equation: .*" + re.escape(latex[-6:])):
-        page(f"```math\n{latex}\n```", b"<fmiModelDescription/>", None)
+        write_page(f"```math\n{latex}\n```", b"<fmiModelDescription/>", None)
 
 
 def test_all_variables_are_in_the_tables(description, toys):

@@ -12,7 +12,9 @@ PROJECT = Path(__file__).parents[2]
 
 
 def test_the_index_lists_the_others_and_ends_with_the_own_licence():
-    files = licenses.files([License("a.txt", "package a", b"text a"), License("b/c.txt", "package b", b"text b")])
+    files = licenses.write_licenses(
+        [License("a.txt", "package a", b"text a"), License("b/c.txt", "package b", b"text b")]
+    )
     folder = PurePosixPath("documentation/licenses")
     assert files[folder / "a.txt"] == b"text a"
     assert files[folder / "b/c.txt"] == b"text b"

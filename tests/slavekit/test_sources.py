@@ -4,7 +4,7 @@ from pathlib import Path, PurePosixPath
 
 import pytest
 
-from ps_fmu.slavekit.pack.sources import SourceError, closure, renamed
+from ps_fmu.slavekit.pack.sources import SourceError, collect_modules, rename_imports
 
 NAMES = {"ps_fmu": "ps_fmu_12", "pythonfmu": "ps_fmu_12.pythonfmu"}
 
@@ -36,7 +36,7 @@ def packages(tmp_path: Path) -> dict[str, Path]:
 
 
 def test_only_what_is_imported_is_carried(packages):
-    files = closure(packages["pkg"].parent / "script.py", packages, hollow=("other",))
+    files = collect_modules(packages["pkg"].parent / "script.py", packages, hollow=("other",))
     assert sorted(map(str, files)) == [
         "other/__init__.py",
         "other/z.py",
@@ -57,7 +57,7 @@ def test_only_what_is_imported_is_carried(packages):
 def test_a_package_that_lists_its_modules_is_carried_whole(packages):
     (packages["pkg"] / "sub" / "__init__.py").write_text("import pkgutil\nKINDS = pkgutil.iter_modules(__path__)\n")
     (packages["pkg"] / "sub" / "kind.py").write_text("from .. import unused\n")
-    files = closure(packages["pkg"].parent / "script.py", packages)
+    files = collect_modules(packages["pkg"].parent / "script.py", packages)
     assert PurePosixPath("pkg/sub/kind.py") in files
     assert PurePosixPath("pkg/unused.py") in files
 
@@ -82,7 +82,7 @@ def test_a_package_that_lists_its_modules_is_carried_whole(packages):
 def test_imports_are_renamed_and_nothing_else(source, expected):
     if expected is None:
         expected = source.replace("from ps_fmu ", "from ps_fmu_12 ")
-    assert renamed(source.encode(), "x.py", NAMES).decode() == expected
+    assert rename_imports(source.encode(), "x.py", NAMES).decode() == expected
 
 
 @pytest.mark.parametrize(
@@ -96,5 +96,5 @@ def test_imports_are_renamed_and_nothing_else(source, expected):
 )
 def test_what_cannot_be_renamed_is_told(source, problem):
     with pytest.raises(SourceError) as error:
-        renamed(source.encode(), "x.py", NAMES)
+        rename_imports(source.encode(), "x.py", NAMES)
     assert problem in str(error.value)

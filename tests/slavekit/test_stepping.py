@@ -19,7 +19,8 @@ def run(slave, n, h=H, start=0.0, first=0):
 
 
 def everything(slave):
-    return slave._buffer.data.tolist(), slave._clock()
+    state = slave._get_fmu_state()
+    return state.buffer.tolist(), state.clock
 
 
 def test_a_step_is_one_product(make, put):
@@ -52,7 +53,7 @@ def test_hosts_that_add_up_times_are_followed(make):
         assert slave.do_step(t, 1e-4)
         t += 1e-4
     assert abs(slave.y[1] - 2.0) < 1e-12  # the model's own time has not collected rounding
-    assert slave._origin == 0.0
+    assert slave._get_fmu_state().clock.origin == 0.0
 
 
 def test_a_host_that_drifts_off_the_grid_is_followed_too(make):
@@ -271,7 +272,7 @@ def test_a_finish_step_that_fails_leaves_no_trace(make, put):
     slave = make("limiter", limit=20.0)
     for value in (0.5, 0.6):
         put(slave, signal=value)
-        assert slave.do_step(slave._core.time, H)
+        assert slave.do_step(slave.time, H)
     put(slave, signal=13.0)
     before = everything(slave)
     for _ in range(2):

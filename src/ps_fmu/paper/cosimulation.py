@@ -10,7 +10,7 @@ from ..cosim import System, read_system
 from ..runs.built_fmus import ensure_built
 from ..runs.options import OptionError, RunOptions, Scenario
 from ..runs.output import hold_folder
-from ..slavekit.pack.build import BuildError, default_fmus
+from ..slavekit.pack.build import BuildError, find_default_fmus
 from .analysis import AnalysisOptions
 
 
@@ -23,7 +23,7 @@ def check_sources(system: Path) -> None:
     BuildError: the FMUs' sources are not there, since the package does not run from a checkout.
     """
     try:
-        checkout = default_fmus().parent
+        checkout = find_default_fmus().parent
     except BuildError as error:
         raise BuildError(
             "the FMUs' sources are not there: this analysis needs ps_fmu to be installed from a checkout with pip's -e"
@@ -40,7 +40,7 @@ def load_built_system(options: AnalysisOptions) -> System:
 
     Raises BuildError, CosimError.
     """
-    ensure_built(options.fmus, default_fmus().parent)
+    ensure_built(options.fmus, find_default_fmus().parent)
     return read_system(options.system, options.fmus)
 
 
@@ -65,6 +65,6 @@ def hold_run(
         fmus=options.fmus,
         progress=options.progress,
     ).claim_output()
-    ensure_built(options.fmus, default_fmus().parent)
+    ensure_built(options.fmus, find_default_fmus().parent)
     with hold_folder(run.output):
         yield run

@@ -3,7 +3,8 @@
 When a call into Python raises, the library (0.7.0) releases references that it goes on using: the class, the instance
 and the instance's log list, once per exception.  After one to three exceptions they are freed and the host crashes.
 (The dictionary of the entry module meets the same fate at each instantiation.)  The library also takes the text of the
-exception for a printf format, and tells nothing to hosts that have logging off.  :func:`guard_method` makes up for all that.
+exception for a printf format, and tells nothing to hosts that have logging off.  :func:`guard_method` makes up for
+all that.
 """
 
 from __future__ import annotations

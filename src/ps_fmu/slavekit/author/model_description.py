@@ -54,31 +54,31 @@ def model_description(slave: Values, pythonfmu_xml: Callable[[dict[str, str]], E
 
     root = pythonfmu_xml({name: str(value).lower() for name, value in CAPABILITIES.items()})
     root.set("generationTool", f"ps_fmu {__version__} with {root.get('generationTool')}")
-    root.set("generationDateAndTime", _date().strftime("%Y-%m-%dT%H:%M:%SZ"))
-    units = define_units(_units(slave.layout.ports))
-    root.insert(list(root).index(_child(root, "CoSimulation")) + 1, units)
-    _fill_structure(_child(root, "ModelStructure"), slave.layout.ports)
+    root.set("generationDateAndTime", _get_date().strftime("%Y-%m-%dT%H:%M:%SZ"))
+    units = define_units(_list_units(slave.layout.ports))
+    root.insert(list(root).index(_find_child(root, "CoSimulation")) + 1, units)
+    _fill_structure(_find_child(root, "ModelStructure"), slave.layout.ports)
     root.set("guid", "")
-    root.set("guid", guid(hashlib.sha256(tostring(root)).digest()))
+    root.set("guid", make_guid(hashlib.sha256(tostring(root)).digest()))
     return root
 
 
-def guid(digest: bytes) -> str:
+def make_guid(digest: bytes) -> str:
     """A GUID that states a content: the same content has the same GUID."""
     return f"{{{uuid.UUID(bytes=digest[:16])}}}"
 
 
-def _date() -> datetime:
+def _get_date() -> datetime:
     """Of the build, reproducibly: SOURCE_DATE_EPOCH (s since 1970) if the builder has set it."""
     epoch = os.environ.get("SOURCE_DATE_EPOCH")
     return DATE if epoch is None else datetime.fromtimestamp(int(epoch), UTC)
 
 
-def _units(ports: Iterable[Port]) -> list[str]:
+def _list_units(ports: Iterable[Port]) -> list[str]:
     return list(dict.fromkeys(port.unit for port in ports if port.type == "Real"))
 
 
-def _child(root: Element, tag: str) -> Element:
+def _find_child(root: Element, tag: str) -> Element:
     child = root.find(tag)
     if child is None:
         raise RuntimeError(f"pythonfmu wrote no {tag} element")

@@ -70,6 +70,11 @@ class Stepper(Values):
         return self._core.step
 
     @property
+    def time(self) -> float:
+        """Where the next step starts, as the host counts, s."""
+        return self._core.time
+
+    @property
     def start_time(self) -> float:
         """Start time of the experiment, s."""
         return self._start

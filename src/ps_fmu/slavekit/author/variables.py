@@ -67,20 +67,20 @@ class Port:
                 f"port {self.name!r}: expected identifiers joined by dots, such as 'base_force.x'"
             )
         if self.causality not in ("input", "output", "parameter"):
-            raise self._error(f"causality {self.causality!r} is none of input, output, parameter")
+            raise self._make_error(f"causality {self.causality!r} is none of input, output, parameter")
         if self.causality != "output" and (self.depends_on or self.initially_depends_on is not None):
-            raise self._error("only outputs have dependencies")
+            raise self._make_error("only outputs have dependencies")
         if self.causality != "input" and self.event:
-            raise self._error("only inputs can be events")
+            raise self._make_error("only inputs can be events")
         if self.type == "String" and self.causality == "output":
-            raise self._error("String outputs are not supported")
+            raise self._make_error("String outputs are not supported")
         self._check_unit()
         if self.causality != "output":
-            object.__setattr__(self, "start", self.checked(self._plain_start()))
+            object.__setattr__(self, "start", self.checked(self._read_start()))
         if self.causality == "input" and self.type != "Real":
             object.__setattr__(self, "event", True)
 
-    def _error(self, problem: str) -> ValueError:
+    def _make_error(self, problem: str) -> ValueError:
         return ValueError(f"port {self.name}: {problem}")
 
     def _check_unit(self) -> None:
@@ -88,19 +88,19 @@ class Port:
             try:
                 find_exponents(self.unit)
             except ValueError as error:
-                raise self._error(str(error)) from None
+                raise self._make_error(str(error)) from None
         elif self.unit != "1" or self.nominal is not None:
-            raise self._error(f"a {self.type} has neither unit nor nominal value")
+            raise self._make_error(f"a {self.type} has neither unit nor nominal value")
         known = DISPLAY_UNITS.get(self.unit, {})
         if self.display_unit is not None and self.display_unit not in known:
             choices = ", ".join(known) or "(there are none)"
-            raise self._error(f"display unit {self.display_unit!r} of {self.unit!r} is none of {choices}")
+            raise self._make_error(f"display unit {self.display_unit!r} of {self.unit!r} is none of {choices}")
         for attribute in ("min", "max", "nominal"):
             value = getattr(self, attribute)
             if value is not None and (self.type in ("Boolean", "String") or not math.isfinite(value)):
-                raise self._error(f"{attribute} = {value!r} is not possible for a {self.type}")
+                raise self._make_error(f"{attribute} = {value!r} is not possible for a {self.type}")
 
-    def _plain_start(self) -> Value:
+    def _read_start(self) -> Value:
         """The start value, where the default 0.0 stands for the type's own zero."""
         if self.type == "String" and self.start == 0.0:
             return ""
@@ -117,31 +117,31 @@ class Port:
         """
         if self.type == "String":
             if not isinstance(value, str) or "\0" in value:
-                raise self._refusal(value, "text without NUL characters")
+                raise self._make_refusal(value, "text without NUL characters")
             return value
         if self.type == "Boolean":
             if value not in (False, True):
-                raise self._refusal(value, "true or false")
+                raise self._make_refusal(value, "true or false")
             return bool(value)
         if isinstance(value, str) or (isinstance(value, bool) and self.type == "Real"):
-            raise self._refusal(value, "a number")
+            raise self._make_refusal(value, "a number")
         number = float(value)
         if not math.isfinite(number):
-            raise self._refusal(value, "a finite number")
+            raise self._make_refusal(value, "a finite number")
         if self.type == "Integer" and not (number.is_integer() and -_INT32 <= number < _INT32):
-            raise self._refusal(value, "a whole number of 32 bits")
+            raise self._make_refusal(value, "a whole number of 32 bits")
         low = -math.inf if self.min is None else self.min
         high = math.inf if self.max is None else self.max
         if not low <= number <= high:
-            raise self._refusal(value, _range(low, high))
+            raise self._make_refusal(value, _describe_range(low, high))
         return int(number) if self.type == "Integer" else number
 
-    def _refusal(self, value: Any, allowed: str) -> ValueError:
+    def _make_refusal(self, value: Any, allowed: str) -> ValueError:
         unit = "" if self.unit == "1" else f" {self.unit}"
         return ValueError(f"{self.causality} {self.name} = {value!r}: expected {allowed}{unit}")
 
 
-def _range(low: float, high: float) -> str:
+def _describe_range(low: float, high: float) -> str:
     if high == math.inf:
         return f"at least {low:g}"
     return f"at most {high:g}" if low == -math.inf else f"a value from {low:g} to {high:g}"

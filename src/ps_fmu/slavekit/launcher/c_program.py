@@ -79,8 +79,8 @@ class Program:
             "compiler": f"ziglang {COMPILER}",
             "flags": FLAGS,
             "targets": {platform: dataclasses.asdict(target) for platform, target in self.targets.items()},
-            "sources": {name: _digest(path.read_bytes()) for name, path in files.items()},
-            "made": {platform: _digest(data) for platform, data in made.items()},
+            "sources": {name: _compute_digest(path.read_bytes()) for name, path in files.items()},
+            "made": {platform: _compute_digest(data) for platform, data in made.items()},
         }
         return json.dumps(content, indent=2) + "\n"
 
@@ -98,7 +98,8 @@ class Program:
         with tempfile.TemporaryDirectory() as folder:
             result = Path(folder) / target.result
             command = [sys.executable, "-I", "-m", "ziglang", "cc", "-target", target.zig, *FLAGS, *target.flags]
-            command += ["-I", str(find_fmi_headers()), *self.sources_for(platform), "-o", str(result), *target.libraries]
+            command += ["-I", str(find_fmi_headers()), *self.sources_for(platform), "-o", str(result)]
+            command += target.libraries
             environment = os.environ | {"ZIG_LOCAL_CACHE_DIR": folder}
             run = subprocess.run(command, cwd=self.folder, env=environment, capture_output=True, text=True)
             if run.returncode != 0:
@@ -123,5 +124,5 @@ def find_fmi_headers() -> Path:
     return Path(fmpy.__file__).parent / "c-code"
 
 
-def _digest(content: bytes) -> str:
+def _compute_digest(content: bytes) -> str:
     return hashlib.sha256(content).hexdigest()

@@ -19,7 +19,7 @@ from typing import Any
 import pythonfmu
 from pythonfmu.builder import FmuBuilder, get_model_class
 
-from ..author.model_description import CAPABILITIES
+from ..author.model_description import CAPABILITIES, make_guid
 from ..author.slave import Slave
 from ..author.terminals import write_terminals
 from . import licenses, smoke
@@ -29,10 +29,10 @@ from .bundle import check as check_bundle
 from .dependencies import write_external_dependencies
 from .entry import write_entry
 from .files import write_atomically
-from .launch import OLDEST_PYTHON, make_guid, put_launcher_in_front, write_notes
+from .launch import OLDEST_PYTHON, put_launcher_in_front, write_notes
 from .licenses import LicenseError
-from .page import page
-from .sources import Files, SourceError, closure, foreign, imported, renamed
+from .page import write_page
+from .sources import Files, SourceError, collect_modules, find_foreign_modules, find_imports, rename_imports
 from .wrap import PACKAGE, BuildError, check_interpreter
 
 _RESOURCES = PurePosixPath("resources")
@@ -52,7 +52,7 @@ def find_default_fmus() -> Path:
     return folder
 
 
-def find(fmus: Path, only: Iterable[str] = ()) -> list[Path]:
+def find_folders(fmus: Path, only: Iterable[str] = ()) -> list[Path]:
     """The folders ``<name>`` below ``fmus`` that hold a ``<name>.py``; all, or those named.
 
     Raises BuildError if there are none, or one of those named is missing.
@@ -68,7 +68,7 @@ def find(fmus: Path, only: Iterable[str] = ()) -> list[Path]:
 
 def build_all(output: Path, fmus: Path | None = None, only: Iterable[str] = (), **variant: Any) -> list[Path]:
     """Build the FMUs of a checkout into the folder ``output``; their paths.  As :func:`build_one` otherwise."""
-    return [build_one(folder, output, **variant) for folder in find(fmus or find_default_fmus(), only)]
+    return [build_one(folder, output, **variant) for folder in find_folders(fmus or find_default_fmus(), only)]
 
 
 def build_one(folder: Path, output: Path, *, interpreter: Path | None = None, bundled: bool = False) -> Path:
@@ -138,15 +138,15 @@ def _repackage(
     files = put_launcher_in_front(built)
     files[_DESCRIPTION] = _GUID.sub(b'guid=""', built[_DESCRIPTION], count=1)
     model = _read_model_name(built[_DESCRIPTION])
-    sources = _sources(script)
+    sources = _collect_sources(script)
     files |= _write_documentation(script.parent, slave, files[_DESCRIPTION])
-    digest = archive.digest(files | sources)
+    digest = archive.compute_digest(files | sources)
 
     package = f"ps_fmu_{digest.hex()[:12]}"
     names = {"ps_fmu": package, "pythonfmu": f"{package}.pythonfmu"}
     for name, content in sources.items():
         if name.suffix == ".py":
-            content = renamed(content, str(name), names)
+            content = rename_imports(content, str(name), names)
         inside = name.relative_to("ps_fmu") if name.parts[0] == "ps_fmu" else name
         files[_RESOURCES / package / inside] = content
     entry = f"{script.stem}_{digest.hex()[:12]}"
@@ -154,16 +154,17 @@ def _repackage(
     files[_RESOURCES / "slavemodule.txt"] = entry.encode()
     guid = make_guid(digest)
     files[_DESCRIPTION] = files[_DESCRIPTION].replace(b'guid=""', f'guid="{guid}"'.encode(), 1)
-    modules = foreign(sources)
+    modules = find_foreign_modules(sources)
     files[_RESOURCES / "launcher.txt"] = write_notes(guid, modules, interpreter)
-    files[_DOCUMENTATION / "externalDependencies.txt"] = write_external_dependencies(model, OLDEST_PYTHON, modules, bundled)
+    dependencies = write_external_dependencies(model, OLDEST_PYTHON, modules, bundled)
+    files[_DOCUMENTATION / "externalDependencies.txt"] = dependencies
     texts = list(licenses.collect_source_licenses(sources))
     if bundled:
         runtime = bundle(modules)
         texts += runtime.licenses
         files |= {PurePosixPath("binaries/linux64") / name: content for name, content in runtime.files.items()}
         files[_DESCRIPTION] = files[_DESCRIPTION].replace(*_NO_TOOL_NEEDED, 1)
-    files |= licenses.files(texts)
+    files |= licenses.write_licenses(texts)
     return model, files
 
 
@@ -174,16 +175,16 @@ def _read_model_name(description: bytes) -> str:
     return match[1].decode()
 
 
-def _sources(script: Path) -> Files:
+def _collect_sources(script: Path) -> Files:
     """The script and the modules that it needs, by their names in the checkout."""
-    for name in imported(script.read_text(encoding="utf-8"), script.name, ""):
+    for name in find_imports(script.read_text(encoding="utf-8"), script.name, ""):
         helper = script.with_name(f"{name.partition('.')[0]}.py")
         if helper.is_file():
             raise SourceError(
                 f"{script.name} imports {helper.name} beside it: move that to ps_fmu to have it packaged"
             )
     roots = {"ps_fmu": PACKAGE, "pythonfmu": Path(pythonfmu.__file__).parent}
-    sources = closure(script, roots, hollow=("pythonfmu",))
+    sources = collect_modules(script, roots, hollow=("pythonfmu",))
     place = PurePosixPath("ps_fmu", script.name)
     if place in sources or (PACKAGE / script.stem).is_dir():
         raise SourceError(f"{script.name} has the name of a module of ps_fmu: give it another one")
@@ -197,7 +198,7 @@ def _write_documentation(folder: Path, slave: type[Slave], description: bytes) -
         raise BuildError(f"{folder.name}: no README.md, which becomes the FMU's documentation")
     try:
         terminals = write_terminals(slave.terminals, slave.layout) if slave.terminals else None
-        files = {_DOCUMENTATION / "index.html": page(readme.read_text(encoding="utf-8"), description, terminals)}
+        files = {_DOCUMENTATION / "index.html": write_page(readme.read_text(encoding="utf-8"), description, terminals)}
     except (KeyError, ValueError) as error:
         raise BuildError(f"{folder.name}: {error.args[0]}") from None
     if terminals is not None:

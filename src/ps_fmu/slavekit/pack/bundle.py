@@ -30,7 +30,7 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
 from . import zip_writer as archive
-from .elf import loaded
+from .elf import cut_unloaded
 from .licenses import License, collect_runtime_licenses
 from .sources import Files
 
@@ -88,7 +88,7 @@ def bundle(modules: Sequence[str], requirements: Sequence[str] = ()) -> Bundle:
     absent = [name for name in all_extensions if name.startswith(_EXTENSIONS_LEFT_OUT)]
     extensions = {name: path for name, path in all_extensions.items() if name not in absent}
     distributions = _find_distributions(modules, requirements)
-    packages = dict(_packages(distributions))
+    packages = dict(_read_packages(distributions))
     libraries = {path.name: path for path in _find_libraries([*extensions, *modules], absent)}
     libpython = _find_libpython()
     notes = {
@@ -100,10 +100,10 @@ def bundle(modules: Sequence[str], requirements: Sequence[str] = ()) -> Bundle:
     }
     files = {
         "bundle.txt": "".join(f"{key}={value}\n" for key, value in notes.items()).encode(),
-        notes["library"]: loaded(libpython.read_bytes()),
+        notes["library"]: cut_unloaded(libpython.read_bytes()),
         _ZIP: _pack_standard_library(standard),
     }
-    files |= {f"{_DYNLOAD}/{path.name}": loaded(path.read_bytes()) for path in extensions.values()}
+    files |= {f"{_DYNLOAD}/{path.name}": cut_unloaded(path.read_bytes()) for path in extensions.values()}
     files |= {f"{_PACKAGES}/{name}": content for name, content in packages.items()}
     files |= {f"lib/system/{name}": path.read_bytes() for name, path in libraries.items()}
     licenses = tuple(collect_runtime_licenses(distributions, list(libraries.values())))
@@ -152,7 +152,7 @@ def _find_libpython() -> Path:
     raise BundleError(f"{sys.executable} was built without a shared libpython (looked in {', '.join(folders)})")
 
 
-def _compiled(path: Path, name: str) -> bytes:
+def _compile(path: Path, name: str) -> bytes:
     """A .pyc that is never checked against its source; the same bytes wherever it is made."""
     with tempfile.TemporaryDirectory() as folder:
         result = Path(folder) / "module.pyc"
@@ -169,7 +169,7 @@ def _pack_standard_library(folder: Path) -> bytes:
             name = path.relative_to(folder)
             if not _LEFT_OUT.intersection(name.parts) and not any("config-" in part for part in name.parts):
                 entry = zipfile.ZipInfo(str(name.with_suffix(".pyc")), archive.DATE)
-                library.writestr(entry, _compiled(path, str(name)))
+                library.writestr(entry, _compile(path, str(name)))
     return content.getvalue()
 
 
@@ -203,7 +203,7 @@ def _find_distributions(modules: Iterable[str], requirements: Iterable[str]) -> 
     return list(found.values())
 
 
-def _packages(distributions: Iterable[str]) -> Iterator[tuple[str, bytes]]:
+def _read_packages(distributions: Iterable[str]) -> Iterator[tuple[str, bytes]]:
     """The installed files of some distributions, Python sources compiled."""
     for distribution in distributions:
         for file in importlib.metadata.files(distribution) or ():
@@ -211,7 +211,7 @@ def _packages(distributions: Iterable[str]) -> Iterator[tuple[str, bytes]]:
                 continue
             path, name = Path(str(file.locate())), str(file)
             if name.endswith(".py"):
-                yield f"{name}c", _compiled(path, name)
+                yield f"{name}c", _compile(path, name)
             elif not name.endswith(_PACKAGE_FILES_LEFT_OUT) and file.name not in ("RECORD", "INSTALLER", "REQUESTED"):
                 yield name, path.read_bytes()
 

@@ -14,7 +14,7 @@ _HEADER = struct.Struct("<16sHHIQQQIHHHHHH")
 _SEGMENT = struct.Struct("<IIQQQQQQ")
 
 
-def loaded(content: bytes) -> bytes:
+def cut_unloaded(content: bytes) -> bytes:
     """The library cut behind its last segment; anything that is not a complete ELF file of 64 bits as it is."""
     if not content.startswith(_IDENTITY) or len(content) < _HEADER.size:
         return content

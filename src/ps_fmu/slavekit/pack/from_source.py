@@ -12,7 +12,7 @@ from pathlib import Path
 
 from . import pythonfmu_build
 from .build import build_one
-from .sources import SourceError, find_beside, imported
+from .sources import SourceError, find_beside, find_imports
 from .wrap import BuildError, wrap
 
 _TIMEOUT = 600.0  # s; the author's modules may take their time
@@ -59,7 +59,7 @@ def imports_the_kit(script: Path) -> bool:
     if script.suffix != ".py" or not script.is_file():
         raise BuildError(f"{script}: expected a file .py with a class that derives from pythonfmu.Fmi2Slave")
     try:
-        return any(name.partition(".")[0] == "ps_fmu" for name in imported(script.read_bytes(), script.name, ""))
+        return any(name.partition(".")[0] == "ps_fmu" for name in find_imports(script.read_bytes(), script.name, ""))
     except (SyntaxError, ValueError, ImportError, RecursionError, MemoryError) as error:
         raise BuildError(f"{script}: this is no Python that can be read here: {error}") from None
 

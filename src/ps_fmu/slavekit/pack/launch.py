@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import uuid
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -39,8 +38,3 @@ def write_notes(guid: str, modules: Sequence[str], interpreter: Path | None) -> 
     if interpreter is not None:
         lines.append(f"interpreter={interpreter.absolute()}")
     return ("\n".join(lines) + "\n").encode()
-
-
-def make_guid(digest: bytes) -> str:
-    """A GUID that states a content: the same content has the same GUID."""
-    return f"{{{uuid.UUID(bytes=digest[:16])}}}"

@@ -34,7 +34,7 @@ class License:
     text: bytes
 
 
-def files(licenses: Iterable[License], part: str = "") -> Files:
+def write_licenses(licenses: Iterable[License], part: str = "") -> Files:
     """The folder: ``license.txt``, where FMI wants readers to begin, and the texts.
 
     Parameters
@@ -46,7 +46,7 @@ def files(licenses: Iterable[License], part: str = "") -> Files:
     index = [f"{one.name}: {one.subject}\n" for one in others]
     head = f"ps_fmu {__version__} under the licence below, and work of others under the licences in this folder:\n\n"
     result = {folder / one.name: one.text for one in others}
-    result[folder / "license.txt"] = "".join([head, *index, "\n", "-" * 80, "\n\n"]).encode() + _own()
+    result[folder / "license.txt"] = "".join([head, *index, "\n", "-" * 80, "\n\n"]).encode() + _read_own()
     return result
 
 
@@ -74,7 +74,7 @@ def collect_runtime_licenses(distributions: Iterable[str], libraries: Sequence[P
         yield License(f"{path.name}.txt", f"library {path.name}", _read_text_of_library(path) or _NO_TEXT)
 
 
-def _own() -> bytes:
+def _read_own() -> bytes:
     """From the checkout, or from the metadata where the package is installed."""
     checkout = _PROJECT / "LICENSE"
     return checkout.read_bytes() if checkout.is_file() else _read_text_of("ps-fmu")

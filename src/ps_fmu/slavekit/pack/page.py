@@ -44,7 +44,7 @@ _COLUMNS = {
 _NUMBERS = ("start", "min", "max", "nominal")
 
 
-def page(readme: str, description: bytes, terminals: bytes | None) -> bytes:
+def write_page(readme: str, description: bytes, terminals: bytes | None) -> bytes:
     """The page.
 
     Parameters
@@ -59,10 +59,10 @@ def page(readme: str, description: bytes, terminals: bytes | None) -> bytes:
     title = escape(root.get("modelName", ""))
     body = "\n".join(
         [
-            f"<header>{_facts(root)}</header>",
+            f"<header>{_write_facts(root)}</header>",
             markdown(readme, extensions=extensions, output_format="html"),
-            *_variables(root),
-            *([] if terminals is None else _terminals(fromstring(terminals))),
+            *_write_variables(root),
+            *([] if terminals is None else _write_terminals(fromstring(terminals))),
         ]
     )
     return (
@@ -71,7 +71,7 @@ def page(readme: str, description: bytes, terminals: bytes | None) -> bytes:
     ).encode()
 
 
-def _facts(root: Element) -> str:
+def _write_facts(root: Element) -> str:
     experiment = root.find("DefaultExperiment")
     step = "" if experiment is None else f" &middot; default step {float(experiment.get('stepSize', 'nan')):g} s"
     model, version, fmi = (escape(root.get(name, "")) for name in ("modelName", "version", "fmiVersion"))
@@ -81,8 +81,8 @@ def _facts(root: Element) -> str:
     return f"{model} {version} &middot; FMI {fmi} co-simulation{step}<br>{line}"
 
 
-def _variables(root: Element) -> Iterator[str]:
-    rows = [_row(variable) for variable in root.iterfind("ModelVariables/ScalarVariable")]
+def _write_variables(root: Element) -> Iterator[str]:
+    rows = [_read_row(variable) for variable in root.iterfind("ModelVariables/ScalarVariable")]
     yield '<h2 id="variables">Variables</h2>'
     yield (
         "<p>Parameters are fixed: they are set before the initialisation ends.  Numbers are rounded to six digits; all "
@@ -92,10 +92,10 @@ def _variables(root: Element) -> Iterator[str]:
         group = [row for row in rows if row["causality"] == causality]
         columns = {key: text for key, text in _COLUMNS.items() if any(row[key] for row in group)}
         yield f'<h3 id="{title.lower()}">{title}</h3>'
-        yield _table(columns, group) if group else "<p>None.</p>"
+        yield _write_table(columns, group) if group else "<p>None.</p>"
 
 
-def _row(variable: Element) -> dict[str, str]:
+def _read_row(variable: Element) -> dict[str, str]:
     """A variable's attributes as they are shown."""
     kind = variable[0]
     row = {**dict.fromkeys(_COLUMNS, ""), **variable.attrib, **kind.attrib, "type": kind.tag}
@@ -104,7 +104,7 @@ def _row(variable: Element) -> dict[str, str]:
     return row
 
 
-def _terminals(root: Element) -> Iterator[str]:
+def _write_terminals(root: Element) -> Iterator[str]:
     columns = {"name": "Name", "description": "Description", "members": "Variables"}
     rows = [
         {**terminal.attrib, "members": ", ".join(member.get("variableName", "") for member in terminal)}
@@ -115,10 +115,10 @@ def _terminals(root: Element) -> Iterator[str]:
         "<p>A terminal is wired to that of the same name in another FMU, variable by variable of the same name "
         "(terminalsAndIcons/terminalsAndIcons.xml).</p>"
     )
-    yield _table(columns, rows)
+    yield _write_table(columns, rows)
 
 
-def _table(columns: Mapping[str, str], rows: Iterable[Mapping[str, str]]) -> str:
+def _write_table(columns: Mapping[str, str], rows: Iterable[Mapping[str, str]]) -> str:
     frame = Element("div", {"class": "wide"})
     table = SubElement(frame, "table")
     head = SubElement(SubElement(table, "thead"), "tr")

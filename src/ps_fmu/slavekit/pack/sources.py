@@ -24,7 +24,7 @@ class SourceError(RuntimeError):
     """Python sources that cannot be packaged; the text says which line and what to do."""
 
 
-def imported(source: str | bytes, name: str, package: str, optional: bool = True) -> set[str]:
+def find_imports(source: str | bytes, name: str, package: str, optional: bool = True) -> set[str]:
     """Absolute names of all modules, and of all names in modules, that a source imports, wherever in it.
 
     Parameters
@@ -46,12 +46,12 @@ def imported(source: str | bytes, name: str, package: str, optional: bool = True
     return found
 
 
-def closure(script: Path, roots: dict[str, Path], hollow: Collection[str] = ()) -> Files:
+def collect_modules(script: Path, roots: dict[str, Path], hollow: Collection[str] = ()) -> Files:
     """As :func:`closure_of` the modules that ``script`` imports; it is not part of the result itself."""
-    return closure_of(imported(script.read_text(encoding="utf-8"), script.name, ""), roots, hollow)
+    return collect_imported(find_imports(script.read_text(encoding="utf-8"), script.name, ""), roots, hollow)
 
 
-def closure_of(modules: Iterable[str], roots: dict[str, Path], hollow: Collection[str] = ()) -> Files:
+def collect_imported(modules: Iterable[str], roots: dict[str, Path], hollow: Collection[str] = ()) -> Files:
     """Some modules and those that they import of some packages, directly or not, and the data files beside them.
 
     A package whose ``__init__.py`` calls ``pkgutil.iter_modules`` is taken with all its modules.
@@ -82,11 +82,11 @@ def closure_of(modules: Iterable[str], roots: dict[str, Path], hollow: Collectio
             files[arcname] = b"" if is_hollow else path.read_bytes()
             package = ".".join(arcname.parent.parts)
             source = files[arcname].decode()
-            waiting += sorted(imported(source, str(arcname), package))
+            waiting += sorted(find_imports(source, str(arcname), package))
             if path.name == "__init__.py":
                 if _lists_its_modules(source, str(arcname)):
                     waiting += [f"{package}.{found.name}" for found in pkgutil.iter_modules([str(path.parent)])]
-                files |= {arcname.with_name(data.name): data.read_bytes() for data in _data(path.parent)}
+                files |= {arcname.with_name(data.name): data.read_bytes() for data in _list_data(path.parent)}
     return files
 
 
@@ -118,7 +118,7 @@ def find_needed_modules(script: str, files: Files) -> list[str]:
     """
     needed: set[str] = set()
     for place, content in _reach(script, files.get):
-        needed |= {_top(name) for name in imported(content, str(place), ".".join(place.parts[:-1]), optional=False)}
+        needed |= set(map(_get_top, find_imports(content, str(place), ".".join(place.parts[:-1]), optional=False)))
     own = {name.parts[0].removesuffix(".py") for name in files}
     return sorted(needed - own - sys.stdlib_module_names - {""})
 
@@ -148,13 +148,13 @@ def _reach(script: str, read: Callable[[PurePosixPath], bytes | None]) -> Iterat
                     continue
                 seen.add(place)
                 try:
-                    waiting += imported(content, str(place), ".".join(place.parts[:-1]))
+                    waiting += find_imports(content, str(place), ".".join(place.parts[:-1]))
                 except (SyntaxError, ValueError, ImportError, RecursionError, MemoryError) as error:
                     raise SourceError(f"{place} is no Python that can be read here: {error}") from None
                 yield place, content
 
 
-def foreign(files: Files) -> list[str]:
+def find_foreign_modules(files: Files) -> list[str]:
     """Names of the top-level packages that some sources import, wherever in them, and neither hold nor find in
     Python's standard library.
     """
@@ -162,7 +162,7 @@ def foreign(files: Files) -> list[str]:
     for name, content in files.items():
         if name.suffix == ".py":
             package = ".".join(name.parent.parts)
-            found |= {_top(module) for module in imported(content.decode(), str(name), package)}
+            found |= {_get_top(module) for module in find_imports(content.decode(), str(name), package)}
     return sorted(found - {name.parts[0] for name in files} - sys.stdlib_module_names - {""})
 
 
@@ -179,13 +179,13 @@ def _list_module_files(name: str, folder: Path) -> Iterator[Path]:
             return
 
 
-def _data(folder: Path) -> Iterator[Path]:
+def _list_data(folder: Path) -> Iterator[Path]:
     for path in sorted(folder.iterdir()):
         if path.is_file() and path.suffix in _DATA:
             yield path
 
 
-def renamed(source: bytes, name: str, names: dict[str, str]) -> bytes:
+def rename_imports(source: bytes, name: str, names: dict[str, str]) -> bytes:
     """A source whose absolute imports of some packages go to other names.
 
     Parameters
@@ -200,11 +200,11 @@ def renamed(source: bytes, name: str, names: dict[str, str]) -> bytes:
     """
     lines = source.decode().splitlines(keepends=True)
     for node in ast.walk(ast.parse(source, filename=name)):
-        if isinstance(node, ast.ImportFrom) and node.level == 0 and _top(node.module) in names:
+        if isinstance(node, ast.ImportFrom) and node.level == 0 and _get_top(node.module) in names:
             _rename_from(lines, node, names)
         elif isinstance(node, ast.Import):
             for alias in node.names:
-                if _top(alias.name) in names:
+                if _get_top(alias.name) in names:
                     raise SourceError(
                         f"{name}:{node.lineno}: 'import {alias.name}': write 'from ... import ...'"
                     )
@@ -212,18 +212,18 @@ def renamed(source: bytes, name: str, names: dict[str, str]) -> bytes:
             isinstance(node, ast.Constant)
             and isinstance(node.value, str)
             and _DOTTED_NAME.fullmatch(node.value)
-            and _top(node.value) in names
+            and _get_top(node.value) in names
         ):
             text = "looks like the name of a module, which has another name in an FMU"
             raise SourceError(f"{name}:{node.lineno}: {node.value!r} {text}")
     result = "".join(lines).encode()
     for node in ast.walk(ast.parse(result, filename=name)):
-        if isinstance(node, ast.ImportFrom) and node.level == 0 and _top(node.module) in names:
+        if isinstance(node, ast.ImportFrom) and node.level == 0 and _get_top(node.module) in names:
             raise SourceError(f"{name}:{node.lineno}: the import from {node.module} is left over")
     return result
 
 
-def _top(module: str | None) -> str:
+def _get_top(module: str | None) -> str:
     return (module or "").partition(".")[0]
 
 
@@ -232,7 +232,7 @@ def _rename_from(lines: list[str], node: ast.ImportFrom, names: dict[str, str]) 
     for i in range(node.lineno - 1, node.end_lineno or node.lineno):
         start = len(lines[i].encode()[: node.col_offset].decode()) if i == node.lineno - 1 else 0
         head, tail = lines[i][:start], lines[i][start:]
-        old = _top(node.module)
+        old = _get_top(node.module)
         new, n = re.subn(rf"\b{old}\b", names[old], tail, count=1)
         if n:
             lines[i] = head + new

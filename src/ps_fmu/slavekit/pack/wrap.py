@@ -17,6 +17,7 @@ from xml.etree.ElementTree import Element, SubElement, tostring
 import pythonfmu
 
 from ... import __version__
+from ..author.model_description import make_guid
 from . import licenses, smoke
 from . import zip_writer as archive
 from .bundle import BundleError, bundle
@@ -24,9 +25,9 @@ from .bundle import check as check_bundle
 from .dependencies import write_external_dependencies
 from .entry import write_loading_entry
 from .files import write_atomically
-from .launch import OLDEST_PYTHON, make_guid, put_launcher_in_front, write_notes
+from .launch import OLDEST_PYTHON, put_launcher_in_front, write_notes
 from .licenses import LicenseError
-from .sources import Files, SourceError, closure_of, find_needed_modules
+from .sources import Files, SourceError, collect_imported, find_needed_modules
 from .stock import DESCRIPTION, RESOURCES, Stock, StockError, read_stock
 
 PACKAGE = Path(__file__).resolve().parents[2]
@@ -112,11 +113,11 @@ def _add_launcher(stock: Stock, interpreter: Path | None, bundled: bool = False)
         files |= {RESOURCES / "pythonfmu" / path.name: path.read_bytes() for path in own.glob("*.py")}
     inside = {name.relative_to(RESOURCES): content for name, content in files.items() if name.parts[0] == "resources"}
     modules = find_needed_modules(stock.script, inside)
-    kit = closure_of(_KIT, {"ps_fmu": PACKAGE})
+    kit = collect_imported(_KIT, {"ps_fmu": PACKAGE})
     _complete(stock.description, bundled)
     stock.description.set("guid", "")
     files[DESCRIPTION] = tostring(stock.description)
-    digest = archive.digest(files | kit)
+    digest = archive.compute_digest(files | kit)
 
     package = f"ps_fmu_{digest.hex()[:12]}"
     files |= {RESOURCES / package / name.relative_to("ps_fmu"): content for name, content in kit.items()}
@@ -135,7 +136,7 @@ def _add_launcher(stock: Stock, interpreter: Path | None, bundled: bool = False)
         runtime = bundle(modules, _find_requirements(inside))
         texts += runtime.licenses
         files |= {PurePosixPath("binaries/linux64") / name: content for name, content in runtime.files.items()}
-    return files | licenses.files(texts, "launcher")
+    return files | licenses.write_licenses(texts, "launcher")
 
 
 def _find_private_names(files: Files) -> Iterator[str]:

@@ -21,7 +21,7 @@ def read(path: Path) -> dict[PurePosixPath, bytes]:
         return {PurePosixPath(i.filename): archive.read(i) for i in archive.infolist() if not i.is_dir()}
 
 
-def digest(files: Mapping[PurePosixPath, bytes]) -> bytes:
+def compute_digest(files: Mapping[PurePosixPath, bytes]) -> bytes:
     """SHA-256 of names and contents."""
     total = hashlib.sha256()
     for name in sorted(files):
