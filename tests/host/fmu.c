@@ -101,13 +101,6 @@ fmi2Component new_instance(const Fmu *fmu, const char *name)
     return component;
 }
 
-double now(void)
-{
-    struct timespec time;
-    clock_gettime(CLOCK_MONOTONIC, &time);
-    return (double)time.tv_sec * 1e6 + (double)time.tv_nsec * 1e-3;
-}
-
 static void on_signal(int number)
 {
     (void)number;

@@ -47,9 +47,6 @@ extern const fmi2CallbackFunctions callbacks;
 /* An instance with logging on; where there is none, the process ends with exit code 3. */
 fmi2Component new_instance(const Fmu *fmu, const char *name);
 
-/* Time in us. */
-double now(void);
-
 /* Have a handler for SIGINT; and, later: is it still there, and are locale and environment as they were? */
 void handle_signals(void);
 void expect_belongings(void);

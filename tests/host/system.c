@@ -8,8 +8,7 @@
    reload   ten times: load, run, unload; prints the outputs of each
    states   keeps the state after N steps, also in the file ARGUMENT, and runs N steps from it: on, again, and in other
             instances from the bytes; prints the outputs
-   resume   N steps from the states in the file ARGUMENT, which another process has written; prints the outputs
-   cost     prints the mean time of a step, in us */
+   resume   N steps from the states in the file ARGUMENT, which another process has written; prints the outputs */
 #include "wired.h"
 
 #include <pthread.h>
@@ -17,7 +16,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { THREADS = 8, RELOADS = 10, WARM_UP = 100 /* steps */ };
+enum { THREADS = 8, RELOADS = 10 };
 
 typedef struct {
     System system;
@@ -199,16 +198,6 @@ static void resume(System *s, long n, const char *path)
     end(s);
 }
 
-static void cost(System *s, long n)
-{
-    begin(s);
-    advance(s, WARM_UP);
-    double before = now();
-    advance(s, n);
-    printf("%.2f\n", (now() - before) / (double)n);
-    end(s);
-}
-
 int main(int argc, char **argv)
 {
     static System s;
@@ -231,8 +220,6 @@ int main(int argc, char **argv)
             run_from_states(&s, n, path);
         else if (strcmp(mode, "resume") == 0 && argc == 5)
             resume(&s, n, path);
-        else if (strcmp(mode, "cost") == 0)
-            cost(&s, n);
         else
             fail("which mode?");
     }
