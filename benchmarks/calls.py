@@ -20,7 +20,7 @@ from ps_fmu.cosim.compiled import CompiledLoop
 from ps_fmu.cosim.description import read_description
 from ps_fmu.cosim.fmu_instance import FmuInstance
 from ps_fmu.cosim.graph import check_wiring
-from ps_fmu.cosim.initialisation import first_row, initialise, load
+from ps_fmu.cosim.initialisation import initialise, load, read_first_row
 from ps_fmu.cosim.plan import Call, Plan, Stage, make_plan
 from ps_fmu.cosim.rows import Array, Rows, make_layout
 
@@ -37,7 +37,7 @@ def of_each_fmu(system: System, step: float) -> dict[str, dict[str, float]]:
     with tempfile.TemporaryDirectory(prefix="ps_fmu_bench_") as folder:
         load(system, descriptions, Path(folder), slaves)
         initialise(slaves, system, wiring, {}, 0.0)
-        first_row(slaves, rows, 0.0)
+        read_first_row(slaves, rows, 0.0)
         plan = make_plan(slaves, wiring, rows, step, "jacobi", ())
         (stage,) = plan.stages
         for gather in stage.gathers:

@@ -27,12 +27,12 @@ def run_command(command: Callable[[], int]) -> int:
     streams = sys.stdout, sys.stderr
     output = sys.stdout = _Stream(sys.stdout)
     errors = sys.stderr = _Stream(sys.stderr)
-    terminate = _like_ctrl_c()
+    terminate = _treat_like_ctrl_c()
     try:
         try:
             code = command()
         except SystemExit as ended:
-            code = _code_of(ended)
+            code = _get_code(ended)
         output.flush()
         if output.error is not None and not isinstance(output.error, BrokenPipeError):
             print(f"standard output: {output.error.strerror}", file=sys.stderr)
@@ -46,7 +46,7 @@ def run_command(command: Callable[[], int]) -> int:
             signal.signal(signal.SIGTERM, terminate)
 
 
-def _like_ctrl_c() -> Any:
+def _treat_like_ctrl_c() -> Any:
     """Have SIGTERM do what Ctrl-C does; what it did before, or None where it is left alone."""
     if threading.current_thread() is not threading.main_thread():
         return None
@@ -56,7 +56,7 @@ def _like_ctrl_c() -> Any:
     return before
 
 
-def _code_of(ended: SystemExit) -> int:
+def _get_code(ended: SystemExit) -> int:
     """The exit code that Python makes of it; a text is printed."""
     if isinstance(ended.code, str):
         print(ended.code, file=sys.stderr)

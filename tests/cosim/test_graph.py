@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ps_fmu.cosim import Master, WiringError, read_system
-from ps_fmu.cosim.graph import strong_groups
+from ps_fmu.cosim.graph import find_strong_groups
 
 H = 0.01
 
@@ -130,7 +130,7 @@ def test_strong_groups_are_ordered_and_complete(case):
     reach = {(i, i) for i in range(n)} | edges
     while new := {(a, d) for (a, b), (c, d) in itertools.product(reach, reach) if b == c} - reach:
         reach |= new
-    groups = strong_groups(range(n), sorted(edges))
+    groups = find_strong_groups(range(n), sorted(edges))
     assert sorted(itertools.chain.from_iterable(groups)) == list(range(n))
     place = {node: number for number, group in enumerate(groups) for node in group}
     for a, b in itertools.product(range(n), repeat=2):

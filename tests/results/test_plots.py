@@ -27,33 +27,33 @@ def envelopes(columns, feed):
 
 
 def test_time_histories(tmp_path, envelopes):
-    plots.time_histories(tmp_path / "a.png", *envelopes, title="Jitter")
+    plots.draw_time_histories(tmp_path / "a.png", *envelopes, title="Jitter")
     assert png_size(tmp_path / "a.png") == (12.0 * DOTS_PER_INCH, 6.2 * DOTS_PER_INCH)
 
 
 def test_the_same_data_give_the_same_bytes(tmp_path, envelopes):
     for name in ("a.png", "b.png"):
-        plots.time_histories(tmp_path / name, *envelopes)
+        plots.draw_time_histories(tmp_path / name, *envelopes)
     assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
 
 
 def test_time_histories_of_different_signals_are_refused(tmp_path, envelopes, columns, feed):
     other = feed(EnvelopeObserver(columns, ["b.u"]), noise(1.0, 1), 1e-3).result()
     with pytest.raises(ValueError, match="different signals"):
-        plots.time_histories(tmp_path / "a.png", envelopes[0], other)
+        plots.draw_time_histories(tmp_path / "a.png", envelopes[0], other)
 
 
 @pytest.mark.parametrize("level", [1e-12, 0.0])
 def test_spectra(tmp_path, level):
     frequency = np.arange(100.0)
     passive = level / (1.0 + frequency) * np.ones((2, 1))
-    plots.spectra(tmp_path / "a.png", frequency, passive, passive * 1e-4, ["a.x", "a.y"], "rad")
+    plots.draw_spectra(tmp_path / "a.png", frequency, passive, passive * 1e-4, ["a.x", "a.y"], "rad")
     assert png_size(tmp_path / "a.png") == (10.0 * DOTS_PER_INCH, 8.5 * DOTS_PER_INCH)
 
 
 def test_spectra_of_another_shape_are_refused(tmp_path):
     with pytest.raises(ValueError, match="expected densities of shape"):
-        plots.spectra(tmp_path / "a.png", np.arange(5.0), np.ones((1, 4)), np.ones((1, 4)), ["a.x"], "rad")
+        plots.draw_spectra(tmp_path / "a.png", np.arange(5.0), np.ones((1, 4)), np.ones((1, 4)), ["a.x"], "rad")
 
 
 @pytest.mark.parametrize("scale", [1e-6, 0.0])
@@ -61,7 +61,7 @@ def test_image_point(tmp_path, columns, feed, scale):
     names = ["b.u", "b.v"]
     scales = (scale, scale / 100)
     scatters = [feed(ScatterObserver(columns, names), noise(s, 2), 1e-3).result() for s in scales]
-    plots.image_point(tmp_path / "a.png", *scatters)
+    plots.draw_image_point(tmp_path / "a.png", *scatters)
     assert png_size(tmp_path / "a.png") == (12.0 * DOTS_PER_INCH, 7.2 * DOTS_PER_INCH)
 
 
@@ -69,16 +69,16 @@ def test_slew(tmp_path, columns, feed):
     names = [column.name for column in columns][:3]
     values = np.linspace(0.0, 0.1, 4000)[:, None] * np.ones(4)
     ramp = feed(EnvelopeObserver(columns, names), values, 1e-3).result()
-    plots.slew(tmp_path / "a.png", ramp, ramp.middle, ramp, ramp, ramp, title="Slew", profile_end_s=2.0)
+    plots.draw_slew(tmp_path / "a.png", ramp, ramp.middle, ramp, ramp, ramp, title="Slew", profile_end_s=2.0)
     assert png_size(tmp_path / "a.png") == (11.0 * DOTS_PER_INCH, pytest.approx(11.4 * DOTS_PER_INCH, abs=1))
 
 
 def test_table(tmp_path):
-    plots.table(tmp_path / "a.png", ["axis", "RMS (rad)"], [["x", "1e-5"], ["y", "2e-5"]], title="Result")
+    plots.draw_table(tmp_path / "a.png", ["axis", "RMS (rad)"], [["x", "1e-5"], ["y", "2e-5"]], title="Result")
     width, height = png_size(tmp_path / "a.png")
     assert width > height
     with pytest.raises(ValueError, match="2 entries"):
-        plots.table(tmp_path / "b.png", ["a", "b"], [["1"]])
+        plots.draw_table(tmp_path / "b.png", ["a", "b"], [["1"]])
 
 
 @pytest.mark.parametrize(
@@ -105,4 +105,4 @@ def test_helpers():
     assert pretty("m/s2") == "m/s$^2$"
     assert largest([np.array([1.0, -3.0]), np.array([np.nan])]) == 3.0
     assert largest([]) == 0.0
-    assert plots.short("plant.payload_rotation.x") == "payload rotation x"
+    assert plots.shorten_name("plant.payload_rotation.x") == "payload rotation x"

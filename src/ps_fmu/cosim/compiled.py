@@ -70,8 +70,8 @@ class CompiledLoop:
     def __init__(self, plan: Plan, rows: Rows) -> None:
         self._run_steps = load_library().run_steps
         self._plan, self._rows = plan, rows
-        self._parts = list(_parts(plan))
-        operations = (_Operation * len(self._parts))(*map(_operation, self._parts))
+        self._parts = list(_list_parts(plan))
+        operations = (_Operation * len(self._parts))(*map(_make_operation, self._parts))
         self._loop = _Loop(operations, len(operations), rows.latest.ctypes.data, rows.latest.size, plan.step)
 
     def advance(self, times: Array, interrupted: c_int) -> None:
@@ -110,12 +110,12 @@ def load_library() -> ctypes.CDLL:
     return library
 
 
-def _parts(plan: Plan) -> Iterator[Gather | Call]:
+def _list_parts(plan: Plan) -> Iterator[Gather | Call]:
     for stage in plan.stages:
         yield from chain(stage.gathers, stage.calls)
 
 
-def _operation(part: Gather | Call) -> _Operation:
+def _make_operation(part: Gather | Call) -> _Operation:
     """The addresses in a gather or call, whose objects the plan keeps."""
     if isinstance(part, Gather):
         arrays = part.sources.ctypes.data, part.outputs.ctypes.data, part.inputs.ctypes.data

@@ -78,7 +78,7 @@ class _Stage:
         self.factor = factor
         self._filtered = filtered
         self._half = HALF_LENGTH * factor
-        self._taps = _taps(factor, self._half)
+        self._taps = _design_filter(factor, self._half)
         self._rows: Array | None = None
         """Rows from k m - M on, where k is the number of the next row to come out."""
 
@@ -107,7 +107,7 @@ class _Stage:
         return result
 
 
-def _taps(factor: int, half: int) -> Array:
+def _design_filter(factor: int, half: int) -> Array:
     from scipy.signal import firwin, kaiser_beta
 
     cutoff = 0.5 * (PASS_BAND + 1.0) / factor

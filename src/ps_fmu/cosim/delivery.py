@@ -43,7 +43,7 @@ def deliver(
     usable = len(values) if finite.all() else int(np.argmin(finite.all(axis=1)))
     failure: BaseException | None = error
     if usable < len(values):
-        failure = _not_finite(columns, values[usable], float(time[usable]))
+        failure = _make_error(columns, values[usable], float(time[usable]))
         failure.__cause__ = error
     for observer in observers if usable else ():
         try:
@@ -59,7 +59,7 @@ def deliver(
         raise failure
 
 
-def _not_finite(columns: Sequence[Column], row: Array, time: float) -> SlaveError:
+def _make_error(columns: Sequence[Column], row: Array, time: float) -> SlaveError:
     bad = [column.name for column, value in zip(columns, row, strict=True) if not np.isfinite(value)]
     named = ", ".join(bad[:5]) + (f" and {len(bad) - 5} more" if len(bad) > 5 else "")
     component = parse_port(bad[0]).component

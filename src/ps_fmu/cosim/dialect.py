@@ -23,55 +23,55 @@ class ElementRule:
     optional: frozenset[str] = frozenset()
 
 
-def _rule(children: str = "", required: str = "", optional: str = "") -> ElementRule:
+def _make_rule(children: str = "", required: str = "", optional: str = "") -> ElementRule:
     return ElementRule(frozenset(children.split()), frozenset(required.split()), frozenset(optional.split()))
 
 
-_META = _rule(
+_META = _make_rule(
     optional="id description author fileversion copyright license generationTool generationDateAndTime"
 ).optional
 
 RULES = {
-    "ssd:SystemStructureDescription": _rule(
+    "ssd:SystemStructureDescription": _make_rule(
         "ssd:System ssd:Enumerations ssd:Units ssd:DefaultExperiment ssd:Annotations", "version name"
     ),
-    "ssd:System": _rule(
+    "ssd:System": _make_rule(
         "ssd:Connectors ssd:ElementGeometry ssd:ParameterBindings ssd:Elements ssd:Connections "
         "ssd:SystemGeometry ssd:GraphicalElements ssd:Annotations",
         "name",
     ),
-    "ssd:Elements": _rule("ssd:Component"),
-    "ssd:Component": _rule(
+    "ssd:Elements": _make_rule("ssd:Component"),
+    "ssd:Component": _make_rule(
         "ssd:Connectors ssd:ElementGeometry ssd:ParameterBindings ssd:Annotations",
         "name source",
         "type implementation",
     ),
-    "ssd:Connectors": _rule("ssd:Connector"),
-    "ssd:Connector": _rule(
+    "ssd:Connectors": _make_rule("ssd:Connector"),
+    "ssd:Connector": _make_rule(
         "ssc:Real ssc:Integer ssc:Boolean ssc:String ssd:ConnectorGeometry ssd:Annotations", "name kind"
     ),
-    "ssc:Real": _rule(optional="unit"),
-    "ssc:Integer": _rule(),
-    "ssc:Boolean": _rule(),
-    "ssc:String": _rule(),
-    "ssd:Connections": _rule("ssd:Connection"),
-    "ssd:Connection": _rule(
+    "ssc:Real": _make_rule(optional="unit"),
+    "ssc:Integer": _make_rule(),
+    "ssc:Boolean": _make_rule(),
+    "ssc:String": _make_rule(),
+    "ssd:Connections": _make_rule("ssd:Connection"),
+    "ssd:Connection": _make_rule(
         "ssd:ConnectionGeometry ssd:Annotations",
         "startElement startConnector endElement endConnector",
         "suppressUnitConversion",
     ),
-    "ssd:ParameterBindings": _rule("ssd:ParameterBinding"),
-    "ssd:ParameterBinding": _rule("ssd:ParameterValues ssd:Annotations", "", "type source sourceBase prefix"),
-    "ssd:ParameterValues": _rule("ssv:ParameterSet"),
-    "ssd:Annotations": _rule("ssc:Annotation"),
-    "ssd:DefaultExperiment": _rule("ssd:Annotations", "", "startTime stopTime"),
-    "ssv:ParameterSet": _rule("ssv:Parameters ssv:Enumerations ssv:Units ssv:Annotations", "version name"),
-    "ssv:Parameters": _rule("ssv:Parameter"),
-    "ssv:Parameter": _rule("ssv:Real ssv:Integer ssv:Boolean ssv:String ssv:Annotations", "name"),
-    "ssv:Real": _rule("", "value", "unit"),
-    "ssv:Integer": _rule("", "value"),
-    "ssv:Boolean": _rule("", "value"),
-    "ssv:String": _rule("", "value"),
+    "ssd:ParameterBindings": _make_rule("ssd:ParameterBinding"),
+    "ssd:ParameterBinding": _make_rule("ssd:ParameterValues ssd:Annotations", "", "type source sourceBase prefix"),
+    "ssd:ParameterValues": _make_rule("ssv:ParameterSet"),
+    "ssd:Annotations": _make_rule("ssc:Annotation"),
+    "ssd:DefaultExperiment": _make_rule("ssd:Annotations", "", "startTime stopTime"),
+    "ssv:ParameterSet": _make_rule("ssv:Parameters ssv:Enumerations ssv:Units ssv:Annotations", "version name"),
+    "ssv:Parameters": _make_rule("ssv:Parameter"),
+    "ssv:Parameter": _make_rule("ssv:Real ssv:Integer ssv:Boolean ssv:String ssv:Annotations", "name"),
+    "ssv:Real": _make_rule("", "value", "unit"),
+    "ssv:Integer": _make_rule("", "value"),
+    "ssv:Boolean": _make_rule("", "value"),
+    "ssv:String": _make_rule("", "value"),
 }
 
 REFUSED = {
@@ -117,7 +117,7 @@ def check_element(element: Element, path: Path) -> None:
         raise SystemFileError(path, f"{child.tag} in {element.tag}: {reason}", child.line)
 
 
-def only_child(element: Element, tag: str, path: Path) -> Element | None:
+def get_only_child(element: Element, tag: str, path: Path) -> Element | None:
     """The child of this tag, checked, or None.  Raises :class:`SystemFileError` if there are several."""
     found = element.all(tag)
     if len(found) > 1:

@@ -74,6 +74,6 @@ class RecorderError(CosimError, OSError):
     """A result file that cannot be written; what was stored before stays readable."""
 
 
-def status_name(status: int) -> str:
+def name_status(status: int) -> str:
     """Name of an fmi2Status, also of one that the standard does not know."""
     return STATUS_NAMES[status] if 0 <= status < len(STATUS_NAMES) else f"status {status} (not an fmi2Status)"

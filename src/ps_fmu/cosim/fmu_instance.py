@@ -22,7 +22,7 @@ from fmpy.model_description import ModelDescription
 from . import pythonfmu
 from .archive import extract
 from .description import convert_value, index_variables
-from .errors import SlaveError, SystemFileError, UsageError, status_name
+from .errors import SlaveError, SystemFileError, UsageError, name_status
 from .messages import MessageLog, forget, listen
 from .structure import Component, Value
 
@@ -94,7 +94,7 @@ class FmuInstance:
             forget(self._callbacks)
             messages = self.messages.take()
             raise SlaveError(
-                f"{self.name}: fmi2Instantiate failed: {error}{_quoted(messages)}",
+                f"{self.name}: fmi2Instantiate failed: {error}{_quote(messages)}",
                 component=self.name,
                 function="fmi2Instantiate",
                 status=None,
@@ -184,7 +184,7 @@ class FmuInstance:
             self.phase = InstancePhase.FATAL if status == FATAL else InstancePhase.ERROR
         messages = self.messages.take()
         raise SlaveError(
-            f"{self.name}: {where} returned {status_name(status)}{details}{_quoted(messages)}\n  {advice}",
+            f"{self.name}: {where} returned {name_status(status)}{details}{_quote(messages)}\n  {advice}",
             component=self.name,
             function=function,
             status=status,
@@ -226,7 +226,7 @@ class FmuInstance:
         return address
 
 
-def _quoted(messages: Sequence[str]) -> str:
+def _quote(messages: Sequence[str]) -> str:
     """The last messages of an FMU as part of an error text."""
     if not messages:
         return "\n  The FMU logged nothing."

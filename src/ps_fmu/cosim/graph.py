@@ -61,13 +61,13 @@ def check_wiring(system: System, descriptions: Mapping[str, ModelDescription]) -
     Raises :class:`WiringError` that lists everything that does not fit.
     """
     variables = {name: index_variables(description) for name, description in descriptions.items()}
-    problems = _names(system, descriptions)
+    problems = _check_names(system, descriptions)
     for component in system.components:
-        problems += _connectors(component, variables[component.name])
-        problems += _parameters(component, variables[component.name])
+        problems += _check_connectors(component, variables[component.name])
+        problems += _check_parameters(component, variables[component.name])
     sources: dict[PortName, Connection] = {}
     for connection in system.connections:
-        problems += _connection(connection, variables)
+        problems += _check_connection(connection, variables)
         if other := sources.get(connection.target):
             problems.append(
                 f"line {connection.line}: input {connection.target} already has the source {other.source} "
@@ -76,19 +76,19 @@ def check_wiring(system: System, descriptions: Mapping[str, ModelDescription]) -
         sources[connection.target] = connection
     if problems:
         raise WiringError(system.path, problems)
-    groups, loops = _initial_order(system, descriptions)
+    groups, loops = _find_initial_order(system, descriptions)
     pairs = [(c.source.component, c.target.component) for c in system.connections]
-    stepping = strong_groups([c.name for c in system.components], pairs)
+    stepping = find_strong_groups([c.name for c in system.components], pairs)
     return Wiring(
         system.connections,
-        tuple(_open_inputs(system, variables, sources)),
+        tuple(_list_open_inputs(system, variables, sources)),
         tuple(groups),
         tuple(loops),
         tuple(name for group in stepping for name in group),
     )
 
 
-def strong_groups(nodes: Sequence[Node], edges: Sequence[tuple[Node, Node]]) -> list[list[Node]]:
+def find_strong_groups(nodes: Sequence[Node], edges: Sequence[tuple[Node, Node]]) -> list[list[Node]]:
     """Strongly connected groups, each after all groups that lead to it; ties keep the order of ``nodes``."""
     place = {node: index for index, node in enumerate(nodes)}
     reach = np.eye(len(nodes), dtype=bool)
@@ -104,7 +104,7 @@ def strong_groups(nodes: Sequence[Node], edges: Sequence[tuple[Node, Node]]) -> 
     return list(groups.values())
 
 
-def _names(system: System, descriptions: Mapping[str, ModelDescription]) -> list[str]:
+def _check_names(system: System, descriptions: Mapping[str, ModelDescription]) -> list[str]:
     problems = []
     names = sorted(component.name for component in system.components)
     for shorter, longer in itertools.pairwise(names):
@@ -124,7 +124,7 @@ def _names(system: System, descriptions: Mapping[str, ModelDescription]) -> list
     return problems
 
 
-def _connectors(component: Component, variables: Mapping[str, ModelVariable]) -> list[str]:
+def _check_connectors(component: Component, variables: Mapping[str, ModelVariable]) -> list[str]:
     problems = []
     for connector in component.connectors:
         where = f"line {connector.line}: connector {component.name}.{connector.name}"
@@ -132,11 +132,11 @@ def _connectors(component: Component, variables: Mapping[str, ModelVariable]) ->
             hint = suggest_names(connector.name, variables)
             problems.append(f"{where}: {component.source.name} has no such variable{hint}")
             continue
-        problems += [f"{where}: {text}" for text in _mismatch(connector, variables[connector.name])]
+        problems += [f"{where}: {text}" for text in _compare_connector(connector, variables[connector.name])]
     return problems
 
 
-def _mismatch(connector: Connector, variable: ModelVariable) -> list[str]:
+def _compare_connector(connector: Connector, variable: ModelVariable) -> list[str]:
     problems = []
     if connector.kind != variable.causality:
         problems.append(f"is declared {connector.kind}, in the FMU it is {variable.causality}")
@@ -147,7 +147,7 @@ def _mismatch(connector: Connector, variable: ModelVariable) -> list[str]:
     return problems
 
 
-def _parameters(component: Component, variables: Mapping[str, ModelVariable]) -> list[str]:
+def _check_parameters(component: Component, variables: Mapping[str, ModelVariable]) -> list[str]:
     problems = []
     for name, parameter in component.parameters.items():
         where = f"parameter {component.name}.{name} ({parameter.origin})"
@@ -167,7 +167,7 @@ def _parameters(component: Component, variables: Mapping[str, ModelVariable]) ->
     return problems
 
 
-def _connection(connection: Connection, variables: Mapping[str, Mapping[str, ModelVariable]]) -> list[str]:
+def _check_connection(connection: Connection, variables: Mapping[str, Mapping[str, ModelVariable]]) -> list[str]:
     where = f"line {connection.line}: connection {connection.source} -> {connection.target}"
     ends = [variables[port.component].get(port.variable) for port in (connection.source, connection.target)]
     if ends[0] is None or ends[1] is None:
@@ -190,7 +190,7 @@ def _connection(connection: Connection, variables: Mapping[str, Mapping[str, Mod
     return problems
 
 
-def _open_inputs(
+def _list_open_inputs(
     system: System, variables: Mapping[str, Mapping[str, ModelVariable]], sources: Mapping[PortName, Connection]
 ) -> list[OpenInput]:
     inputs = []
@@ -204,7 +204,7 @@ def _open_inputs(
     return inputs
 
 
-def _initial_order(
+def _find_initial_order(
     system: System, descriptions: Mapping[str, ModelDescription]
 ) -> tuple[list[InitialGroup], list[tuple[PortName, ...]]]:
     """Initial values travel along connections, and inside an FMU from the inputs an output depends on.
@@ -224,7 +224,7 @@ def _initial_order(
             names = None if known is None else {variable.name for variable in known}
             edges += [(port, output) for port in inputs if names is None or port.variable in names]
     groups, loops = [], []
-    for group in strong_groups(ports, edges):
+    for group in find_strong_groups(ports, edges):
         outputs = tuple(port for port in group if port in sources)
         if len(group) > 1:
             loops.append(tuple(group))

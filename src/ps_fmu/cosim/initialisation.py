@@ -52,7 +52,7 @@ def initialise(
         instance.exit_initialisation(start)
 
 
-def first_row(instances: Mapping[str, FmuInstance], rows: Rows, start: float) -> None:
+def read_first_row(instances: Mapping[str, FmuInstance], rows: Rows, start: float) -> None:
     """Read all outputs into the first row of the block.  Raises :class:`SlaveError`."""
     for kind in (rows.real, rows.discrete):
         for port, place in kind.places.items():
@@ -71,14 +71,14 @@ def _propagate(instances: Mapping[str, FmuInstance], wiring: Wiring, cut: Collec
             values = {p: instances[p.component].get([p.variable], start)[p.variable] for p in group.outputs}
             for c in connections:
                 instances[c.target.component].set({c.target.variable: values[c.source]}, start)
-        moving = [str(p) for p, value in values.items() if p in before and not _equal(value, before[p])]
+        moving = [str(p) for p, value in values.items() if p in before and not _is_settled(value, before[p])]
         if moving:
             log.warning(
                 "initial values in a loop still change after %d passes: %s", group.passes, ", ".join(moving)
             )
 
 
-def _equal(value: Value, other: Value) -> bool:
+def _is_settled(value: Value, other: Value) -> bool:
     if isinstance(value, str) or isinstance(other, str):
         return value == other
     return math.isclose(value, other, rel_tol=SETTLED, abs_tol=SETTLED)

@@ -16,7 +16,7 @@ from types import FrameType
 
 
 @contextmanager
-def noted_interrupts() -> Iterator[c_int]:
+def note_interrupts() -> Iterator[c_int]:
     """A number, which C can read, too, that is zero until SIGINT arrives.
 
     A second SIGINT acts at once, for an FMU that hangs.  Outside of the main thread, where Python takes no signals, and

@@ -23,8 +23,8 @@ from .description import convert_value, explain_unsettable, find_variable, read_
 from .errors import CosimError, SlaveError, UsageError
 from .fmu_instance import FmuInstance, InstancePhase
 from .graph import OpenInput, check_wiring
-from .initialisation import first_row, initialise, load
-from .interrupt import noted_interrupts
+from .initialisation import initialise, load, read_first_row
+from .interrupt import note_interrupts
 from .loops import StepLoop, make_loop
 from .plan import SCHEMES, make_plan
 from .rows import Column, Rows, make_layout
@@ -134,7 +134,7 @@ class Master:
 
     def get(self, name: str) -> Value:
         """Value of any variable, ``component.variable``, at the current communication point."""
-        port = self._port(name)
+        port = self._find_port(name)
         if self._loop is None:
             raise UsageError(f"{name}: the system is not initialised, or closed")
         return self._instances[port.component].get([port.variable], self.time)[port.variable]
@@ -145,10 +145,10 @@ class Master:
         A connected input leaves its connection and keeps the value.  Raises :class:`UsageError`: no such
         variable, not of its type, a fixed parameter after the initialisation.
         """
-        port = self._port(name)
+        port = self._find_port(name)
         if self._loop is None and self._folder is not None:
             raise UsageError(f"{name}: the system is closed")
-        self._apply(port, self._checked(port, value, running=self._loop is not None))
+        self._apply(port, self._check_value(port, value, running=self._loop is not None))
 
     # ---- life --------------------------------------------------------------------------------------------
 
@@ -162,10 +162,10 @@ class Master:
         self._folder = tempfile.TemporaryDirectory(prefix="fmus_", ignore_cleanup_errors=True)
         start = self.clock.start
         try:
-            with noted_interrupts() as interrupted:
+            with note_interrupts() as interrupted:
                 load(self.system, self._descriptions, Path(self._folder.name), self._instances)
                 initialise(self._instances, self.system, self.wiring, self._set, start)
-                first_row(self._instances, self._rows, start)
+                read_first_row(self._instances, self._rows, start)
                 self._make_plan()
             if interrupted:
                 raise KeyboardInterrupt
@@ -189,15 +189,15 @@ class Master:
         Raises :class:`UsageError` (nothing has run: a duration or an event that is not on the grid of steps),
         :class:`SlaveError`, KeyboardInterrupt, or what an observer raises.
         """
-        self._not_while_running("run")
+        self._refuse_while_running("run")
         if self._loop is None:
             raise UsageError("call initialise() first" if self._folder is None else "the system is closed")
         end = self._index + self.clock.steps(duration)
         self.clock.check_end(end)
-        schedule = self._schedule(events, end)
+        schedule = self._make_schedule(events, end)
         self._running = True
         try:
-            with noted_interrupts() as interrupted:
+            with note_interrupts() as interrupted:
                 self._advance(end, schedule, observers, progress, interrupted)
         except BaseException as error:
             self._running = False
@@ -209,7 +209,7 @@ class Master:
 
     def close(self) -> None:
         """Terminate and free all FMUs; safe to call twice.  Raises the :class:`SlaveError` of a terminate."""
-        self._not_while_running("close")
+        self._refuse_while_running("close")
         self._loop = None
         failures = []
         self._silence_fatal()
@@ -237,19 +237,19 @@ class Master:
         else:
             self._abort()
 
-    def _not_while_running(self, what: str) -> None:
+    def _refuse_while_running(self, what: str) -> None:
         if self._running:
             raise UsageError(f"{what}: a run is under way; observers and progress may get and set values only")
 
     # ---- how ---------------------------------------------------------------------------------------------
 
-    def _port(self, name: str) -> PortName:
+    def _find_port(self, name: str) -> PortName:
         port = parse_port(name)
         self.system.component(port.component)
         find_variable(self._descriptions[port.component], port.variable)
         return port
 
-    def _checked(self, port: PortName, value: Value, running: bool) -> Value:
+    def _check_value(self, port: PortName, value: Value, running: bool) -> Value:
         variable = find_variable(self._descriptions[port.component], port.variable)
         if reason := explain_unsettable(variable, running):
             raise UsageError(f"{port} {reason}")
@@ -272,17 +272,17 @@ class Master:
         )
         self._loop = make_loop(plan, self._rows, self._compiled)
 
-    def _schedule(self, events: Iterable[Event], end: int) -> list[tuple[int, PortName, Value]]:
+    def _make_schedule(self, events: Iterable[Event], end: int) -> list[tuple[int, PortName, Value]]:
         schedule = []
         for time, name, value in events:
-            port = self._port(name)
+            port = self._find_port(name)
             index = self.clock.index(time)
             if not self._index <= index < end:
                 raise UsageError(
                     f"event {name} at t = {time!r} s is not within this run, from t = {self.time!r} s "
                     f"to before t = {self.clock.time(end)!r} s"
                 )
-            schedule.append((index, port, self._checked(port, value, running=True)))
+            schedule.append((index, port, self._check_value(port, value, running=True)))
         return sorted(schedule, key=lambda event: event[0])
 
     def _advance(

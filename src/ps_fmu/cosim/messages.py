@@ -21,7 +21,7 @@ from fmpy.fmi2 import (
 )
 from fmpy.logging import addLoggerProxy
 
-from .errors import status_name
+from .errors import name_status
 
 log = logging.getLogger("ps_fmu.cosim")
 
@@ -48,7 +48,7 @@ class MessageLog:
     def add(self, status: int, category: str, text: str) -> None:
         """Take a message of the FMU."""
         self.counts[status] = self.counts.get(status, 0) + 1
-        line = f"[{status_name(status)}] {text.strip()}"
+        line = f"[{name_status(status)}] {text.strip()}"
         if status == 0:
             log.debug("%s: %s", self.component, line)
             return
@@ -89,10 +89,10 @@ def _receive(
     if listener is None:  # an FMU that someone else loaded: what FMPy itself would have done
         printLogMessage(environment, instance, status, category, text or b"")
         return
-    listener.add(status, _text(category), _text(text))
+    listener.add(status, _decode(category), _decode(text))
 
 
-def _text(raw: bytes | None) -> str:
+def _decode(raw: bytes | None) -> str:
     return "" if raw is None else raw.decode("utf-8", errors="replace")
 
 

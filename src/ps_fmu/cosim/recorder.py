@@ -65,7 +65,7 @@ class Recorder:
     ) -> None:
         self.path = Path(path)
         self.factor = _count_factor(step, step if storage_step is None else storage_step)
-        self._places = _places(columns, select)
+        self._places = _find_places(columns, select)
         self._columns = [columns[place] for place in self._places]
         filtered = np.array([False] + [column.type == "Real" for column in self._columns])
         self._decimator = Decimator(self.factor, filtered)
@@ -166,11 +166,11 @@ class Recorder:
 
     def _check_space(self, rows: int) -> None:
         """HDF5 does not recover from a write that fails half-way: refuse before it starts."""
-        chunks = _chunks(self._written + rows) - _chunks(self._written)
+        chunks = _count_chunks(self._written + rows) - _count_chunks(self._written)
         row_bytes = 8 + sum(STORAGE[column.type][1] for column in self._columns)
         needed = chunks * CHUNK_ROWS * row_bytes + METADATA_BYTES * (len(self._columns) + 16)
         folder = next(parent for parent in self.path.absolute().parents if parent.exists())
-        free, limit = shutil.disk_usage(folder).free, _file_size_limit(self.path)
+        free, limit = shutil.disk_usage(folder).free, _get_file_size_limit(self.path)
         if needed > min(free, limit):
             reason = "the disk is full" if free <= limit else "the file size limit of this process is reached"
             self._release()
@@ -205,7 +205,7 @@ class Recorder:
                 dataset.close()
 
 
-def _chunks(rows: int) -> int:
+def _count_chunks(rows: int) -> int:
     """Chunks that this many rows take."""
     return -(-rows // CHUNK_ROWS)
 
@@ -219,7 +219,7 @@ def _count_factor(step: float, storage_step: float) -> int:
     return factor
 
 
-def _places(columns: Sequence[Column], select: Sequence[str] | None) -> list[int]:
+def _find_places(columns: Sequence[Column], select: Sequence[str] | None) -> list[int]:
     places = {column.name: place for place, column in enumerate(columns)}
     names = list(places) if select is None else list(select)
     for name in names:
@@ -230,7 +230,7 @@ def _places(columns: Sequence[Column], select: Sequence[str] | None) -> list[int
     return [places[name] for name in names]
 
 
-def _file_size_limit(path: Path) -> float:
+def _get_file_size_limit(path: Path) -> float:
     """Bytes by which the file may still grow (RLIMIT_FSIZE)."""
     try:
         import resource

@@ -51,13 +51,13 @@ def write_ssp(system: System, output: Path) -> None:
             text = f"another component has a different file {component.source.name}: rename one of the two"
             raise SystemFileError(component.source, text)
         own_inputs = [port.variable for port in open_inputs if port.component == component.name]
-        values = chosen_values(component, descriptions[component.name], own_inputs)
+        values = choose_values(component, descriptions[component.name], own_inputs)
         files[PurePosixPath(parameters_place(component))] = parameter_set_xml(values, descriptions[component.name])
     files[PurePosixPath(SSD_NAME)] = structure_xml(system, descriptions, system.labels, step, stop_time)
     archive.write(output, files)
 
 
-def chosen_values(
+def choose_values(
     component: Component, description: ModelDescription, open_inputs: Iterable[str]
 ) -> dict[str, Parameter]:
     """Start values that go into the component's parameter set, in the order of the model description."""

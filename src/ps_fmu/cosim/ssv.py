@@ -24,10 +24,10 @@ def read_parameters(path: Path) -> ParameterSet:
     finite, a type other than Real, Integer, Boolean and String, a name that occurs twice.
     """
     path = Path(path)
-    return parameter_set(read_xml(path), path)
+    return read_parameter_set(read_xml(path), path)
 
 
-def parameter_set(root: Element, path: Path) -> ParameterSet:
+def read_parameter_set(root: Element, path: Path) -> ParameterSet:
     """Values of an ``ssv:ParameterSet`` element; errors as in :func:`read_parameters`."""
     if root.tag != "ssv:ParameterSet":
         raise SystemFileError(
@@ -53,21 +53,21 @@ def parameter_set(root: Element, path: Path) -> ParameterSet:
                 raise SystemFileError(path, f"parameter {name!r} must have exactly one value", parameter.line)
             entry = entries[0]
             check_element(entry, path)
-            values[name] = _value(entry, name, path)
+            values[name] = _read_value(entry, name, path)
             origins[name] = f"{path}, line {parameter.line}"
             if "unit" in entry.attributes:
                 units[name] = entry.attributes["unit"]
     return ParameterSet(values, units, origins)
 
 
-def real_number(text: str) -> float | None:
+def parse_real(text: str) -> float | None:
     """A finite decimal number as XML writes it, or None."""
     stripped = text.strip()
     value = float(stripped) if _REAL.fullmatch(stripped) else math.nan
     return value if math.isfinite(value) else None
 
 
-def _value(entry: Element, name: str, path: Path) -> Value:
+def _read_value(entry: Element, name: str, path: Path) -> Value:
     text = entry.attributes["value"]
     stripped = text.strip()
     if entry.tag == "ssv:String":
@@ -76,7 +76,7 @@ def _value(entry: Element, name: str, path: Path) -> Value:
         return _BOOLEAN[stripped]
     if entry.tag == "ssv:Integer" and _INTEGER.fullmatch(stripped) and len(stripped) < 20:
         return int(stripped)
-    if entry.tag == "ssv:Real" and (number := real_number(text)) is not None:
+    if entry.tag == "ssv:Real" and (number := parse_real(text)) is not None:
         return number
     kinds = {"ssv:Real": "a finite number", "ssv:Integer": "a whole number", "ssv:Boolean": "true or false"}
     raise SystemFileError(path, f"parameter {name!r}: expected {kinds[entry.tag]}, got {text!r}", entry.line)

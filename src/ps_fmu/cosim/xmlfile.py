@@ -78,8 +78,8 @@ def parse_xml(data: bytes, path: Path) -> Element:
         if count > MAXIMUM_ELEMENTS or len(opened) >= MAXIMUM_DEPTH:
             text = f"has more than {MAXIMUM_ELEMENTS} elements, or they are nested deeper than {MAXIMUM_DEPTH}"
             raise SystemFileError(path, text, parser.CurrentLineNumber)
-        named = {_prefixed(key): value for key, value in attributes.items()}
-        element = Element(_prefixed(name), named, parser.CurrentLineNumber)
+        named = {_add_prefix(key): value for key, value in attributes.items()}
+        element = Element(_add_prefix(name), named, parser.CurrentLineNumber)
         (opened[-1].children if opened else roots).append(element)
         opened.append(element)
 
@@ -105,7 +105,7 @@ def parse_xml(data: bytes, path: Path) -> Element:
     return roots[0]
 
 
-def _prefixed(name: str) -> str:
+def _add_prefix(name: str) -> str:
     """Expat's ``namespace name`` as ``prefix:name``; an unknown namespace stays as it is."""
     namespace, _, local = name.rpartition(" ")
     if not namespace:

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..cosim.interrupt import noted_interrupts
+from ..cosim.interrupt import note_interrupts
 
 MAXIMUM_BYTES = 1_000_000
 """The rules' limit for a CSV file."""
@@ -169,7 +169,7 @@ def simulate(fmu: Path, reference: Reference, variables: Sequence[str] | None = 
         declared = {v.name for v in description.modelVariables if v.causality == "input"}
         if unknown := sorted(set(inputs.dtype.names or ()) - declared - {"time"}):
             raise CrossCheckError(f"{reference.inputs}: {fmu.name} has no input {', '.join(unknown)}")
-    with _blame(fmu), noted_interrupts() as interrupted:
+    with _blame(fmu), note_interrupts() as interrupted:
         result = simulate_fmu(
             str(fmu),
             start_time=options.start_time,

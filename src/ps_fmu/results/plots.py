@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 DECADES = 16
 
 
-def time_histories(path: Path, passive: Envelope, active: Envelope, *, title: str = "") -> None:
+def draw_time_histories(path: Path, passive: Envelope, active: Envelope, *, title: str = "") -> None:
     """Passive and active signals over time, a row per signal; on the right the active one enlarged."""
     if passive.names != active.names:
         raise ValueError(f"passive and active show different signals: {passive.names} and {active.names}")
@@ -37,13 +37,13 @@ def time_histories(path: Path, passive: Envelope, active: Envelope, *, title: st
         grid = figure.subplots(count, 2, sharex=True, squeeze=False)
         for row, (both, alone) in enumerate(grid):
             factor, unit = engineering(passive.units[row], largest((passive.magnitude[row],)))
-            _band(both, passive, row, factor, PASSIVE, "passive")
-            _band(both, active, row, factor, ACTIVE, "active")
-            label(both, short(passive.names[row]), unit)
+            _draw_band(both, passive, row, factor, PASSIVE, "passive")
+            _draw_band(both, active, row, factor, ACTIVE, "active")
+            label(both, shorten_name(passive.names[row]), unit)
             factor, unit = engineering(active.units[row], largest((active.magnitude[row],)))
-            _band(alone, active, row, factor, ACTIVE, "active")
-            label(alone, short(active.names[row]), unit)
-        _legend(grid[0, 0], loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2)
+            _draw_band(alone, active, row, factor, ACTIVE, "active")
+            label(alone, shorten_name(active.names[row]), unit)
+        _add_legend(grid[0, 0], loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2)
         grid[0, 1].set_title("active, enlarged")
         for axes in grid[-1]:
             axes.set_xlabel("time (s)")
@@ -52,7 +52,7 @@ def time_histories(path: Path, passive: Envelope, active: Envelope, *, title: st
     draw(path, 12.0, 1.2 + 2.5 * count, paint)
 
 
-def spectra(
+def draw_spectra(
     path: Path,
     frequency: Array,
     passive: Array,
@@ -85,38 +85,38 @@ def spectra(
                 (passive, active), sums, (PASSIVE, ACTIVE), ("passive", "active"), strict=True
             ):
                 middle, mean = log_bands(frequency, psd[column])
-                density.loglog(middle, _positive(mean), color=colour, label=case, lw=1.2)
-                below.loglog(frequency[1:], _positive(rms[column, 1:]) * factor, color=colour, label=case)
-            density.set_title(short(name))
+                density.loglog(middle, _hide_zeros(mean), color=colour, label=case, lw=1.2)
+                below.loglog(frequency[1:], _hide_zeros(rms[column, 1:]) * factor, color=colour, label=case)
+            density.set_title(shorten_name(name))
             below.set_xlabel("frequency (Hz)")
         grid[0, 0].set_xlim(frequency[1], last)
         grid[0, 0].set_ylim(top * 10.0**-DECADES, top * 10.0)
         label(grid[0, 0], "PSD", f"{pretty(unit)}$^2$/Hz")
         label(grid[1, 0], "RMS below frequency", scaled)
-        _legend(grid[0, 0])
+        _add_legend(grid[0, 0])
         figure.suptitle(title)
 
     draw(path, 2.0 + 4.0 * len(names), 8.5, paint)
 
 
-def image_point(path: Path, passive: Scatter, active: Scatter, *, title: str = "") -> None:
+def draw_image_point(path: Path, passive: Scatter, active: Scatter, *, title: str = "") -> None:
     """Image points about their mean with their convex hulls; on the right the active ones enlarged."""
 
     def paint(figure: Figure) -> None:
         both, alone = figure.subplots(1, 2)
         factor, unit = engineering(passive.unit, max(passive.radius_max, active.radius_max))
-        _cloud(both, passive, factor, PASSIVE, "passive")
-        _cloud(both, active, factor, ACTIVE, "active")
+        _draw_cloud(both, passive, factor, PASSIVE, "passive")
+        _draw_cloud(both, active, factor, ACTIVE, "active")
         both.set_title("passive and active")
         own, own_unit = engineering(active.unit, active.radius_max)
-        _cloud(alone, active, own, ACTIVE, "active")
+        _draw_cloud(alone, active, own, ACTIVE, "active")
         alone.set_title("active, enlarged")
         for axes, text in ((both, unit), (alone, own_unit)):
             axes.set_aspect("equal", adjustable="datalim")
             axes.set_xlabel(f"x ({text})")
             axes.set_ylabel(f"y ({text})")
         for axes in (both, alone):
-            _legend(axes, loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=1)
+            _add_legend(axes, loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=1)
         figure.suptitle(title)
 
     draw(path, 12.0, 7.2, paint)
@@ -137,13 +137,13 @@ class Panel:
     legend: tuple[str, ...] = ()
 
 
-def histories(path: Path, panels: Sequence[Panel], *, title: str = "", mark_s: float | None = None) -> None:
+def draw_histories(path: Path, panels: Sequence[Panel], *, title: str = "", mark_s: float | None = None) -> None:
     """Panels above one another on one time axis; ``mark_s`` draws a line at an instant (end of a profile)."""
 
     def paint(figure: Figure) -> None:
         grid = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
         for axes, panel in zip(grid, panels, strict=True):
-            _stack(axes, panel)
+            _draw_panel(axes, panel)
             if mark_s is not None:
                 axes.axvline(mark_s, color=REFERENCE, lw=1.0, ls=":")
         grid[-1].set_xlabel("time (s)")
@@ -152,7 +152,7 @@ def histories(path: Path, panels: Sequence[Panel], *, title: str = "", mark_s: f
     draw(path, 11.0, 1.0 + 2.6 * len(panels), paint)
 
 
-def slew(
+def draw_slew(
     path: Path,
     orientation: Envelope,
     target: Array,
@@ -175,10 +175,10 @@ def slew(
         Panel("bus rotation", bus, "rad", legend=tuple("xyz")),
         Panel("fine displacement", fine, "m", legend=("leg 1", "leg 2", "leg 3")),
     )
-    histories(path, panels, title=title, mark_s=profile_end_s)
+    draw_histories(path, panels, title=title, mark_s=profile_end_s)
 
 
-def table(path: Path, header: Sequence[str], rows: Sequence[Sequence[str]], *, title: str = "") -> None:
+def draw_table(path: Path, header: Sequence[str], rows: Sequence[Sequence[str]], *, title: str = "") -> None:
     """A table as a picture: ``rows`` of text under a ``header``; the first column is left-aligned."""
     if any(len(row) != len(header) for row in rows):
         raise ValueError(f"every row must have the {len(header)} entries of the header")
@@ -210,18 +210,18 @@ def table(path: Path, header: Sequence[str], rows: Sequence[Sequence[str]], *, t
     draw(path, 0.6 + 0.115 * sum(widths), 0.6 + 0.36 * len(texts), paint)
 
 
-def short(name: str) -> str:
+def shorten_name(name: str) -> str:
     """A column's name without its component, in words: ``plant.payload_rotation.x`` is payload rotation x."""
     return name.split(".", 1)[-1].replace("_", " ").replace(".", " ")
 
 
-def _band(axes: Axes, envelope: Envelope, row: int, factor: float, colour: str, text: str) -> None:
+def _draw_band(axes: Axes, envelope: Envelope, row: int, factor: float, colour: str, text: str) -> None:
     low, high = envelope.low[row] * factor, envelope.high[row] * factor
     # The edge keeps a band visible where it is thinner than a pixel.
     axes.fill_between(envelope.time, low, high, color=colour, lw=0.8, label=text)
 
 
-def _cloud(axes: Axes, scatter: Scatter, factor: float, colour: str, text: str) -> None:
+def _draw_cloud(axes: Axes, scatter: Scatter, factor: float, colour: str, text: str) -> None:
     points = (scatter.points - scatter.centre) * factor
     hull = (scatter.hull - scatter.centre) * factor
     unit = engineering(scatter.unit, scatter.radius_rms)
@@ -233,17 +233,17 @@ def _cloud(axes: Axes, scatter: Scatter, factor: float, colour: str, text: str) 
     )
 
 
-def _stack(axes: Axes, panel: Panel) -> None:
+def _draw_panel(axes: Axes, panel: Panel) -> None:
     envelope = panel.envelope
     if panel.unit == "deg":
         factor, unit = np.degrees(1.0), "deg"
     else:
         factor, unit = engineering(panel.unit, largest((envelope.magnitude,)))
-    legend = panel.legend or tuple(short(name) for name in envelope.names)
+    legend = panel.legend or tuple(shorten_name(name) for name in envelope.names)
     for row, text in enumerate(legend):
         colour = AXES[row % len(AXES)]
         if panel.logarithmic:
-            magnitude = _positive(envelope.magnitude[row]) * factor
+            magnitude = _hide_zeros(envelope.magnitude[row]) * factor
             axes.semilogy(envelope.time, magnitude, color=colour, label=text)
             continue
         # One line where the signal is smooth, a light band between its extremes where it is not.
@@ -256,15 +256,15 @@ def _stack(axes: Axes, panel: Panel) -> None:
     if panel.target is not None:
         axes.plot([], [], color="black", lw=1.2, ls=(0, (1.5, 1.5)), label="target")
     label(axes, panel.title, unit)
-    _legend(axes, loc="center left", bbox_to_anchor=(1.0, 0.5))
+    _add_legend(axes, loc="center left", bbox_to_anchor=(1.0, 0.5))
 
 
-def _positive(values: Array) -> Array:
+def _hide_zeros(values: Array) -> Array:
     """Zero has no place on a logarithmic axis: a gap instead."""
     return np.where(values > 0.0, values, np.nan)
 
 
-def _legend(axes: Axes, **places: object) -> None:
+def _add_legend(axes: Axes, **places: object) -> None:
     handles = axes.legend(**places)
     for handle in handles.legend_handles:
         if handle is not None and hasattr(handle, "set_linewidth"):

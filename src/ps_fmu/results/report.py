@@ -62,7 +62,7 @@ class Report:
             items = "".join(f"<li>{escape(warning)}</li>" for warning in self.warnings)
             parts.append(f'<section class="warnings"><h2>Warnings</h2><ul>{items}</ul></section>')
         parts += [table.to_html() for table in self.tables]
-        parts += [_picture(picture) for picture in self.pictures]
+        parts += [_format_picture(picture) for picture in self.pictures]
         if self.parameters:
             rows = [(name, str(value)) for name, value in self.parameters.items()]
             parts.append(Table("Parameters of this run", ("parameter", "value"), rows).to_html())
@@ -79,7 +79,7 @@ class Report:
         write_atomically(path, self.html())
 
 
-def _picture(picture: Picture) -> str:
+def _format_picture(picture: Picture) -> str:
     data = base64.b64encode(picture.path.read_bytes()).decode()
     caption = escape(picture.caption)
     image = f'<img src="data:image/png;base64,{data}" alt="{caption}">'

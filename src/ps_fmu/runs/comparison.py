@@ -195,13 +195,13 @@ def draw_comparison(comparison: Comparison, folder: Path, prefix: str = "") -> l
     where = "roll, pitch, yaw = {:g}, {:g}, {:g} deg".format(*comparison.orientation_deg)
     pictures = []
     path = folder / f"{prefix}jitter.png"
-    plots.time_histories(path, passive.envelope, active.envelope, title=f"Payload rotation, {where}")
+    plots.draw_time_histories(path, passive.envelope, active.envelope, title=f"Payload rotation, {where}")
     pictures.append(Picture(path, "Rotation of the payload by vibration, axes of P, passive and active."))
     if passive.spectrum is not None and active.spectrum is not None:
         path = folder / f"{prefix}spectra.png"
         names = passive.statistics.names
         frequency = passive.spectrum[0]
-        plots.spectra(
+        plots.draw_spectra(
             path, frequency, passive.spectrum[1], active.spectrum[1], names, "rad", title=f"Payload rotation, {where}"
         )
         segment_s = 1.0 / frequency[1]
@@ -215,6 +215,6 @@ def draw_comparison(comparison: Comparison, folder: Path, prefix: str = "") -> l
             )
         )
     path = folder / f"{prefix}image_point.png"
-    plots.image_point(path, passive.scatter, active.scatter, title=f"Image point, {where}")
+    plots.draw_image_point(path, passive.scatter, active.scatter, title=f"Image point, {where}")
     pictures.append(Picture(path, "Image point of the boresight with its convex hull, passive and active."))
     return pictures

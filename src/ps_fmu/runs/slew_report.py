@@ -224,7 +224,7 @@ def draw_slews(slews: Slews, folder: Path) -> list[Picture]:
         path = folder / f"slew_{name}.png"
         goal = np.array(slews.target)[:, None]
         time = slew.orientation.time
-        plots.slew(
+        plots.draw_slew(
             path,
             slew.orientation,
             np.where(time >= slews.start_s, goal, 0.0),

@@ -1,17 +1,17 @@
 import numpy as np
 import pytest
 
-from ps_fmu.results.observers.observer import column_indices, count_rows
+from ps_fmu.results.observers.observer import count_rows, find_columns
 from ps_fmu.results.observers.statistics import Statistics
 
 
 def test_columns_are_found_in_the_order_of_the_names(columns):
-    assert column_indices(columns, ["b.u", "a.x"]) == [2, 0]
+    assert find_columns(columns, ["b.u", "a.x"]) == [2, 0]
 
 
 def test_unknown_column_is_named_with_the_closest(columns):
     with pytest.raises(KeyError, match=r"no column named a\.z: the closest are a\.[xy]"):
-        column_indices(columns, ["a.x", "a.z"])
+        find_columns(columns, ["a.x", "a.z"])
 
 
 def test_no_names_are_refused(columns):

@@ -31,7 +31,7 @@ class NamedColumn(Protocol):
         """SI unit, for example ``m``."""
 
 
-def column_indices(columns: Sequence[NamedColumn], names: Sequence[str]) -> list[int]:
+def find_columns(columns: Sequence[NamedColumn], names: Sequence[str]) -> list[int]:
     """Places of the named columns, in the order of ``names``.
 
     Raises ``KeyError`` for a name that is not there, with the closest names that are.
@@ -74,7 +74,7 @@ class ColumnObserver(ABC):
         if not names:
             raise ValueError("names: at least one column is needed")
         self.names = tuple(names)
-        self._indices = column_indices(columns, names)
+        self._indices = find_columns(columns, names)
         self.units = tuple(columns[index].unit for index in self._indices)
         self.start_s = start_s
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from .observer import NamedColumn, column_indices
+from .observer import NamedColumn, find_columns
 
 Array = NDArray[np.float64]
 
@@ -24,7 +24,7 @@ class SampleObserver:
 
     def __init__(self, columns: Sequence[NamedColumn], names: Sequence[str], rows: Sequence[int]) -> None:
         self.names = tuple(names)
-        self._columns = np.array(column_indices(columns, names))
+        self._columns = np.array(find_columns(columns, names))
         self._rows = np.asarray(rows, dtype=np.int64)
         self._values = np.full((len(self._rows), len(self.names)), np.nan)
 

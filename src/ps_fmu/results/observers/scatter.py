@@ -65,7 +65,7 @@ class ScatterObserver(ColumnObserver):
         """Widen the hull by the block's points and keep each ``stride``-th of them."""
         self._statistics.take(time, samples)
         points = samples.T
-        wider = points[_outside(self._hull, points)]
+        wider = points[_find_outside(self._hull, points)]
         if len(wider):
             self._hull = convex_hull(np.concatenate((self._hull, wider)))
         kept = points[-self._rows % self._stride :: self._stride]
@@ -96,7 +96,7 @@ class ScatterObserver(ColumnObserver):
         )
 
 
-def _outside(hull: Array, points: Array) -> NDArray[np.bool_]:
+def _find_outside(hull: Array, points: Array) -> NDArray[np.bool_]:
     """Which points lie outside a counter-clockwise hull: on the right of the edge in whose sector, seen from a point
     inside, they are.
 

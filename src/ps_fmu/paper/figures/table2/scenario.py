@@ -90,7 +90,7 @@ def run(options: RunOptions) -> None:
     print(table.to_text(), *text[1:], sep="\n")
 
     path = options.output / "table2.png"
-    plots.table(path, table.header, table.rows, title="Table 2: published and co-simulated")
+    plots.draw_table(path, table.header, table.rows, title="Table 2: published and co-simulated")
     pictures = [Picture(path, "Published and co-simulated values.")]
     for comparison in found.values():
         pictures += draw_comparison(comparison, options.output, _prefix(comparison.target_deg))
