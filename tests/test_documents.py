@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from matplotlib import image
+from support.models import MODELS
 
 ROOT = Path(__file__).parents[1]
 DOCUMENTS = sorted([*ROOT.glob("*.md"), *ROOT.glob("fmus/**/*.md")])
@@ -45,7 +46,7 @@ def test_the_diagrams_are_drawn(tmp_path, name, suffix):
 
 def test_the_icons_are_those_that_the_script_draws(tmp_path):
     icons = script("draw_icons")
-    for name in icons.DRAWINGS:
+    for name in MODELS.values():
         icons.draw(name, tmp_path / "icon.png")
         drawn, kept = (image.imread(path) for path in (tmp_path / "icon.png", ROOT / "fmus" / name / "icon.png"))
         assert drawn.shape == (128, 128, 4)

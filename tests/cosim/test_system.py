@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from support.cosim import HEAD, OSCILLATOR, ssd_text
+from support.models import COMPONENTS
 
 from ps_fmu.cosim import CosimError, Master, PortName, System, SystemFileError, UsageError, read_system, xmlfile
 
@@ -262,7 +263,7 @@ def outcomes(documents, target, use):
 
 def test_the_description_of_this_project_can_lose_any_part(tmp_path):
     (tmp_path / "resources").mkdir()
-    for name in ("ManipulatorPlant", "PointingCommander", "FeedforwardIsolator", "DisturbanceSource"):
+    for name in COMPONENTS.values():
         (tmp_path / "resources" / f"{name}.fmu").touch()
     accepted, refused = outcomes(mutations(PROJECT_SSD.read_text(), 5), tmp_path / "a.ssd", read_system)
     assert accepted > 100

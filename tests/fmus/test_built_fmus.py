@@ -14,17 +14,16 @@ from fmpy import read_model_description, simulate_fmu
 from fmpy.fmi1 import FMICallException
 from fmpy.validation import validate_fmu
 from lxml import etree
+from support.models import MODELS
 
 from ps_fmu.cosim import read_system
 from ps_fmu.slavekit.pack.build import build_one
 
-NAMES = ("ManipulatorPlant", "PointingCommander", "FeedforwardIsolator", "DisturbanceSource")
-FOLDERS = {name: "".join(f"_{c.lower()}" if c.isupper() else c for c in name).lstrip("_") for name in NAMES}
 ROOT = Path(__file__).parents[2]
 SCHEMA = Path(fmpy.__file__).parent / "schema" / "fmi3" / "fmi3TerminalsAndIcons.xsd"
 
 
-@pytest.fixture(params=NAMES)
+@pytest.fixture(params=MODELS)
 def fmu(request, built_fmus) -> Path:
     return built_fmus / f"{request.param}.fmu"
 
@@ -86,7 +85,7 @@ def test_start_values_reach_the_fmu(built_fmus) -> None:
 
 
 def test_every_load_order_in_one_process_gives_the_same(built_fmus) -> None:
-    files = [str(built_fmus / f"{name}.fmu") for name in NAMES]
+    files = [str(built_fmus / f"{name}.fmu") for name in MODELS]
     script = Path(__file__).parent / "hosts" / "load_orders.py"
     result = subprocess.run([sys.executable, str(script), *files], capture_output=True, text=True, timeout=300)
     assert result.returncode == 0, result.stdout + result.stderr
@@ -94,7 +93,7 @@ def test_every_load_order_in_one_process_gives_the_same(built_fmus) -> None:
 
 
 def test_second_build_has_the_same_bytes(fmu: Path, tmp_path: Path) -> None:
-    again = build_one(ROOT / "fmus" / FOLDERS[fmu.stem], tmp_path)
+    again = build_one(ROOT / "fmus" / MODELS[fmu.stem], tmp_path)
     assert hashlib.sha256(again.read_bytes()).digest() == hashlib.sha256(fmu.read_bytes()).digest()
 
 
@@ -134,7 +133,7 @@ def test_an_icon_and_what_is_to_read(fmu: Path) -> None:
         names = set(archive.namelist())
         icon = archive.read("model.png")
         index = archive.read("documentation/licenses/license.txt").decode()
-    assert icon == (ROOT / "fmus" / FOLDERS[fmu.stem] / "icon.png").read_bytes()
+    assert icon == (ROOT / "fmus" / MODELS[fmu.stem] / "icon.png").read_bytes()
     assert icon.startswith(b"\x89PNG")
     assert {"documentation/index.html", "documentation/externalDependencies.txt"} <= names
     others = {name for name in names if name.startswith("documentation/licenses/") and "license.txt" not in name}
@@ -149,7 +148,7 @@ def test_joining_terminals_of_one_name_wires_the_system(built_fmus) -> None:
     schema = etree.XMLSchema(etree.parse(str(SCHEMA)))
     members: dict[str, dict[str, list[str]]] = {}
     causality: dict[tuple[str, str], str] = {}
-    for model in NAMES:
+    for model in MODELS:
         path = built_fmus / f"{model}.fmu"
         root = etree.fromstring(zipfile.ZipFile(path).read("terminalsAndIcons/terminalsAndIcons.xml"))
         schema.assertValid(root)

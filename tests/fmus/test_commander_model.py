@@ -327,19 +327,17 @@ def test_state_continues_bit_for_bit(moment):
         if k == 700:
             host.set(**target((0.0, 4.0, 0.0)))
         host.step(H)
-    state = host.slave._get_fmu_state()
-    data = host.slave._fmu_state_to_bytes(state)
+    state = host.save()
 
     def future(other):
-        other.count = moment
         other.set(**target((0.0, 4.0, 2.0)))
         return record(other, 5.0)
 
     expected = future(host)
-    host.slave._set_fmu_state(state)
+    host.restore(state, moment)
     np.testing.assert_array_equal(future(host), expected)
     second = Host("pointing_commander")
-    second.slave._set_fmu_state(second.slave._fmu_state_from_bytes(data))
+    second.restore(state, moment)
     np.testing.assert_array_equal(future(second), expected)
 
 

@@ -10,16 +10,10 @@ from fmpy import read_model_description
 from fmpy.fmi1 import FMICallException
 from fmpy.fmi2 import FMU2Slave
 from support.host import unpack
-from support.models import Host
+from support.models import MODELS, Host
 
 from ps_fmu.slavekit.author.slave import Refused
 
-MODELS = {
-    "ManipulatorPlant": "manipulator_plant",
-    "PointingCommander": "pointing_commander",
-    "FeedforwardIsolator": "feedforward_isolator",
-    "DisturbanceSource": "disturbance_source",
-}
 SETTINGS = [
     ("manipulator_plant", {}),
     ("pointing_commander", {"target__roll": 0.1}),  # slews, with an event in each step
@@ -44,12 +38,11 @@ def no_collection():
 def test_slaves_are_in_no_cycle(folder, start, no_collection):
     host = Host(folder, **start).run_mode()
     host.step(H, 20)
-    state = host.slave._fmu_state_from_bytes(host.slave._fmu_state_to_bytes(host.slave._get_fmu_state()))
+    state = host.save()
     host.step(H, 5)
     with pytest.raises(Refused):
         host.slave.do_step(-1.0, H)
-    host.slave._set_fmu_state(state)
-    host.count = 20
+    host.restore(state, 20)
     host.step(H, 20)
     slave, memory = weakref.ref(host.slave), weakref.ref(host.slave._buffer.data.base)
     del host

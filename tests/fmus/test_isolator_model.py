@@ -201,11 +201,10 @@ VARIANTS = [{}, {"delay": 0.013}, {"sample_time": 5 * H, "force_limit": 0.01}, {
 def test_state_continues_bit_for_bit(start: dict) -> None:
     host = Host("feedforward_isolator", **start).run_mode()
     run(host, 33)
-    data = host.slave._fmu_state_to_bytes(host.slave._get_fmu_state())
+    state = host.save()
     expected = run(host, 20, 33)
     second = Host("feedforward_isolator")
-    second.slave._set_fmu_state(second.slave._fmu_state_from_bytes(data))
-    second.count = 33
+    second.restore(state, 33)
     np.testing.assert_array_equal(run(second, 20, 33), expected)
 
 

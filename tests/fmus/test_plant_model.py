@@ -92,19 +92,17 @@ def test_state_continues_bit_for_bit(moment: int) -> None:
     host = Host("manipulator_plant").run_mode()
     host.set(coarse_command_1=3e-4, base_force__y=5.0)
     host.step(H, moment)
-    state = host.slave._get_fmu_state()
-    data = host.slave._fmu_state_to_bytes(state)
+    state = host.save()
 
     def future(other: Host) -> bytes:
-        other.count = moment
         other.step(H, 60)
         return other.slave.y.tobytes()
 
     expected = future(host)
-    host.slave._set_fmu_state(state)
+    host.restore(state, moment)
     assert future(host) == expected
     second = Host("manipulator_plant")
-    second.slave._set_fmu_state(second.slave._fmu_state_from_bytes(data))
+    second.restore(state, moment)
     assert future(second) == expected
 
 

@@ -10,19 +10,13 @@ import numpy as np
 import pytest
 from support.cosim import Collect
 from support.host import unpack
-from support.models import slave_class
+from support.models import COMPONENTS, MODELS, slave_class
 from support.twins import InFmpy, InPython
 
 from ps_fmu.cosim import Master, System, read_system
 
 ROOT = Path(__file__).parents[2]
 STEP = 1e-4  # s
-MODELS = {
-    "plant": ("ManipulatorPlant", "manipulator_plant"),
-    "commander": ("PointingCommander", "pointing_commander"),
-    "isolator": ("FeedforwardIsolator", "feedforward_isolator"),
-    "disturbance": ("DisturbanceSource", "disturbance_source"),
-}
 LOOP_STEPS = int(os.environ.get("PS_FMU_LOOP_STEPS", "100000"))
 """In the closed loop; set it to have more."""
 
@@ -32,12 +26,12 @@ Inputs = Callable[[int], dict[str, Any]]
 @pytest.fixture(scope="module")
 def unpacked(built_fmus, tmp_path_factory) -> dict[str, Path]:
     folder = tmp_path_factory.mktemp("same_bits")
-    return {name: unpack(built_fmus / f"{model}.fmu", folder / model) for name, (model, _) in MODELS.items()}
+    return {name: unpack(built_fmus / f"{model}.fmu", folder / model) for name, model in COMPONENTS.items()}
 
 
 def twins(name: str, unpacked: dict[str, Path], start: dict[str, Any]) -> tuple[InFmpy, InPython]:
     """An instance of each kind with the same start values, in their stepping phase."""
-    pair = InFmpy(unpacked[name]), InPython(slave_class(MODELS[name][1]))
+    pair = InFmpy(unpacked[name]), InPython(slave_class(MODELS[COMPONENTS[name]]))
     for instance in pair:
         instance.set(start)
         instance.initialise()
@@ -134,14 +128,14 @@ def test_states_go_from_one_kind_to_the_other(unpacked, case: str) -> None:
     contents = [instance.state() for instance in old]
     assert contents[0] == contents[1]
     expected = go_on(old, 250, 150)
-    new = InFmpy(unpacked[name], "new"), InPython(slave_class(MODELS[name][1]), "new")
+    new = InFmpy(unpacked[name], "new"), InPython(slave_class(MODELS[COMPONENTS[name]]), "new")
     for instance in (*old, *new):
         instance.restore(contents[0])
     assert go_on([*old, *new], 250, 150) == expected
     old[0].fmu.reset()
     old[0].set(start)
     old[0].initialise()
-    fresh = InPython(slave_class(MODELS[name][1]), "fresh")
+    fresh = InPython(slave_class(MODELS[COMPONENTS[name]]), "fresh")
     fresh.set(start)
     fresh.initialise()
     go_on([old[0], fresh], 0, 150)

@@ -23,7 +23,7 @@ from hypothesis import HealthCheck, given, settings
 from support.fmi_calls.caller import OK, Caller
 from support.fmi_calls.sequences import Step, sequences
 from support.fmi_calls.session import Session
-from support.models import slave_class
+from support.models import COMPONENTS, MODELS, slave_class
 
 CALLS = int(os.environ.get("PS_FMU_CALLS", "2500"))
 FEWER = int(os.environ.get("PS_FMU_CALLS", "400"))  # each instance makes 8 MB of noise when it is initialised
@@ -120,17 +120,10 @@ def test_any_sequence_of_calls(oscillator):
 
 
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
-@pytest.mark.parametrize(
-    ("component", "folder", "calls"),
-    [
-        ("plant", "manipulator_plant", CALLS),
-        ("commander", "pointing_commander", CALLS),
-        ("isolator", "feedforward_isolator", CALLS),
-        ("disturbance", "disturbance_source", FEWER),
-    ],
-)
-def test_any_sequence_of_calls_to_the_four(calls_program, unpacked, component, folder, calls):
-    Fmu(calls_program, unpacked[component], slave_class(folder)).run_many(calls)
+@pytest.mark.parametrize("component", COMPONENTS)
+def test_any_sequence_of_calls_to_the_components(calls_program, unpacked, component):
+    slave = slave_class(MODELS[COMPONENTS[component]])
+    Fmu(calls_program, unpacked[component], slave).run_many(FEWER if component == "disturbance" else CALLS)
 
 
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")

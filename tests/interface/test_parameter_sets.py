@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 from fmpy import read_model_description
+from support.models import COMPONENTS
 
 from ps_fmu.cosim import System
 from ps_fmu.cosim.ssp_xml import real_values_xml
@@ -13,16 +14,9 @@ from ps_fmu.interface.parameter_sets import build_plant_and_isolator, difference
 from ps_fmu.mechanism.parameters import load
 from ps_fmu.theory.loop import loop_at, loop_of
 
-FMUS = {
-    "plant": "ManipulatorPlant",
-    "isolator": "FeedforwardIsolator",
-    "commander": "PointingCommander",
-    "disturbance": "DisturbanceSource",
-}
-
 
 def test_start_values_of_the_paper_are_those_of_the_fmus(built_fmus):
-    descriptions = {name: read_model_description(built_fmus / f"{fmu}.fmu") for name, fmu in FMUS.items()}
+    descriptions = {name: read_model_description(built_fmus / f"{fmu}.fmu") for name, fmu in COMPONENTS.items()}
     starts = {
         f"{component}.{variable.name}": variable.start
         for component, description in descriptions.items()
@@ -45,7 +39,7 @@ def test_the_way_back(tmp_path):
         known_com_P=p.payload.com_P,
     )
     system = System(
-        tmp_path, tuple(Component(name, tmp_path, (), {}, 0) for name in FMUS), ()
+        tmp_path, tuple(Component(name, tmp_path, (), {}, 0) for name in COMPONENTS), ()
     ).with_parameters(differences(other))
     found = loop_of(*build_plant_and_isolator(system), (0.1, 0.0, 0.0), 0.02)
     expected = loop_at(other, (0.1, 0.0, 0.0), 0.02)

@@ -1,8 +1,12 @@
 import os
+import shutil
+from pathlib import Path
 
 import pytest
 
 from ps_fmu.runs.built_fmus import ensure_built, find_newest_source, list_models, list_outdated
+
+TOYS = Path(__file__).parents[1] / "slavekit" / "models"
 
 
 @pytest.fixture
@@ -35,6 +39,14 @@ def test_missing_and_old_fmus_are_named(checkout):
     (checkout / "build" / "PointingCommander.fmu").unlink()
     os.utime(checkout / "build" / "DisturbanceSource.fmu", (500, 500))
     assert list_outdated(checkout / "build", checkout) == ["DisturbanceSource", "PointingCommander"]
+
+
+def test_a_new_folder_is_a_new_fmu(tmp_path):
+    """Nothing else names it: it is found, built, and then up to date."""
+    shutil.copytree(TOYS / "waves", tmp_path / "fmus" / "waves")
+    assert ensure_built(tmp_path / "build", tmp_path) == ["Waves"]
+    assert (tmp_path / "build" / "Waves.fmu").is_file()
+    assert ensure_built(tmp_path / "build", tmp_path) == []
 
 
 def test_compiled_modules_are_no_sources(checkout):

@@ -1,6 +1,7 @@
 """Where the start values of a run come from, and the band of the noise."""
 
 import pytest
+from support.models import COMPONENTS
 
 from ps_fmu.cosim import UsageError
 from ps_fmu.runs.options import OptionError, RunOptions
@@ -87,10 +88,5 @@ def test_without_noise_there_is_nothing_to_limit(make_options, capsys):
 
 def test_fmus_are_identified(make_options):
     files = identify_fmus(load_system(make_options("isolation", 1.0)))
-    assert {file.name for file in files} == {
-        "ManipulatorPlant",
-        "PointingCommander",
-        "FeedforwardIsolator",
-        "DisturbanceSource",
-    }
+    assert {file.name for file in files} == set(COMPONENTS.values())
     assert all(len(file.sha256) == 64 for file in files)

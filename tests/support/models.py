@@ -1,13 +1,24 @@
-"""Slave classes imported from their folders as the build does, without making FMUs of them."""
+"""The FMUs of the checkout by name; slave classes imported from their folders, without making FMUs of them."""
 
 import importlib.util
 import sys
+import xml.etree.ElementTree as ET
 from pathlib import Path
 from typing import Any
 
+from ps_fmu.runs.built_fmus import list_models
 from ps_fmu.slavekit.author.slave import Slave
+from ps_fmu.slavekit.pack.build import find
 
-FMUS = Path(__file__).parents[2] / "fmus"
+ROOT = Path(__file__).parents[2]
+FMUS = ROOT / "fmus"
+#: Name of each FMU -> name of its folder.
+MODELS = dict(zip(list_models(ROOT), (path.name for path in find(FMUS)), strict=True))
+#: Component of the system -> name of its FMU.
+COMPONENTS = {
+    component.attrib["name"]: Path(component.attrib["source"]).stem
+    for component in ET.parse(ROOT / "system" / "SystemStructure.ssd").iterfind(".//{*}Component")
+}
 
 
 def slave_class(folder: str, models: Path = FMUS) -> type[Slave]:
@@ -59,6 +70,15 @@ class Host:
         for _ in range(n):
             assert self.slave.do_step(self.count * h, h)
             self.count += 1
+
+    def save(self) -> bytes:
+        """The FMU state as bytes, as a host would keep it."""
+        return self.slave._fmu_state_to_bytes(self.slave._get_fmu_state())
+
+    def restore(self, state: bytes, count: int) -> None:
+        """Take up a state that was saved after ``count`` steps."""
+        self.slave._set_fmu_state(self.slave._fmu_state_from_bytes(state))
+        self.count = count
 
     def messages(self) -> str:
         return "\n".join(message.msg for message in self.slave.log_queue)

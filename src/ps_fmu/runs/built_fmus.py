@@ -36,5 +36,5 @@ def ensure_built(folder: Path, root: Path) -> list[str]:
     if stale:
         from ..slavekit.pack.build import build_all
 
-        build_all(folder)
+        build_all(folder, root / "fmus")
     return stale
