@@ -8,12 +8,12 @@ from typing import Any
 
 from ps_fmu.runs.built_fmus import list_models
 from ps_fmu.slavekit.author.slave import Slave
-from ps_fmu.slavekit.pack.build import find
+from ps_fmu.slavekit.pack.build import find_folders
 
 ROOT = Path(__file__).parents[2]
 FMUS = ROOT / "fmus"
 #: Name of each FMU -> name of its folder.
-MODELS = dict(zip(list_models(ROOT), (path.name for path in find(FMUS)), strict=True))
+MODELS = dict(zip(list_models(ROOT), (path.name for path in find_folders(FMUS)), strict=True))
 #: Component of the system -> name of its FMU.
 COMPONENTS = {
     component.attrib["name"]: Path(component.attrib["source"]).stem
