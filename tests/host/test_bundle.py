@@ -101,6 +101,7 @@ def test_a_model_that_needs_more_than_is_bundled(bundled, tmp_path):
         check(less)
 
 
-def test_a_package_that_is_not_installed():
+@pytest.mark.parametrize("needs", [(["nowhere_to_be_found"], []), ([], ["nowhere_to_be_found"])])
+def test_a_package_that_is_not_installed(needs):
     with pytest.raises(BundleError, match="the FMU needs nowhere_to_be_found, which is not installed"):
-        bundle(["nowhere_to_be_found"])
+        bundle(*needs)

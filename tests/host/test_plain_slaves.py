@@ -65,11 +65,16 @@ def test_hosts_that_end_in_their_own_ways(bare_host, tanks, mode):
 
 
 def test_a_bundled_one_runs_where_there_is_no_python(host, tanks, tmp_path):
-    fmu, _ = build_script(write_example(tmp_path / "source"), output=tmp_path, bundled=True)
+    requirements = tmp_path / "requirements.txt"
+    requirements.write_text("# packages\npythonfmu>=0.7\nMarkdown>=3  # as a module that is asked for as text\n")
+    fmu, _ = build_script(write_example(tmp_path / "source"), [requirements], tmp_path, bundled=True)
     run = host("run", 50, told(unpack(fmu, tmp_path / "bundled")), PATH="/nonexistent")
     assert (run.returncode, run.stderr) == (0, "")
     expected = host("run", 50, told(tanks["built"]), PS_FMU_PYTHON=sys.executable)
     assert run.stdout == expected.stdout
+    packages = tmp_path / "bundled" / "binaries" / "linux64" / "python" / "lib" / "site-packages"
+    assert (packages / "markdown" / "__init__.pyc").is_file()
+    assert not (packages / "pythonfmu").exists()
     assert b'needsExecutionTool="false"' in (tmp_path / "bundled" / "modelDescription.xml").read_bytes()
 
 

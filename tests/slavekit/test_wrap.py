@@ -7,6 +7,7 @@ import subprocess
 import sys
 import zipfile
 from pathlib import Path
+from xml.etree import ElementTree
 
 import pytest
 from fmpy import read_model_description, simulate_fmu
@@ -65,7 +66,10 @@ def test_the_example_of_the_page_from_source_and_from_a_stock_fmu(stock, tmp_pat
     assert levels[0] == 1.0
     assert levels[-1] == pytest.approx(1.0 + (0.5 - 0.1) / 2.0, rel=2e-2)
     assert sorted(path.name for path in script.parent.iterdir()) == ["tank.py", "valve.py"]
-    assert validate_fmu(str(built)) == validate_fmu(str(wrapped)) == []
+    for fmu in (built, wrapped):
+        assert validate_fmu(str(fmu)) == []
+        date = ElementTree.fromstring(zipfile.ZipFile(fmu).read("modelDescription.xml")).get("generationDateAndTime")
+        assert date is None if fmu is built else date.endswith("Z")
 
 
 def test_the_authors_files_stay_and_the_same_source_gives_the_same_bytes(stock, tmp_path):
@@ -101,6 +105,22 @@ def test_claims_stay_where_the_trial_run_confirms_them(tmp_path):
     interface = read_model_description(str(fmu)).coSimulation
     assert (interface.canGetAndSetFMUstate, interface.canSerializeFMUstate) == (False, False)
     assert "canGetAndSetFMUstate is taken back: AssertionError: steps from the same state" in remarks[1]
+
+
+STATES = """
+    def _get_fmu_state(self):
+        return {"level": self.level}
+
+    def _set_fmu_state(self, state):
+        self.level = state["level"]
+
+    def do_step"""
+
+
+def test_a_build_claims_the_states_that_a_slave_implements(tmp_path):
+    fmu, remarks = build_script(write_example(tmp_path / "source", ("\n    def do_step", STATES)), output=tmp_path)
+    interface = read_model_description(str(fmu)).coSimulation
+    assert (interface.canGetAndSetFMUstate, interface.canSerializeFMUstate, remarks) == (True, False, [])
 
 
 class TestWhatIsRefused:
@@ -191,6 +211,7 @@ def test_data_files_go_with_the_slave_and_are_found(tmp_path):
 ALONE = """
 import sys
 from pathlib import Path
+from xml.etree import ElementTree
 folder, script, stock = map(Path, sys.argv[1:])
 sys.path.insert(0, str(folder))
 import ps_fmu.slavekit.author.slave

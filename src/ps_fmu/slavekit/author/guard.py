@@ -62,34 +62,6 @@ def keep_alive(*objects: object) -> None:
         ctypes.pythonapi.Py_IncRef(ctypes.py_object(item))
 
 
-def guard_method(method: F) -> F:
-    """For methods that the library calls and that may raise, see :func:`escape`."""
-
-    @functools.wraps(method)
-    def wrapper(self: Any, *args: Any) -> Any:
-        try:
-            return method(self, *args)
-        except BaseException as error:
-            escape(self, error)
-            raise
-
-    return wrapper  # type: ignore[return-value]
-
-
-def guard_class_method(method: F) -> F:
-    """As :func:`guard_method`, for what the library calls on the class: below ``@classmethod``."""
-
-    @functools.wraps(method)
-    def wrapper(cls: Any, *args: Any) -> Any:
-        try:
-            return method(cls, *args)
-        except BaseException as error:
-            escape_class(cls, error)
-            raise
-
-    return wrapper  # type: ignore[return-value]
-
-
 def escape(slave: Any, error: BaseException) -> None:
     """What has to be done before an exception reaches the library: report, compensate, raise FmuError in its place.
 
@@ -132,3 +104,26 @@ def escape_class(cls: Any, error: BaseException) -> None:
 def _raise_reported(label: str, error: BaseException, more: str = "") -> NoReturn:
     text = report(f"{label}: {describe(error)}", error) + more
     raise FmuError(text.replace("%", "%%")) from error
+
+
+def _guard_by(escape_from: Callable[[Any, BaseException], None]) -> Callable[[F], F]:
+    """A decorator for methods: an exception goes through ``escape_from``, with what the method is called on."""
+
+    def guard(method: F) -> F:
+        @functools.wraps(method)
+        def wrapper(owner: Any, *args: Any) -> Any:
+            try:
+                return method(owner, *args)
+            except BaseException as error:
+                escape_from(owner, error)
+                raise
+
+        return wrapper  # type: ignore[return-value]
+
+    return guard
+
+
+guard_method = _guard_by(escape)
+"""For methods that the library calls and that may raise, see :func:`escape`."""
+guard_class_method = _guard_by(escape_class)
+"""As :func:`guard_method`, for what the library calls on the class: below ``@classmethod``."""

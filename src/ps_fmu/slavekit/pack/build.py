@@ -32,7 +32,7 @@ from .files import write_atomically
 from .launch import OLDEST_PYTHON, put_launcher_in_front, write_notes
 from .licenses import LicenseError
 from .page import write_page
-from .sources import Files, SourceError, collect_modules, find_foreign_modules, find_imports, rename_imports
+from .sources import Files, SourceError, collect_modules, find_imports, find_needed_modules, rename_imports
 from .wrap import PACKAGE, BuildError, check_interpreter
 
 _RESOURCES = PurePosixPath("resources")
@@ -154,7 +154,7 @@ def _repackage(
     files[_RESOURCES / "slavemodule.txt"] = entry.encode()
     guid = make_guid(digest)
     files[_DESCRIPTION] = files[_DESCRIPTION].replace(b'guid=""', f'guid="{guid}"'.encode(), 1)
-    modules = find_foreign_modules(sources)
+    modules = find_needed_modules(f"ps_fmu.{script.stem}", sources)
     files[_RESOURCES / "launcher.txt"] = write_notes(guid, modules, interpreter)
     dependencies = write_external_dependencies(model, OLDEST_PYTHON, modules, bundled)
     files[_DOCUMENTATION / "externalDependencies.txt"] = dependencies

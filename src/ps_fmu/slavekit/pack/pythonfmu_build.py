@@ -14,14 +14,27 @@ from pathlib import Path
 def main(script: Path, fmu: Path, search: list[str], files: list[Path]) -> int:
     """Build; 1 if the author's code or the builder fails, with what the author needs to know on stderr."""
     sys.path[:] = [*sys.path, *(entry for entry in search if entry not in sys.path)]
-    from pythonfmu.builder import FmuBuilder
+    sys.path.insert(0, str(script.parent))
+    from pythonfmu.builder import FmuBuilder, get_model_class
 
     try:
-        FmuBuilder.build_FMU(script, dest=fmu, project_files=set(files))
+        FmuBuilder.build_FMU(script, dest=fmu, project_files=set(files), **find_claims(get_model_class(script)))
     except (Exception, SystemExit) as error:
         print(describe_to_author(error, script.parent), file=sys.stderr)
         return 1
     return 0
+
+
+def find_claims(model: type) -> dict[str, bool]:
+    """What pythonfmu's builder is to claim: FMU states, where the author has written methods of his own for them."""
+    from pythonfmu import Fmi2Slave
+
+    def overrides(name: str) -> bool:
+        return getattr(model, name) is not getattr(Fmi2Slave, name)
+
+    states = overrides("_get_fmu_state") and overrides("_set_fmu_state")
+    serialised = states and overrides("_fmu_state_to_bytes") and overrides("_fmu_state_from_bytes")
+    return {"canGetAndSetFMUstate": states, "canSerializeFMUstate": serialised}
 
 
 def describe_to_author(error: BaseException, folder: Path) -> str:

@@ -154,18 +154,6 @@ def _reach(script: str, read: Callable[[PurePosixPath], bytes | None]) -> Iterat
                 yield place, content
 
 
-def find_foreign_modules(files: Files) -> list[str]:
-    """Names of the top-level packages that some sources import, wherever in them, and neither hold nor find in
-    Python's standard library.
-    """
-    found: set[str] = set()
-    for name, content in files.items():
-        if name.suffix == ".py":
-            package = ".".join(name.parent.parts)
-            found |= {_get_top(module) for module in find_imports(content.decode(), str(name), package)}
-    return sorted(found - {name.parts[0] for name in files} - sys.stdlib_module_names - {""})
-
-
 def _list_module_files(name: str, folder: Path) -> Iterator[Path]:
     """The files that an import of ``a.b.c`` executes: each package's, and the module's own."""
     yield folder / "__init__.py"

@@ -164,6 +164,9 @@ def _complete(description: Element, bundled: bool) -> None:
     tool = description.get("generationTool", "")
     if "ps_fmu" not in tool:
         description.set("generationTool", f"ps_fmu {__version__} with {tool}")
+    date = description.get("generationDateAndTime", "")
+    if date.endswith("+00:00"):
+        description.set("generationDateAndTime", date.replace("+00:00", "Z"))
     variables = description.findall("ModelVariables/ScalarVariable")
     for variable in variables:
         if "variability" not in variable.attrib:
