@@ -1,1 +1,1 @@
-"""From a Python slave to an FMI 2.0 co-simulation FMU that loads anywhere.  Knows no manipulator and no other room."""
+"""From a Python slave to an FMI 2.0 co-simulation FMU that loads anywhere.  Knows no other room."""

@@ -29,7 +29,7 @@ class Refused(ValueError):
 
 
 class FmuError(RuntimeError):
-    """What the native library gets to see: safe as a printf format."""
+    """The exception that the native library sees; its text is safe as a printf format."""
 
     def __repr__(self) -> str:
         """The text alone: the library logs this."""
@@ -37,7 +37,7 @@ class FmuError(RuntimeError):
 
 
 def describe(error: BaseException) -> str:
-    """One line about an error, with the place in the source where it is not one of our own refusals."""
+    """Describe an error in one line; with its place in the source, unless it is a ModelError or Refused."""
     text = str(error) or type(error).__name__
     if isinstance(error, (ModelError, Refused)):
         return text
@@ -47,7 +47,7 @@ def describe(error: BaseException) -> str:
 
 
 def report(text: str, error: BaseException | None = None) -> str:
-    """Print on stderr, with the traceback unless the error is one of our own refusals; returns what was printed."""
+    """Print a text on stderr, with the traceback of an error that is no refusal; return what was printed."""
     if error is not None and not isinstance(error, (ModelError, Refused)):
         text = f"{text}\n{''.join(traceback.format_exception(error)).rstrip()}"
     # Where the host has closed stderr, the FMI status has to do.
@@ -57,13 +57,13 @@ def report(text: str, error: BaseException | None = None) -> str:
 
 
 def keep_alive(*objects: object) -> None:
-    """One more reference for each object, for the one that the library releases without owning it."""
+    """Add a reference to each object, since the library releases one that it does not own."""
     for item in objects:
         ctypes.pythonapi.Py_IncRef(ctypes.py_object(item))
 
 
 def escape(slave: Any, error: BaseException) -> None:
-    """What has to be done before an exception reaches the library: report, compensate, raise FmuError in its place.
+    """Report an exception, compensate for it and raise FmuError in its place, before it reaches the library.
 
     ``slave`` has ``hosted`` (is it driven by the library?), ``label`` and ``log_queue``.  Without the library the
     exception may pass as it is, and this returns.
@@ -88,9 +88,9 @@ def raise_compensated(slave: object, label: str, log_queue: list[Any], error: Ba
 
 
 def escape_class(cls: Any, error: BaseException) -> None:
-    """As :func:`escape`, where the instance in question is not known: all those alive are compensated.
+    """As :func:`escape`, where the instance is not known: this compensates for all instances that are alive.
 
-    The price of a fault here is thus that the other instances are never freed.  A refusal is none: see
+    After a fault here, the others are thus never freed.  Bytes that cannot be read are no such fault: see
     :class:`.state.Unreadable`.
     """
     hosted = [slave for slave in cls.instances if slave.hosted]

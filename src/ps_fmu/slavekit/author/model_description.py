@@ -69,7 +69,7 @@ def make_guid(digest: bytes) -> str:
 
 
 def _get_date() -> datetime:
-    """Of the build, reproducibly: SOURCE_DATE_EPOCH (s since 1970) if the builder has set it."""
+    """The date of the build: that in SOURCE_DATE_EPOCH (s since 1970) if it is set, else a fixed one."""
     epoch = os.environ.get("SOURCE_DATE_EPOCH")
     return DATE if epoch is None else datetime.fromtimestamp(int(epoch), UTC)
 

@@ -126,7 +126,7 @@ class _Unreadable:
 
 
 def _guard(method: Callable[..., Any]) -> Callable[..., Any]:
-    """``method``, whose exceptions are told and made harmless where pythonfmu's library makes the call."""
+    """``method``, whose exceptions are reported, and made harmless where pythonfmu's library makes the call."""
 
     @functools.wraps(method)
     def call(self: Any, *arguments: Any) -> Any:
@@ -191,7 +191,7 @@ class _Border:
 
     @_guard
     def do_step(self, current_time: float, step_size: float) -> bool:
-        """What pythonfmu takes for true or false is so here."""
+        """Make a step; the result is a bool, which the library can test without an exception."""
         return bool(self._ps_fmu_model.do_step(self, current_time, step_size))
 
     @_guard
@@ -227,7 +227,7 @@ class _Border:
 def protect(model: type) -> type:
     """A class that does what ``model`` does and lets no exception harm pythonfmu's library.
 
-    A method that raises is an error of that call, told with its traceback.  The instance remains usable.
+    If a method raises, the call is an error, with the traceback as its message.  The instance remains usable.
     """
     namespace = {name: value for name, value in vars(_Border).items() if name not in ("__dict__", "__weakref__")}
     for name in (*_CALLS, *(f"set_{kind}" for kind in _CONVERT), "_get_fmu_state"):

@@ -82,7 +82,7 @@ class SlaveState:
 
 @dataclass(frozen=True)
 class Unreadable:
-    """What bytes that are refused become; the instance that it is set to refuses it with the reason.
+    """Stands for bytes that are no valid state.  Each instance refuses it, and gives the reason.
 
     pythonfmu's library has the class read bytes.  An exception from there would cost the bytes, and with
     :func:`.guard.escape_class` all other instances: none of them would ever be freed.

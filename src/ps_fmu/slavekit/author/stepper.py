@@ -159,7 +159,7 @@ class Stepper(Values):
     def _step_fully(self) -> bool:
         """A step with all that is due before it: an event, a new map, a new table.  All or nothing.
 
-        A slew has an event in every step, so this is quick, too: 1.5 us less than a careful one.
+        Some models have an event in every step, so this is quick, too: 1.5 us less than a careful step.
         """
         core, data, kept = self._core, self._buffer.data, self._kept
         kept[:] = data

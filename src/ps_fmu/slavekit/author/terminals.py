@@ -37,7 +37,7 @@ class Terminal:
 
 
 def write_terminals(terminals: Iterable[Terminal], layout: BufferLayout) -> bytes:
-    """The file ``terminalsAndIcons.xml``.
+    """Write the file ``terminalsAndIcons.xml``.
 
     The rule is ``plug``: two terminals fit if all members of each are in the other one too.
     Raises KeyError if the slave does not have a variable that is named.

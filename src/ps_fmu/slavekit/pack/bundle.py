@@ -1,9 +1,9 @@
 """A Python of its own for an FMU: interpreter, standard library without its rarer parts, and the packages it needs.
 
-It is this very interpreter's, and so runs on Linux of the same architecture with a glibc not older than the one that it
-and its packages were built for.  Of the interpreter's own libraries it has what is loaded, without debug information
-(which saves 10 MB); those of packages are as they were installed.  The launcher finds it beside itself, in the folder
-``python``::
+The bundle is a copy of the Python that runs this.  It runs on Linux of the same architecture, with a glibc that is at
+least as new as the one that this Python and its packages were built for.  The interpreter's own libraries lose their
+debug information (which saves 10 MB); those of packages stay as they were installed.  The launcher finds the bundle
+beside itself, in the folder ``python``::
 
     bundle.txt                what the launcher has to know
     lib/libpython3.11.so.1.0
@@ -217,8 +217,9 @@ def _read_packages(distributions: Iterable[str]) -> Iterator[tuple[str, bytes]]:
 
 
 def _find_libraries(modules: Iterable[str], absent: Iterable[str]) -> list[Path]:
-    """Shared libraries that modules bring into a process where some others are not to be had, and that neither they
-    nor every system have.
+    """The shared libraries that some modules load, without those in their packages and those of every Linux.
+
+    ``absent`` are modules that the bundle lacks: they cannot be imported meanwhile.
     """
     program = (
         "import importlib, json, sys\n"

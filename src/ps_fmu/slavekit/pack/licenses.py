@@ -22,7 +22,7 @@ _NO_TEXT = b"No licence text was found on the machine that built this FMU: add i
 
 
 class LicenseError(RuntimeError):
-    """A licence text that must be there and is not; the text says whose."""
+    """A licence text is missing; the message names its subject."""
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class License:
 
 
 def write_licenses(licenses: Iterable[License], part: str = "") -> Files:
-    """The folder: ``license.txt``, where FMI wants readers to begin, and the texts.
+    """Write the folder: ``license.txt``, where FMI wants readers to begin, and the texts.
 
     Parameters
     ----------

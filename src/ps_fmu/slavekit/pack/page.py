@@ -45,7 +45,7 @@ _NUMBERS = ("start", "min", "max", "nominal")
 
 
 def write_page(readme: str, description: bytes, terminals: bytes | None) -> bytes:
-    """The page.
+    """Write the page.
 
     Parameters
     ----------

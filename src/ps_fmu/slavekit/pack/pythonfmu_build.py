@@ -38,7 +38,7 @@ def find_claims(model: type) -> dict[str, bool]:
 
 
 def describe_to_author(error: BaseException, folder: Path) -> str:
-    """The traceback without frames of others.  The builder works on a copy: the files are told by their own places."""
+    """The traceback with the author's frames only.  The builder works on a copy; this names the author's own files."""
     lines = traceback.format_exception_only(error)
     frames = []
     for frame in traceback.extract_tb(error.__traceback__):
