@@ -73,7 +73,7 @@ def test_the_example_of_the_page_from_source_and_from_a_stock_fmu(stock, tmp_pat
 
 
 def test_the_authors_files_stay_and_the_same_source_gives_the_same_bytes(stock, tmp_path):
-    (first, _), (second, _) = (wrap(stock, tmp_path / name) for name in ("a.fmu", "b.fmu"))
+    (first, _), (second, _) = (wrap(stock, tmp_path / name) for name in ("a.fmu", "new folder"))
     assert first.read_bytes() == second.read_bytes()
     with zipfile.ZipFile(stock) as before, zipfile.ZipFile(first) as after:
         kept = [name for name in before.namelist() if name.startswith("resources/") and name.endswith(".py")]

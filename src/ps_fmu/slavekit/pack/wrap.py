@@ -49,7 +49,7 @@ def wrap(
     Parameters
     ----------
     fmu: made by pythonfmu 0.7.  Its code is run, in a process of its own, with the rights of the user.
-    output: the new file, or a folder, in which it is called ``<model>.fmu``.
+    output: the new file, which ends with .fmu, or a folder, in which it is called ``<model>.fmu``.
     interpreter: noted in the FMU as the Python for hosts that do not run one.
     bundled: put this Python into the FMU, with the packages that the slave imports or its requirements.txt names.
     source: the script that ``fmu`` has just been built from; messages name it.  The result then states no date: the
@@ -68,7 +68,8 @@ def wrap(
         stock = read_stock(fmu)
         if source is not None:
             stock.description.attrib.pop("generationDateAndTime", None)
-        target = output / f"{stock.model}.fmu" if output.is_dir() else output
+        is_file = output.suffix == ".fmu" and not output.is_dir()
+        target = output if is_file else output / f"{stock.model}.fmu"
         content, remarks = _try_claims(stock, interpreter, bundled)
     except (StockError, SourceError, BundleError, LicenseError, smoke.SmokeError) as error:
         raise BuildError(f"{source or fmu}: {error}") from None
