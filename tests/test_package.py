@@ -1,6 +1,7 @@
 """Rules that the package keeps, read from its source: nothing is imported or run here."""
 
 import ast
+import graphlib
 from pathlib import Path
 
 import pytest
@@ -66,6 +67,21 @@ def part_of(path, level, module, names):
     return {full[0]} if full else set(names)
 
 
+def relative(path):
+    """A path of the package as a text, from the package's folder on."""
+    return path.relative_to(PACKAGE).as_posix()
+
+
+def imported_files(path):
+    """The other modules of the package that a module imports, by their files."""
+    for level, module, names in imports(ast.parse(path.read_text())):
+        if level:
+            base = path.parents[level - 1].joinpath(*module.split(".") if module else ())
+            for name in names:
+                places = base / f"{name}.py", base / name / "__init__.py", base.with_suffix(".py"), base / "__init__.py"
+                yield next(place for place in places if place.is_file())
+
+
 @named(MODULES)
 def test_what_is_public_is_documented(path):
     tree = ast.parse(path.read_text())
@@ -90,6 +106,12 @@ def test_imports_point_one_way(path):
         if level:
             reached |= part_of(path, level, module, names)
     assert reached & MAY_IMPORT.keys() <= MAY_IMPORT[part] | {part}
+
+
+def test_no_files_import_each_other_in_a_circle():
+    """Imports for typing count as well: who reads one file of a circle has to read them all."""
+    arrows = {relative(path): {relative(other) for other in imported_files(path)} for path in MODULES}
+    graphlib.TopologicalSorter(arrows).prepare()  # raises CycleError with the files of a circle
 
 
 @named(SOURCES)

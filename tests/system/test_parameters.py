@@ -43,6 +43,11 @@ def test_buses_are_those_of_the_parameter_set(name):
     assert dict(read_parameters(SYSTEM / "parameters" / f"{name}.ssv")) == of_bus(name)
 
 
+def test_exact_payload_is_that_of_the_plant():
+    com = {f"isolator.payload.com.{axis}": value for axis, value in zip("xyz", load().payload.com_P, strict=True)}
+    assert dict(read_parameters(SYSTEM / "parameters" / "exact_payload.ssv")) == com
+
+
 def test_units_are_stated():
     for path in FILES:
         given = read_parameters(path)
