@@ -3,7 +3,6 @@ import pytest
 import scipy.signal
 from hypothesis import given
 from hypothesis import strategies as st
-from support.cross_welch import CrossWelch
 
 from ps_fmu.pointing.spectra import cumulative_rms, log_bands
 from ps_fmu.results.observers.welch import Welch
@@ -61,59 +60,6 @@ def test_cumulative_rms_wants_equal_spacing():
         cumulative_rms(np.array([0.0, 1.0, 3.0]), np.ones(3))
     with pytest.raises(ValueError, match="does not fit"):
         cumulative_rms(np.arange(4.0), np.ones(3))
-
-
-def test_cross_spectra_equal_scipy(columns, feed):
-    values = np.random.default_rng(4).normal(0.0, 1.0, (3000, 4))
-    observer = feed(CrossWelch(columns, NAMES, segment_s=0.64, step_s=0.01), values, 0.01, (100, 777))
-    _, csd = scipy.signal.csd(values[:, 0], values[:, 3], fs=100.0, nperseg=64)
-    np.testing.assert_allclose(observer.csd()[:, 0, 1], csd, rtol=1e-10, atol=1e-10 * np.abs(csd).max())
-    plain = feed(Welch(columns, NAMES, segment_s=0.64, step_s=0.01), values, 0.01)
-    np.testing.assert_allclose(observer.psd(), plain.psd(), rtol=1e-12)
-
-
-def test_transfer_functions_of_two_inputs(columns, feed):
-    """y = first-order low-pass of one input plus a gain on the other: both are found, coherence 1."""
-    rng = np.random.default_rng(5)
-    u = rng.normal(0.0, 1.0, (200_000, 2))
-    numerator, denominator = [0.2], [1.0, -0.8]
-    y = scipy.signal.lfilter(numerator, denominator, u[:, 0]) + 3.0 * u[:, 1]
-    values = np.column_stack((u, y, u[:, 0]))
-    names = [column.name for column in columns]
-    observer = feed(CrossWelch(columns, names, segment_s=2.0, step_s=1e-3), values, 1e-3)
-    h, coherence = observer.transfer(["a.x", "a.y"], ["b.u"])
-    _, expected = scipy.signal.freqz(numerator, denominator, worN=observer.frequency, fs=1000.0)
-    middle = slice(5, -5)
-    np.testing.assert_allclose(h[middle, 0, 0], expected[middle], atol=0.02)
-    np.testing.assert_allclose(h[middle, 0, 1], 3.0, atol=0.02)
-    np.testing.assert_allclose(coherence[middle], 1.0, atol=1e-3)
-
-
-def test_noise_lowers_the_coherence(columns, feed):
-    rng = np.random.default_rng(6)
-    values = rng.normal(0.0, 1.0, (100_000, 4))
-    values[:, 2] += values[:, 0]
-    observer = feed(CrossWelch(columns, ["a.x", "b.u"], segment_s=0.5, step_s=1e-3), values, 1e-3)
-    _, coherence = observer.transfer(["a.x"], ["b.u"])
-    assert coherence[5:-5].mean() == pytest.approx(0.5, abs=0.02)
-
-
-def test_dependent_inputs_share_the_least_norm(columns, feed):
-    values = np.random.default_rng(7).normal(0.0, 1.0, (5000, 4))
-    values[:, 1] = values[:, 0]
-    values[:, 2] = 2.0 * values[:, 0]
-    observer = feed(CrossWelch(columns, ["a.x", "a.y", "b.u"], segment_s=0.1, step_s=1e-3), values, 1e-3)
-    h, coherence = observer.transfer(["a.x", "a.y"], ["b.u"])
-    np.testing.assert_allclose(h[2:-2, 0], 1.0, atol=1e-9)
-    np.testing.assert_allclose(coherence[2:-2], 1.0, atol=1e-9)
-
-
-def test_transfer_needs_more_segments_than_inputs(columns, feed):
-    observer = feed(CrossWelch(columns, NAMES, segment_s=0.1, step_s=1e-3), np.ones((100, 4)), 1e-3)
-    with pytest.raises(ValueError, match="2 segments"):
-        observer.transfer(["a.x"], ["b.v"])
-    with pytest.raises(KeyError, match=r"a\.y is not among"):
-        observer.transfer(["a.y"], ["b.v"])
 
 
 def test_a_run_shorter_than_a_segment_is_an_error(columns, feed):

@@ -2,7 +2,7 @@
 
 P. D. Welch, The use of fast Fourier transform for the estimation of power spectra, IEEE Trans.  Audio
 Electroacoust.  15 (1967) 70-73: Hann window, segments that overlap by half, one-sided density, the mean
-over the segments.  The result equals ``scipy.signal.welch`` (and ``csd``) of the whole record; only one
+over the segments.  The result equals ``scipy.signal.welch`` of the whole record; only one
 segment is held in memory.
 """
 
@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from .observer import ColumnObserver, NamedColumn, count_rows
 
 Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 
 class Welch(ColumnObserver):
@@ -59,9 +58,6 @@ class Welch(ColumnObserver):
             self._scale[-1] /= 2.0
         self._held = np.empty((len(self.names), rows))
         self._filled = 0
-        self._allocate()
-
-    def _allocate(self) -> None:
         self._power = np.zeros((len(self.names), len(self.frequency)))
 
     def take(self, time: Array, samples: Array) -> None:
@@ -77,25 +73,17 @@ class Welch(ColumnObserver):
                 segment = self._held
                 if self._remove_mean:
                     segment = segment - segment.mean(axis=1, keepdims=True)
-                self._add(np.fft.rfft(segment * self._window, axis=1))
+                transform = np.fft.rfft(segment * self._window, axis=1)
+                self._power += np.square(transform.real) + np.square(transform.imag)
                 self.segments += 1
                 self._held[:, : self._overlap] = self._held[:, rows - self._overlap :].copy()
                 self._filled = self._overlap
-
-    def _add(self, transform: ComplexArray) -> None:
-        self._power += np.square(transform.real) + np.square(transform.imag)
-
-    def _check(self, needed: int = 1) -> None:
-        if self.segments < needed:
-            raise ValueError(
-                f"{needed} segments of {self.segment_s} s are needed and {self.segments} were filled: "
-                "run longer or shorten the segment"
-            )
 
     def psd(self) -> Array:
         """One-sided densities (signals, frequencies) in unit^2/Hz at :attr:`frequency`.
 
         Raises ``ValueError`` while no segment has been filled.
         """
-        self._check()
+        if not self.segments:
+            raise ValueError(f"no segment of {self.segment_s} s was filled: run longer or shorten the segment")
         return self._power * (self._scale / self.segments)
