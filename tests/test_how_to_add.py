@@ -1,0 +1,60 @@
+"""docs/how-to-add.md: its examples, written into a copy of the package, are found and run."""
+
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+EXAMPLES = re.findall(r"```python\n(.*?)```", (ROOT / "docs" / "how-to-add.md").read_text(encoding="utf-8"), re.DOTALL)
+IMPORTS = (ROOT / "src" / "ps_fmu" / "disturbance" / "kinds" / "tones.py").read_text(encoding="utf-8").split("\n\n\n")[0]
+
+RUN_SCENARIO = """
+from ps_fmu.runs import scenarios
+from ps_fmu.runs.options import RunOptions
+from ps_fmu.runs.registry import find_scenarios
+
+scenario = find_scenarios(scenarios)["quiet"]
+system, output, fmus = (Path(argument) for argument in sys.argv[2:])
+scenario.run(RunOptions(scenario, system, output, 0.01, 1e-3, fmus=fmus, progress=False).claim_output())
+"""
+
+MAKE_FORCE = """
+import numpy as np
+from ps_fmu.disturbance import Disturbance, default_settings
+from ps_fmu.mechanism.parameters import load
+from ps_fmu.mechanism.quantities import replace_values
+
+silent = {"noise.enabled": False, "step_1.force.x": 2.0}
+print(Disturbance(replace_values(default_settings(load()), silent))(np.zeros(1))[0].tolist())
+"""
+
+
+@pytest.fixture
+def run_in_copy(tmp_path):
+    """Writes an example into a copy of the package and runs a program with that copy; returns what it prints."""
+
+    def run(place, example, program, *arguments):
+        shutil.copytree(ROOT / "src" / "ps_fmu", tmp_path / "ps_fmu", ignore=shutil.ignore_patterns("__pycache__"))
+        (tmp_path / "ps_fmu" / place).write_text(example, encoding="utf-8")
+        program = f"import sys; from pathlib import Path; sys.path.insert(0, sys.argv[1])\n{program}"
+        command = [sys.executable, "-I", "-B", "-c", program, str(tmp_path), *map(str, arguments)]
+        done = subprocess.run(command, capture_output=True, text=True)
+        assert done.returncode == 0, done.stderr
+        return done.stdout
+
+    return run
+
+
+def test_a_scenario_is_one_file(run_in_copy, built_fmus, tmp_path):
+    system = ROOT / "system" / "SystemStructure.ssd"
+    printed = run_in_copy("runs/scenarios/quiet.py", EXAMPLES[0], RUN_SCENARIO, system, tmp_path / "out", built_fmus)
+    assert printed == "[0. 0. 0.]\n"
+
+
+def test_a_kind_of_disturbance_is_one_file(run_in_copy):
+    printed = run_in_copy("disturbance/kinds/steps.py", f"{IMPORTS}\n\n{EXAMPLES[1]}", MAKE_FORCE)
+    assert printed == "[2.0, 0.0, 0.0, 0.0, 0.0, 0.0]\n"
