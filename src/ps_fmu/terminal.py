@@ -1,4 +1,4 @@
-"""The streams and signals of a command: what is said, or to whom, must not cost its results.
+"""The output streams and signals of a command: a stream that cannot be written does not end the command.
 
 Streams may be closed by the caller (``2>&-``), on a full disk, or a pipe that no one reads any longer.
 """
@@ -14,12 +14,12 @@ from typing import Any, TextIO
 
 
 def run_command(command: Callable[[], int]) -> int:
-    """Run a command whose output may not arrive; its exit code.
+    """Run a command and return its exit code; the command goes on when an output stream cannot be written.
 
-    A stream that cannot be written is given up, and the command goes on.  For the standard output this makes 1 of an
-    exit code 0, unless only its reader is gone, as of a pipe to ``head``.  A SystemExit, as that of an argument parser
-    that has printed its help, is the end of the command with its code.  SIGTERM, by which schedulers and containers end
-    a run, does what Ctrl-C does, unless that is ignored, or this is not the main thread: others cannot set it.
+    If that was the standard output, the exit code is at least 1, unless only the reader has gone, as with a pipe to
+    ``head``.  A SystemExit, for example of an argument parser that has printed its help, ends the command with its
+    code.  SIGTERM, with which schedulers and containers end a run, acts like Ctrl-C, except where Ctrl-C is ignored and
+    outside of the main thread, which alone can set signals.
     """
     for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
         if getattr(sys, name) is None:  # closed: in this order each gets its own number, and no file of the run does
@@ -47,7 +47,7 @@ def run_command(command: Callable[[], int]) -> int:
 
 
 def _treat_like_ctrl_c() -> Any:
-    """Have SIGTERM do what Ctrl-C does; what it did before, or None where it is left alone."""
+    """Have SIGTERM act like Ctrl-C; returns the earlier handler, or None if nothing was changed."""
     if threading.current_thread() is not threading.main_thread():
         return None
     before = signal.getsignal(signal.SIGTERM)  # None: not Python's, and could not be put back
@@ -65,7 +65,7 @@ def _get_code(ended: SystemExit) -> int:
 
 
 def reason(error: Exception) -> str:
-    """What an exception says, with its notes; of a file that cannot be used: which, and why."""
+    """The text of an exception with its notes; for an OSError the file and the cause."""
     text = str(error)
     if isinstance(error, OSError) and error.filename is not None and error.strerror:
         text = f"{error.filename2 or error.filename}: {error.strerror}"
@@ -73,7 +73,7 @@ def reason(error: Exception) -> str:
 
 
 class _Stream:
-    """A text stream that is given up at the first ``error``."""
+    """A text stream that writes nothing more after the first ``error``."""
 
     def __init__(self, stream: TextIO) -> None:
         self.error: OSError | None = None
@@ -95,7 +95,7 @@ class _Stream:
             self._give_up(error)
 
     def _give_up(self, error: OSError) -> None:
-        """Have everything go nowhere, also what is in the buffer: it is flushed when the interpreter ends."""
+        """Discard all output from now on, also the buffer, which is flushed when the interpreter ends."""
         self.error = self.error or error
         nowhere = os.open(os.devnull, os.O_WRONLY)
         os.dup2(nowhere, self._stream.fileno())

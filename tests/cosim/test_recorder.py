@@ -149,7 +149,6 @@ def test_storage_step_that_no_stages_make_is_refused():
     Decimator(2 * 101, np.array([True]))
 
 
-
 def test_arguments_are_checked(path):
     with pytest.raises(UsageError, match="whole multiple"):
         Recorder(path, "run", columns=COLUMNS, step=1e-3, storage_step=1.5e-3)

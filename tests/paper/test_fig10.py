@@ -12,7 +12,7 @@ from ps_fmu.paper.cosimulation import hold_run
 from ps_fmu.paper.figures import fig10
 from ps_fmu.paper.figures.fig10.analysis import analyse
 from ps_fmu.paper.figures.fig10.results import judge
-from ps_fmu.paper.figures.fig10.scenario import measure
+from ps_fmu.paper.figures.fig10.scenario import load_shaken_system, measure
 from ps_fmu.paper.published import published_numbers
 from ps_fmu.paper.shaking import Shaking
 
@@ -35,7 +35,7 @@ def test_a_second_run_into_the_same_folder_gives_the_same(runs, monkeypatch):
     options, content = runs
     monkeypatch.setattr("ps_fmu.paper.figures.fig10.scenario.CASES", ("OSM",))
     with hold_run(options, SCENARIO) as run:
-        again = {(r.case, r.enabled, r.delay_s): r.entry["pole_rad_s"] for r in measure(run)}
+        again = {(r.case, r.enabled, r.delay_s): r.entry["pole_rad_s"] for r in measure(load_shaken_system(run), run)}
     assert list(again) == [("OSM", False, 0.02), ("OSM", True, 0.02), ("LSM", True, 0.1)]
     first = content["responses"]
     assert list(again.values()) == [first[k]["pole_rad_s"] for k in (0, 1, -1)]

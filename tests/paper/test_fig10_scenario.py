@@ -22,7 +22,9 @@ def test_time_responses_have_the_predicted_poles(make_options, capsys):
     """In steps of 1 ms, with 1 ms more of delay: all four cases are stable, the lighter module beyond its limit not."""
     options = make_options("stability", 3.0, step_s=1e-3)
     stability.run(options)
-    responses = json.loads((options.output / "summary.json").read_text())["responses"]
+    summary = json.loads((options.output / "summary.json").read_text())
+    assert "commander.target.roll is not connected and stays at 0.0 rad" in summary["warnings"]
+    responses = summary["responses"]
     assert [r["case"] for r in responses] == [*np.repeat(CASES, 2), "LSM"]
     for r in responses:
         assert r["pole_rad_s"] == pytest.approx(r["predicted_pole_rad_s"], rel=2e-3)

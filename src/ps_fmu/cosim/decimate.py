@@ -47,7 +47,7 @@ class Decimator:
         return values.copy()
 
     def finish(self) -> Array:
-        """The rows that wait for what will not come: the last row is held."""
+        """The rows that are left at the end of the run; the last one is repeated behind it."""
         rows = np.zeros((0, self._columns))
         for stage in self._stages:
             rows = np.concatenate([stage.push(rows), stage.finish()])

@@ -1,4 +1,4 @@
-"""Hand complete rows to the observers, and stop at values that are no numbers."""
+"""Hand complete rows to the observers, and stop at values that are not finite."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from .structure import parse_port
 
 
 class Observer(Protocol):
-    """Whoever wants the results of a run."""
+    """Takes the rows of a run, block by block."""
 
     def block(self, first_index: int, time: Array, values: Array) -> None:
         """Take the next rows: ``time`` (rows,) [s] and ``values`` (rows, columns).

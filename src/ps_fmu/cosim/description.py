@@ -1,4 +1,4 @@
-"""Model descriptions of FMUs: read by FMPy, after the file has been checked; values of their exact type."""
+"""Model descriptions of FMUs, read by FMPy after the file has been checked; conversion of values to FMI types."""
 
 from __future__ import annotations
 
@@ -57,9 +57,7 @@ def find_variable(description: ModelDescription, name: str) -> ModelVariable:
     """A variable by name.  Raises :class:`UsageError` with the closest names."""
     variables = index_variables(description)
     if name not in variables:
-        raise UsageError(
-            f"the FMU {description.modelName} has no variable {name!r}{suggest_names(name, variables)}"
-        )
+        raise UsageError(f"the FMU {description.modelName} has no variable {name!r}{suggest_names(name, variables)}")
     return variables[name]
 
 
@@ -81,9 +79,7 @@ def get_unit(variable: ModelVariable) -> str | None:
 
 def explain_unsettable(variable: ModelVariable, running: bool) -> str | None:
     """Why the master may not set a variable, or None if it may (FMI 2.0.4, section 2.2.7)."""
-    if variable.causality == "input" or (
-        variable.causality == "parameter" and variable.variability == "tunable"
-    ):
+    if variable.causality == "input" or (variable.causality == "parameter" and variable.variability == "tunable"):
         return None
     if variable.causality == "parameter":
         return "is a fixed parameter: set it before initialisation" if running else None

@@ -1,4 +1,4 @@
-"""What the co-simulation refuses, and how it says so.
+"""The errors of the co-simulation.
 
 Every exception of this package is a :class:`CosimError`.  Its text names the place (file and line, component,
 variable, time), what was found, what was expected, and what to do.
@@ -43,7 +43,7 @@ class WiringError(CosimError, ValueError):
 
 
 class SlaveError(CosimError):
-    """An FMU that did not do what it was asked, or that gave a value nobody can use.
+    """A call of an FMU that failed, or a value from it that is not finite.
 
     Attributes: ``component``, ``function`` (FMI function), ``status`` (number of fmi2Status, or None where
     the call succeeded and the value is at fault), ``time`` [s] of the communication point (None before the

@@ -200,13 +200,9 @@ class FmuInstance:
             return ""
         return f", last successful time {value.value:.9g} s"
 
-    def _call(
-        self, function: str, *arguments: Any, time: float | None = None, variables: Sequence[str] = ()
-    ) -> None:
+    def _call(self, function: str, *arguments: Any, time: float | None = None, variables: Sequence[str] = ()) -> None:
         if self.phase in (InstancePhase.FATAL, InstancePhase.FREED):
-            raise UsageError(
-                f"{self.name}: {function} cannot be called, the instance is {self.phase.name.lower()}"
-            )
+            raise UsageError(f"{self.name}: {function} cannot be called, the instance is {self.phase.name.lower()}")
         status = getattr(self._fmu.dll, function)(self.address, *arguments)
         self.check(function, status, time, variables)
 

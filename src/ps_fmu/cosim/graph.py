@@ -109,9 +109,7 @@ def _check_names(system: System, descriptions: Mapping[str, ModelDescription]) -
     names = sorted(component.name for component in system.components)
     for shorter, longer in itertools.pairwise(names):
         if longer.startswith(shorter):
-            problems.append(
-                f"component {shorter!r} is a prefix of {longer!r}, which tools confuse: rename one"
-            )
+            problems.append(f"component {shorter!r} is a prefix of {longer!r}, which tools confuse: rename one")
     loaded: dict[object, str] = {}
     for component in system.components:
         key = component.source.resolve()

@@ -73,9 +73,7 @@ def _propagate(instances: Mapping[str, FmuInstance], wiring: Wiring, cut: Collec
                 instances[c.target.component].set({c.target.variable: values[c.source]}, start)
         moving = [str(p) for p, value in values.items() if p in before and not _is_settled(value, before[p])]
         if moving:
-            log.warning(
-                "initial values in a loop still change after %d passes: %s", group.passes, ", ".join(moving)
-            )
+            log.warning("initial values in a loop still change after %d passes: %s", group.passes, ", ".join(moving))
 
 
 def _is_settled(value: Value, other: Value) -> bool:

@@ -17,10 +17,10 @@ from types import FrameType
 
 @contextmanager
 def note_interrupts() -> Iterator[c_int]:
-    """A number, which C can read, too, that is zero until SIGINT arrives.
+    """A number that is zero until SIGINT arrives; the loop in C can read it, too.
 
-    A second SIGINT acts at once, for an FMU that hangs.  Outside of the main thread, where Python takes no signals, and
-    where SIGINT is ignored nothing is changed.
+    A second SIGINT acts at once, for an FMU that hangs.  Nothing is changed outside of the main thread,
+    where Python takes no signals, and where SIGINT is ignored.
     """
     noted = c_int()
     previous = signal.getsignal(signal.SIGINT)

@@ -267,9 +267,7 @@ class Master:
                 self._make_plan()
 
     def _make_plan(self) -> None:
-        plan = make_plan(
-            self._instances, self.wiring, self._rows, self.clock.step, self.scheme, self._set.keys()
-        )
+        plan = make_plan(self._instances, self.wiring, self._rows, self.clock.step, self.scheme, self._set.keys())
         self._loop = make_loop(plan, self._rows, self._compiled)
 
     def _make_schedule(self, events: Iterable[Event], end: int) -> list[tuple[int, PortName, Value]]:

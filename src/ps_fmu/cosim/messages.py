@@ -82,9 +82,7 @@ _listeners: dict[int, MessageLog] = {}
 _numbers = itertools.count(1)
 
 
-def _receive(
-    environment: int | None, instance: bytes, status: int, category: bytes | None, text: bytes | None
-) -> None:
+def _receive(environment: int | None, instance: bytes, status: int, category: bytes | None, text: bytes | None) -> None:
     listener = _listeners.get(environment or 0)
     if listener is None:  # an FMU that someone else loaded: what FMPy itself would have done
         printLogMessage(environment, instance, status, category, text or b"")

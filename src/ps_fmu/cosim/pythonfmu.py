@@ -1,6 +1,6 @@
-"""FMUs of plain pythonfmu (0.7): what has to be seen to, so that their library does not take this process along.
+"""FMUs of plain pythonfmu (0.7): precautions, because their library can crash this process.
 
-FMUs that were built here bring a launcher that sees to all of it by itself.
+FMUs that were built here need none of them: their launcher takes care of it.
 """
 
 from __future__ import annotations

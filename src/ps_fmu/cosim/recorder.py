@@ -213,9 +213,7 @@ def _count_chunks(rows: int) -> int:
 def _count_factor(step: float, storage_step: float) -> int:
     factor = count_steps(storage_step, step)
     if factor is None:
-        raise UsageError(
-            f"storage_step: expected a whole multiple of the step {step!r} s, got {storage_step!r} s"
-        )
+        raise UsageError(f"storage_step: expected a whole multiple of the step {step!r} s, got {storage_step!r} s")
     return factor
 
 

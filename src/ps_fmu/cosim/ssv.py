@@ -35,9 +35,7 @@ def read_parameter_set(root: Element, path: Path) -> ParameterSet:
         )
     check_element(root, path)
     if root.attributes["version"] != "1.0":
-        raise SystemFileError(
-            path, f'is of version {root.attributes["version"]!r}; version "1.0" is read', root.line
-        )
+        raise SystemFileError(path, f'is of version {root.attributes["version"]!r}; version "1.0" is read', root.line)
     values: dict[str, Value] = {}
     units: dict[str, str] = {}
     origins: dict[str, str] = {}

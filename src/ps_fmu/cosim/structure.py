@@ -81,9 +81,7 @@ class Experiment:
 class ParameterSet(Mapping[str, Value]):
     """Values by name as read from a file, with the units that the file states."""
 
-    def __init__(
-        self, values: Mapping[str, Value], units: Mapping[str, str], origins: Mapping[str, str]
-    ) -> None:
+    def __init__(self, values: Mapping[str, Value], units: Mapping[str, str], origins: Mapping[str, str]) -> None:
         self._values = dict(values)
         self.units = dict(units)
         self.origins = dict(origins)
@@ -100,8 +98,7 @@ class ParameterSet(Mapping[str, Value]):
     def entries(self) -> dict[str, Parameter]:
         """The same as :class:`Parameter` objects."""
         return {
-            name: Parameter(value, self.units.get(name), self.origins[name])
-            for name, value in self._values.items()
+            name: Parameter(value, self.units.get(name), self.origins[name]) for name, value in self._values.items()
         }
 
 
@@ -147,9 +144,7 @@ class System:
             except UsageError as error:
                 raise UsageError(f"parameter {name!r} ({entry.origin}): {error}") from error
             changes.setdefault(port.component, {})[port.variable] = entry
-        components = tuple(
-            replace(c, parameters={**c.parameters, **changes.get(c.name, {})}) for c in self.components
-        )
+        components = tuple(replace(c, parameters={**c.parameters, **changes.get(c.name, {})}) for c in self.components)
         return replace(self, components=components)
 
 

@@ -182,9 +182,7 @@ class _Reader:
                     f"a parameter binding must be of type {PARAMETER_TYPE!r} and sourceBase 'SSD'", binding
                 )
             if given.get("prefix"):
-                raise self.make_error(
-                    "a prefix of a parameter binding is not supported: name them in full", binding
-                )
+                raise self.make_error("a prefix of a parameter binding is not supported: name them in full", binding)
             inline = get_only_child(binding, "ssd:ParameterValues", self.ssd)
             if (inline is None) == ("source" not in given):
                 raise self.make_error("a parameter binding needs a source or values, not both", binding)

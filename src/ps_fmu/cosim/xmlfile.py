@@ -1,4 +1,4 @@
-"""Read XML that nobody has vouched for.
+"""Read XML from files that are not trusted.
 
 A document type declaration is refused before anything in it is looked at, so there are no entities to expand
 and no files to fetch.  Elements keep their line, so that an error can name it.

@@ -87,9 +87,7 @@ def _break_row(row: Sequence[str], widths: Sequence[int]) -> list[str]:
     height = max(map(len, cells))
     padded = [cell + [""] * (height - len(cell)) for cell in cells]
     return [
-        (" " * GAP)
-        .join(text.rjust(widths[i]) if i else text.ljust(widths[i]) for i, text in enumerate(line))
-        .rstrip()
+        (" " * GAP).join(text.rjust(widths[i]) if i else text.ljust(widths[i]) for i, text in enumerate(line)).rstrip()
         for line in zip(*padded, strict=True)
     ]
 

@@ -1,4 +1,4 @@
-"""The built FMUs of a checkout: are they there, and newer than what they are built from?"""
+"""Builds the FMUs of a checkout where they are missing or older than their sources."""
 
 from __future__ import annotations
 

@@ -54,7 +54,7 @@ class Outcome:
 
 
 class Divergence(CosimError):
-    """Values that have grown beyond all use, as in an unstable loop."""
+    """A value that has grown beyond :data:`USELESS`, as in an unstable loop."""
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,7 @@ class Bounds:
 
 
 class RunRecord(Protocol):
-    """What is to be learnt from a run, block by block."""
+    """The results that are computed during a run, block by block."""
 
     @property
     def observers(self) -> Sequence[Observer]:

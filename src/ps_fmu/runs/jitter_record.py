@@ -1,4 +1,4 @@
-"""What a run with disturbance is judged by: the observers of the payload's rotation and of the image point."""
+"""The record of a run with disturbance: observers of the payload's rotation and of the image point."""
 
 from __future__ import annotations
 

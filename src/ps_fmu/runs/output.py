@@ -1,4 +1,4 @@
-"""The folder of the results: one run at a time, and no run that stores nothing costs what an earlier one left."""
+"""The output folder of a run: locked against other runs; earlier results stay until there are new ones."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from .options import REPORT, RESULTS, SUMMARY, OptionError
 
 @contextmanager
 def hold_folder(folder: Path) -> Iterator[None]:
-    """Keep other runs out of an existing folder, and the results of an earlier run aside, during the body.
+    """Lock an existing folder against other runs, and set the results of an earlier run aside, during the body.
 
-    They must not pass for those of a run that stops early, so they are removed once there are new ones. Where there
-    are none - a misspelt parameter - they are put back.  Raises :class:`OptionError` if another run holds the folder.
+    Nobody can take them for the results of a run that stops early.  They are removed once new results are stored, and
+    put back if none are, as after a misspelt parameter.  Raises :class:`OptionError` if another run uses the folder.
     """
     lock = _lock(folder)
     aside = {folder / name: folder / f"{name}.earlier" for name in (RESULTS, SUMMARY, REPORT)}
@@ -39,7 +39,7 @@ def hold_folder(folder: Path) -> Iterator[None]:
 
 
 def _lock(folder: Path) -> int | None:
-    """A handle that holds the folder until it is closed, also by the end of the process; None where that is unknown."""
+    """A handle that locks the folder until it or the process ends; None where the system has no such locks."""
     try:
         import fcntl
     except ImportError:  # not on Windows

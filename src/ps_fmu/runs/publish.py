@@ -1,4 +1,4 @@
-"""What a scenario leaves behind: summary.json, report.html, and the last lines on the terminal."""
+"""Write the results of a scenario: summary.json, report.html, and the last line on the terminal."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a slew is judged by: where it arrives, how the bus reacts, what it shakes, and the histories for the figure."""
+"""The record of a slew: where it arrives, how the bus reacts, what it shakes, and the histories for the figure."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A motion and what it leaves: statistics while a flag says that something moves and since it stopped."""
+"""Statistics of signals during a motion and after it; a Boolean column says when something moves."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ class ArrivalObserver(ColumnObserver):
         self._final: tuple[float, Array] | None = None
 
     def take(self, time: Array, samples: Array) -> None:
-        """Sort the rows of the block into those of the motion and those after it."""
+        """Add the rows of the block to the statistics of the motion or to those after it."""
         moving = samples[0] > 0.5
         signals = samples[1:]
         first = 0

@@ -1,4 +1,4 @@
-"""Drift of a run: is a signal in the second half of a window where it was in the first?
+"""Drift of a run: the mean of a signal over the second half of a window less that over the first.
 
 The mean of a noisy signal over half a window is not zero without drift: its slowest lines leave something behind.
 So both halves are weighted by a Hann window, w(t) = 1 - cos(2 pi t / T), T the length of a half: a line that makes

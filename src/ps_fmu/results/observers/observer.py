@@ -1,4 +1,4 @@
-"""The base of the streaming observers: they see a run block by block and keep only what their result needs.
+"""The base of the streaming observers: they take a run block by block and keep only what their result needs.
 
 A co-simulation master hands each block of rows to ``block(first_index, time, values)``; an observer picks its
 columns by name.  Memory does not grow with the length of the run, and the result does not depend on how the
@@ -68,9 +68,7 @@ class ColumnObserver(ABC):
     Raises ``KeyError`` when a name is not among the columns, ``ValueError`` when there are no names.
     """
 
-    def __init__(
-        self, columns: Sequence[NamedColumn], names: Sequence[str], *, start_s: float = -math.inf
-    ) -> None:
+    def __init__(self, columns: Sequence[NamedColumn], names: Sequence[str], *, start_s: float = -math.inf) -> None:
         if not names:
             raise ValueError("names: at least one column is needed")
         self.names = tuple(names)

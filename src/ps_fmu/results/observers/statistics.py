@@ -35,9 +35,7 @@ class SignalStatistics:
 class Statistics(ColumnObserver):
     """Mean, RMS, standard deviation and peak of the named columns."""
 
-    def __init__(
-        self, columns: Sequence[NamedColumn], names: Sequence[str], *, start_s: float = -math.inf
-    ) -> None:
+    def __init__(self, columns: Sequence[NamedColumn], names: Sequence[str], *, start_s: float = -math.inf) -> None:
         super().__init__(columns, names, start_s=start_s)
         self._count = 0
         self._mean = np.zeros(len(self.names))

@@ -22,14 +22,14 @@ from .plots import DRAWN, bode_figure, distance_beyond, nyquist_figure, sensitiv
 from .pulse_response import PulseResponse
 from .report import paragraphs, tables
 from .results import BAND, WIDE, LoopVerdict, judge, least_gain_ratio_db
-from .scenario import measure, response_pictures
+from .scenario import load_shaken_system, measure, response_pictures
 
 
 def analyse(options: AnalysisOptions, scenario: Scenario, shaking: Shaking = SHAKING) -> AnalysisResult:
     """Judge the four cases, measure their open loop and their time response on the FMUs, and draw them."""
     delay = published_numbers()["text.delay"].value
     with hold_run(options, scenario) as run:
-        responses = measure(run)
+        responses = measure(load_shaken_system(run), run)
     opened = open_loops(options, delay, shaking)
     bar = tqdm(CASES, unit="case", disable=not options.progress, desc="stability")
     verdicts = {case: judge(case, delay) for case in bar}

@@ -49,8 +49,8 @@ def run(options: RunOptions) -> None:
     """Run the scenario; writes results.nc, summary.json, figures and report.html, prints the table."""
     if options.duration_s < SHORTEST_S:
         raise OptionError(f"--duration: poles need {SHORTEST_S:g} s at least, got {options.duration_s:g} s")
-    responses = measure(options)
-    system = _load_shaken_system(options)
+    system = load_shaken_system(options)
+    responses = measure(system, options)
     table = response_table(responses)
     text = [HOW, *verdict(responses), *_not_predicted(system)]
     print(table.to_text(), *text[1:], sep="\n")
@@ -73,15 +73,14 @@ def run(options: RunOptions) -> None:
     )
 
 
-def measure(options: RunOptions) -> list[PulseResponse]:
+def measure(system: RunSystem, options: RunOptions) -> list[PulseResponse]:
     """Run each case without and with the isolator, and the lighter module with a delay beyond its limit."""
-    system = _load_shaken_system(options)
     delay_s = paper_delay_s()
     wanted = [(case, delay_s, enabled) for case in CASES for enabled in (False, True)]
     return [_respond(system, options, *each) for each in [*wanted, ("LSM", BEYOND_S, True)]]
 
 
-def _load_shaken_system(options: RunOptions) -> RunSystem:
+def load_shaken_system(options: RunOptions) -> RunSystem:
     """The system with the pulse as recorded disturbance, which is written beside the results."""
     path = options.output / "pulse.csv"
     time = np.arange(0.0, PULSE_S + 0.5e-3, 1e-3)  # s
