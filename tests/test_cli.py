@@ -25,7 +25,7 @@ def test_ctrl_c(monkeypatch, capsys):
     def interrupted(*arguments, **options):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(build, "find", interrupted)
+    monkeypatch.setattr(build, "find_folders", interrupted)
     assert main(["build"]) == cli.EXIT_INTERRUPTED == 130
     assert capsys.readouterr().err == "ps-fmu: interrupted\n"
 
