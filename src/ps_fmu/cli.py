@@ -228,28 +228,20 @@ def _add_crosscheck(commands: argparse._SubParsersAction[argparse.ArgumentParser
 
 
 def _crosscheck(options: argparse.Namespace) -> int:
-    from .fmucheck.crosscheck import (
-        CrossCheckError,
-        find_deviation,
-        find_references,
-        read_options,
-        read_signals,
-        simulate,
-        write_signals,
-    )
+    from .fmucheck import crosscheck
     from .fmucheck.submission import complies, write_submission
 
     failed = False
     try:
-        for reference in find_references(options.references):
+        for reference in crosscheck.find_references(options.references):
             fmu = options.fmus / f"{reference.model}.fmu"
-            result = simulate(fmu, reference)
+            result = crosscheck.simulate(fmu, reference)
             if options.write:
-                write_signals(reference.results, result)
+                crosscheck.write_signals(reference.results, result)
                 print(f"{reference.results}  {len(result)} rows", flush=True)
                 continue
-            tolerance = read_options(reference.options).relative_tolerance
-            deviation = find_deviation(result, read_signals(reference.results))
+            tolerance = crosscheck.read_options(reference.options).relative_tolerance
+            deviation = crosscheck.find_deviation(result, crosscheck.read_signals(reference.results))
             failed |= deviation > tolerance
             verdict = "agrees" if deviation <= tolerance else "DIFFERS"
             difference = f"relative deviation {deviation:.1e}, allowed {tolerance:.1e}"
@@ -258,7 +250,7 @@ def _crosscheck(options: argparse.Namespace) -> int:
                 folder = write_submission(reference, fmu, options.output)
                 remark = "" if complies(folder) else "  (needs a Python: see notCompliantWithLatestRules in it)"
                 print(f"{folder}{remark}", flush=True)
-    except (CrossCheckError, OSError) as error:
+    except (crosscheck.CrossCheckError, OSError) as error:
         print(f"ps-fmu crosscheck: {reason(error)}", file=sys.stderr)
         return EXIT_FAILED
     return EXIT_FAILED if failed else EXIT_OK

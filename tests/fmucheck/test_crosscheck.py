@@ -12,14 +12,7 @@ from fmpy import read_model_description
 
 from ps_fmu.cli import main
 from ps_fmu.fmucheck import crosscheck
-from ps_fmu.fmucheck.crosscheck import (
-    CrossCheckError,
-    Reference,
-    find_deviation,
-    read_options,
-    read_signals,
-    write_signals,
-)
+from ps_fmu.fmucheck.crosscheck import CrossCheckError, Reference, find_deviation, read_options, read_signals
 
 FMUS = Path(__file__).parents[2] / "fmus"
 REFERENCES = crosscheck.find_references(FMUS)
@@ -67,7 +60,7 @@ def test_the_command_tells_a_difference_and_writes_anew(folder, built_fmus, caps
     before = read_signals(results)
     table = read_signals(results)
     table["base_force.x"][-1] *= 2.0
-    write_signals(results, table)
+    crosscheck.write_signals(results, table)
     assert main(arguments) == 1
     assert "DIFFERS" in capsys.readouterr().out
     assert main([*arguments, "--write"]) == 0

@@ -241,11 +241,11 @@ def test_the_host_under_checks_of_memory_and_undefined_behaviour(tank, tmp_path,
         assert list(found) == STAGES or any(found.values())
 
 
-@pytest.mark.parametrize("plan", ["", "guid x", "library x\nguid x\nresources x\nstep 0", "output Complex 1 z"])
-def test_a_plan_that_is_none(plan, tmp_path):
-    (tmp_path / "plan").write_text(plan)
+@pytest.mark.parametrize("task", ["", "guid x", "library x\nguid x\nresources x\nstep 0", "output Complex 1 z"])
+def test_a_file_that_is_no_task(task, tmp_path):
+    (tmp_path / "task").write_text(task)
     program = shutil.copy(HOST.path("linux64"), tmp_path / "host")
     os.chmod(program, 0o755)
-    run = subprocess.run([program, tmp_path / "plan", tmp_path / "report"], capture_output=True, text=True)
+    run = subprocess.run([program, tmp_path / "task", tmp_path / "report"], capture_output=True, text=True)
     assert run.returncode == 2
-    assert "is no plan" in run.stderr
+    assert "is no task" in run.stderr

@@ -55,11 +55,11 @@ def live_in_c_host(
     with tempfile.TemporaryDirectory(prefix="fmu_life_") as temporary:
         folder = Path(temporary)
         extract(fmu, folder / "fmu")
-        plan, report, program = folder / "plan", folder / "report", folder / "host"
-        plan.write_text("\n".join(_write_plan(folder / "fmu", description, platform)) + "\n", encoding="utf-8")
+        task, report, program = folder / "task", folder / "report", folder / "host"
+        task.write_text("\n".join(_write_task(folder / "fmu", description, platform)) + "\n", encoding="utf-8")
         shutil.copyfile(host, program)  # an installed file need not be executable
         program.chmod(0o700)
-        return watch_stages([str(program), str(plan), str(report)], report, kept | environment)
+        return watch_stages([str(program), str(task), str(report)], report, kept | environment)
 
 
 def has_launcher(members: Iterable[str]) -> bool:
@@ -67,8 +67,8 @@ def has_launcher(members: Iterable[str]) -> bool:
     return "resources/launcher.txt" in members
 
 
-def _write_plan(folder: Path, description: Description, platform: str) -> Iterator[str]:
-    """The lines of ``host/plan.h`` for an unpacked FMU; without variables whose numbers cannot be used."""
+def _write_task(folder: Path, description: Description, platform: str) -> Iterator[str]:
+    """The lines of ``host/task.h`` for an unpacked FMU; without variables whose numbers cannot be used."""
     interface = description.root.find("CoSimulation")
     if interface is None:
         raise ValueError("the FMU is not for co-simulation")
@@ -102,7 +102,7 @@ def _read_setting(description: Description, name: str, default: float) -> float:
 
 
 def _can_be_set(variable: Variable) -> bool:
-    """Whether the start value is a value of the variable's type and fits into a line of the plan."""
+    """Whether the start value is a value of the variable's type and fits into a line of the task."""
     if variable.start is None or variable.start != _join_lines(variable.start):
         return False
     return variable.type in ("Boolean", "String") or math.isfinite(parse_number(variable.start, variable.type))

@@ -10,8 +10,8 @@ from ...slavekit.launcher.c_program import CompileError, Program, Target
 HOST = Program(
     "host",
     Path(__file__).parent,
-    sources=("host.c", "plan.c", "report.c", "settings.c"),
-    headers=("plan.h", "report.h", "settings.h"),
+    sources=("host.c", "task.c", "report.c", "settings.c"),
+    headers=("task.h", "report.h", "settings.h"),
     targets={
         "linux64": Target(
             "x86_64-linux-gnu.2.17", "host", ("-D_GNU_SOURCE", "-s", "-Wl,--build-id=none"), ("-ldl", "-lm")

@@ -1,6 +1,6 @@
-/* The life of an FMU for co-simulation in a program that knows nothing of it but FMI 2.0.
+/* The life of an FMU for co-simulation in a program that knows FMI 2.0 and no particular FMU.
 
-   host PLAN REPORT      the files are described in plan.h and report.h
+   host TASK REPORT      the files are described in task.h and report.h
 
    Exit code: 0 unless a stage failed that no other can follow.  Messages of the FMU go to stderr. */
 #include <dlfcn.h>
@@ -11,7 +11,7 @@
 #include <string.h>
 #include <sys/resource.h>
 
-#include "plan.h"
+#include "task.h"
 #include "report.h"
 #include "settings.h"
 
@@ -41,7 +41,7 @@ typedef struct {
     char **strings;
 } Values;
 
-static Plan plan;
+static Task task;
 
 static void log_message(fmi2ComponentEnvironment environment, fmi2String name, fmi2Status status, fmi2String category,
                         fmi2String message, ...)
@@ -68,7 +68,7 @@ static void check(fmi2Status status, const char *function)
 
 static void *load(void)
 {
-    void *library = dlopen(plan.library, RTLD_NOW | RTLD_LOCAL);
+    void *library = dlopen(task.library, RTLD_NOW | RTLD_LOCAL);
     if (library == NULL)
         report_failure("%s", dlerror());
     char missing[1024] = "";
@@ -96,9 +96,9 @@ static void *load(void)
 /* scheme: what comes before the absolute path of the resources. */
 static fmi2Component instantiate(const char *name, const char *scheme)
 {
-    char *uri = malloc(strlen(scheme) + strlen(plan.resources) + 1);
-    strcat(strcpy(uri, scheme), plan.resources);
-    fmi2Component instance = fmi2Instantiate(name, fmi2CoSimulation, plan.guid, uri, &callbacks, fmi2False, fmi2True);
+    char *uri = malloc(strlen(scheme) + strlen(task.resources) + 1);
+    strcat(strcpy(uri, scheme), task.resources);
+    fmi2Component instance = fmi2Instantiate(name, fmi2CoSimulation, task.guid, uri, &callbacks, fmi2False, fmi2True);
     if (instance == NULL)
         report_failure("fmi2Instantiate returns no instance (resources at %s)", uri);
     free(uri);
@@ -107,7 +107,7 @@ static fmi2Component instantiate(const char *name, const char *scheme)
 
 static Values new_values(void)
 {
-    const Variables *v = plan.outputs;
+    const Variables *v = task.outputs;
     Values values = {
         calloc(v[REAL].n + 1, sizeof(fmi2Real)),
         calloc(v[INTEGER].n + 1, sizeof(fmi2Integer)),
@@ -119,7 +119,7 @@ static Values new_values(void)
 
 static void read_outputs(fmi2Component instance, Values *values)
 {
-    const Variables *v = plan.outputs;
+    const Variables *v = task.outputs;
     if (v[REAL].n > 0)
         CALL(fmi2GetReal, instance, v[REAL].references, v[REAL].n, values->reals);
     if (v[INTEGER].n > 0)
@@ -142,7 +142,7 @@ static void read_outputs(fmi2Component instance, Values *values)
 
 static void expect_same(const Values *values, const Values *expected, const char *when)
 {
-    const Variables *v = plan.outputs;
+    const Variables *v = task.outputs;
     for (size_t k = 0; k < v[REAL].n; k++)
         if (values->reals[k] != expected->reals[k])
             report_failure("%s: output %s is %.17g, before it was %.17g", when, v[REAL].texts[k], values->reals[k],
@@ -165,14 +165,14 @@ static bool has_inputs(void)
 {
     size_t n = 0;
     for (int k = 0; k < N_TYPES; k++)
-        n += plan.inputs[k].n;
+        n += task.inputs[k].n;
     return n > 0;
 }
 
 /* Inputs to their start values. */
 static void set_inputs(fmi2Component instance)
 {
-    const Variables *v = plan.inputs;
+    const Variables *v = task.inputs;
     for (size_t k = 0; k < v[REAL].n; k++) {
         fmi2Real value = atof(v[REAL].texts[k]);
         CALL(fmi2SetReal, instance, &v[REAL].references[k], 1, &value);
@@ -193,7 +193,7 @@ static void set_inputs(fmi2Component instance)
 
 static void initialise(fmi2Component instance, bool with_inputs)
 {
-    CALL(fmi2SetupExperiment, instance, fmi2False, 0.0, plan.start, fmi2False, 0.0);
+    CALL(fmi2SetupExperiment, instance, fmi2False, 0.0, task.start, fmi2False, 0.0);
     CALL(fmi2EnterInitializationMode, instance);
     if (with_inputs)
         set_inputs(instance);
@@ -205,11 +205,11 @@ static void steps(fmi2Component instance, int first, int n, bool with_inputs)
     for (int k = first; k < first + n; k++) {
         if (with_inputs)
             set_inputs(instance);
-        CALL(fmi2DoStep, instance, plan.start + k * plan.step, plan.step, fmi2True);
+        CALL(fmi2DoStep, instance, task.start + k * task.step, task.step, fmi2True);
     }
 }
 
-/* A run from the begin gives the same outputs as another one did. */
+/* A run from the start gives the same outputs as the run before. */
 static void run_again(fmi2Component instance, bool with_inputs, const Values *begin, const Values *end)
 {
     Values values = new_values();
@@ -221,7 +221,7 @@ static void run_again(fmi2Component instance, bool with_inputs, const Values *be
     expect_same(&values, end, "after the steps");
 }
 
-/* Steps, and the same again from the state before them, in this instance. */
+/* Make steps, set the state back, and make them again in the same instance. */
 static void set_back(fmi2Component instance)
 {
     fmi2FMUstate state = NULL;
@@ -239,7 +239,7 @@ static void set_back(fmi2Component instance)
         report_note("fmi2FreeFMUstate does not set the state to NULL");
 }
 
-/* The state as bytes, into another instance (which may be the same): both go on alike. */
+/* Move the state as bytes to another instance, or to the same one: both continue with the same outputs. */
 static void carry_over(fmi2Component instance, fmi2Component other)
 {
     fmi2FMUstate state = NULL, copy = NULL;
@@ -272,20 +272,20 @@ static void live(void)
     report_stage("steps");
     steps(first, 0, STEPS, true);
     read_outputs(first, &end);
-    if (!plan.once) {
+    if (!task.once) {
         report_stage("second instance");
         second = instantiate("second", "file://");
         run_again(second, true, &begin, &end);
         read_outputs(first, &values);
         expect_same(&values, &end, "the first instance, which made no step");
     }
-    if (plan.state) {
+    if (task.state) {
         report_stage("get and set state");
         set_back(first);
     }
-    if (plan.state && plan.serialise) {
+    if (task.state && task.serialise) {
         report_stage("serialise state");
-        carry_over(first, plan.once ? first : second);
+        carry_over(first, task.once ? first : second);
     }
     report_stage("reset");
     CALL(fmi2Reset, first);
@@ -302,7 +302,7 @@ static void live(void)
         CALL(fmi2Terminate, second);
         fmi2FreeInstance(second);
     }
-    if (!plan.once) {
+    if (!task.once) {
         report_stage("resources at file:/"); /* section 2.1.5: with and without an authority */
         first = instantiate("third", "file:");
         run_again(first, true, &begin, &end);
@@ -314,9 +314,9 @@ static void live(void)
 int main(int argc, char **argv)
 {
     const struct rlimit none = {0, 0};
-    setrlimit(RLIMIT_CORE, &none); /* a crash is told by its signal */
-    if (argc != 3 || !plan_read(argv[1], &plan) || !report_open(argv[2])) {
-        fprintf(stderr, "usage: host PLAN REPORT\n");
+    setrlimit(RLIMIT_CORE, &none); /* the signal reports a crash */
+    if (argc != 3 || !task_read(argv[1], &task) || !report_open(argv[2])) {
+        fprintf(stderr, "usage: host TASK REPORT\n");
         return 2;
     }
     settings_keep();

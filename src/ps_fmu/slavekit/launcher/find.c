@@ -73,7 +73,7 @@ void python_free(Python *python)
 
 /* --- Candidates -------------------------------------------------------------------------------------------------- */
 
-/* Run the probe; false with a reason if it could not be run to its end. */
+/* Run the probe.  False with a reason if it did not run to its end. */
 static bool run_probe(const char *program, const Needs *needs, Text *output, Text *reason)
 {
     char *arguments[64] = {(char *)program, "-I", "-c", (char *)PROBE};
@@ -163,7 +163,7 @@ static char *bundle_notes(const char *home)
     return notes;
 }
 
-/* A Python in the folder "python" beside this library; bundle.txt says what is in it. */
+/* The Python in the folder "python" beside this library, which bundle.txt describes. */
 static bool try_bundle(const char *binaries, const char *library, Python *found, Text *why)
 {
     char *home = formatted("%s/python", binaries), *notes = home != NULL ? bundle_notes(home) : NULL;
@@ -172,7 +172,7 @@ static bool try_bundle(const char *binaries, const char *library, Python *found,
         text_add(why, "\n  runtime in the FMU: none");
     } else if (library != NULL) {
         text_add(why, "\n  runtime in the FMU: not used, since the process has loaded %s already", library);
-    } else { /* all of it has to be there: without its standard library, Python ends the process */
+    } else { /* every part must be there: without its standard library, Python ends the process */
         fit = full_paths(home, notes, "library", &found->library, why) &&
               full_paths(home, notes, "entries", &found->search, why) &&
               full_paths(home, notes, "preload", &found->preload, why);
@@ -275,7 +275,7 @@ static bool try_all(const Needs *needs, const char *binaries, const char *librar
 bool find_python(const Needs *needs, const char *binaries, const char *library, Python *found, Text *why)
 {
     char *chosen = environment_value("PS_FMU_PYTHON");
-    bool fit = is_set(chosen) /* the user's word: nothing else instead */
+    bool fit = is_set(chosen) /* the user has chosen: try no other */
                    ? try_interpreter(chosen, "PS_FMU_PYTHON", needs, library, found, why)
                    : try_all(needs, binaries, library, found, why);
     free(chosen);

@@ -12,11 +12,11 @@ typedef struct {
     char *interpreter; /* noted at build time */
 } Needs;
 
-/* A Python that was found fit.  All strings are new memory. */
+/* A Python that can run the FMU.  All strings are new memory. */
 typedef struct {
     char *library;    /* path of libpython */
-    char *program;    /* path of the interpreter; NULL: home counts */
-    char *home;       /* of a runtime in the FMU; NULL: program counts */
+    char *program;    /* path of the interpreter; NULL: see home */
+    char *home;       /* of a runtime in the FMU; NULL: see program */
     char *version;    /* "3.11" */
     char *search;     /* entries of sys.path, one per line */
     char *preload;    /* libraries that have to be loaded before, one per line; NULL: none */

@@ -58,14 +58,14 @@ static const char *category_of(fmi2Status status)
     return (unsigned)status < sizeof names / sizeof *names ? names[status] : "logAll";
 }
 
-/* Receives pythonfmu's messages.  It logs all; what the host wants to hear is decided here. */
+/* Receive pythonfmu's messages.  pythonfmu logs all of them; here the categories of the host are selected. */
 static void pass_message(fmi2ComponentEnvironment environment, fmi2String name, fmi2Status status, fmi2String category,
                          fmi2String message, ...)
 {
     static const char fault[] = "Fatal py exception encountered: ";
     const Instance *m = environment;
     if (strncmp(message, fault, sizeof fault - 1) == 0) {
-        const char *newline = strchr(message, '\n'); /* what follows is said by guard.py, the rest is noise */
+        const char *newline = strchr(message, '\n'); /* guard.py writes what follows; drop the rest */
         message = newline != NULL ? newline + 1 : message;
         status = fmi2Error;
     }
@@ -75,7 +75,7 @@ static void pass_message(fmi2ComponentEnvironment environment, fmi2String name, 
         m->host.logger(m->host.componentEnvironment, name, status, category, message);
 }
 
-/* An error of our own: to the host if it listens, and in any case on stderr. */
+/* Report an error of the launcher on stderr and, if the host logs, to the host. */
 static void say(const Instance *m, const char *text)
 {
     fprintf(stderr, "%s: %s\n", m->name, text);
@@ -97,7 +97,7 @@ fmi2Status instance_refuse(const Instance *m, const char *function, const char *
 
 const char *fault_of_values(size_t n, const void *references, const void *values)
 {
-    /* With more something is wrong with the host, and pythonfmu does not survive a lack of memory. */
+    /* More must be a mistake of the host, and pythonfmu crashes when memory runs out. */
     enum { MOST_VALUES = 1 << 24 };
     if (n > 0 && (references == NULL || values == NULL))
         return "there are no values: a list is NULL";
@@ -115,7 +115,8 @@ void instance_forget_categories(Instance *m)
 
 /* --- Instantiation ---------------------------------------------------------------------------------------------- */
 
-/* The FMU's folder of resources: where the host says, or else where it must be.  New memory. */
+/* The FMU's folder of resources: the one that the host names or, if that is not usable, the one beside this library's
+   folder.  New memory. */
 static char *find_resources(const char *uri)
 {
     for (int decode = 1; decode >= 0; decode--) {
@@ -132,7 +133,7 @@ static char *find_resources(const char *uri)
     return NULL;
 }
 
-/* pythonfmu crashes where it does not find the script. */
+/* Without the script pythonfmu crashes. */
 static bool is_complete(char **folder, Text *why)
 {
     const char *resources = *folder;
@@ -215,7 +216,7 @@ bool instance_begin(Instance *m, const char *guid, const char *uri, fmi2Boolean 
 
 void instance_end(Instance *m)
 {
-    if (m->inner != NULL && python_enter(m->generation)) { /* otherwise Python has gone, and the instance with it */
+    if (m->inner != NULL && python_enter(m->generation)) { /* otherwise Python was finalised, which ended the instance */
         for (size_t i = 0; i < m->n_states; i++)
             wrapper.FreeFMUstate(m->inner, &m->states[i]);
         wrapper.FreeInstance(m->inner);

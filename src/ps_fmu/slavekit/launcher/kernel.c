@@ -44,7 +44,7 @@ static const struct {
 static int best;
 
 #ifdef __x86_64__
-/* Both processor and operating system have to know the registers. */
+/* Processor and operating system must both support the registers. */
 __attribute__((constructor)) static void look_at_processor(void)
 {
     enum { OSXSAVE = 1 << 27, AVX2 = 1 << 5, AVX512F = 1 << 16, YMM = 0x6, ZMM = 0xe6 };
@@ -61,7 +61,7 @@ __attribute__((constructor)) static void look_at_processor(void)
 }
 #endif
 
-/* Results that lie beyond a limit are held there. */
+/* Clamp the results to their limits. */
 static void hold(const Core *core)
 {
     bool met = false;

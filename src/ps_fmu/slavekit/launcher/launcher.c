@@ -68,7 +68,7 @@ static Instance *enter(fmi2Component c, const char *function)
         return NULL;
     }
     if (!python_enter(m->generation)) {
-        if (m->generation != python_generation()) /* otherwise the process is about to end: nobody listens any more */
+        if (m->generation != python_generation()) /* otherwise the process is ending, and an error has no reader */
             instance_refuse(m, function, "not possible any more: the host has finalised Python");
         return NULL;
     }
@@ -113,7 +113,7 @@ fmi2Status fmi2Terminate(fmi2Component c)
     CALL(Terminate(m->inner));
 }
 
-/* In Python an instance that was reset is a new one. */
+/* In Python a reset instance is a new object. */
 fmi2Status fmi2Reset(fmi2Component c)
 {
     Instance *m = enter(c, __func__);
@@ -200,7 +200,7 @@ fmi2Status fmi2SetString(fmi2Component c, const fmi2ValueReference vr[], size_t 
 
 /* --- FMU states ------------------------------------------------------------------------------------------------- */
 
-/* Where a state is in the list; n_states if it is none of ours.  From the end: the newest is asked for most. */
+/* The place of a state in the list; n_states for a foreign one.  Hosts mostly want the newest, at the end. */
 static size_t place_of(const Instance *m, fmi2FMUstate state)
 {
     for (size_t i = m->n_states; i > 0; i--)
@@ -221,7 +221,7 @@ static void free_state(Instance *m, fmi2FMUstate state)
     wrapper.FreeFMUstate(m->inner, &state);
 }
 
-/* Hand a new state out, in place of the one that the host had there. */
+/* Give a new state to the host, in place of the one that it passed. */
 static fmi2Status hand_out(Instance *m, fmi2FMUstate *place, fmi2FMUstate state)
 {
     fmi2FMUstate *states = realloc(m->states, (m->n_states + 1) * sizeof *states);
@@ -295,7 +295,7 @@ fmi2Status fmi2SerializeFMUstate(fmi2Component c, fmi2FMUstate state, fmi2Byte b
         return fmi2Error;
     if (!is_state(m, state) || bytes == NULL)
         return leave(instance_refuse(m, __func__, NO_STATE));
-    size_t needed = 0; /* pythonfmu copies as many bytes as asked for, be there so many or not */
+    size_t needed = 0; /* pythonfmu copies as many bytes as the host asks for, even beyond the end */
     fmi2Status status = wrapper.SerializedFMUstateSize(m->inner, state, &needed);
     if (status == fmi2OK && size < needed)
         return leave(instance_refuse(m, __func__, "less room than fmi2SerializedFMUstateSize asks for"));

@@ -46,7 +46,7 @@ static bool loaded; /* is api filled? */
 typedef struct {
     unsigned long generation;
     bool watched;         /* Python calls on_finalise */
-    int calls;            /* under way */
+    int calls;            /* in progress */
     bool bundled;         /* Python was started from the runtime in an FMU */
     int closing;          /* exit() was called */
     unsigned long closer; /* by this thread */
@@ -86,7 +86,7 @@ void python_lock(void)
     set_up_common();
     if (common_try_lock())
         return;
-    /* Who holds it will want the global interpreter lock: wait without. */
+    /* The holder will need the global interpreter lock: release it while waiting. */
     int (*is_initialised)(void), (*holds)(void);
     PyThreadState *(*save)(void);
     void (*restore)(PyThreadState *);
@@ -156,7 +156,7 @@ void python_leave(void)
     __atomic_sub_fetch(&shared->calls, 1, __ATOMIC_SEQ_CST);
 }
 
-/* The end of a process whose Python is ours.  Python is not finalised: numpy does not stand it, and hosts may free
+/* The end of a process whose Python we started.  Python is not finalised: numpy would crash, and hosts may free
    their instances even later.  The global interpreter lock is kept, so that no other thread goes on. */
 static void on_exit_of_process(void)
 {
@@ -221,7 +221,7 @@ static void preload(char *libraries)
     char *rest = NULL;
     for (char *path = libraries != NULL ? strtok_r(libraries, "\n", &rest) : NULL; path != NULL;
          path = strtok_r(NULL, "\n", &rest)) {
-        Text reason = {0}; /* told by those that miss it */
+        Text reason = {0}; /* a library that needs it reports the error */
         open_library(path, &reason);
         text_free(&reason);
     }
@@ -275,7 +275,8 @@ static bool start_one(const Needs *needs, const char *binaries, const char *libr
     preload(found.preload);
     if (!fit) {
         text_add(why, "no Python was found that can run this FMU. It needs Python %s or newer with a shared libpython%s%s."
-                      " Tried:%s\nName one by the environment variable PS_FMU_PYTHON=/path/to/%s",
+                      " Tried:%s\nName one by the environment variable PS_FMU_PYTHON=/path/to/%s,"
+                      " or put one into the FMU (ps-fmu build --bundle, ps-fmu wrap --bundle)",
                  needs->python != NULL ? needs->python : "3", needs->modules != NULL ? " and with " : "",
                  needs->modules != NULL ? needs->modules : "", rejections.data != NULL ? rejections.data : "",
                  PYTHONS[0]);
@@ -303,7 +304,7 @@ static bool version_fits(const Needs *needs, Text *why)
     return false;
 }
 
-/* Has to be done with the lock of the interpreter, if there is one to be had. */
+/* Call this with the lock of the interpreter, if Python runs. */
 static void watch_for_finalisation(void)
 {
     int state = api.PyGILState_Ensure();

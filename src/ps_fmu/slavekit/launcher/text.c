@@ -144,7 +144,7 @@ char *path_of_uri(const char *uri, bool decode)
     if (has_scheme)
         path = path_in_uri(path);
     if (!is_absolute(path))
-        return NULL; /* another scheme, another machine, or relative to who knows what */
+        return NULL; /* another scheme, another machine, or a relative path */
     char *result = strdup(path);
     if (result == NULL)
         return NULL;

@@ -84,7 +84,7 @@ static bool read_output(int input, long end, size_t most, Text *output)
 }
 
 /* Wait for the child to end.  False if it still runs at the time `end`.
-   Hosts that ignore SIGCHLD, or wait for any child, take its status: no more is asked than that it is gone. */
+   Its status does not matter: hosts that ignore SIGCHLD, or wait for any child, take it. */
 static bool wait_until(pid_t child, long end)
 {
     for (;;) {

@@ -1,6 +1,6 @@
-/* What the host is told about an FMU: a file with a line "key value" for each fact. */
-#ifndef PS_FMU_PLAN_H
-#define PS_FMU_PLAN_H
+/* The FMU that the host has to run, and how: a file with a line "key value" for each fact. */
+#ifndef PS_FMU_TASK_H
+#define PS_FMU_TASK_H
 
 #include <stdbool.h>
 #include <stddef.h>
@@ -25,9 +25,9 @@ typedef struct {
     bool state, serialise; /* the state can be had, and as bytes too */
     Variables outputs[N_TYPES]; /* output TYPE REFERENCE NAME */
     Variables inputs[N_TYPES];  /* input TYPE REFERENCE START */
-} Plan;
+} Task;
 
 /* False, with a line on stderr, if the file cannot be read or is not of that form. */
-bool plan_read(const char *path, Plan *plan);
+bool task_read(const char *path, Task *task);
 
 #endif

@@ -1,4 +1,4 @@
-#include "plan.h"
+#include "task.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -31,50 +31,50 @@ static bool add(Variables *of_types, const char *line)
     return false;
 }
 
-static bool take(Plan *plan, const char *key, const char *value)
+static bool take(Task *task, const char *key, const char *value)
 {
     if (strcmp(key, "library") == 0)
-        plan->library = strdup(value);
+        task->library = strdup(value);
     else if (strcmp(key, "guid") == 0)
-        plan->guid = strdup(value);
+        task->guid = strdup(value);
     else if (strcmp(key, "resources") == 0)
-        plan->resources = strdup(value);
+        task->resources = strdup(value);
     else if (strcmp(key, "start") == 0)
-        plan->start = atof(value);
+        task->start = atof(value);
     else if (strcmp(key, "step") == 0)
-        plan->step = atof(value);
+        task->step = atof(value);
     else if (strcmp(key, "once") == 0)
-        plan->once = true;
+        task->once = true;
     else if (strcmp(key, "state") == 0)
-        plan->state = true;
+        task->state = true;
     else if (strcmp(key, "serialise") == 0)
-        plan->serialise = true;
+        task->serialise = true;
     else if (strcmp(key, "output") == 0)
-        return add(plan->outputs, value);
+        return add(task->outputs, value);
     else if (strcmp(key, "input") == 0)
-        return add(plan->inputs, value);
+        return add(task->inputs, value);
     else
         return false;
     return true;
 }
 
-bool plan_read(const char *path, Plan *plan)
+bool task_read(const char *path, Task *task)
 {
     FILE *file = fopen(path, "r");
     char *line = NULL;
     size_t size = 0;
     bool good = file != NULL;
-    memset(plan, 0, sizeof *plan);
+    memset(task, 0, sizeof *task);
     while (good && getline(&line, &size, file) >= 0) {
         line[strcspn(line, "\n")] = '\0';
         char *value = line + strcspn(line, " ");
         if (*value != '\0')
             *value++ = '\0';
-        good = take(plan, line, value);
+        good = take(task, line, value);
     }
-    good = good && plan->library != NULL && plan->guid != NULL && plan->resources != NULL && plan->step > 0.0;
+    good = good && task->library != NULL && task->guid != NULL && task->resources != NULL && task->step > 0.0;
     if (!good)
-        fprintf(stderr, "host: %s is no plan: %s\n", path, line != NULL ? line : "cannot be read");
+        fprintf(stderr, "host: %s is no task: %s\n", path, line != NULL ? line : "cannot be read");
     if (file != NULL)
         fclose(file);
     free(line);
