@@ -10,7 +10,8 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 EXAMPLES = re.findall(r"```python\n(.*?)```", (ROOT / "docs" / "how-to-add.md").read_text(encoding="utf-8"), re.DOTALL)
-IMPORTS = (ROOT / "src" / "ps_fmu" / "disturbance" / "kinds" / "tones.py").read_text(encoding="utf-8").split("\n\n\n")[0]
+TONES = ROOT / "src" / "ps_fmu" / "disturbance" / "kinds" / "tones.py"
+IMPORTS = TONES.read_text(encoding="utf-8").split("\n\n\n")[0]
 
 RUN_SCENARIO = """
 from ps_fmu.runs import scenarios
