@@ -1,50 +1,48 @@
-"""ps-fmu analyse trajectories: Fig 7, and Table 1 through commander and plant."""
+"""Fig 7, and Table 1 through commander and plant: ``ps-fmu analyse trajectories``, its scenario, its paths."""
 
 import json
 from dataclasses import replace
 
-import netCDF4
 import numpy as np
 import pytest
 
+from ps_fmu.mechanism.inverse_kinematics import inverse_kinematics
+from ps_fmu.mechanism.parameters import load
+from ps_fmu.mechanism.reachability import reachable, stroke_margin
 from ps_fmu.paper.analysis import AnalysisOptions
 from ps_fmu.paper.figures import fig07
 from ps_fmu.paper.figures.fig07 import scenario as trajectories
 from ps_fmu.paper.figures.fig07.analysis import LIMITS, analyse, extremes
+from ps_fmu.paper.figures.fig07.target_paths import PLANES, quadrilateral, random_walk
 from ps_fmu.paper.published import published_numbers
+from ps_fmu.runs.comparison import TargetError
+from ps_fmu.runs.options import OptionError
 
-SCENARIO = replace(fig07.SCENARIO, step_s=5e-3)
+GEOMETRY = load().manipulator.geometry
 
 
-@pytest.fixture
-def short(monkeypatch):
-    """The random walk alone, five targets, coarse steps."""
-    monkeypatch.setattr(trajectories, "PLANES", {})
+def test_the_platform_points_at_its_targets(built_fmus, tmp_path, monkeypatch):
+    """Closed form to rounding; Algorithm 1 as its error limit allows, 1e-6 m 4e-4 deg, 2e-11 m 9e-9 deg.
+
+    One plane and the walk, five targets each, in coarse steps; then the limits of Table 1.
+    """
+    monkeypatch.setattr(trajectories, "PLANES", {"roll-pitch": (0, 1)})
     monkeypatch.setattr(trajectories, "COUNTS", (5,))
-
-
-@pytest.mark.usefixtures("short")
-def test_again_into_the_same_folder_after_an_interrupted_run(built_fmus, tmp_path, monkeypatch):
-    """Limits and errors are those of the paper, and results.nc has the runs of the last time only."""
-    follow, runs = trajectories._follow, []
-
-    def interrupted(system, run, path, method, *others, **more):
-        if runs:
-            raise KeyboardInterrupt
-        runs.append(path)
-        return follow(system, run, path, method, *others, **more)
-
-    told = AnalysisOptions(tmp_path, built_fmus, progress=False)
-    with monkeypatch.context() as patched, pytest.raises(KeyboardInterrupt):
-        patched.setattr(trajectories, "_follow", interrupted)
-        analyse(told, SCENARIO)
-    result = analyse(told, SCENARIO)
+    options = AnalysisOptions(tmp_path, built_fmus, progress=False)
+    result = analyse(options, replace(fig07.SCENARIO, step_s=5e-3))
     result.write(tmp_path)
-    with netCDF4.Dataset(tmp_path / "trajectories" / "results.nc") as file:
-        assert list(file.groups) == [
-            "random_walk_trilateration", "random_walk_algorithm_1_1e_06_m", "random_walk_algorithm_1_2e_11_m",
-            "limits_trilateration", "beyond_the_limits_trilateration",
-        ]  # fmt: skip
+    content = json.loads((tmp_path / "trajectories.json").read_text())
+    limits = {"trilateration": 1e-11, "Algorithm 1, 1e-06 m": 1e-3, "Algorithm 1, 2e-11 m": 1e-8}  # deg
+    residuals = {"trilateration": 1e-12, "Algorithm 1, 1e-06 m": 1e-6, "Algorithm 1, 2e-11 m": 2e-11}  # m
+    rows = content["tables"][0]["rows"]
+    assert len(rows) == 6
+    for path, method, targets, _, error, residual in rows:
+        assert targets == "5" and float(error) < limits[method] and float(residual) <= residuals[method]
+        assert content["largest_error_deg"][f"{path}, {method}"] < limits[method]
+    assert content["largest_error_deg"]["roll-pitch, Algorithm 1, 2e-11 m"] > 1e-9
+    assert content["beyond_refused"] == [True] * 6
+    assert "Algorithm 1 stops at an error of 1e-06 m" in content["text"][1] and "2e-11 m: " in content["text"][1]
+    assert [picture.path.stat().st_size > 20_000 for picture in result.pictures] == [True] * 2
 
     found = {finding.key: finding for finding in result.findings}
     for key in LIMITS:
@@ -53,9 +51,6 @@ def test_again_into_the_same_folder_after_an_interrupted_run(built_fmus, tmp_pat
     assert 1e-9 < found["fig7.error"].cosimulated < 1e-8
     assert found["fig7.error"].cosimulated == pytest.approx(found["fig7.error"].computed, rel=1e-3)
     assert found["text.error"].difference == "holds"
-    content = json.loads((tmp_path / "trajectories.json").read_text())
-    assert content["beyond_refused"] == [True] * 6
-    assert "2e-11 m: " in content["text"][1]
 
 
 def test_extremes_are_those_of_the_angles_in_their_order():
@@ -63,3 +58,47 @@ def test_extremes_are_those_of_the_angles_in_their_order():
     own = [at[k, k // 2] for k in range(6)]
     assert own == pytest.approx([published_numbers()[key].value for key in LIMITS], abs=1e-4)
     assert beyond - at == pytest.approx(0.01 * np.kron(np.eye(3), [[1.0], [-1.0]]))
+
+
+def test_targets_out_of_reach_are_counted(make_options, ssv, capsys, monkeypatch):
+    monkeypatch.setattr(trajectories, "PLANES", {"roll-pitch": (0, 1)})
+    monkeypatch.setattr(trajectories, "path_figure", lambda file, results: file.touch())
+    short = ssv({"commander.coarse_stroke.min": -0.005, "commander.coarse_stroke.max": 0.005})
+    options = make_options("trajectories", 44.0, step_s=0.05, parameters=(short,))
+    with pytest.raises(TargetError, match=r"roll-pitch, trilateration: \d+ of \d+ targets are out of reach"):
+        trajectories.run(options)
+    assert "targets are out of reach" in capsys.readouterr().out
+    for path in json.loads((options.output / "summary.json").read_text())["paths"]:
+        error = np.abs(np.subtract(path["response_deg"], path["targets_deg"])).max(axis=1)
+        assert 0 < path["refused"] == np.count_nonzero(error > 0.1)
+
+
+def test_too_short_a_run_says_what_a_path_takes(make_options):
+    with pytest.raises(OptionError, match=r"--duration: the path roll-pitch takes \d+\.\d s at least, got 2 s"):
+        trajectories.run(make_options("trajectories", 2.0, step_s=5e-3))
+
+
+@pytest.mark.parametrize("plane", PLANES)
+def test_quadrilaterals_are_closed_within_reach_and_go_to_the_edge(plane):
+    path = quadrilateral(GEOMETRY, plane, 201)
+    pose = inverse_kinematics(GEOMETRY, path)
+    assert reachable(GEOMETRY, pose).all()
+    assert stroke_margin(GEOMETRY, pose.coarse_displacement).min() < 1e-3  # m, of 20
+    assert np.array_equal(path[0], path[-1])
+    (third,) = set(range(3)) - set(PLANES[plane])
+    assert not path[:, third].any()
+    corners = path[[0, 50, 100, 150]]
+    assert np.abs(corners).max(axis=0)[list(PLANES[plane])].min() > np.radians(4.0)
+
+
+def test_a_quadrilateral_has_corners():
+    with pytest.raises(ValueError, match="five points or more, got 4"):
+        quadrilateral(GEOMETRY, "roll-pitch", 4)
+
+
+def test_random_walk_stays_within_reach_and_depends_on_the_seed_alone():
+    path = random_walk(GEOMETRY, 60, seed=3)
+    assert reachable(GEOMETRY, inverse_kinematics(GEOMETRY, path)).all()
+    assert np.array_equal(path, random_walk(GEOMETRY, 60, seed=3))
+    assert not np.array_equal(path, random_walk(GEOMETRY, 60, seed=4))
+    assert np.degrees(np.ptp(path, axis=0)).min() > 3.0

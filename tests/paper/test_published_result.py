@@ -27,7 +27,7 @@ from ps_fmu.paper.figures.fig06.results import compute as compute_reach
 from ps_fmu.paper.figures.fig07 import analysis as trajectories
 from ps_fmu.paper.figures.fig08_11 import analysis as transmissibility
 from ps_fmu.paper.figures.fig08_11.measured import Setup
-from ps_fmu.paper.figures.fig10 import report as stability_report
+from ps_fmu.paper.figures.fig10 import analysis as stability
 from ps_fmu.paper.figures.fig10.open_loop import SHAKING
 from ps_fmu.paper.figures.fig10.results import judge
 from ps_fmu.paper.figures.table2 import analysis as jitter
@@ -83,7 +83,7 @@ def stored():
 @pytest.mark.parametrize("name", NAMES)
 def test_the_markdown_is_what_the_json_says(name):
     content = content_of(name)
-    assert rebuilt(content).markdown() == (FOLDER / f"{name}.md").read_text()
+    assert rebuilt(content).to_markdown() == (FOLDER / f"{name}.md").read_text()
     for entry in content["findings"]:
         finding = finding_of(entry)
         said = finding.published
@@ -207,7 +207,7 @@ def today(curves, jitter_results):
         "transmissibility": (
             transmissibility.paragraphs(measured), transmissibility.tables(*curves, measured, of_step),
         ),
-        "stability": (stability_report.paragraphs(*seen), stability_report.tables(*seen)),
+        "stability": (stability.paragraphs(*seen), stability.tables(*seen)),
         "jitter": (jitter.paragraphs(jitter_results, densities), jitter.tables(jitter_results, densities)),
     }  # fmt: skip
 

@@ -1,4 +1,4 @@
-"""Findings beside what the paper says, and the files they are written to."""
+"""Findings beside the published numbers, and how results are written to files and to the terminal."""
 
 import json
 import math
@@ -91,3 +91,30 @@ def test_what_is_written(tmp_path):
     assert "| Table 1 | largest yaw angle | deg | 16.6285 | 16.6 | - | -0.028 deg |  |" in markdown
     assert "2\\|3" in markdown
     assert "Title" in (tmp_path / "name.html").read_text()
+
+
+TEXT = "A paragraph that says a lot of things about numbers. " * 10
+FINDINGS = [
+    Finding("table2.nominal_active_2", 3.98e-8, 4.04e-8, "a remark"),
+    Finding("table2.nominal_rejection_2", 99.2, 99.18),
+    Finding("text.delay", 0.02, setting=True),
+]
+SMALL = Table("Small", ("a heading that is longer than its column", "b"), [("1", "2")])
+WIDE = Table("Wide", tuple("abcdef"), [("x" * 40,) * 6])
+
+
+@pytest.mark.parametrize("width", [80, 100, 120])
+def test_lines_fit(width):
+    text = AnalysisResult("name", "Title", [TEXT], FINDINGS, [SMALL, WIDE]).to_text(width)
+    assert max(map(len, text.splitlines())) <= width
+    assert "In name.md:\n- Wide" in text and "xxx" not in text
+    words = " ".join(text.split())
+    assert "+111 / +114 %" in words and "input as published" in words
+    assert "a remark" not in words and "remarks: name.md" in words
+    assert words.count("Table 2: ") == 1
+
+
+def test_what_is_short_stays_in_one_line():
+    table = Table("C", ("a", "b"), [("1", "2"), ("10", "20")])
+    text = AnalysisResult("name", "Title", ["Text."], [], [table]).to_text(80)
+    assert text.splitlines() == ["Title", "Text.", "", "C", "a    b", "------", "1    2", "10  20"]

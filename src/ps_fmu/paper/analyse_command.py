@@ -4,26 +4,18 @@ from __future__ import annotations
 
 import argparse
 import sys
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from ..terminal import reason
-from .analysis import Analysis, AnalysisOptions, find_figure_analyses
-
-if TYPE_CHECKING:
-    from .analysis_result import AnalysisResult
+from .analysis import Analysis, AnalysisOptions, find_figure_analyses, import_and_call
 
 
 def find_analyses() -> dict[str, Analysis]:
     """All analyses by name: those of the figures, and the one that puts them together."""
     about = "every published number beside ours, and the errata with their evidence: all analyses together"
-    return {**find_figure_analyses(), "paper": Analysis("paper", about, _analyse_all)}
-
-
-def _analyse_all(options: AnalysisOptions) -> AnalysisResult:
-    from .overview import analyse
-
-    return analyse(options)
+    analyse_all = partial(import_and_call, f"{__package__}.overview", "analyse")
+    return {**find_figure_analyses(), "paper": Analysis("paper", about, analyse_all)}
 
 
 def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -46,7 +38,6 @@ def run(arguments: argparse.Namespace) -> int:
     from ..runs.options import OptionError, claim_folder
     from ..slavekit.pack.build import BuildError
     from .cosimulation import check_sources
-    from .terminal_report import format_result
 
     name = arguments.analysis
     analysis = find_analyses()[name]
@@ -66,5 +57,5 @@ def run(arguments: argparse.Namespace) -> int:
     except (BuildError, CosimError, OSError, ValueError) as error:
         print(f"ps-fmu analyse {name}: {reason(error)}", file=sys.stderr)
         return 1
-    print(format_result(result), f"results in {output}", sep="\n")
+    print(result.to_text(), f"results in {output}", sep="\n")
     return 0

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 from pkgutil import iter_modules
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from . import figures
 
@@ -44,9 +44,14 @@ class Analysis:
     about: str
     """One line for ``--help``."""
     analyse: Callable[[AnalysisOptions], AnalysisResult]
-    """Imports what it needs when it is called, so that ``--help`` stays fast."""
+    """See :func:`import_and_call`."""
     needs_fmus: bool = True
     """False: it needs neither FMUs nor a system description."""
+
+
+def import_and_call(module: str, function: str, *args: Any, **options: Any) -> Any:
+    """Call a function of a module that is imported only now, so that a declaration costs nothing."""
+    return getattr(import_module(module), function)(*args, **options)
 
 
 def find_figure_analyses() -> dict[str, Analysis]:

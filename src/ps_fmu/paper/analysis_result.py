@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import shutil
+import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -11,7 +13,9 @@ from ..results.report import Picture, Report
 from ..results.summary import plain, versions
 from ..results.tables import Table
 from ..slavekit.pack.files import write_atomically
-from .finding import Finding, findings_table
+from .finding import Finding, findings_table, short_findings_table
+
+NARROWEST, USUAL, WIDEST = 80, 100, 120  # characters of a line; the second where there is no terminal
 
 
 @dataclass(frozen=True)
@@ -33,11 +37,33 @@ class AnalysisResult:
         """The table of findings, if there are any, and the others."""
         return ([findings_table(self.findings)] if self.findings else []) + list(self.tables)
 
-    def markdown(self) -> str:
+    def to_markdown(self) -> str:
         """Text and tables as Markdown."""
         parts = [f"# {self.title}", *self.text, *(table.to_markdown() for table in self.all_tables())]
         parts += [f"![{picture.caption}]({picture.path.name})" for picture in self.pictures]
         return "\n\n".join(parts) + "\n"
+
+    def to_text(self, width: int | None = None) -> str:
+        """Text, findings and tables in lines of at most ``width`` characters, by default those of the terminal.
+
+        Findings are without their remarks, and of tables that are too wide only the captions are named: the Markdown
+        file has all of it.
+        """
+        width = width or min(max(shutil.get_terminal_size((USUAL, 24)).columns, NARROWEST), WIDEST)
+        parts = [self.title, *(textwrap.fill(paragraph, width) for paragraph in self.text)]
+        left_out = []
+        if self.findings:
+            table = short_findings_table(self.findings)
+            parts.append(f"\n{table.caption} (remarks: {self.name}.md)\n{table.fit_text(width)}")
+        for table in self.tables:
+            if (text := table.fit_text(width)) is None:
+                left_out.append(table.caption)
+            else:
+                parts.append(f"\n{textwrap.fill(table.caption, width)}\n{text}")
+        if left_out:
+            parts.append(f"\nIn {self.name}.md:")
+            parts += [textwrap.fill(f"- {caption}", width, subsequent_indent="  ") for caption in left_out]
+        return "\n".join(parts)
 
     def write(self, output: Path) -> None:
         """Write NAME.json, NAME.md and NAME.html into a folder that exists.  Raises OSError.
@@ -63,7 +89,7 @@ class AnalysisResult:
         }
         content = plain({**shown, **self.data, "versions": versions()}, self.name)
         write_atomically(output / f"{self.name}.json", json.dumps(content, indent=2, allow_nan=False) + "\n")
-        write_atomically(output / f"{self.name}.md", self.markdown())
+        write_atomically(output / f"{self.name}.md", self.to_markdown())
         Report(
             title=self.title,
             text=self.text,

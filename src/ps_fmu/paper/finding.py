@@ -107,3 +107,20 @@ def findings_table(findings: Sequence[Finding], caption: str = "Published and ou
         for f in findings
     ]
     return Table(caption, FINDINGS_HEADER, rows)
+
+
+def short_findings_table(findings: Sequence[Finding]) -> Table:
+    """The table of findings for a terminal: without remarks, and with the place only where a new one begins."""
+    places = ["", *(f.published.where for f in findings)]
+    rows = [
+        (
+            ("" if f.published.where == before else f"{f.published.where}: ")
+            + f"{f.published.what} ({f.published.unit})",
+            f.published.text,
+            format_value(f.computed),
+            "input" if f.setting else format_value(f.cosimulated),
+            f.difference,
+        )
+        for f, before in zip(findings, places, strict=False)
+    ]
+    return Table("Published and ours", ("number", "published", "computed", "co-simulated", "difference"), rows)

@@ -34,7 +34,6 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
 def run(arguments: argparse.Namespace) -> int:
     """Identify, write and print; the exit code."""
     from ...runs.options import OptionError, claim_folder
-    from ..terminal_report import format_result
     from .report import report
     from .steps import identify
 
@@ -52,6 +51,6 @@ def run(arguments: argparse.Namespace) -> int:
     except (OSError, ValueError) as error:
         print(f"ps-fmu identify: {reason(error)}", file=sys.stderr)
         return 1
-    print(format_result(analysis), f"results in {arguments.output}; the parameter set is {path}", sep="\n")
+    print(analysis.to_text(), f"results in {arguments.output}; the parameter set is {path}", sep="\n")
     print(f"with the FMUs: python system/run.py --parameters {path.with_suffix('.ssv')}")
     return 0

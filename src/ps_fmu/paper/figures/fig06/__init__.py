@@ -1,24 +1,12 @@
 """Table 1 and Fig 6: the workspace."""
 
-from __future__ import annotations
+from functools import partial
 
-from typing import TYPE_CHECKING
-
-from ...analysis import Analysis, AnalysisOptions
-
-if TYPE_CHECKING:
-    from ...analysis_result import AnalysisResult
-
-
-def _analyse(options: AnalysisOptions) -> AnalysisResult:
-    from .analysis import analyse  # the declaration costs nothing
-
-    return analyse(options)
-
+from ...analysis import Analysis, import_and_call
 
 ANALYSIS = Analysis(
     "workspace",
     "Table 1 and Fig 6: the orientations within reach, singular values of the Jacobian",
-    _analyse,
+    partial(import_and_call, f"{__name__}.analysis", "analyse"),
     needs_fmus=False,
 )

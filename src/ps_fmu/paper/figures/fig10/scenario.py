@@ -28,8 +28,8 @@ from ....runs.publish import Findings, publish
 from ....runs.setup import RunSystem, load_system
 from ....theory.loop import Loop, loop_of
 from ...bus_cases import CASES, case_start_values
+from .plots import response_figure
 from .pulse_response import PULSE_S, PulseResponse, paper_delay_s
-from .response_plots import response_figure
 
 BEYOND_S = 0.1  # delay of the fifth run of the lighter module: its limit is 0.0916 s, and 1000 steps are kept
 PULSE_B = (5.0, 3.0, 2.0, 10.0, 7.0, 5.0)  # N, N.m: largest force and torque; moves the payload by microradians
