@@ -17,7 +17,7 @@ from ps_fmu.paper.bus_cases import CASES, load_case
 from ps_fmu.paper.errata import errata
 from ps_fmu.paper.figures import fig07, table2
 from ps_fmu.paper.figures.fig06 import analysis as workspace
-from ps_fmu.paper.figures.fig06.results import compute as compute_reach
+from ps_fmu.paper.figures.fig06.results import compute_reach
 from ps_fmu.paper.figures.fig07 import analysis as trajectories
 from ps_fmu.paper.figures.fig07.results import METHODS, PathResult
 from ps_fmu.paper.figures.fig07.scenario import paths
@@ -27,7 +27,7 @@ from ps_fmu.paper.figures.fig10 import analysis as stability
 from ps_fmu.paper.figures.fig10.results import judge
 from ps_fmu.paper.figures.table2 import analysis as jitter
 from ps_fmu.paper.figures.table2 import closed_form as table2_theory
-from ps_fmu.paper.figures.table2.results import compute as compute_jitter
+from ps_fmu.paper.figures.table2.results import compute_results
 from ps_fmu.paper.published import published_numbers
 from ps_fmu.runs.options import RunOptions
 
@@ -56,7 +56,7 @@ def jitter_results():
     """Closed form of Table 2 beside the runs of docs/paper: 11 s, 7 s after ``closed_form``."""
     p = load()
     run = SimpleNamespace(band=p.noise.band, period_s=table2.SCENARIO.duration_s, comparisons=jitter_run())
-    return compute_jitter(p, run, table2.SCENARIO.step_s, seed=1)
+    return compute_results(p, run, table2.SCENARIO.step_s, seed=1)
 
 
 @pytest.fixture(scope="session")

@@ -62,7 +62,7 @@ def test_extremes_are_those_of_the_angles_in_their_order():
 
 def test_targets_out_of_reach_are_counted(make_options, ssv, capsys, monkeypatch):
     monkeypatch.setattr(trajectories, "PLANES", {"roll-pitch": (0, 1)})
-    monkeypatch.setattr(trajectories, "path_figure", lambda file, results: file.touch())
+    monkeypatch.setattr(trajectories, "draw_path", lambda file, results: file.touch())
     short = ssv({"commander.coarse_stroke.min": -0.005, "commander.coarse_stroke.max": 0.005})
     options = make_options("trajectories", 44.0, step_s=0.05, parameters=(short,))
     with pytest.raises(TargetError, match=r"roll-pitch, trilateration: \d+ of \d+ targets are out of reach"):

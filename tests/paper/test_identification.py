@@ -92,7 +92,7 @@ def test_slopes_of_table_1_are_those_of_differences(seed):
 
 def test_a_search_meets_every_printed_digit_of_table_1(found):
     assert np.all(np.abs(geometry.limits(found.geometry) - targets(geometry.KEYS)) <= roundings(geometry.KEYS))
-    assert mechanism.why_unusable(found.geometry, found.condition) == []
+    assert mechanism.list_flaws(found.geometry, found.condition) == []
     assert found.condition <= mechanism.LARGEST_CONDITION
     # The starts are far away.
     for start in islice(geometry.starts(1, STROKE), 3):
@@ -147,10 +147,10 @@ def test_a_geometry_that_cannot_be_built_is_said_so(found):
     places = found.places.copy()
     places[5] = (mechanism.RANGES[1].at(places[1]) - 0.2) / 0.15  # the fine joints on the circle of the coarse ones,
     places[6], places[7] = 0.5, 0.5  # at their places
-    assert any("mm apart" in reason for reason in mechanism.why_unusable(mechanism.symmetric(places, STROKE), 5.0))
-    assert mechanism.why_unusable(found.geometry, 20.0) == ["condition number 20.0 in the workspace, at most 10"]
+    assert any("mm apart" in reason for reason in mechanism.list_flaws(mechanism.symmetric(places, STROKE), 5.0))
+    assert mechanism.list_flaws(found.geometry, 20.0) == ["condition number 20.0 in the workspace, at most 10"]
     short = replace(found.geometry, coarse_stroke=0.1 * STROKE)
-    assert "an orientation of Table 2 is out of reach" in mechanism.why_unusable(short, 5.0)
+    assert "an orientation of Table 2 is out of reach" in mechanism.list_flaws(short, 5.0)
 
 
 # --- Suspension ---------------------------------------------------------------------------------------------------

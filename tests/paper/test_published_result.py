@@ -23,7 +23,7 @@ from ps_fmu.paper.bus_cases import CASES
 from ps_fmu.paper.errata import Erratum, errata_table
 from ps_fmu.paper.figures import fig10, table2
 from ps_fmu.paper.figures.fig06 import analysis as workspace
-from ps_fmu.paper.figures.fig06.results import compute as compute_reach
+from ps_fmu.paper.figures.fig06.results import compute_reach
 from ps_fmu.paper.figures.fig07 import analysis as trajectories
 from ps_fmu.paper.figures.fig08_11 import analysis as transmissibility
 from ps_fmu.paper.figures.fig08_11.measured import Setup

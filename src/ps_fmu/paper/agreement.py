@@ -21,7 +21,7 @@ def lines_within(response: Response, band: tuple[float, float]) -> NDArray[np.bo
     return np.asarray((response.frequency >= band[0]) & (response.frequency <= band[1]))
 
 
-def coherent(response: Response, band: tuple[float, float]) -> NDArray[np.bool_]:
+def coherent_lines(response: Response, band: tuple[float, float]) -> NDArray[np.bool_]:
     """(n,): lines within a band, Hz, at which every output has enough coherence.
 
     Raises
@@ -58,7 +58,7 @@ class Agreement:
     @cached_property
     def checked(self) -> NDArray[np.bool_]:
         """(n,): lines within the band and with enough coherence.  Raises ValueError if there is none."""
-        return coherent(self.response, BAND)
+        return coherent_lines(self.response, BAND)
 
     @property
     def lowest_coherence(self) -> float:

@@ -72,7 +72,7 @@ def count_text(findings: Sequence[Finding]) -> str:
     both = sum(None not in (finding.computed, finding.cosimulated) for finding in findings)
     return (
         f"The table has {len(findings)} numbers of the paper: those of its Tables 1 and 2, and what its text says of "
-        f"its figures, methods and results. {settings} of them are settings, which equations and FMUs have as input. "
+        f"its figures, methods and results. {settings} of them are settings: inputs of equations and FMUs. "
         + (f"{len(missing)} of" if missing else "All")
         + f" the other {len(findings) - settings} are {'not ' if missing else ''}computed here; for {both} there is a "
         "value from the equations and one from the running FMUs, and the column of differences has both."

@@ -58,7 +58,7 @@ def plant() -> Practical:
     return Practical(dynamics())
 
 
-def follow() -> Array:
+def following_matrix() -> Array:
     """Fine elongation per base motion with which the payload does not turn, ``J_thf^-1 J_thb``, (3, 6)."""
     J = dynamics().jacobians
     return np.asarray(np.linalg.solve(J.J_theta_f, J.J_theta_b))

@@ -63,10 +63,10 @@ def sensitivity() -> Erratum:
     d, nominal, s = case.dynamics(), case.nominal(), case.S
     q_b, d_f = d.slices["q_b"], d.slices["d_f"]
     U11, U12, U21, U22 = nominal.U(s)  # U22 is s^2 (M_eb - Q)
-    right = np.linalg.inv(U22 - U21 @ case.follow()) @ (U22 - U21 @ np.linalg.solve(U11, U12))
+    right = np.linalg.inv(U22 - U21 @ case.following_matrix()) @ (U22 - U21 @ np.linalg.solve(U11, U12))
     M_eb, M_ebf = d.M[q_b, q_b], d.M[q_b, d_f]
     fine_legs = (s * s)[:, None, None] * (M_ebf @ np.linalg.solve(U11, M_ebf.T + 0.0j))
-    printed = np.linalg.inv(M_eb + M_ebf @ case.follow()) @ (M_eb - fine_legs)
+    printed = np.linalg.inv(M_eb + M_ebf @ case.following_matrix()) @ (M_eb - fine_legs)
     S = np.linalg.inv(np.eye(6) - case.plant().C(s) @ case.optimal_gains().optimal(s))
     return Erratum(
         "(56), last line",
@@ -148,7 +148,7 @@ def _free_array_roots() -> Complex:
     q_b, x_m = d.slices["q_b"], d.slices["x_m"]
     both = slice(q_b.start, x_m.stop)
     M, K = d.M[both, both].copy(), d.K[both, both]
-    M[:6, :6] -= d.M[q_b, d.slices["d_f"]] @ case.follow()
+    M[:6, :6] -= d.M[q_b, d.slices["d_f"]] @ case.following_matrix()
     squares = np.linalg.eigvals(np.linalg.solve(M, -K)).astype(complex)
     omega = np.sqrt(squares[np.abs(squares) > 0.01])
     return np.concatenate([omega, -omega])

@@ -12,7 +12,7 @@ from ...mechanism.inverse_kinematics import Solver, descend, inverse_kinematics,
 from ...mechanism.kinematics import displacements, leg_lengths, leg_vectors
 from ...mechanism.parameters import Array
 from ...mechanism.rotations import rotation_from_vector, rotation_matrix
-from ..figures.fig06.results import compute
+from ..figures.fig06.results import compute_reach
 from ..figures.fig07.results import EPSILON_AS_PUBLISHED
 from ..figures.table2.closed_form import ORIENTATIONS
 from ..published import published_numbers
@@ -96,7 +96,7 @@ def fine_displacement() -> Erratum:
 
 def algorithm_1() -> Erratum:
     """Algorithm 1: step size and error limit, and the closed form beside them."""
-    geometry, surface = case.parameters().manipulator.geometry, compute().surface
+    geometry, surface = case.parameters().manipulator.geometry, compute_reach().surface
     some = slice(None, None, 20)
     orientation, pose = surface.orientation[some], surface.pose
     bounds = [step_size_bound(geometry, t, R) for t, R in zip(pose.translation_B[some], pose.R[some], strict=True)]

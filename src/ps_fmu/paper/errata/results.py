@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ..figures.fig06.results import CLAIMED_LIMIT, compute
+from ..figures.fig06.results import CLAIMED_LIMIT, compute_reach
 from ..figures.fig10.results import judge
 from ..published import published_numbers
 from .erratum import Erratum
@@ -10,7 +10,7 @@ from .erratum import Erratum
 
 def range_of_orientations() -> Erratum:
     """The claim of the conclusions."""
-    reach = compute()
+    reach = compute_reach()
     pitch = reach.pure[1]
     return Erratum(
         "Table 1, section 5",

@@ -20,7 +20,7 @@ from ...mechanism.parameters import Array, Geometry
 from ...mechanism.rotations import GimbalLockError, orientation_rate_map
 from ..published import ANGLES
 from .fit import Identifiability, follow, roundings, slopes, targets
-from .mechanism import RANGES, largest_condition, symmetric, why_unusable
+from .mechanism import RANGES, largest_condition, list_flaws, symmetric
 
 KEYS = tuple(f"table1.{angle}_{end}" for angle in ANGLES for end in ("min", "max"))
 
@@ -84,16 +84,16 @@ def limits_and_slopes(places: Array, stroke: Array, step: float = workspace.STEP
 def search(start: Array, stroke: Array) -> Candidate | None:
     """Follow Table 1 from a starting place (10,); None if that leads nowhere usable."""
     try:
-        places = _followed(start, stroke, SEARCH_STEP)
-        if _missed(places, stroke, SEARCH_STEP).max() > NEAR:
+        places = _follow_table_1(start, stroke, SEARCH_STEP)
+        if _table_1_errors(places, stroke, SEARCH_STEP).max() > NEAR:
             return None
-        places = _followed(places, stroke, workspace.STEP)
-        if np.any(_missed(places, stroke, workspace.STEP) > roundings(KEYS)):
+        places = _follow_table_1(places, stroke, workspace.STEP)
+        if np.any(_table_1_errors(places, stroke, workspace.STEP) > roundings(KEYS)):
             return None
     except (KinematicsError, GimbalLockError, np.linalg.LinAlgError):
         return None
     candidate = Candidate(places, stroke, largest_condition(symmetric(places, stroke)))
-    return None if why_unusable(candidate.geometry, candidate.condition) else candidate
+    return None if list_flaws(candidate.geometry, candidate.condition) else candidate
 
 
 def starts(seed: int, stroke: Array) -> Iterator[Array]:
@@ -114,7 +114,7 @@ def identifiability(candidate: Candidate) -> Identifiability:
     return Identifiability(slope / roundings(KEYS)[:, None])
 
 
-def _followed(start: Array, stroke: Array, step: float) -> Array:
+def _follow_table_1(start: Array, stroke: Array, step: float) -> Array:
     """Places (10,) that come near to Table 1 from a start, on the surface in steps of ``step``, m."""
 
     def error(places: Array) -> tuple[Array, Array]:
@@ -124,7 +124,7 @@ def _followed(start: Array, stroke: Array, step: float) -> Array:
     return follow(error, start)
 
 
-def _missed(places: Array, stroke: Array, step: float) -> Array:
+def _table_1_errors(places: Array, stroke: Array, step: float) -> Array:
     """How far Table 1 is missed, (6,), deg."""
     return np.abs(limits(symmetric(places, stroke), step) - targets(KEYS))
 

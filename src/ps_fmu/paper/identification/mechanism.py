@@ -54,7 +54,7 @@ def largest_condition(geometry: Geometry) -> float:
     return float(workspace.sample(geometry, workspace.surface(geometry)).condition.max())
 
 
-def why_unusable(geometry: Geometry, condition: float) -> list[str]:
+def list_flaws(geometry: Geometry, condition: float) -> list[str]:
     """What rules a geometry out although it meets Table 1; empty if nothing does.
 
     Parameters

@@ -20,18 +20,18 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from .steps import Identified
+    from .steps import Identification
 
 COARSE, FINE = ACTIVE, PASSIVE
 
 
-def candidates_figure(path: Path, found: Identified) -> None:
+def draw_candidates(path: Path, found: Identification) -> None:
     """Plan view of the joints, and outlines of all workspaces that meet Table 1 in the box of Table 1."""
     low, high = targets(geometry.KEYS).reshape(3, 2).T
 
     def paint(figure: Figure) -> None:
         plan, *planes = figure.subplots(1, 3)
-        _plan(plan, found.original.manipulator.geometry)
+        _draw_plan(plan, found.original.manipulator.geometry)
         for axes, (i, j) in zip(planes, ((0, 1), (1, 2)), strict=True):
             box = [low[i], high[i], high[i], low[i], low[i]], [low[j], low[j], high[j], high[j], low[j]]
             axes.plot(*box, color=REFERENCE, linestyle="--", label="Table 1")
@@ -52,7 +52,7 @@ def candidates_figure(path: Path, found: Identified) -> None:
     draw(path, 16.0, 7.5, paint)
 
 
-def _plan(axes: Axes, joints: Geometry) -> None:
+def _draw_plan(axes: Axes, joints: Geometry) -> None:
     for name, colour, legs in (("coarse", COARSE, slice(0, 3)), ("fine", FINE, slice(3, 6))):
         base, platform = joints.base_joints_B[legs], joints.platform_joints_P[legs]
         axes.plot(*np.stack([base[:, :2], platform[:, :2]]).transpose(2, 0, 1), color=colour)
@@ -70,7 +70,7 @@ def _outline(points: Array) -> Array:
     return points[np.append(corners, corners[0])]
 
 
-def loop_figure(path: Path, found: Identified) -> None:
+def draw_loop(path: Path, found: Identification) -> None:
     """Gain and phase of L11 of the lighter support module, and the four numbers of Fig 10."""
     from ...theory.loop import loop_at
 
@@ -104,7 +104,7 @@ def loop_figure(path: Path, found: Identified) -> None:
     draw(path, 10.0, 8.0, paint)
 
 
-def rms_figure(path: Path, found: Identified) -> None:
+def draw_rms(path: Path, found: Identification) -> None:
     """Passive and active RMS of Table 2, published and reached."""
     labels = [f"({roll:g}, {pitch:g}, {yaw:g})°" for roll, pitch, yaw in ORIENTATIONS.values()]
 

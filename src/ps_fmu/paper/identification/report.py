@@ -13,13 +13,13 @@ from ..analysis_result import AnalysisResult
 from ..finding import Finding
 from . import geometry, mechanism, noise, suspension
 from .fit import Identifiability, Range, roundings, targets
-from .plots import candidates_figure, loop_figure, rms_figure
-from .steps import Identified
+from .plots import draw_candidates, draw_loop, draw_rms
+from .steps import Identification
 
 NEARLY_FIXED = 0.2  # free share below which the text says so
 
 
-def report(found: Identified) -> AnalysisResult:
+def report(found: Identification) -> AnalysisResult:
     """Word it, and draw it beside the parameter file."""
     met = {
         **dict(zip(geometry.KEYS, found.table1, strict=True)),
@@ -72,7 +72,7 @@ def report(found: Identified) -> AnalysisResult:
     )
 
 
-def _text(found: Identified) -> list[str]:
+def _text(found: Identification) -> list[str]:
     of_geometry, of_suspension, of_noise = (found.fixed[step] for step in ("geometry", "suspension", "noise"))
     table1 = np.abs(found.table1 - targets(geometry.KEYS)).max()
     passive = 100.0 * np.abs(found.passive_rms / targets(noise.KEYS) - 1.0).max()
@@ -140,7 +140,7 @@ def _singular_values(fixed: Mapping[str, Identifiability]) -> Table:
     return Table(caption, header, rows)
 
 
-def _candidates(found: Identified) -> Table:
+def _candidates(found: Identification) -> Table:
     names = ("height", "base coarse", "platform coarse", "twist coarse", "base fine", "platform fine", "twist fine")
     columns = (0, 1, 3, 4, 5, 8, 9)
     rows = [
@@ -154,19 +154,19 @@ def _candidates(found: Identified) -> Table:
     )
 
 
-def _pictures(found: Identified) -> list[Picture]:
+def _pictures(found: Identification) -> list[Picture]:
     figures = (
         (
             "geometry",
             "The joints that were found, and the workspaces of all geometries that meet Table 1: different bodies in "
             "the same box.",
-            partial(candidates_figure, found=found),
+            partial(draw_candidates, found=found),
         ),
         (
             "loop",
             "Element (1, 1) of the loop with the delay, and what Fig 10 says of it.",
-            partial(loop_figure, found=found),
+            partial(draw_loop, found=found),
         ),
-        ("rms", "Table 2: passive RMS are met, active ones as far as possible.", partial(rms_figure, found=found)),
+        ("rms", "Table 2: passive RMS are met, active ones as far as possible.", partial(draw_rms, found=found)),
     )
     return draw_pictures(found.path.parent, "identify", figures)

@@ -18,7 +18,7 @@ BATCHES = 10  # of starts; the first is enough for 26 of 28 seeds, with 24 start
 
 
 @dataclass(frozen=True, eq=False)
-class Identified:
+class Identification:
     """A parameter set, as its file has it, and how it was found."""
 
     path: Path
@@ -54,7 +54,7 @@ class Identified:
         return np.asarray(100.0 * (1.0 - self.active_rms / self.passive_rms))
 
 
-def identify(path: Path, seed: int, starts: int, *, progress: bool = False) -> Identified:
+def identify(path: Path, seed: int, starts: int, *, progress: bool = False) -> Identification:
     """Find a parameter set, write it, and beside it the start values of the FMUs (``.ssv``).
 
     The numbers reached are those of the file read back.
@@ -79,7 +79,7 @@ def identify(path: Path, seed: int, starts: int, *, progress: bool = False) -> I
         new = [found for start in bar if (found := geometry.search(start, stroke)) is not None]
         candidates = sorted([*candidates, *new], key=_condition)
         bar = tqdm(sorted(new, key=_condition), desc="Fig 10 and Table 2", unit="geometry", disable=not progress)
-        step = next(filter(None, (_with_geometry(candidate, seed) for candidate in bar)), None)
+        step = next(filter(None, (_fit_candidate(candidate, seed) for candidate in bar)), None)
         tried += starts
     if step is None:
         raise IdentificationError(
@@ -88,12 +88,12 @@ def identify(path: Path, seed: int, starts: int, *, progress: bool = False) -> I
         )
     chosen, fitted = step.geometry, step.suspension
     origin = f"Written by ps-fmu identify --seed {seed} --starts {starts}."
-    parameter_file.write(path, noise.with_psd(_joined(chosen, fitted), step.psd), origin)
+    parameter_file.write(path, noise.with_psd(_apply_fit(chosen, fitted), step.psd), origin)
 
     original, lighter = load(path, "OSM"), load(path, "LSM")
     parameter_file.write_start_values(path.with_suffix(".ssv"), original)
     psd = original.noise.wrench_psd_B
-    return Identified(
+    return Identification(
         path=path,
         seed=seed,
         starts=tried,
@@ -102,7 +102,7 @@ def identify(path: Path, seed: int, starts: int, *, progress: bool = False) -> I
         suspension=fitted,
         fixed={
             "geometry": geometry.identifiability(chosen),
-            "suspension": suspension.identifiability(_with_joints("LSM", chosen), fitted),
+            "suspension": suspension.identifiability(_load_with_joints("LSM", chosen), fitted),
             "noise": noise.identifiability(step.weights, step.psd),
         },
         original=original,
@@ -122,28 +122,28 @@ def _condition(candidate: geometry.Candidate) -> float:
     return candidate.condition
 
 
-def _with_geometry(candidate: geometry.Candidate, seed: int) -> _Fitted | None:
+def _fit_candidate(candidate: geometry.Candidate, seed: int) -> _Fit | None:
     """What meets Fig 10 and the passive RMS of Table 2 with a geometry; None if that leads nowhere."""
-    fitted = suspension.fit(_with_joints("LSM", candidate))
+    fitted = suspension.fit(_load_with_joints("LSM", candidate))
     if fitted is None:
         return None
-    weights = noise.both_weights(_joined(candidate, fitted))
+    weights = noise.both_weights(_apply_fit(candidate, fitted))
     psd = noise.fit(weights, seed)
-    return None if psd is None else _Fitted(candidate, fitted, weights, psd)
+    return None if psd is None else _Fit(candidate, fitted, weights, psd)
 
 
 @dataclass(frozen=True, eq=False)
-class _Fitted:
+class _Fit:
     geometry: geometry.Candidate
     suspension: suspension.Suspension
     weights: noise.Weights
     psd: Array
 
 
-def _joined(candidate: geometry.Candidate, fitted: suspension.Suspension) -> Parameters:
+def _apply_fit(candidate: geometry.Candidate, fitted: suspension.Suspension) -> Parameters:
     """The original support module with the geometry and the suspension."""
-    return suspension.with_suspension(_with_joints("OSM", candidate), fitted.places)
+    return suspension.with_suspension(_load_with_joints("OSM", candidate), fitted.places)
 
 
-def _with_joints(bus: str, candidate: geometry.Candidate) -> Parameters:
+def _load_with_joints(bus: str, candidate: geometry.Candidate) -> Parameters:
     return suspension.with_geometry(load(bus=bus), candidate.geometry)

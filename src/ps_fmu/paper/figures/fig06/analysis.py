@@ -10,16 +10,16 @@ from ...analysis import AnalysisOptions
 from ...analysis_result import AnalysisResult
 from ...finding import Finding
 from ...published import ANGLES
-from .plots import cone_figure, envelope_figure
-from .results import CLAIMED_LIMIT, Reach, compute, round_down
+from .plots import draw_cone, draw_envelope
+from .results import CLAIMED_LIMIT, Reach, compute_reach, round_down
 
 
 def analyse(options: AnalysisOptions) -> AnalysisResult:
     """Compute the workspace and draw it."""
-    reach = compute()
+    reach = compute_reach()
     envelope, cone = options.output / "workspace.png", options.output / "workspace_cone.png"
-    envelope_figure(envelope, reach)
-    cone_figure(cone, reach)
+    draw_envelope(envelope, reach)
+    draw_cone(cone, reach)
     return AnalysisResult(
         name="workspace",
         title="Workspace: Table 1 and Fig 6",
@@ -64,13 +64,12 @@ def paragraphs(reach: Reach) -> list[str]:
     return [
         f"Forward kinematics with the fine legs at nominal length at {len(reach.surface.condition)} points of the "
         "surface of the joint space, 2 mm apart, as in section 4.1.",
-        f"That the limits exceed {CLAIMED_LIMIT:g} deg does not mean that any orientation within {CLAIMED_LIMIT:g} deg "
-        "can be reached: Table 1 holds the extremes of each angle wherever they occur. Pitch alone goes from "
-        f"{pitch[0]:.2f} to {pitch[1]:.2f} deg, and the largest cube of roll, pitch and yaw is "
-        f"+-{round_down(reach.cube)} deg.",
+        f"Every limit of Table 1 exceeds {CLAIMED_LIMIT:g} deg. Yet not every orientation within {CLAIMED_LIMIT:g} deg "
+        f"is within reach: each limit is reached in a pose of its own. Pitch alone goes from {pitch[0]:.2f} to "
+        f"{pitch[1]:.2f} deg, and the largest cube of roll, pitch and yaw is +-{round_down(reach.cube)} deg.",
         f"The boresight can be tilted by {round_down(reach.cone)} deg in any direction without twist, and by "
-        f"{round_down(reach.cone_with_free_twist)} deg if the platform may turn about the boresight as suits it: "
-        f"{CLAIMED_LIMIT:g} deg in every direction holds for the boresight, not for the orientation.",
+        f"{round_down(reach.cone_with_free_twist)} deg if the platform may also turn about the boresight. The "
+        f"claim of {CLAIMED_LIMIT:g} deg in every direction is true of the boresight, not of the orientation.",
     ]
 
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-def envelope_figure(path: Path, reach: Reach) -> None:
+def draw_envelope(path: Path, reach: Reach) -> None:
     """The surface in three dimensions, and its three projections with the largest cube."""
     from matplotlib import colormaps
     from matplotlib.cm import ScalarMappable
@@ -62,7 +62,7 @@ def _faces(displacement: np.ndarray) -> Iterator[np.ndarray]:
             yield places.reshape(n, n)
 
 
-def cone_figure(path: Path, reach: Reach) -> None:
+def draw_cone(path: Path, reach: Reach) -> None:
     """How far the boresight can be tilted, seen along z of B: direction and distance are those of the tilt."""
     all_round = np.linspace(0.0, 360.0, 361)
     cones = ((reach.cone, PASSIVE), (CLAIMED_LIMIT, REFERENCE), (reach.cone_with_free_twist, ACTIVE))

@@ -43,7 +43,7 @@ class Reach:
 
 
 @cache
-def compute() -> Reach:
+def compute_reach() -> Reach:
     """The workspace of the identified geometry.  Cached: the errata ask for it too."""
     geometry = load().manipulator.geometry
     surface = workspace.sample(geometry, workspace.surface(geometry))

@@ -14,7 +14,7 @@ from ...analysis_result import AnalysisResult
 from ...cosimulation import hold_run
 from ...finding import Finding
 from ...published import ANGLES, published_numbers
-from ..fig06.results import compute as compute_reach
+from ..fig06.results import compute_reach
 from .results import EXACT, FINE, PRINTED, PathResult, largest_error_deg, smallest_error_deg
 from .scenario import (
     BEYOND_DEG,

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 COLOURS = (ACTIVE, PASSIVE, AXES[2])
 
 
-def path_figure(path: Path, results: Sequence[PathResult]) -> None:
+def draw_path(path: Path, results: Sequence[PathResult]) -> None:
     """One path with several methods: targets and response in each plane that the path uses; below the errors."""
     first = results[0]
     planes = [PLANES[first.path]] if first.path in PLANES else list(PLANES.values())

@@ -30,7 +30,7 @@ from ....runs.jitter_record import ORIENTATION, REACHABLE
 from ....runs.options import OptionError, RunOptions
 from ....runs.publish import Findings, publish
 from ....runs.setup import RunSystem, load_system
-from .plots import path_figure
+from .plots import draw_path
 from .results import (
     EPSILON_AS_PUBLISHED,
     EXACT,
@@ -55,9 +55,9 @@ BEYOND_DEG = 0.01  # beyond a limit, where targets must be refused
 
 HOW = (
     "The commander turns each target at once into coarse commands; the plant's coarse legs follow them at their rate "
-    "limit. Target and response are compared at the end of each dwell, when the legs are at rest: an error in motion "
-    "would be the servo's, which the paper's prototype does not have. The response is the orientation that the plant "
-    "computes from its coarse legs by forward kinematics; the error is that of the worst of the three angles."
+    "limit. Target and response are compared at the end of each dwell, when the legs are at rest: while they move, "
+    "the servo adds an error, which the paper's prototype does not have. The response is the orientation that the "
+    "plant computes from its coarse legs by forward kinematics; the error is the largest of the three angles."
 )
 
 
@@ -104,7 +104,7 @@ def path_pictures(folder: Path, results: Sequence[PathResult]) -> list[Picture]:
         (
             path.replace(" ", "_").replace("-", "_"),
             f"Target, response and error along the path: {path}.",
-            partial(path_figure, results=[result for result in results if result.path == path]),
+            partial(draw_path, results=[result for result in results if result.path == path]),
         )
         for path in dict.fromkeys(result.path for result in results)
     ]

@@ -20,7 +20,7 @@ from ...finding import Finding
 from ...shaking import Shaking
 from ..table2.closed_form import ORIENTATIONS
 from .measured import (
-    Measured,
+    Agreements,
     Setup,
     agreement_table,
     compare_setups,
@@ -29,7 +29,7 @@ from .measured import (
     step_table,
     verdict,
 )
-from .plots import cases_figure, deviation_figure, measured_figure, orientations_figure
+from .plots import draw_cases, draw_deviation, draw_measured, draw_orientations
 from .results import FREQUENCY, SUSPENSION_BELOW, Curves, compute_curves
 
 
@@ -44,22 +44,22 @@ def analyse(options: AnalysisOptions, frequency: Array = FREQUENCY) -> AnalysisR
         (
             "orientations",
             "Fig 8: singular values at the four orientations.",
-            partial(orientations_figure, found=at_orientations),
+            partial(draw_orientations, found=at_orientations),
         ),
         (
             "cases",
             "Fig 11: largest singular value, passive, in the four cases, in closed form and as measured on the FMUs.",
-            partial(cases_figure, found=of_cases, measured=measured),
+            partial(draw_cases, found=of_cases, measured=measured),
         ),
         (
             "measured",
             "Fig 8 as measured on the running FMUs, in the band that is shaken.",
-            partial(measured_figure, measured=measured),
+            partial(draw_measured, measured=measured),
         ),
         (
             "deviation",
             "Deviation of what was measured from the closed form: the largest of the three singular values.",
-            partial(deviation_figure, measured=measured),
+            partial(draw_deviation, measured=measured),
         ),
     ]
     return AnalysisResult(
@@ -79,13 +79,13 @@ def analyse(options: AnalysisOptions, frequency: Array = FREQUENCY) -> AnalysisR
 
 
 def findings(
-    at_orientations: Mapping[str, Curves], of_cases: Mapping[str, Curves], measured: Measured | None = None
+    at_orientations: Mapping[str, Curves], of_cases: Mapping[str, Curves], measured: Agreements | None = None
 ) -> list[Finding]:
     """The published numbers of Figs 8 and 11; with co-simulated values only if they were measured."""
     return [*_fig8_findings(at_orientations, measured or {}), *_fig11_findings(of_cases, measured or {})]
 
 
-def _fig8_findings(at_orientations: Mapping[str, Curves], measured: Measured) -> list[Finding]:
+def _fig8_findings(at_orientations: Mapping[str, Curves], measured: Agreements) -> list[Finding]:
     found = at_orientations.values()
     start = attenuation = None
     if measured:
@@ -115,7 +115,7 @@ def _fig8_findings(at_orientations: Mapping[str, Curves], measured: Measured) ->
     ]
 
 
-def _fig11_findings(of_cases: Mapping[str, Curves], measured: Measured) -> list[Finding]:
+def _fig11_findings(of_cases: Mapping[str, Curves], measured: Agreements) -> list[Finding]:
     passive = {case: c.passive for case, c in of_cases.items()}
     runs = {setup.case: _measured_db(a) for setup, a in measured.items() if setup == Setup(case=setup.case)}
     frequency = of_cases["OSM"].frequency
@@ -154,7 +154,7 @@ def _row_farthest_below(curve: Array, other: Array) -> int:
     return int((curve - other)[:, 0].argmin())
 
 
-def paragraphs(measured: Measured) -> list[str]:
+def paragraphs(measured: Agreements) -> list[str]:
     """What was computed and measured, and what follows."""
     return [
         "Closed form: singular values of the matrix from base motion (m, rad, counted alike) to payload rotation. "
@@ -163,19 +163,20 @@ def paragraphs(measured: Measured) -> list[str]:
         "The passive curve does not depend on the bus: in Fig 11 OSM and LSM are one curve, as are LDOSM and LDLSM. "
         "More damping in the fine legs takes away the resonance of the suspension, and changes little above it.",
         "Measured: the four FMUs run at the usual communication step, shaken by a multisine along one axis at a time; "
-        "the matrix is found by least squares over all runs. Model, FMUs and master are checked as one. "
-        "There is no noise: what coherence lacks to one are transients of bus and suspension. " + verdict(measured),
-        "Passive, both motions are outputs of the plant at the same instant, so that no delay is between them. With "
-        "the isolator the communication step counts: it holds acceleration and force, and the plant's acceleration at "
-        "the end of a step is that of the forces held over it. The closed form has all three; a pure delay of 1.5 "
-        "steps does for the largest singular value, not for the smallest near the modes of the bus.",
+        "the matrix is found by least squares over all runs. This checks model, FMUs and master together. "
+        "There is no noise: only transients of bus and suspension lower the coherence. " + verdict(measured),
+        "Without the isolator both motions are outputs of the plant at the same instant: there is no delay between "
+        "them. With the isolator the communication step counts: it holds acceleration and force, and the plant's "
+        "acceleration at the end of a step is that of the forces held over it. The closed form has all three; a pure "
+        "delay of 1.5 steps is enough for the largest singular value, but not for the smallest one near the modes of "
+        "the bus.",
     ]
 
 
 def tables(
     at_orientations: Mapping[str, Curves],
     of_cases: Mapping[str, Curves],
-    measured: Measured,
+    measured: Agreements,
     of_step: Mapping[str, Agreement],
 ) -> list[Table]:
     """All tables."""

@@ -68,10 +68,10 @@ SETUPS = (
     *(Setup(case=case) for case in CASES if case != ORIGINAL),
 )
 
-Measured = Mapping[Setup, Agreement]
+Agreements = Mapping[Setup, Agreement]
 
 
-def compare_setups(options: AnalysisOptions, shaking: Shaking) -> Measured:
+def compare_setups(options: AnalysisOptions, shaking: Shaking) -> Agreements:
     """Shake the FMUs in each of :data:`SETUPS` and compare with the closed form; builds them if they are out of date.
 
     Raises BuildError, CosimError, ValueError.
@@ -88,7 +88,7 @@ def compare_setups(options: AnalysisOptions, shaking: Shaking) -> Measured:
         }
 
 
-def compare_step_models(measured: Measured, step: float) -> dict[str, Agreement]:
+def compare_step_models(measured: Agreements, step: float) -> dict[str, Agreement]:
     """The active response at (0, 0, 0) against the closed form and two coarser ones; ``step`` of communication, s."""
     setup = Setup(active=True)
     exact, loop = measured[setup], setup.loop
@@ -102,7 +102,7 @@ def compare_step_models(measured: Measured, step: float) -> dict[str, Agreement]
     }
 
 
-def verdict(measured: Measured) -> str:
+def verdict(measured: Agreements) -> str:
     """The worst of all setups, in words."""
     compared = measured.values()
     worst_db = max(measured, key=lambda setup: measured[setup].largest_db.max())
@@ -117,7 +117,7 @@ def verdict(measured: Measured) -> str:
     )
 
 
-def agreement_table(measured: Measured) -> Table:
+def agreement_table(measured: Agreements) -> Table:
     """Largest deviations, a row for each setup."""
     header = ("orientation (deg)", "case", "isolator", *_DEVIATIONS, "allowed")
     rows = [
@@ -138,7 +138,7 @@ def step_table(found: Mapping[str, Agreement]) -> Table:
     return Table(caption, ("closed form", *_DEVIATIONS), rows)
 
 
-def entries(measured: Measured) -> list[dict[str, object]]:
+def entries(measured: Agreements) -> list[dict[str, object]]:
     """For the JSON file."""
     return [{"orientation_deg": s.rpy_deg, "case": s.case, "isolator": s.mode, **a.entry} for s, a in measured.items()]
 

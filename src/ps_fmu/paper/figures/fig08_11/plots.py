@@ -16,7 +16,7 @@ from ....theory.transmissibility import singular_values_db
 from ...agreement import ALLOWED_DB, ALLOWED_DEG, BAND, COHERENCE
 from ...bus_cases import CASES, COLOURS
 from ..table2.closed_form import ORIENTATIONS
-from .measured import Measured, Setup
+from .measured import Agreements, Setup
 from .results import Curves
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ MARKERS = {"OSM": "o", "LSM": "x", "LDOSM": "s", "LDLSM": "+"}
 SMALLEST = 1e-8  # of what is shown: below is rounding
 
 
-def orientations_figure(path: Path, found: Mapping[str, Curves]) -> None:
+def draw_orientations(path: Path, found: Mapping[str, Curves]) -> None:
     """Fig 8: all three singular values, passive and active, and the theory (38)."""
     def paint(figure: Figure) -> None:
         panels = figure.subplots(2, 2, sharex=True, sharey=True)
@@ -54,7 +54,7 @@ def orientations_figure(path: Path, found: Mapping[str, Curves]) -> None:
     draw(path, 12.0, 9.0, paint)
 
 
-def cases_figure(path: Path, found: Mapping[str, Curves], measured: Measured) -> None:
+def draw_cases(path: Path, found: Mapping[str, Curves], measured: Agreements) -> None:
     """Fig 11: the largest singular value, passive, of the four cases: theory (38) dotted, markers as measured."""
     def paint(figure: Figure) -> None:
         axes = figure.subplots()
@@ -79,7 +79,7 @@ def cases_figure(path: Path, found: Mapping[str, Curves], measured: Measured) ->
     draw(path, 12.0, 7.0, paint)
 
 
-def measured_figure(path: Path, measured: Measured) -> None:
+def draw_measured(path: Path, measured: Agreements) -> None:
     """Fig 8 from the running FMUs: all three singular values, passive and active, on those in closed form."""
 
     def paint(figure: Figure) -> None:
@@ -106,7 +106,7 @@ def measured_figure(path: Path, measured: Measured) -> None:
     draw(path, 12.0, 9.0, paint)
 
 
-def deviation_figure(path: Path, measured: Measured) -> None:
+def draw_deviation(path: Path, measured: Agreements) -> None:
     """Largest deviation of a singular value from the closed form, in gain and phase, and one less the coherence.
 
     Columns: the orientations passive, the same active, the cases of Fig 11.

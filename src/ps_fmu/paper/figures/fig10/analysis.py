@@ -20,7 +20,7 @@ from ...finding import Finding
 from ...published import published_numbers
 from ...shaking import Shaking
 from .open_loop import SHAKING, OpenLoop, open_loops
-from .plots import DRAWN, bode_figure, distance_beyond, nyquist_figure, sensitivity_figure
+from .plots import DRAWN, distance_beyond, draw_bode, draw_nyquist, draw_sensitivity
 from .pulse_response import PulseResponse
 from .results import BAND, LONGEST, WIDE, LoopVerdict, judge, least_gain_ratio_db
 from .scenario import HOW, load_shaken_system, measure, response_pictures, response_table, verdict
@@ -41,18 +41,18 @@ def analyse(options: AnalysisOptions, scenario: Scenario, shaking: Shaking = SHA
         (
             "bode",
             "Fig 10: element (1, 1) of the loop transfer matrix with the delay; dots: measured on the FMUs.",
-            partial(bode_figure, verdicts=verdicts, opened=opened),
+            partial(draw_bode, verdicts=verdicts, opened=opened),
         ),
         (
             "nyquist",
             "det(E - L) along the imaginary axis: stable if the curve does not go round the origin. Arrows: rising "
             f"frequency. What is not drawn, above {DRAWN:g} Hz, stays within {distance_beyond(verdicts):.2f} of one.",
-            partial(nyquist_figure, verdicts=verdicts),
+            partial(draw_nyquist, verdicts=verdicts),
         ),
         (
             "sensitivity",
             "Sensitivity S of (48), and the small-gain condition (62) with T of (63) and its bound (64).",
-            partial(sensitivity_figure, verdicts=verdicts),
+            partial(draw_sensitivity, verdicts=verdicts),
         ),
     )
     pictures = draw_pictures(options.output, "stability", figures)
@@ -147,8 +147,8 @@ def paragraphs(
         f"The largest gain of element (1, 1) is stated twice: around the suspension, {_band_text(BAND)}, and over "
         f"{_band_text(WIDE)}. With large damping the second is larger, at a mode of the coarse rods.",
         _small_gain_text(verdicts),
-        "Open loop on the running FMUs: the disturbance shakes the base of one plant FMU, the isolator FMU is given "
-        "the first component of its acceleration alone, and its forces act on a second plant FMU; L11 is the "
+        "Open loop on the running FMUs: the disturbance shakes the base of one plant FMU, the isolator FMU gets "
+        "only the first component of its acceleration, and its forces act on a second plant FMU; L11 is the "
         "acceleration of the second base over that of the first. The communication step is in it: a delay of one step "
         "near the resonance, of 1.5 steps well above. Against the closed form with the step it is within "
         f"{deviation[0]:.3f} dB and {deviation[1]:.2f} deg at the {checked} of {lines} lines with enough coherence.",
@@ -161,11 +161,11 @@ def _small_gain_text(verdicts: Mapping[str, LoopVerdict]) -> str:
     certain = [case for case, v in verdicts.items() if v.small_gain.value < 1.0]
     rest = [f"{case} ({v.small_gain.value:.2f})" for case, v in verdicts.items() if case not in certain]
     return (
-        "The small-gain condition (62) is sufficient only. For the delay alone, on the nominal system with the damping "
-        f"of its bus modes, sigma(T) |Delta| stays below one for {', '.join(certain) or 'none'}, so that these are "
-        f"certainly stable as far as the delay goes; it says nothing of {', '.join(rest) or 'none'}, stable though "
-        "that is. Without damping of the bus modes, as in the paper's equations, T is infinite at the free modes of "
-        "the arrays, and (62) holds in no case."
+        "The small-gain condition (62) is sufficient only. For the delay alone, on the nominal system with the "
+        f"damping of its bus modes, sigma(T) |Delta| stays below one for {', '.join(certain) or 'none'}, so that these "
+        f"are certainly stable as far as the delay goes; it says nothing of {', '.join(rest) or 'none'}, which is "
+        "stable all the same. Without damping of the bus modes, as in the paper's equations, T is infinite at the "
+        "free modes of the arrays, and (62) holds in no case."
     )
 
 
@@ -238,7 +238,8 @@ def _pole_table(verdicts: Mapping[str, LoopVerdict]) -> Table:
     return Table(
         "Poles of the closed loop with the delay (rad/s), those above the real axis, slowest first. Left out: the "
         'free base and the high-pass, below 0.01 rad/s; whatever is to the left of "next" (delay and low-pass), and '
-        "what is beyond 600 rad/s (rods, truss). That none of these is in the right half-plane the count about +1 says",
+        "what is beyond 600 rad/s (rods, truss). The count about +1 shows that none of these is in the right "
+        "half-plane",
         ("pole", *verdicts),
         rows,
     )

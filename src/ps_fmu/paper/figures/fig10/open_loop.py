@@ -22,7 +22,7 @@ from ....theory.loop import loop_at
 from ....theory.margins import Margins, margins
 from ....theory.sampled import loop_sampled
 from ....theory.transfer_matrices import Complex
-from ...agreement import coherent
+from ...agreement import coherent_lines
 from ...analysis import AnalysisOptions
 from ...bus_cases import CASES, case_start_values, load_case
 from ...cosimulation import load_built_system
@@ -85,7 +85,7 @@ class OpenLoop:
     def checked(self) -> NDArray[np.bool_]:
         """(n,): lines with enough coherence.  Raises ValueError if there is none."""
         f = self.response.frequency
-        return coherent(self.response, (f[0], f[-1]))
+        return coherent_lines(self.response, (f[0], f[-1]))
 
     @property
     def entry(self) -> dict[str, object]:

@@ -31,7 +31,7 @@ CLOSE = (-0.6, 2.2)  # of the real part: OSM, LDOSM and LDLSM stay near one
 ARROWS = {"OSM": (5.0, 5.3), "LSM": (5.0, 5.3, 5.7), "LDOSM": (8.0,), "LDLSM": (4.0, 12.0)}
 
 
-def bode_figure(path: Path, verdicts: Mapping[str, LoopVerdict], opened: Mapping[str, OpenLoop]) -> None:
+def draw_bode(path: Path, verdicts: Mapping[str, LoopVerdict], opened: Mapping[str, OpenLoop]) -> None:
     """Gain and phase of L11, as in Fig 10, with what was measured on the FMUs."""
     frequency = np.geomspace(1.0, 300.0, 3000)  # Hz
     dots: dict[str, Any] = {"marker": "o", "markersize": 4.0, "linestyle": "none", "color": "k", "fillstyle": "none"}
@@ -65,7 +65,7 @@ def bode_figure(path: Path, verdicts: Mapping[str, LoopVerdict], opened: Mapping
     draw(path, 10.0, 8.0, paint)
 
 
-def nyquist_figure(path: Path, verdicts: Mapping[str, LoopVerdict]) -> None:
+def draw_nyquist(path: Path, verdicts: Mapping[str, LoopVerdict]) -> None:
     """det(E - L) with the critical point at the origin, beside det(E + L), the paper's reading; below, seen closely."""
 
     def paint(figure: Figure) -> None:
@@ -118,7 +118,7 @@ def _draw_arrows(axes: Axes, ends: Complex, colour: str) -> None:
         )  # fmt: skip
 
 
-def sensitivity_figure(path: Path, verdicts: Mapping[str, LoopVerdict]) -> None:
+def draw_sensitivity(path: Path, verdicts: Mapping[str, LoopVerdict]) -> None:
     """Largest singular value of S of the practical loop; below, the left-hand side of the small-gain condition."""
     def paint(figure: Figure) -> None:
         upper, lower = figure.subplots(2, 1, sharex=True)
@@ -152,7 +152,7 @@ def _break_jumps(angle: Array) -> Array:
     return broken
 
 
-def response_figure(path: Path, responses: Sequence[PulseResponse], what: str) -> None:
+def draw_response(path: Path, responses: Sequence[PulseResponse], what: str) -> None:
     """``what``: "fine", envelope of the fine displacements, logarithmic; "payload", rotation of the payload."""
     names = list(dict.fromkeys(r.name for r in responses))
 
@@ -161,7 +161,7 @@ def response_figure(path: Path, responses: Sequence[PulseResponse], what: str) -
         for axes, name in zip(grid, names, strict=False):
             for r in responses:
                 if r.name == name or (not r.enabled and r.case == name.split(",")[0]):
-                    (_fine if what == "fine" else _payload)(axes, r)
+                    (_draw_fine if what == "fine" else _draw_payload)(axes, r)
             axes.set_title(name)
             axes.set_xlabel("time (s)")
         for axes in grid[len(names) :]:
@@ -174,7 +174,7 @@ def response_figure(path: Path, responses: Sequence[PulseResponse], what: str) -
     draw(path, 14.0, 8.0, paint)
 
 
-def _fine(axes: Axes, r: PulseResponse) -> None:
+def _draw_fine(axes: Axes, r: PulseResponse) -> None:
     time, largest = _envelope(r.time, np.abs(r.fine).max(axis=1))
     axes.semilogy(time, 1e6 * largest, color=_colour(r), label=_label(r))
     if r.enabled:
@@ -185,7 +185,7 @@ def _fine(axes: Axes, r: PulseResponse) -> None:
         axes.semilogy(time[shown], 1e6 * rate[shown], "k--", lw=1.2, label="rate of the predicted pole")
 
 
-def _payload(axes: Axes, r: PulseResponse) -> None:
+def _draw_payload(axes: Axes, r: PulseResponse) -> None:
     axes.plot(r.time, 1e6 * r.rotation[:, 0], color=_colour(r), lw=1.2, label=_label(r))
 
 

@@ -28,7 +28,7 @@ from ....runs.publish import Findings, publish
 from ....runs.setup import RunSystem, load_system
 from ....theory.loop import Loop, loop_of
 from ...bus_cases import CASES, case_start_values
-from .plots import response_figure
+from .plots import draw_response
 from .pulse_response import PULSE_S, PulseResponse, paper_delay_s
 
 BEYOND_S = 0.1  # delay of the fifth run of the lighter module: its limit is 0.0916 s, and 1000 steps are kept
@@ -39,8 +39,8 @@ FINE = tuple(f"plant.fine_displacement_{leg}" for leg in (1, 2, 3))
 
 HOW = (
     "A pulse of force and torque shakes the bus for 0.4 s; it has neither an impulse nor an offset, so that the bus "
-    "is left where it was. The free motion of the fine legs after it is taken apart into its modes (eigensystem "
-    "realisation); shown is that between 2 and 20 Hz which decays most slowly, or grows. Predicted: the same pole of "
+    "is left where it was. Then the free motion of the fine legs is split into its modes (eigensystem realisation). "
+    "The table shows the mode between 2 and 20 Hz that decays most slowly, or grows. Predicted: the same pole of "
     "the closed loop with the delay, and the communication step that the exchange takes."
 )
 
@@ -52,7 +52,7 @@ def run(options: RunOptions) -> None:
     system = load_shaken_system(options)
     responses = measure(system, options)
     table = response_table(responses)
-    text = [HOW, *verdict(responses), *_not_predicted(system)]
+    text = [HOW, *verdict(responses), *_unpredicted_text(system)]
     print(table.to_text(), *text[1:], sep="\n")
     pictures = response_pictures(options.output, responses)
     publish(
@@ -146,7 +146,7 @@ def verdict(responses: Sequence[PulseResponse]) -> list[str]:
     return said
 
 
-def _not_predicted(system: RunSystem) -> list[str]:
+def _unpredicted_text(system: RunSystem) -> list[str]:
     """What the system has and the prediction has not, as a sentence."""
     found = [name for name in ("isolator.sample_time", "isolator.force_limit") if system.get_number(name)]
     return [f"Not in the predictions: {', '.join(found)}."] if found else []
@@ -165,15 +165,14 @@ def response_pictures(folder: Path, responses: Sequence[PulseResponse]) -> list[
     figures = (
         (
             "fine",
-            "Largest displacement of a fine leg; dashed: rate of the predicted pole. What is left in the end is made "
-            "by the modes of the arrays, with time constants of 20 to 70 s; with large damping that is all from 0.6 s "
-            "on.",
-            partial(response_figure, responses=responses, what="fine"),
+            "Largest displacement of a fine leg; dashed: rate of the predicted pole. In the end only the modes of "
+            "the arrays are left, with time constants of 20 to 70 s; with large damping from 0.6 s on.",
+            partial(draw_response, responses=responses, what="fine"),
         ),
         (
             "payload",
             "Rotation of the payload about the first axis.",
-            partial(response_figure, responses=responses, what="payload"),
+            partial(draw_response, responses=responses, what="payload"),
         ),
     )
     return draw_pictures(folder, "stability", figures)

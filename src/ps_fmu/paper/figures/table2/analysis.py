@@ -24,8 +24,8 @@ from .closed_form import (
     rejection,
     second_axis_text,
 )
-from .plots import cumulative_figure, image_figure, rms_figure
-from .results import EDGES, OrientationResult, compute, deviation_percent, nominal_densities, shares
+from .plots import draw_cumulative, draw_image, draw_rms
+from .results import EDGES, OrientationResult, compute_results, deviation_percent, nominal_densities, shares
 from .scenario import measure, published_remarks
 
 LARGEST_DEVIATION = 10.0  # percent: a value farther from the published one gets a remark
@@ -36,24 +36,24 @@ def analyse(options: AnalysisOptions, scenario: Scenario) -> AnalysisResult:
     with hold_run(options, scenario) as run:
         measured = measure(run)
     parameters = load()
-    results = compute(parameters, measured, run.step_s, options.seed)
+    results = compute_results(parameters, measured, run.step_s, options.seed)
     densities = nominal_densities(parameters, run.step_s)
     figures = (
         (
             "image",
             "Fig 9: co-simulated image points with hull; ellipses of the closed form, active with "
             f"{LOOP_DELAY:g} steps of delay.",
-            partial(image_figure, results=results),
+            partial(draw_image, results=results),
         ),
         (
             "rms",
             "Table 2: RMS as published, in closed form without the delay of the communication step, and co-simulated.",
-            partial(rms_figure, results=results),
+            partial(draw_rms, results=results),
         ),
         (
             "cumulative",
-            f"RMS of all that lies below a frequency, closed form with {LOOP_DELAY:g} steps of delay, at (0, 0, 0).",
-            partial(cumulative_figure, densities=densities),
+            f"RMS of everything below a frequency, closed form with {LOOP_DELAY:g} steps of delay, at (0, 0, 0).",
+            partial(draw_cumulative, densities=densities),
         ),
     )
     return AnalysisResult(
@@ -231,14 +231,14 @@ def paragraphs(results: Mapping[str, OrientationResult], densities: list[tuple[A
         "Closed form: covariance of the payload's rotation, integral of G S G^H over the band of the disturbance, with "
         "G from the wrench on the bus to the rotation by the equations of the practical plant and the controller (55).",
         "Co-simulated: the four FMUs with a deterministic multisine, as in the scenario table2. Its inputs are "
-        "uncorrelated in what they move as a free body; near the 5 Hz resonance of the fine legs, from which the "
-        "active RMS comes, some correlation is left. So the closed form is also given for the very lines of this "
-        f"disturbance: against that, the runs differ by {max(worst[:half]):.2f} % at most passive, "
-        f"{max(worst[half:]):.2f} % active.",
+        "uncorrelated as far as they move the bus as a free body; near the 5 Hz resonance of the fine legs, from "
+        "which the active RMS comes, some correlation is left. So there is also a closed form for the lines of this "
+        f"disturbance. From it the runs differ by {max(worst[:half]):.2f} % at most passive, {max(worst[half:]):.2f} % "
+        "active.",
         f"The closed form for comparison has a delay of {LOOP_DELAY:g} communication steps in the loop: the exchange "
-        "takes one, and a force that is held for a step is late by half a step. The runs are matched best by "
+        "takes one, and a force that is held for a step is late by half a step. It comes closest to the runs with "
         f"{min(fitted):.2f} to {max(fitted):.2f} steps.",
-        f"Where it comes from, at (0, 0, 0): {passive[0].min():.0f} to {passive[0].max():.0f} % of the passive "
+        f"Sources of the jitter at (0, 0, 0): {passive[0].min():.0f} to {passive[0].max():.0f} % of the passive "
         f"variance lie below 0.2 Hz, the rigid motion of the bus; {active[2].min():.0f} to {active[2].max():.0f} % of "
         "the active variance lie between 2 and 20 Hz: the resonance of the fine legs, and the delay of the low-pass "
         "M(s) there.",

@@ -68,9 +68,9 @@ def second_axis_text(measured: Mapping[str, Array]) -> str:
 
     theory = {name: closed_form(name)[1].rms for name in measured}
     return (
-        "The active RMS of the second axis is not that of the paper: ours over the published one is "
-        f"{factors(theory)} in closed form and {factors(measured)} co-simulated at the orientations in their order. It "
-        "depends on details that the paper does not give. Nothing was tuned to it."
+        f"The active RMS of the second axis is not reproduced: our value over the published one is {factors(theory)} "
+        f"in closed form and {factors(measured)} co-simulated at the orientations in the order of Table 2. It depends "
+        "on details that the paper does not give. Nothing was tuned to it."
     )
 
 
@@ -80,9 +80,9 @@ def knowledge_text() -> str:
     error = 1e3 * com_error_P(p)
     cost, perfect = (", ".join(f"{value:.2f}" for value in rejection("nominal", knows)) for knows in (False, True))
     return (
-        "The rejection has an error of the isolator in it, which was identified from Table 2: the payload's centre of "
-        f"mass as it knows it is off by ({', '.join(f'{value:+.2f}' for value in error)}) mm in axes of P, "
-        f"{np.linalg.norm(error):.1f} mm. With it the rejection at (0, 0, 0) is {cost} % in closed form (published: "
+        "The isolator knows the payload's centre of mass with an error, which was identified from Table 2: "
+        f"({', '.join(f'{value:+.2f}' for value in error)}) mm in axes of P, {np.linalg.norm(error):.1f} mm in all. "
+        f"With this error the rejection at (0, 0, 0) is {cost} % in closed form (published: "
         f"{', '.join(f'{value:g}' for value in published_value('nominal', 'rejection'))} %); with the true centre of "
         f"mass it would be {perfect} %."
     )

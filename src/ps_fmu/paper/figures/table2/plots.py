@@ -24,15 +24,15 @@ if TYPE_CHECKING:
 DEVIATIONS = ((1.0, "-"), (3.0, "--"))  # standard deviations of the ellipses, and their lines
 
 
-def image_figure(path: Path, results: Mapping[str, OrientationResult]) -> None:
+def draw_image(path: Path, results: Mapping[str, OrientationResult]) -> None:
     """Image points and hull of the runs, ellipses of the closed form; passive above, active below."""
 
     def paint(figure: Figure) -> None:
         grid = figure.subplots(2, len(results), squeeze=False)
         for column, r in enumerate(results.values()):
             passive, active = grid[:, column]
-            _cloud(passive, r.measured.passive.scatter, r.theory[0], PASSIVE, 1e6, "µm")
-            _cloud(active, r.measured.active.scatter, r.delayed, ACTIVE, 1e9, "nm")
+            _draw_cloud(passive, r.measured.passive.scatter, r.theory[0], PASSIVE, 1e6, "µm")
+            _draw_cloud(active, r.measured.active.scatter, r.delayed, ACTIVE, 1e9, "nm")
             passive.set_title(f"{format_angles(ORIENTATIONS[r.name])}°")
         grid[0, 0].set_ylabel("passive, y (µm)")
         grid[1, 0].set_ylabel("active, y (nm)")
@@ -43,13 +43,13 @@ def image_figure(path: Path, results: Mapping[str, OrientationResult]) -> None:
             )
             for axes in row:
                 axes.set(xlim=(-across, across), ylim=(-along, along), aspect="equal")
-        _legend(figure)
+        _add_legend(figure)
         figure.suptitle("Image point: co-simulated, and standard deviations in closed form")
 
     draw(path, 15.0, 9.0, paint)
 
 
-def _legend(figure: Figure) -> None:
+def _add_legend(figure: Figure) -> None:
     """One legend for both rows: points and hull in the colours of either."""
     from matplotlib.legend_handler import HandlerTuple
     from matplotlib.lines import Line2D
@@ -66,7 +66,7 @@ def _legend(figure: Figure) -> None:
     )  # fmt: skip
 
 
-def _cloud(axes: Axes, scatter: Scatter, theory: Jitter, colour: str, factor: float, unit: str) -> None:
+def _draw_cloud(axes: Axes, scatter: Scatter, theory: Jitter, colour: str, factor: float, unit: str) -> None:
     points, hull = ((values - scatter.centre) * factor for values in (scatter.points, scatter.hull))
     axes.plot(*points.T, ".", color=colour, ms=2.0, alpha=0.4, mew=0.0)
     axes.plot(*np.concatenate((hull, hull[:1])).T, color=colour)
@@ -83,7 +83,7 @@ def _ellipse(covariance: Array) -> Array:
     return np.asarray(vectors @ (np.sqrt(values)[:, None] * np.stack([np.cos(turn), np.sin(turn)])))
 
 
-def rms_figure(path: Path, results: Mapping[str, OrientationResult]) -> None:
+def draw_rms(path: Path, results: Mapping[str, OrientationResult]) -> None:
     """Bars for each orientation and axis: published, closed form, co-simulated; passive above, active below."""
 
     def paint(figure: Figure) -> None:
@@ -121,7 +121,7 @@ def rms_figure(path: Path, results: Mapping[str, OrientationResult]) -> None:
     draw(path, 13.0, 8.5, paint)
 
 
-def cumulative_figure(path: Path, densities: Sequence[tuple[Array, Array]]) -> None:
+def draw_cumulative(path: Path, densities: Sequence[tuple[Array, Array]]) -> None:
     """RMS of everything below a frequency, three axes; passive on the left, active on the right."""
     def paint(figure: Figure) -> None:
         for axes, (frequency, density), case, factor, unit in zip(

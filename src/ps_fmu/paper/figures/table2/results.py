@@ -35,7 +35,7 @@ class OrientationResult:
     """As co-simulated."""
 
 
-def compute(p: Parameters, measured: Measurement, step_s: float, seed: int) -> dict[str, OrientationResult]:
+def compute_results(p: Parameters, measured: Measurement, step_s: float, seed: int) -> dict[str, OrientationResult]:
     """Compute the closed forms for runs with a communication step (s) and a seed of the disturbance."""
     focal_length = p.optics.focal_length
     density = psd_at_origin(p.noise.wrench_psd_B, p.bus.com_B)

@@ -85,7 +85,8 @@ def run(options: RunOptions) -> None:
     rows_of_all = [row for name, comparison in found.items() for row in _rows(name, comparison)]
     table = Table("Jitter of the payload against Table 2", _header(), rows_of_all)
     refused = [explain_refusal(comparison.target_deg) for comparison in found.values() if not comparison.reachable]
-    remarks = [_window(measured), _drift(found.values()), _off_axis(measured.system, found), *published_remarks()]
+    second_axis = _second_axis_remark(measured.system, found)
+    remarks = [_window_text(measured), _drift_text(found.values()), second_axis, *published_remarks()]
     text = [HOW, *refused, *remarks]
     print(table.to_text(), *text[1:], sep="\n")
 
@@ -134,7 +135,7 @@ def period_s(duration_s: float) -> float:
     return period if period >= SHORTEST_PERIOD_S else USUAL_PERIOD_S
 
 
-def _off_axis(system: RunSystem, found: Mapping[str, Comparison]) -> str:
+def _second_axis_remark(system: RunSystem, found: Mapping[str, Comparison]) -> str:
     """What is to be said of the second axis; nothing is where parameter files make another system of it."""
     given = {name: entry.value for name, entry in system.given.items()}
     if others := list_departures(given):
@@ -145,7 +146,7 @@ def _off_axis(system: RunSystem, found: Mapping[str, Comparison]) -> str:
     return second_axis_text({name: comparison.rms_active for name, comparison in found.items()})
 
 
-def _window(measured: Measurement) -> str:
+def _window_text(measured: Measurement) -> str:
     first, period = measured.start_s, measured.period_s
     text = (
         f"Statistics from {first:g} s, when the disturbance has risen and what that shook has settled, to "
@@ -161,7 +162,7 @@ def _window(measured: Measurement) -> str:
     return f"{text}: not a whole number of its periods of {period:g} s, so the values are not those of Table 2."
 
 
-def _drift(found: Iterable[Comparison]) -> str:
+def _drift_text(found: Iterable[Comparison]) -> str:
     """The largest difference between the halves of the window, over the RMS."""
     ratios = [
         np.abs(jitter.drift) / np.where(jitter.statistics.rms > 0.0, jitter.statistics.rms, np.nan)
