@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-from ..cosim import System, read_system
+from ..cosim import Column, System, read_system
+from ..results.observers.sampler import SampleObserver
 from ..runs.built_fmus import ensure_built
 from ..runs.options import OptionError, RunOptions, Scenario
 from ..runs.output import hold_folder
@@ -68,3 +69,16 @@ def hold_run(
     ensure_built(options.fmus, find_default_fmus().parent)
     with hold_folder(run.output):
         yield run
+
+
+class SampleRecord:
+    """What :func:`ps_fmu.runs.cases.run_case` records: rows of a run, an observer for each pair of names and rows."""
+
+    def __init__(self, *wanted: tuple[Sequence[str], Sequence[int]]) -> None:
+        self._wanted = wanted
+        self.observers: list[SampleObserver] = []
+
+    def __call__(self, columns: tuple[Column, ...]) -> SampleRecord:
+        """Make the observers for a run with these columns."""
+        self.observers = [SampleObserver(columns, names, rows) for names, rows in self._wanted]
+        return self

@@ -10,6 +10,7 @@ import numpy as np
 from ...mechanism import workspace
 from ...mechanism.parameters import Array, Geometry, Parameters, load
 from ...results.style import ACTIVE, PASSIVE, REFERENCE, draw
+from ..figures.fig10.plots import break_jumps
 from ..figures.fig10.results import BAND
 from ..figures.table2.closed_form import ORIENTATIONS
 from ..published import ANGLES, published_numbers
@@ -89,9 +90,7 @@ def draw_loop(path: Path, found: Identification) -> None:
         ):
             L = curve(p)
             gain.semilogx(frequency, 20.0 * np.log10(np.abs(L)), color=colour, linewidth=width, label=label)
-            angle = np.degrees(np.angle(L))
-            angle[1:][np.abs(np.diff(angle)) > 180.0] = np.nan  # no lines across the plot
-            phase.semilogx(frequency, angle, color=colour, linewidth=width)
+            phase.semilogx(frequency, break_jumps(np.degrees(np.angle(L))), color=colour, linewidth=width)
         gain.plot([first, second], [0.0, 0.0], "o", color=PASSIVE, label="Fig 10")
         phase.plot([turning, second], [-180.0, margin + 180.0], "o", color=PASSIVE)
         gain.axhline(0.0, color=REFERENCE, linestyle="--", linewidth=1.0)

@@ -18,10 +18,9 @@ from pathlib import Path
 import numpy as np
 
 from ....control.commander import DEFAULT_ALGORITHM_1
-from ....cosim import Column, Value
+from ....cosim import Value
 from ....mechanism.inverse_kinematics import inverse_kinematics
 from ....mechanism.parameters import Array, load
-from ....results.observers.sampler import SampleObserver
 from ....results.report import Picture, draw_pictures
 from ....results.tables import Table
 from ....runs.cases import Case, run_case
@@ -30,6 +29,7 @@ from ....runs.jitter_record import ORIENTATION, REACHABLE
 from ....runs.options import OptionError, RunOptions
 from ....runs.publish import Findings, publish
 from ....runs.setup import RunSystem, load_system
+from ...cosimulation import SampleRecord
 from .plots import draw_path
 from .results import (
     EPSILON_AS_PUBLISHED,
@@ -222,9 +222,11 @@ def _follow(
         for port, angle in zip(TARGET, targets[k], strict=True)
     ]
     name = re.sub(r"[^a-z0-9]+", "_", f"{path} {method}".lower())
-    record = _Record(dwell_steps, len(targets))
-    duration = len(targets) * dwell_steps * options.step_s
-    outcome, _ = run_case(system, options, Case(name, values, events), record, duration_s=duration)
+    steps = len(targets) * dwell_steps
+    ends = range(dwell_steps, steps + 1, dwell_steps)
+    along_the_way = range(0, steps + 1, max(dwell_steps // 50, 1))
+    record = SampleRecord(((*ORIENTATION, RESIDUAL, REACHABLE), ends), (ORIENTATION, along_the_way))
+    outcome, _ = run_case(system, options, Case(name, values, events), record, duration_s=steps * options.step_s)
     at_rest, motion = record.observers
     return PathResult(
         path,
@@ -236,22 +238,6 @@ def _follow(
         motion.values(*ORIENTATION),
         at_rest.values(REACHABLE)[:, 0] < 0.5,
     )
-
-
-class _Record:
-    """Values at the end of each dwell, and fifty per dwell in between."""
-
-    def __init__(self, dwell_steps: int, count: int) -> None:
-        self._ends = (np.arange(1, count + 1) * dwell_steps).tolist()
-        self._between = np.arange(0, count * dwell_steps + 1, max(dwell_steps // 50, 1)).tolist()
-        self.observers: list[SampleObserver] = []
-
-    def __call__(self, columns: tuple[Column, ...]) -> _Record:
-        self.observers = [
-            SampleObserver(columns, (*ORIENTATION, RESIDUAL, REACHABLE), self._ends),
-            SampleObserver(columns, ORIENTATION, self._between),
-        ]
-        return self
 
 
 def _entry(result: PathResult) -> dict[str, object]:

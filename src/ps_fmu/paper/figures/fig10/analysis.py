@@ -19,7 +19,7 @@ from ...cosimulation import hold_run
 from ...finding import Finding
 from ...published import published_numbers
 from ...shaking import Shaking
-from .open_loop import SHAKING, OpenLoop, open_loops
+from .open_loop import SHAKING, OpenLoop, measure_open_loops
 from .plots import DRAWN, distance_beyond, draw_bode, draw_nyquist, draw_sensitivity
 from .pulse_response import PulseResponse
 from .results import BAND, LONGEST, WIDE, LoopVerdict, judge, least_gain_ratio_db
@@ -34,7 +34,7 @@ def analyse(options: AnalysisOptions, scenario: Scenario, shaking: Shaking = SHA
     delay = published_numbers()["text.delay"].value
     with hold_run(options, scenario) as run:
         responses = measure(load_shaken_system(run), run)
-    opened = open_loops(options, delay, shaking)
+    opened = measure_open_loops(options, delay, shaking)
     bar = tqdm(CASES, unit="case", disable=not options.progress, desc="stability")
     verdicts = {case: judge(case, delay) for case in bar}
     figures = (

@@ -104,7 +104,7 @@ class OpenLoop:
         }
 
 
-def open_loops(options: AnalysisOptions, delay_s: float, shaking: Shaking = SHAKING) -> dict[str, OpenLoop]:
+def measure_open_loops(options: AnalysisOptions, delay_s: float, shaking: Shaking = SHAKING) -> dict[str, OpenLoop]:
     """Measure the four cases; builds the FMUs if they are out of date.  Raises BuildError, CosimError."""
     system = load_built_system(options)
     found = {}

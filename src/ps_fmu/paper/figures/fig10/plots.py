@@ -42,7 +42,7 @@ def draw_bode(path: Path, verdicts: Mapping[str, LoopVerdict], opened: Mapping[s
             L = verdict.loop.transfer(2j * np.pi * frequency)[:, 0, 0]
             gain.semilogx(frequency, 20.0 * np.log10(np.abs(L)), color=COLOURS[case], label=case)
             shown = frequency < 30.0  # beyond, the delay turns the phase too fast to be read
-            phase.semilogx(frequency[shown], _break_jumps(np.degrees(np.angle(L)))[shown], color=COLOURS[case])
+            phase.semilogx(frequency[shown], break_jumps(np.degrees(np.angle(L)))[shown], color=COLOURS[case])
             measured = opened[case]
             f, values = measured.response.frequency, measured.values
             some = np.unique(np.searchsorted(f, np.geomspace(f[0], f[-1], 90)).clip(max=len(f) - 1))
@@ -145,7 +145,7 @@ def draw_sensitivity(path: Path, verdicts: Mapping[str, LoopVerdict]) -> None:
     draw(path, 10.0, 9.0, paint)
 
 
-def _break_jumps(angle: Array) -> Array:
+def break_jumps(angle: Array) -> Array:
     """Angles, deg, with NaN where they jump, so that no line crosses the plot."""
     broken = angle.copy()
     broken[1:][np.abs(np.diff(angle)) > 180.0] = np.nan

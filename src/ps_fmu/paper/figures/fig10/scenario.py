@@ -14,11 +14,9 @@ from pathlib import Path
 
 import numpy as np
 
-from ....cosim import Column
 from ....disturbance.kinds.recording import HEADER as RECORDING
 from ....interface.parameter_sets import build_plant_and_isolator
 from ....mechanism.parameters import Array
-from ....results.observers.sampler import SampleObserver
 from ....results.report import Picture, draw_pictures
 from ....results.tables import Table, format_number
 from ....runs.cases import Case, run_case
@@ -28,6 +26,7 @@ from ....runs.publish import Findings, publish
 from ....runs.setup import RunSystem, load_system
 from ....theory.loop import Loop, loop_of
 from ...bus_cases import CASES, case_start_values
+from ...cosimulation import SampleRecord
 from .plots import draw_response
 from .pulse_response import PULSE_S, PulseResponse, paper_delay_s
 
@@ -105,27 +104,21 @@ def _respond(system: RunSystem, options: RunOptions, case: str, delay_s: float, 
     rows = np.arange(0, options.steps + 1, stride)
     name = f"{case}_{1e3 * delay_s:g}ms_active" if enabled else f"{case}_passive"
     values = {**case_start_values(case), "isolator.enabled": enabled, "isolator.delay": delay_s if enabled else 0.0}
-    outcome, record = run_case(system, options, Case(name, values), lambda columns: _Record(columns, rows.tolist()))
+    names = (*FINE, *ROTATION, *ORIENTATION)
+    outcome, record = run_case(system, options, Case(name, values), SampleRecord((names, rows.tolist())))
+    (samples,) = record.observers
     plant, isolator = build_plant_and_isolator(system.structure.with_parameters(values))
-    loop = loop_of(plant, isolator, record.samples.values(*ORIENTATION)[0], delay_s + options.step_s)
+    loop = loop_of(plant, isolator, samples.values(*ORIENTATION)[0], delay_s + options.step_s)
     return PulseResponse(
         case=case,
         delay_s=delay_s,
         enabled=enabled,
         outcome=outcome,
         time=np.asarray(rows * options.step_s),
-        fine=record.samples.values(*FINE),
-        rotation=record.samples.values(*ROTATION),
+        fine=samples.values(*FINE),
+        rotation=samples.values(*ROTATION),
         loop=loop,
     )
-
-
-class _Record:
-    """Samples of the fine displacements, of the payload's rotation, and of the pose."""
-
-    def __init__(self, columns: tuple[Column, ...], rows: Sequence[int]) -> None:
-        self.samples = SampleObserver(columns, (*FINE, *ROTATION, *ORIENTATION), rows)
-        self.observers = [self.samples]
 
 
 def verdict(responses: Sequence[PulseResponse]) -> list[str]:
