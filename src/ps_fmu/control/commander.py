@@ -44,7 +44,7 @@ class Algorithm1(Checked):
     max_iterations: int = quantity("1", "Iterations after which Algorithm 1 gives up", at_least=1)
 
     def __post_init__(self) -> None:
-        self._numbers("mu", "epsilon")
+        super().__post_init__()
         check_number(self.max_iterations, "max_iterations", at_least=1)
 
     def solver(self) -> Solver:

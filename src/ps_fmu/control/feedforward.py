@@ -19,16 +19,13 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..mechanism.discretisation import held_step_map, zero_order_hold
 from ..mechanism.dynamics import Pose, payload_mass
 from ..mechanism.kinematics import jacobians
 from ..mechanism.legs import leg_mass
 from ..mechanism.parameters import FeedforwardFilters, Manipulator, Payload
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
+from ..mechanism.quantities import Array, Complex
 
 
 @dataclass(frozen=True, eq=False)

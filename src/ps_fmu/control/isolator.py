@@ -10,16 +10,13 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..mechanism.dynamics import Pose
 from ..mechanism.inverse_kinematics import trilaterate
 from ..mechanism.parameters import FeedforwardFilters, Manipulator, Parameters, Payload
-from ..mechanism.quantities import group
+from ..mechanism.quantities import Array, group
 from ..mechanism.rotations import rotation_matrix
 from .feedforward import Controller, Lowpass, gains, lowpass
-
-Array = NDArray[np.float64]
 
 
 def known_payload(p: Parameters) -> Payload:

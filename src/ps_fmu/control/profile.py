@@ -77,9 +77,6 @@ class Limits(Checked):
     max_jerk: float = quantity("rad/s3", "Largest third derivative of the commanded orientation", above=0.0)
     min_duration: float = quantity("s", "Shortest duration of a motion, however small", at_least=0.0)
 
-    def __post_init__(self) -> None:
-        self._numbers("max_rate", "max_acceleration", "max_jerk", "min_duration")
-
 
 @dataclass(frozen=True, eq=False)
 class Profile:

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..mechanism.quantities import Array
 from .smooth import crossfade, ramp
 from .spectrum import Layer, Sampler, factor, layers, share
 from .table import Table
-
-Array = NDArray[np.float64]
 
 _KEPT = 2  # blocks per layer: as many as are alive at any time
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from ..mechanism.parameters import Parameters
-from ..mechanism.quantities import Array, Checked, ParameterError, freeze, group, quantity
+from ..mechanism.quantities import Array, Checked, ParameterError, group, quantity
 
 Source = Callable[[Array], Array]  # times (n,), s -> force and torque (n, 6), N and N.m in B at its origin
 
@@ -17,10 +17,7 @@ Source = Callable[[Array], Array]  # times (n,), s -> force and torque (n, 6), N
 class BusCentre(Checked):
     """The point that the noise acts on."""
 
-    com_B: Array = quantity("m", "Centre of mass of the bus, where the noise acts, in B")
-
-    def __post_init__(self) -> None:
-        self._set("com_B", freeze(self.com_B, (3,), "com"))
+    com_B: Array = quantity("m", "Centre of mass of the bus, where the noise acts, in B", shape=(3,))
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,10 +31,10 @@ class SharedSettings(Checked):
     bus: BusCentre = group()
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         if isinstance(self.seed, bool) or self.seed != int(self.seed) or self.seed < 0:
             raise ParameterError("seed", f"expected a whole number, 0 or greater, got {self.seed!r}")
         self._set("seed", int(self.seed))
-        self._numbers("rise_time")
 
 
 class Kind(Checked, ABC):

@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..mechanism.quantities import Array, Complex
 from .phases import orthogonal_phases
 from .smooth import ramp
 from .spectrum import Layer, factor, layers
 from .table import Table
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 _MARGIN = 4  # grid points beyond both ends of the start-up, for interpolation
 

@@ -15,7 +15,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from ..mechanism.quantities import Array
+
 Pairs = tuple[NDArray[np.intp], NDArray[np.intp]]
 
 GROUP = 20  # lines; with six inputs 100 phase differences meet 3 x 15 conditions

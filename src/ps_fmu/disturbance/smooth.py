@@ -9,9 +9,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from ..mechanism.quantities import Array
 
 # Coefficients of x^9 .. x^0: the polynomial from 0 to 1 with four vanishing derivatives at both ends.
 _STEP = np.array([70.0, -315.0, 540.0, -420.0, 126.0, 0.0, 0.0, 0.0, 0.0, 0.0])

@@ -15,10 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ..mechanism.quantities import Array, Complex
 from ..mechanism.rotations import skew
-
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 SPLIT = 20.0  # Hz, between the layers
 OVERLAP = 15.0  # Hz, where a gradual change from the slow to the fast layer begins
@@ -60,7 +58,7 @@ class Layer:
         """Grid points per period."""
         return round(self.rate * self.period)
 
-    def sample(self, lines: ComplexArray, integrals: int = 0) -> Array:
+    def sample(self, lines: Complex, integrals: int = 0) -> Array:
         """Re sum_k lines[:, k] exp(i w_k t) on the grid, so many times integrated; (points, m) for lines (m, k)."""
         return np.ascontiguousarray(Sampler(self, len(lines))(lines, integrals).T)
 
@@ -74,7 +72,7 @@ class Sampler:
         self._spectrum = np.zeros((channels, layer.points // 2 + 1), dtype=np.complex128)
         self._samples = np.empty((channels, layer.points))
 
-    def __call__(self, lines: ComplexArray, integrals: int = 0) -> Array:
+    def __call__(self, lines: Complex, integrals: int = 0) -> Array:
         """Samples (m, points) for lines (m, k); the next call overwrites them."""
         layer = self._layer
         gain = 0.5 * layer.points / (2j * np.pi * layer.frequencies) ** integrals

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from ..mechanism.quantities import Array
 
 # Six-point Lagrange interpolation: its error for a sine at the fraction r of the sampling rate is at most
 # 0.0049 (2 pi r)^6, that is 5e-6 at r = 1/20 and 3e-4 at r = 1/10.

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from .quantities import Array
 
 
 def zero_order_hold(A: Array, B: Array, h: float) -> tuple[Array, Array]:

@@ -24,9 +24,8 @@ from numpy.typing import NDArray
 from .kinematics import Jacobians, jacobians
 from .legs import LegMass, leg_mass
 from .parameters import Bus, Manipulator, Payload
+from .quantities import Array
 from .rotations import cross, skew
-
-Array = NDArray[np.float64]
 
 TWO_PI = 2.0 * np.pi
 

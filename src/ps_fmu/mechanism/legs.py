@@ -14,14 +14,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from .geometry import Geometry
 from .kinematics import leg_vectors, platform_joints_B
 from .parameters import CoarseLeg
+from .quantities import Array
 from .rotations import skew
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

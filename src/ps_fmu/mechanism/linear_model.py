@@ -21,17 +21,14 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from .discretisation import held_step_map, zero_order_hold
 from .dynamics import Dynamics, Pose, System
 from .forward_kinematics import forward_kinematics
 from .kinematics import KinematicsError
 from .parameters import Bus, CoarseServo, Manipulator, Optics, Parameters, Payload
-from .quantities import ParameterError, Signal, group
+from .quantities import Array, ParameterError, Signal, group
 from .rotations import orientation_rate_map
-
-Array = NDArray[np.float64]
 
 _XYZ, _RPY, _123 = ("x", "y", "z"), ("roll", "pitch", "yaw"), ("1", "2", "3")
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .quantities import Array, Checked, ParameterError, freeze, quantity
+from .quantities import Array, Checked, ParameterError, quantity
 
 
 @dataclass(frozen=True, eq=False)
@@ -15,18 +15,15 @@ class TrussMode(Checked):
     """A point mass on the payload (secondary mirror on its truss) that moves along one direction."""
 
     mass: float = quantity("kg", "Moving mass, part of the payload's mass", at_least=0.0)
-    position_P: Array = quantity("m", "Position of the moving mass, in P")
-    direction_P: Array = quantity("1", "Direction of motion, in P")
+    position_P: Array = quantity("m", "Position of the moving mass, in P", shape=(3,))
+    direction_P: Array = quantity("1", "Direction of motion, in P", shape=(3,))
     frequency: float = quantity("Hz", "Natural frequency with the platform held; 0 = rigid", at_least=0.0)
     damping_ratio: float = quantity("1", "Damping ratio of the truss mode", at_least=0.0)
 
     def __post_init__(self) -> None:
-        self._numbers("mass", "frequency", "damping_ratio")
-        self._set("position_P", freeze(self.position_P, (3,), "position"))
-        direction = freeze(self.direction_P, (3,), "direction")
-        if np.linalg.norm(direction) < 1e-9:
+        super().__post_init__()
+        if np.linalg.norm(self.direction_P) < 1e-9:
             raise ParameterError("direction", "must not be the zero vector")
-        self._set("direction_P", direction)
 
     @property
     def active(self) -> bool:
@@ -47,12 +44,9 @@ class BusMode(Checked):
     frequency: float = quantity("Hz", "Natural frequency with the bus held; 0 = rigid", at_least=0.0)
     damping_ratio: float = quantity("1", "Damping ratio of the bus mode", at_least=0.0)
     participation_B: Array = quantity(
-        "sqrt(kg)|sqrt(kg).m", "Participation in B at its origin: three translations, then three rotations"
+        "sqrt(kg)|sqrt(kg).m", "Participation in B at its origin: three translations, then three rotations",
+        shape=(6,),
     )
-
-    def __post_init__(self) -> None:
-        self._numbers("frequency", "damping_ratio")
-        self._set("participation_B", freeze(self.participation_B, (6,), "participation"))
 
     @property
     def active(self) -> bool:

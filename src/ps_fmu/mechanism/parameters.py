@@ -40,22 +40,15 @@ class LegPart(Checked):
         "kg.m2", "Moment of inertia of this part about a radial axis through its centre of mass", at_least=0.0
     )
 
-    def __post_init__(self) -> None:
-        self._numbers("mass", "com_distance", "radial_inertia")
-
 
 @dataclass(frozen=True, eq=False)
 class CoarseLeg(Checked):
     """A coarse leg: joints, lower and upper part."""
 
-    base_joint_B: Array = quantity("m", "Joint on the base, in B")
-    platform_joint_P: Array = quantity("m", "Joint on the platform, in P")
+    base_joint_B: Array = quantity("m", "Joint on the base, in B", shape=(3,))
+    platform_joint_P: Array = quantity("m", "Joint on the platform, in P", shape=(3,))
     lower: LegPart = quantity("", "Part at the base")
     upper: LegPart = quantity("", "Part at the platform")
-
-    def __post_init__(self) -> None:
-        self._set("base_joint_B", freeze(self.base_joint_B, (3,), "base_joint"))
-        self._set("platform_joint_P", freeze(self.platform_joint_P, (3,), "platform_joint"))
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,10 +58,6 @@ class FineLeg(CoarseLeg):
     stiffness: float = quantity("N/m", "Axial stiffness of the diaphragm springs", above=0.0)
     damping: float = quantity("N.s/m", "Electromagnetic damping of the actuator", at_least=0.0)
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        self._numbers("stiffness", "damping")
-
 
 @dataclass(frozen=True)
 class CoarseRods(Checked):
@@ -77,23 +66,19 @@ class CoarseRods(Checked):
     axial_stiffness: float = quantity("N/m", "Axial stiffness of each coarse rod; 0 = rigid", at_least=0.0)
     damping_ratio: float = quantity("1", "Damping ratio of each rod against the mass it carries", at_least=0.0)
 
-    def __post_init__(self) -> None:
-        self._numbers("axial_stiffness", "damping_ratio")
-
 
 @dataclass(frozen=True, eq=False)
 class Manipulator(Checked):
     """The six legs and the nominal pose."""
 
-    nominal_translation_B: Array = quantity("m", "Origin of P at zero roll, pitch and yaw, in B")
-    coarse_stroke: Array = quantity("m", "Range of the coarse actuators about their nominal length")
+    nominal_translation_B: Array = quantity("m", "Origin of P at zero roll, pitch and yaw, in B", shape=(3,))
+    coarse_stroke: Array = quantity("m", "Range of the coarse actuators about their nominal length", shape=(2,))
     coarse_legs: tuple[CoarseLeg, ...] = quantity("", "Coarse legs")
     fine_legs: tuple[FineLeg, ...] = quantity("", "Fine legs")
     coarse_rods: CoarseRods = quantity("", "Flexibility of the coarse rods")
 
     def __post_init__(self) -> None:
-        self._set("nominal_translation_B", freeze(self.nominal_translation_B, (3,), "nominal_translation"))
-        self._set("coarse_stroke", freeze(self.coarse_stroke, (2,), "coarse_stroke"))
+        super().__post_init__()
         if not self.coarse_stroke[0] < 0.0 < self.coarse_stroke[1]:
             raise ParameterError(
                 "coarse_stroke", f"min must be below 0 and max above, got {self.coarse_stroke.tolist()} m"
@@ -137,13 +122,12 @@ class Payload(Checked):
     """Payload and platform as one body, and the modes of the payload's truss."""
 
     mass: float = quantity("kg", "Mass of payload and platform, truss included", above=0.0)
-    com_P: Array = quantity("m", "Centre of mass of payload and platform, in P")
+    com_P: Array = quantity("m", "Centre of mass of payload and platform, in P", shape=(3,))
     inertia_P: Array = quantity("kg.m2", "Inertia of payload and platform about their centre of mass, in P")
     truss_modes: tuple[TrussMode, ...] = quantity("", "Truss modes")
 
     def __post_init__(self) -> None:
-        self._numbers("mass")
-        self._set("com_P", freeze(self.com_P, (3,), "com"))
+        super().__post_init__()
         self._set("inertia_P", check_inertia(self.inertia_P, "inertia"))
         check_modal_mass(
             self.mass,
@@ -161,13 +145,12 @@ class Bus(Checked):
     """The spacecraft bus (the paper's support module)."""
 
     mass: float = quantity("kg", "Mass of the bus", above=0.0)
-    com_B: Array = quantity("m", "Centre of mass of the bus, in B")
+    com_B: Array = quantity("m", "Centre of mass of the bus, in B", shape=(3,))
     inertia_B: Array = quantity("kg.m2", "Inertia of the bus about its centre of mass, in B")
     modes: tuple[BusMode, ...] = quantity("", "Flexible modes")
 
     def __post_init__(self) -> None:
-        self._numbers("mass")
-        self._set("com_B", freeze(self.com_B, (3,), "com"))
+        super().__post_init__()
         self._set("inertia_B", check_inertia(self.inertia_B, "inertia"))
         check_modal_mass(
             self.mass,
@@ -188,18 +171,12 @@ class CoarseServo(Checked):
     damping_ratio: float = quantity("1", "Damping ratio of the coarse servos", above=0.0)
     rate_limit: float = quantity("m/s", "Largest rate of the reference that a coarse servo follows", above=0.0)
 
-    def __post_init__(self) -> None:
-        self._numbers("frequency", "damping_ratio", "rate_limit")
-
 
 @dataclass(frozen=True)
 class Optics(Checked):
     """The optical payload as far as the image point needs it: boresight along z of P."""
 
     focal_length: float = quantity("m", "Effective focal length: image-point displacement per radian", above=0.0)
-
-    def __post_init__(self) -> None:
-        self._numbers("focal_length")
 
 
 @dataclass(frozen=True)
@@ -217,6 +194,7 @@ class FeedforwardFilters(Checked):
     highpass_damping_ratio: float = quantity("1", "Damping ratio of the second-order high-pass", above=0.0)
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         order = self.lowpass_order
         # An even order passes 10^(-attenuation/20) straight through: an algebraic loop with the plant.
         if isinstance(order, bool | np.ndarray) or order not in range(1, LARGEST_ORDER + 1, 2):
@@ -224,23 +202,20 @@ class FeedforwardFilters(Checked):
                 "lowpass_order", f"expected an odd whole number from 1 to {LARGEST_ORDER}, got {reprlib.repr(order)}"
             )
         self._set("lowpass_order", int(order))
-        self._numbers(
-            "lowpass_stop_frequency", "lowpass_stop_attenuation", "highpass_frequency", "highpass_damping_ratio"
-        )
 
 
 @dataclass(frozen=True, eq=False)
 class Noise(Checked):
     """Band-limited white disturbance wrench on the bus."""
 
-    band: Array = quantity("Hz", "Edges of the band")
+    band: Array = quantity("Hz", "Edges of the band", shape=(2,))
     wrench_psd_B: Array = quantity(
         "N2/Hz|N2.m/Hz|N2.m2/Hz",
         "One-sided power spectral density of force and torque at the bus centre of mass, in B",
     )
 
     def __post_init__(self) -> None:
-        self._set("band", freeze(self.band, (2,), "band"))
+        super().__post_init__()
         if not 0.0 < self.band[0] < self.band[1]:
             raise ParameterError("band", f"expected 0 < min < max, got {self.band.tolist()} Hz")
         psd = freeze(self.wrench_psd_B, (6, 6), "wrench_psd")

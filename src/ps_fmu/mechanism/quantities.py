@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
 T = TypeVar("T")
 
 #: Magnitudes between which products and quotients of six numbers are still finite and not zero: a double ends at 1e308.
@@ -45,10 +46,15 @@ def quantity(
     at_least: float | None = None,
     at_most: float | None = None,
     display: str | None = None,
+    shape: tuple[int, ...] | None = None,
 ) -> Any:
-    """A dataclass field with its unit and description, for a number also its bounds and the unit to display it in."""
+    """A dataclass field with its unit and description.
+
+    A number also has its bounds and the unit to display it in, an array its shape.
+    """
     bounds = {"above": above, "at_least": at_least, "at_most": at_most}
-    return field(metadata={"unit": unit, "description": description, "bounds": bounds, "display": display})
+    about = {"unit": unit, "description": description, "bounds": bounds, "display": display, "shape": shape}
+    return field(metadata=about)
 
 
 def group(*, flat: bool = False, keep: Callable[[str], bool] | None = None) -> Any:
@@ -129,16 +135,23 @@ def check_truth(value: Any, name: str) -> bool:
 
 
 class Checked:
-    """Base of the parameter classes, whose ``__post_init__`` checks each field and stores it in its own type."""
+    """Base of the parameter classes: checks each :func:`quantity`, and stores it in its own type.
+
+    Raises ParameterError, naming the field.
+    """
+
+    def __post_init__(self) -> None:
+        for f in fields(self):  # type: ignore[arg-type]  # every subclass is a dataclass
+            value, name = getattr(self, f.name), _public(f.name)
+            if f.metadata.get("shape"):
+                self._set(f.name, freeze(value, f.metadata["shape"], name))
+            elif f.type == "float":
+                self._set(f.name, check_number(value, name, **f.metadata["bounds"]))
+            elif f.type == "bool":
+                self._set(f.name, check_truth(value, name))
 
     def _set(self, name: str, value: object) -> None:
         object.__setattr__(self, name, value)
-
-    def _numbers(self, *names: str) -> None:
-        """Check fields against the bounds that their :func:`quantity` states."""
-        for f in fields(self):  # type: ignore[arg-type]  # every subclass is a dataclass
-            if f.name in names:
-                self._set(f.name, check_number(getattr(self, f.name), f.name, **f.metadata["bounds"]))
 
 
 class Signal(NamedTuple):

@@ -22,11 +22,9 @@ from operator import sub
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from .linear_model import Plant, PlantModel, momentum, servo_slices
-
-Array = NDArray[np.float64]
+from .quantities import Array
 
 #: A servo is at rest when it is this close to its reference (m) and this slow (m/s): far below any optical effect.
 AT_REST = 1e-12

@@ -5,16 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..disturbance import psd_at_origin, to_origin
 from ..mechanism.parameters import Bus, Noise
+from ..mechanism.quantities import Array, Complex
 from .loop import Loop
 from .transfer_matrices import place_frequencies
 from .transmissibility import from_wrench
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 _POINTS = 6000  # of the frequency grid
 

@@ -17,18 +17,16 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..control.feedforward import Controller
 from ..control.isolator import Isolator
 from ..mechanism.inverse_kinematics import inverse_kinematics
 from ..mechanism.linear_model import Plant, PlantModel
 from ..mechanism.parameters import Parameters
+from ..mechanism.quantities import Array, Complex
 from .state_space import BASE_ACCELERATION, FINE_FORCES, controller_system, plant_system
 from .transfer_matrices import Practical
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 _TURN = 0.15  # rad: the curve of det(E - L) is refined until no step turns by more
 _LOWEST, _HIGHEST = 1e-7, 1e5  # Hz: range of the Nyquist curve; beyond it L is below 1e-5

@@ -19,11 +19,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..mechanism.dynamics import Dynamics
+from ..mechanism.quantities import Array, Complex
 from .loop import Loop
 from .transfer_matrices import Practical
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 
 def from_base_sampled(loop: Loop, s: ArrayLike, h: float) -> Complex:

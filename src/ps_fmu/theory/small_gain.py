@@ -14,10 +14,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..mechanism.dynamics import Dynamics
+from ..mechanism.quantities import Array, Complex
 from .transfer_matrices import Nominal, Practical
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 _BASE_AT_REST = 0.1  # rad/s: roots below are those of the free base, zero but for rounding; arrays begin at 2.8
 

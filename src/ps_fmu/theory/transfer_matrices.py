@@ -13,9 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..mechanism.dynamics import Dynamics
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
+from ..mechanism.quantities import Array, Complex
 
 _BASE = np.arange(6)  # base motion, first of the coordinates that are free when the fine legs are held
 

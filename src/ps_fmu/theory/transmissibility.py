@@ -11,13 +11,11 @@ with F the controller from base displacement to force.  All rotations are in axe
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from ..mechanism.quantities import Array, Complex
 from .loop import Loop
 from .transfer_matrices import Practical
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 
 def from_base(loop: Loop, s: ArrayLike, *, active: bool) -> Complex:

@@ -6,14 +6,11 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...mechanism.parameters import Parameters
-from ...mechanism.quantities import ParameterError, check_truth, freeze, quantity
+from ...mechanism.quantities import Array, ParameterError, quantity
 from ..kind import Kind, SharedSettings, Source
 from ..smooth import ramp
-
-Array = NDArray[np.float64]
 
 
 class Chirp:
@@ -75,14 +72,8 @@ class ChirpSettings(Kind):
     start: float = quantity("s", "Time at which the sweep starts")
     duration: float = quantity("s", "Duration of the sweep", above=0.0)
     logarithmic: bool = quantity("", "True: equal frequency ratios in equal times; false: linear")
-    force_B: Array = quantity("N", "Amplitude of the sweep's force, in B")
-    torque_B: Array = quantity("N.m", "Amplitude of the sweep's torque, in B at its origin")
-
-    def __post_init__(self) -> None:
-        self._numbers("initial_frequency", "final_frequency", "start", "duration")
-        self._set("logarithmic", check_truth(self.logarithmic, "logarithmic"))
-        self._set("force_B", freeze(self.force_B, (3,), "force"))
-        self._set("torque_B", freeze(self.torque_B, (3,), "torque"))
+    force_B: Array = quantity("N", "Amplitude of the sweep's force, in B", shape=(3,))
+    torque_B: Array = quantity("N.m", "Amplitude of the sweep's torque, in B at its origin", shape=(3,))
 
     @classmethod
     def make_defaults(cls, p: Parameters) -> ChirpSettings:

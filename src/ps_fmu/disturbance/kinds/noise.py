@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from ...mechanism.parameters import Noise, Parameters
-from ...mechanism.quantities import ParameterError, check_truth, quantity
+from ...mechanism.quantities import ParameterError, quantity
 from ..gaussian import GaussianNoise
 from ..kind import Kind, SharedSettings, Source
 from ..multisine import Multisine
@@ -34,9 +34,6 @@ class NoiseSettings(Noise, Kind):
         super().__post_init__()
         if self.band[1] > HIGHEST:
             raise ParameterError("band.max", f"must not exceed {HIGHEST:g} Hz, got {self.band[1]:g} Hz")
-        self._set("enabled", check_truth(self.enabled, "enabled"))
-        self._set("multisine", check_truth(self.multisine, "multisine"))
-        self._numbers("scale", "period")
         if self.period * self.band[0] < 2.0:
             raise ParameterError(
                 "period",

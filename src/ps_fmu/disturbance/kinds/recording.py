@@ -9,13 +9,10 @@ from pathlib import Path
 from typing import ClassVar, TextIO
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...mechanism.parameters import Parameters
-from ...mechanism.quantities import ParameterError, check_truth, quantity
+from ...mechanism.quantities import Array, ParameterError, quantity
 from ..kind import Kind, SharedSettings, Source
-
-Array = NDArray[np.float64]
 
 HEADER = (
     "time [s]",
@@ -162,10 +159,9 @@ class RecordingSettings(Kind):
     scale: float = quantity("1", "Factor on the recorded wrench")
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         if not isinstance(self.path, str):
             raise ParameterError("path", f"expected text, got {self.path!r}")
-        self._set("repeat", check_truth(self.repeat, "repeat"))
-        self._numbers("scale")
 
     @classmethod
     def make_defaults(cls, p: Parameters) -> RecordingSettings:

@@ -6,14 +6,11 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...mechanism.parameters import Parameters
-from ...mechanism.quantities import freeze, quantity
+from ...mechanism.quantities import Array, quantity
 from ..kind import Kind, SharedSettings, Source
 from ..smooth import ramp
-
-Array = NDArray[np.float64]
 
 
 class Tone:
@@ -52,13 +49,8 @@ class ToneSettings(Kind):
 
     frequency: float = quantity("Hz", "Frequency of the sine", at_least=1e-4)
     phase: float = quantity("rad", "Phase of the sine at t = 0")
-    force_B: Array = quantity("N", "Amplitude of the sine's force, in B")
-    torque_B: Array = quantity("N.m", "Amplitude of the sine's torque, in B at its origin")
-
-    def __post_init__(self) -> None:
-        self._numbers("frequency", "phase")
-        self._set("force_B", freeze(self.force_B, (3,), "force"))
-        self._set("torque_B", freeze(self.torque_B, (3,), "torque"))
+    force_B: Array = quantity("N", "Amplitude of the sine's force, in B", shape=(3,))
+    torque_B: Array = quantity("N.m", "Amplitude of the sine's torque, in B at its origin", shape=(3,))
 
     @classmethod
     def make_defaults(cls, p: Parameters) -> tuple[ToneSettings, ...]:

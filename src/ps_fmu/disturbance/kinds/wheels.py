@@ -17,14 +17,11 @@ from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...mechanism.parameters import Parameters
-from ...mechanism.quantities import ParameterError, check_truth, freeze, quantity
+from ...mechanism.quantities import Array, ParameterError, quantity
 from ..kind import Kind, SharedSettings, Source
 from ..smooth import ramp
-
-Array = NDArray[np.float64]
 
 FORCE_HARMONICS = Path(__file__).with_name("wheel-radial-force-harmonics.csv")
 TORQUE_HARMONICS = Path(__file__).with_name("wheel-radial-torque-harmonics.csv")
@@ -158,20 +155,17 @@ class WheelSettings(Kind):
 
     enabled: bool = quantity("", "Wheel on")
     scale: float = quantity("1", "Factor on the wheel's force and torque", at_least=0.0)
-    spin_axis_B: Array = quantity("1", "Direction of the spin axis, in B")
-    position_B: Array = quantity("m", "Centre of the wheel, in B")
+    spin_axis_B: Array = quantity("1", "Direction of the spin axis, in B", shape=(3,))
+    position_B: Array = quantity("m", "Centre of the wheel, in B", shape=(3,))
     initial_speed: float = quantity("rad/s", "Speed before the ramp", display="rpm")
     final_speed: float = quantity("rad/s", "Speed after the ramp", display="rpm")
     ramp_start: float = quantity("s", "Time at which the speed begins to change")
     ramp_duration: float = quantity("s", "Time that the change of speed takes", at_least=0.0)
 
     def __post_init__(self) -> None:
-        self._set("enabled", check_truth(self.enabled, "enabled"))
-        self._numbers("scale", "initial_speed", "final_speed", "ramp_start", "ramp_duration")
-        self._set("spin_axis_B", freeze(self.spin_axis_B, (3,), "spin_axis"))
+        super().__post_init__()
         if np.linalg.norm(self.spin_axis_B) < 1e-9:
             raise ParameterError("spin_axis", "must not be the zero vector")
-        self._set("position_B", freeze(self.position_B, (3,), "position"))
 
     @classmethod
     def make_defaults(cls, p: Parameters) -> tuple[WheelSettings, ...]:
