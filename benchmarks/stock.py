@@ -19,7 +19,7 @@ _SUBCLASS = '''
 from types import MethodType
 
 from pythonfmu.fmi2slave import Fmi2Slave
-from ps_fmu.slavekit.author.variables import fmi_variable
+from ps_fmu.slavekit.author.variables import make_fmi_variable
 
 
 class Stock{model}({model}):
@@ -34,7 +34,7 @@ class Stock{model}({model}):
                 stock = getattr(Fmi2Slave, f"{{direction}}_{{kind}}")
                 setattr(self, stock.__name__, MethodType(stock, self))
         for reference, port in self.layout.by_reference.items():
-            variable = fmi_variable(port, reference)
+            variable = make_fmi_variable(port, reference)
             variable.getter, variable.setter = self._accessors(reference, port)
             self.vars[reference] = variable
 
