@@ -121,14 +121,6 @@ def test_a_checker_without_end_is_a_row(toys, monkeypatch):
     assert found == CheckResult("FMPy validate", FAILED, ("did not end within 0.001 s",))
 
 
-def test_nothing_is_run_on_demand(toys, monkeypatch, capsys):
-    monkeypatch.setattr(lives, "live_in_fmpy", None)
-    monkeypatch.setattr(lives, "live_in_c_host", None)
-    monkeypatch.setattr(other_checkers, "FMUTOOL", "no_such_module")
-    assert main(["check", "--no-run", str(toys["crashing"])]) == 1  # for its description
-    assert capsys.readouterr().out.count("not run  --no-run: the FMU is not loaded") == 2
-
-
 def test_the_help_says_that_code_runs(capsys):
     with pytest.raises(SystemExit):
         parser().parse_args(["check", "--help"])

@@ -223,9 +223,24 @@ def test_a_process_without_end_is_killed_with_its_children(tmp_path):
         assert monotonic() < deadline
 
 
-def test_a_process_that_says_nothing(tmp_path):
-    found = stages.watch_stages([sys.executable, "-c", "raise SystemExit('no FMU today')"], tmp_path / "report")
-    assert found == [("start", "the process exited with 1\nno FMU today")]
+@pytest.mark.parametrize(("code", "exit_code"), [("print('no FMU today'); exit(1)", 1), ("print('no FMU today')", 0)])
+def test_a_process_that_says_nothing(code, exit_code, tmp_path):
+    """Also the FMU may end it, with any exit code."""
+    found = stages.watch_stages([sys.executable, "-c", code], tmp_path / "report")
+    assert found == [("start", f"the process exited with {exit_code}\nno FMU today")]
+
+
+def test_no_run_loads_no_library(tank, tmp_path, capsys):
+    (tmp_path / "poison.h").write_text(
+        "#include <fcntl.h>\n#include <unistd.h>\n__attribute__((constructor)) static void poison(void)"
+        f'{{ close(open("{tmp_path / "run"}", O_CREAT | O_WRONLY, 0600)); }}\n'
+    )
+    fmu = tank("{right}", compiled(tmp_path, "-include", str(tmp_path / "poison.h")))
+    assert main(["check", "--no-run", str(fmu)]) == 0
+    assert capsys.readouterr().out.count("not run  --no-run: the FMU is not loaded") == 2
+    assert not (tmp_path / "run").exists()
+    lives.live_in_fmpy(fmu)
+    assert (tmp_path / "run").exists()
 
 
 def test_the_host_under_checks_of_memory_and_undefined_behaviour(tank, tmp_path, monkeypatch):

@@ -17,6 +17,8 @@ from pathlib import Path
 TIME_LIMIT = 120.0  # s
 _TAIL = 12  # different lines of output that a failure repeats
 _MOST_OUTPUT = 1_000_000  # bytes of output that are read
+END = "end of the process"
+"""The last stage; a process that ends in another one was ended by the FMU."""
 StageResult = tuple[str, str]
 """A stage and its problem; "" if it went well."""
 
@@ -56,8 +58,8 @@ def watch_stages(
     messages = list(dict.fromkeys(_read_end(output).splitlines()))[-_TAIL:]
     results = []
     for stage, problem in stages.items():
-        if problem is None and code == 0:
-            problem = ""  # the last stage is the end of the process
+        if problem is None and code == 0 and stage == END:
+            problem = ""
         elif problem is None:
             problem = _explain_end(code, limit)
         results.append((stage, "\n".join([problem, *messages]) if problem else ""))
