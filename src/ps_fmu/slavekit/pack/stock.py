@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import io
 import re
 import stat
 import zipfile
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
-from xml.etree.ElementTree import Element, ParseError, fromstring
+from xml.etree.ElementTree import Element, ParseError, iterparse
 
 from ..launcher.compile import LAUNCHER
 from .sources import Files
@@ -17,7 +18,9 @@ DESCRIPTION = PurePosixPath("modelDescription.xml")
 _MOST_FILES = 20_000
 _MOST_BYTES = 1 << 29  # unpacked, of all files
 _LONGEST_NAME = 255  # characters: what file systems take
-_LARGEST_DESCRIPTION = 1 << 25  # bytes
+_LARGEST_DESCRIPTION = 1 << 24  # bytes
+_MOST_ELEMENTS = 1_000_000
+_DEEPEST = 100  # levels; Python writes deep ones by recursion
 _ENCODING = re.compile(rb"""^<\?xml[^>]*\bencoding\s*=\s*["']([\w.-]+)["']""")
 _IDENTIFIER = re.compile(r"[A-Za-z_]\w{0,199}", re.ASCII)
 _EXIT = b"finalizePythonInterpreter"  # pythonfmu's library has it from 0.7 on, and the launcher needs it
@@ -65,6 +68,8 @@ def read_stock(path: Path) -> Stock:
 
 
 def _read_archive(path: Path) -> Files:
+    if path.exists() and not path.is_file():  # a pipe may be read without end
+        raise StockError("this is no ordinary file; expected an FMU")
     try:
         with zipfile.ZipFile(path) as archive:
             members = [member for member in archive.infolist() if not member.is_dir()]
@@ -117,10 +122,18 @@ def _parse(content: bytes) -> Element:
         raise StockError("modelDescription.xml is not in UTF-8, the encoding that FMI 2.0 asks for")
     if b"<!DOCTYPE" in content or b"<!ENTITY" in content:
         raise StockError("modelDescription.xml has a document type definition, which no FMU needs")
+    count = depth = 0
+    root = Element("")
     try:
-        return fromstring(content)
-    except (ParseError, RecursionError) as error:
+        for event, element in iterparse(io.BytesIO(content), ("start", "end")):
+            root = element  # the last event is the end of the root
+            count += event == "start"
+            depth += 1 if event == "start" else -1
+            if count > _MOST_ELEMENTS or depth > _DEEPEST:
+                raise StockError(f"modelDescription.xml has over {_MOST_ELEMENTS} elements or {_DEEPEST} levels")
+    except ParseError as error:
         raise StockError(f"modelDescription.xml cannot be read: {error}") from None
+    return root
 
 
 def _check_libraries(files: Files, model: str, tool: str) -> None:
