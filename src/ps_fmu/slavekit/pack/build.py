@@ -135,9 +135,9 @@ def _repackage(
 ) -> tuple[str, Files]:
     """Model name and files of the final FMU, from pythonfmu's and the sources."""
     built = archive.read(stock)
-    files = put_launcher_in_front(built)
-    files[_DESCRIPTION] = _GUID.sub(b'guid=""', built[_DESCRIPTION], count=1)
     model = _read_model_name(built[_DESCRIPTION])
+    files = put_launcher_in_front(built, model)
+    files[_DESCRIPTION] = _GUID.sub(b'guid=""', built[_DESCRIPTION], count=1)
     sources = _collect_sources(script)
     files |= _write_documentation(script.parent, slave, files[_DESCRIPTION])
     digest = archive.compute_digest(files | sources)

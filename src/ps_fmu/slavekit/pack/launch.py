@@ -12,8 +12,8 @@ OLDEST_PYTHON = "3.11"
 _WRAPPER = {".so": "libpythonfmu-export.so", ".dll": "pythonfmu-export.dll"}  # names that the launcher looks for
 
 
-def put_launcher_in_front(files: Files) -> Files:
-    """The files in ``binaries``: where there is a launcher, it takes the name that hosts look for.
+def put_launcher_in_front(files: Files, model: str) -> Files:
+    """The files in ``binaries``: where there is a launcher, it takes the name that hosts look for, ``model``.
 
     pythonfmu's libraries stay as they are, under the name that the launcher looks for.
     """
@@ -22,7 +22,7 @@ def put_launcher_in_front(files: Files) -> Files:
         if name.parts[0] != "binaries":
             continue
         launcher = LAUNCHER.path(name.parent.name)
-        if launcher is not None and name.suffix in _WRAPPER:
+        if launcher is not None and name.suffix in _WRAPPER and name.stem == model:
             result[name.with_name(_WRAPPER[name.suffix])] = content
             result[name] = launcher.read_bytes()
         else:

@@ -128,7 +128,7 @@ def _add_launcher(stock: Stock, interpreter: Path | None, bundled: bool = False)
     guid = make_guid(digest)
     stock.description.set("guid", guid)
     files[DESCRIPTION] = tostring(stock.description, encoding="UTF-8", xml_declaration=True) + b"\n"
-    files |= put_launcher_in_front(files)
+    files |= put_launcher_in_front(files, stock.model)
     files[RESOURCES / "launcher.txt"] = write_notes(guid, modules, interpreter)
     dependencies = write_external_dependencies(stock.model, OLDEST_PYTHON, modules, bundled)
     files.setdefault(PurePosixPath("documentation", "externalDependencies.txt"), dependencies)
@@ -179,7 +179,11 @@ def _complete(description: Element, bundled: bool) -> None:
         index
         for index, variable in enumerate(variables, 1)
         if variable.get("causality") == "calculatedParameter"
-        or (variable.get("causality") == "output" and variable.get("initial") != "exact")
+        or (
+            variable.get("causality") == "output"
+            and variable.get("initial") != "exact"
+            and variable.get("variability") != "constant"
+        )
     ]
     if structure is not None and structure.find("InitialUnknowns") is None and unknown:
         initial = SubElement(structure, "InitialUnknowns")
