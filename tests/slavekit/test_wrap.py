@@ -73,13 +73,15 @@ def test_the_example_of_the_page_from_source_and_from_a_stock_fmu(stock, tmp_pat
 
 
 def test_the_authors_files_stay_and_the_same_source_gives_the_same_bytes(stock, tmp_path):
-    (first, _), (second, _) = (wrap(stock, tmp_path / name) for name in ("a.fmu", "new folder"))
+    given = rewrite(stock, tmp_path / "in.fmu", lambda files: files.update({"binaries/linux64/libfirst.so": b"author"}))
+    (first, _), (second, _) = (wrap(given, tmp_path / name) for name in ("a.fmu", "new folder"))
     assert first.read_bytes() == second.read_bytes()
     with zipfile.ZipFile(stock) as before, zipfile.ZipFile(first) as after:
         kept = [name for name in before.namelist() if name.startswith("resources/") and name.endswith(".py")]
         assert SLAVE in kept
         assert all(before.read(name) == after.read(name) for name in kept)
         assert after.read("binaries/linux64/libpythonfmu-export.so") == before.read("binaries/linux64/Tank.so")
+        assert after.read("binaries/linux64/libfirst.so") == b"author"
     sources = [write_example(tmp_path / name) for name in ("one", "two")]
     one, two = (build_script(script, output=script.parent)[0].read_bytes() for script in sources)
     assert one == two
@@ -123,6 +125,32 @@ def test_a_build_claims_the_states_that_a_slave_implements(tmp_path):
     assert (interface.canGetAndSetFMUstate, interface.canSerializeFMUstate, remarks) == (True, False, [])
 
 
+UNUSUAL = """
+        self.default_experiment = DefaultExperiment(start_time=5.0, step_size=0.5)
+        self.register_variable(Real("area", causality=Fmi2Causality.output, variability=Fmi2Variability.constant))
+
+    def do_step(self, current_time, step_size):
+        assert current_time >= 5.0
+        return True
+
+
+class Unfinished(Tank, abc.ABC):
+    @abc.abstractmethod
+    def drain(self):
+        pass
+"""
+
+
+def test_a_late_start_a_constant_an_abstract_class_and_a_neighbour_with_a_common_name(tmp_path):
+    imports = ("from pythonfmu import", "import abc\nfrom pythonfmu import DefaultExperiment,")
+    script = write_example(tmp_path / "source", imports)
+    text = script.read_text()
+    script.write_text(text[: text.index('        self.register_variable(Real("area"')] + UNUSUAL)
+    script.with_name("logging.py").write_text("raise RuntimeError('not imported by the slave')")
+    fmu, _ = build_script(script, output=tmp_path / "out")
+    assert validate_fmu(str(fmu)) == []
+
+
 class TestWhatIsRefused:
     """One line that says what the file is, or where the author's code is wrong."""
 
@@ -139,6 +167,7 @@ class TestWhatIsRefused:
             (replace("modelDescription.xml", b'fmiVersion="2.0"', b'fmiVersion="3.0"'), "FMI 3.0; expected FMI 2.0"),
             (replace("modelDescription.xml", b"<fmi", b'<!DOCTYPE x [<!ENTITY a "b">]><fmi'), "document type"),
             (replace("modelDescription.xml", b'encoding="UTF-8"', b'encoding="cp037"'), "not in UTF-8"),
+            (replace("modelDescription.xml", b"<Log", 1000 * b"<a>" + 1000 * b"</a>" + b"<Log"), "100 levels"),
             (replace("modelDescription.xml", b'"Tank"', b'"../Tank"'), "modelIdentifier is '../Tank'"),
             (lambda files: [files.pop(n) for n in list(files) if n[:9] == "binaries/"], "no platform at all"),
             (replace("binaries/linux64/Tank.so", b"finalizePythonInterpreter", 25 * b"x"), "not of pythonfmu 0.7"),
@@ -165,9 +194,11 @@ class TestWhatIsRefused:
         text.write_text("text")
         assert main(["wrap", str(text), "--output", str(tmp_path)]) == 1
         assert main(["wrap", str(tmp_path / "absent.fmu"), "--output", str(tmp_path)]) == 1
-        first, second = capsys.readouterr().err.splitlines()
+        assert main(["wrap", str(tmp_path), "--output", str(tmp_path)]) == 1
+        first, second, third = capsys.readouterr().err.splitlines()
         assert "text.fmu: this is not an FMU" in first
         assert second.endswith("absent.fmu: No such file or directory")
+        assert third.endswith("this is no ordinary file; expected an FMU")
 
     @pytest.mark.parametrize(
         ("change", "problem"),
@@ -177,6 +208,10 @@ class TestWhatIsRefused:
             (("self.area, self.level = ", "self.area = "), r'(?s)Traceback.*source/tank.py", line 1\d, in __init__\n'),
             (("import math", "import nowhere_to_be_found"), "(?s)valve.py.*No module named 'nowhere_to_be_found'"),
             (("        return True\n", ""), "do_step did not return True"),
+            (("        return True\n", "        __import__('os')._exit(0)\n"), "does not run by itself"),
+            (("import valve", "__import__('os')._exit(0)"), "cannot be built"),
+            (("import valve", "from . import valve"), r"source/tank\.py:3: a relative import"),
+            (("import math", "__import__('os').write(1, b'\\xff'); 1 / 0"), "(?s)\ufffd.*valve.py.*ZeroDivisionError"),
             (("0.1 * math", "1 / 0 * math"), "(?s)Traceback.*valve.py.*ZeroDivisionError: division by zero"),
         ],
     )
@@ -189,15 +224,25 @@ class TestWhatIsRefused:
     def test_files_that_do_not_fit(self, tmp_path, capsys):
         script = write_example(tmp_path / "source")
         (tmp_path / "valve.py").write_text("")
+        (tmp_path / "json.py").write_text("")
         for more, problem in (
             (tmp_path / "valve.py", "two files are called valve.py"),
             (tmp_path / "absent.csv", "absent.csv: no such file"),
             (tmp_path, "folder above"),
+            (tmp_path / "json.py", "a module of Python or pythonfmu has this name too"),
         ):
             with pytest.raises(BuildError, match=problem):
                 build_script(script, [more], tmp_path)
         assert main(["build", str(script), "--only", "x"]) == 1
         assert "exclude each other" in capsys.readouterr().err
+
+
+def test_an_error_in_a_package_is_shown_with_its_place(tmp_path):
+    script = write_example(tmp_path / "source", ("import valve", "import tools.pump"))
+    (script.parent / "tools").mkdir()
+    (script.parent / "tools" / "pump.py").write_text("import json\njson.loads('?')\n")
+    with pytest.raises(BuildError, match=r'(?s)source/tank.py", line 3.*tools/pump.py", line 2.*JSONDecodeError'):
+        build_script(script, output=tmp_path)
 
 
 def test_data_files_go_with_the_slave_and_are_found(tmp_path):

@@ -9,6 +9,7 @@ from __future__ import annotations
 import builtins
 import functools
 import importlib
+import inspect
 import sys
 import threading
 from collections.abc import Callable, Collection, Sequence
@@ -109,7 +110,7 @@ def _find_class(module: ModuleType) -> type:
 
 
 def _is_slave(cls: type) -> bool:
-    return any(base.__name__ == "Fmi2Slave" for base in cls.__mro__[1:])
+    return any(base.__name__ == "Fmi2Slave" for base in cls.__mro__[1:]) and not inspect.isabstract(cls)
 
 
 # --- The border -------------------------------------------------------------------------------------------------------

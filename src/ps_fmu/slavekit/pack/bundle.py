@@ -115,7 +115,7 @@ def check(fmu: Path) -> None:
     with tempfile.TemporaryDirectory(prefix="ps_fmu_bundle_") as folder, zipfile.ZipFile(fmu) as content:
         content.extractall(folder)
         command = [sys.executable, "-I", "-S", "-B", "-c", _TRIAL, folder, f"binaries/linux64/{_ROOT}"]
-        run = subprocess.run(command, capture_output=True, text=True)
+        run = subprocess.run(command, capture_output=True, encoding="utf-8", errors="replace")
     if run.returncode != 0:
         raise BundleError(f"the model does not run with what is bundled:\n{run.stderr}")
 
@@ -130,16 +130,17 @@ sys.path.insert(0, os.path.join(folder, "resources"))
 import importlib, xml.etree.ElementTree
 description = xml.etree.ElementTree.parse(os.path.join(folder, "modelDescription.xml")).getroot()
 experiment = description.find("DefaultExperiment")
-step = float(experiment.get("stepSize", "0.01") if experiment is not None else "0.01")
+experiment = experiment.attrib if experiment is not None else {}
+start, step = float(experiment.get("startTime", "0")), float(experiment.get("stepSize", "0.01"))
 resources = os.path.join(folder, "resources")
 with open(os.path.join(resources, "slavemodule.txt")) as name:
     (model,) = [c for c in vars(importlib.import_module(name.read().strip())).values() if isinstance(c, type)]
 slave = model(instance_name="trial", resources=resources)
-slave.setup_experiment(0.0, None, None)
+slave.setup_experiment(start, None, None)
 slave.enter_initialization_mode()
 slave.exit_initialization_mode()
-slave.do_step(0.0, step)
-slave.do_step(step, step)
+slave.do_step(start, step)
+slave.do_step(start + step, step)
 """
 
 

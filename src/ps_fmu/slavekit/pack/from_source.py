@@ -16,6 +16,7 @@ from .sources import SourceError, find_beside, find_imports
 from .wrap import BuildError, wrap
 
 _TIMEOUT = 600.0  # s; the author's modules may take their time
+_TAKEN = sys.stdlib_module_names | {"pythonfmu"}
 
 
 def build_script(
@@ -59,20 +60,22 @@ def imports_the_kit(script: Path) -> bool:
     if script.suffix != ".py" or not script.is_file():
         raise BuildError(f"{script}: expected a file .py with a class that derives from pythonfmu.Fmi2Slave")
     try:
-        return any(name.partition(".")[0] == "ps_fmu" for name in find_imports(script.read_bytes(), script.name, ""))
-    except (SyntaxError, ValueError, ImportError, RecursionError, MemoryError) as error:
-        raise BuildError(f"{script}: this is no Python that can be read here: {error}") from None
+        return any(name.partition(".")[0] == "ps_fmu" for name in find_imports(script.read_bytes(), str(script), ""))
+    except SourceError as error:
+        raise BuildError(str(error)) from None
 
 
 def _list_files(script: Path, more: Iterable[Path]) -> list[Path]:
     """The files and folders that go with the script.  Raises BuildError if one is missing."""
-    if not script.stem.isidentifier():
-        raise BuildError(f"{script}: Python cannot import a file of this name; expected letters, digits, underscores")
+    if not (script.stem.isidentifier() and script.stem.isascii()):
+        raise BuildError(f"{script}: this cannot be the name of a slave's file; expected letters, digits, underscores")
     try:
         files = {path.resolve() for path in (*more, *find_beside(script))} - {script}
     except SourceError as error:
         raise BuildError(str(error)) from None
-    for path in sorted(files):
+    for path in (script, *sorted(files)):
+        if path.stem in _TAKEN and path.suffix in (".py", ""):
+            raise BuildError(f"{path}: a module of Python or pythonfmu has this name too, so rename it")
         if not path.exists():
             raise BuildError(f"{path}: no such file or folder")
         if path == script.parent or path in script.parents:
@@ -89,8 +92,8 @@ def _run_builder(script: Path, stock: Path, files: Iterable[Path]) -> None:
     program = [sys.executable, "-I", "-B", pythonfmu_build.__file__]
     command = [*program, str(script), str(stock), json.dumps(search), *map(str, files)]
     try:
-        run = subprocess.run(command, capture_output=True, text=True, timeout=_TIMEOUT)
+        run = subprocess.run(command, capture_output=True, encoding="utf-8", errors="replace", timeout=_TIMEOUT)
     except subprocess.TimeoutExpired:
         raise BuildError(f"{script}: it was not built within {_TIMEOUT:g} s") from None
-    if run.returncode != 0:
+    if run.returncode != 0 or not stock.is_file():  # os._exit(0)
         raise BuildError(f"{script}: the slave cannot be built:\n{run.stdout}{run.stderr}".rstrip())

@@ -14,13 +14,13 @@ from pathlib import Path
 def main(script: Path, fmu: Path, search: list[str], files: list[Path]) -> int:
     """Build; 1 if the author's code or the builder fails, with what the author needs to know on stderr."""
     sys.path[:] = [*sys.path, *(entry for entry in search if entry not in sys.path)]
-    sys.path.insert(0, str(script.parent))
     from pythonfmu.builder import FmuBuilder, get_model_class
 
+    sys.path.insert(0, str(script.parent))
     try:
         FmuBuilder.build_FMU(script, dest=fmu, project_files=set(files), **find_claims(get_model_class(script)))
     except (Exception, SystemExit) as error:
-        print(describe_to_author(error, script.parent), file=sys.stderr)
+        print(describe_to_author(error, script), file=sys.stderr)
         return 1
     return 0
 
@@ -37,15 +37,15 @@ def find_claims(model: type) -> dict[str, bool]:
     return {"canGetAndSetFMUstate": states, "canSerializeFMUstate": serialised}
 
 
-def describe_to_author(error: BaseException, folder: Path) -> str:
+def describe_to_author(error: BaseException, script: Path) -> str:
     """The traceback with the author's frames only.  The builder works on a copy; this names the author's own files."""
     lines = traceback.format_exception_only(error)
     frames = []
     for frame in traceback.extract_tb(error.__traceback__):
-        own = folder / Path(frame.filename).name
-        if frame.filename.startswith("<") or "site-packages" in frame.filename or not own.is_file():
-            continue
-        frames.append(traceback.FrameSummary(str(own), frame.lineno, frame.name))
+        path = Path(frame.filename)
+        own = script if path.name == script.name and path.parent.name.startswith("pythonfmu_") else path
+        if own.is_relative_to(script.parent) and "site-packages" not in own.parts:
+            frames.append(traceback.FrameSummary(str(own), frame.lineno, frame.name))
     if frames:
         lines = ["Traceback (most recent call last):\n", *traceback.format_list(frames), *lines]
     return "".join(lines).rstrip()

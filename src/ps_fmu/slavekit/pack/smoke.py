@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 _TIMEOUT = 120.0  # s
-_STATE_FAILED = 3  # exit code
+_FINISHED, _STATE_FAILED = 4, 3  # exit codes; with 0 a slave may have ended the process: os._exit(0)
 _USUAL_STEP = 0.01  # s, where the model has no default experiment
 _STEPS = 3
 
@@ -31,14 +31,18 @@ def check(fmu: Path) -> None:
     """Run an FMU by itself.  Raises SmokeError if it fails, StateError if only its states do."""
     try:
         run = subprocess.run(
-            [sys.executable, "-I", "-B", __file__, str(fmu)], capture_output=True, text=True, timeout=_TIMEOUT
+            [sys.executable, "-I", "-B", __file__, str(fmu)],
+            capture_output=True,
+            encoding="utf-8",
+            errors="replace",  # the slave may print anything
+            timeout=_TIMEOUT,
         )
     except subprocess.TimeoutExpired:
         raise SmokeError(f"{fmu.name} did not finish a few steps within {_TIMEOUT:g} s") from None
     output = f"{run.stdout}{run.stderr}"
     if run.returncode == _STATE_FAILED:
         raise StateError(output.strip().splitlines()[-1])
-    if run.returncode != 0:
+    if run.returncode != _FINISHED:
         raise SmokeError(f"{fmu.name} does not run by itself (exit code {run.returncode}):\n{output}")
 
 
@@ -65,19 +69,20 @@ def _run_once(fmu: Path, folder: str) -> None:
         instanceName="smoke",
     )
     experiment = description.defaultExperiment
+    start = float((experiment is not None and experiment.startTime) or 0.0)
     step = float((experiment is not None and experiment.stepSize) or _USUAL_STEP)
     outputs = [v.valueReference for v in description.modelVariables if (v.causality, v.type) == ("output", "Real")]
     slave.instantiate()
     for reset in (False, True):
         if reset:
             slave.reset()
-        slave.setupExperiment(startTime=0.0)
+        slave.setupExperiment(startTime=start)
         slave.enterInitializationMode()
         slave.getReal(outputs)
         slave.exitInitializationMode()
-        _step(slave, 0.0, step)
+        _step(slave, start, step)
         try:
-            _compare_states(slave, description, step, outputs)
+            _compare_states(slave, description, start, step, outputs)
         except Exception as error:
             print(f"{type(error).__name__}: {error}", file=sys.stderr)
             sys.exit(_STATE_FAILED)
@@ -85,15 +90,15 @@ def _run_once(fmu: Path, folder: str) -> None:
     slave.freeInstance()
 
 
-def _compare_states(slave: Any, description: Any, step: float, outputs: list[int]) -> None:
+def _compare_states(slave: Any, description: Any, start: float, step: float, outputs: list[int]) -> None:
     """Steps from a state give the same outputs again, as far as the FMU claims that."""
     if description.coSimulation.canGetAndSetFMUstate:
         _move_inputs(slave, description)
-        expected = _step_from_a_state(slave, step, outputs)
-        if _step_from_a_state(slave, step, outputs) != expected:
+        expected = _step_from_a_state(slave, start, step, outputs)
+        if _step_from_a_state(slave, start, step, outputs) != expected:
             raise AssertionError("steps from the same state give other outputs")
         serialises = description.coSimulation.canSerializeFMUstate
-        if serialises and _step_from_a_state(slave, step, outputs, serialised=True) != expected:
+        if serialises and _step_from_a_state(slave, start, step, outputs, serialised=True) != expected:
             raise AssertionError("steps from a serialised state give other outputs")
     elif description.coSimulation.canSerializeFMUstate:
         raise AssertionError("canGetAndSetFMUstate is not claimed")
@@ -121,7 +126,9 @@ def _move_inputs(slave: Any, description: Any) -> None:
             slave.setReal([variable.valueReference], [low if low is not None and value < low else value])
 
 
-def _step_from_a_state(slave: Any, step: float, outputs: list[int], serialised: bool = False) -> list[float]:
+def _step_from_a_state(
+    slave: Any, start: float, step: float, outputs: list[int], serialised: bool = False
+) -> list[float]:
     """Outputs after some more steps; the state is then as after the first step."""
     state = slave.getFMUstate()
     if serialised:
@@ -131,7 +138,7 @@ def _step_from_a_state(slave: Any, step: float, outputs: list[int], serialised: 
         slave.setFMUstate(state)
     values: list[float] = []
     for i in range(1, _STEPS):
-        _step(slave, i * step, step)
+        _step(slave, start + i * step, step)
         values += slave.getReal(outputs)
     slave.setFMUstate(state)
     slave.freeFMUstate(state)
@@ -145,3 +152,4 @@ if __name__ == "__main__":
         exercise(Path(sys.argv[1]))
     except Exception as error:  # the FMU itself has printed the traceback, if there is one
         sys.exit(f"{type(error).__name__}: {error}")
+    sys.exit(_FINISHED)

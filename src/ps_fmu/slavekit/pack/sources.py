@@ -33,15 +33,25 @@ def find_imports(source: str | bytes, name: str, package: str, optional: bool = 
     name: what to call it in errors.
     package: the package it is in, to resolve relative imports; ``""`` for a script.
     optional: also those that may fail: in ``try`` with handlers, and in ``if TYPE_CHECKING``.
+
+    Raises SourceError for what is no Python.
     """
+    try:
+        tree = ast.parse(source, filename=name)
+    except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
+        raise SourceError(f"{name}: this is no Python that can be read here: {error or type(error).__name__}") from None
     found: set[str] = set()
-    for node in _walk(ast.parse(source, filename=name), optional):
+    for node in _walk(tree, optional):
         if isinstance(node, ast.Import):
             found |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
             module = node.module or ""
             if node.level:
-                module = importlib.util.resolve_name("." * node.level + module, package)
+                try:
+                    module = importlib.util.resolve_name("." * node.level + module, package)
+                except ImportError:
+                    text = "a relative import leads out of the package: import the module by its name"
+                    raise SourceError(f"{name}:{node.lineno}: {text}") from None
             found |= {module} | {f"{module}.{alias.name}" for alias in node.names}
     return found
 
@@ -147,10 +157,7 @@ def _reach(script: str, read: Callable[[PurePosixPath], bytes | None]) -> Iterat
                 if content is None:
                     continue
                 seen.add(place)
-                try:
-                    waiting += find_imports(content, str(place), ".".join(place.parts[:-1]))
-                except (SyntaxError, ValueError, ImportError, RecursionError, MemoryError) as error:
-                    raise SourceError(f"{place} is no Python that can be read here: {error}") from None
+                waiting += find_imports(content, str(place), ".".join(place.parts[:-1]))
                 yield place, content
 
 
