@@ -42,7 +42,12 @@ def build_script(
     """
     script = script.resolve()
     output.mkdir(parents=True, exist_ok=True)
-    if imports_the_kit(script):
+    try:
+        with_kit = imports_the_kit(script)
+        files = [] if with_kit else _list_files(script, more)
+    except SourceError as error:
+        raise BuildError(str(error)) from None
+    if with_kit:
         if more or script.parent.name != script.stem:
             raise BuildError(
                 f"{script}: a slave that imports ps_fmu lies in a folder {script.stem} of its own, with a README.md; "
@@ -51,28 +56,22 @@ def build_script(
         return build_one(script.parent, output, interpreter=interpreter, bundled=bundled), []
     with tempfile.TemporaryDirectory(prefix="ps_fmu_build_") as folder:
         stock = Path(folder) / f"{script.stem}.fmu"
-        _run_builder(script, stock, _list_files(script, more))
+        _run_builder(script, stock, files)
         return wrap(stock, output, interpreter=interpreter, bundled=bundled, source=script)
 
 
 def imports_the_kit(script: Path) -> bool:
-    """Does a script import ps_fmu, as slaves with its base class do?  Raises BuildError for what is no Python."""
+    """Does a script import ps_fmu, as slaves with its base class do?  Raises BuildError, SourceError."""
     if script.suffix != ".py" or not script.is_file():
         raise BuildError(f"{script}: expected a file .py with a class that derives from pythonfmu.Fmi2Slave")
-    try:
-        return any(name.partition(".")[0] == "ps_fmu" for name in find_imports(script.read_bytes(), str(script), ""))
-    except SourceError as error:
-        raise BuildError(str(error)) from None
+    return any(name.partition(".")[0] == "ps_fmu" for name in find_imports(script.read_bytes(), str(script), ""))
 
 
 def _list_files(script: Path, more: Iterable[Path]) -> list[Path]:
-    """The files and folders that go with the script.  Raises BuildError if one is missing."""
+    """The files and folders that go with the script.  Raises BuildError if one cannot, SourceError."""
     if not (script.stem.isidentifier() and script.stem.isascii()):
         raise BuildError(f"{script}: this cannot be the name of a slave's file; expected letters, digits, underscores")
-    try:
-        files = {path.resolve() for path in (*more, *find_beside(script))} - {script}
-    except SourceError as error:
-        raise BuildError(str(error)) from None
+    files = {path.resolve() for path in (*more, *find_beside(script))} - {script}
     for path in (script, *sorted(files)):
         if path.stem in _TAKEN and path.suffix in (".py", ""):
             raise BuildError(f"{path}: a module of Python or pythonfmu has this name too, so rename it")

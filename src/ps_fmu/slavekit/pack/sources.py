@@ -57,7 +57,7 @@ def find_imports(source: str | bytes, name: str, package: str, optional: bool = 
 
 
 def collect_modules(script: Path, roots: dict[str, Path], hollow: Collection[str] = ()) -> Files:
-    """As :func:`closure_of` the modules that ``script`` imports; it is not part of the result itself."""
+    """As :func:`collect_imported` for the modules that ``script`` imports; it is not part of the result itself."""
     return collect_imported(find_imports(script.read_text(encoding="utf-8"), script.name, ""), roots, hollow)
 
 

@@ -104,9 +104,7 @@ def _read_member(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> bytes:
     try:
         with archive.open(member) as file:
             content = file.read(member.file_size + 1)
-    except (zipfile.BadZipFile, OSError) as error:
-        raise StockError(f"{member.filename[:60]} cannot be unpacked: {error}") from None
-    except Exception as error:  # zlib.error, lzma.LZMAError
+    except Exception as error:  # BadZipFile, OSError, zlib.error, lzma.LZMAError
         raise StockError(f"{member.filename[:60]} cannot be unpacked: {error}") from None
     if len(content) != member.file_size:
         raise StockError(f"{member.filename[:60]} has another length than the archive says")
