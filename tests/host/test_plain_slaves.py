@@ -141,3 +141,5 @@ class TestFaults:
         logged = run.stderr[run.stderr.index("logStatusError: ") :]
         assert "Traceback" in logged
         assert "ValueError: 100 %n" in logged
+        assert "slavekit" not in logged
+        assert "importlib" not in logged

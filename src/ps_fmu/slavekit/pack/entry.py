@@ -25,11 +25,17 @@ try:
     {model} = {load}
     globals()["{model}"] = {model}  # the library executes this file with locals of their own
     importlib.import_module("{package}.slavekit.author.guard").keep_alive(globals())  # see there
-except BaseException:
-    traceback.print_exc()  # the library tells only hosts that log
+except BaseException as _error:
+    _report = traceback.TracebackException.from_exception(_error)
+    _own = __name__ + ".py", "pythonfmu_slave.py", os.path.join("importlib", "__init__.py")
+    for _frame in list(_report.stack):
+        if _frame.filename.startswith("<frozen importlib") or _frame.filename.endswith(_own):
+            _report.stack.remove(_frame)
+    _report = "".join(_report.format())
+    print(_report, end="", file=sys.stderr)  # the library tells only hosts that log
     # It logs what repr() gives, which has to be safe as a printf format.
     _failure = type("Failure", (ImportError,), {{"__repr__": ImportError.__str__}})
-    raise _failure(traceback.format_exc().replace("%", "%%")) from None
+    raise _failure(_report.replace("%", "%%")) from None
 finally:
     if os.path.isfile(os.path.join(sys.path[0], __name__ + ".py")):
         # One entry more at each instantiation, by the library.  Imports in other threads may be iterating over this
