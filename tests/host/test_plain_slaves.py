@@ -66,7 +66,7 @@ def test_hosts_that_end_in_their_own_ways(bare_host, tanks, mode):
 
 def test_a_bundled_one_runs_where_there_is_no_python(host, tanks, tmp_path):
     requirements = tmp_path / "requirements.txt"
-    requirements.write_text("# packages\npythonfmu>=0.7\nMarkdown>=3  # as a module that is asked for as text\n")
+    requirements.write_text("# packages\npythonfmu>=0.7\nMarkdown>=3  # as text\npywin32; sys_platform == 'win32'\n")
     fmu, _ = build_script(write_example(tmp_path / "source"), [requirements], tmp_path, bundled=True)
     run = host("run", 50, told(unpack(fmu, tmp_path / "bundled")), PATH="/nonexistent")
     assert (run.returncode, run.stderr) == (0, "")

@@ -35,6 +35,7 @@ _KIT = ("ps_fmu.slavekit.author.pythonfmu_slave",)
 _STATE, _BYTES = "canGetAndSetFMUstate", "canSerializeFMUstate"
 _COMPILED = (".so", ".pyd", ".dylib", ".dll")
 _REQUIREMENT = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]*")
+_ELSEWHERE = re.compile(r"""platform\w*\s*==\s*["'](win32|cygwin|Windows|darwin|Darwin)""")
 
 
 class BuildError(RuntimeError):
@@ -149,9 +150,9 @@ def _find_private_names(files: Files) -> Iterator[str]:
 
 
 def _find_requirements(files: Files) -> list[str]:
-    """The names of the distributions in requirements.txt; pythonfmu itself is in the FMU."""
+    """The distributions that requirements.txt names for Linux, where bundles are; pythonfmu itself is in the FMU."""
     text = files.get(PurePosixPath("requirements.txt"), b"").decode(errors="replace")
-    found = [_REQUIREMENT.match(line.strip()) for line in text.splitlines()]
+    found = [_REQUIREMENT.match(line.strip()) for line in text.splitlines() if not _ELSEWHERE.search(line)]
     return [name[0] for name in found if name is not None and name[0].lower() != "pythonfmu"]
 
 
