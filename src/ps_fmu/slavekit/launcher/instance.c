@@ -4,7 +4,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "native.h"
 #include "platform.h"
 #include "python.h"
 
@@ -192,8 +191,6 @@ static bool begin_locked(Instance *m, const char *guid, const char *uri, fmi2Boo
             m->inner = wrapper.Instantiate(m->name, fmi2CoSimulation, guid, resources, &m->callbacks, visible, fmi2True);
             /* Otherwise a destructor of that library releases its state of the interpreter a second time at exit. */
             wrapper.finalise();
-            if (m->inner != NULL)
-                native_bind(m);
             python_leave();
         }
     }

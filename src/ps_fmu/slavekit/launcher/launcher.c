@@ -43,8 +43,10 @@ fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, f
         text_add(&why, "the instance name is empty or not UTF-8");
     else if (type != fmi2CoSimulation)
         text_add(&why, "this FMU is for co-simulation only");
-    else if (instance_begin(m, guid, uri, visible, &why))
+    else if (instance_begin(m, guid, uri, visible, &why)) {
+        native_bind(m);
         return m;
+    }
     if (why.used > 0)
         instance_refuse(m, "fmi2Instantiate", why.data);
     text_free(&why);

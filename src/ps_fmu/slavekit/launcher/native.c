@@ -11,7 +11,11 @@ void native_bind(Instance *m)
     static const fmi2ValueReference reference = CORE_REFERENCE;
     fmi2String address = NULL;
     m->core = NULL;
-    if (wrapper.GetString(m->inner, &reference, 1, &address) != fmi2OK)
+    if (!python_enter(m->generation))
+        return;
+    bool answered = wrapper.GetString(m->inner, &reference, 1, &address) == fmi2OK;
+    python_leave();
+    if (!answered)
         return;
     Core *core = (Core *)(uintptr_t)strtoull(address, NULL, 10);
     if (core == NULL)

@@ -4,7 +4,7 @@
 
 #include "instance.h"
 
-/* Have the slave of an instance tell where its words are; within python_enter.  Where it does not, all calls go to it. */
+/* Have the slave of an instance tell where its words are.  Where it does not, all calls go to it. */
 void native_bind(Instance *m);
 
 /* Each of these does all of a call, or nothing: false, and the call has to be made in Python.  So there are no errors
