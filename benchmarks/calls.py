@@ -28,7 +28,7 @@ CALLS = 500
 ROUNDS = 15
 
 
-def of_each_fmu(system: System, step: float) -> dict[str, dict[str, float]]:
+def measure_each_fmu(system: System, step: float) -> dict[str, dict[str, float]]:
     """Component -> function -> us a step, called by the master's loop in C."""
     descriptions = {c.name: read_description(c.source) for c in system.components}
     wiring = check_wiring(system, descriptions)
@@ -77,7 +77,7 @@ def cost(call: Callable[[], object]) -> float:
     return median(times)
 
 
-def of_fmpy_lists(probe: Path) -> dict[str, float]:
+def measure_fmpy_lists(probe: Path) -> dict[str, float]:
     """set, get -> us for a call of FMPy's setReal and getReal with 30 numbers."""
     with tempfile.TemporaryDirectory(prefix="ps_fmu_bench_") as folder:
         extract(str(probe), unzipdir=folder)

@@ -34,7 +34,7 @@ class Target:
     at_least: bool = False
     judged: Callable[[Figures], bool] = lambda found: True
 
-    def missed(self, found: Figures) -> str | None:
+    def find_missed(self, found: Figures) -> str | None:
         """What is wrong, if anything is."""
         value = self.value(found)
         met = value >= self.limit if self.at_least else value <= self.limit
@@ -60,9 +60,9 @@ TARGETS = (
 )
 
 
-def missed(found: Figures) -> list[str]:
+def find_missed(found: Figures) -> list[str]:
     """A line for each target that is missed."""
-    return [text for target in TARGETS if (text := target.missed(found)) is not None]
+    return [text for target in TARGETS if (text := target.find_missed(found)) is not None]
 
 
 def report(found: Figures) -> str:

@@ -21,9 +21,9 @@ from typing import Any
 import c_host
 import numpy as np
 from c_fmus import build_c_fmus
-from calls import of_each_fmu, of_fmpy_lists
+from calls import measure_each_fmu, measure_fmpy_lists
 from contenders import Contender, CoSimulation, StockFmus, Textbook
-from figures import missed, report
+from figures import find_missed, report
 from importers import IMPORTERS, in_importer
 from stock import build_probes, build_stock
 from threads import throughput_of_two
@@ -60,7 +60,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     print(report(result))
     if arguments.output is not None:
         arguments.output.write_text(json.dumps(result, indent=2) + "\n", encoding="utf-8")
-    texts = missed(result)
+    texts = find_missed(result)
     print(*texts, sep="\n", end="\n" if texts else "", file=sys.stderr)
     return 1 if texts else 0
 
@@ -101,9 +101,9 @@ def measure(system: System, rounds: int, folder: Path) -> dict[str, Any]:
         "mean_us": {name: mean(values) for name, values in costs.items()},
         "rounds": rounds,
         "steps_per_round": STEPS,
-        "us_per_call": of_each_fmu(system, STEP),
+        "us_per_call": measure_each_fmu(system, STEP),
         "us_per_call_in_c_host": c_host.measure(system.component("plant").source.parent),
-        "us_per_fmpy_call_of_30_reals": dict(zip(("stock", "ours"), map(of_fmpy_lists, probes), strict=True)),
+        "us_per_fmpy_call_of_30_reals": dict(zip(("stock", "ours"), map(measure_fmpy_lists, probes), strict=True)),
     }
 
 

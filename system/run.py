@@ -98,15 +98,15 @@ def main(argv: Sequence[str] | None = None) -> int:
                 ensure_built(options.fmus, ROOT)
             options.scenario.run(options)
         except KeyboardInterrupt:
-            return ended("interrupted", options.output, 130)
+            return report_end("interrupted", options.output, 130)
         except OptionError as error:  # one that needs the system to be seen, such as a path that takes longer
             command_line.error(str(error))
         except (BuildError, CosimError, OSError, ValueError) as error:
-            return ended(reason(error), options.output, 1)
+            return report_end(reason(error), options.output, 1)
     return 0
 
 
-def ended(why: str, output: Path, code: int) -> int:
+def report_end(why: str, output: Path, code: int) -> int:
     """Say why a run ended early and where its results are; returns the exit code."""
     results = output / RESULTS
     kept = f"results so far: {results}" if results.is_file() else "nothing was stored"

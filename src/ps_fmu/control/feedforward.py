@@ -20,7 +20,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from ..mechanism.discretisation import held_step_map, zero_order_hold
+from ..mechanism.discretisation import make_held_step_map, zero_order_hold
 from ..mechanism.dynamics import Pose, payload_mass
 from ..mechanism.kinematics import jacobians
 from ..mechanism.legs import leg_mass
@@ -136,9 +136,9 @@ class Controller:
         return np.hstack(self._outputs())
 
     def step_map(self, h: float) -> Array:
-        """[f; x](t + h) from [x; a](t), see :func:`.discretisation.held_step_map`."""
+        """[f; x](t + h) from [x; a](t), see :func:`.discretisation.make_held_step_map`."""
         Ad, Bd = _held_filters(self.lowpass, self.filters, h)
-        return held_step_map(Ad, self._driven(Bd), *self._outputs())
+        return make_held_step_map(Ad, self._driven(Bd), *self._outputs())
 
     def response(self, s: Complex) -> Complex:
         """K_we(s) from base acceleration to fine force, (..., 3, 6)."""

@@ -85,7 +85,7 @@ class FmuInstance:
                 "whose name has only ASCII letters, digits, and . _ -",
             )
         self._fmu = load_library(component, description, folder)
-        if pythonfmu.is_plain(self._fmu.dll) and (problem := pythonfmu.missing_in(folder)):
+        if pythonfmu.is_plain(self._fmu.dll) and (problem := pythonfmu.find_missing_in(folder)):
             raise SystemFileError(component.source, problem)
         self._callbacks = listen(self.messages)
         try:

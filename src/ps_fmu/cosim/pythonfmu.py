@@ -12,7 +12,7 @@ from pathlib import Path
 MODULE_FILE = "resources/slavemodule.txt"
 
 
-def missing(module_file: bytes | None, files: Collection[str]) -> str | None:
+def find_missing(module_file: bytes | None, files: Collection[str]) -> str | None:
     """What an FMU lacks that the library takes for granted: it crashes in fmi2Instantiate; None if nothing.
 
     Parameters
@@ -32,11 +32,11 @@ def is_plain(library: ctypes.CDLL) -> bool:
     return hasattr(library, "finalizePythonInterpreter")
 
 
-def missing_in(folder: Path) -> str | None:
+def find_missing_in(folder: Path) -> str | None:
     """As :func:`missing`, of an FMU that is unpacked in ``folder``."""
     file = folder / MODULE_FILE
     files = {path.relative_to(folder).as_posix() for path in (folder / "resources").glob("*.py")}
-    return missing(file.read_bytes() if file.is_file() else None, files)
+    return find_missing(file.read_bytes() if file.is_file() else None, files)
 
 
 def release_once(library: ctypes.CDLL) -> None:

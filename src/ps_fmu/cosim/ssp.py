@@ -20,7 +20,7 @@ from ..slavekit.pack import zip_writer as archive
 from .description import convert_value, index_variables, read_descriptions, read_start
 from .errors import SystemFileError, UsageError
 from .graph import check_wiring
-from .ssp_xml import fmu_place, parameter_set_xml, parameters_place, structure_xml
+from .ssp_xml import get_fmu_path, parameter_set_xml, parameters_place, structure_xml
 from .structure import Component, Parameter, System
 from .system import SSD_NAME
 
@@ -77,4 +77,4 @@ def _place(component: Component) -> PurePosixPath:
     if not _PLAIN.fullmatch(component.source.name):
         text = "the name of an FMU in an archive may have letters, digits, _, - and . only"
         raise SystemFileError(component.source, text)
-    return PurePosixPath(fmu_place(component))
+    return PurePosixPath(get_fmu_path(component))

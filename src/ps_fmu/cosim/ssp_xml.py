@@ -31,7 +31,7 @@ _TYPES = {name: name for name in ("Real", "Integer", "Boolean", "String")} | {"E
 _EXPONENTS = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
 
 
-def fmu_place(component: Component) -> str:
+def get_fmu_path(component: Component) -> str:
     """Place of a component's FMU in the archive."""
     return f"resources/{component.source.name}"
 
@@ -101,7 +101,7 @@ def _add_component(
         name=component.name,
         type=FMU_TYPE,
         implementation="CoSimulation",
-        source=fmu_place(component),
+        source=get_fmu_path(component),
     )
     connectors = SubElement(element, "ssd:Connectors")
     for port in component.connectors:

@@ -54,7 +54,7 @@ def _check_pythonfmu(path: Path, names: list[str], description: Description) -> 
     if description.root.attributes.get("generationTool", "").startswith("PythonFMU"):
         named = pythonfmu.MODULE_FILE in names
         content = read_member(path, pythonfmu.MODULE_FILE, _MOST_BYTES) if named else None
-        if problem := pythonfmu.missing(content, names):
+        if problem := pythonfmu.find_missing(content, names):
             yield f"{problem}: pythonfmu's library crashes without it"
 
 

@@ -22,7 +22,7 @@ from functools import cached_property
 
 import numpy as np
 
-from .discretisation import held_step_map, zero_order_hold
+from .discretisation import make_held_step_map, zero_order_hold
 from .dynamics import Dynamics, Pose, System
 from .forward_kinematics import forward_kinematics
 from .kinematics import KinematicsError
@@ -178,12 +178,12 @@ class PlantModel:
         return np.hstack([C, D])
 
     def step_map(self, h: float) -> Array:
-        """[y; x](t + h) from [x; u](t), see :func:`.discretisation.held_step_map`."""
+        """[y; x](t + h) from [x; u](t), see :func:`.discretisation.make_held_step_map`."""
         A, B, C, D = self.matrices()
         # The convective wrench acts as the base wrench does, and the constant moves nothing: without their columns the
         # exponential takes 0.11 instead of 0.14 ms.
         Ad, Bd = zero_order_hold(A, B[:, :12], h)
-        return held_step_map(Ad, np.hstack([Bd, Bd[:, 3:9], np.zeros((len(A), 1))]), C, D)
+        return make_held_step_map(Ad, np.hstack([Bd, Bd[:, 3:9], np.zeros((len(A), 1))]), C, D)
 
 
 @dataclass(frozen=True, eq=False)

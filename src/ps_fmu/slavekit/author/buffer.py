@@ -20,7 +20,7 @@ ALIGNMENT = 64  # bytes: a cache line, and the widest vector register
 _PYTHON_TYPES = {"Real": float, "Integer": int, "Boolean": bool, "String": str}
 
 
-def aligned(*shape: int) -> Array:
+def allocate_aligned(*shape: int) -> Array:
     """Zeros that start on a cache line: sums in BLAS then do not depend on where malloc put an array."""
     n = int(np.prod(shape))
     raw = np.zeros(n + ALIGNMENT // 8)
@@ -36,7 +36,7 @@ class Buffer:
 
     def __init__(self, layout: BufferLayout) -> None:
         self.layout = layout
-        self.data = aligned(layout.size)
+        self.data = allocate_aligned(layout.size)
         self.strings = [str(port.start) for port in layout.strings]
         self._groups: dict[str, list[int]] = {}
         for reference, port in layout.by_reference.items():

@@ -13,7 +13,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from .buffer import Array, aligned
+from .buffer import Array, allocate_aligned
 from .layout import BufferLayout
 
 REFERENCE = 2**31 - 1
@@ -109,7 +109,8 @@ class Core(ctypes.Structure):
 
 def make_core(layout: BufferLayout, data: Array) -> Core:
     """The core of an instance with the buffer ``data``; no step is a plain one yet."""
-    memory = aligned(-(-ctypes.sizeof(Core) // 64) * 8)  # whole cache lines: another thread steps the next instance
+    # Whole cache lines: another thread steps the next instance.
+    memory = allocate_aligned(-(-ctypes.sizeof(Core) // 64) * 8)
     core = Core.from_buffer(memory.data)
     core.magic, core.size = _MAGIC, ctypes.sizeof(Core)
     source, target = data[layout.source], data[layout.target]
@@ -119,7 +120,7 @@ def make_core(layout: BufferLayout, data: Array) -> Core:
     core.arrays = {}
     core._point(
         data=data, kinds=layout.kinds, low=layout.low, high=layout.high,
-        source=source, target=target, work=aligned(core.stride),
+        source=source, target=target, work=allocate_aligned(core.stride),
     )  # fmt: skip
     return core
 
@@ -130,6 +131,6 @@ def store_by_columns(matrix: Array) -> Array:
     The kernel reads it so; numpy in the same order gives the same bits.
     """
     rows, columns = matrix.shape
-    copy = aligned(columns, -(-rows // _LANES) * _LANES)
+    copy = allocate_aligned(columns, -(-rows // _LANES) * _LANES)
     copy[:, :rows] = matrix.T
     return copy

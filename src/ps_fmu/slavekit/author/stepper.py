@@ -7,7 +7,7 @@ from math import inf, isfinite
 
 import numpy as np
 
-from .buffer import Array, aligned
+from .buffer import Array, allocate_aligned
 from .core import OutputLimits, store_by_columns
 from .far import blame
 from .guard import ModelError, Refused, escape, report
@@ -275,7 +275,7 @@ class Stepper(Values):
             raise ValueError(f"{type(self).__name__}.{what} has shape {given.shape}; expected {shape}")
         if not np.isfinite(given).all():
             raise ModelError(f"{type(self).__name__}.{what} has elements that are not finite")
-        copy = aligned(*shape)
+        copy = allocate_aligned(*shape)
         copy[:] = given
         return copy
 

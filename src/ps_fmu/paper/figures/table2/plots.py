@@ -12,7 +12,7 @@ from ....mechanism.parameters import Array
 from ....results.style import ACTIVE, AXES, PASSIVE, REFERENCE, draw
 from ....results.tables import format_angles
 from .closed_form import LOOP_DELAY, ORIENTATIONS, published_value
-from .results import OrientationResult, below_frequency
+from .results import OrientationResult, compute_rms_below
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -127,7 +127,7 @@ def draw_cumulative(path: Path, densities: Sequence[tuple[Array, Array]]) -> Non
         for axes, (frequency, density), case, factor, unit in zip(
             figure.subplots(1, 2), densities, ("passive", "active"), (1e6, 1e9), ("µrad", "nrad"), strict=True
         ):
-            rms = factor * below_frequency(frequency, density)
+            rms = factor * compute_rms_below(frequency, density)
             for i, colour in enumerate(AXES):
                 axes.semilogx(frequency, rms[:, i], color=colour, label=f"axis {i + 1}")
             axes.set(xlabel="frequency (Hz)", ylabel=f"RMS below frequency ({unit})", title=case, ylim=(0.0, None))

@@ -71,12 +71,12 @@ def nominal_densities(p: Parameters, step_s: float) -> list[tuple[Array, Array]]
 
 def shares(frequency: Array, density: Array) -> Array:
     """Shares of the variance in the bands between :data:`EDGES`, (bands, 3), percent."""
-    below = below_frequency(frequency, density) ** 2
+    below = compute_rms_below(frequency, density) ** 2
     at_edges = np.stack([np.interp(EDGES, frequency, column) for column in below.T], axis=-1)
     return np.asarray(100.0 * np.diff(at_edges, axis=0) / below[-1])
 
 
-def below_frequency(frequency: Array, density: Array) -> Array:
+def compute_rms_below(frequency: Array, density: Array) -> Array:
     """RMS of everything below each frequency, (n, 3), rad, from a density (n, 3, 3), rad2/Hz."""
     diagonal = np.diagonal(density, axis1=1, axis2=2)
     return np.asarray(np.sqrt(cumulative_trapezoid(diagonal, frequency, axis=0, initial=0.0)))
