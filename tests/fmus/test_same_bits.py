@@ -169,7 +169,7 @@ def test_the_closed_loop(built_fmus) -> None:
 
 def in_python(system: System, columns: list[str], changes: dict[int, tuple[str, dict[str, Any]]]) -> np.ndarray:
     """Outputs of the default system with slaves as Python objects, stepped by Jacobi."""
-    slaves = {name: InPython(slave_class(folder), name) for name, (_, folder) in MODELS.items()}
+    slaves = {name: InPython(slave_class(MODELS[model]), name) for name, model in COMPONENTS.items()}
     layout = {name: instance.slave.layout for name, instance in slaves.items()}
     wires: dict[str, tuple[list[int], list[int]]] = {name: ([], []) for name in slaves}  # targets, columns
     for wire in system.connections:

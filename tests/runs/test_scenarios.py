@@ -175,9 +175,9 @@ def test_table2(make_options, ssv, monkeypatch):
 def test_table2_speaks_of_the_second_axis_only_of_the_papers_system(make_options, ssv):
     found = {"nominal": SimpleNamespace(rms_active=np.ones(3))}
     options = make_options("table2", 0.2, step_s=1e-3, parameters=(ssv({"commander.target.yaw": 0.1}),))
-    assert table2._off_axis(load_system(options), found).endswith("Nothing was tuned to it.")
+    assert table2.describe_second_axis(load_system(options), found).endswith("Nothing was tuned to it.")
     other = ssv({"plant.payload.mass": 1.0, "isolator.delay": 0.02}, "other.ssv")
-    said = table2._off_axis(load_system(replace(options, parameters=(other,))), found)
+    said = table2.describe_second_axis(load_system(replace(options, parameters=(other,))), found)
     assert said.startswith("Parameter files set plant.payload.mass and 1 more: ") and "tuned" not in said
 
 

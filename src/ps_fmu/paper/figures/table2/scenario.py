@@ -85,7 +85,7 @@ def run(options: RunOptions) -> None:
     rows_of_all = [row for name, comparison in found.items() for row in _rows(name, comparison)]
     table = Table("Jitter of the payload against Table 2", _header(), rows_of_all)
     refused = [explain_refusal(comparison.target_deg) for comparison in found.values() if not comparison.reachable]
-    second_axis = _second_axis_remark(measured.system, found)
+    second_axis = describe_second_axis(measured.system, found)
     remarks = [_window_text(measured), _drift_text(found.values()), second_axis, *published_remarks()]
     text = [HOW, *refused, *remarks]
     print(table.to_text(), *text[1:], sep="\n")
@@ -135,8 +135,8 @@ def period_s(duration_s: float) -> float:
     return period if period >= SHORTEST_PERIOD_S else USUAL_PERIOD_S
 
 
-def _second_axis_remark(system: RunSystem, found: Mapping[str, Comparison]) -> str:
-    """What is to be said of the second axis; nothing is where parameter files make another system of it."""
+def describe_second_axis(system: RunSystem, found: Mapping[str, Comparison]) -> str:
+    """How far the second axis is off; or, where parameter files make another system, that it is another one."""
     given = {name: entry.value for name, entry in system.given.items()}
     if others := list_departures(given):
         return (
