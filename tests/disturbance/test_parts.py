@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from ps_fmu.disturbance import phases, smooth, spectrum
-from ps_fmu.disturbance.table import Table
+from ps_fmu.disturbance.sample_table import SampleTable
 
 
 @pytest.mark.parametrize("weight", [lambda t: smooth.ramp(t, 2.0), lambda t: smooth.crossfade(t, 1.5)])
@@ -34,7 +34,7 @@ def test_crossfade_keeps_the_power():
 def test_table_is_exact_on_its_grid_and_close_beside_it():
     rate, frequency = 400.0, 20.0  # Hz
     grid = np.arange(400) / rate
-    table = Table(np.sin(2.0 * np.pi * frequency * grid)[:, None], rate, start=3.0)
+    table = SampleTable(np.sin(2.0 * np.pi * frequency * grid)[:, None], rate, start=3.0)
     np.testing.assert_array_equal(table(3.0 + grid + 1e-10), table.values)
     beside = 3.0 + np.linspace(0.0, 2.0, 3001)  # past the end it begins again
     np.testing.assert_allclose(table(beside)[:, 0], np.sin(2.0 * np.pi * frequency * (beside - 3.0)), atol=5e-6)

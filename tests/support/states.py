@@ -20,7 +20,7 @@ _COUNTS = st.one_of(st.integers(-1, 2000), st.sampled_from((2**31, 2**52, 2**62,
 
 
 def clocks() -> st.SearchStrategy[dict[str, Any]]:
-    """Other values for some fields of a StepClock."""
+    """Other values for some fields of a SlaveClock."""
     fields = {
         "phase": st.sampled_from(LifePhase),
         **dict.fromkeys(("ready", "stale", "pending"), st.booleans()),

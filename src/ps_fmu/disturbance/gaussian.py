@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from ..mechanism.quantities import Array
+from .sample_table import SampleTable
 from .smooth import crossfade, ramp
 from .spectrum import Layer, Sampler, factor, layers, share
-from .table import Table
 
 _KEPT = 2  # blocks per layer: as many as are alive at any time
 
@@ -38,7 +38,7 @@ class GaussianNoise:
         self._layers = layers(band, period, half=False, overlap=True)
         self._windows = {layer.key: crossfade(_elapsed(layer), 0.5 * layer.period) for layer in self._layers}
         self._samplers = {layer.key: Sampler(layer, len(self._factor)) for layer in self._layers}
-        self._blocks: dict[int, dict[int, Table]] = {layer.key: {} for layer in self._layers}
+        self._blocks: dict[int, dict[int, SampleTable]] = {layer.key: {} for layer in self._layers}
 
     def __call__(self, time: Array) -> Array:
         """Force (N) and torque (N.m) at ascending times (n,) in s, shape (n, 6)."""
@@ -53,7 +53,7 @@ class GaussianNoise:
                 wrench[first:end] += block(time[first:end])
         return wrench
 
-    def _block(self, layer: Layer, index: int) -> Table:
+    def _block(self, layer: Layer, index: int) -> SampleTable:
         known = self._blocks[layer.key]
         if index not in known:
             if len(known) == _KEPT:
@@ -61,7 +61,7 @@ class GaussianNoise:
             known[index] = self._synthesise(layer, index)
         return known[index]
 
-    def _synthesise(self, layer: Layer, index: int) -> Table:
+    def _synthesise(self, layer: Layer, index: int) -> SampleTable:
         """Block ``index``, which lives from (index - 1) to (index + 1) half periods."""
         key = np.random.SeedSequence((self._seed, layer.key, index % 2**32))
         random = np.random.Generator(np.random.Philox(key))
@@ -78,7 +78,7 @@ class GaussianNoise:
             part = sample(lines, integrals)
             part *= size
             rows += part
-        return Table(np.ascontiguousarray(rows.T), layer.rate, start)
+        return SampleTable(np.ascontiguousarray(rows.T), layer.rate, start)
 
 
 def _elapsed(layer: Layer) -> Array:

@@ -6,9 +6,9 @@ import numpy as np
 
 from ..mechanism.quantities import Array, Complex
 from .phases import orthogonal_phases
+from .sample_table import SampleTable
 from .smooth import ramp
 from .spectrum import Layer, factor, layers
-from .table import Table
 
 _MARGIN = 4  # grid points beyond both ends of the start-up, for interpolation
 
@@ -33,8 +33,8 @@ class Multisine:
         self, psd: Array, band: Array, seed: int, period: float = 100.0, rise_time: float = 2.0
     ) -> None:
         self._rise_time = rise_time
-        self._steady: list[Table] = []
-        self._start: list[Table] = []
+        self._steady: list[SampleTable] = []
+        self._start: list[SampleTable] = []
         inputs = factor(psd)
         for layer in layers(band, period, half=True, overlap=False):
             self._add(layer, inputs, seed)
@@ -51,13 +51,13 @@ class Multisine:
     def _add(self, layer: Layer, inputs: Array, seed: int) -> None:
         lines = _amplitudes(layer, inputs, seed)
         g, g_1, g_2 = (layer.sample(lines, integrals) for integrals in (2, 1, 0))
-        self._steady.append(Table(g_2, layer.rate))
+        self._steady.append(SampleTable(g_2, layer.rate))
         # While W rises: d2/dt2 (W G), exactly zero at the start.
         index = np.arange(-_MARGIN, int(np.ceil(self._rise_time * layer.rate)) + _MARGIN + 1)
         weight = ramp(index / layer.rate, self._rise_time)
         rows = np.mod(index, layer.points)
         rising = weight.second_derivative(g[rows], g_1[rows], g_2[rows])
-        self._start.append(Table(rising, layer.rate, index[0] / layer.rate))
+        self._start.append(SampleTable(rising, layer.rate, index[0] / layer.rate))
 
 
 def multisine_lines(psd: Array, band: Array, seed: int, period: float = 100.0) -> tuple[Array, Complex]:

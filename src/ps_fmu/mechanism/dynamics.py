@@ -96,12 +96,12 @@ def bus_mass(bus: Bus) -> Array:
 
 
 def assemble(manipulator: Manipulator, payload: Payload, bus: Bus, pose: Pose) -> Dynamics:
-    """The full model at one pose, see :class:`System`."""
-    return System(manipulator, payload, bus).at(pose)
+    """The full model at one pose, see :class:`FlexibleSystem`."""
+    return FlexibleSystem(manipulator, payload, bus).at(pose)
 
 
 @dataclass(frozen=True, eq=False)
-class System:
+class FlexibleSystem:
     """Manipulator, payload and bus; what does not depend on the pose is made once.
 
     Modes with frequency or stiffness zero are inactive.

@@ -23,7 +23,7 @@ from functools import cached_property
 import numpy as np
 
 from .discretisation import make_held_step_map, zero_order_hold
-from .dynamics import Dynamics, Pose, System
+from .dynamics import Dynamics, FlexibleSystem, Pose
 from .forward_kinematics import forward_kinematics
 from .kinematics import KinematicsError
 from .parameters import Bus, CoarseServo, Manipulator, Optics, Parameters, Payload
@@ -230,8 +230,8 @@ class Plant:
         return PlantModel(dynamics, self.servo, self.optics, np.array(coarse_displacement), found.orientation)
 
     @cached_property
-    def _system(self) -> System:
-        return System(self.manipulator, self.payload, self.bus)
+    def _system(self) -> FlexibleSystem:
+        return FlexibleSystem(self.manipulator, self.payload, self.bus)
 
     def within_stroke(self, command: Array) -> Array:
         """The command (3,), m, with each leg kept within its stroke."""

@@ -42,7 +42,7 @@ class LifePhase(IntEnum):
 
 
 @dataclass(frozen=True)
-class StepClock:
+class SlaveClock:
     """Communication points and what is pending.  Times in s."""
 
     phase: LifePhase
@@ -75,7 +75,7 @@ class SlaveState:
     """A complete copy of one instance's state."""
 
     identity: bytes
-    clock: StepClock
+    clock: SlaveClock
     buffer: Array
     strings: tuple[str, ...]
 
@@ -135,11 +135,11 @@ def from_bytes(content: bytes, layout: BufferLayout) -> SlaveState:
     return SlaveState(layout.identity, _read_clock(words), buffer, strings)
 
 
-def _read_clock(words: list[float]) -> StepClock:
+def _read_clock(words: list[float]) -> SlaveClock:
     phase, *flags = map(int, words[:4])
     if phase > max(LifePhase) or any(flag > 1 for flag in flags):
         raise Refused(f"the serialised FMU state has impossible flags {words[:4]}")
-    clock = StepClock(LifePhase(phase), *map(bool, flags), *words[4:])
+    clock = SlaveClock(LifePhase(phase), *map(bool, flags), *words[4:])
     if clock.stale and clock.phase >= LifePhase.STEPPING:
         raise Refused("the serialised FMU state is after initialisation, but not configured")
     times = (clock.start, clock.time, clock.origin, clock.step)

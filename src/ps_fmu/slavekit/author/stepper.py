@@ -12,7 +12,7 @@ from .core import OutputLimits, store_by_columns
 from .far import blame
 from .guard import ModelError, Refused, escape, report
 from .plain import Step, make_holder, make_plain_step
-from .state import LifePhase, StepClock
+from .state import LifePhase, SlaveClock
 from .values import Values
 
 SAME_STEP = 1e-6  # relative: step sizes this close are one; hosts form them as differences of times
@@ -315,15 +315,15 @@ class Stepper(Values):
 
     # --- State --------------------------------------------------------------------------
 
-    def _read_clock(self) -> StepClock:
+    def _read_clock(self) -> SlaveClock:
         core = self._core
-        return StepClock(
+        return SlaveClock(
             phase=self._phase, ready=self._ready, stale=self._stale, pending=bool(core.pending),
             count=core.count, rows=len(self._table), block=core.block,
             start=self._start, stop=self._stop, time=core.time, origin=self._origin, step=core.step,
         )  # fmt: skip
 
-    def _recall(self, clock: StepClock, table: Array) -> None:
+    def _recall(self, clock: SlaveClock, table: Array) -> None:
         """Go back to an earlier clock; ``table`` is the one that belongs to it."""
         core = self._core
         self._ready, self._stale, core.pending = clock.ready, clock.stale, clock.pending
@@ -338,7 +338,7 @@ class Stepper(Values):
         self._next_rows = min(4 * len(table), self.block_rows) if len(table) else _FIRST_ROWS
         self._renew()
 
-    def _compute_table_again(self, clock: StepClock) -> Array:
+    def _compute_table_again(self, clock: SlaveClock) -> Array:
         """The table that was current at ``clock``, computed from the buffer as it is now."""
         if clock.rows == 0:
             return self._table[:0]

@@ -17,7 +17,7 @@ _SNAP = 1e-6  # grid steps; rounding of t = t_0 + k h stays below that for days 
 
 
 @dataclass(frozen=True)
-class Table:
+class SampleTable:
     """Rows (n, m) at start, start + 1/rate, ... (s, Hz); past its end the table begins again."""
 
     values: Array
