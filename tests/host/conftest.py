@@ -1,4 +1,4 @@
-"""Hosts written in C, in an environment with nothing set, for the toys of tests/fmu and for the wired system."""
+"""Hosts written in C, in an environment with nothing set, for the toys of tests/slavekit and for the wired system."""
 
 from __future__ import annotations
 

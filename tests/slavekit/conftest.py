@@ -1,4 +1,4 @@
-"""The toys of tests/fmu/models, as Python objects and as FMUs."""
+"""The toys of tests/slavekit/models, as Python objects and as FMUs."""
 
 import importlib.util
 from collections.abc import Callable
