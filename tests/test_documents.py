@@ -10,7 +10,7 @@ from matplotlib import image
 from support.models import MODELS
 
 ROOT = Path(__file__).parents[1]
-DOCUMENTS = sorted([*ROOT.glob("*.md"), *ROOT.glob("fmus/**/*.md")])
+DOCUMENTS = sorted(path for place in ("*.md", "fmus/**/*.md", "docs/*.md", "system/**/*.md") for path in ROOT.glob(place))
 
 
 @pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: str(path.relative_to(ROOT)))
@@ -18,6 +18,12 @@ def test_links_lead_to_files(path):
     targets = re.findall(r"\]\(([^)#\s]+)", path.read_text(encoding="utf-8"))
     local = [target for target in targets if "://" not in target]
     assert [target for target in local if not (path.parent / target).exists()] == []
+
+
+@pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: str(path.relative_to(ROOT)))
+def test_files_that_are_named_exist(path):
+    named = re.findall(r"`((?:src|tests|system|docs)/[\w/.-]+)`", path.read_text(encoding="utf-8"))
+    assert [name for name in named if not (ROOT / name).exists()] == []
 
 
 def test_commands_of_the_readme_exist():
