@@ -10,7 +10,8 @@ from matplotlib import image
 from support.models import MODELS
 
 ROOT = Path(__file__).parents[1]
-DOCUMENTS = sorted(path for place in ("*.md", "fmus/**/*.md", "docs/*.md", "system/**/*.md") for path in ROOT.glob(place))
+PLACES = "*.md", "fmus/**/*.md", "docs/*.md", "system/**/*.md"
+DOCUMENTS = sorted(path for place in PLACES for path in ROOT.glob(place))
 
 
 @pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: str(path.relative_to(ROOT)))
