@@ -22,7 +22,7 @@ from ps_fmu.slavekit.pack.bundle import bundle
 HERE = Path(__file__).parent
 MODELS = HERE.parent / "slavekit" / "models"
 SSD = HERE.parents[1] / "system" / "SystemStructure.ssd"
-HOST_SOURCES = (HERE / "host.c", HERE / "fmu.c")
+HOST_SOURCES = (HERE / "host.c", HERE / "mistakes.c", HERE / "fmu.c")
 SYSTEM_SOURCES = (HERE / "system.c", HERE / "wired.c", HERE / "fmu.c")
 CALLS_SOURCES = (HERE / "calls.c", HERE / "words.c")
 LAUNCHER_SOURCES = [LAUNCHER.folder / name for name in LAUNCHER.sources_for("linux64")]

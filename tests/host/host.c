@@ -4,8 +4,8 @@
 
    run      N steps, all FMUs side by side, two instances of each; prints the outputs of the first instances
    reload   N times: load, run ten steps, unload
-   faults   a mistake of each kind N times, then reset and ten steps; prints as well by how many kB memory grew over
-            the second half of them
+   faults   all mistakes N times, then reset and ten steps; prints as well by how many kB memory grew over the second
+            half of them, and how many that were
    threads  eight threads, each with its own instances, N steps
    leave    exit() while four threads step
    keep     instances and libraries are never freed
@@ -13,6 +13,7 @@
             frees an instance even later
 */
 #include "fmu.h"
+#include "mistakes.h"
 
 #include <dlfcn.h>
 #include <math.h>
@@ -119,36 +120,6 @@ static void states(Run *run)
     free(bytes);
 }
 
-/* One mistake for each way of refusing: by the launcher, by Python, by both.  tests/host/test_calls.py makes all others. */
-static void make_mistakes(const Fmu *f, fmi2Component c, fmi2Component begun)
-{
-    enum { ROOM = 1 << 16 };
-    static char bytes[ROOM]; /* so many that it would be seen if they stayed */
-    const fmi2ValueReference bad = 999999;
-    const size_t many = (size_t)1 << 60;
-    const char *odd = "100%n%s", *invalid = "\xff\xfe";
-    fmi2FMUstate state = NULL, none = NULL;
-    size_t size = 0;
-    double nan = NAN, out;
-    EXPECT(f->Instantiate("other", fmi2CoSimulation, "another", f->uri, &callbacks, 0, 0) == NULL);
-    EXPECT(f->GetReal(c, &bad, 1, &out) == fmi2Error);
-    EXPECT(f->GetReal(c, f->outputs, many, &out) == fmi2Error);
-    EXPECT(f->SetReal(c, f->outputs, 1, &nan) == fmi2Error);
-    EXPECT(f->SetString(c, &bad, 1, &odd) == fmi2Error);
-    EXPECT(f->SetString(c, &bad, 1, &invalid) == fmi2Error);
-    EXPECT(f->DoStep(c, 1e6, 1.0, fmi2True) == fmi2Error);
-    EXPECT(f->DoStep(begun, 0.0, 1.0, fmi2True) == fmi2Error);
-    EXPECT(f->EnterInitializationMode(begun) == fmi2Error);
-    EXPECT(f->GetFMUstate(c, &state) == fmi2OK);
-    EXPECT(f->SetFMUstate(begun, state) == fmi2Error); /* is the other one's */
-    EXPECT(f->SerializedFMUstateSize(c, state, &size) == fmi2OK && size <= ROOM);
-    EXPECT(f->SerializeFMUstate(c, state, bytes, size - 1) == fmi2Error);
-    EXPECT(f->SerializeFMUstate(c, state, bytes, size) == fmi2OK);
-    bytes[size - 1] ^= 1;
-    EXPECT(f->DeSerializeFMUstate(c, bytes, size, &none) == fmi2Error && none == NULL);
-    EXPECT(f->FreeFMUstate(c, &state) == fmi2OK);
-}
-
 static void faults(Fmu *fmu, long n)
 {
     Run run, begun;
@@ -157,10 +128,10 @@ static void faults(Fmu *fmu, long n)
     instantiate(&begun, fmu);
     for (long i = 0; i < n / 2; i++)
         make_mistakes(fmu, run.component, begun.component);
-    long before = resident();
+    long before = resident(), first = mistakes_made();
     for (long i = 0; i < n / 2; i++)
         make_mistakes(fmu, run.component, begun.component);
-    long growth = resident() - before;
+    long growth = resident() - before, n_made = mistakes_made() - first;
     fmu->FreeInstance(begun.component);
     EXPECT(fmu->Reset(run.component) == fmi2OK);
     initialise(&run);
@@ -169,7 +140,7 @@ static void faults(Fmu *fmu, long n)
         step(&run, i);
     print(&run);
     finish(&run);
-    printf("%ld\n", growth);
+    printf("%ld %ld\n", growth, n_made);
 }
 
 typedef struct {
