@@ -46,3 +46,15 @@ def test_an_output_that_cannot_be_used_is_said_before_fmus_are_built(no_build, t
     refused = pytest.raises(OptionError, match="--output: cannot write in")
     with refused, cosimulation.hold_run(options, table2.SCENARIO):
         pass
+
+
+def test_runs_of_an_interrupted_analysis_are_not_among_those_of_the_next(tmp_path, monkeypatch):
+    monkeypatch.setattr(cosimulation, "ensure_built", lambda folder, root: [])
+    options = AnalysisOptions(tmp_path, tmp_path / "fmus", CHECKOUT / "system" / "SystemStructure.ssd", progress=False)
+    with pytest.raises(KeyboardInterrupt), cosimulation.hold_run(options, table2.SCENARIO) as run:
+        (run.output / "results.nc").write_text("interrupted")
+        raise KeyboardInterrupt
+    with cosimulation.hold_run(options, table2.SCENARIO) as run:
+        assert not (run.output / "results.nc").exists()
+        (run.output / "results.nc").write_text("complete")
+    assert (run.output / "results.nc").read_text() == "complete"
