@@ -263,7 +263,7 @@ def test_incomplete_folders_are_told(tmp_path):
     (folder / "README.md").unlink()
     with pytest.raises(BuildError, match=r"no README\.md"):
         build_one(folder, tmp_path / "out")
-    with pytest.raises(BuildError, match="no nothing; found limiter, oscillator, waves"):
+    with pytest.raises(BuildError, match="no nothing; found channel, limiter, oscillator, waves"):
         build_all(tmp_path / "out", MODELS, ["nothing"])
 
 

@@ -15,6 +15,7 @@ from ps_fmu.slavekit.pack.build import build_one
 
 MODELS = Path(__file__).with_name("models")
 H = 0.01  # s
+ERROR = 3
 
 
 @pytest.fixture(scope="module")
@@ -65,6 +66,66 @@ def test_all_but_the_first_step_are_native(start):
     assert oscillator.steps() == (299, 1)
     assert waves.steps() == (294, 6)  # tables of 16 rows, then 64
     assert limiter.steps() == (0, 300)  # finish_step
+
+
+def send(instance: InFmpy | InPython, first: int, n: int, h: float = H) -> list[list[float]]:
+    """Steps of a channel, whose input jumps now and then; all outputs."""
+    rows = []
+    for k in range(first, first + n):
+        instance.set({"signal": math.sin(0.3 * k) + (k // 30 % 2)})
+        instance.step(k * H if h == H else first * H + (k - first) * h, h)
+        rows.append(instance.outputs())
+    return rows
+
+
+def test_elements_are_native_and_the_same_in_python(start, toys):
+    """States go back and forth; then the step size changes, with values on their way."""
+    native, python = start("channel"), InPython(toys["channel"])
+    python.initialise()
+    rows = send(native, 0, 200)
+    assert rows == send(python, 0, 200)
+    assert len({row[0] for row in rows}) > 20
+    assert {row[4] for row in rows} == {0.0, 1.0}
+    events, tables = int(rows[-1][3]), 4  # of 16, then 64 rows, each made in up to five parts
+    assert 10 < events < 100
+    found, in_python = native.steps()
+    assert found + in_python == 200
+    assert events <= in_python <= events + 6 * tables
+    content = native.state()
+    assert content == python.state()
+    expected = send(native, 200, 50)
+    python.restore(content)
+    assert send(python, 200, 50) == expected
+    assert python.state() == native.state()
+    assert send(native, 250, 100, H / 2) == send(python, 250, 100, H / 2)
+    assert python.state() == native.state()
+
+
+def test_a_time_that_is_no_multiple_of_the_step_is_refused(start, capfd):
+    channel = start("channel")
+    send(channel, 0, 33)
+    before = channel.state()
+    assert refused(channel.step, 33 * H, 0.7 * H) == ERROR
+    text = "sample_time: 0.04 s is not a multiple of the communication step 0.007 s"
+    assert text in capfd.readouterr().err
+    assert channel.state() == before
+    send(channel, 33, 10)
+
+
+def test_a_refused_step_with_elements_changes_nothing(start, toys, capfd):
+    """The input is sampled and its rate computed before another element overflows."""
+    pair = start("channel"), InPython(toys["channel"])
+    pair[1].initialise()
+    for instance in pair:
+        send(instance, 0, 36)
+    pair[0].set({"signal": 1.7e308})
+    before = pair[0].state()
+    for _ in range(2):
+        assert refused(pair[0].step, 36 * H, H) == ERROR
+        assert pair[0].state() == before
+    text = "not finite: in an element before or after the map"
+    assert text in capfd.readouterr().err
+    assert send(pair[0], 36, 40) == send(pair[1], 36, 40)
 
 
 def test_an_event_is_one_step_in_python(start):
@@ -120,7 +181,7 @@ def test_a_value_is_stored_as_it_is(start):
     assert oscillator.fmu.getInteger([oscillator.variables["substeps"].valueReference]) == [1]
 
 
-ERROR = 3
+
 
 
 @pytest.mark.parametrize(

@@ -21,7 +21,7 @@ def core_of(n_outputs: int, n_states: int, n_inputs: int) -> tuple[Core, np.ndar
     ports = [Port(f"y_{i}", "output") for i in range(n_outputs)] + [Port(f"u_{i}", "input") for i in range(n_inputs)]
     layout = BufferLayout("sizes", "1", ports, n_states, 0, 0)
     data = np.zeros(layout.size)
-    return make_core(layout, data), data
+    return make_core(layout, data), data[: layout.clock.start]
 
 
 def by_kernel(instructions: str, core: Core) -> bool:
@@ -53,8 +53,9 @@ def test_products_have_the_same_bits(instructions, n_outputs, n_states, n_inputs
     data[:] = before
     assert make_plain_step(core)()
     assert found.tobytes() == data.tobytes()
-    exact = [math.fsum(core.arrays["matrix"][:, i] * before[n_outputs:]) for i in range(m)]
-    scale = np.abs(core.arrays["matrix"][:, :m].T * before[n_outputs:]).sum(axis=1)
+    operand = before[n_outputs : n_outputs + n]
+    exact = [math.fsum(core.arrays["matrix"][:, i] * operand) for i in range(m)]
+    scale = np.abs(core.arrays["matrix"][:, :m].T * operand).sum(axis=1)
     assert (np.abs(found[:m] - exact) <= 1e-14 * scale).all()
 
 
@@ -93,6 +94,26 @@ def test_nothing_to_be_done(instructions):
     core, _ = core_of(1, 1, 0)
     core.use_nothing()
     assert not by_kernel(instructions, core)
+
+
+def test_operands_that_are_zero_change_no_bit(instructions):
+    """Whatever is multiplied by 0 or -0, all partial sums among them: negative, below the smallest normal number."""
+    core, data = core_of(3, 4, 4)
+    tiny = 5e-324
+    columns = np.array([[-tiny, tiny, 1.0, -1.0, 1e307, -tiny, -1e307]] * 8).T
+    core.use_map(store_by_columns(columns))
+    random = np.random.default_rng(5)
+    for _ in range(50):
+        data[:] = random.choice([0.0, -0.0, tiny, -tiny, 0.25, -0.25, 1.0, -1.0], data.size)
+        before = data.copy()
+        sums = [0.0] * 7
+        for j, operand in enumerate(before[3:11].tolist()):
+            sums = [value + entry * operand for value, entry in zip(sums, columns[:, j].tolist(), strict=True)]
+        assert by_kernel(instructions, core)
+        assert data[:7].tobytes() == np.array(sums).tobytes()
+        data[:] = before
+        assert make_plain_step(core)()
+        assert data[:7].tobytes() == np.array(sums).tobytes()
 
 
 def test_unknown_instructions():

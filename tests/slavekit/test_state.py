@@ -36,7 +36,7 @@ def drive(slave, first, n):
     return rows
 
 
-@pytest.mark.parametrize("name", ["oscillator", "waves", "limiter"])
+@pytest.mark.parametrize("name", ["oscillator", "waves", "limiter", "channel"])
 @pytest.mark.parametrize("n", [0, 1, 7, 33, 45, 100])
 @pytest.mark.parametrize("where", ["same", "other", "fresh"])
 def test_going_on_from_a_state_is_bit_exact(make, toys, name, n, where):

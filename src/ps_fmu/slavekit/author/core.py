@@ -7,13 +7,16 @@ learns the address when the instance is made (``Values.get_string``); what the w
 from __future__ import annotations
 
 import ctypes
+from collections.abc import Sequence
 from ctypes import c_double, c_int64, c_uint64, c_void_p
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 
 from .buffer import Array, allocate_aligned
+from .instructions import Instruction, write_words
 from .layout import BufferLayout
 
 REFERENCE = 2**31 - 1
@@ -31,8 +34,18 @@ class OutputLimits:
     """The place that becomes 1 if a limit is met; -1: none."""
 
 
-_MAGIC = 0x31302D65726F63  # "core-01"
+class Elements:
+    """The elements of a step, in their order, for :meth:`Core.use_elements`."""
+
+    def __init__(self, before: Sequence[Instruction] = (), after: Sequence[Instruction] = ()) -> None:
+        self.before, self.after = tuple(before), tuple(after)
+        self.words = write_words(self.before), write_words(self.after)
+
+
+_MAGIC = 0x32302D65726F63  # "core-02"
 NOTHING, MAP, TABLE = range(3)
+FOUND_DUE = 2
+"""Value of ``pending`` if an element has found, before the map, that an event is due before this step."""
 
 _LANES = 8  # doubles in the widest vector register
 
@@ -49,8 +62,11 @@ class Core(ctypes.Structure):
         ("plain", c_int64), ("source", c_void_p), ("target", c_void_p), ("work", c_void_p),
         ("n_source", c_int64), ("n_target", c_int64),
         ("matrix", c_void_p), ("stride", c_int64), ("table", c_void_p), ("n_rows", c_int64),
+        ("row", c_void_p), ("n_row", c_int64),
+        ("before", c_void_p), ("after", c_void_p), ("n_before", c_int64), ("n_after", c_int64),
+        ("undo_places", c_void_p), ("undo_values", c_void_p), ("scratch", c_void_p), ("kept", c_void_p),
         ("lower", c_void_p), ("upper", c_void_p), ("n_limited", c_int64), ("limit_flag", c_int64),
-        ("stepping", c_int64), ("pending", c_int64), ("finishing", c_int64),
+        ("stepping", c_int64), ("pending", c_int64), ("watching", c_int64), ("finishing", c_int64),
         ("time", c_double), ("step", c_double),
         ("time_slack", c_double), ("step_slack", c_double), ("last_start", c_double),
         ("count", c_int64), ("block", c_int64),
@@ -58,10 +74,14 @@ class Core(ctypes.Structure):
     )  # fmt: skip
 
     plain: int
+    n_source: int
     n_target: int
+    n_row: int
+    n_rows: int
     stride: int
     stepping: int
     pending: int
+    watching: int
     finishing: int
     time: float
     step: float
@@ -77,17 +97,34 @@ class Core(ctypes.Structure):
     arrays: dict[str, NDArray[Any]]
     """By the name of their word."""
     limits: OutputLimits | None = None
+    elements: Elements
 
     def use_map(self, matrix: Array) -> None:
         """A plain step is ``target <- matrix.T @ source``; see :func:`store_by_columns`."""
         self._point(matrix=matrix)
+        self.n_source = len(matrix)
         self.plain = MAP
 
     def use_table(self, table: Array) -> None:
         """A plain step is ``target <- table[count - block]``."""
+        self.use_rows(table)
+        self.plain = TABLE
+
+    def use_rows(self, table: Array) -> None:
+        """A plain step begins with ``row <- table[count - block]``, if there is a map as well."""
         self._point(table=table)
         self.n_rows = len(table)
-        self.plain = TABLE
+
+    def use_elements(self, elements: Elements) -> None:
+        """What is done before and after the map."""
+        self.elements = elements
+        self.n_before, self.n_after = len(elements.before), len(elements.after)
+        self.before, self.after = (ctypes.addressof(words) for words in elements.words)
+        every = (*elements.before, *elements.after)
+        n = self.n_row + sum(element.most_writes for element in every)
+        sizes = [element.matrix.shape[1] + element.n_source for element in every if element.matrix is not None]
+        self._point(undo_places=np.zeros(n, dtype=np.int64), undo_values=np.zeros(n))
+        self._point(scratch=allocate_aligned(max(sizes, default=0)))
 
     def use_nothing(self) -> None:
         """No step is a plain one."""
@@ -117,11 +154,16 @@ def make_core(layout: BufferLayout, data: Array) -> Core:
     core.n_references, core.n_source, core.n_target = data.size, source.size, target.size
     core.stride = -(-target.size // _LANES) * _LANES
     core.step_slack = -1.0
+    core.n_row = data[layout.r].size
+    core.n_rows = 2**62  # without tables, they do not end
+    core.watching = 1
     core.arrays = {}
     core._point(
         data=data, kinds=layout.kinds, low=layout.low, high=layout.high,
-        source=source, target=target, work=allocate_aligned(core.stride),
+        source=source, target=target, work=allocate_aligned(core.stride), row=data[layout.r],
+        kept=np.empty_like(target),
     )  # fmt: skip
+    core.use_elements(Elements())
     return core
 
 

@@ -50,6 +50,8 @@ class _Far(NamedTuple):
 def _find_far_values(layout: BufferLayout, data: Array) -> Iterator[_Far]:
     """Inputs, parameters and memory that are far from the usual; outputs and states are results."""
     for place in range(layout.u.start, layout.size):
+        if place in range(layout.clock.start, layout.clock.stop):
+            continue
         port, value = layout.by_reference.get(place), float(data[place])
         if port is not None and port.start and port.type != "Boolean":
             decades = _count_decades(value, float(port.start))

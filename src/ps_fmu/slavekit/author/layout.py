@@ -18,9 +18,9 @@ _LARGEST = float(np.finfo(np.float64).max)
 
 
 class BufferLayout:
-    """The buffer ``[outputs y | states x | inputs u | auxiliary a | event inputs | parameters | memory]``.
+    """The buffer ``[y outputs|x states|u inputs|a auxiliary|r row|event inputs|parameters|clock|memory]``.
 
-    ``y`` and ``x`` are adjacent, and so are ``x``, ``u`` and ``a``: a step is ``[y; x] <- M @ [x; u; a]``.
+    ``y`` and ``x`` are adjacent, and so are ``x``, ``u``, ``a`` and ``r``: a step is ``[y; x] <- M @ [x; u; a; r]``.
     Booleans and Integers are kept as doubles.  Strings live in a list outside; their references follow the
     buffer.
 
@@ -28,7 +28,14 @@ class BufferLayout:
     """
 
     def __init__(
-        self, model: str, version: str, ports: Sequence[Port], n_states: int, n_auxiliary: int, n_memory: int
+        self,
+        model: str,
+        version: str,
+        ports: Sequence[Port],
+        n_states: int,
+        n_auxiliary: int,
+        n_memory: int,
+        n_row: int = 0,
     ) -> None:
         self.model = model
         self.ports = tuple(ports)
@@ -39,18 +46,19 @@ class BufferLayout:
         events = [port for port in numeric if port.causality == "input" and port.event]
         parameters = [port for port in numeric if port.causality == "parameter"]
 
-        sizes = [len(outputs), n_states, len(inputs), n_auxiliary, len(events), len(parameters), n_memory]
+        sizes = [len(outputs), n_states, len(inputs), n_auxiliary, n_row, len(events), len(parameters), 1, n_memory]
         ends = np.cumsum([0, *sizes]).tolist()
         regions = [slice(first, last) for first, last in pairwise(ends)]
-        self.y, self.x, self.u, self.a, self.events, self.parameters, self.memory = regions
-        self.source = slice(self.x.start, self.a.stop)
-        """The operand ``[x; u; a]`` of a step."""
+        self.y, self.x, self.u, self.a, self.r, self.events, self.parameters, self.clock, self.memory = regions
+        """``clock`` is one number, the base class's own: the step that clocks and rings of elements count in, s."""
+        self.source = slice(self.x.start, self.r.stop)
+        """The operand ``[x; u; a; r]`` of a step."""
         self.target = slice(self.y.start, self.x.stop)
         """Its result ``[y; x]``."""
         self.size: int = ends[-1]
 
         self.by_reference: dict[int, Port] = {}
-        for region, group in zip(regions, (outputs, (), inputs, (), events, parameters, ()), strict=True):
+        for region, group in zip(regions, (outputs, (), inputs, (), (), events, parameters, (), ()), strict=True):
             self.by_reference |= dict(enumerate(group, region.start))
         self.by_reference |= dict(enumerate(self.strings, self.size))
         self.reference = {port.name: reference for reference, port in self.by_reference.items()}
@@ -120,7 +128,7 @@ class BufferLayout:
         """What lies at a place of the buffer, for messages: a variable's name, or for example ``state 3``."""
         if place in self.by_reference:
             return self.by_reference[place].name
-        regions = {"state": self.x, "auxiliary": self.a, "memory": self.memory}
+        regions = {"state": self.x, "auxiliary": self.a, "row": self.r, "clock": self.clock, "memory": self.memory}
         return next(f"{name} {place - r.start}" for name, r in regions.items() if r.start <= place < r.stop)
 
     def find(self, name: str) -> int:

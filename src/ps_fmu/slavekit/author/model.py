@@ -5,11 +5,14 @@ This is the part of the base class that model authors read; :class:`ps_fmu.slave
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import ClassVar
 
 from pythonfmu.fmi2slave import Fmi2Slave
 
+from .ahead import RowParts
 from .buffer import Array
+from .elements import Element
 from .terminals import Terminal
 from .variables import Port
 
@@ -17,12 +20,13 @@ from .variables import Port
 class Model(Fmi2Slave):
     """A system that is linear between events::
 
-        [y; x] <- step_map(h) @ [x; u; a]     each step
-        y       = output_map() @ [x; u; a]    in initialisation mode
+        [y; x] <- step_map(h) @ [x; u; a; r]     each step, between its elements
+        y       = output_map() @ [x; u; a]       in initialisation mode
 
     y are all outputs in the order of ``ports``, Booleans as 0 and 1 (declare them last: hosts then read the Reals in
     one piece); x the states; u the Real inputs that are not events; a auxiliary inputs that the model sets itself, for
-    example the constant 1.  An output that an event computes is a component of ``a`` that the map copies.
+    example the constant 1; r the row of a table that belongs to the step, for example noise.  An output that an event
+    computes is a component of ``a`` that the map copies.
 
     What a step or an event needs later lies in x, a or memory, or is rebuilt from them by :meth:`restore`.  All of it
     must stay finite.
@@ -38,7 +42,9 @@ class Model(Fmi2Slave):
     limit_flag: ClassVar[str] = ""
     """A Boolean output that a step makes true if it meets a limit, see :meth:`limits`; false is up to the map."""
     block_rows: ClassVar[int] = 0
-    """Above 0: outputs come from tables of up to so many rows, see :meth:`rows`; then no states, no map."""
+    """Above 0: a step takes the next row of a table of up to so many rows, see :meth:`rows`."""
+    n_row: ClassVar[int] = 0
+    """Size of r, a row that the map takes.  0, with ``block_rows``: rows are the outputs; no states, no map."""
 
     model_description: ClassVar[str] = ""
     default_step: ClassVar[float] = 1e-4  # s
@@ -49,6 +55,7 @@ class Model(Fmi2Slave):
     x: Array
     u: Array
     a: Array
+    r: Array
     memory: Array
 
     finishing: bool = False
@@ -66,12 +73,32 @@ class Model(Fmi2Slave):
         """
 
     def output_map(self) -> Array | None:
-        """Outputs at once from [x; u; a], shape (ny, nx + nu + na); None: ``configure`` has set y itself."""
+        """Outputs at once from [x; u; a], shape (ny, nx + nu + na); None: ``configure`` has set y itself.
+
+        May have fewer columns: the last operands are then not used.
+        """
         return None
 
     def step_map(self, h: float) -> Array:
-        """One step of size h (s), shape (ny + nx, nx + nu + na).  Cached by h until ``remap()``."""
+        """One step of size h (s), shape (ny + nx, nx + nu + na + nr).  Cached by h until ``remap()``.
+
+        May have fewer columns: the last operands are then not used.  An operand that is 0 costs nothing.
+        """
         raise NotImplementedError(f"{type(self).__name__} has neither step_map nor block_rows")
+
+    def before_map(self, h: float) -> Sequence[Element]:
+        """What a step of size h (s) does before the map, in this order; see :mod:`.elements`.
+
+        Asked together with ``step_map``.  It may read all of the buffer: r of this step, y of the last one.
+        What it writes to x, a and memory is there for the map.
+
+        To compile a list takes 50 us.  Models whose map changes often give the same objects again.
+        """
+        return ()
+
+    def after_map(self, h: float) -> Sequence[Element]:
+        """What a step of size h (s) does to its results after the map, before ``finish_step`` and ``limits``."""
+        return ()
 
     def event(self, t: float, h: float) -> bool:
         """Before the step from t to t + h (s), if an event input has changed or the last event asked for it.
@@ -81,11 +108,15 @@ class Model(Fmi2Slave):
         """
         return False
 
-    def rows(self, t: float, h: float, n: int) -> Array:
-        """Outputs at t + h, ..., t + n h (s), shape (n, ny).
+    def rows(self, t: float, h: float, n: int) -> Array | RowParts:
+        """Outputs, or r, of the steps that end at t + h, ..., t + n h (s), shape (n, ny) or (n, n_row).
 
         A function of its arguments, parameters and memory alone.  The same row must not depend on the table
-        it comes in: take the times from :meth:`Slave.times`.
+        it comes in: take the times from :meth:`Slave.times`.  At most 256 are asked for at a time.
+
+        May be a generator, see :data:`.ahead.RowParts`: a table is then made in small parts while the last one is in
+        use.  It takes what it needs from the buffer before it first yields.  A memory that changes the rows has to come
+        with ``discard_rows()``.
         """
         raise NotImplementedError(f"{type(self).__name__} has block_rows, but no rows")
 

@@ -13,10 +13,12 @@ from math import isfinite
 import numpy as np
 
 from .buffer import Array
-from .core import TABLE, Core, OutputLimits
+from .core import FOUND_DUE, TABLE, Core, OutputLimits
+from .plain_elements import NotFiniteError, make_runs
 
 Step = Callable[[], bool]
-"""Makes a plain step.  False: no row is left, or the result, in ``work``, is not finite; then nothing has changed."""
+"""Makes a plain step.  False, and nothing in the buffer has changed: no row is left; a number is not finite, of the
+result, in ``work``, or of an element; or an element has found that an event is due before the step: FOUND_DUE."""
 
 _KERNEL = ctypes.PYFUNCTYPE(ctypes.c_bool, ctypes.c_void_p)
 
@@ -28,6 +30,8 @@ def make_plain_step(core: Core) -> Step:
         return lambda: kernel(address)
     compute = _make_row_step(core) if core.plain == TABLE else _make_product_step(core)
     hold = None if core.limits is None else make_holder(core.limits)
+    if core.n_row or core.elements.before or core.elements.after:
+        return _make_full_step(core, compute, hold)
     work = core.arrays["work"]
     target, result = core.arrays["target"].data, work[: core.n_target].data  # memory views are copied most quickly
 
@@ -58,8 +62,45 @@ def make_holder(limits: OutputLimits) -> Callable[[Array], None]:
     return hold
 
 
+def _make_full_step(core: Core, compute: Step, hold: Callable[[Array], None] | None) -> Step:
+    data, target, work, row = (core.arrays[name] for name in ("data", "target", "work", "row"))
+    before, after = (make_runs(part, data, core.step) for part in (core.elements.before, core.elements.after))
+    kept = np.empty_like(data)
+
+    def step_or_fail() -> bool:
+        if core.n_row:
+            table, place = core.arrays["table"], core.count - core.block
+            if not 0 <= place < core.n_rows:
+                return False
+            row[:] = table[place]
+        if any([run() for run in before]) and core.watching:
+            core.pending = FOUND_DUE
+            return False
+        if not compute():
+            return False
+        target[:] = work[: core.n_target]
+        due = any([run() for run in after])
+        if hold is not None:
+            hold(target)
+        core.pending = core.pending or due
+        return True
+
+    def step() -> bool:
+        kept[:] = data
+        try:
+            done = step_or_fail()
+        except NotFiniteError:
+            done = False
+        if not done:
+            data[:] = kept
+        return done
+
+    return step
+
+
 def _make_product_step(core: Core) -> Step:
-    matrix, source, work = (core.arrays[name] for name in ("matrix", "source", "work"))
+    matrix, work = core.arrays["matrix"], core.arrays["work"]
+    source = core.arrays["source"][: core.n_source]
     operand, products = source[:, np.newaxis], np.empty_like(matrix)
     multiply, add, square = np.multiply, np.add.reduce, work.dot
 
@@ -77,7 +118,7 @@ def _make_row_step(core: Core) -> Step:
 
     def compute() -> bool:
         row = core.count - core.block
-        if not 0 <= row < len(table):
+        if not 0 <= row < core.n_rows:
             return False
         work[:] = table[row]
         return True

@@ -6,7 +6,7 @@ The files it is made of, each one subject: ``model`` what a model states, ``valu
     instantiate --- set parameters and inputs --- setup_experiment --- enter_initialization_mode
         configure(), output_map()             whenever something was set and an output is read
     exit_initialization_mode                  configure() for good
-    do_step(t, h) ...                         [event(t, h)] [step_map(h)] map [finish_step()]
+    do_step(t, h) ...                         [event(t, h)] [step_map(h)] elements map elements [finish_step()]
     terminate
 
 Every call checks its arguments and the phase, and a refused call changes nothing.
@@ -50,15 +50,21 @@ class Slave(Stepper):
         super().__init_subclass__(**kwargs)
         if "__init__" in cls.__dict__:
             raise TypeError(f"{cls.__name__}: no __init__ please; what a model needs is made in configure()")
-        if cls.block_rows and cls.n_states:
-            raise TypeError(f"{cls.__name__}: n_states = {cls.n_states}, but with block_rows there are no states")
+        if cls.block_rows and cls.n_states and not cls.n_row:
+            raise TypeError(
+                f"{cls.__name__}: n_states = {cls.n_states}, but with block_rows and no n_row there are no states"
+            )
+        if cls.n_row and not cls.block_rows:
+            raise TypeError(f"{cls.__name__}: n_row = {cls.n_row}, but there are no tables: set block_rows")
         flags = {port.name for port in cls.ports if port.causality == "output" and port.type == "Boolean"}
         if cls.limit_flag and cls.limit_flag not in flags:
             raise TypeError(f"{cls.__name__}: limit_flag = {cls.limit_flag!r} is no Boolean output")
         for name in _CALLED_OFTEN:
             setattr(cls, name, getattr(cls, name))
         cls.instances = WeakSet()
-        cls.layout = BufferLayout(cls.__name__, __version__, cls.ports, cls.n_states, cls.n_auxiliary, cls.n_memory)
+        cls.layout = BufferLayout(
+            cls.__name__, __version__, cls.ports, cls.n_states, cls.n_auxiliary, cls.n_memory, cls.n_row
+        )
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__(**kwargs)
@@ -118,11 +124,13 @@ class Slave(Stepper):
             self._core.pending = False
             self.remap()
             self.discard_rows()
+            self.r[:] = self._clock[:] = 0.0
             self.configure()
             self._check_finite("configure()")
             outputs = self.output_map()
             if outputs is not None:
-                self.y[:] = self._check_matrix("output_map", outputs, self.y.size) @ self._source
+                matrix = self._check_matrix("output_map", outputs, self.y.size)
+                self.y[:] = matrix @ self._source[: matrix.shape[1]]
                 self._check_finite("output_map()")
         except BaseException as error:
             self._buffer.data[:] = kept

@@ -3,25 +3,27 @@
 from __future__ import annotations
 
 import weakref
+from collections.abc import Sequence
 from math import inf, isfinite
 
 import numpy as np
 
 from .buffer import Array, allocate_aligned
-from .core import OutputLimits, store_by_columns
+from .core import FOUND_DUE, Elements, OutputLimits, store_by_columns
+from .elements import Element
 from .far import blame
 from .guard import ModelError, Refused, escape, report
 from .plain import Step, make_holder, make_plain_step
+from .program import StepMap, change_step, compile_elements
 from .state import LifePhase, SlaveClock
-from .values import Values
+from .tables import Tables
 
 SAME_STEP = 1e-6  # relative: step sizes this close are one; hosts form them as differences of times
 SAME_TIME = 1e-3  # of a step: hosts add up times with rounding
 _MOST_MAPS = 8  # step sizes remembered: enough for hosts that alternate a few
-_FIRST_ROWS = 16  # of the first table after a change of step: hosts with a new step each time pay little
 
 
-class Stepper(Values):
+class Stepper(Tables):
     """Makes steps: plain ones by :func:`.plain_step`, and all else by :meth:`_step_carefully`.
 
     A step is a plain one as long as the host goes on at the expected time with the same step size and nothing is due.
@@ -39,25 +41,17 @@ class Stepper(Values):
         self._target = self._buffer.data[layout.target]
         self._kept = np.empty_like(self._buffer.data)
         self._plain_step: Step | None = None  # None: out of date
-        self._maps: list[tuple[float, Array]] = []  # by columns
-        self._table = np.empty((0, self.y.size))
-        self._next_rows = _FIRST_ROWS
+        self._clock = self._buffer.data[layout.clock]  # the step in which clocks of elements count, s; 0: in none yet
+        self._maps: list[StepMap] = []
+        self._compiled: tuple[tuple[Sequence[Element], ...], Elements] = ((), Elements())
         self._ready = False  # setup_experiment was called
         self._start, self._stop = 0.0, inf
-        self._origin = 0.0
 
     # --- For models ---------------------------------------------------------------------
 
     def remap(self) -> None:
         """The map is out of date (new pose, new parameter): ask ``step_map`` again before the next step."""
         self._maps.clear()
-        self._renew()
-
-    def discard_rows(self) -> None:
-        """The rest of the table is out of date: ask ``rows`` again before the next step."""
-        self._table = self._table[:0]
-        self._core.block = self._core.count
-        self._next_rows = _FIRST_ROWS
         self._renew()
 
     def request_event(self) -> None:
@@ -79,11 +73,6 @@ class Stepper(Values):
         """Start time of the experiment, s."""
         return self._start
 
-    def times(self, t: float, h: float, n: int) -> Array:
-        """Times of the rows of ``rows(t, h, n)``, shape (n,), s: the same for a row in whichever table."""
-        first = round((t - self._origin) / h)
-        return np.asarray(self._origin + np.arange(first + 1.0, first + n + 1.0) * h)
-
     # --- For hosts ----------------------------------------------------------------------
 
     def do_step(self, current_time: float, step_size: float) -> bool:
@@ -100,7 +89,7 @@ class Stepper(Values):
                 abs(current_time - core.time) <= core.time_slack
                 and abs(step_size - core.step) <= core.step_slack
                 and current_time <= core.last_start
-                and (self._step_if_due() if step is None or core.pending else step())
+                and (self._step_if_due() if step is None or core.pending or self._is_at_end_of_rows() else step())
             ):
                 core.time = current_time + step_size
                 core.count += 1
@@ -130,6 +119,8 @@ class Stepper(Values):
 
     def _describe_not_finite(self) -> str:
         """The outputs and states that are not finite after a map, and how large what they come from is."""
+        if np.isfinite(self._core.arrays["work"]).all():
+            return f"in an element before or after the map; largest operand {np.abs(self._source).max():g}"
         bad = np.flatnonzero(~np.isfinite(self._core.arrays["work"])).tolist()
         names = [self.layout.describe(place) for place in bad[:5]]
         more = " ..." if len(bad) > 5 else ""
@@ -165,27 +156,32 @@ class Stepper(Values):
         kept[:] = data
         due, table, block = core.pending, self._table, core.block
         try:
-            if due:
-                core.pending = False
-                again = self.event(self._get_time(), core.step)
-                core.pending = core.pending or bool(again)
-            if self._plain_step is None or self._is_used_up():
-                self._plain_step = self._make_plain_step()
-            if not self._plain_step():
-                raise Refused(f"the step leads to numbers that are not finite: {self._describe_not_finite()}")
+            while not self._handle_event_and_step():
+                if core.pending != FOUND_DUE:
+                    raise Refused(f"the step leads to numbers that are not finite: {self._describe_not_finite()}")
         except BaseException as error:
             data[:] = kept
-            if due:
+            if due or not core.watching:
                 self._rebuild()
-            core.pending = due
+            core.pending = due == 1  # an element will find it again
             self._put_table(table, block)
             blame(error, self.layout, kept, core.step, self.default_step)
             raise
+        finally:
+            core.watching = 1
         return True
 
-    def _get_time(self) -> float:
-        """Present time on the grid of whole steps, s."""
-        return self._origin + self._core.count * self._core.step
+    def _handle_event_and_step(self) -> bool:
+        core = self._core
+        if core.pending:
+            core.pending, core.watching = 0, 0
+            again = self.event(self._get_time(), core.step)
+            core.pending = core.pending or bool(again)
+        if self._plain_step is None or self._is_used_up():
+            self._plain_step = self._make_plain_step()
+        elif self._is_at_end_of_rows():
+            self._work_ahead()
+        return self._plain_step()
 
     def _rebuild(self) -> None:
         """After a failure: the buffer is as before, but what the model derives may be half new."""
@@ -210,22 +206,26 @@ class Stepper(Values):
         return abs(self._get_time() - t) <= SAME_TIME * self._core.step
 
     def _restart_count(self, t: float, h: float) -> None:
-        known = [step for step, _ in self._maps if abs(step - h) <= SAME_STEP * step]
+        known = [found.step for found in self._maps if abs(found.step - h) <= SAME_STEP * found.step]
         self._origin = t
         self._core.count, self._core.step = 0, known[0] if known else h
         self.discard_rows()
 
-    def _is_used_up(self) -> bool:
-        return self.block_rows > 0 and self._core.count - self._core.block >= len(self._table)
-
     def _make_plain_step(self) -> Step:
         core = self._core
-        if self.block_rows > 0:
-            if self._is_used_up():
-                self._fill_table()
+        if self._is_used_up():
+            self._fill_table()
+        step_map = self._find_map(core.step)
+        if step_map.matrix is None:
             core.use_table(self._table)
         else:
-            core.use_map(self._find_map(core.step))
+            core.use_map(step_map.matrix)
+            core.use_rows(self._table)
+        if self.block_rows:
+            core.n_rows = self._shown
+            if self._is_at_end_of_rows():
+                self._work_ahead()
+        self._use_elements(step_map.elements)
         limits = self._compute_limits()
         core.finishing = self.finishing
         if not self.finishing:
@@ -257,42 +257,46 @@ class Stepper(Values):
 
         return finished
 
-    def _find_map(self, h: float) -> Array:
-        for step, matrix in self._maps:
-            if step == h:
-                return matrix
-        matrix = store_by_columns(self._check_matrix("step_map", self.step_map(h), self._target.size))
+    def _use_elements(self, elements: Elements) -> None:
+        core, clock = self._core, self._clock
+        if core.elements is not elements:
+            core.use_elements(elements)
+        if (elements.before or elements.after) and clock[0] != core.step:
+            if clock[0] > 0.0:
+                change_step(elements, self._buffer.data, float(clock[0]), core.step)
+            clock[0] = core.step
+
+    def _find_map(self, h: float) -> StepMap:
+        for found in self._maps:
+            if found.step == h:
+                return found
+        matrix = None
+        if self.n_row or not self.block_rows:
+            matrix = store_by_columns(self._check_matrix("step_map", self.step_map(h), self._target.size))
+        elements = self._compile_elements(self.before_map(h), self.after_map(h))
         if len(self._maps) >= _MOST_MAPS:
             del self._maps[0]
-        self._maps.append((h, matrix))
-        return matrix
+        self._maps.append(StepMap(h, matrix, elements))
+        return self._maps[-1]
+
+    def _compile_elements(self, before: Sequence[Element], after: Sequence[Element]) -> Elements:
+        lists, elements = self._compiled
+        if not (lists and lists[0] is before and lists[1] is after):
+            elements = compile_elements(self.layout, self._buffer.data, before, after)
+            self._compiled = ((before, after), elements)
+        return elements
 
     def _check_matrix(self, what: str, matrix: Array, rows: int) -> Array:
         """An aligned copy, C-contiguous as numpy's fastest product wants it."""
         shape = (rows, self._source.size)
         given = np.asarray(matrix, dtype=np.float64)
-        if given.shape != shape:
+        if given.ndim != 2 or len(given) != rows or given.shape[1] > shape[1]:
             raise ValueError(f"{type(self).__name__}.{what} has shape {given.shape}; expected {shape}")
         if not np.isfinite(given).all():
             raise ModelError(f"{type(self).__name__}.{what} has elements that are not finite")
-        copy = allocate_aligned(*shape)
+        copy = allocate_aligned(*given.shape)
         copy[:] = given
         return copy
-
-    def _fill_table(self) -> None:
-        n = min(self._next_rows, self.block_rows)
-        self._table = self._compute_rows(n)
-        self._core.block = self._core.count
-        self._next_rows = min(4 * n, self.block_rows)
-
-    def _compute_rows(self, n: int) -> Array:
-        table = np.ascontiguousarray(self.rows(self._get_time(), self._core.step, n), dtype=np.float64)
-        if table.shape != (n, self.y.size):
-            expected = (n, self.y.size)
-            raise ValueError(f"{type(self).__name__}.rows has shape {table.shape}; expected {expected}")
-        if not np.isfinite(table).all():
-            raise ModelError(f"{type(self).__name__}.rows has elements that are not finite")
-        return table
 
     def _compute_limits(self) -> OutputLimits | None:
         limits = self.limits()
@@ -307,6 +311,7 @@ class Stepper(Values):
         """Have the model derive everything from the buffer, which stays as it is."""
         self.remap()
         self.discard_rows()
+        self._compiled = ((), Elements())
         kept = self._buffer.data.copy()
         try:
             self.restore()
@@ -318,7 +323,7 @@ class Stepper(Values):
     def _read_clock(self) -> SlaveClock:
         core = self._core
         return SlaveClock(
-            phase=self._phase, ready=self._ready, stale=self._stale, pending=bool(core.pending),
+            phase=self._phase, ready=self._ready, stale=self._stale, pending=core.pending == 1,
             count=core.count, rows=len(self._table), block=core.block,
             start=self._start, stop=self._stop, time=core.time, origin=self._origin, step=core.step,
         )  # fmt: skip
@@ -331,17 +336,3 @@ class Stepper(Values):
         core.count, core.time, core.step = clock.count, clock.time, clock.step
         self._put_table(table, clock.block)
         self._enter(clock.phase)
-
-    def _put_table(self, table: Array, block: int) -> None:
-        """Go on with a table that begins at count ``block``."""
-        self._table, self._core.block = table, block
-        self._next_rows = min(4 * len(table), self.block_rows) if len(table) else _FIRST_ROWS
-        self._renew()
-
-    def _compute_table_again(self, clock: SlaveClock) -> Array:
-        """The table that was current at ``clock``, computed from the buffer as it is now."""
-        if clock.rows == 0:
-            return self._table[:0]
-        self._origin = clock.origin
-        self._core.count, self._core.step = clock.block, clock.step
-        return self._compute_rows(clock.rows)

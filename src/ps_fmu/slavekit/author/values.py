@@ -11,6 +11,7 @@ from typing import Any, ClassVar, TypeVar
 from .buffer import Array, Buffer, find_runs
 from .core import REFERENCE, make_core
 from .guard import Refused, escape, guard_method
+from .instructions import Finder, Places
 from .layout import BufferLayout
 from .model import Model
 from .state import LifePhase
@@ -43,7 +44,7 @@ class Values(Model):
         data = self._buffer.data
         self._core = make_core(layout, data)
         self.y, self.x, self.u = data[layout.y], data[layout.x], data[layout.u]
-        self.a, self.memory = data[layout.a], data[layout.memory]
+        self.a, self.r, self.memory = data[layout.a], data[layout.r], data[layout.memory]
         self._phase = LifePhase.INSTANTIATED
         self._stale = True  # something was set since the last configure()
         self._forget_lists()
@@ -61,6 +62,10 @@ class Values(Model):
     def view(self, names: str | Sequence[str]) -> Array:
         """Live view of several numeric variables that lie side by side."""
         return self._buffer.view(names)
+
+    def places(self, view: Array) -> Places:
+        """Where the numbers of a view lie in the buffer: operands need not lie side by side, see :mod:`.elements`."""
+        return Finder(self.layout, self._buffer.data).places("view", view)
 
     def parameters(self) -> dict[str, Value]:
         """All parameters by name."""

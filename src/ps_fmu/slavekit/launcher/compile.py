@@ -8,8 +8,8 @@ from pathlib import Path
 from .c_program import CompileError, Program, Target
 
 _HEADERS = (
-    "text.h", "find.h", "python.h", "instance.h", "core.h", "kernel.h", "product.h", "native.h", "platform.h",
-    "windows/wide.h",
+    "text.h", "find.h", "python.h", "instance.h", "core.h", "kernel.h", "elements.h", "product.h", "native.h",
+    "platform.h", "windows/wide.h",
 )  # fmt: skip
 _PARTS = ("paths.c", "programs.c", "libraries.c", "threads.c", "belongings.c")
 
@@ -19,7 +19,7 @@ def _linux(zig: str) -> Target:
         zig,
         "launcher.so",
         ("-D_GNU_SOURCE", "-fPIC", "-fvisibility=hidden", "-shared", "-s", "-Wl,-z,nodelete", "-Wl,--build-id=none"),
-        ("-lpthread", "-ldl"),
+        ("-lpthread", "-ldl", "-lm"),
         tuple(f"posix/{name}" for name in _PARTS),
     )
 
@@ -34,7 +34,9 @@ _WINDOWS = Target(
 LAUNCHER = Program(
     "launcher",
     Path(__file__).parent,
-    sources=("text.c", "find.c", "python.c", "instance.c", "kernel.c", "native.c", "launcher.c", "status.c"),
+    sources=(
+        "text.c", "find.c", "python.c", "instance.c", "kernel.c", "elements.c", "native.c", "launcher.c", "status.c",
+    ),
     headers=_HEADERS,
     targets={
         "linux64": _linux("x86_64-linux-gnu.2.17"),

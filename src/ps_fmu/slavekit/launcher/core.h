@@ -4,7 +4,7 @@
 
 #include <stdint.h>
 
-#define CORE_MAGIC 0x31302d65726f63ull /* "core-01" */
+#define CORE_MAGIC 0x32302d65726f63ull /* "core-02" */
 
 /* Asked for the String variable of this value reference, a slave answers with the address of its core, in decimal; 0: it
    wants none.  No model description lists it. */
@@ -13,8 +13,38 @@
 /* What may be done with a value reference. */
 enum { CORE_REAL = 1, CORE_INTEGER = 2, CORE_BOOLEAN = 4, CORE_SET = 8, CORE_EVENT = 16 };
 
+/* An event is due: by a call of the host or of the slave, or because an element has found it before the map. */
+enum { CORE_DUE = 1, CORE_FOUND_DUE = 2 };
+
 /* What a plain step is. */
 enum { CORE_NOTHING, CORE_MAP, CORE_TABLE };
+
+/* What an element of a step does; elements.py says it in full. */
+enum {
+    ELEMENT_SAMPLE = 1,
+    ELEMENT_RAMP,
+    ELEMENT_PRODUCT,
+    ELEMENT_LINEAR,
+    ELEMENT_CLIP,
+    ELEMENT_EXCESS,
+    ELEMENT_SINE,
+    ELEMENT_QUANTISE,
+    ELEMENT_HOLD,
+    ELEMENT_DELAY,
+    ELEMENT_WATCH,
+    ELEMENT_COUNT
+};
+
+/* The same as the class Instruction in instructions.py.  Lists of places are places in `data`. */
+typedef struct Element {
+    int64_t kind, n;          /* n: length of `target`, and of the lists that go with it element by element */
+    const int64_t *source, *second, *target;
+    const double *low, *high; /* constants, n each */
+    const double *matrix;     /* n_source columns of `stride`, as that of the map */
+    int64_t stride, n_source;
+    int64_t clock;            /* place of a counter */
+    int64_t steps;
+} Element;
 
 /* The same as the class Core in core.py; all arrays belong to the slave.  Between two calls of the host each word has
    one writer: who makes the call. */
@@ -28,7 +58,8 @@ typedef struct Core {
     const double *low, *high; /* what may be set, both finite */
     int64_t n_references;
 
-    /* A plain step: target <- matrix source, or the next row of the table; then the limits, on all or none. */
+    /* A plain step: the next row of the table goes to `row`; the elements before the map; target <- matrix source, or
+       the next row; the elements after it; then the limits, on all or none. */
     int64_t plain;
     const double *source;
     double *target;
@@ -36,15 +67,24 @@ typedef struct Core {
     int64_t n_source, n_target;
     const double *matrix;     /* column by column; each padded with zeros to `stride` and on a cache line */
     int64_t stride;           /* a multiple of 8 */
-    const double *table;      /* n_rows x n_target */
+    const double *table;      /* n_rows x n_target; n_rows x n_row where there is a map */
     int64_t n_rows;
+    double *row;
+    int64_t n_row;            /* 0: the map has no row of a table among its operands */
+    const Element *before, *after;
+    int64_t n_before, n_after;
+    int64_t *undo_places;     /* for as many writes as a step makes at most */
+    double *undo_values;
+    double *scratch;          /* for the largest LINEAR: its result, then its operand */
+    double *kept;             /* (n_target) */
     const double *lower, *upper; /* of the first n_limited of target */
     int64_t n_limited;           /* 0: there are none */
     int64_t limit_flag;          /* place in target that becomes 1 where one was met; -1: none */
 
     /* When a step is a plain one. */
     int64_t stepping;         /* the phase */
-    int64_t pending;          /* an event is due */
+    int64_t pending;          /* an event is due; 0: none is */
+    int64_t watching;         /* a WATCH before the map calls for an event; 0: it has just been */
     int64_t finishing;        /* the slave has more to do after each step */
     double time, step;        /* that are expected, s */
     double time_slack, step_slack, last_start; /* step_slack < 0: no step is a plain one */

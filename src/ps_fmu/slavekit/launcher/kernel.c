@@ -1,3 +1,4 @@
+#include "elements.h"
 #include "kernel.h"
 
 #include <stddef.h>
@@ -27,8 +28,6 @@
 #define WIDTH 8
 #include "product.h"
 #endif
-
-typedef bool Product(const double *matrix, int64_t stride, const double *x, int64_t n_x, double *w);
 
 static const struct {
     const char *name;
@@ -61,37 +60,98 @@ __attribute__((constructor)) static void look_at_processor(void)
 }
 #endif
 
-/* Clamp the results to their limits. */
-static void hold(const Core *core)
+/* Clamp results to their limits. */
+static void hold(const Core *core, double *results)
 {
     bool met = false;
     for (int64_t i = 0; i < core->n_limited; i++) {
-        double w = core->work[i];
+        double w = results[i];
         if (w < core->lower[i] || w > core->upper[i]) {
-            core->work[i] = w < core->lower[i] ? core->lower[i] : core->upper[i];
+            results[i] = w < core->lower[i] ? core->lower[i] : core->upper[i];
             met = true;
         }
     }
     if (met && core->limit_flag >= 0)
-        core->work[core->limit_flag] = 1.0;
+        results[core->limit_flag] = 1.0;
+}
+
+/* The next row of the table; NULL: none is left. */
+static const double *next_row(const Core *core, int64_t width)
+{
+    int64_t row = core->count - core->block;
+    return row < 0 || row >= core->n_rows ? NULL : core->table + row * width;
+}
+
+/* The results, into `work`. */
+static bool compute(Core *core, Product *product)
+{
+    if (core->plain == CORE_MAP)
+        return product(core->matrix, core->stride, core->source, core->n_source, core->work);
+    const double *row = core->plain == CORE_TABLE ? next_row(core, core->n_target) : NULL;
+    if (row == NULL)
+        return false;
+    memcpy(core->work, row, (size_t)core->n_target * sizeof(double));
+    return true;
+}
+
+static bool simple_step(Core *core, Product *product)
+{
+    if (!compute(core, product))
+        return false;
+    if (core->n_limited > 0)
+        hold(core, core->work);
+    memcpy(core->target, core->work, (size_t)core->n_target * sizeof(double));
+    return true;
+}
+
+static bool before_and_map(Run *run)
+{
+    Core *core = run->core;
+    if (core->n_row > 0) {
+        const double *row = next_row(core, core->n_row);
+        if (row == NULL)
+            return false;
+        for (int64_t i = 0; i < core->n_row; i++)
+            run_put(run, core->row - core->data + i, row[i]);
+    }
+    if (!run_elements(run, core->before, core->n_before))
+        return false;
+    if (run->due && core->watching) {
+        core->pending = CORE_FOUND_DUE;
+        return false;
+    }
+    return compute(core, run->product);
+}
+
+static bool full_step(Core *core, Product *product)
+{
+    const size_t size = (size_t)core->n_target * sizeof(double);
+    Run run = {core, product, 0, false};
+    if (!before_and_map(&run)) {
+        run_undo(&run, 0);
+        return false;
+    }
+    const int64_t before = run.n_undo;
+    memcpy(core->kept, core->target, size);
+    memcpy(core->target, core->work, size);
+    run.due = false;
+    if (!run_elements(&run, core->after, core->n_after)) {
+        run_undo(&run, before);
+        memcpy(core->target, core->kept, size);
+        run_undo(&run, 0);
+        return false;
+    }
+    if (core->n_limited > 0)
+        hold(core, core->target);
+    if (run.due)
+        core->pending = CORE_DUE;
+    return true;
 }
 
 static bool step(Core *core, Product *product)
 {
-    const size_t size = (size_t)core->n_target * sizeof(double);
-    if (core->plain == CORE_TABLE) {
-        int64_t row = core->count - core->block;
-        if (row < 0 || row >= core->n_rows)
-            return false;
-        memcpy(core->work, core->table + row * core->n_target, size);
-    } else if (core->plain != CORE_MAP ||
-               !product(core->matrix, core->stride, core->source, core->n_source, core->work)) {
-        return false;
-    }
-    if (core->n_limited > 0)
-        hold(core);
-    memcpy(core->target, core->work, size);
-    return true;
+    return core->n_before + core->n_after + core->n_row > 0 && core->plain != CORE_NOTHING ? full_step(core, product)
+                                                                                          : simple_step(core, product);
 }
 
 bool kernel_step(Core *core)

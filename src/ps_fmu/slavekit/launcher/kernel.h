@@ -1,4 +1,4 @@
-/* The step of a linear model: one product of matrix and vector, or one row of a table. */
+/* The step of a linear model: one product of matrix and vector, or one row of a table, and elements around it. */
 #ifndef PS_FMU_KERNEL_H
 #define PS_FMU_KERNEL_H
 
@@ -8,8 +8,8 @@
 
 #include "fmi2Functions.h"
 
-/* The plain step of a core, with its limits; without looking at times and events.  All or nothing: false where there is
-   no row left, or where a result would not be finite. */
+/* The plain step of a core; without looking at times and events.  All or nothing: false where there is no row left, where
+   a result would not be finite, and where an element finds that an event is due before the step: `pending` says so. */
 bool kernel_step(Core *core);
 
 /* The same by the instructions that are named, "sse2", "avx2" or "avx512": 1 done, 0 refused, -1 this processor lacks

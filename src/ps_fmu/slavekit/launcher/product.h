@@ -1,7 +1,8 @@
 /* w = M x by vectors of WIDTH doubles, as the function PRODUCT.  Included by kernel.c once for each set of instructions.
 
    Each element of w is 0 + M[i][0] x[0] + M[i][1] x[1] + ..., rounded after each operation and in this order: the same
-   bits whatever the width, and the same as numpy's (stepper.py). */
+   bits whatever the width, and the same as numpy's (plain.py).  Where x[j] is 0 or -0, nothing is added: M is finite, and
+   a sum that begins with 0 is never -0, so that adding 0 or -0 changes no bit of it. */
 
 #define JOIN_(a, b) a##b
 #define JOIN(a, b) JOIN_(a, b)
@@ -17,9 +18,12 @@ INSTRUCTIONS static inline __attribute__((always_inline)) void BLOCK(const doubl
     Vector sums[8];
     for (int k = 0; k < n; k++)
         sums[k] = (Vector){0.0};
-    for (int64_t j = 0; j < n_x; j++, matrix += stride)
+    for (int64_t j = 0; j < n_x; j++, matrix += stride) {
+        if (x[j] == 0.0)
+            continue;
         for (int k = 0; k < n; k++)
             sums[k] += *(const Vector *)(matrix + k * WIDTH) * x[j];
+    }
     for (int k = 0; k < n; k++) {
         *(Vector *)(w + k * WIDTH) = sums[k];
         *rest += sums[k] * 0.0;

@@ -1,0 +1,332 @@
+"""Elements of a step: what a model does before and after its linear map, in each step, without Python.
+
+A model lists them in :meth:`.model.Model.before_map` and :meth:`.model.Model.after_map`.  They are done in their order,
+by the launcher's kernel (``launcher/elements.c``) or in Python (``plain_elements.py``), with the same bits.
+
+An *operand* is a view of the buffer (``self.x[0:3]``, ``self.view("load")``) or places in it
+(``self.places(view)[[2, 0]]``).  An element writes outputs, states, auxiliary inputs and memory.  Constants are one
+number for all values, or one for each.  A step in which any number is not finite is refused, and changes nothing.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .buffer import Array
+from .core import store_by_columns
+from .guard import ModelError
+from .instructions import (
+    CLIP,
+    COUNT,
+    DELAY,
+    EXCESS,
+    HOLD,
+    LINEAR,
+    PRODUCT,
+    QUANTISE,
+    RAMP,
+    SAMPLE,
+    SINE,
+    WATCH,
+    Finder,
+    Instruction,
+    Operand,
+)
+
+_SAME = 1e-6  # relative: intervals this close to a multiple of the step are one
+
+
+def count_steps(name: str, interval: float, h: float, most: int | None = None) -> int:
+    """Whole steps of ``h`` (s) in ``interval`` (s); none for an interval of zero alone.
+
+    Raises
+    ------
+    ModelError: not a multiple of the step, or above ``most`` steps; the text starts with ``name``.
+    """
+    count = round(interval / h)
+    if abs(interval / h - count) > _SAME * count:
+        raise ModelError(f"{name}: {interval:g} s is not a multiple of the communication step {h:g} s")
+    if most is not None and count > most:
+        raise ModelError(f"{name}: {interval:g} s is {count} steps of {h:g} s; at most {most} are kept")
+    return count
+
+
+def ring_size(n: int, longest: int) -> int:
+    """Numbers of memory that a :class:`Delay` of ``n`` values by at most ``longest`` steps needs."""
+    return 1 + n * longest
+
+
+class Element(ABC):
+    """One thing that a step does beside the map."""
+
+    @abstractmethod
+    def instruct(self, find: Finder) -> Instruction:
+        """The element for the kernel.  Raises ValueError, naming the field."""
+
+
+@dataclass(frozen=True, eq=False)
+class Sample(Element):
+    """Each ``every`` steps, from the first one on: target <- source.
+
+    ``clock`` is a number of memory of its own, 0 at the start: steps since the last sample.
+    """
+
+    source: Operand
+    target: Operand
+    clock: Operand
+    every: int
+
+    def instruct(self, find: Finder) -> Instruction:
+        """See :meth:`Element.instruct`."""
+        target = find.targets("target", self.target)
+        source = find.places("source", self.source, target.size)
+        clock = int(find.memory("clock", self.clock, 1)[0])
+        return Instruction(SAMPLE, target, source, n=target.size, clock=clock, steps=_count("every", self.every, 1))
+
+
+@dataclass(frozen=True, eq=False)
+class Hold(Element):
+    """Sample and hold: the values at the end of each ``every``-th step stay until that many steps later.
+
+    ``kept`` is memory for the values, ``clock`` one number of memory of its own: steps since they were renewed.  Both
+    are 0 at the start, and so are the values until the end of the first period.
+    """
+
+    values: Operand
+    kept: Operand
+    clock: Operand
+    every: int
+
+    def instruct(self, find: Finder) -> Instruction:
+        """See :meth:`Element.instruct`."""
+        target = find.targets("values", self.values)
+        kept = find.memory("kept", self.kept, target.size)
+        clock = int(find.memory("clock", self.clock, 1)[0])
+        steps = _count("every", self.every, 1)
+        return Instruction(HOLD, target, second=kept, n=target.size, clock=clock, steps=steps)
+
+
+@dataclass(frozen=True, eq=False)
+class Ramp(Element):
+    """rate <- (command - reference) / h, held within +-limit: the reference then reaches the command in steps of h.
+
+    The map has to integrate the rate into the reference.
+    """
+
+    command: Operand
+    reference: Operand
+    rate: Operand
+    limit: ArrayLike
+    """Largest rate, 0 or greater, in units of the command per s; may be infinite."""
+
+    def instruct(self, find: Finder) -> Instruction:
+        """See :meth:`Element.instruct`."""
+        target = find.targets("rate", self.rate)
+        n = target.size
+        limit = find.constants("limit", self.limit, n, finite=False)
+        if (limit < 0.0).any():
+            raise ValueError(f"limit: expected 0 or greater, got {self.limit!r}")
+        command, reference = find.places("command", self.command, n), find.places("reference", self.reference, n)
+        return Instruction(RAMP, target, command, reference, -limit, limit, n=n)
+
+
+@dataclass(frozen=True, eq=False)
+class Product(Element):
+    """target[k] <- first[k] * second[k], one after the other."""
+
+    first: Operand
+    second: Operand
+    target: Operand
+
+    def instruct(self, find: Finder) -> Instruction:
+        """See :meth:`Element.instruct`."""
+        target = find.targets("target", self.target)
+        first, second = (find.places(name, getattr(self, name), target.size) for name in ("first", "second"))
+        return Instruction(PRODUCT, target, first, second, n=target.size)
+
+
+@dataclass(frozen=True, eq=False)
+class Linear(Element):
+    """target <- matrix @ source, with a matrix (targets, sources)."""
+
+    source: Operand
+    matrix: ArrayLike
+    target: Operand
+
+    def instruct(self, find: Finder) -> Instruction:
+        """See :meth:`Element.instruct`."""
+        target, source = find.targets("target", self.target), find.places("source", self.source)
+        matrix = np.asarray(self.matrix, dtype=np.float64)
+        if matrix.shape != (target.size, source.size):
+            raise ValueError(f"matrix has shape {matrix.shape}; expected {(target.size, source.size)}")
+        if not np.isfinite(matrix).all():
+            raise ValueError("matrix has elements that are not finite")
+        columns = store_by_columns(matrix)
+        return Instruction(LINEAR, target, source, matrix=columns, n=target.size, n_source=source.size)
+
+
+@dataclass(frozen=True, eq=False)
+class Clip(Element):
+    """values <- values held between lower and upper; -inf and inf where there is no limit."""
+
+    values: Operand
+    lower: ArrayLike
+    upper: ArrayLike
+    flag: Operand | str | None = None
+    """A Boolean output, by its view or its name, that becomes 1 where a limit is met; it does not become 0."""
+
+    def instruct(self, find: Finder) -> Instruction:
+        """See :meth:`Element.instruct`."""
+        target = find.targets("values", self.values)
+        low, high = _limits(find, self.lower, self.upper, target.size)
+        return Instruction(CLIP, target, low=low, high=high, n=target.size, clock=find.flag("flag", self.flag))
+
+
+@dataclass(frozen=True, eq=False)
+class Excess(Element):
+    """target <- max(source - upper, 0) + min(source - lower, 0): how far a stop is passed, 0 between the stops."""
+
+    source: Operand
+    lower: ArrayLike
+    upper: ArrayLike
+    target: Operand
+
+    def instruct(self, find: Finder) -> Instruction:
+        """See :meth:`Element.instruct`."""
+        target = find.targets("target", self.target)
+        source = find.places("source", self.source, target.size)
+        low, high = _limits(find, self.lower, self.upper, target.size)
+        return Instruction(EXCESS, target, source, low=low, high=high, n=target.size)
+
+
+@dataclass(frozen=True, eq=False)
+class Sine(Element):
+    """target <- sin(factor * source + phase), phase in rad."""
+
+    source: Operand
+    factor: ArrayLike
+    phase: ArrayLike
+    target: Operand
+
+    def instruct(self, find: Finder) -> Instruction:
+        """See :meth:`Element.instruct`."""
+        target = find.targets("target", self.target)
+        source = find.places("source", self.source, target.size)
+        low, high = (find.constants(name, getattr(self, name), target.size) for name in ("factor", "phase"))
+        return Instruction(SINE, target, source, low=low, high=high, n=target.size)
+
+
+@dataclass(frozen=True, eq=False)
+class Quantise(Element):
+    """values <- the nearest whole multiple of the resolution, of two the even one.  A resolution of 0: unchanged."""
+
+    values: Operand
+    resolution: ArrayLike
+
+    def instruct(self, find: Finder) -> Instruction:
+        """See :meth:`Element.instruct`."""
+        target = find.targets("values", self.values)
+        resolution = find.constants("resolution", self.resolution, target.size)
+        if (resolution < 0.0).any():
+            raise ValueError(f"resolution: expected 0 or greater, got {self.resolution!r}")
+        return Instruction(QUANTISE, target, low=resolution, n=target.size)
+
+
+@dataclass(frozen=True, eq=False)
+class Delay(Element):
+    """values <- the values of ``steps`` steps ago; 0 before the start.
+
+    ``ring`` is memory of :func:`ring_size` (n, longest), 0 at the start.  If the step size changes, the past is kept by
+    linear interpolation between its values.
+    """
+
+    values: Operand
+    ring: Operand
+    steps: int
+
+    def instruct(self, find: Finder) -> Instruction:
+        """See :meth:`Element.instruct`."""
+        target = find.targets("values", self.values)
+        n = target.size
+        ring = find.places("ring", self.ring)
+        longest = (ring.size - 1) // n
+        if longest < 1 or ring.size != ring_size(n, longest) or (np.diff(ring) != 1).any():
+            raise ValueError(f"ring has {ring.size} numbers; expected ring_size({n}, longest), side by side")
+        ring = find.memory("ring", ring, ring.size)
+        steps = _count("steps", self.steps, 0)
+        if steps > longest:
+            raise ValueError(f"steps = {steps}; the ring holds {longest}")
+        place = find.value(int(ring[0]))
+        if place not in range(longest):
+            raise ModelError(f"delay of {n} values: its memory begins with {place:g}; expected 0 to {longest - 1}")
+        return Instruction(
+            DELAY, target, second=ring[1:].copy(), n=n, n_source=longest, clock=int(ring[0]), steps=steps
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Watch(Element):
+    """Makes ``event`` due when a value is further than ``distance`` from ``centre``.
+
+    Before the map: due before this very step.  After it: before the next one.  With ``last``, memory for the values, it
+    is also due when the values have come to rest, that is equal those of the last step, further than ``least`` from the
+    centre.
+    """
+
+    values: Operand
+    centre: Operand
+    distance: ArrayLike
+    last: Operand | None = None
+    least: ArrayLike = 0.0
+
+    def instruct(self, find: Finder) -> Instruction:
+        """See :meth:`Element.instruct`."""
+        source = find.places("values", self.values)
+        n = source.size
+        centre = find.places("centre", self.centre, n)
+        high = find.constants("distance", self.distance, n, finite=False)
+        low = find.constants("least", self.least, n, finite=False)
+        last = None if self.last is None else find.memory("last", self.last, n)
+        return Instruction(WATCH, last, source, centre, low, high, n=n)
+
+
+@dataclass(frozen=True, eq=False)
+class Count(Element):
+    """target <- how often |values| have risen above ``above`` since the start, each of its own or all together.
+
+    ``kept`` is memory for 2 n numbers: whether each value is above, and how often it rose.  0 at the start.
+    """
+
+    values: Operand
+    above: ArrayLike
+    kept: Operand
+    target: Operand
+    """As many as values, or one for the sum."""
+
+    def instruct(self, find: Finder) -> Instruction:
+        """See :meth:`Element.instruct`."""
+        source = find.places("values", self.values)
+        n = source.size
+        target = find.targets("target", self.target)
+        if target.size not in (1, n):
+            raise ValueError(f"target has {target.size} numbers; expected 1 or {n}")
+        high = find.constants("above", self.above, n, finite=False)
+        kept = find.memory("kept", self.kept, 2 * n)
+        return Instruction(COUNT, target, source, kept, high=high, n=n, n_source=target.size)
+
+
+def _count(what: str, value: int, least: int) -> int:
+    if value != int(value) or not least <= value < 2**53:
+        raise ValueError(f"{what}: expected a whole number from {least} on, got {value!r}")
+    return int(value)
+
+
+def _limits(find: Finder, lower: ArrayLike, upper: ArrayLike, n: int) -> tuple[Array, Array]:
+    low, high = find.constants("lower", lower, n, finite=False), find.constants("upper", upper, n, finite=False)
+    if not (low <= high).all():
+        raise ValueError(f"lower = {lower!r} and upper = {upper!r}: expected lower <= upper")
+    return low, high

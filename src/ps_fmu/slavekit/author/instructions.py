@@ -1,0 +1,151 @@
+"""Elements of a step as the launcher's kernel reads them: kinds, places in the buffer, constants."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Sequence
+from ctypes import c_int64, c_void_p
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .buffer import Array
+from .layout import BufferLayout
+
+Places = NDArray[np.int64]
+"""Places in the buffer, (n,)."""
+Operand = Array | Places
+"""A view of the buffer, or places in it."""
+
+(
+    SAMPLE, RAMP, PRODUCT, LINEAR, CLIP, EXCESS, SINE, QUANTISE, HOLD, DELAY, WATCH, COUNT,
+) = range(1, 13)  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class Instruction:
+    """What an element is made of; ``launcher/elements.c`` says which kind uses what, and for what."""
+
+    kind: int
+    target: Places | None = None
+    source: Places | None = None
+    second: Places | None = None
+    low: Array | None = None
+    high: Array | None = None
+    matrix: Array | None = None
+    """By columns, see :func:`.core.store_by_columns`."""
+    n: int = 0
+    n_source: int = 0
+    clock: int = -1
+    steps: int = 0
+
+    @property
+    def most_writes(self) -> int:
+        """Not fewer than the numbers that it writes."""
+        return 3 * self.n + 2
+
+
+class Words(ctypes.Structure):
+    """The structure ``Element`` in ``launcher/core.h``."""
+
+    _fields_ = (
+        ("kind", c_int64), ("n", c_int64),
+        ("source", c_void_p), ("second", c_void_p), ("target", c_void_p), ("low", c_void_p), ("high", c_void_p),
+        ("matrix", c_void_p), ("stride", c_int64), ("n_source", c_int64), ("clock", c_int64), ("steps", c_int64),
+    )  # fmt: skip
+
+
+def write_words(instructions: Sequence[Instruction]) -> ctypes.Array[Words]:
+    """The instructions as one array for the kernel.  Their own arrays have to be kept as long."""
+    words = (Words * max(len(instructions), 1))()
+    for word, instruction in zip(words, instructions, strict=False):
+        for field in fields(instruction):
+            value = getattr(instruction, field.name)
+            setattr(word, field.name, value.__array_interface__["data"][0] if isinstance(value, np.ndarray) else value)
+        if instruction.matrix is not None:
+            word.stride = instruction.matrix.shape[1]
+    return words
+
+
+class Finder:
+    """Finds places and constants of elements, and refuses what is impossible.
+
+    All methods raise ValueError; the text starts with ``what``, the name of the field.
+    """
+
+    def __init__(self, layout: BufferLayout, data: Array) -> None:
+        self._layout, self._data = layout, data
+        self._first = data.__array_interface__["data"][0]
+        y, a, m = layout.y, layout.a, layout.memory
+        self._written = np.zeros(layout.size, dtype=bool)
+        self._written[y.start : layout.x.stop] = self._written[a] = self._written[m] = True
+        self._owned = np.zeros(layout.size, dtype=bool)
+
+    def places(self, what: str, operand: Any, n: int | None = None) -> Places:
+        """Places of a view of the buffer, or these places themselves; ``n`` of them, unless None."""
+        found = self._find(what, operand)
+        if found.size == 0 or (n is not None and found.size != n):
+            raise ValueError(f"{what} has {found.size} numbers; expected {n or 'at least 1'}")
+        return found
+
+    def targets(self, what: str, operand: Any, n: int | None = None) -> Places:
+        """As :meth:`places`, of what a step may write: outputs, states, auxiliary inputs, memory."""
+        found = self.places(what, operand, n)
+        if not self._written[found].all():
+            name = self._layout.describe(int(found[~self._written[found]][0]))
+            raise ValueError(f"{what}: a step must not write {name}; expected outputs, states, auxiliary or memory")
+        return found
+
+    def memory(self, what: str, operand: Any, n: int) -> Places:
+        """As :meth:`places`, of numbers that only this element writes."""
+        found, memory = self.places(what, operand, n), self._layout.memory
+        if not ((found >= memory.start) & (found < memory.stop)).all():
+            raise ValueError(f"{what}: expected a part of memory")
+        if self._owned[found].any():
+            raise ValueError(f"{what}: expected memory of its own, another element keeps its numbers there")
+        self._owned[found] = True
+        return found
+
+    def flag(self, what: str, operand: Any) -> int:
+        """The place of one Boolean output, by its view or its name; -1 for None."""
+        if operand is None:
+            return -1
+        if isinstance(operand, str):
+            place = self._layout.reference.get(operand, -1)
+        else:
+            place = int(self.places(what, operand, 1)[0])
+        port = self._layout.by_reference.get(place)
+        if port is None or port.causality != "output" or port.type != "Boolean":
+            raise ValueError(f"{what}: expected a Boolean output")
+        return place
+
+    def constants(self, what: str, value: ArrayLike, n: int, *, finite: bool = True) -> Array:
+        """A number or ``n`` numbers, as (n,)."""
+        try:
+            found = np.array(np.broadcast_to(np.asarray(value, dtype=np.float64), (n,)))
+        except (TypeError, ValueError):
+            raise ValueError(f"{what}: expected a number or {n} numbers, got {value!r}") from None
+        if not (np.isfinite(found).all() if finite else not np.isnan(found).any()):
+            raise ValueError(f"{what}: expected {'finite numbers' if finite else 'numbers'}, got {value!r}")
+        return found
+
+    def value(self, place: int) -> float:
+        """The number at a place now."""
+        return float(self._data[place])
+
+    def _find(self, what: str, operand: Any) -> Places:
+        if not isinstance(operand, np.ndarray) or operand.ndim != 1:
+            kind = type(operand).__name__
+            raise ValueError(f"{what}: expected a view of the buffer or places, such as memory[0:1]; got {kind}")
+        if operand.dtype == np.int64:
+            found = np.array(operand)
+        elif operand.dtype == np.float64 and operand.strides[0] % 8 == 0:
+            first = (operand.__array_interface__["data"][0] - self._first) // 8
+            found = first + operand.strides[0] // 8 * np.arange(operand.size, dtype=np.int64)
+        else:
+            raise ValueError(f"{what}: expected numbers of the type float64, or places of the type int64")
+        if found.size and not (found.min() >= 0 and found.max() < self._layout.size):
+            raise ValueError(f"{what} does not lie in the buffer; expected a view of it, not a copy, or places")
+        return found
