@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Generator
 from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ps_fmu.disturbance import Disturbance, default_settings
+from ps_fmu.disturbance import Disturbance, DisturbanceSettings, default_settings
 from ps_fmu.interface.ports import make_parameter_ports, refuse_parameters
 from ps_fmu.mechanism.parameters import load
 from ps_fmu.mechanism.quantities import take_values
@@ -22,6 +23,7 @@ class DisturbanceSource(Slave):
     """Wrench on the bus as a function of time and parameters alone; zero at the start, and without drift."""
 
     model_description = "Disturbance wrench on the bus: noise, reaction wheels, sines, sweep, recording"
+    physics: ClassVar[type] = DisturbanceSettings
     block_rows: ClassVar[int] = 4096
     n_memory: ClassVar[int] = 1  # start time of the experiment, s: the disturbance counts its time from there
 
@@ -47,10 +49,19 @@ class DisturbanceSource(Slave):
         self._build(self.parameters())
         self.y[:] = self.disturbance(np.zeros(1))[0]
 
-    def rows(self, t: float, h: float, n: int) -> NDArray[np.float64]:
-        """Wrench at t + h ... t + n h (s), shape (n, 6)."""
+    def rows(self, t: float, h: float, n: int) -> Generator[int, None, NDArray[np.float64]]:
+        """Wrench at t + h ... t + n h (s), shape (n, 6), in parts."""
         self._warn_of_aliasing(h)
-        return self.disturbance(self.times(t, h, n) - self.memory[0])
+        yield n // 16  # more than there are: the step at the end of the last table does nothing else
+        times = self.times(t, h, n) - self.memory[0]
+        yield n // 16
+        return (yield from self.disturbance.in_parts(times))
+
+    def terminate(self) -> None:
+        """Say what ended before: only now is it known how long the run was."""
+        super().terminate()
+        for text in self.disturbance.explain_end(self.time - self.memory[0]):
+            self.warning(f"{text} (repeat = true begins again)")
 
     def restore(self) -> None:
         """Rebuild the disturbance, unless it is the one that the restored parameters stand for."""

@@ -1,5 +1,6 @@
 """Wheels, sines, sweeps, their sum, and the parameters of all kinds."""
 
+import re
 import sys
 from pathlib import Path
 
@@ -53,7 +54,9 @@ def test_wheel_amplitude_follows_the_square_of_the_present_speed():
     wheel = WheelSource(profile, np.array([0.0, 0.0, 1.0]), np.zeros(3), (1,), force=harmonic, torque=NOTHING)
     times = np.array([2.5, 4.0, 4.25, 6.0, 9.0])  # s; at 4.25 s the wheel stands still
     size = np.linalg.norm(wheel(times)[:, :3], axis=1)
-    np.testing.assert_allclose(size, 1e-7 * np.array([100.0, 20.0, 0.0, 140.0, 300.0]) ** 2, atol=1e-15)
+    # While the speed changes, by 80 rad/s2, an unbalance also accelerates along its circle.
+    squared, along = np.array([100.0, 20.0, 0.0, 140.0, 300.0]) ** 2, np.array([0.0, 80.0, 80.0, 80.0, 0.0])
+    np.testing.assert_allclose(size, 1e-7 * np.hypot(squared, along), rtol=1e-12)
 
 
 def test_wheel_torque_harmonics_act_as_a_couple():
@@ -89,6 +92,24 @@ def test_wheels_start_from_rest_and_leave_no_momentum():
     swing = np.abs(velocity).max(axis=0)[[0, 2, 3, 5]]
     turns = round(100 * 2.0 * np.pi / 200.0 / STEP)  # 100 turns: a whole number of cycles of every harmonic
     assert (np.abs(velocity[-turns:].mean(axis=0))[[0, 2, 3, 5]] < 1e-3 * swing).all()
+
+
+@pytest.mark.parametrize("initial", [0.0, -300.0])
+def test_a_run_up_to_6000_rpm_leaves_no_momentum(initial):
+    """A free body of 1 kg stays where an unbalance on a circle puts it: within C/h^2 of each harmonic, for ever."""
+    profile = SpeedProfile(initial, 628.3, start=1.0, duration=10.0)  # rad/s, s
+    orders, coefficients = np.array([0.5, 1.0, 2.0]), np.array([1e-7, 2e-7, 5e-8])
+    wheel = WheelSource(
+        profile, np.array([0.0, 0.0, 1.0]), np.zeros(3), (5,), force=Harmonics(orders, coefficients), torque=NOTHING
+    )
+    times = np.arange(130_001) * STEP
+    force = wheel(times)[:, :2]
+    velocity = np.vstack([[0.0, 0.0], np.cumsum(0.5 * (force[1:] + force[:-1]) * STEP, axis=0)])
+    position = np.cumsum(velocity, axis=0) * STEP
+    largest = (coefficients / orders**2).sum()
+    assert np.abs(position).max() <= 1.01 * largest
+    # The last second begins and ends at full speed: the mean velocity is that of whole turns.
+    assert np.abs(velocity[-10_000:].mean(axis=0)).max() < 0.01 * np.abs(velocity).max()
 
 
 def test_the_packaged_harmonics():
@@ -185,6 +206,34 @@ def test_equal_wheels_have_phases_of_their_own():
     times = 5.0 + np.arange(1000) * STEP
     one, other = (Disturbance(replace_values(QUIET, {f"wheel_{i}.enabled": True} | axis))(times) for i in (1, 2))
     assert np.abs(one - other).max() > 0.1 * np.abs(one).max()
+
+
+@pytest.mark.parametrize(
+    ("changes", "step", "text"),
+    [
+        ({"wheel_2.enabled": True, "wheel_2.final_speed": 628.3}, 1e-3,
+         r"wheel_2: harmonic 14\.88 of 628\.3 rad/s at 1488 Hz is above half the rate of steps of 0\.001 s: "),
+        ({"tone_3.force.y": 1.0, "tone_3.frequency": 700.0}, 1e-3,
+         r"tone_3: the sine at 700 Hz is above .*: it acts at 300 Hz instead; take steps below 0\.00071 s"),
+        ({"chirp.torque.x": 1.0, "chirp.final_frequency": 30.0}, 2e-2, r"chirp: the sweep's higher end at 30 Hz"),
+    ],
+)  # fmt: skip
+def test_lines_above_half_the_step_rate_are_named(changes, step, text):
+    settings = replace_values(QUIET, changes)
+    (found,) = Disturbance(settings).explain_aliasing(step)
+    assert re.match(text, found), found
+    assert Disturbance(settings).explain_aliasing(1e-4) == []
+    # What is switched off does not fold.
+    off = {name: 0.0 if isinstance(value, float) else False for name, value in changes.items() if "speed" not in name}
+    off = {name: value for name, value in off.items() if "frequency" not in name}
+    assert Disturbance(replace_values(settings, off)).explain_aliasing(step) == []
+
+
+def test_where_a_line_folds_to():
+    """Sampled, the sine of the text's frequency is the one at 300 Hz."""
+    times = np.arange(3000, 3200) * 1e-3
+    wrench = Tone(np.eye(6)[0], 700.0)(times)[:, 0]
+    np.testing.assert_allclose(wrench, np.sin(-2.0 * np.pi * 300.0 * times), atol=1e-8)
 
 
 def test_scale_and_seed():

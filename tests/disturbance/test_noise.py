@@ -4,8 +4,11 @@ import numpy as np
 import pytest
 
 from ps_fmu.disturbance import multisine_lines, psd_at_origin
+from ps_fmu.disturbance.block import Block
 from ps_fmu.disturbance.gaussian import GaussianNoise
 from ps_fmu.disturbance.multisine import Multisine
+from ps_fmu.disturbance.polyphase import Polyphase
+from ps_fmu.disturbance.spectrum import Layer
 from ps_fmu.mechanism.parameters import load
 
 NOISE = load().noise
@@ -158,13 +161,44 @@ def test_either_layer_may_be_empty(kind):
 
 def test_times_far_apart_do_not_cost_what_lies_between(monkeypatch):
     made = []
-    synthesise = GaussianNoise._synthesise
-    monkeypatch.setattr(GaussianNoise, "_synthesise", lambda *a: made.append(a[-1]) or synthesise(*a))
+    make = Block.make
+    monkeypatch.setattr(Block, "make", lambda block: made.append(block.key) or make(block))
     times = np.array([1e3, 2e3, 1e9])
     together = GaussianNoise(PSD, LOW_BAND, seed=5)(times)
     assert len(made) <= 12  # two blocks alive at a time, two layers
     for time, expected in zip(times, together, strict=True):
         np.testing.assert_array_equal(GaussianNoise(PSD, LOW_BAND, seed=5)(np.array([time]))[0], expected)
+
+
+@pytest.mark.parametrize("period", [37.3, 40.0025, 100.0])
+@pytest.mark.parametrize("numbers", [(1, 40), (700, 2700), (4990, 5020), (6249, 6252)])
+def test_samples_in_phases_are_those_of_one_transform(period, numbers):
+    """Lines below, at and above the highest frequency of the parts, where they appear as aliases."""
+    layer = Layer(0, 400.0, period, np.arange(*numbers))
+    polyphase = Polyphase(layer)
+    random = np.random.default_rng(4)
+    lines = random.standard_normal((1, layer.numbers.size)) + 1j * random.standard_normal((1, layer.numbers.size))
+    spectra = np.array([polyphase.fold(lines[0] * polyphase.gain, phase) for phase in range(polyphase.phases)])
+    found = polyphase.transform(spectra)
+    expected = layer.sample(lines)[:, 0]
+    np.testing.assert_allclose(found.T.ravel(), expected, rtol=0.0, atol=1e-14 * np.abs(expected).max() * 10)
+    assert polyphase.points * polyphase.phases == layer.points
+    assert polyphase.points <= 2500 or polyphase.phases == 1
+
+
+def test_blocks_made_in_parts_are_those_made_at_once():
+    """All parts are counted, and none of them is made again when the values are asked for."""
+    times = 2.3 + np.arange(400) * 1e-3  # another block begins at 2.5 s
+    at_once = GaussianNoise(PSD, NOISE.band, seed=6)
+    in_parts = GaussianNoise(PSD, NOISE.band, seed=6)
+    for noise in (at_once, in_parts):
+        noise(times[:10])
+    left = list(in_parts.prepare(times))
+    assert left == list(range(len(left) - 1, -1, -1))
+    assert len(left) > 100
+    np.testing.assert_array_equal(in_parts(times), at_once(times))
+    assert list(in_parts.prepare(times)) == []
+    assert list(in_parts.prepare(np.arange(400.0))) == []  # more blocks than are kept
 
 
 @KINDS

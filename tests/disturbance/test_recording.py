@@ -3,8 +3,10 @@
 import numpy as np
 import pytest
 
+from ps_fmu.disturbance import Disturbance, default_settings
 from ps_fmu.disturbance.kinds import recording
-from ps_fmu.mechanism.parameters import ParameterError
+from ps_fmu.mechanism.parameters import ParameterError, load
+from ps_fmu.mechanism.quantities import replace_values
 
 HEADER = ",".join(recording.HEADER)
 
@@ -21,11 +23,29 @@ def write(tmp_path):
     return write
 
 
-def test_linear_interpolation_and_hold(write):
-    path = write("1.0,0,0,0,0,0,0", "2.0,1,2,3,4,5,6", "", "4.0,3,0,0,0,0,6")
-    wrench = recording.Recording(path, scale=2.0)(np.array([0.0, 1.0, 1.5, 2.0, 3.0, 4.0, 9.0]))
-    np.testing.assert_allclose(wrench[:, 0], 2.0 * np.array([0.0, 0.0, 0.5, 1.0, 2.0, 3.0, 3.0]))
-    np.testing.assert_allclose(wrench[:, 5], 2.0 * np.array([0.0, 0.0, 3.0, 6.0, 6.0, 6.0, 6.0]))
+def test_linear_interpolation_and_nothing_outside(write):
+    path = write("1.0,9,0,0,0,0,0", "2.0,1,2,3,4,5,6", "", "4.0,3,0,0,0,0,6")
+    found = recording.Recording(path, scale=2.0)
+    wrench = found(np.array([0.0, 1.0 - 1e-6, 1.0, 1.5, 2.0, 3.0, 4.0, 4.0 + 1e-6, 9.0]))
+    np.testing.assert_allclose(wrench[:, 0], 2.0 * np.array([0.0, 0.0, 9.0, 5.0, 1.0, 2.0, 3.0, 0.0, 0.0]))
+    np.testing.assert_allclose(wrench[:, 5], 2.0 * np.array([0.0, 0.0, 0.0, 3.0, 6.0, 6.0, 6.0, 0.0, 0.0]))
+    assert (found.end, recording.Recording(path, repeat=True).end) == (4.0, np.inf)
+
+
+def test_the_last_line_acts_at_a_time_that_is_a_sum_of_steps(write):
+    path = write("0,1,0,0,0,0,0", "0.3,1,0,0,0,0,0")
+    times = np.arange(1, 5) * 0.1  # 0.1 * 3 is above 0.3
+    assert times[2] > 0.3
+    np.testing.assert_array_equal(recording.Recording(path)(times)[:, 0], [1.0, 1.0, 1.0, 0.0])
+
+
+def test_what_has_ended_is_said(write):
+    path = write("0,1,0,0,0,0,0", "2.5,1,0,0,0,0,0")
+    settings = replace_values(default_settings(load()), {"noise.enabled": False, "recording.path": str(path)})
+    assert Disturbance(settings).explain_end(2.5) == []
+    (text,) = Disturbance(settings).explain_end(7.0)
+    assert text == "recording: ends at 2.5 s, and nothing of it acts from there to 7 s"
+    assert Disturbance(replace_values(settings, {"recording.repeat": True})).explain_end(7.0) == []
 
 
 def test_repetition(write):

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from ..mechanism.quantities import Array
+from .block import Block, BlockShape
 from .sample_table import SampleTable
-from .smooth import crossfade, ramp
-from .spectrum import Layer, Sampler, factor, layers, share
+from .spectrum import SLOW_RATE, Layer, factor, layers
 
-_KEPT = 2  # blocks per layer: as many as are alive at any time
+_KEPT = 3  # blocks per layer: two are alive at any time, and one is about to be
 
 
 class GaussianNoise:
@@ -32,55 +34,83 @@ class GaussianNoise:
     def __init__(
         self, psd: Array, band: Array, seed: int, period: float = 100.0, rise_time: float = 2.0
     ) -> None:
-        self._factor = factor(psd)
         self._seed = seed
-        self._rise_time = rise_time
         self._layers = layers(band, period, half=False, overlap=True)
-        self._windows = {layer.key: crossfade(_elapsed(layer), 0.5 * layer.period) for layer in self._layers}
-        self._samplers = {layer.key: Sampler(layer, len(self._factor)) for layer in self._layers}
+        inputs = factor(psd)
+        self._shapes = {layer.key: BlockShape(layer, inputs, rise_time) for layer in self._layers}
         self._blocks: dict[int, dict[int, SampleTable]] = {layer.key: {} for layer in self._layers}
 
     def __call__(self, time: Array) -> Array:
         """Force (N) and torque (N.m) at ascending times (n,) in s, shape (n, 6)."""
         wrench = np.zeros((time.size, 6))
-        for layer in self._layers:
-            hop = 0.5 * layer.period
-            # Only blocks that the times fall into: steps of a thousand seconds must not make all in between.
-            places = np.unique(time // hop).tolist()
-            for index in sorted({int(place) + later for place in places for later in (0, 1)}):
-                block = self._block(layer, index)
-                first, end = np.searchsorted(time, [block.start, block.end])
-                wrench[first:end] += block(time[first:end])
+        for _ in self.add(wrench, time):
+            pass
         return wrench
 
-    def _block(self, layer: Layer, index: int) -> SampleTable:
-        known = self._blocks[layer.key]
-        if index not in known:
-            if len(known) == _KEPT:
-                del known[next(iter(known))]  # the oldest
-            known[index] = self._synthesise(layer, index)
-        return known[index]
+    @property
+    def n_parts(self) -> int:
+        """How often :meth:`add` nearly always yields."""
+        return 3
 
-    def _synthesise(self, layer: Layer, index: int) -> SampleTable:
+    def add(self, wrench: Array, time: Array) -> Iterator[None]:
+        """Add force and torque at ascending times (n,) in s to ``wrench`` (n, 6), in parts."""
+        for layer in self._layers:
+            for index in _find_blocks(layer, time):
+                block = self._blocks[layer.key].get(index) or self._finish(layer, self._begin(layer, index), index)
+                first, end = np.searchsorted(time, [block.start, block.end])
+                wrench[first:end] += block(time[first:end])
+                if layer.rate == SLOW_RATE:  # has to be interpolated
+                    yield
+        yield
+
+    def prepare(self, time: Array) -> Iterator[int]:
+        """Make the blocks for ascending times (n,) in s in small parts; yields how many parts are still to come.
+
+        Makes none where more are needed than are kept.
+        """
+        needed = [(layer, _find_blocks(layer, time)) for layer in self._layers]
+        missing = [
+            (layer, index, self._begin(layer, index))
+            for layer, indices in needed
+            for index in indices
+            if len(indices) <= _KEPT and index not in self._blocks[layer.key]
+        ]
+        left = sum(block.shape.n_parts for _, _, block in missing)
+        for layer, index, block in missing:
+            last = left - block.shape.n_parts
+            for _ in block.make():
+                left -= 1
+                yield left
+            left = last
+            self._keep(layer, block, index)
+
+    def _begin(self, layer: Layer, index: int) -> Block:
         """Block ``index``, which lives from (index - 1) to (index + 1) half periods."""
-        key = np.random.SeedSequence((self._seed, layer.key, index % 2**32))
-        random = np.random.Generator(np.random.Philox(key))
-        u, v = random.random((2, self._factor.shape[1], layer.numbers.size))
-        # Box-Muller: E|c|^2 = 2/T, uniform phase.
-        c = np.sqrt(-2.0 / layer.period * np.log1p(-u)) * np.exp(2j * np.pi * v)
-        lines = self._factor @ (c * share(layer))
-        start, weight, sample = (index - 1) * 0.5 * layer.period, self._windows[layer.key], self._samplers[layer.key]
-        if start < self._rise_time:
-            weight = weight.times(ramp(start + _elapsed(layer), self._rise_time))
-        # Weight.second_derivative in place, from g'' (no integral) to g (two).
-        rows = sample(lines, 0) * weight.value
-        for integrals, size in ((1, 2.0 * weight.rate), (2, weight.curvature)):
-            part = sample(lines, integrals)
-            part *= size
-            rows += part
-        return SampleTable(np.ascontiguousarray(rows.T), layer.rate, start)
+        return Block(
+            self._shapes[layer.key], (self._seed, layer.key, index % 2**32), (index - 1) * 0.5 * layer.period
+        )
+
+    def _finish(self, layer: Layer, block: Block, index: int) -> SampleTable:
+        for _ in block.make():
+            pass
+        return self._keep(layer, block, index)
+
+    def _keep(self, layer: Layer, block: Block, index: int) -> SampleTable:
+        known = self._blocks[layer.key]
+        while len(known) >= _KEPT:
+            self._shapes[layer.key].recycle(known.pop(next(iter(known))))  # the oldest
+        assert block.table is not None
+        known[index] = block.table
+        return block.table
 
 
-def _elapsed(layer: Layer) -> Array:
-    """Time since the start of a block, on the grid of a layer, s."""
-    return np.asarray(np.arange(layer.points) / layer.rate)
+def _find_blocks(layer: Layer, time: Array) -> list[int]:
+    """The blocks that ascending times fall into: steps of a thousand seconds must not make all in between."""
+    if not time.size:
+        return []
+    hop = 0.5 * layer.period
+    first, last = int(time[0] // hop), int(time[-1] // hop)
+    if last - first <= 1:  # as nearly always
+        return list(range(first, last + 2))
+    places = np.unique(time // hop).tolist()
+    return sorted({int(place) + later for place in places for later in (0, 1)})

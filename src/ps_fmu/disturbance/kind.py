@@ -66,3 +66,15 @@ class Kind(Checked, ABC):
     def explain_aliasing(self, h: float) -> str | None:
         """What is wrong with steps of ``h`` (s), and what to do; None: nothing."""
         return None
+
+
+def explain_folding(what: str, frequency: float, h: float) -> str | None:
+    """What steps of ``h`` (s) make of a line of ``frequency`` (Hz): sampled above half the step rate, it folds down."""
+    rate = 1.0 / h
+    if frequency <= 0.5 * rate:
+        return None
+    folded = abs(frequency - rate * round(frequency / rate))
+    return (
+        f"{what} at {frequency:.5g} Hz is above half the rate of steps of {h:g} s: it acts at {folded:.5g} Hz instead; "
+        f"take steps below {0.5 / frequency:.2g} s"
+    )

@@ -43,18 +43,16 @@ class SampleTable:
         position = np.where(on_grid, nearest, position)
         below = np.floor(position)
         cell = below.astype(np.int64)
-        distances = [position - below - node for node in _NODES]
-        rows = np.zeros((time.size, self.values.shape[1]))
-        for i, node in enumerate(_NODES):
-            weight = np.full(time.size, _SCALE[i])
-            for distance in (*distances[:i], *distances[i + 1 :]):
-                weight *= distance
-            part = self._rows(cell + node)
-            part *= weight[:, None]
-            rows += part
-        return rows
+        nodes = np.array(_NODES)[:, np.newaxis]
+        weights = np.repeat(_SCALE[:, np.newaxis], time.size, axis=1)
+        for i, distance in enumerate(position - below - nodes):
+            weights[:i] *= distance
+            weights[i + 1 :] *= distance
+        parts = self._rows(cell + nodes)
+        parts *= weights[:, :, np.newaxis]
+        return np.asarray(np.add.reduce(parts, axis=0, initial=0.0))
 
     def _rows(self, places: NDArray[np.int64]) -> Array:
-        if places.size and (places[0] < 0 or places[-1] >= len(self.values)):
+        if places.size and (places.flat[0] < 0 or places.flat[-1] >= len(self.values)):
             places = places % len(self.values)  # takes longer than the copy
         return self.values.take(places, axis=0)

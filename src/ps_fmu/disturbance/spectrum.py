@@ -60,24 +60,9 @@ class Layer:
 
     def sample(self, lines: Complex, integrals: int = 0) -> Array:
         """Re sum_k lines[:, k] exp(i w_k t) on the grid, so many times integrated; (points, m) for lines (m, k)."""
-        return np.ascontiguousarray(Sampler(self, len(lines))(lines, integrals).T)
-
-
-class Sampler:
-    """:meth:`Layer.sample` for many blocks, in memory that is used again: pages of fresh memory cost as much time as
-    the transform."""
-
-    def __init__(self, layer: Layer, channels: int) -> None:
-        self._layer = layer
-        self._spectrum = np.zeros((channels, layer.points // 2 + 1), dtype=np.complex128)
-        self._samples = np.empty((channels, layer.points))
-
-    def __call__(self, lines: Complex, integrals: int = 0) -> Array:
-        """Samples (m, points) for lines (m, k); the next call overwrites them."""
-        layer = self._layer
-        gain = 0.5 * layer.points / (2j * np.pi * layer.frequencies) ** integrals
-        self._spectrum[:, layer.numbers] = lines * gain
-        return np.asarray(np.fft.irfft(self._spectrum, layer.points, axis=1, out=self._samples))
+        spectrum = np.zeros((len(lines), self.points // 2 + 1), dtype=np.complex128)
+        spectrum[:, self.numbers] = lines * (0.5 * self.points / (2j * np.pi * self.frequencies) ** integrals)
+        return np.ascontiguousarray(np.fft.irfft(spectrum, self.points, axis=1).T)
 
 
 def layers(band: Array, period: float, *, half: bool, overlap: bool) -> list[Layer]:

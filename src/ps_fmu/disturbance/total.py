@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Generator, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 
@@ -10,8 +10,11 @@ import numpy as np
 
 from ..mechanism.parameters import Parameters
 from ..mechanism.quantities import Array, ParameterError, group, list_members
+from .gaussian import GaussianNoise
 from .kind import BusCentre, Kind, SharedSettings
 from .kinds import find_kinds
+
+_CHUNK = 512  # rows of a part
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,6 +23,12 @@ class DisturbanceSettings(SharedSettings):
 
     kinds: Mapping[str, Kind | tuple[Kind, ...]] = group(flat=True)
     """By :attr:`.Kind.name`, in the order of the sum."""
+
+    @classmethod
+    def from_parameters(cls, p: Parameters) -> DisturbanceSettings:
+        """The noise of a parameter set alone; wheels, sines and sweep ready to be switched on."""
+        kinds = {kind.name: kind.make_defaults(p) for kind in find_kinds()}
+        return cls(seed=1, rise_time=2.0, bus=BusCentre(p.bus.com_B), kinds=kinds)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -37,9 +46,8 @@ class DisturbanceSettings(SharedSettings):
 
 
 def default_settings(p: Parameters) -> DisturbanceSettings:
-    """The noise of a parameter set alone; wheels, sines and sweep ready to be switched on."""
-    kinds = {kind.name: kind.make_defaults(p) for kind in find_kinds()}
-    return DisturbanceSettings(seed=1, rise_time=2.0, bus=BusCentre(p.bus.com_B), kinds=kinds)
+    """As :meth:`DisturbanceSettings.from_parameters`."""
+    return DisturbanceSettings.from_parameters(p)
 
 
 class Disturbance:
@@ -53,11 +61,13 @@ class Disturbance:
     def __init__(self, settings: DisturbanceSettings) -> None:
         self._settings = settings
         self._sources = []
+        self._ends: dict[str, float] = {}
         for name, number, kind in settings.list_disturbances():
             with _named(name):
                 source = kind.make_source(settings, number)
             if source is not None:
                 self._sources.append(source)
+                self._ends[name] = getattr(source, "end", np.inf)
 
     def __call__(self, time: Array) -> Array:
         """Force (N) and torque (N.m) in B at its origin at ascending times (n,) in s, shape (n, 6)."""
@@ -67,10 +77,37 @@ class Disturbance:
                 wrench += source(time)
         return wrench
 
+    def in_parts(self, time: Array) -> Generator[int, None, Array]:
+        """As :meth:`__call__`, in parts of less than 0.1 ms; yields about how many parts are still to come."""
+        wrench = np.zeros((time.size, 6))
+        chunks = [slice(first, first + _CHUNK) for first in range(0, time.size, _CHUNK)]
+        yield len(chunks) * len(self._sources)
+        for number, source in enumerate(self._sources, 1):
+            later = len(chunks) * (len(self._sources) - number)
+            if isinstance(source, GaussianNoise):
+                for left in source.prepare(time):
+                    yield left + later + len(chunks) * source.n_parts
+            for done, chunk in enumerate(chunks, 1):
+                if isinstance(source, GaussianNoise):
+                    for _ in source.add(wrench[chunk], time[chunk]):
+                        yield later + (len(chunks) - done + 1) * source.n_parts
+                else:
+                    wrench[chunk] += source(time[chunk])
+                    yield later + len(chunks) - done
+        return wrench
+
     def explain_aliasing(self, h: float) -> list[str]:
         """What is wrong with steps of ``h`` (s), a text for each disturbance that has a complaint."""
-        texts = [kind.explain_aliasing(h) for _, _, kind in self._settings.list_disturbances()]
-        return [text for text in texts if text is not None]
+        texts = [(name, kind.explain_aliasing(h)) for name, _, kind in self._settings.list_disturbances()]
+        return [text if name == "noise" else f"{name}: {text}" for name, text in texts if text is not None]
+
+    def explain_end(self, time: float) -> list[str]:
+        """Which disturbances had nothing left for the times up to ``time`` (s), a text for each."""
+        return [
+            f"{name}: ends at {end:.6g} s, and nothing of it acts from there to {time:.6g} s"
+            for name, end in self._ends.items()
+            if time - end > 1e-6 * max(abs(end), 1.0)
+        ]
 
 
 @contextmanager

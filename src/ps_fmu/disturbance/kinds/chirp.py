@@ -9,7 +9,7 @@ import numpy as np
 
 from ...mechanism.parameters import Parameters
 from ...mechanism.quantities import Array, ParameterError, quantity
-from ..kind import Kind, SharedSettings, Source
+from ..kind import Kind, SharedSettings, Source, explain_folding
 from ..smooth import ramp
 
 
@@ -105,3 +105,8 @@ class ChirpSettings(Kind):
             return None
         ends = (self.initial_frequency, self.final_frequency)
         return Chirp(self.wrench, *ends, self.start, self.duration, self.logarithmic, shared.rise_time)
+
+    def explain_aliasing(self, h: float) -> str | None:
+        """That the steps fold the sweep's higher end."""
+        highest = max(self.initial_frequency, self.final_frequency)
+        return explain_folding("the sweep's higher end", highest, h) if self.wrench.any() else None

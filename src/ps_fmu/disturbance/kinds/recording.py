@@ -34,7 +34,8 @@ class Recording:
     Parameters
     ----------
     path: the file.
-    repeat: the last line is also the first of the next repetition; else it is held.
+    repeat: the last line is also the first of the next repetition; else nothing acts before the first and after the
+        last line.
     scale: factor on force and torque.
 
     Raises
@@ -47,6 +48,11 @@ class Recording:
         self._time, self._wrench = table[:, 0].copy(), scale * table[:, 1:]
         self._repeat = repeat
 
+    @property
+    def end(self) -> float:
+        """Time after which nothing acts any more, s; infinite if it is repeated."""
+        return np.inf if self._repeat else float(self._time[-1])
+
     def __call__(self, time: Array) -> Array:
         """Force (N) and torque (N.m) in B at its origin at the times (n,) in s, shape (n, 6)."""
         first, last = self._time[0], self._time[-1]
@@ -54,7 +60,12 @@ class Recording:
         after = np.clip(np.searchsorted(self._time, at, side="right"), 1, self._time.size - 1)
         before = after - 1
         part = (at - self._time[before]) / (self._time[after] - self._time[before])
-        return np.asarray(self._wrench[before] + part[:, None] * (self._wrench[after] - self._wrench[before]))
+        wrench = self._wrench[before] + part[:, None] * (self._wrench[after] - self._wrench[before])
+        if not self._repeat:
+            # The slack is for times that are sums of steps: the last line acts.
+            slack = 1e-9 * (last - first)
+            wrench[(time < first - slack) | (time > last + slack)] = 0.0
+        return np.asarray(wrench)
 
 
 def read(path: Path) -> Array:
@@ -155,7 +166,7 @@ class RecordingSettings(Kind):
     place: ClassVar[int] = 50
 
     path: str = quantity("", "CSV file with time, force and torque in B at its origin; empty: none")
-    repeat: bool = quantity("", "True: begin again after the last line; false: hold the last line")
+    repeat: bool = quantity("", "True: begin again after the last line; false: nothing acts after it")
     scale: float = quantity("1", "Factor on the recorded wrench")
 
     def __post_init__(self) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...mechanism.parameters import Parameters
 from ...mechanism.quantities import Array, quantity
-from ..kind import Kind, SharedSettings, Source
+from ..kind import Kind, SharedSettings, Source, explain_folding
 from ..smooth import ramp
 
 
@@ -62,3 +62,8 @@ class ToneSettings(Kind):
         """The sine."""
         wrench = np.concatenate([self.force_B, self.torque_B])
         return Tone(wrench, self.frequency, self.phase, shared.rise_time) if wrench.any() else None
+
+    def explain_aliasing(self, h: float) -> str | None:
+        """That the steps fold the sine."""
+        wrench = np.concatenate([self.force_B, self.torque_B])
+        return explain_folding("the sine", self.frequency, h) if wrench.any() else None

@@ -1,6 +1,13 @@
 """Reaction-wheel harmonics with a speed profile.
 
-Each harmonic is a vector in the wheel plane of amplitude C_i W^2 (W: wheel speed) that turns at h_i W.
+Each harmonic is a vector in the wheel plane of amplitude C_i W^2 (W: wheel speed) that turns at h_i W.  It is a second
+derivative, as the force of an unbalance is::
+
+    f_i = -d2/dt2 [ R C_i / h_i^2 e_i ]    e_i: unit vector at the angle h_i theta + phase_i, theta' = W; R: fade-in
+        = R C_i W^2 e_i - ...              the other terms act while the speed changes, W', and during the fade-in
+
+So the momentum that it gives to a free body is bounded by that of a steady wheel, also after a run-up.  A speed that
+jumps (a ramp of no duration) leaves momentum: there the second derivative would be an impulse, which is left out.
 
 Coefficients: the two CSV files beside this module, lines ``h_i, C_i`` without header, C_i in N/(rad/s)^2 and
 N.m/(rad/s)^2.  They belong to a small reaction wheel in the sample satellite of the spacecraft simulator S2E
@@ -20,7 +27,7 @@ import numpy as np
 
 from ...mechanism.parameters import Parameters
 from ...mechanism.quantities import Array, ParameterError, quantity
-from ..kind import Kind, SharedSettings, Source
+from ..kind import Kind, SharedSettings, Source, explain_folding
 from ..smooth import ramp
 
 FORCE_HARMONICS = Path(__file__).with_name("wheel-radial-force-harmonics.csv")
@@ -59,6 +66,10 @@ def read_harmonics(path: Path) -> Harmonics:
     return Harmonics(orders, coefficients)
 
 
+# Read when the module is: an FMU's folder goes with its first instance, while others still run its code.
+FORCE, TORQUE = read_harmonics(FORCE_HARMONICS), read_harmonics(TORQUE_HARMONICS)
+
+
 @dataclass(frozen=True)
 class SpeedProfile:
     """Constant speed, a ramp, constant speed; speeds in rad/s, times in s."""
@@ -67,6 +78,13 @@ class SpeedProfile:
     final: float
     start: float
     duration: float
+
+    def acceleration(self, time: Array) -> Array:
+        """Rate of change of the speed at the times (n,), rad/s2; a jump has none."""
+        if self.duration == 0.0:
+            return np.zeros(time.size)
+        during = (time >= self.start) & (time < self.start + self.duration)
+        return np.where(during, (self.final - self.initial) / self.duration, 0.0)
 
     def speed(self, time: Array) -> Array:
         """Speed at the times (n,), rad/s."""
@@ -108,8 +126,7 @@ class WheelSource:
         force: Harmonics | None = None,
         torque: Harmonics | None = None,
     ) -> None:
-        force = force or read_harmonics(FORCE_HARMONICS)
-        torque = torque or read_harmonics(TORQUE_HARMONICS)
+        force, torque = force or FORCE, torque or TORQUE
         self._profile = profile
         self._rise_time = rise_time
         self._orders = np.concatenate([force.orders, torque.orders])
@@ -119,6 +136,8 @@ class WheelSource:
         # Wrench at the origin of B from the cosines (first rows) and the sines (last rows) of all harmonics.
         along = np.concatenate([self._wrenches(force, torque, v, position_B) for v in (one_B, other_B)])
         self._along = scale * along
+        per_order = np.tile(1.0 / self._orders, 2)[:, None]
+        self._along_1, self._along_2 = per_order * self._along, per_order**2 * self._along
 
     @staticmethod
     def _wrenches(force: Harmonics, torque: Harmonics, direction_B: Array, position_B: Array) -> Array:
@@ -132,9 +151,18 @@ class WheelSource:
     def __call__(self, time: Array) -> Array:
         """Force (N) and torque (N.m) in B at its origin at the times (n,) in s, shape (n, 6)."""
         angles = np.multiply.outer(self._profile.angle(time), self._orders) + self._phases
-        turning = np.concatenate([np.cos(angles), np.sin(angles)], axis=1)
-        strength = self._profile.speed(time) ** 2 * ramp(time, self._rise_time).value
-        return np.asarray(strength[:, None] * (turning @ self._along))
+        cosine, sine = np.cos(angles), np.sin(angles)
+        speed, faded = self._profile.speed(time)[:, None], ramp(time, self._rise_time)
+        value, rate, curvature = (part[:, None] for part in faded)
+        # With e = (cos, sin) and d = (-sin, cos): -(R e/h^2)'' = R W^2 e - (R W' + 2 R' W) d/h - R'' e/h^2.
+        turning = np.concatenate([cosine, sine], axis=1)
+        wrench = value * speed**2 * (turning @ self._along)
+        changing = value * self._profile.acceleration(time)[:, None] + 2.0 * rate * speed
+        if changing.any():
+            wrench -= changing * (np.concatenate([-sine, cosine], axis=1) @ self._along_1)
+        if curvature.any():
+            wrench -= curvature * (turning @ self._along_2)
+        return np.asarray(wrench)
 
 
 def wheel_plane(spin_axis: Array) -> tuple[Array, Array]:
@@ -191,3 +219,11 @@ class WheelSettings(Kind):
         profile = SpeedProfile(self.initial_speed, self.final_speed, self.ramp_start, self.ramp_duration)
         seed = (shared.seed, 100 + number)
         return WheelSource(profile, self.spin_axis_B, self.position_B, seed, self.scale, shared.rise_time)
+
+    def explain_aliasing(self, h: float) -> str | None:
+        """That the steps fold the highest harmonic at the highest speed."""
+        if not self.enabled:
+            return None
+        speed = max(abs(self.initial_speed), abs(self.final_speed))
+        order = max(FORCE.orders.max(), TORQUE.orders.max())
+        return explain_folding(f"harmonic {order:g} of {speed:g} rad/s", order * speed / (2.0 * np.pi), h)

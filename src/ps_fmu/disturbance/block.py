@@ -1,0 +1,144 @@
+"""One block of Gaussian noise: random lines to samples, in parts of 20 to 60 us."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..mechanism.quantities import Array, Complex
+from .polyphase import Polyphase
+from .sample_table import SampleTable
+from .smooth import Weight, crossfade, ramp
+from .spectrum import Layer, share
+
+_CHUNK = 256  # lines drawn in a part
+_ROWS = 8000  # cleared in a part
+_N_TERMS = 3  # g'', g' and g
+
+
+class BlockShape:
+    """What all blocks of a layer share.
+
+    Parameters
+    ----------
+    factor: (6, r), see :func:`.spectrum.factor`.
+    rise_time: of the ramp from 0 at t = 0, s.
+    """
+
+    def __init__(self, layer: Layer, factor: Array, rise_time: float) -> None:
+        self.layer, self.factor, self.rise_time = layer, factor, rise_time
+        self.polyphase = Polyphase(layer)
+        self.share = share(layer)
+        orders = np.arange(_N_TERMS)[:, np.newaxis]
+        self.gains = self.polyphase.gain / (2j * np.pi * layer.frequencies) ** orders
+        self.elapsed = self._split(np.arange(layer.points) / layer.rate)
+        """Time since the start of a block, (phases, points), s."""
+        window = crossfade(np.arange(layer.points) / layer.rate, 0.5 * layer.period)
+        self.windows = [Weight(*rows) for rows in zip(*map(self._split, window), strict=True)]
+        """By phase."""
+        self._spare: list[_Workspace] = []
+        self._spare_rows: list[Array] = []
+
+    @property
+    def n_parts(self) -> int:
+        """In which a block is made, at most."""
+        channels, sources = self.factor.shape
+        chunks = -(-self.layer.numbers.size // _CHUNK)
+        clearing = -(-self.layer.points // _ROWS)
+        return 1 + sources + chunks + channels // 2 + clearing + 2 * self.polyphase.phases * channels
+
+    def take_workspace(self) -> _Workspace:
+        """Room for one block, which has to be given back: fresh memory costs as much time as what is done in it."""
+        return self._spare.pop() if self._spare else _Workspace(len(self.factor), self.factor.shape[1], self.layer)
+
+    def give_back(self, workspace: _Workspace) -> None:
+        """Keep room for the next block."""
+        self._spare[:] = [workspace]
+
+    def take_rows(self) -> Array | None:
+        """Rows of a block that is not used any more; None: there are none."""
+        return self._spare_rows.pop() if self._spare_rows else None
+
+    def recycle(self, table: SampleTable) -> None:
+        """Keep the memory of a block that nobody uses any more."""
+        self._spare_rows[:] = [table.values]
+
+    def _split(self, values: Array) -> Array:
+        return np.ascontiguousarray(values.reshape(-1, self.polyphase.phases).T)
+
+
+class _Workspace:
+    """Random numbers, amplitudes and what they are multiplied to, for one block at a time."""
+
+    def __init__(self, channels: int, sources: int, layer: Layer) -> None:
+        n = layer.numbers.size
+        self.draws = np.empty((2, sources, n))
+        self.lines = np.empty((channels, n), dtype=np.complex128)
+        self.terms = np.empty((channels, _N_TERMS, n), dtype=np.complex128)
+
+
+@dataclass(eq=False)
+class Block:
+    """A block that is being made.
+
+    Parameters
+    ----------
+    key: of its random numbers.
+    start: s.
+    """
+
+    shape: BlockShape
+    key: tuple[int, ...]
+    start: float
+
+    table: SampleTable | None = None
+    """When :meth:`make` has ended."""
+
+    def make(self) -> Iterator[None]:
+        """Make it; yields after each part, at most ``shape.n_parts`` times."""
+        shape = self.shape
+        workspace = shape.take_workspace()
+        lines, terms = workspace.lines, workspace.terms
+        yield from self._draw(workspace.draws, lines)
+        for k, amplitudes in enumerate(lines):
+            np.multiply(amplitudes, shape.gains, out=terms[k])
+            if k % 2:
+                yield
+        spare = shape.take_rows()
+        rows = np.empty((shape.layer.points, len(lines))) if spare is None else spare
+        if spare is None:
+            for first in range(0, len(rows), _ROWS):  # the memory comes with its first use
+                rows[first : first + _ROWS] = 0.0
+                yield
+        for phase, window in enumerate(shape.windows):
+            weight = window
+            if self.start < shape.rise_time:
+                weight = window.times(ramp(self.start + shape.elapsed[phase], shape.rise_time))
+            sizes = np.stack([weight.value, 2.0 * weight.rate, weight.curvature])
+            for channel, channel_terms in enumerate(terms):
+                spectra = np.array([shape.polyphase.fold(term, phase) for term in channel_terms])
+                yield
+                products = shape.polyphase.transform(spectra) * sizes
+                rows[phase :: shape.polyphase.phases, channel] = np.add.reduce(products, axis=0)
+                yield
+        shape.give_back(workspace)
+        self.table = SampleTable(rows, shape.layer.rate, self.start)
+
+    def _draw(self, draws: Array, lines: Complex) -> Iterator[None]:
+        """Amplitudes of the lines, (6, lines), from random numbers for which there is room."""
+        shape = self.shape
+        random = np.random.Generator(np.random.Philox(np.random.SeedSequence(self.key)))
+        u, v = draws
+        yield
+        for k, row in enumerate((*u, *v)):
+            random.random(out=row)
+            if k % 2:
+                yield
+        for first in range(0, lines.shape[1], _CHUNK):
+            chunk = slice(first, first + _CHUNK)
+            # Box-Muller: E|c|^2 = 2/T, uniform phase.
+            c = np.sqrt(-2.0 / shape.layer.period * np.log1p(-u[:, chunk])) * np.exp(2j * np.pi * v[:, chunk])
+            lines[:, chunk] = shape.factor @ (c * shape.share[chunk])
+            yield
