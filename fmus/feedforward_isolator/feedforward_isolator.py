@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ps_fmu.control.feedforward import count_states
-from ps_fmu.control.force_path import ForcePath, StepError
 from ps_fmu.control.isolator import Isolator, UnreachableOrientationError
 from ps_fmu.interface.ports import make_parameter_ports, refuse_parameters
 from ps_fmu.mechanism.parameters import LARGEST_ORDER, load
 from ps_fmu.mechanism.quantities import take_values
+from ps_fmu.slavekit.author.elements import Clip, Delay, Element, Hold, Sample, Watch, count_steps, ring_size
 from ps_fmu.slavekit.author.slave import ModelError, Slave
 from ps_fmu.slavekit.author.terminals import Terminal
 from ps_fmu.slavekit.author.variables import Port, numbered, vector
@@ -20,15 +20,18 @@ from ps_fmu.slavekit.author.variables import Port, numbered, vector
 DEFAULT = Isolator.from_parameters(load())
 #: An orientation this close (rad) is the same: a plant at rest varies it by rounding.
 SAME_ORIENTATION = 1e-12
+#: Longest delay in communication steps; 0.1 s at 1e-4 s.
+LONGEST_DELAY = 1000
 
 
 class FeedforwardIsolator(Slave):
     """Cancels the base's vibration at the payload; has its own copy of what it must know of the plant."""
 
     model_description = "Feedforward vibration isolator: voice-coil forces from measured base acceleration"
+    physics: ClassVar[type] = Isolator
     n_states: ClassVar[int] = count_states(LARGEST_ORDER)
     n_auxiliary: ClassVar[int] = 6  # acceleration as last sampled, where the controller has a period of its own
-    n_memory: ClassVar[int] = 3 + 3 + ForcePath.SIZE  # see the views made in _build
+    n_memory: ClassVar[int] = 3 + 3 + 1 + 1 + 3 + ring_size(3, LONGEST_DELAY)  # see the views made in _build
     limit_flag: ClassVar[str] = "saturated"
 
     ports: ClassVar[tuple[Port, ...]] = (
@@ -42,7 +45,7 @@ class FeedforwardIsolator(Slave):
         ),
         *vector(
             "orientation", ("roll", "pitch", "yaw"), "rad", "Nominal orientation of P in B, for the gains",
-            causality="input", event=True, display_unit="deg", nominal=0.1,
+            causality="input", display_unit="deg", nominal=0.1,
         ),
         Port(
             "enabled", "input", type="Boolean", start=True,
@@ -87,8 +90,6 @@ class FeedforwardIsolator(Slave):
         self._build()
         self.last_orientation[:] = self.values("orientation")
         self._use(self.last_orientation)
-        if self.path.sample_time:
-            self.request_event()
 
     def output_map(self) -> NDArray[np.float64]:
         """Outputs from [x; u; a] at the same instant."""
@@ -98,31 +99,24 @@ class FeedforwardIsolator(Slave):
         """[y; x] at the end of a step from [x; u; a] at its start."""
         return self._framed(self.controller.step_map(h), self.controller.n_states)
 
+    def before_map(self, h: float) -> list[Element]:
+        """Renew the gains when the platform has turned or has come to rest; sample the measured acceleration."""
+        return self._list_elements(h)[0]
+
+    def after_map(self, h: float) -> list[Element]:
+        """Hold and delay the forces."""
+        return self._list_elements(h)[1]
+
     def event(self, t: float, h: float) -> bool:
-        """The platform turns, the isolator is switched, or the controller's next period begins."""
-        # In every step of a slew: with lists of three, this takes 2 us instead of 7 with arrays.
-        orientation = self.orientation.tolist()
-        turn = max(abs(new - old) for new, old in zip(orientation, self.gain_orientation.tolist(), strict=True))
-        at_rest = orientation == self.last_orientation.tolist()
-        self.last_orientation[:] = orientation
+        """The platform has turned, or the isolator is switched."""
+        orientation = self.orientation.copy()
+        turn = np.abs(orientation - self.gain_orientation).max()
+        at_rest = (orientation == self.last_orientation).all()
         if turn > self.resolution or (at_rest and turn > SAME_ORIENTATION):
-            self._use(self.orientation)
-            turn = 0.0
+            self._use(orientation)
         if self.switch[0] != self.enabled:
             self._use(self.gain_orientation.copy())
-        if self.path.samples_now:
-            self.a[:] = self.u
-        return turn > SAME_ORIENTATION or self.path.sample_time > 0.0
-
-    def finish_step(self) -> None:
-        """Hold and delay the forces, behind the linear map."""
-        force = self.y[:3]
-        try:
-            force[:] = self.path.push(force, self.step_size)
-        except StepError as error:
-            raise ModelError(str(error)) from None
-        if not self.enabled:  # at once, whatever is still on its way
-            force[:] = 0.0
+        return False
 
     def limits(self) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
         """The largest force of a fine actuator, either way."""
@@ -144,8 +138,29 @@ class FeedforwardIsolator(Slave):
         self.resolution = max(float(values["orientation_resolution"]), SAME_ORIENTATION)
         self.orientation, self.switch = self.view("orientation"), self.view("enabled")
         self.gain_orientation, self.last_orientation = self.memory[0:3], self.memory[3:6]  # rad
-        self.path = ForcePath(self.memory[6:], float(values["sample_time"]), float(values["delay"]))
-        self.finishing = bool(self.path.sample_time or self.path.delay)
+        self.sampled, self.held = self.memory[6:7], self.memory[7:8]  # steps since then
+        self.held_force, self.ring = self.memory[8:11], self.memory[11:]  # N
+        self.sample_time, self.delay = float(values["sample_time"]), float(values["delay"])  # s
+        self.listed: tuple[tuple[float, bool], list[Element], list[Element]] = ((0.0, False), [], [])
+
+    def _list_elements(self, h: float) -> tuple[list[Element], list[Element]]:
+        """What a step does before and after the map: the same lists in all steps of a slew."""
+        if self.listed[0] != (h, self.enabled):
+            force, after = self.y[:3], list[Element]()
+            turn = Watch(
+                self.orientation, self.gain_orientation, self.resolution, self.last_orientation, SAME_ORIENTATION
+            )
+            before: list[Element] = [turn]
+            if self.sample_time:
+                every = count_steps("sample_time", self.sample_time, h)
+                before.append(Sample(self.u[:6], self.a, self.sampled, every))
+                after.append(Hold(force, self.held_force, self.held, every))
+            if self.delay:
+                after.append(Delay(force, self.ring, count_steps("delay", self.delay, h, LONGEST_DELAY)))
+            if not self.enabled:  # at once, whatever is still on its way
+                after.append(Clip(force, 0.0, 0.0))
+            self.listed = ((h, self.enabled), before, after)
+        return self.listed[1:]
 
     def _use(self, orientation: NDArray[np.float64]) -> None:
         """The controller for an orientation, from the next step on."""
@@ -159,9 +174,9 @@ class FeedforwardIsolator(Slave):
 
     def _framed(self, matrix: NDArray[np.float64], n_states: int) -> NDArray[np.float64]:
         """The controller's map in the FMU's shape: room for `saturated`, unused states, sampled inputs."""
-        framed = np.zeros((4 + (self.n_states if n_states else 0), self.n_states + 12))
+        first = self.n_states + (9 if self.sample_time else 0)  # u is acceleration and orientation
+        framed = np.zeros((4 + (self.n_states if n_states else 0), first + 6))
         n = self.controller.n_states
-        first = self.n_states + (6 if self.path.sample_time else 0)
         for rows, own in ((slice(0, 3), slice(0, 3)), (slice(4, 4 + n_states), slice(3, 3 + n_states))):
             framed[rows, :n], framed[rows, first : first + 6] = matrix[own, :n], matrix[own, n:]
         if not self.enabled:

@@ -185,6 +185,17 @@ def test_rounding_of_the_orientation_is_no_turn() -> None:
     assert host.slave.controller is not controller
 
 
+def test_a_slew_needs_events_for_new_gains_only(monkeypatch) -> None:
+    host = Host("feedforward_isolator", sample_time=5 * H, delay=3 * H).run_mode()
+    times, event = [], host.slave.event
+    monkeypatch.setattr(host.slave, "event", lambda t, h: times.append(round(t / h)) or event(t, h))
+    for k in range(200):
+        host.set(orientation__roll=min(k, 150) * 1.01e-5)
+        host.step(H)
+    assert times == list(range(10, 151, 10))
+    assert host.slave.gain_orientation[0] == 150 * 1.01e-5
+
+
 def test_unreachable_orientation_is_said_and_can_be_put_right() -> None:
     host = Host("feedforward_isolator", nominal_translation__z=0.15).run_mode()  # a low platform meets its limit
     host.set(orientation__roll=1.5)

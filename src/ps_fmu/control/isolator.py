@@ -61,13 +61,23 @@ class Isolator:
         ------
         UnreachableOrientationError: the three fine legs cannot meet at this orientation.
         """
-        R = rotation_matrix(orientation)
-        found = trilaterate(self.manipulator.geometry, R)
-        if not found.solved:
-            degrees = ", ".join(f"{angle:.4g}" for angle in np.degrees(orientation))
-            raise UnreachableOrientationError(
-                f"orientation ({degrees}) deg: no pose with the fine legs at rest; "
-                f"they miss each other by {np.max(np.abs(found.gaps)):.3g} m"
-            )
-        pose = Pose(found.translation_B, R)
+        pose = nominal_pose(self.manipulator, orientation)
         return Controller(gains(self.manipulator, self.payload, pose), self.lowpass, self.filters)
+
+
+def nominal_pose(manipulator: Manipulator, orientation: Array) -> Pose:
+    """The pose with the fine legs at rest at a nominal orientation (3,), roll, pitch, yaw, rad.
+
+    Raises
+    ------
+    UnreachableOrientationError: the three fine legs cannot meet at this orientation.
+    """
+    R = rotation_matrix(orientation)
+    found = trilaterate(manipulator.geometry, R)
+    if not found.solved:
+        degrees = ", ".join(f"{angle:.4g}" for angle in np.degrees(orientation))
+        raise UnreachableOrientationError(
+            f"orientation ({degrees}) deg: no pose with the fine legs at rest; "
+            f"they miss each other by {np.max(np.abs(found.gaps)):.3g} m"
+        )
+    return Pose(found.translation_B, R)
