@@ -12,7 +12,7 @@ from ps_fmu.control.profile import Profile
 from ps_fmu.interface.ports import make_parameter_ports, refuse_parameters
 from ps_fmu.mechanism.kinematics import KinematicsError
 from ps_fmu.mechanism.parameters import load
-from ps_fmu.mechanism.quantities import take_values
+from ps_fmu.mechanism.quantities import check_number, take_values
 from ps_fmu.slavekit.author.slave import ModelError, Slave
 from ps_fmu.slavekit.author.terminals import Terminal
 from ps_fmu.slavekit.author.variables import Port, numbered, vector
@@ -31,6 +31,7 @@ class PointingCommander(Slave):
     """Turns the payload platform to a target orientation; refuses what the mechanism cannot reach."""
 
     model_description = "Pointing commander: coarse actuator commands for a target orientation of P in B"
+    physics: ClassVar[type] = Commander
     block_rows: ClassVar[int] = 1024  # 1.3 us a row in motion; 1.9 us in tables of 256
     n_memory: ClassVar[int] = N_PROFILE + 1 + 1 + 3  # profile, reachable, waiting, last target: see _build
 
@@ -52,6 +53,10 @@ class PointingCommander(Slave):
         Port("reachable", "output", type="Boolean", description="False: target refused, last good one stays"),
         Port("moving", type="Boolean", description="The commanded orientation is changing", **AT_REST),
         *make_parameter_ports(DEFAULT),
+        Port(
+            "command_resolution", "parameter", "m", min=0.0, display_unit="um",
+            description="Step of the coarse commands, that of an encoder or stepper motor; 0 = none",
+        ),
     )  # fmt: skip
 
     terminals: ClassVar[tuple[Terminal, ...]] = (
@@ -101,7 +106,9 @@ class PointingCommander(Slave):
 
     @refuse_parameters
     def _build(self) -> None:
-        self.commander = take_values(DEFAULT, self.parameters())
+        values = self.parameters()
+        self.commander = take_values(DEFAULT, values)
+        self.resolution = check_number(values["command_resolution"], "command_resolution", at_least=0.0)
         try:
             self.commander.pose(np.zeros(3))
         except KinematicsError as error:
@@ -122,6 +129,8 @@ class PointingCommander(Slave):
 
     def _outputs(self, times: NDArray[np.float64]) -> NDArray[np.float64]:
         table = self.commander.table(self.profile, times)
+        if self.resolution:
+            table[:, :3] = np.rint(table[:, :3] / self.resolution) * self.resolution
         reachable = np.full(len(times), self.reachable[0])
         return np.column_stack([table, reachable, table[:, -1] > 0.0])
 

@@ -348,3 +348,16 @@ def test_experiment_that_starts_before_zero():
     slave.exit_initialization_mode()
     assert slave.do_step(-5.0, H)
     assert not slave.value("moving") and slave.value("time_to_go") == 0.0
+
+
+def test_commands_in_steps_of_an_encoder():
+    """Whole steps, half a step off at most, from the start on; the commanded orientation is that of the exact ones."""
+    step = 1e-5  # m
+    exact, coarse = (commander((0.5, 0.0, 0.2), command_resolution=r) for r in (0.0, step))
+    np.testing.assert_array_equal(command(coarse), np.rint(command(exact) / step) * step)
+    for host in (exact, coarse):
+        host.set(**target((1.0, 0.5, 0.0)))
+    rows, stepped = record(exact, 12.0, 0.1), record(coarse, 12.0, 0.1)
+    np.testing.assert_array_equal(stepped[:, :3], np.rint(rows[:, :3] / step) * step)
+    np.testing.assert_array_equal(stepped[:, 3:], rows[:, 3:])
+    assert np.abs(stepped[:, :3] - rows[:, :3]).max() > 0.4 * step
