@@ -2,31 +2,52 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ps_fmu.interface.ports import make_output_ports, make_parameter_ports, refuse_parameters
-from ps_fmu.mechanism.linear_model import N_INPUTS, N_LOADS, OUTPUTS, Plant, PlantModel
-from ps_fmu.mechanism.parameters import load
-from ps_fmu.mechanism.quantities import take_values
-from ps_fmu.mechanism.slews import N_CONVECTION, Convection, coarse_motion
+from ps_fmu.mechanism.centre import N_CENTRE, Centre
+from ps_fmu.mechanism.initial_motion import STILL
+from ps_fmu.mechanism.linear_model import Plant, PlantModel
+from ps_fmu.mechanism.momentum import N_BALANCE, Balance
+from ps_fmu.mechanism.mounted import (
+    LOCKED,
+    N_MOTION,
+    REACTION,
+    HostedModel,
+    promised_impulse,
+    relative_momentum_taken,
+    stand_in_bus,
+)
+from ps_fmu.mechanism.parameters import Bus, load
+from ps_fmu.mechanism.quantities import ParameterError, take_values
+from ps_fmu.mechanism.signals import N_EXTERNAL, N_INPUTS, OUTPUTS, servo_slices
+from ps_fmu.mechanism.slews import AT_REST, RENEWAL, find_distances, find_next_centre, is_at_rest, is_used_up, rest_at
+from ps_fmu.slavekit.author.elements import Clip, Element, Excess, Linear, Ramp, Sample, Watch
 from ps_fmu.slavekit.author.slave import Slave
 from ps_fmu.slavekit.author.terminals import Terminal
 from ps_fmu.slavekit.author.variables import Port, numbered, vector
 
 DEFAULT = Plant.from_parameters(load())
 INPUT: dict[str, Any] = {"causality": "input"}
+MOTION: dict[str, Any] = {"causality": "input", "nominal": 1e-3}
+CENTRE_PLACES = (0, 3, 12, 21)  # in the numbers of a Centre: coarse, fine, speeds of coarse legs, rotation
+LOOK_AGAIN = 0.05  # s, after which a model of something that moves is looked at, for it may have come to rest
+MOTION_NAMES = ("prescribed_acceleration", "prescribed_angular_acceleration", "prescribed_angular_velocity")
 
 
 class ManipulatorPlant(Slave):
     """Six-leg dynamics with payload truss modes, coarse-rod flexibility and bus modes."""
 
     model_description = "Pointing and stabilising manipulator with payload on a free flexible bus: linearised dynamics"
+    physics: ClassVar[type] = Plant
     n_states: ClassVar[int] = DEFAULT.n_states
-    n_auxiliary: ClassVar[int] = N_INPUTS - N_LOADS  # inputs of the model that a slew makes, and its constant 1
-    n_memory: ClassVar[int] = 3 + N_CONVECTION  # coarse displacement at the pose of the linear model (3, m), convection
+    n_auxiliary: ClassVar[int] = N_INPUTS - N_EXTERNAL  # inputs of the model that a slew makes, and its constant 1
+    n_memory: ClassVar[int] = N_CENTRE + 15 + N_BALANCE  # centre of the linear model, what elements keep, momentum
 
     ports: ClassVar[tuple[Port, ...]] = (
         # Nominal values: magnitudes under the default disturbance, and in a slew.
@@ -39,15 +60,42 @@ class ManipulatorPlant(Slave):
             nominal=10.0, **INPUT,
         ),
         *numbered(
+            "added_fine_force", 3, "N", "Further force of a fine actuator, added to fine_force", nominal=0.1, **INPUT
+        ),
+        *vector(
+            "payload_force", "xyz", "N", "Force on the payload at the origin of P, in P", nominal=0.1, **INPUT
+        ),
+        *vector(
+            "payload_torque", "xyz", "N.m", "Torque on the payload about the origin of P, in P", nominal=0.1, **INPUT
+        ),
+        *vector(
+            "prescribed_acceleration", "xyz", "m/s2",
+            "With base = prescribed: acceleration of the origin of B, mean over the step, in B", **MOTION,
+        ),
+        *vector(
+            "prescribed_angular_acceleration", "xyz", "rad/s2",
+            "With base = prescribed: angular acceleration of B, mean over the step, in B", **MOTION,
+        ),
+        *vector(
+            "prescribed_angular_velocity", "xyz", "rad/s",
+            "With base = prescribed: angular velocity of B, mean over the step, in B", **MOTION,
+        ),
+        *numbered(
             "coarse_command", 3, "m", "Commanded displacement of a coarse actuator from its nominal length",
-            event=True, display_unit="mm", nominal=0.01, **INPUT,
+            display_unit="mm", nominal=0.01, **INPUT,
         ),
-        *make_output_ports(OUTPUTS),
-        *make_parameter_ports(DEFAULT),
+        *make_output_ports(OUTPUTS + REACTION),
         Port(
-            "relinearisation_distance", "parameter", "m", start=2e-5, min=1e-9, display_unit="um",
-            description="A new linear model is made when a coarse leg is this far from the pose of the last one",
+            "locked_mass", "output", "kg", "Mass of legs and payload, which a host's hub has to carry", nominal=10.0,
         ),
+        *make_output_ports(LOCKED),
+        *make_parameter_ports(DEFAULT),
+        *make_parameter_ports(STILL),
+        Port(
+            "base", "parameter", type="String", start="own",
+            description="own: forces move the bus of this FMU; prescribed: the base moves as prescribed_... says",
+        ),
+        *make_parameter_ports(RENEWAL),
     )  # fmt: skip
 
     terminals: ClassVar[tuple[Terminal, ...]] = (
@@ -63,65 +111,158 @@ class ManipulatorPlant(Slave):
 
     plant: Plant
     model: PlantModel
-    warned_command: tuple[float, ...] = ()  # the command beyond the stroke that the last warning was about
+    maps: HostedModel
+    own_bus: Bus
+    prescribed: bool
+    warned_unused: tuple[str, ...] = ()  # what the last warning was about that something has no effect
 
     @refuse_parameters
     def configure(self) -> None:
-        """Build the system from the parameters and put it at rest at the commanded pose."""
+        """Build the system from the parameters and put it at the commanded pose, undeformed."""
         self._build()
-        self._linearise(self._command())
-        self.x[:] = self.plant.initial_state(self.model)
+        command = self.plant.within_stroke(self.command)
+        at_rest = Centre.at_rest(command, self.initial.unit_attitude)
+        model = self.plant.linearise_about(at_rest)
+        own_B = self.initial.initial_angular_velocity_B
+        turn_B = self.view("prescribed_angular_velocity") if self.prescribed else own_B
+        self.x[:] = self.plant.initial_state(model, turn_B)
+        if self.prescribed:
+            self.x[promised_impulse(model.dynamics)] = 0.0
+        self.memory[:] = 0.0
+        if turn_B.any():
+            model = self.plant.linearise_about(self.plant.turning_centre(model, self.x))
+        self._take(model)
+        self.balance.begin(model, self.x, self.start_time)
         self.a[:-1], self.a[-1] = 0.0, 1.0
-        self.convection[:] = 0.0
+        self._warn_of_unused()
+        self.request_event()
 
     def output_map(self) -> NDArray[np.float64]:
         """Outputs from [x; u; a] at the same instant."""
-        return self.model.output_map()
+        return self._with_command(self.maps.output_map())
 
     def step_map(self, h: float) -> NDArray[np.float64]:
         """[y; x] at the end of a step from [x; u; a] at its start."""
-        return self.model.step_map(h)
+        return self._with_command(self.maps.step_map(h))
+
+    def before_map(self, h: float) -> Sequence[Element]:
+        """The reference of the coarse servos goes to the command, within the stroke and limited in rate."""
+        low, high = self.plant.manipulator.coarse_stroke
+        return (
+            Linear(self.command, np.eye(3), self.within),
+            Clip(self.within, low, high),
+            Ramp(self.within, self.reference, self.a[:3], self.plant.servo.rate_limit),
+            Excess(self.command, low, high, self.excess),
+            Watch(self.excess, self.warned, 0.0),
+        )
+
+    def after_map(self, h: float) -> Sequence[Element]:
+        """An event is due when the motion leaves the centre of the linear model, or comes to rest away from it."""
+        distances = find_distances(self.model.centre, self.renewal)
+        s, ds, _ = servo_slices(self.model.dynamics.n)
+        d_f, (_, r_b) = self.model.dynamics.slices["d_f"], self.model.dynamics.base_places()
+        coarse, fine, coarse_speed, rotation = (self.centre[k : k + 3] for k in CENTRE_PLACES)
+        others = [
+            (d_f, fine, distances.fine), (ds, coarse_speed, distances.coarse_speed), (r_b, rotation, distances.rotation)
+        ]  # fmt: skip
+        moving = np.concatenate([self.places(self.x[place]) for place, _, _ in others])
+        centres = np.concatenate([self.places(centre) for _, centre, _ in others])
+        allowed = np.repeat([distance for _, _, distance in others], 3)
+        watches: list[Element] = [
+            Watch(self.x[s], coarse, distances.coarse, last=self.last, least=AT_REST),
+            Watch(moving, centres, allowed),
+        ]
+        if self.model.centre.speeds.any():
+            every = max(round(LOOK_AGAIN / h), 2)
+            watches += [Sample(self.a[-1:], self.one, self.clock, every), Watch(self.clock, self.zero, every - 1.5)]
+        return watches
 
     @refuse_parameters
     def event(self, t: float, h: float) -> bool:
-        """The coarse legs move: advance their reference, linearise anew where needed."""
-        convection = Convection.read(self.convection)
-        motion = coarse_motion(self.plant, self.model, self.x, convection, self._command(), h, self.resolution)
-        if motion.model is not self.model:
-            self.model = motion.model
-            self.pose[:] = self.model.coarse_reference
+        """The motion has left the centre of the linear model: make one about the next centre."""
+        self._warn_of_unused()
+        self._warn_of_stroke()
+        command = self.plant.within_stroke(self.command)
+        if self.prescribed:
+            self.x[self.maps.rate_places] = self.view("prescribed_angular_velocity")
+        if is_at_rest(self.model, self.x, command):
+            self.x[:] = rest_at(self.model, self.x, command)
+        u = np.concatenate([self.u[:N_EXTERNAL], self.a])
+        centre = find_next_centre(self.model, self.x, u, command, self.renewal, self.prescribed)
+        if is_used_up(self.model, self.x, self.renewal, centre):
+            model = self.plant.linearise_about(centre)
+            if self.prescribed:
+                impulse = promised_impulse(self.model.dynamics)
+                self.x[impulse] += relative_momentum_taken(self.model, model, self.x)
+            else:
+                self.x[:] = self.balance.settle(self.model, self.x, t)
+                self.balance.go_on(model, self.x, t)
+            self._take(model)
             self.remap()
-        motion.convection.write(self.convection)
-        self.x[:] = motion.state
-        self.a[:3], self.a[3:9] = motion.rate, motion.wrench
-        return motion.moving
+        return False
 
     @refuse_parameters
     def restore(self) -> None:
         """Rebuild the model that the restored memory stands for."""
         self._build()
-        self._linearise(self.pose.copy())
+        self._take(self.plant.linearise_about(Centre.read(self.centre)))
         self.remap()
 
     def _build(self) -> None:
         values = self.parameters()
         self.plant = take_values(DEFAULT, values)
-        self.resolution = float(values["relinearisation_distance"])
+        self.prescribed = self._read_base(str(values["base"]))
+        self.own_bus = self.plant.bus
+        if self.prescribed:
+            self.plant = replace(self.plant, bus=stand_in_bus(self.plant.bus))
+        self.initial = take_values(STILL, values)
+        self.renewal = take_values(RENEWAL, values)
         self.command = self.view("coarse_command")
-        self.pose, self.convection = self.memory[:3], self.memory[3:]
+        numbers = self.memory
+        self.centre, self.within, self.excess, self.warned, self.last = (
+            numbers[:N_CENTRE], *(numbers[N_CENTRE + k : N_CENTRE + k + 3] for k in (0, 3, 6, 9))
+        )  # fmt: skip
+        self.one, self.zero, self.clock = (numbers[N_CENTRE + k : N_CENTRE + k + 1] for k in (12, 13, 14))
+        self.balance = Balance(self.plant.system, numbers[N_CENTRE + 15 :])
+        self.reference = self.x[servo_slices(self.plant.n_coordinates)[2]]
 
-    def _linearise(self, coarse_displacement: NDArray[np.float64]) -> None:
-        self.model = self.plant.linearise(coarse_displacement)
-        self.pose[:] = coarse_displacement
+    def _take(self, model: PlantModel) -> None:
+        self.model, self.maps = model, HostedModel(model, self.plant.payload, self.prescribed)
+        model.centre.write(self.centre)
 
-    def _command(self) -> NDArray[np.float64]:
-        """The command within the stroke; a command beyond it is warned of once."""
-        within = self.plant.within_stroke(self.command)
-        if within.tolist() != self.command.tolist() and tuple(self.command) != self.warned_command:
-            self.warned_command = tuple(self.command)
-            worst = int(np.argmax(np.abs(within - self.command)))
+    def _with_command(self, matrix: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Columns of the coarse command, zero: it acts through the servos' reference."""
+        at = self.n_states + N_EXTERNAL + N_MOTION
+        return np.insert(matrix, [at] * 3, 0.0, axis=1)
+
+    def _read_base(self, base: str) -> bool:
+        if base not in ("own", "prescribed"):
+            raise ParameterError("base", f"expected own or prescribed, got {base!r}")
+        return base == "prescribed"
+
+    def _warn_of_unused(self) -> None:
+        """Name what is set and has no effect, each time that it is something else."""
+        unused = self._list_unused()
+        if unused != self.warned_unused:
+            self.warned_unused = unused
+            if unused:
+                base = "prescribed" if self.prescribed else "own"
+                self.warning(f"base = {base}: no effect of {', '.join(unused)}")
+
+    def _list_unused(self) -> tuple[str, ...]:
+        if not self.prescribed:
+            return tuple(name for name in MOTION_NAMES if self.view(name).any())
+        modes = [f"bus.mode_{i}.frequency" for i, mode in enumerate(self.own_bus.modes, 1) if mode.active]
+        return (*(name for name in ("base_force", "base_torque") if self.view(name).any()), *modes)
+
+    def _warn_of_stroke(self) -> None:
+        """A command beyond the stroke is warned of once."""
+        low, high = self.plant.manipulator.coarse_stroke
+        excess = np.maximum(self.command - high, 0.0) + np.minimum(self.command - low, 0.0)
+        worst = int(np.argmax(np.abs(excess)))
+        if excess.any() and not self.warned.any():
             self.warning(
                 f"coarse_command_{worst + 1}: {self.command[worst]:.6g} m is outside the stroke "
                 f"{self.plant.manipulator.coarse_stroke.tolist()} m; held at its end"
             )
-        return within
+        self.warned[:] = excess

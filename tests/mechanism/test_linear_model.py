@@ -11,9 +11,11 @@ from support.mechanics import PAPER, relative_error
 from ps_fmu.mechanism.discretisation import zero_order_hold
 from ps_fmu.mechanism.dynamics import Pose
 from ps_fmu.mechanism.forward_kinematics import forward_kinematics
-from ps_fmu.mechanism.linear_model import N_INPUTS, N_OUTPUTS, OUTPUTS, Plant, momentum, output_slices, servo_slices
+from ps_fmu.mechanism.linear_model import Plant, momentum
+from ps_fmu.mechanism.parameters import Optics
+from ps_fmu.mechanism.quaternions import from_rotation_matrix, from_rotation_vector, to_rotation_matrix
 from ps_fmu.mechanism.rotations import rotation_from_vector
-from ps_fmu.mechanism.slews import Convection, coarse_motion
+from ps_fmu.mechanism.signals import N_EXTERNAL, N_INPUTS, N_OUTPUTS, OUTPUTS, output_slices, servo_slices
 from ps_fmu.theory.transfer_matrices import Practical
 
 PLANT = Plant.from_parameters(PAPER)
@@ -67,7 +69,11 @@ def test_outputs_at_rest_are_the_pose() -> None:
     np.testing.assert_allclose(y[PLACE["orientation"]], model.rpy, atol=1e-16)
     np.testing.assert_allclose(y[PLACE["relative_orientation"]], model.rpy, atol=1e-16)
     np.testing.assert_allclose(y[PLACE["coarse_displacement"]], SLOPE, atol=1e-18)
-    others = np.delete(y, np.r_[PLACE["orientation"], PLACE["relative_orientation"], PLACE["coarse_displacement"]])
+    np.testing.assert_array_equal(y[PLACE["base_attitude"]], [1.0, 0.0, 0.0, 0.0])
+    R = to_rotation_matrix(y[PLACE["payload_attitude"]])
+    np.testing.assert_allclose(R, model.dynamics.pose.rotation_BP, rtol=0.0, atol=1e-15)
+    absolute = ("orientation", "relative_orientation", "coarse_displacement", "base_attitude", "payload_attitude")
+    others = np.delete(y, np.concatenate([np.r_[PLACE[name]] for name in absolute]))
     np.testing.assert_allclose(others, 0.0, atol=1e-12)
 
 
@@ -81,8 +87,9 @@ def test_orientation_follows_forward_kinematics_to_first_order() -> None:
 
 def test_outputs_are_those_of_the_moved_mechanism() -> None:
     """Frames and signs, against legs of other lengths on a base that has moved; first order in the motion."""
-    plant = replace(PLANT, optics=replace(PLANT.optics, focal_length=2.5))
-    model = plant.linearise(SLOPE)
+    plant = replace(PLANT, optics=Optics(focal_length=2.5, truss_sensitivity=3.0))
+    attitude = from_rotation_vector(np.array([0.3, -2.0, 0.7]))
+    model = plant.linearise(SLOPE, attitude)
     d, pose = model.dynamics, model.dynamics.pose
     x = plant.initial_state(model)
     x[: 2 * d.n] = 1e-7 * np.random.default_rng(6).normal(size=2 * d.n)  # m, rad, m/s, rad/s
@@ -99,6 +106,8 @@ def test_outputs_are_those_of_the_moved_mechanism() -> None:
     theta_B = 0.5 * np.array([turned[2, 1] - turned[1, 2], turned[0, 2] - turned[2, 0], turned[1, 0] - turned[0, 1]])
     theta_P = pose.rotation_BP.T @ theta_B
     boresight_P = pose.rotation_BP.T @ turned @ pose.rotation_BP @ [0.0, 0.0, 1.0]
+    to_inertial = to_rotation_matrix(attitude) @ base
+    truss_x, truss_y = x[d.slices["x_t"]]  # m, along x and y of P
     expected = {
         "base_velocity": x[d.n + 3 : d.n + 6],
         "base_angular_velocity": x[d.n + 6 : d.n + 9],
@@ -111,9 +120,15 @@ def test_outputs_are_those_of_the_moved_mechanism() -> None:
         "orientation": model.rpy,
         "relative_orientation": relative.orientation,
         "los": 2.5 * boresight_P[:2],
+        "fine_velocity": x[d.n : d.n + 3],
+        "line_of_sight": theta_P[:2] + 3.0 * np.array([-truss_y, truss_x]),
+        "base_attitude": from_rotation_matrix(to_inertial),
+        "payload_attitude": from_rotation_matrix(to_inertial @ relative.R),
     }
     assert set(expected) == {signal.name for signal in OUTPUTS if "acceleration" not in signal.name}
     for group, value in expected.items():
+        if "attitude" in group:
+            value = value * np.sign(value @ found[group])  # q and -q are the same turn
         np.testing.assert_allclose(found[group], value, rtol=0.0, atol=1e-10, err_msg=group)
     assert np.abs(relative.orientation - model.rpy).min() > 1e-8
 
@@ -123,7 +138,7 @@ def test_momentum_of_a_pushed_free_body() -> None:
     model = PLANT.linearise(STILL)
     u = np.zeros(N_INPUTS)
     u[3:9] = [1.0, 2.0, -1.0, 0.3, 0.2, -0.1]
-    x = (model.step_map(1.0) @ np.concatenate([np.zeros(model.n_states), u]))[N_OUTPUTS :]
+    x = (model.step_map(1.0) @ np.concatenate([np.zeros(model.n_states), u]))[N_OUTPUTS:]
     np.testing.assert_allclose(momentum(model, x), u[3:9], rtol=1e-9, atol=1e-11)
 
 
@@ -131,49 +146,38 @@ def test_internal_forces_leave_the_momentum_alone() -> None:
     model = PLANT.linearise(STILL)
     n = model.dynamics.n
     u = REST.copy()
-    u[:3], u[9:12] = [5.0, -3.0, 2.0], [2e-3, -3e-3, 1e-3]  # fine forces and a coarse motion
-    x = (model.step_map(0.37) @ np.concatenate([np.zeros(model.n_states), u]))[N_OUTPUTS :]
+    u[:3], u[9:12], u[18:21] = [5.0, -3.0, 2.0], [0.0, 1.0, -1.0], [2e-3, -3e-3, 1e-3]  # fine forces, a coarse motion
+    x = (model.step_map(0.37) @ np.concatenate([np.zeros(model.n_states), u]))[N_OUTPUTS:]
     assert np.abs(momentum(model, x)).max() < 1e-9
     assert np.abs(x[n : 2 * n]).max() > 1e-4  # and yet it moves
 
 
-def test_new_pose_owes_the_bus_the_momentum_it_takes() -> None:
-    """Coordinates and velocities are carried over; what they lose in momentum comes back as a wrench."""
-    old, h = PLANT.linearise(STILL), 1e-3
-    x, n = np.random.default_rng(5).normal(size=old.n_states), old.dynamics.n
-    x[S], x[R] = SLOPE, SLOPE
-    x[n + 3 : n + 6] -= momentum(old, x)[:3] / old.dynamics.M[3, 3]  # m/s: the common centre of mass rests
-    convection = Convection(np.zeros(6), since_pose=5 * h)
-    motion = coarse_motion(PLANT, old, x, convection, SLOPE, h, 1e-5)
-    assert motion.model is not old
-    np.testing.assert_array_equal(motion.state, x)
-    owed = momentum(old, x) - momentum(motion.model, x)
-    given, convection = motion.wrench * h, motion.convection
-    for _ in range(10):
-        wrench, convection = convection.step(h)
-        given = given + wrench * h
-    np.testing.assert_allclose(given, owed, rtol=1e-9)  # differences of momenta up to 1e4
-    assert not convection.owed.any()
-    np.testing.assert_allclose(motion.wrench, owed / (5 * h), rtol=1e-9)
+def test_force_on_the_payload_leaves_its_impulse_about_the_base() -> None:
+    """It acts in the axes of P at its origin."""
+    model = PLANT.linearise(SLOPE)
+    pose, u = model.dynamics.pose, np.zeros(N_INPUTS)
+    force_P, torque_P = np.array([1.0, -2.0, 0.5]), np.array([0.3, 0.2, -0.1])  # N, N.m
+    u[12:18] = np.concatenate([force_P, torque_P])
+    x = (model.step_map(0.5) @ np.concatenate([np.zeros(model.n_states), u]))[N_OUTPUTS:]
+    force_B, torque_B = pose.rotation_BP @ force_P, pose.rotation_BP @ torque_P
+    torque_B = torque_B + np.cross(pose.translation_B, force_B)
+    np.testing.assert_allclose(momentum(model, x), 0.5 * np.concatenate([force_B, torque_B]), rtol=1e-8, atol=1e-10)
 
 
-def test_convective_wrench_acts_as_long_as_the_pose_before_lasted() -> None:
-    h, taken = 1e-3, np.arange(1.0, 7.0)
-    convection = Convection(np.zeros(6))
-    for _ in range(4):
-        wrench, convection = convection.step(h)
-        assert not wrench.any()
-    convection, given = convection.at_new_pose(taken), []
-    for _ in range(6):
-        wrench, convection = convection.step(h)
-        given.append(wrench)
-    np.testing.assert_allclose(given, np.outer([1, 1, 1, 1, 0, 0], taken / (4 * h)))
-    # The next pose, after six steps, begins with what is owed by then.
-    convection = convection.at_new_pose(taken)
-    for _ in range(2):
-        wrench, convection = convection.step(h)
-    wrench, _ = convection.at_new_pose(taken).step(h)
-    np.testing.assert_allclose(wrench, (taken + 4.0 / 6.0 * taken) / (2 * h))
+def test_added_fine_forces_add_up() -> None:
+    model, u = PLANT.linearise(SLOPE), np.zeros((2, N_INPUTS))
+    u[0, 0:3], u[1, 0:3], u[1, 9:12] = [3.0, -1.0, 2.0], [1.0, -2.0, 2.5], [2.0, 1.0, -0.5]  # N
+    both = np.concatenate([model.output_map(), model.step_map(1e-3)])[:, model.n_states :]
+    once, twice = both @ u[0], both @ u[1]
+    np.testing.assert_allclose(once, twice, rtol=1e-12, atol=1e-15)
+
+
+def test_a_bus_that_turns_at_the_start_has_its_centre_of_mass_at_rest() -> None:
+    model, turn_B = PLANT.linearise(SLOPE), np.array([0.02, -0.01, 0.03])  # rad/s
+    x = PLANT.initial_state(model, turn_B)
+    np.testing.assert_array_equal(x[26:29], turn_B)
+    assert np.abs(momentum(model, x)[:3]).max() < 1e-12
+    assert np.abs(x[23:26]).max() > 1e-3  # m/s
 
 
 @pytest.mark.parametrize("damping_ratio", [0.3, 1.0, 2.0])
@@ -184,83 +188,11 @@ def test_servos_are_second_order(damping_ratio: float) -> None:
     x[R] = [1e-3, -2e-3, 0.0]  # m
     step, found = model.step_map(5e-3), []
     for _ in times:
-        x = (step @ np.concatenate([x, REST]))[N_OUTPUTS :]
+        x = (step @ np.concatenate([x, REST]))[N_OUTPUTS:]
         found.append(x[S])
     omega = 2.0 * np.pi * 3.0  # rad/s
     _, expected = scipy.signal.step(([omega**2], [1.0, 2.0 * damping_ratio * omega, omega**2]), T=np.r_[0.0, times])
     np.testing.assert_allclose(found, np.outer(expected[1:], [1e-3, -2e-3, 0.0]), rtol=0.0, atol=1e-12)
-
-
-def run_slew(
-    plant: Plant, command: np.ndarray, h: float, steps: int, velocity_B: np.ndarray = STILL
-) -> tuple[np.ndarray, object, int]:
-    """A step command to a bus at some velocity, as the FMU executes it: state at the end, model, number of poses."""
-    model = plant.linearise(STILL)
-    x, u, poses, moving, convection = plant.initial_state(model), REST.copy(), 1, True, Convection(np.zeros(6))
-    x[23:26] = velocity_B  # m/s
-    step = model.step_map(h)
-    for _ in range(steps):
-        if moving:
-            motion = coarse_motion(plant, model, x, convection, command, h, 5e-5)
-            if motion.model is not model:
-                step, poses = motion.model.step_map(h), poses + 1
-            model, x, convection, moving = motion.model, motion.state, motion.convection, motion.moving
-            u[9:12], u[12:18] = motion.rate, motion.wrench
-        x = (step @ np.concatenate([x, u]))[N_OUTPUTS :]
-    return x, model, poses
-
-
-def test_slew_ends_exactly_at_the_command_and_leaves_no_momentum() -> None:
-    command = np.array([1e-3, -1e-3, 5e-4])  # m; 0.2 s at the rate limit, then the servo settles
-    plant = replace(PLANT, servo=replace(PLANT.servo, rate_limit=0.005))
-    x, model, poses = run_slew(plant, command, 1e-3, 3000)
-    np.testing.assert_array_equal(model.coarse_reference, command)
-    assert 15 < poses < 30
-    assert np.abs(momentum(model, x)).max() < 1e-9
-
-
-def test_slew_is_the_same_on_a_bus_that_moves() -> None:
-    """Galileo: a constant velocity of everything changes nothing but the position."""
-    command, velocity_B = np.array([1e-3, -1e-3, 5e-4]), np.array([0.02, -0.5, 0.3])  # m, m/s
-    still, _, _ = run_slew(PLANT, command, 1e-3, 1500)
-    moving, _, _ = run_slew(PLANT, command, 1e-3, 1500, velocity_B)
-    moving[3:6] -= 1.5 * velocity_B
-    moving[23:26] -= velocity_B
-    np.testing.assert_allclose(moving, still, rtol=0.0, atol=1e-12)
-    assert np.abs(still[6:9]).max() > 1e-6  # rad, the reaction of the bus
-
-
-def test_a_command_that_creeps_makes_no_new_pose_until_it_stays() -> None:
-    """A slew begins with less than 1e-12 m a step: each would be a pose that the legs have reached."""
-    model = PLANT.linearise(SLOPE)
-    x, convection = PLANT.initial_state(model), Convection(np.zeros(6))
-    for k in range(1, 6):
-        command = SLOPE + k * 1e-13  # m
-        motion = coarse_motion(PLANT, model, x, convection, command, 1e-4, 1e-4)
-        assert motion.model is model
-        assert motion.moving
-        x, convection = motion.state, motion.convection
-        np.testing.assert_array_equal(x[S], command)
-    motion = coarse_motion(PLANT, model, x, convection, command, 1e-4, 1e-4)
-    np.testing.assert_array_equal(motion.model.coarse_reference, command)
-
-
-def test_rate_limit_and_stroke() -> None:
-    model = PLANT.linearise(STILL)
-    command = np.array([0.01, -0.01, 1e-9])
-    motion = coarse_motion(PLANT, model, PLANT.initial_state(model), Convection(np.zeros(6)), command, 1e-3, 1e-4)
-    np.testing.assert_allclose(motion.rate, [5e-3, -5e-3, 1e-6])  # m/s
-    assert motion.moving
-    np.testing.assert_array_equal(PLANT.within_stroke(np.array([0.5, -0.5, 0.01])), [0.02, -0.02, 0.01])
-
-
-def test_at_rest_at_the_command_nothing_moves() -> None:
-    model = PLANT.linearise(SLOPE)
-    x = PLANT.initial_state(model)
-    motion = coarse_motion(PLANT, model, x, Convection(np.zeros(6)), SLOPE, 1e-3, 1e-4)
-    assert motion.model is model
-    assert not motion.moving
-    np.testing.assert_array_equal(motion.state, x)
 
 
 def test_inactive_coordinates_stay_zero() -> None:
@@ -268,8 +200,8 @@ def test_inactive_coordinates_stay_zero() -> None:
     plant = replace(PLANT, manipulator=replace(PAPER.manipulator, coarse_rods=rods))
     model = plant.linearise(STILL)
     e_c = model.dynamics.slices["e_c"]
-    u = np.concatenate([np.ones(9), 1e-3 * np.ones(3), np.zeros(6), [1.0]])
-    x = (model.step_map(0.1) @ np.concatenate([plant.initial_state(model), u]))[N_OUTPUTS :]
+    u = np.concatenate([np.ones(N_EXTERNAL), 1e-3 * np.ones(3), [1.0]])
+    x = (model.step_map(0.1) @ np.concatenate([plant.initial_state(model), u]))[N_OUTPUTS:]
     np.testing.assert_array_equal(x[e_c], 0.0)
     assert np.abs(x[0:3]).min() > 0.0
 

@@ -97,19 +97,16 @@ def test_the_legs_are_moved_alike(slews):
     np.testing.assert_allclose(fmu["coarse"], multibody["coarse"], rtol=0.0, atol=5e-9)
 
 
-@pytest.mark.parametrize(("quantity", "limit"), [("base position", 3e-8), ("base rotation", 1.2e-8)])  # m, rad
+@pytest.mark.parametrize(("quantity", "limit"), [("base position", 5e-8), ("base rotation", 1.2e-8)])  # m, rad
 def test_a_slew_moves_the_bus_alike(slews, quantity, limit):
     fmu, multibody = slews
     assert np.abs(multibody[quantity]).max() > 1e-4  # m, rad
     assert np.abs(fmu[quantity] - multibody[quantity]).max() < limit
 
 
-def test_what_the_plant_leaves_out_of_a_slew(slews):
-    """Convective forces within the mechanism, with the sizes that the plant's README states; none is left at rest."""
+def test_a_slew_turns_the_payload_alike(slews):
+    """Convective forces within the mechanism included; nothing is left at rest."""
     fmu, multibody = slews
-    error = np.abs(fmu["orientation"] - multibody["orientation"])
-    across, about = error[:, :2].max(), error[:, 2].max()
-    assert across == pytest.approx(0.03e-6, rel=0.1)  # rad
-    assert about == pytest.approx(0.13e-6, rel=0.1)  # rad
+    assert np.abs(fmu["orientation"] - multibody["orientation"]).max() < 4e-8  # rad; a leg moves by 25 um in a step
     np.testing.assert_allclose(fmu["orientation"][-1], multibody["orientation"][-1], rtol=0.0, atol=1e-10)
     np.testing.assert_allclose(fmu["fine"][-1], multibody["fine"][-1], rtol=0.0, atol=1e-10)

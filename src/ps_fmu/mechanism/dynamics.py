@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from .kinematics import Jacobians, jacobians
 from .legs import LegMass, leg_mass
-from .parameters import Bus, Manipulator, Payload
+from .parameters import Bus, CoarseLeg, Manipulator, Payload
 from .quantities import Array
 from .rotations import cross, skew
 
@@ -58,11 +58,17 @@ class Dynamics:
     m_c: Array  # (n, 3) inertial coupling of a prescribed coarse-leg motion s
     active: NDArray[np.bool_]  # (n,)
     slices: dict[str, slice]  # group -> its place in q
+    truss_turns_P: Array  # (3, n truss) z x direction of each truss mode, axes of P; zero for those that are off
 
     @property
     def n(self) -> int:
         """Number of coordinates, inactive ones included."""
         return len(self.active)
+
+    def base_places(self) -> tuple[slice, slice]:
+        """Places of the base's translation and rotation in ``q``."""
+        first = self.slices["q_b"].start
+        return slice(first, first + 3), slice(first + 3, first + 6)
 
     def platform_rows(self) -> Array:
         """(6, n): twist of the platform (t_p, theta_p), B axes, from the coordinates; eqs (8), (24) with plus signs."""
@@ -138,12 +144,31 @@ class FlexibleSystem:
         C = C_fixed.copy()
         rods, on_rods = self.manipulator.coarse_rods, np.arange(e_c.start, e_c.stop)
         C[on_rods, on_rods] = 2.0 * rods.damping_ratio * np.sqrt(rods.axial_stiffness * M[on_rods, on_rods])
-        return Dynamics(pose, J, legs, M, C, K, M[:, e_c].copy(), active, self._slices)
+        return Dynamics(pose, J, legs, M, C, K, M[:, e_c].copy(), active, self._slices, self._truss_turns_P)
 
     @property
     def n(self) -> int:
         """Number of coordinates, inactive ones included."""
         return self._slices[GROUPS[-1]].stop
+
+    @cached_property
+    def leg_moments(self) -> tuple[tuple[Array, Array], tuple[Array, Array], Array]:
+        """Mass (kg) and first moment from its own joint (kg.m) of upper and lower parts, second moment of both (kg.m2).
+
+        All (6, 1), along the leg.
+        """
+        legs: tuple[CoarseLeg, ...] = self.manipulator.coarse_legs + self.manipulator.fine_legs
+        upper, lower = (
+            np.array([[part.mass, part.com_distance, part.radial_inertia] for part in parts]).T[..., None]
+            for parts in ([leg.upper for leg in legs], [leg.lower for leg in legs])
+        )
+        second = sum(inertia + mass * com**2 for mass, com, inertia in (upper, lower))
+        return (upper[0], lower[0]), (upper[0] * upper[1], lower[0] * lower[1]), np.asarray(second)
+
+    def truss_at(self, rotation_BP: Array) -> tuple[Array, Array, Array]:
+        """Masses (n,) of the truss modes, kg, with places from the origin of P, m, and directions (n, 3), axes of B."""
+        mass, position_P, direction_P = self._truss
+        return mass, position_P @ rotation_BP.T, direction_P @ rotation_BP.T
 
     @cached_property
     def _slices(self) -> dict[str, slice]:
@@ -161,6 +186,13 @@ class FlexibleSystem:
             np.reshape(positions, (-1, 3)),
             np.reshape(directions, (-1, 3)),
         )
+
+    @cached_property
+    def _truss_turns_P(self) -> Array:
+        """(3, n) turn of the boresight z, axes of P, that moves it along with the mode: ``z x direction``."""
+        _, _, direction_P = self._truss
+        moving = self._fixed[3][self._slices["x_t"]]
+        return np.asarray(cross(np.array([0.0, 0.0, 1.0]), direction_P * moving[:, None]).T)
 
     @cached_property
     def _fixed(self) -> tuple[Array, Array, Array, NDArray[np.bool_]]:

@@ -1,4 +1,4 @@
-"""Flexible modes of payload and bus as parameters, and what a body can carry of them."""
+"""Flexible modes of payload and bus as parameters, hinged appendages, and what a body can carry of them."""
 
 from __future__ import annotations
 
@@ -7,7 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .quantities import Array, Checked, ParameterError, quantity
+from .quantities import Array, Checked, ParameterError, check_inertia, check_number, freeze, quantity
+
+#: Most hinge axes of an appendage: a body on a point has no more rotations.
+MOST_AXES = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,6 +27,11 @@ class TrussMode(Checked):
         super().__post_init__()
         if np.linalg.norm(self.direction_P) < 1e-9:
             raise ParameterError("direction", "must not be the zero vector")
+
+    @classmethod
+    def unused(cls) -> TrussMode:
+        """What fills a place for a mode that nobody needs."""
+        return cls(0.0, np.zeros(3), np.array([0.0, 0.0, 1.0]), 0.0, 0.0)
 
     @property
     def active(self) -> bool:
@@ -48,6 +56,11 @@ class BusMode(Checked):
         shape=(6,),
     )
 
+    @classmethod
+    def unused(cls) -> BusMode:
+        """What fills a place for a mode that nobody needs."""
+        return cls(0.0, 0.0, np.zeros(6))
+
     @property
     def active(self) -> bool:
         """Whether it moves at all."""
@@ -57,6 +70,83 @@ class BusMode(Checked):
         """Participation at another point of the bus (3,), m: (6,), as ``participation_B``."""
         translation, rotation = self.participation_B[:3], self.participation_B[3:]
         return np.concatenate([translation, rotation - np.cross(point_B, translation)])
+
+
+@dataclass(frozen=True, eq=False)
+class Appendage(Checked):
+    """A rigid body on the bus that turns about hinges with torsional springs: a solar array, an antenna.
+
+    Angles ``phi_i`` about axes ``n_i`` through the hinge move its centre of mass by ``sum n_i phi_i x d``, ``d`` from
+    the hinge to there.  With the bus at rest, ``J phi'' + k phi = 0``; a moving bus adds the rows of the momentum that
+    the angles carry, the rigid-elastic coupling (P. W. Likins, JPL TR 32-1329, 1970; P. C. Hughes, Spacecraft Attitude
+    Dynamics, 1986)::
+
+        J_ij = n_i . I_h n_j                               I_h: inertia about the hinge
+        k_i  = J_ii (2 pi f_i)^2
+        p_i  = [m n_i x d;  I n_i + c x (m n_i x d)]       I about the centre of mass c, moments about the origin of B
+
+    The modes of the bus are those of (J, k); their participation is that of their angles.
+    """
+
+    mass: float = quantity("kg", "Mass of the appendage", above=0.0)
+    com_B: Array = quantity("m", "Centre of mass of the appendage, in B", shape=(3,))
+    inertia_B: Array = quantity("kg.m2", "Inertia of the appendage about its centre of mass, in B")
+    hinge_B: Array = quantity("m", "A point of the hinge axes, in B", shape=(3,))
+    axis_B: Array = quantity("1", "Direction of the hinge axis, in B; for several axes a list of up to three")
+    frequency: Array = quantity("Hz", "Natural frequency about each axis, bus and other axes held; above 0")
+    damping_ratio: float = quantity("1", "Damping ratio of its modes", at_least=0.0)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._set("inertia_B", check_inertia(self.inertia_B, "inertia"))
+        several = isinstance(self.frequency, (list, tuple, np.ndarray)) and np.ndim(self.frequency) == 1
+        count = len(self.frequency) if several else 1
+        if not 1 <= count <= MOST_AXES:
+            raise ParameterError("frequency", f"expected one for each of up to {MOST_AXES} axes, got {count}")
+        for value in self.frequency if several else (self.frequency,):
+            check_number(value, "frequency", above=0.0)
+        self._set("frequency", np.reshape(np.array(self.frequency, dtype=float), count))
+        axes = freeze(self.axis_B, (count, 3) if several else (3,), "axis").reshape(count, 3)
+        lengths = np.linalg.norm(axes, axis=1)
+        if not lengths.min() > 1e-9 or np.linalg.svd(axes / lengths[:, None])[1][-1] < 1e-6:
+            raise ParameterError("axis", "must not be the zero vector, nor one of several that lie in a line or plane")
+        self._set("axis_B", axes / lengths[:, None])
+
+    def make_modes(self) -> tuple[BusMode, ...]:
+        """The modes of the bus that stand for it, one for each axis, lowest frequency first."""
+        arm_B, n = self.com_B - self.hinge_B, self.axis_B
+        inertia_hinge_B = self.inertia_B + self.mass * (arm_B @ arm_B * np.eye(3) - np.outer(arm_B, arm_B))
+        J = n @ inertia_hinge_B @ n.T
+        k = np.diag(J) * (2.0 * np.pi * self.frequency) ** 2
+        momentum = self.mass * np.cross(n, arm_B)
+        per_angle = np.hstack([momentum, n @ self.inertia_B + np.cross(self.com_B, momentum)])
+        # J = L L^T; the angles of a mode with modal mass one are L^-T times an eigenvector of L^-1 k L^-T.
+        inverse = np.linalg.inv(np.linalg.cholesky(J))
+        squares, vectors = np.linalg.eigh(inverse @ np.diag(k) @ inverse.T)
+        participations = vectors.T @ inverse @ per_angle
+        return tuple(
+            BusMode(
+                float(f"{np.sqrt(square) / (2.0 * np.pi):.12g}"),  # without the rounding of the eigenvalues
+                self.damping_ratio,
+                participation * np.sign(participation[np.argmax(np.abs(participation))]),
+            )
+            for square, participation in zip(squares, participations, strict=True)
+        )
+
+
+def join_bodies(bodies: Iterable[tuple[float, Array, Array]]) -> tuple[float, Array, Array]:
+    """Mass (kg), centre of mass (3,) (m) and inertia about it (3, 3) (kg.m2) of rigid bodies joined together.
+
+    Each body is given by the same three, in the same axes.
+    """
+    parts = list(bodies)
+    mass = sum(m for m, _, _ in parts)
+    com = sum((m * c for m, c, _ in parts), np.zeros(3)) / mass
+    inertia = np.zeros((3, 3))
+    for m, c, own in parts:
+        arm = c - com
+        inertia += own + m * (arm @ arm * np.eye(3) - np.outer(arm, arm))
+    return mass, com, inertia
 
 
 def check_modal_mass(mass: float, inertia_com: Array, modes: Iterable[tuple[str, Array]]) -> None:

@@ -10,8 +10,10 @@ The values are in ``paper.toml``; :func:`load` reads them.
 
 from __future__ import annotations
 
+import difflib
 import reprlib
 import tomllib
+from collections.abc import Iterable
 from dataclasses import dataclass, fields
 from functools import cached_property
 from pathlib import Path
@@ -25,6 +27,9 @@ from .modes import BusMode, TrussMode, check_modal_mass
 from .quantities import Array, Checked, ParameterError, check_inertia, freeze, quantity
 
 PAPER = Path(__file__).with_name("paper.toml")
+
+#: Bytes of a parameter file that is read; paper.toml has 11 kB.
+LONGEST_FILE = 1_000_000
 
 #: Order of the low-pass M(s) that the isolator has states for.
 LARGEST_ORDER = 9
@@ -174,9 +179,12 @@ class CoarseServo(Checked):
 
 @dataclass(frozen=True)
 class Optics(Checked):
-    """The optical payload as far as the image point needs it: boresight along z of P."""
+    """The optical payload as far as line of sight and image point need it: boresight along z of P."""
 
     focal_length: float = quantity("m", "Effective focal length: image-point displacement per radian", above=0.0)
+    truss_sensitivity: float = quantity(
+        "rad/m", "Turn of the boresight toward a truss mode's motion across it, per displacement of its mass"
+    )
 
 
 @dataclass(frozen=True)
@@ -253,24 +261,43 @@ def load(path: Path | None = None, bus: str = "OSM") -> Parameters:
     ParameterError: an entry is missing, unknown or impossible; the text names it.
     """
     path = PAPER if path is None else path
-    try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise ParameterError(str(path), f"not a TOML file: {error}") from error
+    table = read_table(path)
     buses = _entry(table, "bus", "")
     if not isinstance(buses, dict) or bus not in buses:
         raise ParameterError("bus", f"no table [bus.{bus}] in {path.name}")
+    return make_parameters(table, buses[bus], f"bus.{bus}")
+
+
+def read_table(path: Path) -> dict[str, Any]:
+    """The content of a TOML file.  Raises ParameterError, naming the file: none, too long, or not TOML."""
+    if not path.is_file():
+        raise ParameterError(str(path), "there is no such file")
+    if path.stat().st_size > LONGEST_FILE:
+        raise ParameterError(str(path), f"has {path.stat().st_size} bytes; at most {LONGEST_FILE} are read")
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except ValueError as error:
+        raise ParameterError(str(path), f"not a TOML file: {error}") from error
+    except RecursionError:
+        raise ParameterError(str(path), "not a TOML file to read: its values are nested too deeply") from None
+
+
+def make_parameters(table: dict[str, Any], bus: Any, bus_name: str) -> Parameters:
+    """A parameter set from the tables of a file and the table of its bus; errors as in :func:`load`.
+
+    ``bus_name``: how errors name the table of the bus.
+    """
     return Parameters(
-        manipulator=_build(Manipulator, _entry(table, "manipulator", ""), "manipulator"),
-        payload=_build(Payload, _entry(table, "payload", ""), "payload"),
-        bus=_build(Bus, buses[bus], f"bus.{bus}"),
-        servo=_build(CoarseServo, _entry(table, "servo", ""), "servo"),
-        optics=_build(Optics, _entry(table, "optics", ""), "optics"),
-        filters=_build(FeedforwardFilters, _entry(table, "filters", ""), "filters"),
+        manipulator=build(Manipulator, _entry(table, "manipulator", ""), "manipulator"),
+        payload=build(Payload, _entry(table, "payload", ""), "payload"),
+        bus=build(Bus, bus, bus_name),
+        servo=build(CoarseServo, _entry(table, "servo", ""), "servo"),
+        optics=build(Optics, _entry(table, "optics", ""), "optics"),
+        filters=build(FeedforwardFilters, _entry(table, "filters", ""), "filters"),
         known_com_P=freeze(
             _entry(_entry(table, "isolator", ""), "known_com_P", "isolator"), (3,), "isolator.known_com_P"
         ),
-        noise=_build(Noise, _entry(table, "noise", ""), "noise"),
+        noise=build(Noise, _entry(table, "noise", ""), "noise"),
     )
 
 
@@ -292,22 +319,31 @@ def _entry(table: dict[str, Any], key: str, where: str) -> Any:
         raise ParameterError(f"{where}.{key}".lstrip("."), "missing") from None
 
 
-def _build(cls: type, table: Any, where: str) -> Any:
-    """An instance of ``cls`` from a TOML table; errors carry the full name of the entry."""
+def refuse_unknown(table: Iterable[str], known: Iterable[str], where: str) -> None:
+    """Raise ParameterError for a key of ``table`` that is not in ``known``, with the names that are nearest to it."""
+    names = list(known)
+    for key in table:
+        if key not in names:
+            near = difflib.get_close_matches(key, names, n=2, cutoff=0.6)
+            hint = f"did you mean {' or '.join(near)}? " if near else ""
+            name = f"{where}.{reprlib.repr(key)[1:-1]}".lstrip(".")
+            raise ParameterError(name, f"unknown; {hint}expected one of {', '.join(names)}")
+
+
+def build(cls: type, table: Any, where: str) -> Any:
+    """An instance of a parameter class from a TOML table; errors have the entry's name behind ``where``."""
     if not isinstance(table, dict):
         raise ParameterError(where, f"expected a table, got {reprlib.repr(table)}")
     names = [f.name for f in fields(cls)]
-    for key in table:
-        if key not in names:
-            raise ParameterError(f"{where}.{key}", f"unknown; expected one of {', '.join(names)}")
+    refuse_unknown(table, names, where)
     values: dict[str, Any] = {}
     for name in names:
         value = _entry(table, name, where)
         nested = _NESTED.get(name)
         if nested is not None and isinstance(value, list):
-            value = tuple(_build(nested, item, f"{where}.{name}[{i}]") for i, item in enumerate(value, 1))
+            value = tuple(build(nested, item, f"{where}.{name}[{i}]") for i, item in enumerate(value, 1))
         elif nested is not None:
-            value = _build(nested, value, f"{where}.{name}")
+            value = build(nested, value, f"{where}.{name}")
         values[name] = value
     try:
         return cls(**values)

@@ -25,6 +25,7 @@ T = TypeVar("T")
 SMALLEST, LARGEST = 1e-50, 1e50
 
 AXES = ("x", "y", "z")
+QUATERNION = ("w", "x", "y", "z")
 WRENCH_AXES = ("fx", "fy", "fz", "tx", "ty", "tz")
 TWIST_AXES = ("tx", "ty", "tz", "rx", "ry", "rz")
 
@@ -283,7 +284,7 @@ def _components(value: Array) -> list[tuple[str, tuple[int, ...]]]:
         separator = "" if value.shape[0] == 3 else "_"
         n = value.shape[0]
         return [(f"{axes[i]}{separator}{axes[j]}", (i, j)) for i in range(n) for j in range(i, n)]
-    names = {2: ("min", "max"), 3: AXES, 6: TWIST_AXES}[value.shape[0]]
+    names = {2: ("min", "max"), 3: AXES, 4: QUATERNION, 6: TWIST_AXES}[value.shape[0]]
     return [(suffix, (i,)) for i, suffix in enumerate(names)]
 
 

@@ -124,6 +124,13 @@ def rotation_from_vector(vector: Array) -> Array:
     return np.eye(3) + np.sin(angle) / angle * S + 2.0 * (np.sin(0.5 * angle) / angle) ** 2 * (S @ S)
 
 
+def rotation_vector(R: Array) -> Array:
+    """Rotation vector, rad, of turns below 90 deg: inverse of :func:`rotation_from_vector`; (3, 3) to (3,)."""
+    sine = 0.5 * np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
+    size = float(np.linalg.norm(sine))
+    return sine if size < 1e-8 else np.asarray(np.arcsin(min(size, 1.0)) / size * sine)  # 1e-8: arcsin(a)/a is 1
+
+
 def _sines_cosines(orientation: Array) -> tuple[Array, Array, Array, Array]:
     """Sine of pitch and yaw, cosine of pitch and yaw; the maps of rates do not depend on the roll."""
     orientation = np.asarray(orientation, dtype=float)

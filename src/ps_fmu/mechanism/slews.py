@@ -1,132 +1,180 @@
-"""The plant over a slew: a linear model about a pose, replaced by one about the next pose when the legs have moved.
+"""The plant while it slews, swings or turns: a linear model about a centre, and a next one when the motion leaves it.
 
-Between poses everything is linear (:class:`.linear_model.PlantModel`).  What is not linear happens here: the rate
-limit of the coarse servos, the stroke, and the choice of a new pose.  Nothing here knows of FMI.
+Between events everything is linear (:class:`.linear_model.PlantModel`).  A model is made about a *centre* on the way:
+the pose, fine legs included, and the speeds that are expected for the middle of the interval that it will serve.
+Errors of first order in the distance from it then cancel over the interval, and the outputs of two models in a row meet
+where one replaces the other, up to third order.  This is the midpoint rule with an exponential of the linear part
+(M. Hochbruck and A. Ostermann, Exponential integrators, Acta Numerica 19, 2010).  States never step, but for the
+velocities of the base, by which the total momentum is kept (:mod:`.momentum`).
 
-Momentum.  At a new pose all coordinates and velocities stay as they are, but the masses they belong to are others:
-the linear and angular momentum that these velocities stand for changes.  In reality this is the convective part of the
-inertial forces, ``(dM/ds s') q' + (dm_c/ds s') s'``, which acts while the legs move.  So the difference is
-given back to the bus as a *convective wrench* over a time as long as that since the pose before.  Total momentum is
-conserved, a slew leaves no drift behind, and the accelerometers feel what turns the bus: a jump of the velocities
-would be hidden from them, and an isolator that integrates acceleration would be off by some per cent of the bus's
-reaction.  What counts is motion about the common centre of mass: see :func:`momentum_taken`.
-
-Convective forces within the mechanism (between payload and legs) are neglected: at the middle of the default slew to
-8.5 deg they would turn the payload on its fine legs by 0.03 urad across the boresight and by 0.13 urad about it.
+At rest, or where all motion is small, the centre is the commanded pose with undeformed fine legs and no speed at all.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from operator import sub
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 
-from .linear_model import Plant, PlantModel, momentum, servo_slices
-from .quantities import Array
+from .centre import Centre
+from .convection import COARSE, FINE, TURN
+from .linear_model import PlantModel
+from .quantities import Array, Checked, quantity
+from .quaternions import from_rotation_vector, multiply
+from .signals import servo_slices
 
 #: A servo is at rest when it is this close to its reference (m) and this slow (m/s): far below any optical effect.
 AT_REST = 1e-12
 
+#: Longest time between two centres that is looked ahead, s: a tenth of the period of the suspension.
+_LONGEST = 0.02
 
-#: Numbers that a :class:`Convection` is kept in.
-N_CONVECTION = 8
+#: No linear model is meant to serve for less, s.
+_SHORTEST = 1e-3
 
-
-class Convection(NamedTuple):
-    """Momentum that changes of pose have taken from the model and that the bus has yet to be given."""
-
-    owed: Array  # (6,) N.s, N.m.s, B axes about its origin
-    since_pose: float = 0.0  # s, time since the model was made
-    remaining: float = 0.0  # s, time over which the rest is given
-
-    @classmethod
-    def read(cls, numbers: Array) -> Convection:
-        """From N_CONVECTION numbers, as :meth:`write` leaves them; zeros: at rest."""
-        return cls(numbers[:6], *numbers[6:].tolist())
-
-    def write(self, numbers: Array) -> None:
-        """Into N_CONVECTION numbers, for the FMU state."""
-        numbers[:6], numbers[6], numbers[7] = self
-
-    def at_new_pose(self, taken: Array) -> Convection:
-        """A new model has been made; its velocities stand for ``taken`` (6,) less momentum."""
-        return Convection(self.owed + taken, 0.0, self.since_pose)
-
-    def step(self, h: float) -> tuple[Array, Convection]:
-        """The wrench (6,) to apply over a step of ``h`` (s), and what is left after it."""
-        if self.remaining <= 1.5 * h:  # the last step: leave nothing behind
-            return self.owed / h, Convection(np.zeros(6), self.since_pose + h)
-        wrench = self.owed / self.remaining
-        return wrench, Convection(self.owed - wrench * h, self.since_pose + h, self.remaining - h)
+#: Below this the base turns by vibration alone, rad/s: what is quadratic in it changes 1e-8 rad/s2 at most.
+_HARDLY_TURNING = 1e-4
 
 
-def momentum_taken(old: PlantModel, new: PlantModel, x: Array) -> Array:
-    """Momentum (6,), N.s and N.m.s in B about its origin O, that the state ``x`` loses when ``new`` replaces ``old``.
+@dataclass(frozen=True)
+class Renewal(Checked):
+    """How far the motion may leave the centre of its linear model."""
 
-    Seen from the common centre of mass, which moves at the velocity p/m.  Angular momentum about O, itself moving at
-    v, obeys ``H' = torque - v x p``: it is conserved where p = 0, and there alone.  Seen from where the simulation
-    started, a slew would turn a bus that moves at 1 cm/s by 0.5 urad/s for ever after.
-    """
-    d, t_b = old.dynamics, old.dynamics.slices["q_b"].start
-    total_mass = d.M[t_b, t_b]
-    from_centre = x.copy()
-    from_centre[d.n + t_b : d.n + t_b + 3] -= momentum(old, x)[:3] / total_mass
-    return momentum(old, from_centre) - momentum(new, from_centre)
-
-
-class CoarseMotion(NamedTuple):
-    """What a step of moving coarse legs asks for."""
-
-    rate: Array  # (3,) rate of the servos' reference over the step, m/s
-    wrench: Array  # (6,) convective wrench over the step, N, N.m, B axes about its origin
-    state: Array  # (n,) state of the plant, about the pose of ``model``
-    model: PlantModel  # the same as before, or one about a new pose
-    convection: Convection
-    moving: bool  # ask again before the next step
+    relinearisation_distance: float = quantity(
+        "m", "A new linear model is made when a leg is this far from the centre of the last one",
+        at_least=1e-9, display="um",
+    )  # fmt: skip
+    relinearisation_angle: float = quantity(
+        "rad", "A new linear model is made when the base has turned by this from the centre of the last one",
+        at_least=1e-9, at_most=0.1, display="mrad",
+    )  # fmt: skip
+    relinearisation_speed: float = quantity(
+        "m/s", "A new linear model is made when a coarse leg's speed differs by this from that at the centre",
+        at_least=1e-9,
+    )  # fmt: skip
 
 
-def coarse_motion(
-    plant: Plant, model: PlantModel, x: Array, convection: Convection, command: Array, h: float, resolution: float
-) -> CoarseMotion:
-    """The servos' reference on its way to the command over the next step, and the pose to linearise about.
+#: What is usual.
+RENEWAL = Renewal(3e-5, 1e-3, 1e-3)
+
+
+def find_attitude(centre: Centre, rotation_B: Array) -> Array:
+    """(4,) attitude of B at another ``rotation_B`` (3,), rad, near that of the centre."""
+    q = multiply(centre.attitude, from_rotation_vector(rotation_B - centre.rotation_B))
+    return np.asarray(q / np.linalg.norm(q))
+
+
+def is_at_rest(model: PlantModel, x: Array, command: Array) -> bool:
+    """Whether the coarse legs have come to rest at the command (3,), m."""
+    s, ds, r = servo_slices(model.dynamics.n)
+    left = np.concatenate([x[s] - command, x[r] - command, x[ds]])
+    return bool(np.abs(left).max() < AT_REST)
+
+
+def rest_at(model: PlantModel, x: Array, command: Array) -> Array:
+    """The state with the coarse legs exactly at the command (3,), m."""
+    x = x.copy()
+    s, ds, r = servo_slices(model.dynamics.n)
+    x[s] = x[r] = command
+    x[ds] = 0.0
+    return x
+
+
+@np.errstate(over="raise", divide="raise", invalid="raise")
+def find_next_centre(
+    model: PlantModel, x: Array, u: Array, command: Array, renewal: Renewal, prescribed: bool = False
+) -> Centre:
+    """What the next linear model is to be made about.
 
     Parameters
     ----------
-    x: state of ``model``.  command: (3,) within the stroke, m.  h: step, s.
-    resolution: largest distance of a leg from the pose of the model, m.
-
-    Raises
-    ------
-    ParameterError: the legs have reached lengths that no usable pose has.
+    model: the present one.  x, u: its state, and the input of the last step.
+    command: (3,) where the coarse legs are to go, m.
+    prescribed: the base is moved by a host; its places in the state hold other things.
     """
-    # In every step of a slew: with lists of three, this takes 5 us instead of 12 with arrays.
-    s, ds, r = servo_slices(model.dynamics.n)
-    limit, goal = plant.servo.rate_limit, command.tolist()
-    position, speed, reference = x[s].tolist(), x[ds].tolist(), x[r].tolist()
-    to_go = [c - p for c, p in zip(goal, reference, strict=True)]
-    rate = [min(max(way / h, -limit), limit) for way in to_go]
-    at_rest = _largest(to_go) < AT_REST and _largest(speed) < AT_REST and _largest_gap(goal, position) < AT_REST
-    # The pose of a command that has been there before is the final one; of one that creeps, any will do.
-    final = at_rest and not any(to_go)
-    if at_rest:
-        x = x.copy()
-        x[s] = x[r] = position = goal
-        x[ds] = rate = [0.0, 0.0, 0.0]
-    distance = _largest_gap(position, model.coarse_reference.tolist())
-    if distance > resolution or (final and distance > 0.0):
-        new = plant.linearise(x[s])
-        convection = convection.at_new_pose(momentum_taken(model, new, x))
-        model = new
-    wrench, convection = convection.step(h)
-    moving = not final or bool(wrench.any())
-    return CoarseMotion(np.array(rate), wrench, x, model, convection, moving)
+    d, n = model.dynamics, model.dynamics.n
+    A, B, _, _ = model.matrices()
+    rates = A @ x + B @ u
+    s, ds, _ = servo_slices(n)
+    d_f, (t_b, r_b) = d.slices["d_f"], d.base_places()
+    v_f, v_t, v_r = (slice(n + place.start, n + place.stop) for place in (d_f, t_b, r_b))
+    if prescribed:
+        rates[v_r] = 0.0
+
+    near = renewal.relinearisation_distance
+    lead = 0.5 * _LONGEST
+    for speed, distance in ((ds, near), (v_f, near), (v_r, renewal.relinearisation_angle)):
+        lead = min(lead, _time_to(0.9 * distance, float(np.abs(x[speed]).max()), float(np.abs(rates[speed]).max())))
+    lead = min(lead, _time_to(0.9 * renewal.relinearisation_speed, float(np.abs(rates[ds]).max()), 0.0))
+
+    def ahead(place: slice, speed: slice) -> Array:
+        return np.asarray(x[place] + lead * x[speed] + 0.5 * lead**2 * rates[speed])
+
+    def speed_ahead(speed: slice) -> Array:
+        return np.asarray(x[speed] + lead * rates[speed])
+
+    resting = is_at_rest(model, x, command)
+    coarse, coarse_speed = (command, np.zeros(3)) if resting else (ahead(s, ds), speed_ahead(ds))
+    fine, fine_speed = ahead(d_f, v_f), speed_ahead(v_f)
+    rotation, turn = ahead(r_b, v_r), speed_ahead(v_r)
+    if max(np.abs(fine).max(), np.abs(x[d_f]).max()) < 0.5 * near:
+        fine, fine_speed = np.zeros(3), np.zeros(3)
+    angle = np.abs(x[r_b] - model.centre.rotation_B).max()
+    turning = np.abs(turn).max() > _HARDLY_TURNING or angle > 0.5 * renewal.relinearisation_angle
+    if resting and not fine.any() and not turning:
+        attitude = find_attitude(model.centre, x[r_b])
+        return replace(Centre.at_rest(command, attitude), rotation_B=x[r_b].copy())
+    attitude = find_attitude(model.centre, rotation)
+    speeds = np.concatenate([fine_speed, turn, coarse_speed])
+    if prescribed:
+        return Centre(coarse, fine, speeds, np.zeros(3), np.zeros(3), rotation, attitude)
+    return Centre(coarse, fine, speeds, speed_ahead(v_t), ahead(t_b, v_t), rotation, attitude)
 
 
-def _largest(values: Iterable[float]) -> float:
-    return max(map(abs, values))
+def _time_to(distance: float, speed: float, acceleration: float) -> float:
+    """When a distance is covered, s: the root of ``speed t + acceleration t**2 / 2 = distance``; inf: never."""
+    divisor = speed + np.sqrt(speed**2 + 2.0 * acceleration * distance)
+    return 2.0 * distance / divisor if divisor > 0.0 else np.inf
 
 
-def _largest_gap(a: Iterable[float], b: Iterable[float]) -> float:
-    return max(map(abs, map(sub, a, b)))
+class Distances(NamedTuple):
+    """How far the motion may leave a centre."""
+
+    coarse: float  # m
+    fine: float  # m
+    coarse_speed: float  # m/s
+    rotation: float  # rad
+
+
+def find_distances(centre: Centre, renewal: Renewal) -> Distances:
+    """As ``renewal`` says, and more where the motion is so fast that it would leave the centre within _SHORTEST."""
+    near = renewal.relinearisation_distance
+    fine, turn, coarse = (0.5 * _SHORTEST * float(np.abs(centre.speeds[k]).max()) for k in (FINE, TURN, COARSE))
+    return Distances(
+        max(near, coarse), max(near, fine), renewal.relinearisation_speed, max(renewal.relinearisation_angle, turn)
+    )
+
+
+def is_used_up(model: PlantModel, x: Array, renewal: Renewal, following: Centre) -> bool:
+    """Whether a model has to be replaced by one about the centre ``following``."""
+    centre = model.centre
+    if not following.speeds.any() and not following.fine.any():
+        same = (centre.coarse == following.coarse).all() and not centre.speeds.any() and not centre.fine.any()
+        return not same or bool(_measure(model, x, renewal) > 1.0)
+    return bool(_measure(model, x, renewal) > 0.5)
+
+
+def _measure(model: PlantModel, x: Array, renewal: Renewal) -> float:
+    """Distance from the centre in allowed ones."""
+    d, centre = model.dynamics, model.centre
+    s, ds, _ = servo_slices(d.n)
+    allowed = find_distances(centre, renewal)
+    return float(
+        max(
+            np.abs(x[s] - centre.coarse).max() / allowed.coarse,
+            np.abs(x[d.slices["d_f"]] - centre.fine).max() / allowed.fine,
+            np.abs(x[ds] - centre.speeds[COARSE]).max() / allowed.coarse_speed,
+            np.abs(x[d.base_places()[1]] - centre.rotation_B).max() / allowed.rotation,
+        )
+    )

@@ -257,14 +257,19 @@ class Prototype:
         # Pinocchio gives the payload's angular velocity in P.
         return LinearModel(mass, np.diag(damping), np.diag(stiffness), pose.rotation_BP @ N[turning], free)
 
-    def accelerations(self, q: Array, v: Array, fine_forces: Array, coarse_accelerations: Array) -> Array:
+    def accelerations(
+        self, q: Array, v: Array, fine_forces: Array, coarse_accelerations: Array, base_wrench: Array | None = None
+    ) -> Array:
         """(12,) accelerations of the independent motions: the nonlinear equations of motion.
+
+        Those of the base are the derivatives of its velocities, in its own axes.
 
         Parameters
         ----------
         q, v: configuration and velocity, loops closed.
         fine_forces: (3,) N, extending the leg, besides spring and damper.
         coarse_accelerations: (3,) m/s2, prescribed second derivatives of the coarse lengths.
+        base_wrench: (6,) force and torque on the base at its origin, its own axes, N and N.m; default: none.
 
         Raises
         ------
@@ -292,6 +297,8 @@ class Prototype:
             elongation = self.lengths(q)[3 + i] - manipulator.geometry.nominal_lengths[3 + i]
             rate = v[self.independent[i]]
             force[i] += fine_forces[i] - leg.stiffness * elongation - leg.damping * rate
+        if base_wrench is not None:
+            force[BASE] += base_wrench
         reduced = N.T @ M @ N
         free = slice(0, BASE.stop)
         found = np.empty(N_RIGID)

@@ -1,0 +1,56 @@
+"""What a linear model of the plant is made about: a configuration and the speeds there."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from .quantities import Array
+from .quaternions import IDENTITY
+
+_SIZES = {"coarse": 3, "fine": 3, "speeds": 9, "velocity_B": 3, "position_B": 3, "rotation_B": 3, "attitude": 4}
+
+#: Numbers that a :class:`Centre` is kept in.
+N_CENTRE = sum(_SIZES.values())
+
+
+
+
+@dataclass(frozen=True, eq=False)
+class Centre:
+    """A point that the motion passes through, or rests at.
+
+    Models about the same centre are equal to the last bit.
+    """
+
+    coarse: Array
+    """(3,) m, displacements of the coarse actuators."""
+    fine: Array
+    """(3,) m, elongations of the fine legs."""
+    speeds: Array
+    """(9,) of :mod:`.convection`: rates of the fine legs, angular velocity of B, rates of the coarse legs."""
+    velocity_B: Array
+    """(3,) m/s, of the origin of B, in B."""
+    position_B: Array
+    """(3,) m, of the origin of B since the start, in B."""
+    rotation_B: Array
+    """(3,) rad, integral of the angular velocity of B since the start, in B."""
+    attitude: Array
+    """(4,) quaternion from B to inertial axes at this ``rotation_B``."""
+
+    @classmethod
+    def at_rest(cls, coarse: Array, attitude: Array = IDENTITY) -> Centre:
+        """Coarse legs at given displacements (3,), m; nothing else is displaced, and nothing moves."""
+        zeros = {name: np.zeros(size) for name, size in _SIZES.items()}
+        return cls(**{**zeros, "coarse": np.array(coarse, dtype=float), "attitude": np.array(attitude, dtype=float)})
+
+    @classmethod
+    def read(cls, numbers: Array) -> Centre:
+        """From N_CENTRE numbers, as :meth:`write` leaves them."""
+        ends = np.cumsum(list(_SIZES.values()))[:-1]
+        return cls(*(part.copy() for part in np.split(numbers, ends)))
+
+    def write(self, numbers: Array) -> None:
+        """Into N_CENTRE numbers, for the FMU state."""
+        numbers[:] = np.concatenate([getattr(self, f.name) for f in fields(self)])

@@ -1,0 +1,245 @@
+"""One's own instrument as a TOML file in the form of ``paper.toml``: what it gives, and what it inherits.
+
+``base = "paper"`` (or the path of another file, from the folder of this one) at the head of a file lets it give only
+what differs.  An entry that is given replaces that of the base; a list is replaced as a whole, except the legs:
+
+- ``[[manipulator.fine_legs]]`` three times: each inherits from the leg at its place;
+- ``[manipulator.fine_legs]`` once: the values are those of all three.
+
+``manipulator.scale`` multiplies the lengths that are inherited: nominal translation, stroke, joints, centres of mass of
+the legs' parts; the inertias of these by its square (their masses stay).
+
+The bus is ``[bus]``, given as a whole, or on top of one of the base with ``base = "OSM"`` in it.  Its modes are those
+of ``[[bus.modes]]`` and of ``[[bus.appendage]]`` (:class:`.modes.Appendage`).  A file without ``[bus]`` has the buses
+of its base.  Who gives ``payload.com_P`` without ``isolator.known_com_P`` has an isolator that knows it exactly.
+
+``[start.COMPONENT]`` holds what no table of ``paper.toml`` speaks of: other parameters and inputs of the FMUs.
+"""
+
+from __future__ import annotations
+
+import copy
+import reprlib
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .modes import Appendage, join_bodies
+from .parameters import PAPER, Bus, Parameters, Payload, build, make_parameters, read_table, refuse_unknown
+from .quantities import ParameterError, check_inertia, check_number, check_truth, freeze
+
+Table = dict[str, Any]
+
+TABLES = ("manipulator", "payload", "bus", "servo", "optics", "filters", "isolator", "noise")
+KEYS = ("base", *TABLES, "start")
+OWN_BUS = "own"
+"""Name of the bus that ``[bus]`` states without a name."""
+DEFAULT_BUS = "OSM"
+LEGS = ("coarse_legs", "fine_legs")
+DEEPEST_BASE = 8  # files that inherit from each other, one from the next
+
+
+@dataclass(frozen=True, eq=False)
+class Instrument:
+    """What a file states."""
+
+    parameters: Parameters
+    start: Table
+    """``[start]``: by component, the values of its parameters and inputs as nested tables."""
+    inherited: tuple[str, ...]
+    """Entries of the base that the file leaves as they are, such as ``payload.truss_modes``; whole tables as one."""
+
+
+def read_instrument(path: Path, bus: str | None = None) -> Instrument:
+    """Read a file in the form that this module's text states.
+
+    Parameters
+    ----------
+    path: the TOML file.
+    bus: name of its bus (default: that of ``[bus]``, or else ``OSM``).
+
+    Raises
+    ------
+    ParameterError: an entry is missing, unknown or impossible; the text names it.
+    """
+    own = _read(path)
+    table = _inherit(own, path, 0)
+    for name in TABLES:
+        if not table.get(name):
+            raise ParameterError(name, 'missing: with base = "paper" at its head, a file need give only what differs')
+    name, entries = _select_bus(table, bus)
+    inherited = tuple(_list_inherited(own)) if "base" in own else ()
+    return Instrument(make_parameters(table, entries, name), table.get("start", {}), inherited)
+
+
+def _read(path: Path) -> Table:
+    table = read_table(path)
+    refuse_unknown(table, KEYS, "")
+    for key in set(table) - {"base"}:
+        _check_table(table[key], key)
+    return table
+
+
+def _check_table(value: Any, name: str) -> Table:
+    if not isinstance(value, dict):
+        raise ParameterError(name, f"expected a table, got {reprlib.repr(value)}")
+    return value
+
+
+def _inherit(own: Table, path: Path, depth: int) -> Table:
+    """The tables of a file with all that it inherits; buses by name, each complete."""
+    own = copy.deepcopy(own)
+    named = own.pop("base", None)
+    if named is None:
+        base: Table = {}
+    elif not isinstance(named, str) or not named:
+        raise ParameterError("base", f'expected "paper" or the path of a file, got {reprlib.repr(named)}')
+    elif depth == DEEPEST_BASE:
+        raise ParameterError("base", f"{path.name}: more than {DEEPEST_BASE} files inherit from each other")
+    else:
+        source = PAPER if named == "paper" else path.parent / named
+        base = _inherit(_read(source), source, depth + 1)
+    return _put_on_base(own, base)
+
+
+def _put_on_base(own: Table, base: Table) -> Table:
+    manipulator = own.get("manipulator", {})
+    if "scale" in manipulator:
+        if "manipulator" not in base:
+            raise ParameterError("manipulator.scale", 'nothing is inherited that it could scale: give base = "paper"')
+        scale = check_number(manipulator.pop("scale"), "manipulator.scale", above=0.0)
+        base["manipulator"] = _scale(base["manipulator"], scale)
+    if "com_P" in own.get("payload", {}) and "known_com_P" not in own.get("isolator", {}):
+        own.setdefault("isolator", {})["known_com_P"] = own["payload"]["com_P"]
+    buses = dict(base.get("bus", {}))
+    for name, entries in _name_buses(own.pop("bus", {})).items():
+        buses[name] = _complete_bus(_check_table(entries, f"bus.{name}"), base.get("bus", {}), name)
+    merged = _merge(base, own)
+    merged["bus"] = buses
+    return merged
+
+
+def _merge(base: Table, own: Table) -> Table:
+    merged = dict(base)
+    for key, value in own.items():
+        under = base.get(key)
+        if key in LEGS and isinstance(under, list):
+            merged[key] = _merge_legs(under, value)
+        elif isinstance(under, dict) and isinstance(value, dict):
+            merged[key] = _merge(under, value)
+        else:
+            merged[key] = value
+    return merged
+
+
+def _merge_legs(base: list[Table], own: Any) -> Any:
+    if isinstance(own, dict):
+        own = [own] * len(base)
+    if not isinstance(own, list) or len(own) != len(base) or not all(isinstance(leg, dict) for leg in own):
+        return own  # refused where the mechanism is built
+    return [_merge(under, leg) for under, leg in zip(base, own, strict=True)]
+
+
+def _scale(manipulator: Table, scale: float) -> Table:
+    """The same mechanism with longer legs further apart, of the same masses."""
+
+    def multiply(value: Any, factor: float) -> Any:
+        return [factor * number for number in value] if isinstance(value, list) else factor * value
+
+    def scale_leg(leg: Table) -> Table:
+        joints = {name: multiply(leg[name], scale) for name in ("base_joint_B", "platform_joint_P")}
+        parts = {
+            name: leg[name]
+            | {
+                "com_distance": multiply(leg[name]["com_distance"], scale),
+                "radial_inertia": multiply(leg[name]["radial_inertia"], scale**2),
+            }
+            for name in ("lower", "upper")
+        }
+        return {**leg, **joints, **parts}
+
+    try:
+        lengths = {name: multiply(manipulator[name], scale) for name in ("nominal_translation_B", "coarse_stroke")}
+        legs = {kind: [scale_leg(leg) for leg in manipulator[kind]] for kind in LEGS}
+    except (KeyError, TypeError) as error:
+        raise ParameterError("manipulator.scale", f"the base has no usable mechanism to scale ({error})") from None
+    return {**manipulator, **lengths, **legs}
+
+
+def _name_buses(bus: Table) -> Table:
+    """Buses by name: ``[bus]`` itself, or each ``[bus.NAME]`` of a file like paper.toml."""
+    if bus and all(isinstance(value, dict) for value in bus.values()):
+        return bus
+    return {OWN_BUS: bus} if bus else {}
+
+
+def _complete_bus(own: Table, buses: Table, name: str) -> Table:
+    """The entries of one bus, its appendages turned into modes."""
+    where = "bus" if name == OWN_BUS else f"bus.{name}"
+    names = [f.name for f in fields(Bus)]
+    refuse_unknown(own, ("base", *names, "appendage", "appendages_included"), where)
+    own = dict(own)
+    base: Table = {}
+    if "base" in own:
+        chosen = own.pop("base")
+        if not isinstance(chosen, str) or chosen not in buses:
+            raise ParameterError(
+                f"{where}.base", f"no such bus: {reprlib.repr(chosen)}; the file inherits {', '.join(buses) or 'none'}"
+            )
+        base = buses[chosen]
+    bodies = _read_appendages(own.pop("appendage", []), where)
+    included = check_truth(own.pop("appendages_included", True), f"{where}.appendages_included")
+    if bodies and "modes" not in own:
+        own["modes"] = []
+    complete = {"modes": [], **base, **own}
+    missing = [key for key in names if key not in complete]
+    if missing:
+        others = f', or inherit with base = "{DEFAULT_BUS}" in [{where}]' if buses else ""
+        raise ParameterError(f"{where}.{missing[0]}", f"missing: give {', '.join(missing)}{others}")
+    if bodies:
+        modes = [mode for body in bodies for mode in body.make_modes()]
+        complete["modes"] = [
+            *(complete["modes"] if isinstance(complete["modes"], list) else [complete["modes"]]),
+            *({f.name: getattr(mode, f.name) for f in fields(mode)} for mode in modes),
+        ]
+        if not included:
+            complete |= _add_bodies(complete, bodies, where)
+    return complete
+
+
+def _read_appendages(items: Any, where: str) -> list[Appendage]:
+    if not isinstance(items, list):
+        raise ParameterError(f"{where}.appendage", f"write each as [[{where}.appendage]], got {reprlib.repr(items)}")
+    return [build(Appendage, item, f"{where}.appendage[{number}]") for number, item in enumerate(items, 1)]
+
+
+def _add_bodies(hub: Table, bodies: list[Appendage], where: str) -> Table:
+    """Mass, centre of mass and inertia of a hub with its appendages."""
+    own = (
+        check_number(hub["mass"], f"{where}.mass", above=0.0),
+        freeze(hub["com_B"], (3,), f"{where}.com"),
+        check_inertia(hub["inertia_B"], f"{where}.inertia"),
+    )
+    mass, com, inertia = join_bodies([own, *((body.mass, body.com_B, body.inertia_B) for body in bodies)])
+    return {"mass": mass, "com_B": com, "inertia_B": np.asarray(inertia)}
+
+
+def _select_bus(table: Table, name: str | None) -> tuple[str, Table]:
+    """Name as errors have it, and entries of the bus."""
+    buses: Table = table["bus"]
+    if name is None:
+        name = OWN_BUS if OWN_BUS in buses else DEFAULT_BUS if DEFAULT_BUS in buses else next(iter(buses))
+    if name not in buses:
+        raise ParameterError("bus", f"there is no {name!r}; the file has {', '.join(buses)}")
+    return ("bus" if name == OWN_BUS else f"bus.{name}"), buses[name]
+
+
+def _list_inherited(own: Table) -> list[str]:
+    """What the file leaves to its base, from the names of the base's tables."""
+    payload = own.get("payload", {})
+    found = [name for name in TABLES if name not in own and not (name == "isolator" and "com_P" in payload)]
+    if payload:
+        found += [f"payload.{f.name}" for f in fields(Payload) if f.name not in payload]
+    return found

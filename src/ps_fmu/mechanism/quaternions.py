@@ -1,0 +1,73 @@
+"""Unit quaternions, scalar first: ``q = (w, x, y, z)`` turns components in a body's axes to those outside.
+
+``v_N = q (0, v_B) q*`` for the attitude of B in N.  A further turn by an angle ``a`` about ``n`` in the body's own axes
+multiplies from the right: ``q (cos a/2, n sin a/2)``.  Source: J. Diebel, Representing Attitude, Stanford University,
+2006, section 6.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .quantities import Array
+from .rotations import cross
+
+#: No turn at all.
+IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
+IDENTITY.setflags(write=False)
+
+
+def multiply(p: Array, q: Array) -> Array:
+    """Product of quaternions, (..., 4) each: first the turn ``q``, then ``p``, both in axes outside."""
+    product = np.empty(np.broadcast_shapes(p.shape, q.shape))
+    w, v, s, u = p[..., :1], p[..., 1:], q[..., :1], q[..., 1:]
+    product[..., :1] = w * s - np.sum(v * u, axis=-1, keepdims=True)
+    product[..., 1:] = w * u + s * v + cross(v, u)
+    return product
+
+
+def conjugate(q: Array) -> Array:
+    """The turn back, (..., 4)."""
+    return q * np.array([1.0, -1.0, -1.0, -1.0])
+
+
+def from_rotation_vector(vector: Array) -> Array:
+    """The turn by the angle ``|vector|`` (rad) about ``vector``; (..., 3) to (..., 4)."""
+    half = 0.5 * np.linalg.norm(vector, axis=-1)[..., None]
+    return np.concatenate([np.cos(half), 0.5 * np.sinc(half / np.pi) * vector], axis=-1)
+
+
+def from_rotation_matrix(R: Array) -> Array:
+    """The quaternion of a rotation matrix, (3, 3) to (4,), with a scalar that is not negative.
+
+    Of four ways, the one with the largest divisor.
+    """
+    trace = float(np.trace(R))
+    squares = np.array([trace, R[0, 0], R[1, 1], R[2, 2]])
+    largest = int(np.argmax(squares))
+    q = np.empty(4)
+    if largest == 0:
+        q[:] = 1.0 + trace, R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]
+    else:
+        i = largest - 1
+        j, k = (i + 1) % 3, (i + 2) % 3
+        q[0] = R[k, j] - R[j, k]
+        q[1 + i] = 1.0 + 2.0 * R[i, i] - trace
+        q[1 + j], q[1 + k] = R[i, j] + R[j, i], R[i, k] + R[k, i]
+    return np.asarray(np.copysign(1.0, q[0]) * q / np.linalg.norm(q))
+
+
+def to_rotation_matrix(q: Array) -> Array:
+    """The rotation matrix of a unit quaternion, (..., 4) to (..., 3, 3): body axes to those outside."""
+    w, x, y, z = np.moveaxis(q, -1, 0)
+    R = np.empty((*q.shape[:-1], 3, 3))
+    R[..., 0, 0], R[..., 0, 1], R[..., 0, 2] = 1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)
+    R[..., 1, 0], R[..., 1, 1], R[..., 1, 2] = 2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)
+    R[..., 2, 0], R[..., 2, 1], R[..., 2, 2] = 2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)
+    return R
+
+
+def small_turns(q: Array) -> Array:
+    """(4, 3): how ``q`` (4,) changes by a small turn (rad) in the body's own axes, ``q (0, e_k) / 2``."""
+    axes = np.hstack([np.zeros((3, 1)), np.eye(3)])
+    return 0.5 * multiply(q, axes).T

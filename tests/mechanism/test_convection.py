@@ -1,0 +1,138 @@
+"""Convective forces and momentum against bodies made of point masses, whose motion is differentiated numerically."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from support.mechanics import PAPER, rigid
+from support.prototype import other_geometry
+
+from ps_fmu.mechanism.convection import COARSE, FINE, TURN, convective_forces
+from ps_fmu.mechanism.dynamics import FlexibleSystem, Pose
+from ps_fmu.mechanism.forward_kinematics import forward_kinematics
+from ps_fmu.mechanism.momentum import find_momentum
+from ps_fmu.mechanism.rotations import rotation_from_vector
+
+RANDOM = np.random.default_rng(8)
+LENGTHS = np.array([4e-3, -3e-3, 2e-3, 4e-4, -8e-4, 5e-4])  # m, from nominal; coarse legs, fine legs
+SPEEDS = np.concatenate([0.02 * RANDOM.normal(size=3), 0.3 * RANDOM.normal(size=3), 0.05 * RANDOM.normal(size=3)])
+VELOCITY = np.array([0.1, -0.2, 0.3])  # m/s
+SYSTEMS = {"paper": rigid(), "another geometry": other_geometry(0)}
+
+
+def body_points(mass, com, inertia):
+    """A rigid body as six equal masses (6, 3) on its principal axes."""
+    moments, axes = np.linalg.eigh(inertia)
+    halves = np.sqrt(3.0 * (0.5 * moments.sum() - moments) / mass)  # m
+    points = np.concatenate([axes * halves, -axes * halves], axis=1).T
+    return np.full(6, mass / 6.0), com + points
+
+
+def leg_points(leg):
+    """Masses and distances along the leg, two of each part, from the base joint (lower) and the platform's (upper)."""
+    for part in (leg.lower, leg.upper):
+        radius = np.sqrt(part.radial_inertia / part.mass)
+        yield [(0.5 * part.mass, part.com_distance + sign * radius) for sign in (1.0, -1.0)]
+
+
+def point_masses(p, time):
+    """Masses (k,) and places (k, 3) in inertial axes: at time 0 those of B, which moves as VELOCITY and SPEEDS say."""
+    geometry = p.manipulator.geometry
+    rates = np.concatenate([SPEEDS[COARSE], SPEEDS[FINE]])
+    pose = forward_kinematics(geometry, geometry.nominal_lengths + LENGTHS + time * rates)
+    masses, places = [], []
+
+    def put(mass, points):
+        masses.extend(np.atleast_1d(mass))
+        places.extend(np.atleast_2d(points))
+
+    put(*body_points(p.bus.mass, p.bus.com_B, p.bus.inertia_B))
+    m, points_P = body_points(p.payload.mass, p.payload.com_P, p.payload.inertia_P)
+    put(m, pose.translation_B + points_P @ pose.R.T)
+    for leg in p.manipulator.coarse_legs + p.manipulator.fine_legs:
+        top = pose.translation_B + pose.R @ leg.platform_joint_P
+        along = (top - leg.base_joint_B) / np.linalg.norm(top - leg.base_joint_B)
+        lower, upper = leg_points(leg)
+        for mass, distance in lower:
+            put(mass, leg.base_joint_B + distance * along)
+        for mass, distance in upper:
+            put(mass, top - distance * along)
+    # A constant angular velocity in B is one in inertial axes, too; the origin moves straight on.
+    R_NB = rotation_from_vector(SPEEDS[TURN] * time)
+    return np.array(masses), np.array(places) @ R_NB.T + VELOCITY * time
+
+
+def differentiate(p, order):
+    """First or second derivative of the places at time 0; (k, 3)."""
+    h = {1: 1e-4, 2: 2e-3}[order]  # s
+    at = [point_masses(p, k * h)[1] for k in (-2, -1, 0, 1, 2)]
+    weights = {1: (1 / 12, -2 / 3, 0.0, 2 / 3, -1 / 12), 2: (-1 / 12, 4 / 3, -5 / 2, 4 / 3, -1 / 12)}[order]
+    return sum(w * x for w, x in zip(weights, at, strict=True)) / h**order
+
+
+def system_of(p):
+    system = FlexibleSystem(p.manipulator, p.payload, p.bus)
+    found = forward_kinematics(p.manipulator.geometry, p.manipulator.geometry.nominal_lengths + LENGTHS)
+    return system, Pose(found.translation_B, found.R)
+
+
+@pytest.mark.parametrize("name", SYSTEMS)
+def test_force_and_torque_on_the_whole_are_those_of_its_point_masses(name):
+    p = SYSTEMS[name]
+    system, pose = system_of(p)
+    mass, place = point_masses(p, 0.0)
+    force = mass[:, None] * differentiate(p, 2)
+    expected = np.concatenate([force.sum(axis=0), np.cross(place, force).sum(axis=0)])
+    d = system.at(pose)
+    found = (convective_forces(system, d, SPEEDS) @ SPEEDS)[d.slices["q_b"]]
+    np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-6 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("name", SYSTEMS)
+def test_momentum_is_that_of_its_point_masses(name):
+    p = SYSTEMS[name]
+    system, pose = system_of(p)
+    mass, place = point_masses(p, 0.0)
+    momentum = mass[:, None] * differentiate(p, 1)
+    expected = np.concatenate([momentum.sum(axis=0), np.cross(place, momentum).sum(axis=0)])
+    found, com_B = find_momentum(system, pose, VELOCITY, SPEEDS)
+    np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-9 * np.abs(expected).max())
+    np.testing.assert_allclose(com_B, mass @ place / mass.sum(), rtol=0.0, atol=1e-14)
+
+
+def test_convective_forces_take_no_more_power_than_the_masses_change():
+    """While no speed changes, the kinetic energy changes by the power of the convective forces."""
+    p = SYSTEMS["paper"]
+    system, pose = system_of(p)
+    d, h = system.at(pose), 1e-5  # s
+    rate = np.zeros(d.n)
+    rate[d.slices["d_f"]], rate[d.base_places()[1]], rate[d.slices["e_c"]] = SPEEDS[FINE], SPEEDS[TURN], SPEEDS[COARSE]
+    energy = []
+    for time in (-h, h):
+        lengths = LENGTHS + time * np.concatenate([SPEEDS[COARSE], SPEEDS[FINE]])
+        found = forward_kinematics(p.manipulator.geometry, p.manipulator.geometry.nominal_lengths + lengths)
+        energy.append(0.5 * rate @ system.at(Pose(found.translation_B, found.R)).M @ rate)
+    power = rate @ convective_forces(system, d, SPEEDS) @ SPEEDS
+    assert power == pytest.approx((energy[1] - energy[0]) / (2.0 * h), rel=1e-5)
+    assert abs(power) > 1e-3  # W
+
+
+def test_the_form_is_symmetric_and_vanishes_at_rest():
+    system, pose = system_of(PAPER)
+    d, other = system.at(pose), np.roll(SPEEDS, 2)
+    one, two = convective_forces(system, d, SPEEDS) @ other, convective_forces(system, d, other) @ SPEEDS
+    np.testing.assert_allclose(one, two, rtol=1e-9, atol=1e-12)
+    assert not convective_forces(system, d, np.zeros(9)).any()
+
+
+def test_a_body_that_only_turns_needs_centripetal_and_gyroscopic_forces():
+    """The mechanism is so light here that the bus alone is left: w x I w, and m w x (w x c)."""
+    bus = replace(PAPER.bus, mass=1e9, inertia_B=1e9 * np.diag([3.0, 4.0, 5.0]), com_B=np.array([0.0, 0.0, -2.0]))
+    system, pose = system_of(replace(rigid(), bus=replace(bus, modes=())))
+    w = np.array([0.1, 0.2, -0.3])  # rad/s
+    d = system.at(pose)
+    speeds = np.concatenate([np.zeros(3), w, np.zeros(3)])
+    force = 1e9 * np.cross(w, np.cross(w, bus.com_B))
+    torque = np.cross(bus.com_B, force) + np.cross(w, bus.inertia_B @ w)
+    found = (convective_forces(system, d, speeds) @ speeds)[d.slices["q_b"]]
+    np.testing.assert_allclose(found, np.concatenate([force, torque]), rtol=1e-6, atol=100.0)
