@@ -1,0 +1,1 @@
+"""Sensors: what instruments make of the true motion, with their noise and their limits."""

@@ -1,0 +1,193 @@
+"""Accelerometers and rate sensors on the bus: from its motion to readings, and to the estimate that an isolator takes.
+
+The way of a signal, for sensor k::
+
+    true reading  n_k . (a_B + alpha x r_k + w x (w x r_k))    n_k turned by the misalignment
+    low-pass of the bandwidth
+    (1 + scale factor error) reading + bias + noise            at each sample time
+    range, resolution, hold until the next sample, latency
+    least squares with the stated places and directions        as if scale factor, axis and bias were perfect
+
+The centripetal term is read like any other and is not taken out of the estimate.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..mechanism.quantities import Array, Checked, ParameterError, group, quantity
+from .geometry import centripetal_rows, estimator, geometry_rows
+from .noise import SensorNoise, draw_normal
+from .parameters import Accelerometer, AccelerometerKind, OneSensor, RateSensor, RateSensorKind, SensorKind
+
+ACCELEROMETERS = 12  # places for them
+CHANNELS = ACCELEROMETERS + RateSensor.AXES
+ESTIMATES = 9  # acceleration, angular acceleration, angular velocity
+MOTION = 9  # inputs in the same order
+N_STATES = 2 * CHANNELS
+LAST_SAMPLE = 1e13  # thirty years at 10 kHz: the noise stands still from there on
+_SLOTS = slice(0, ACCELEROMETERS)
+_RATES = slice(ACCELEROMETERS, CHANNELS)
+_SPREAD, _LINEAR_NOISE, _RATE_NOISE = 0, 1, 2  # tell the random numbers apart
+
+
+@dataclass(frozen=True, eq=False)
+class InertialSensors(Checked):
+    """All parameters; its scalars are those of the FMU."""
+
+    seed: int = quantity("1", "Seed of noise and of the constant errors drawn from the spreads", at_least=0)
+    sample_time: float = quantity(
+        "s", "Time between samples, a multiple of the step; 0 = every step", at_least=0.0, display="ms"
+    )
+    latency: float = quantity(
+        "s", "Pure delay of the readings, a multiple of the step", at_least=0.0, display="ms"
+    )
+    accelerometer: AccelerometerKind = group()
+    accelerometers: tuple[Accelerometer, ...] = group()
+    rate_sensor: RateSensorKind = group()
+    rate_sensors: tuple[RateSensor, ...] = group()
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if isinstance(self.seed, bool) or self.seed != int(self.seed) or self.seed < 0:
+            raise ParameterError("seed", f"expected a whole number, 0 or greater, got {self.seed!r}")
+        if len(self.accelerometers) != ACCELEROMETERS or len(self.rate_sensors) != RateSensor.AXES:
+            expected = f"expected {ACCELEROMETERS} places and {RateSensor.AXES} rate sensors"
+            raise ParameterError("accelerometers", expected)
+
+    @cached_property
+    def enabled(self) -> NDArray[np.bool_]:
+        """Which channels there are, (CHANNELS,)."""
+        return np.array([one.enabled for one in self.accelerometers] + [self.rate_sensor.enabled] * RateSensor.AXES)
+
+    @cached_property
+    def estimator(self) -> Array:
+        """From channels to estimates, (ESTIMATES, CHANNELS).
+
+        Raises ParameterError for accelerometers that cannot see six degrees of freedom.
+        """
+        on = np.flatnonzero(self.enabled[_SLOTS])
+        matrix = np.zeros((ESTIMATES, CHANNELS))
+        matrix[:6, on] = estimator(self._positions[on], self._axes[on])
+        matrix[6:, _RATES] = self.rate_sensor.enabled * np.eye(3)
+        return matrix
+
+    @cached_property
+    def reading_rows(self) -> tuple[Array, Array]:
+        """From motion (CHANNELS, 9) and products of the angular velocity (CHANNELS, 6) to the true readings.
+
+        Of the true axes, without the errors of the scale factor; channels that are not enabled have zeros.
+        """
+        rows, products = np.zeros((CHANNELS, MOTION)), np.zeros((CHANNELS, 6))
+        turn = self._draw_misalignment()
+        axes = self._axes + np.cross(turn[_SLOTS], self._axes)
+        axes /= np.maximum(np.linalg.norm(axes, axis=1), 1e-300)[:, None]  # 1e-300: an axis that is not stated
+        rows[_SLOTS, :6] = geometry_rows(self._positions, axes)
+        products[_SLOTS] = centripetal_rows(self._positions, axes)
+        rates = np.eye(3) + np.cross(turn[_RATES], np.eye(3))
+        rows[_RATES, 6:] = rates / np.linalg.norm(rates, axis=1)[:, None]
+        off = ~self.enabled
+        rows[off], products[off] = 0.0, 0.0
+        return rows, products
+
+    @cached_property
+    def gain(self) -> Array:
+        """Scale factor of each channel, 1 where it is perfect, (CHANNELS,)."""
+        errors = [one.scale_factor_error for one in self._all]
+        return np.asarray(1.0 + np.array(errors) + self._spread("scale_factor_spread", 1))
+
+    @cached_property
+    def bias(self) -> Array:
+        """Constant error of each channel, (CHANNELS,), m/s2 and rad/s; 0 of those that are not enabled."""
+        errors = np.array([one.bias for one in self._all]) + self._spread("bias_spread", 0)
+        return np.asarray(errors * self.enabled)
+
+    @property
+    def ranges(self) -> Array:
+        """Largest reading of each channel, (CHANNELS,), infinite where there is no limit."""
+        limits = self._of_kind("range")
+        return np.where(limits > 0.0, limits, np.inf)
+
+    @property
+    def resolutions(self) -> Array:
+        """Step of the quantised readings, (CHANNELS,); 0: none."""
+        return self._of_kind("resolution")
+
+    def make_noise(self, interval: float) -> ChannelNoise:
+        """Bias and noise of the channels at samples so far apart, s."""
+        return ChannelNoise(self, interval)
+
+    def motion_map(self, h: float) -> tuple[Array, Array, Array]:
+        """The low-passes over a step of ``h``, s: x(t + h) = Ad x + B_motion u + B_products p, read by x[:CHANNELS].
+
+        Returns Ad (N_STATES, N_STATES), B_motion (N_STATES, 9), B_products (N_STATES, 6).  x = [outputs; their rates].
+        """
+        Ad, B = np.zeros((N_STATES, N_STATES)), np.zeros((N_STATES, CHANNELS))
+        for part, kind in ((_SLOTS, self.accelerometer), (_RATES, self.rate_sensor)):
+            own, drive = kind.lowpass.discretise(h)
+            for i in range(2):
+                rows = np.arange(part.start, part.stop) + i * CHANNELS
+                for j in range(2):
+                    Ad[rows, np.arange(part.start, part.stop) + j * CHANNELS] = own[i, j]
+                B[rows, np.arange(part.start, part.stop)] = drive[i]
+        off = np.flatnonzero(~self.enabled)
+        Ad[off], Ad[off + CHANNELS] = 0.0, 0.0
+        rows_motion, rows_products = self.reading_rows
+        return Ad, B @ rows_motion, B @ rows_products
+
+    @property
+    def _all(self) -> tuple[OneSensor, ...]:
+        return (*self.accelerometers, *self.rate_sensors)
+
+    @cached_property
+    def _positions(self) -> Array:
+        return np.array([one.position_B for one in self.accelerometers])
+
+    @cached_property
+    def _axes(self) -> Array:
+        return np.array([one.axis_B for one in self.accelerometers])
+
+    def _kind_of(self, channel: int) -> SensorKind:
+        return self.accelerometer if channel < ACCELEROMETERS else self.rate_sensor
+
+    def _of_kind(self, name: str) -> Array:
+        return np.array([getattr(self._kind_of(k), name) for k in range(CHANNELS)])
+
+    def _draw_misalignment(self) -> Array:
+        stated = np.array([one.misalignment_B for one in self._all])
+        drawn = [self._spread("misalignment_spread", 2 + axis) for axis in range(3)]
+        return np.asarray(stated + np.stack(drawn, axis=1))
+
+    def _spread(self, name: str, number: int) -> Array:
+        """The part of a constant error that is drawn, (CHANNELS,); ``number`` tells the errors apart."""
+        return np.asarray(self._of_kind(name) * draw_normal((int(self.seed), _SPREAD, number), 1, CHANNELS)[0])
+
+
+class ChannelNoise:
+    """Bias and noise of all channels, a function of the number of the sample."""
+
+    def __init__(self, sensors: InertialSensors, interval: float) -> None:
+        self._bias, self._enabled, self.interval = sensors.bias, sensors.enabled, interval
+        on = np.flatnonzero(sensors.enabled[_SLOTS])
+        self._slots = int(on[-1]) + 1 if on.size else 0  # none is drawn for those behind the last that is enabled
+        seed = int(sensors.seed)
+        self._linear = SensorNoise(sensors.accelerometer.noise, self._slots, interval, seed, _LINEAR_NOISE)
+        self._rate = None
+        if sensors.rate_sensor.enabled:
+            self._rate = SensorNoise(sensors.rate_sensor.noise, RateSensor.AXES, interval, seed, _RATE_NOISE)
+
+    def __call__(self, index: NDArray[np.int64]) -> Array:
+        """Errors of the samples of these numbers (n,), 0 or greater and ascending, (n, CHANNELS), m/s2 and rad/s."""
+        errors = np.zeros((len(index), CHANNELS))
+        errors[:, : self._slots] = self._linear(index)
+        if self._rate is not None:
+            errors[:, _RATES] = self._rate(index)
+        return np.asarray((errors + self._bias) * self._enabled)
+
+    def find_samples(self, elapsed: Array) -> NDArray[np.int64]:
+        """Numbers of the last samples at times since the start (n,), s; from :data:`LAST_SAMPLE` on, that one."""
+        return np.floor(np.clip(elapsed / self.interval + 1e-6, 0.0, LAST_SAMPLE)).astype(np.int64)

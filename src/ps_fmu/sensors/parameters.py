@@ -1,0 +1,152 @@
+"""Parameters of inertial sensors: what all of a kind share, and what each has of its own.
+
+Figures of a data sheet belong to a kind.  The constant errors of each sensor are its own values, and a random part
+from the spread of its kind: drawn from the seed, as a unit from the shelf has them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from ..mechanism.quantities import Array, Checked, ParameterError, check_number, quantity
+from .lowpass import SensorLowpass
+from .noise_model import NoiseModel
+
+SMALL_ANGLE = 0.2  # rad: beyond it a misalignment is another direction
+LARGEST_SCALE_ERROR = 0.5
+
+
+class SensorKind(Checked):
+    """Base of the two kinds: bandwidth, noise, range, resolution, and the spread of constant errors."""
+
+    bandwidth: float
+    order: int
+    noise_density: float
+    bias_instability: float
+    random_walk: float
+    range: float
+    resolution: float
+    bias_spread: float
+    scale_factor_spread: float
+    misalignment_spread: float
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.order not in (1, 2):
+            raise ParameterError("order", f"expected 1 or 2, got {self.order!r}")
+        if self.range and self.range < self.resolution:
+            raise ParameterError("range", f"{self.range:g} is below the resolution, {self.resolution:g}")
+
+    @property
+    def lowpass(self) -> SensorLowpass:
+        """Its bandwidth."""
+        return SensorLowpass(self.bandwidth, int(self.order))
+
+    @property
+    def noise(self) -> NoiseModel:
+        """Its random error."""
+        return NoiseModel(self.noise_density, self.bias_instability, self.random_walk)
+
+
+@dataclass(frozen=True, eq=False)
+class AccelerometerKind(SensorKind):
+    """What all accelerometers share."""
+
+    bandwidth: float = quantity("Hz", "Frequency at which the gain is -3 dB; 0 = no limit", at_least=0.0)
+    order: int = quantity("1", "Order of the low-pass: 1, or 2 (Butterworth)", at_least=1, at_most=2)
+    noise_density: float = quantity(
+        "m/s2/sqrt(Hz)", "White noise, one-sided density; velocity random walk times sqrt(2)", at_least=0.0
+    )
+    bias_instability: float = quantity(
+        "m/s2", "Level B of flicker noise; the lowest Allan deviation is 0.664 of it", at_least=0.0
+    )
+    random_walk: float = quantity("m/s2/sqrt(s)", "Acceleration random walk K", at_least=0.0)
+    range: float = quantity("m/s2", "Largest reading, either way; 0 = no limit", at_least=0.0)
+    resolution: float = quantity("m/s2", "Step of the quantised reading; 0 = none", at_least=0.0)
+    bias_spread: float = quantity("m/s2", "Standard deviation of the constant bias among sensors", at_least=0.0)
+    scale_factor_spread: float = quantity(
+        "1", "Standard deviation of the scale factor's error", at_least=0.0, at_most=0.1
+    )
+    misalignment_spread: float = quantity(
+        "rad", "Standard deviation of the misalignment about each axis", at_least=0.0, at_most=0.05
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class RateSensorKind(SensorKind):
+    """What the three rate sensors share, along x, y and z of B."""
+
+    enabled: bool = quantity("", "Three rate sensors; false: their readings and estimated_angular_velocity are 0")
+    bandwidth: float = quantity("Hz", "Frequency at which the gain is -3 dB; 0 = no limit", at_least=0.0)
+    order: int = quantity("1", "Order of the low-pass: 1, or 2 (Butterworth)", at_least=1, at_most=2)
+    noise_density: float = quantity(
+        "rad/s/sqrt(Hz)", "White noise, one-sided density; angle random walk times sqrt(2)", at_least=0.0
+    )
+    bias_instability: float = quantity(
+        "rad/s", "Level B of flicker noise; the lowest Allan deviation is 0.664 of it", at_least=0.0
+    )
+    random_walk: float = quantity("rad/s/sqrt(s)", "Rate random walk K", at_least=0.0)
+    range: float = quantity("rad/s", "Largest reading, either way; 0 = no limit", at_least=0.0)
+    resolution: float = quantity("rad/s", "Step of the quantised reading; 0 = none", at_least=0.0)
+    bias_spread: float = quantity("rad/s", "Standard deviation of the constant bias among sensors", at_least=0.0)
+    scale_factor_spread: float = quantity(
+        "1", "Standard deviation of the scale factor's error", at_least=0.0, at_most=0.1
+    )
+    misalignment_spread: float = quantity(
+        "rad", "Standard deviation of the misalignment about each axis", at_least=0.0, at_most=0.05
+    )
+
+
+class OneSensor(Checked):
+    """Base of a single sensor: its constant errors, and the true direction of its axis."""
+
+    bias: float
+    scale_factor_error: float
+    misalignment_B: Array
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if np.abs(self.misalignment_B).max() > SMALL_ANGLE:
+            raise ParameterError(
+                "misalignment", f"expected small angles, up to {SMALL_ANGLE:g} rad, got {self.misalignment_B.tolist()}"
+            )
+        limit = LARGEST_SCALE_ERROR
+        check_number(self.scale_factor_error, "scale_factor_error", at_least=-limit, at_most=limit)
+
+
+@dataclass(frozen=True, eq=False)
+class Accelerometer(OneSensor):
+    """One accelerometer with a single axis."""
+
+    enabled: bool = quantity("", "Whether there is a sensor in this place")
+    position_B: Array = quantity("m", "Place, from the origin of B, in B", shape=(3,))
+    direction_B: Array = quantity("1", "Direction of its axis in B, of any length above 0", shape=(3,))
+    bias: float = quantity("m/s2", "Constant error of the reading")
+    scale_factor_error: float = quantity("1", "Relative error of the scale factor", at_least=-0.5, at_most=0.5)
+    misalignment_B: Array = quantity("rad", "Small rotation of the true axis from the stated one, in B", shape=(3,))
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        length = float(np.linalg.norm(self.direction_B))
+        if self.enabled and not length > 0.0:
+            raise ParameterError("direction", "must not be zero")
+
+    @property
+    def axis_B(self) -> Array:
+        """Unit vector of its stated direction, (3,)."""
+        length = float(np.linalg.norm(self.direction_B))
+        return np.asarray(self.direction_B / length) if length else np.zeros(3)
+
+
+@dataclass(frozen=True, eq=False)
+class RateSensor(OneSensor):
+    """One rate sensor with a single axis."""
+
+    AXES: ClassVar[int] = 3
+
+    bias: float = quantity("rad/s", "Constant error of the reading")
+    scale_factor_error: float = quantity("1", "Relative error of the scale factor", at_least=-0.5, at_most=0.5)
+    misalignment_B: Array = quantity("rad", "Small rotation of the true axis from that of B, in B", shape=(3,))

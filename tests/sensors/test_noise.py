@@ -1,0 +1,80 @@
+"""Noise of sensors: Allan deviation and spectrum against the model, and a function of the sample's number alone."""
+
+import numpy as np
+import pytest
+
+from ps_fmu.sensors.noise import SensorNoise
+from ps_fmu.sensors.noise_model import PLATEAU, NoiseModel
+
+SENSORS = 30
+INTERVAL = 0.01  # s, a tenth of the shortest correlation time
+SAMPLES = 60_000
+
+
+def allan_variance(record, interval, tau):
+    """Over all sensors of a record (n, sensors): the variance, and its relative standard error."""
+    width = round(tau / interval)
+    means = record[: len(record) // width * width].reshape(-1, width, record.shape[1]).mean(axis=1)
+    of_each = 0.5 * (np.diff(means, axis=0) ** 2).mean(axis=0)
+    return of_each.mean(), of_each.std() / of_each.mean() / np.sqrt(len(of_each) - 1)
+
+
+@pytest.mark.parametrize(
+    "model",
+    [NoiseModel(1.0, 0.0, 0.0), NoiseModel(0.0, 1.0, 0.0), NoiseModel(0.0, 0.0, 1.0), NoiseModel(2.0, 1.0, 0.1)],
+    ids=["white", "flicker", "walk", "all"],
+)
+def test_allan_deviation_is_that_of_the_model(model):
+    """Within four standard errors, which are 0.3 to 12 % of the variance."""
+    record = SensorNoise(model, SENSORS, INTERVAL, seed=3, kind=1)(np.arange(SAMPLES))
+    for tau in (0.1, 1.0, 10.0, 50.0):
+        found, error = allan_variance(record, INTERVAL, tau)
+        assert error < 0.15
+        assert found == pytest.approx(model.allan_variance(np.array([tau]))[0], rel=4.0 * error), tau
+
+
+def test_spectrum_is_that_of_the_model():
+    """Periodograms with a Hann window, averaged over sensors and decades."""
+    model = NoiseModel(1.0, 2.0, 0.0)
+    record = SensorNoise(model, SENSORS, 1e-3, seed=5, kind=2)(np.arange(2**16))
+    window = np.hanning(2**16)
+    lines = np.fft.rfft((record - record.mean(axis=0)) * window[:, None], axis=0)
+    density = 2e-3 * (np.abs(lines) ** 2).mean(axis=1) / (window**2).sum()
+    frequency = np.fft.rfftfreq(2**16, 1e-3)
+    for low, high in ((0.1, 1.0), (1.0, 10.0), (10.0, 400.0)):
+        band = (frequency > low) & (frequency < high)
+        assert density[band].mean() == pytest.approx(model.spectrum(frequency[band]).mean(), rel=0.06)
+
+
+def test_closed_forms():
+    tau = np.geomspace(0.01, 1e4, 200)  # s
+    flicker = np.sqrt(NoiseModel(0.0, 1.0, 0.0).allan_variance(tau))
+    within = (tau > 3.0) & (tau < 100.0)
+    assert flicker[within] == pytest.approx(PLATEAU, rel=0.08)
+    f = np.geomspace(1e-3, 1.0, 50)  # Hz
+    assert NoiseModel(0.0, 1.0, 0.0).spectrum(f) * np.pi * f == pytest.approx(1.0, rel=0.13)
+    assert NoiseModel(2.0, 0.0, 0.0).allan_variance(np.array([2.0])) == pytest.approx(1.0)  # N^2 / t, N = 2 / sqrt 2
+    assert NoiseModel(0.0, 0.0, 3.0).allan_variance(np.array([2.0])) == pytest.approx(6.0)  # K^2 t / 3
+
+
+@pytest.mark.parametrize("interval", [1e-4, 3e-3, 2.0])
+def test_a_sample_does_not_depend_on_how_it_is_asked_for(interval):
+    def make(sensors=3, seed=1):
+        return SensorNoise(NoiseModel(1.0, 2.0, 0.5), sensors, interval, seed, kind=0)
+
+    whole = make()(np.arange(3000))
+    pieces = make()
+    backwards = [pieces(np.arange(k, k + 100)) for k in range(2900, -100, -100)]
+    np.testing.assert_array_equal(np.concatenate(backwards[::-1]), whole)
+    np.testing.assert_array_equal(make()(np.arange(7, 3000, 13)), whole[7::13])
+    np.testing.assert_array_equal(make(sensors=5)(np.arange(3000))[:, :3], whole)
+    assert (make(seed=2)(np.arange(3000)) != whole).all()
+    assert np.abs(np.corrcoef(whole.T) - np.eye(3)).max() < (0.2 if interval < 1.0 else 1.0)
+
+
+def test_sample_of_any_time():
+    """Decades at 10 kHz, at once; neighbours there are alike, also across a place where blocks of all grids meet."""
+    late = 2 * 64**6 * 100
+    drift = SensorNoise(NoiseModel(0.0, 1.0, 0.0), 200, 1e-4, 1, 0)(np.arange(late - 200, late + 200, 100))
+    assert drift.std() == pytest.approx(np.sqrt(5.0 * NoiseModel(0.0, 1.0, 0.0).variance), rel=0.2)
+    assert np.abs(np.diff(drift, axis=0)).max() < 0.5 * np.abs(drift).max()
