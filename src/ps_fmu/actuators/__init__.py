@@ -1,0 +1,1 @@
+"""Actuators between the forces that a controller demands and those that act: voice coils, their drivers, the stops."""

@@ -1,0 +1,59 @@
+"""White noise as a function of sample number and seed alone."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+
+import numpy as np
+
+from ..mechanism.quantities import Array
+
+_BLOCK = 512  # samples that one key makes: larger ones would stall a step, smaller ones take longer for each sample
+
+
+class WhiteNoise:
+    """Independent Gaussian numbers of unit variance, any sample on its own.
+
+    Parameters
+    ----------
+    seed: 0 or greater.
+    channels: numbers in a sample.
+    """
+
+    def __init__(self, seed: int, channels: int) -> None:
+        self._seed, self._channels = seed, channels
+        self._last = (-1, np.empty((0, channels)))  # number and samples of a block: the next call often needs it
+
+    def __call__(self, first: int, n: int) -> Array:
+        """The samples ``first`` to ``first + n - 1``, shape (n, channels)."""
+        parts = self.in_parts(first, n)
+        while True:
+            try:
+                next(parts)
+            except StopIteration as end:
+                return np.asarray(end.value)
+
+    def in_parts(self, first: int, n: int) -> Generator[int, None, Array]:
+        """As :meth:`__call__`, block by block: yields after each one how many are to come, and returns the samples."""
+        numbers = range(first // _BLOCK, (first + n - 1) // _BLOCK + 1)
+        known, blocks = self._last, []
+        for number in numbers:
+            blocks.append(known[1] if known[0] == number else self._make_block(number))
+            yield numbers.stop - 1 - number
+        self._last = numbers[-1], blocks[-1]
+        begin = first - numbers.start * _BLOCK
+        return np.concatenate(blocks)[begin : begin + n]
+
+    def _make_block(self, number: int) -> Array:
+        key = np.random.SeedSequence((self._seed, number % 2**32))
+        u, v = np.random.Generator(np.random.Philox(key)).random((2, _BLOCK // 2, self._channels))
+        radius, angle = np.sqrt(-2.0 * np.log1p(-u)), 2.0 * np.pi * v  # Box-Muller
+        return np.concatenate([radius * np.cos(angle), radius * np.sin(angle)])
+
+
+def sample_deviation(density: float, h: float) -> float:
+    """Standard deviation of white noise with a one-sided density (unit/sqrt(Hz)), one sample a step of ``h`` (s).
+
+    The band ends at ``1 / (2 h)``.
+    """
+    return float(density / np.sqrt(2.0 * h))

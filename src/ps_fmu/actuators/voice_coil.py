@@ -1,0 +1,154 @@
+"""A voice coil and the digital driver of its current.
+
+The coil (R. Munnig Schmidt, G. Schitter, A. Rankers, J. van Eijk, "The Design of High Performance Mechatronics", 2nd
+ed., 2014, chapter on electromechanic actuators)::
+
+    L di/dt = V - R i - k(x) v              electrical circuit; k(x) v is the back-EMF
+    f       = k(x) i                        the same k: what the circuit gives, the leg takes
+    k(x)    = K (1 - loss (x / x_0)^2 + ripple sin(2 pi x / pitch + phase))
+
+The driver is digital, with one sample a step h: it demands the current ``i_c`` and applies, held over the step::
+
+    V = R i + c k(x) v + g (i_c - i)        c: share of the back-EMF that the driver knows and takes away
+
+``V`` and the back-EMF are constant over a step, so the current at its end is exact::
+
+    i(t + h) = E i + (1 - E) / R (V - k v),        E = exp(-R h / L)
+
+With ``g = R (1 - p) / (1 - E)`` the unsaturated loop with c = 1 has its one pole at ``p = exp(-2 pi f h)``, f the
+bandwidth, at every step size: ``i(t + h) = p i + (1 - p) i_c``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from ..mechanism.parameters import Parameters
+from ..mechanism.quantities import Array, Checked, ParameterError, group, quantity
+from .stops import Stops, find_effective_mass
+
+
+@dataclass(frozen=True)
+class Coil(Checked):
+    """What the data sheet of a voice coil states."""
+
+    force_constant: float = quantity("N/A", "Force constant at mid-stroke, and back-EMF constant (V.s/m)", above=0.0)
+    resistance: float = quantity("V/A", "Resistance of the coil", above=0.0)
+    inductance: float = quantity("V.s/A", "Inductance of the coil", above=0.0)
+    half_stroke: float = quantity("m", "Distance from mid-stroke at which stroke_loss is reached", above=0.0)
+    stroke_loss: float = quantity("1", "Share of the force constant that is lost at half_stroke", at_least=0.0)
+    ripple: float = quantity("1", "Amplitude of a ripple of the force constant along the stroke", at_least=0.0)
+    ripple_pitch: float = quantity("m", "Length of one period of the ripple", above=0.0)
+    ripple_phase: float = quantity("rad", "Phase of the ripple at mid-stroke")
+
+    def compute_constant(self, displacement: Array) -> Array:
+        """Force constant k(x), N/A = V.s/m, at displacements x (n,) from mid-stroke, m."""
+        shape = 1.0 - self.stroke_loss * (displacement / self.half_stroke) ** 2
+        if self.ripple:
+            shape = shape + self.ripple * np.sin(self.ripple_factor * displacement + self.ripple_phase)
+        return np.asarray(self.force_constant * shape)
+
+    @property
+    def ripple_factor(self) -> float:
+        """Angle of the ripple per displacement, rad/m."""
+        return float(2.0 * np.pi / self.ripple_pitch)
+
+    @property
+    def short_circuit_damping(self) -> float:
+        """K^2 / R, N.s/m: damping of the leg by a coil whose terminals are joined, or fed by a voltage."""
+        return self.force_constant**2 / self.resistance
+
+
+@dataclass(frozen=True)
+class Driver(Checked):
+    """The digital current driver of a coil."""
+
+    bandwidth: float = quantity("Hz", "Bandwidth of the current loop", above=0.0)
+    emf_compensation: float = quantity(
+        "1", "Share of the back-EMF that the driver takes away; 0: none, the coil damps the leg",
+        at_least=0.0, at_most=1.0,
+    )  # fmt: skip
+    supply_voltage: float = quantity("V", "Largest voltage at the coil; 0 = no limit", at_least=0.0)
+    current_limit: float = quantity("A", "Largest demanded current; 0 = no limit", at_least=0.0)
+    current_resolution: float = quantity("A", "Step of the demanded current; 0 = none", at_least=0.0)
+    noise: float = quantity("A/sqrt(Hz)", "White noise of the demanded current, one-sided density", at_least=0.0)
+    seed: int = quantity("", "Seed of the noise, 0 or greater")
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.seed < 0:
+            raise ParameterError("seed", f"must not be less than 0, got {self.seed}")
+
+
+class CurrentStep(NamedTuple):
+    """Coefficients of one step, see the module's text."""
+
+    decay: float
+    """E = exp(-R h / L)."""
+    response: float
+    """(1 - E) / R, A/V: current at the end of a step for each volt."""
+    gain: float
+    """g, V/A."""
+
+
+def discretise(coil: Coil, driver: Driver, h: float) -> CurrentStep:
+    """The current loop over a step of ``h`` (s)."""
+    decay = float(np.exp(-coil.resistance * h / coil.inductance))
+    response = float(-np.expm1(-coil.resistance * h / coil.inductance)) / coil.resistance
+    return CurrentStep(decay, response, float(-np.expm1(-2.0 * np.pi * driver.bandwidth * h)) / response)
+
+
+def compute_damping(coil: Coil, driver: Driver, h: float) -> float:
+    """Damping of the leg by the back-EMF at low frequencies, N.s/m: ``(1 - c) K^2 / g``, see :func:`discretise`.
+
+    With no compensation it is ``K^2 / R`` for a loop as slow as the coil itself, ``f = R / (2 pi L)`` (then g = R), and
+    falls with a faster one.
+    """
+    return (1.0 - driver.emf_compensation) * coil.force_constant**2 / discretise(coil, driver, h).gain
+
+
+@dataclass(frozen=True)
+class Coils(Checked):
+    """Three equal voice coils with their drivers, and the stops of the fine legs."""
+
+    coil: Coil = group()
+    driver: Driver = group()
+    stop: Stops = group()
+
+    @classmethod
+    def from_parameters(cls, p: Parameters) -> Coils:
+        """Voice coils of a size that fits the paper's fine legs, of which it gives no data, with stops for a mechanism.
+
+        Coil: Moticont LVCM-032-025-02, data sheet at 25 C (www.moticont.com/pdf/lvcm-032-025-02.pdf): 3.9 N/A and
+        3.9 V/(m/s), 2.5 ohm, 1.3 mH, stroke 12.7 mm, continuous force 9.3 N, that is 2.4 A and 14 W.  What is marked
+        "assumed" is on no sheet.
+        """
+        coil = Coil(
+            force_constant=3.9,  # N/A
+            resistance=2.5,  # ohm
+            inductance=1.3e-3,  # H
+            half_stroke=6.35e-3,  # m
+            stroke_loss=0.1,  # assumed: force over stroke is bell-shaped, with some 10 % lost at the ends
+            ripple=0.0,  # assumed: a round coil has no poles along its stroke
+            ripple_pitch=1e-3,  # m; assumed
+            ripple_phase=0.0,  # rad
+        )
+        driver = Driver(
+            bandwidth=1000.0,  # Hz; assumed
+            emf_compensation=1.0,  # the plant's fine legs have the electromagnetic damping already
+            supply_voltage=28.0,  # V; regulated main bus of a spacecraft
+            current_limit=2.4,  # A; continuous rating of the coil
+            current_resolution=7.3e-5,  # A; assumed: 16 bits over +-2.4 A
+            noise=1e-6,  # A/sqrt(Hz); assumed
+            seed=1,
+        )
+        stop = Stops(
+            distance=2e-3,  # m; assumed: twice the largest displacement in fast slews
+            stiffness=2e5,  # N/m; assumed
+            damping=10.0,  # s/m; assumed
+            effective_mass=find_effective_mass(p),  # kg
+        )
+        return cls(coil, driver, stop)
