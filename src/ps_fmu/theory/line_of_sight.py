@@ -1,0 +1,166 @@
+"""The line-of-sight loop around plant and isolator, in closed form: stability, complementary split, what is left.
+
+The payload's rotation in inertial space, in axes of P (3), follows fine forces and base wrench with the isolator on::
+
+    theta = P f + G w_b        P = R^T A (E - F C)^-1,   G: :func:`.transmissibility.from_wrench`
+
+with F the isolator from base displacement to force.  The tracker measures the error, the controller answers with the
+force f = K e, and all delays of the chain are one factor d(s)::
+
+    L = P K d        S = (E + L)^-1        theta = S G w_b + S P K_we n_a - S L n
+
+n is the noise of the tracker (rad), n_a that of the accelerometers (K_we: isolator).  The target enters as -n does.
+
+**Delays.**  The tracker samples each T and puts the value out after a latency tau, where it stays for T; the controller
+is exact for inputs that are held, and puts its force out after a delay; the plant holds a force for a communication
+step h.  With Z_T = (1 - exp(-s T)) / (s T) for a value that is held::
+
+    d = Z_T exp(-s tau)  Z_h  [Z_c exp(-s (T_c + delay)) for a controller that samples each T_c]
+
+**Complementary split.**  Where the suspension is far above, the isolator with its high-pass corner w_s cancels the
+share H of the bus's rotation, and the loop the share T of what the isolator leaves::
+
+    H = s^2 / (s^2 + 2 zeta w_s s + w_s^2)        T = k d / (1 + k d)
+    H + (1 - H) T + (1 - H) (1 - T) = 1           third: what is left
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..control.pointing import PointingFilter
+from ..mechanism.quantities import Array, Complex
+from .loop import Loop
+from .transfer_matrices import Practical, place_frequencies
+from .transmissibility import from_wrench
+
+
+@dataclass(frozen=True)
+class Timing:
+    """What delays the loop, s."""
+
+    sample_time: float
+    """Of the tracker."""
+    latency: float
+    """Of the tracker, from the sample to its output."""
+    step: float = 0.0
+    """Communication step."""
+    control_sample_time: float = 0.0
+    control_delay: float = 0.0
+
+    def factor(self, s: ArrayLike) -> Complex:
+        """d(s), (...)."""
+        z: Complex = np.asarray(s, dtype=complex)
+        delay = self.latency + self.control_sample_time + self.control_delay
+        held = [_held(np.asarray(z * time)) for time in (self.sample_time, self.step, self.control_sample_time)]
+        return np.asarray(np.prod(held, axis=0) * np.exp(-z * delay))
+
+
+@dataclass(frozen=True, eq=False)
+class PointingLoop:
+    """The loop at one pose."""
+
+    loop: Loop
+    """Plant and isolator.  Its delay includes that of the exchange between them."""
+    control: PointingFilter
+    timing: Timing
+    isolated: bool = True
+    """The isolator is on."""
+
+    def with_control(self, control: PointingFilter) -> PointingLoop:
+        """The same plant with another controller."""
+        return replace(self, control=control)
+
+    def plant(self, s: ArrayLike) -> Complex:
+        """P(s), fine force (N) to rotation of the payload (rad, P), (..., 3, 3)."""
+        s = np.asarray(s, dtype=complex)
+        practical = Practical(self.loop.model.dynamics)
+        A = self.loop.model.dynamics.pose.rotation_BP.T @ practical.A(s)
+        if not self.isolated:
+            return np.asarray(A)
+        F = self.loop.controller.response(s) * (s * s * np.exp(-s * self.loop.delay))[..., None, None]
+        return np.asarray(A @ np.linalg.inv(np.eye(3) - F @ practical.C(s)))
+
+    def transfer(self, s: ArrayLike) -> Complex:
+        """L(s), (..., 3, 3)."""
+        s = np.asarray(s, dtype=complex)
+        return np.asarray(self.plant(s) @ self.control.response(s) * self.timing.factor(s)[..., None, None])
+
+    def axis_transfer(self, s: ArrayLike, axis: int) -> Complex:
+        """The loop cut open at one axis, the others closed, (...); critical point -1."""
+        return cut_axis(self.transfer(s), axis)
+
+    def sensitivity(self, s: ArrayLike) -> Complex:
+        """S(s) = (E + L)^-1, (..., 3, 3)."""
+        return np.asarray(np.linalg.inv(np.eye(3) + self.transfer(s)))
+
+    def from_wrench(self, s: ArrayLike) -> Complex:
+        """S G: base wrench (N, N.m; B at its origin) to rotation of the payload (rad, P), (..., 3, 6)."""
+        s = np.asarray(s, dtype=complex)
+        return np.asarray(self.sensitivity(s) @ from_wrench(self.loop, s, active=self.isolated))
+
+    def from_accelerometers(self, s: ArrayLike) -> Complex:
+        """S P K_we: error of the measured base acceleration (m/s2, rad/s2; B) to rotation (rad, P), (..., 3, 6)."""
+        s = np.asarray(s, dtype=complex)
+        K = self.loop.controller.response(s) * np.exp(-s * self.loop.delay)[..., None, None]
+        return np.asarray(self.sensitivity(s) @ self.plant(s) @ K)
+
+    def from_target(self, s: ArrayLike) -> Complex:
+        """S L: rotation of the target, or minus the tracker's noise (rad, P), to that of the payload, (..., 3, 3)."""
+        L = self.transfer(s)
+        return np.asarray(np.linalg.solve(np.eye(3) + L, L))
+
+    def noise_density(self, s: ArrayLike, noise_equivalent_angle_P: Array) -> Array:
+        """One-sided density of the rotation by the tracker's noise, (..., 3, 3), rad2/Hz.
+
+        Samples of standard deviation sigma, each held for T, have the density 2 T sigma^2 where Z_T is in L.
+        """
+        T = self.from_target(s)
+        density = np.diag(2.0 * self.timing.sample_time * np.asarray(noise_equivalent_angle_P) ** 2)
+        return np.asarray((T @ density @ np.swapaxes(T.conj(), -1, -2)).real)
+
+    def frequencies(self, low: float = 1e-3, high: float = 200.0) -> Array:
+        """Frequencies, Hz, dense around the resonances of the plant, (n,)."""
+        return place_frequencies(self.loop.plant_poles(), low, high, 400, 20)
+
+
+def cut_axis(L: Complex, axis: int) -> Complex:
+    """Loop transfer (...) of one axis with the others closed, of a loop transfer matrix L (..., n, n)."""
+    others = [i for i in range(L.shape[-1]) if i != axis]
+    closed = np.eye(len(others)) + L[..., others, :][..., others]
+    through = np.linalg.solve(closed, L[..., others, axis, None])[..., 0]
+    return np.asarray(L[..., axis, axis] - np.sum(L[..., axis, others] * through, axis=-1))
+
+
+@dataclass(frozen=True, eq=False)
+class Split:
+    """Shares of the bus's rotation, complex, (...) each; they add up to one at every frequency."""
+
+    isolator: Complex
+    """H: cancelled by the isolator."""
+    loop: Complex
+    """(1 - H) T: cancelled by the loop."""
+    left: Complex
+    """(1 - H) (1 - T): left to the payload."""
+
+
+def split(pointing: PointingLoop, s: ArrayLike) -> Split:
+    """The complementary split at complex frequencies, rad/s, where the suspension is far above them."""
+    s = np.asarray(s, dtype=complex)
+    filters = pointing.loop.controller.filters
+    omega = 2.0 * np.pi * filters.highpass_frequency  # rad/s
+    highpass = s * s / (s * s + 2.0 * filters.highpass_damping_ratio * omega * s + omega**2)
+    H = np.asarray(highpass if pointing.isolated else np.zeros_like(s))
+    L = pointing.control.design.response(s) * pointing.timing.factor(s)
+    T = L / (1.0 + L)
+    return Split(H, np.asarray((1.0 - H) * T), np.asarray((1.0 - H) * (1.0 - T)))
+
+
+def _held(x: Complex) -> Complex:
+    """(1 - exp(-x)) / x, (...); 1 at zero."""
+    small = np.abs(x) < 1e-8
+    safe = np.where(small, 1.0, x)
+    return np.asarray(np.where(small, 1.0 - 0.5 * x, -np.expm1(-safe) / safe))

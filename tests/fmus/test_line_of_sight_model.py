@@ -1,0 +1,168 @@
+"""LineOfSightSensor driven as a Python object: sample, latency, noise, lock, state."""
+
+import numpy as np
+import pytest
+from support.models import Host
+
+from ps_fmu.mechanism.quaternions import from_rotation_vector, multiply
+from ps_fmu.sensors.line_of_sight import DEFAULT_TRACKER, line_of_sight_error
+from ps_fmu.slavekit.author.slave import ModelError
+
+H = 1e-3  # s
+ERROR = tuple(f"line_of_sight_error.{axis}" for axis in "xyz")
+QUIET = {f"noise_equivalent_angle__{axis}": 0.0 for axis in "xyz"}
+PAYLOAD = from_rotation_vector(np.array([0.1, -0.2, 0.3]))
+
+
+def attitude(name: str, q: np.ndarray) -> dict[str, float]:
+    return {f"{name}__{k}": float(value) for k, value in zip("wxyz", q, strict=True)}
+
+
+def turned(turn: list[float]) -> np.ndarray:
+    """The payload's attitude, turned by a small rotation in its own axes."""
+    return multiply(PAYLOAD, from_rotation_vector(np.array(turn)))
+
+
+def make(**values: object) -> Host:
+    start = {"acquisition_time": 0.0, "sample_time": 5 * H, "latency": 0.0, **attitude("payload_attitude", PAYLOAD)}
+    return Host("line_of_sight_sensor", **{**start, **attitude("target_attitude", PAYLOAD), **values}).run_mode()
+
+
+def run(host: Host, steps: int, turn=lambda k: [1e-5 * np.sin(0.03 * k), 2e-6 * k, -1e-6 * k]) -> np.ndarray:
+    """Errors (steps, 3) measured while the target moves."""
+    found = []
+    for k in range(host.count, host.count + steps):
+        host.set(**attitude("target_attitude", turned(turn(k))))
+        host.step(H)
+        found.append(host.get(*ERROR))
+    return np.array(found)
+
+
+def true_errors(steps: int, turn=lambda k: [1e-5 * np.sin(0.03 * k), 2e-6 * k, -1e-6 * k]) -> np.ndarray:
+    return np.array([line_of_sight_error(PAYLOAD, turned(turn(k))) for k in range(steps)])
+
+
+def test_samples_are_true_at_their_instant_and_stay() -> None:
+    found, true = run(make(**QUIET), 100), true_errors(100)
+    for k in range(5, 100):  # the lock takes two steps
+        np.testing.assert_allclose(found[k], true[k // 5 * 5], atol=1e-15)
+
+
+@pytest.mark.parametrize("steps", [1, 2, 7, 40])
+def test_latency_is_a_shift(steps: int) -> None:
+    at_once = run(make(), 120)
+    later = run(make(latency=steps * H), 120)
+    np.testing.assert_array_equal(later[steps - 1 :], at_once[: len(at_once) - steps + 1])
+    assert not later[: steps - 1].any()
+
+
+def test_noise_is_that_of_the_sample_whatever_the_step() -> None:
+    noise = DEFAULT_TRACKER.noise(np.arange(40))
+    found = run(make(), 200, lambda k: [0.0, 0.0, 0.0])
+    np.testing.assert_allclose(found[5::5], noise[1:], atol=1e-15)
+    coarse = make()
+    for k in range(40):
+        coarse.slave.do_step(k * 5 * H, 5 * H)
+        if k > 1:
+            np.testing.assert_allclose(coarse.get(*ERROR), noise[k], atol=1e-15)
+
+
+def test_the_truss_turns_what_is_seen_and_the_platform_does_not() -> None:
+    host = make(**QUIET, line_of_sight__x=3e-6, payload_rotation__x=1e-6, payload_rotation__y=-4e-6)
+    host.step(H, 10)
+    np.testing.assert_allclose(host.get(*ERROR), [-2e-6, -4e-6, 0.0], atol=1e-15)
+
+
+def test_roll_on_request() -> None:
+    host = make(roll_measured=False, **attitude("target_attitude", turned([0.0, 0.0, 1e-4])))
+    host.step(H, 10)
+    assert host.get(*ERROR)[2] == 0.0
+
+
+def test_lock_takes_its_time_and_is_lost_at_the_edge() -> None:
+    host = make(**QUIET, acquisition_time=20 * H, **attitude("target_attitude", turned([4e-4, 0.0, 0.0])))
+    host.step(H, 20)
+    assert not host.flag("locked")
+    assert host.get(*ERROR) == [0.0, 0.0, 0.0]
+    host.step(H, 5)
+    assert host.flag("locked")
+    host.set(**attitude("target_attitude", turned([0.9e-3, 0.0, 0.0])))  # beyond the acquisition field, in the other
+    host.step(H, 5)
+    assert host.flag("locked")
+    assert host.get(*ERROR)[0] == pytest.approx(0.9e-3)
+    host.set(**attitude("target_attitude", turned([1.1e-3, 0.0, 0.0])))
+    host.step(H)
+    assert not host.flag("locked")
+    assert host.get(*ERROR) == [0.0, 0.0, 0.0]
+    host.set(**attitude("target_attitude", turned([0.9e-3, 0.0, 0.0])))
+    host.step(H, 60)
+    assert not host.flag("locked")
+
+
+def test_a_target_that_jumps_gives_no_sample_out_of_the_field() -> None:
+    host = make(**QUIET)
+    host.step(H, 11)
+    host.set(**attitude("target_attitude", turned([0.1, 0.0, 0.0])))
+    for _ in range(20):
+        host.step(H)
+        assert max(map(abs, host.get(*ERROR))) <= 1e-3
+
+
+def test_hidden_targets_are_lost_and_won_again() -> None:
+    host = make(acquisition_time=10 * H)
+    host.step(H, 20)
+    host.set(target_visible=False)
+    host.step(H)
+    assert not host.flag("locked")
+    host.step(H, 30)
+    host.set(target_visible=True)
+    host.step(H, 10)
+    assert not host.flag("locked")
+    host.step(H, 5)
+    assert host.flag("locked")
+
+
+def test_a_target_behind_is_none() -> None:
+    host = make(**attitude("target_attitude", turned([np.pi, 0.0, 0.0])))
+    host.step(H, 20)
+    assert not host.flag("locked")
+
+
+def test_quaternions_of_another_size_are_warned_of(capsys) -> None:
+    host = make(target_attitude__w=2.0)
+    said: list[str] = []
+    host.slave.warning = said.append
+    host.step(H, 5)
+    (text,) = said
+    assert "expected unit quaternions" in text
+    assert not host.flag("locked")
+
+
+def test_python_makes_no_steps_between_events() -> None:
+    """A steady run: one event to begin with, one for lock."""
+    host = make()
+    host.step(H, 10)
+    called: list[float] = []
+    event = type(host.slave).event
+    host.slave.event = lambda t, h: called.append(t) or event(host.slave, t, h)
+    run(host, 50)
+    assert not called
+
+
+def test_a_restored_state_goes_on_in_the_same_way() -> None:
+    one, other = make(latency=7 * H), make(latency=7 * H)
+    run(one, 33)
+    state = one.save()
+    expected = run(one, 40)
+    other.restore(state, 33)
+    other.count = 33
+    np.testing.assert_array_equal(run(other, 40), expected)
+
+
+@pytest.mark.parametrize(
+    ("values", "text"),
+    [({"sample_time": 1.5e-3}, "sample_time: 0.0015 s is not a multiple"), ({"latency": 2.0}, "at most 1000 are kept")],
+)
+def test_times_that_do_not_fit_the_step_are_refused(values: dict, text: str) -> None:
+    with pytest.raises(ModelError, match=text):
+        make(**values).step(H)

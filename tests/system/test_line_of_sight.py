@@ -1,0 +1,141 @@
+"""system/LineOfSight.ssd on the built FMUs: against one discrete system, cut open, and as a scenario."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from support.mechanics import PAPER
+
+from ps_fmu.control.isolator import Isolator
+from ps_fmu.control.pointing import PointingLaw
+from ps_fmu.cosim import Master, read_system
+from ps_fmu.cosim.structure import Connection, PortName
+from ps_fmu.mechanism.discretisation import zero_order_hold
+from ps_fmu.mechanism.linear_model import Plant
+from ps_fmu.results.observers.sampler import SampleObserver
+from ps_fmu.runs.options import OptionError, RunOptions
+from ps_fmu.runs.pointing.loop import build_loop, make_shaking, measure_loop
+from ps_fmu.runs.registry import find_scenarios
+from ps_fmu.runs.scenarios import pointing as scenario
+from ps_fmu.runs.setup import load_system
+from ps_fmu.theory.line_of_sight_design import find_margins
+from ps_fmu.theory.state_space import plant_system
+
+LINE_OF_SIGHT = Path(__file__).parents[2] / "system" / "LineOfSight.ssd"
+H = 1e-3  # s
+QUIET = {
+    "disturbance.noise.enabled": False,
+    **{f"tracker.noise_equivalent_angle.{axis}": 0.0 for axis in "xyz"},
+}
+
+
+def without_sensors(system):
+    """The system with the isolator on the plant's own acceleration, as in SystemStructure.ssd."""
+    kept = [c for c in system.connections if "sensors" not in (c.source.component, c.target.component)]
+    for c in system.connections:
+        if c.target.component == "isolator" and c.source.component == "sensors":
+            kept.append(Connection(PortName("plant", c.target.variable), c.target, c.line))
+    components = tuple(c for c in system.components if c.name != "sensors")
+    return replace(system, components=components, connections=tuple(kept))
+
+
+def simulate_as_one(steps, turn, sampled_every, latency_steps, highpass_hz):
+    """Rotation of the payload (steps + 1, 3), rad, of plant, isolator, tracker and controller, exchanging by Jacobi."""
+    filters = replace(PAPER.filters, highpass_frequency=highpass_hz)
+    plant = plant_system(Plant.from_parameters(PAPER).linearise(np.zeros(3)))
+    motions = [f"base_{kind}_{k}" for kind in ("acceleration", "angular_acceleration") for k in "xyz"]
+    acceleration = [plant.find_output(name) for name in motions]
+    rotation = [plant.find_output(f"payload_rotation_{k}") for k in "xyz"]
+    seen = [*(plant.find_output(f"line_of_sight_{k}") for k in "xy"), rotation[2]]  # with the truss
+    A, B = zero_order_hold(plant.A, plant.B[:, :3], H)
+    isolator = replace(Isolator.from_parameters(PAPER), filters=filters).controller(np.zeros(3))
+    isolate = isolator.step_map(H)
+    law = PointingLaw.from_parameters(PAPER).controller(np.zeros(3))
+    Ad, Bd = law.hold(H)
+    x, xi, xc = np.zeros(len(A)), np.zeros(isolator.n_states), np.zeros(12)
+    force, added, measured, accelerated = np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(6)
+    pipeline, sample, found = [np.zeros(3)] * latency_steps, np.zeros(3), [np.zeros(3)]
+    for k in range(steps):
+        if k % sampled_every == 0:
+            sample = turn - plant.C[seen] @ x
+        pipeline = [sample if k > 0 else np.zeros(3), *pipeline[:-1]]  # locked from the second step on
+        result = isolate @ np.concatenate([xi, accelerated])
+        xc = Ad @ xc + Bd @ np.concatenate([measured, np.zeros(3)])
+        both = force + added
+        x = A @ x + B @ both
+        accelerated = plant.C[acceleration] @ x + plant.D[acceleration, :3] @ both
+        force, xi = result[:3], result[3:]
+        added, measured = law.output_map() @ xc, pipeline[-1]
+        found.append(plant.C[rotation] @ x)
+    return np.array(found)
+
+
+def test_the_closed_loop_is_one_discrete_system(built_fmus):
+    turn, steps = np.array([2e-7, -1e-7, 5e-8]), 1500  # rad
+    target = np.array([1.0, *(0.5 * turn)])  # its norm is 1 within 1e-14
+    system = without_sensors(read_system(LINE_OF_SIGHT, built_fmus)).with_parameters({
+        **QUIET, "tracker.acquisition_time": 0.0,
+        **{f"tracker.target_attitude.{k}": v for k, v in zip("wxyz", target.tolist(), strict=True)},
+    })  # fmt: skip
+    names = tuple(f"plant.payload_rotation.{axis}" for axis in "xyz")
+    with Master(system, H) as master:
+        master.initialise()
+        samples = SampleObserver(master.columns, names, range(steps + 1))
+        master.run(steps * H, [samples])
+    found = samples.values(*names)
+    expected = simulate_as_one(steps, turn, sampled_every=10, latency_steps=10, highpass_hz=0.02)
+    assert np.abs(found[-1] - turn).max() < 0.3 * np.abs(turn).max()  # on its way to the target
+    np.testing.assert_allclose(found, expected, atol=1e-6 * np.abs(turn).max(), rtol=0.0)
+
+
+@pytest.fixture
+def options(built_fmus, tmp_path):
+    from ps_fmu.runs import scenarios
+
+    def make(duration_s, step_s, system=LINE_OF_SIGHT, **others):
+        found = find_scenarios(scenarios)["pointing"]
+        folder = tmp_path / "out"
+        made = RunOptions(found, system, folder, duration_s, step_s, fmus=built_fmus, progress=False, **others)
+        return made.claim_output()
+
+    return make
+
+
+def test_the_loop_cut_open_is_the_closed_form(options):
+    system = load_system(options(1.0, H), QUIET)
+    loop = build_loop(system, np.zeros(3), H)
+    shaking = replace(make_shaking(H, 0.01), half_period=10.0, settling=10.0, band=(0.5, 12.0))
+    (found,) = measure_loop(system.structure, loop, shaking, {}, (1.0, 0.0, 0.0, 0.0), axes=("y",)).values()
+    expected = find_margins(loop)[1]
+    assert found.margins.met
+    assert found.margins.phase_deg == pytest.approx(expected.phase_deg, abs=1.5)
+    assert found.margins.gain_db == pytest.approx(expected.gain_db, abs=1.0)
+    assert found.margins.crossover_hz == pytest.approx(expected.crossover_hz, rel=0.01)
+
+
+def test_the_scenario(options, ssv, capsys, monkeypatch):
+    """A short slew in coarse steps: the loop takes what the slew leaves, and takes it again after the loss of lock."""
+    monkeypatch.setattr(scenario, "measure_loop", lambda *args: {})  # measured above
+    given = {"commander.target.roll": 0.005, "commander.target.pitch": -0.004, "commander.min_duration": 3.0}
+    options = options(33.0, 1e-2, parameters=(ssv(given),))
+    options.scenario.run(options)
+    summary = json.loads((options.output / "summary.json").read_text())["pointing"]
+    assert len(summary["locks_s"]) == 2
+    for phase in ("locked", "locked again"):
+        off, on = (np.array(summary[case][phase]["mean_rad"])[:2] for case in ("loop_off", "loop_on"))
+        assert np.abs(on).max() < 0.1 * np.abs(off).max()
+    assert all(margins["gain_db"] > 6.0 and margins["phase_deg"] > 30.0 for margins in summary["margins"])
+    text = capsys.readouterr().out
+    assert "Least margins in closed form" in text
+    assert "lock again at" in text
+    assert sorted(path.name for path in options.output.glob("*.png")) == [
+        "pointing_error.png", "pointing_loop.png", "pointing_split.png",
+    ]  # fmt: skip
+
+
+def test_a_system_without_a_tracker_is_refused_by_name(options):
+    wrong = options(3.0, H, system=LINE_OF_SIGHT.with_name("SystemStructure.ssd"))
+    with pytest.raises(OptionError, match="has no tracker and no pointing: take"):
+        wrong.scenario.run(wrong)

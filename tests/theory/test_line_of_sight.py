@@ -1,0 +1,113 @@
+"""The line-of-sight loop in closed form: the split, the cut, margins and what reaches the payload."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from support.mechanics import PAPER
+
+from ps_fmu.control.pointing import PointingLaw
+from ps_fmu.mechanism.parameters import load
+from ps_fmu.theory.line_of_sight import PointingLoop, Timing, cut_axis, split
+from ps_fmu.theory.line_of_sight_design import fastest_crossover, find_margins, margins_of
+from ps_fmu.theory.loop import loop_at
+from ps_fmu.theory.transmissibility import from_base
+
+SPLIT_HZ = 0.02
+TIMING = Timing(sample_time=0.01, latency=0.01, step=1e-4)
+
+
+def make_loop(bus="OSM", rpy_deg=(0.0, 0.0, 0.0), split_hz=SPLIT_HZ):
+    p = load(bus=bus)
+    p = replace(p, filters=replace(p.filters, highpass_frequency=split_hz))
+    orientation = np.radians(rpy_deg)
+    control = PointingLaw.from_parameters(p).controller(orientation)
+    return PointingLoop(loop_at(p, orientation, 1.5e-4), control, TIMING)
+
+
+LOOP = make_loop()
+FREQUENCY = np.geomspace(1e-3, 20.0, 60)  # Hz
+
+
+def test_the_shares_add_up_to_one_at_every_frequency():
+    shares = split(LOOP, 2j * np.pi * FREQUENCY)
+    np.testing.assert_allclose(shares.isolator + shares.loop + shares.left, 1.0, atol=1e-13)
+
+
+def test_the_loop_has_the_low_frequencies_and_the_isolator_the_high_ones():
+    low, high = 2j * np.pi * 1e-4, 2j * np.pi * 1e2
+    assert abs(split(LOOP, low).loop) == pytest.approx(1.0, abs=1e-4)
+    assert abs(split(LOOP, high).isolator) == pytest.approx(1.0, abs=1e-3)
+
+
+def test_what_is_left_of_a_turn_of_the_bus_is_what_the_split_says():
+    """The whole plant against the closed form, far below the suspension."""
+    s = 2j * np.pi * np.geomspace(2e-3, 0.3, 12)
+    turned = (LOOP.sensitivity(s) @ from_base(LOOP.loop, s, active=True))[..., 3:]
+    R = LOOP.loop.model.dynamics.pose.rotation_BP
+    expected = split(LOOP, s).left[:, None, None] * R.T
+    deviation = np.linalg.norm(turned - expected, axis=(1, 2)) / np.linalg.norm(expected, axis=(1, 2))
+    assert deviation.max() < 0.05  # the feedforward ends below the suspension; (0.3 / 5)^2 is 0.004
+
+
+def test_a_cut_loop_and_the_closed_others_make_the_whole():
+    """det(E + L) = (1 + l) det(E + L of the others)."""
+    random = np.random.default_rng(3)
+    L = random.normal(size=(5, 3, 3)) + 1j * random.normal(size=(5, 3, 3))
+    for axis in range(3):
+        others = [i for i in range(3) if i != axis]
+        rest = np.linalg.det(np.eye(2) + L[:, others][:, :, others])
+        np.testing.assert_allclose((1.0 + cut_axis(L, axis)) * rest, np.linalg.det(np.eye(3) + L), rtol=1e-10)
+
+
+def test_margins_of_a_loop_that_text_books_have():
+    """L = w exp(-s tau) / s: phase margin 90 deg - w tau, gain margin pi / (2 w tau)."""
+    w, tau = 2.0 * np.pi, 0.05
+    frequency = np.geomspace(0.01, 20.0, 4000)
+    s = 2j * np.pi * frequency
+    found = margins_of(frequency, w / s * np.exp(-s * tau), "x")
+    assert found.phase_deg == pytest.approx(90.0 - np.degrees(w * tau), abs=0.01)
+    assert found.gain_db == pytest.approx(20.0 * np.log10(np.pi / (2.0 * w * tau)), abs=0.01)
+    assert found.crossover_hz == pytest.approx(1.0, rel=1e-4)
+
+
+@pytest.mark.parametrize(("bus", "rpy_deg"), [("OSM", (8.5, 0.0, 0.0)), ("LSM", (0.0, 0.0, 14.0))])
+def test_the_default_design_keeps_its_margins(bus, rpy_deg):
+    for margins in find_margins(make_loop(bus, rpy_deg)):
+        assert margins.met
+        assert margins.gain_db > 9.5
+        assert margins.phase_deg > 45.0
+
+
+def test_the_fastest_crossover_just_keeps_the_margins():
+    fastest = fastest_crossover(LOOP)
+    assert fastest > LOOP.control.design.crossover_frequency
+    for factor, met in ((1.0, True), (1.05, False)):
+        new = replace(
+            LOOP.control.design,
+            crossover_frequency=factor * fastest,
+            integral_frequency=0.32 * factor * fastest,
+        )
+        margins = find_margins(LOOP.with_control(replace(LOOP.control, design=new)))
+        assert all(one.met for one in margins) is met
+
+
+def test_without_the_isolator_the_loop_keeps_margins_too():
+    assert all(margins.met for margins in find_margins(replace(LOOP, isolated=False)))
+
+
+def test_noise_of_the_tracker_is_what_the_target_makes():
+    """At low frequencies the payload follows: density 2 T sigma^2."""
+    density = LOOP.noise_density(np.array([2j * np.pi * 1e-3]), np.array([1e-6, 2e-6, 0.0]))[0]
+    np.testing.assert_allclose(np.diag(density), 0.02 * np.array([1e-12, 4e-12, 0.0]), rtol=1e-3, atol=1e-20)
+
+
+def test_an_accelerometer_bias_leaves_no_error():
+    """The loop integrates twice: the response to a bias goes with the square of the frequency."""
+    s = 2j * np.pi * np.array([1e-4, 1e-3])
+    size = np.linalg.norm(LOOP.from_accelerometers(s), axis=(1, 2))
+    assert size[1] / size[0] == pytest.approx(100.0, rel=0.05)
+
+
+def test_the_paper_set_is_the_default():
+    assert PointingLaw.from_parameters(PAPER).payload.com_P.tolist() == PAPER.known_com_P.tolist()
