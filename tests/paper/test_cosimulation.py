@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
+from ps_fmu.analyse_command import find_analyses
 from ps_fmu.cli import main
 from ps_fmu.paper import cosimulation
-from ps_fmu.paper.analyse_command import find_analyses
 from ps_fmu.paper.analysis import AnalysisOptions
 from ps_fmu.paper.figures import table2
 from ps_fmu.runs.options import OptionError
@@ -27,8 +27,9 @@ def test_from_another_folder_a_hint_and_nothing_left_behind(name, no_build, tmp_
     monkeypatch.chdir(tmp_path)
     assert main(["analyse", name]) != 0
     said = capsys.readouterr().err
-    assert "there is no system description system/SystemStructure.ssd" in said
-    assert f"work in {CHECKOUT}, or give --system {CHECKOUT / 'system' / 'SystemStructure.ssd'}" in said
+    system = find_analyses()[name].system
+    assert f"there is no system description {system}" in said
+    assert f"work in {CHECKOUT}, or give --system {CHECKOUT / system}" in said
     assert not list(tmp_path.iterdir())
 
 

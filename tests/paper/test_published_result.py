@@ -34,9 +34,9 @@ from ps_fmu.paper.figures.table2 import analysis as jitter
 from ps_fmu.paper.figures.table2.closed_form import ORIENTATIONS, knowledge_text
 from ps_fmu.paper.figures.table2.results import nominal_densities
 from ps_fmu.paper.published import published_numbers
-from ps_fmu.paper.shaking import Shaking
 from ps_fmu.results.report import Picture
 from ps_fmu.results.tables import Table
+from ps_fmu.runs.shaking import Shaking
 from ps_fmu.theory.transmissibility import singular_values_db
 
 PARTS = tuple(find_figure_analyses())

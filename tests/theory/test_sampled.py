@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from support.mechanics import ORIENTATIONS_DEG, PAPER
 
-from ps_fmu.mechanism.linear_model import output_slices
+from ps_fmu.mechanism.signals import output_slices
 from ps_fmu.theory.loop import Loop, loop_at
 from ps_fmu.theory.sampled import from_base_sampled
 from ps_fmu.theory.transmissibility import from_base

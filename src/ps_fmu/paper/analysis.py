@@ -1,7 +1,7 @@
-"""What an analysis of the paper is, and how those of the figures are found.
+"""What an analysis is, and how analyses are found.
 
-A figure or table of the paper is a module or a package in :mod:`.figures`.  It declares ``ANALYSIS``; nothing else
-names it.
+A figure or table of the paper is a module or a package in :mod:`.figures`; what answers another question, in
+:mod:`ps_fmu.trades`.  It declares ``ANALYSIS``; nothing else names it.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 from pkgutil import iter_modules
+from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from . import figures
@@ -47,6 +48,8 @@ class Analysis:
     """See :func:`import_and_call`."""
     needs_fmus: bool = True
     """False: it needs neither FMUs nor a system description."""
+    system: Path = AnalysisOptions.system
+    """System structure description that it runs, unless told otherwise."""
 
 
 def import_and_call(module: str, function: str, *args: Any, **options: Any) -> Any:
@@ -56,6 +59,11 @@ def import_and_call(module: str, function: str, *args: Any, **options: Any) -> A
 
 def find_figure_analyses() -> dict[str, Analysis]:
     """The analyses of the figures by name, in the order of the figures' module names."""
-    modules = sorted(module.name for module in iter_modules(figures.__path__, f"{figures.__name__}."))
+    return find_analyses_in(figures)
+
+
+def find_analyses_in(package: ModuleType) -> dict[str, Analysis]:
+    """The analyses that modules and packages within a package declare, by name, in the order of the modules' names."""
+    modules = sorted(module.name for module in iter_modules(package.__path__, f"{package.__name__}."))
     analyses: list[Analysis] = [import_module(module).ANALYSIS for module in modules]
     return {analysis.name: analysis for analysis in analyses}

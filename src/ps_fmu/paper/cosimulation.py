@@ -30,9 +30,11 @@ def check_sources(system: Path) -> None:
             "the FMUs' sources are not there: this analysis needs ps_fmu to be installed from a checkout with pip's -e"
         ) from error
     if not system.exists():
+        there = checkout / "system" / system.name
+        if not there.exists():
+            there = checkout / "system" / "SystemStructure.ssd"
         raise OptionError(
-            f"--system: there is no system description {system}: work in {checkout}, or give "
-            f"--system {checkout / 'system' / 'SystemStructure.ssd'}"
+            f"--system: there is no system description {system}: work in {checkout}, or give --system {there}"
         )
 
 

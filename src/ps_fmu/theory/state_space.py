@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..control.feedforward import Controller
-from ..mechanism.linear_model import N_INPUTS, N_LOADS, OUTPUTS, PlantModel
+from ..mechanism.linear_model import PlantModel
+from ..mechanism.signals import N_INPUTS, N_LOADS, OUTPUTS
 
 if TYPE_CHECKING:
     from control import StateSpace

@@ -11,13 +11,13 @@ import numpy as np
 from ....mechanism.parameters import Array, load
 from ....results.report import draw_pictures
 from ....results.tables import Table, format_angles
+from ....runs.shaking import Shaking
 from ....theory.transmissibility import singular_values_db
 from ...agreement import Agreement
 from ...analysis import AnalysisOptions
 from ...analysis_result import AnalysisResult
 from ...bus_cases import CASES, load_case
 from ...finding import Finding
-from ...shaking import Shaking
 from ..table2.closed_form import ORIENTATIONS
 from .measured import (
     Agreements,

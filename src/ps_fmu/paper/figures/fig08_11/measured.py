@@ -14,6 +14,7 @@ from ....cosim import Value
 from ....mechanism.parameters import Array
 from ....results.tables import Table, format_angles
 from ....runs.comparison import TARGET
+from ....runs.shaking import Shaking, measure
 from ....theory.loop import Loop, loop_at
 from ....theory.sampled import from_base_sampled
 from ....theory.transmissibility import from_base
@@ -21,7 +22,6 @@ from ...agreement import ALLOWED_DB, ALLOWED_DEG, BAND, COHERENCE, Agreement
 from ...analysis import AnalysisOptions
 from ...bus_cases import CASES, case_start_values, load_case
 from ...cosimulation import load_built_system
-from ...shaking import Shaking, measure
 from ..table2.closed_form import LOOP_DELAY, ORIENTATIONS
 
 ORIGINAL = "OSM"

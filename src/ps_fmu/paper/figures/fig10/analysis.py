@@ -11,6 +11,7 @@ from tqdm import tqdm
 from ....results.report import draw_pictures
 from ....results.tables import Table
 from ....runs.options import Scenario
+from ....runs.shaking import Shaking
 from ....theory.margins import Margins
 from ...analysis import AnalysisOptions
 from ...analysis_result import AnalysisResult
@@ -18,7 +19,6 @@ from ...bus_cases import CASES, SUSPENSION
 from ...cosimulation import hold_run
 from ...finding import Finding
 from ...published import published_numbers
-from ...shaking import Shaking
 from .open_loop import SHAKING, OpenLoop, measure_open_loops
 from .plots import DRAWN, distance_beyond, draw_bode, draw_nyquist, draw_sensitivity
 from .pulse_response import PulseResponse

@@ -18,6 +18,7 @@ from tqdm import tqdm
 
 from ....cosim import System, Value
 from ....pointing.response import Response
+from ....runs.shaking import Shaking, measure_response
 from ....theory.loop import loop_at
 from ....theory.margins import Margins, margins
 from ....theory.sampled import loop_sampled
@@ -26,7 +27,6 @@ from ...agreement import coherent_lines
 from ...analysis import AnalysisOptions
 from ...bus_cases import CASES, case_start_values, load_case
 from ...cosimulation import load_built_system
-from ...shaking import Shaking, measure_response
 
 if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline

@@ -1,4 +1,4 @@
-"""``ps-fmu analyse NAME``: runs an analysis of the paper."""
+"""``ps-fmu analyse NAME``: runs an analysis of the paper, or one that answers a question of design."""
 
 from __future__ import annotations
 
@@ -7,37 +7,39 @@ import sys
 from functools import partial
 from pathlib import Path
 
-from ..terminal import reason
-from .analysis import Analysis, AnalysisOptions, find_figure_analyses, import_and_call
+from . import trades
+from .paper.analysis import Analysis, AnalysisOptions, find_analyses_in, find_figure_analyses, import_and_call
+from .terminal import reason
 
 
 def find_analyses() -> dict[str, Analysis]:
-    """All analyses by name: those of the figures, and the one that puts them together."""
+    """All analyses by name: those of the figures, the one that puts them together, and the trades."""
     about = "every published number beside ours, and the errata with their evidence: all analyses together"
-    analyse_all = partial(import_and_call, f"{__package__}.overview", "analyse")
-    return {**find_figure_analyses(), "paper": Analysis("paper", about, analyse_all)}
+    analyse_all = partial(import_and_call, f"{__package__}.paper.overview", "analyse")
+    paper = Analysis("paper", about, analyse_all)
+    return {**find_figure_analyses(), paper.name: paper, **find_analyses_in(trades)}
 
 
 def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the subcommand ``analyse`` with one subcommand for each analysis."""
-    analyse = commands.add_parser("analyse", help="the paper's numbers and figures, recomputed")
+    analyse = commands.add_parser("analyse", help="the paper's numbers and figures, recomputed; design trades")
     names = analyse.add_subparsers(title="analyses", required=True, metavar="NAME", dest="analysis")
     default = "default: %(default)s"
     for name, analysis in find_analyses().items():
         parser = names.add_parser(name, help=analysis.about, description=analysis.about)
         parser.add_argument("--output", type=Path, metavar="DIR", help=f"folder of the results (results/{name})")
         parser.add_argument("--fmus", type=Path, default=AnalysisOptions.fmus, metavar="DIR", help=default)
-        parser.add_argument("--system", type=Path, default=AnalysisOptions.system, metavar="F.ssd", help=default)
+        parser.add_argument("--system", type=Path, default=analysis.system, metavar="F.ssd", help=default)
         parser.add_argument("--seed", type=int, default=AnalysisOptions.seed, metavar="N", help=default)
         parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the analysis that the arguments name, write and print its results; returns the exit code."""
-    from ..cosim.errors import CosimError
-    from ..runs.options import OptionError, claim_folder
-    from ..slavekit.pack.build import BuildError
-    from .cosimulation import check_sources
+    from .cosim.errors import CosimError
+    from .paper.cosimulation import check_sources
+    from .runs.options import OptionError, claim_folder
+    from .slavekit.pack.build import BuildError
 
     name = arguments.analysis
     analysis = find_analyses()[name]

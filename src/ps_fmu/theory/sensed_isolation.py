@@ -1,0 +1,219 @@
+"""What is left of the payload's jitter behind an isolator with real accelerometers, in closed form.
+
+With H(s) from true to estimated base motion, one factor for all accelerometers of a kind, and n the error of the
+estimate, the fine forces are ``f = K_we (H s^2 q_b + n)``, and the payload's rotation in axes of P is::
+
+    theta = (B + A F (E - C F)^-1 D) w_b + A (E - K_we H s^2 C)^-1 K_we n        F = K_we H s^2
+
+times the sensitivity S = (E + L)^-1 of a line-of-sight loop, if there is one (:mod:`.line_of_sight`).  n has the
+density ``P diag(S_k) P^T`` with the least-squares matrix P of the geometry and S_k of each sensor.
+
+The frequencies are fixed, so that what the plant does is computed once for all corners and sensors.  H is exact for the
+sampled filters at the communication step: a step late, as the exchange makes it.  What the step does besides is the
+delay of the loop, 1.5 steps.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from ..control.pointing import PointingFilter
+from ..disturbance import psd_at_origin
+from ..mechanism.parameters import Bus, Noise
+from ..mechanism.quantities import Array, Complex
+from ..sensors.inertial import ACCELEROMETERS, InertialSensors
+from .line_of_sight import Timing
+from .loop import Loop
+from .transfer_matrices import Practical, place_frequencies
+
+LOOP_DELAY = 1.5  # communication steps: the exchange takes one, a force that is held for a step is half a step late
+LOWEST, HIGHEST = 1e-4, 2e3  # Hz, of the integrals: below, the high-passed errors add less than 1 %
+
+
+@dataclass(frozen=True, eq=False)
+class SensedIsolation:
+    """Plant, isolator and disturbance at one pose, with what the plant does at fixed frequencies."""
+
+    loop: Loop
+    bus: Bus
+    noise: Noise
+    step: float
+    """Of communication, s."""
+    points: int = 1200
+    """Of the grid of frequencies, besides those around the resonances."""
+    lines: Array | None = None
+    """Frequencies, (n,), Hz, in place of that grid: of the lines of a multisine."""
+
+    @cached_property
+    def frequency(self) -> Array:
+        """(n,), Hz, dense around the resonances of the plant and at the edges of the disturbance's band."""
+        if self.lines is not None:
+            return self.lines
+        grid = place_frequencies(self.loop.plant_poles(), LOWEST, HIGHEST, self.points, 40)
+        edges = np.concatenate([self.noise.band * (1.0 - 1e-9), self.noise.band * (1.0 + 1e-9)])
+        return np.unique(np.concatenate([grid, edges[(edges > LOWEST) & (edges < HIGHEST)]]))
+
+    def solve(
+        self, sensors: InertialSensors | None, corner: float, pointing: tuple[PointingFilter, Timing] | None = None
+    ) -> Responses:
+        """The transfer matrices to the payload's rotation.
+
+        Parameters
+        ----------
+        sensors: None: the isolator is off.
+        corner: of its high-pass, Hz.
+        pointing: controller and timing of a line-of-sight loop; None: there is none.
+        """
+        A, B, C, D = self._plant
+        eye = np.eye(3)
+        inner: Complex = np.asarray(np.tile(eye, (len(self._s), 1, 1)), dtype=complex)
+        to_noise = np.zeros((len(self._s), 3, 6), dtype=complex)
+        F = np.zeros((len(self._s), 3, 6), dtype=complex)
+        if sensors is not None:
+            K = self._control(corner)
+            F = K * (self._s**2 * sensing_response(sensors, self.frequency, self.step))[:, None, None]
+            inner = np.asarray(np.linalg.inv(eye - F @ C))
+            to_noise = A @ inner @ K
+        to_wrench, to_target = B + A @ inner @ F @ D, np.zeros((len(self._s), 3, 3), dtype=complex)
+        if pointing is not None:
+            control, timing = pointing
+            L = A @ inner @ control.response(self._s) * timing.factor(self._s)[:, None, None]
+            S = np.linalg.inv(eye + L)
+            to_noise, to_wrench, to_target = S @ to_noise, S @ to_wrench, S @ L
+        return Responses(self, to_wrench, to_noise, to_target)
+
+    @cached_property
+    def wrench_density(self) -> Array:
+        """Of the disturbance at the origin of B, one-sided, (n, 6, 6)."""
+        low, high = self.noise.band
+        within = (self.frequency >= low) & (self.frequency <= high)
+        return np.asarray(within[:, None, None] * psd_at_origin(self.noise.wrench_psd_B, self.bus.com_B))
+
+    @cached_property
+    def _s(self) -> Complex:
+        return np.asarray(2j * np.pi * self.frequency)
+
+    @cached_property
+    def _plant(self) -> tuple[Complex, Complex, Complex, Complex]:
+        """A, B in axes of P, C and D."""
+        plant, to_P = Practical(self.loop.model.dynamics), self.loop.model.dynamics.pose.rotation_BP.T
+        s = self._s
+        return to_P @ plant.A(s), to_P @ plant.B(s), plant.C(s), plant.D(s)
+
+    @cached_property
+    def _lowpass(self) -> Complex:
+        """M(s), (n,)."""
+        low = self.loop.controller.lowpass
+        states = np.linalg.solve(self._s[:, None, None] * np.eye(low.order) - low.A, low.b[:, None].astype(complex))
+        return np.asarray(low.c @ states[..., 0].T + low.d)
+
+    def _control(self, corner: float) -> Complex:
+        """K_we(s) with its delay, from acceleration to force, (n, 3, 6)."""
+        gains, filters = self.loop.controller.gains, self.loop.controller.filters
+        omega, s = 2.0 * np.pi * corner, self._s
+        H2 = 1.0 / (s * s + 2.0 * filters.highpass_damping_ratio * omega * s + omega * omega)
+        parts = ((self._lowpass, gains.acceleration), (s * H2, gains.velocity), (H2, gains.displacement))
+        delayed = np.exp(-s * (self.loop.delay + LOOP_DELAY * self.step))
+        return np.asarray(sum((share * delayed)[:, None, None] * gain for share, gain in parts))
+
+
+@dataclass(frozen=True, eq=False)
+class Responses:
+    """Transfer matrices to the payload's rotation (rad, P) at the frequencies of an isolation, and what they pass."""
+
+    isolation: SensedIsolation
+    to_wrench: Complex
+    """From the wrench on the base (N, N.m; B at its origin), (n, 3, 6)."""
+    to_noise: Complex
+    """From the error of the estimated base motion (m/s2, rad/s2; B), (n, 3, 6)."""
+    to_target: Complex
+    """From the rotation of the target, or minus the tracker's noise (rad, P), (n, 3, 3); 0 without a loop."""
+
+    @cached_property
+    def disturbance_density(self) -> Array:
+        """Of the rotation by the disturbance, one-sided, (n, 3, 3), rad2/Hz."""
+        return _pass(self.to_wrench, self.isolation.wrench_density)
+
+    def noise_density(self, sensors: InertialSensors) -> Array:
+        """Of the rotation by the sensors' noise, one-sided, (n, 3, 3), rad2/Hz."""
+        return _pass(self.to_noise, estimate_density(sensors, self.isolation.frequency, self.isolation.step))
+
+    def tracker_density(self, noise_equivalent_angle_P: Array, sample_time: float) -> Array:
+        """Of the rotation by the tracker's noise (3,), rad in each sample (s apart), one-sided, (n, 3, 3), rad2/Hz."""
+        return _pass(self.to_target, np.diag(2.0 * sample_time * np.asarray(noise_equivalent_angle_P) ** 2))
+
+    def covariance(self, density: Array) -> Array:
+        """Integral of a density (n, 3, 3) over the frequencies, (3, 3), rad2."""
+        return np.asarray(np.trapezoid(density, self.isolation.frequency, axis=0))
+
+    def covariance_of_lines(self, wrench: Complex) -> Array:
+        """Of the rotation under sines at the frequencies, complex amplitudes (n, 6), N, N.m; (3, 3), rad2."""
+        rotation = np.einsum("nij,nj->ni", self.to_wrench, wrench)
+        return np.asarray(0.5 * (rotation.T @ rotation.conj()).real)
+
+    def scatter(self, random: Array, steady: Array, duration: float) -> float:
+        """Relative standard deviation of the RMS of the line of sight over a record of so many s.
+
+        ``random`` and ``steady``: densities (n, 3, 3), rad2/Hz, of Gaussian noise and of a multisine that repeats over
+        the record.  With their sum S the mean square over T has the variance (integral of S^2 - S_steady^2) / T (J. S.
+        Bendat, A. G. Piersol, Random Data, 8.2, for Gaussian noise alone).  Valid where it is small.
+        """
+        frequency, both = self.isolation.frequency, (random + steady)[:, :2, :2]
+        squares = [np.einsum("nij,nij->n", S, S) for S in (both, steady[:, :2, :2])]
+        variance = np.trapezoid(squares[0] - squares[1], frequency) / duration
+        return float(0.5 * np.sqrt(variance) / np.trapezoid(np.trace(both, axis1=1, axis2=2), frequency))
+
+    def offset(self, bias: Array) -> Array:
+        """Rotation (3,), rad, in which a constant error of the estimate (6,), m/s2 and rad/s2, ends."""
+        return np.asarray(self.to_noise[0].real @ bias)
+
+
+def sensing_response(sensors: InertialSensors, frequency: Array, h: float) -> Complex:
+    """From true base motion held over steps of ``h``, s, to the estimate at their ends, (n,), frequencies in Hz.
+
+    Bandwidth, hold between samples and latency.  What sampling folds down is left out.
+    """
+    f = np.asarray(frequency)
+    late = np.exp(-2j * np.pi * f * sensors.latency)
+    return np.asarray(sensors.accelerometer.lowpass.sampled_response(f, h) * _held(sensors, f, h) * late)
+
+
+def estimate_density(sensors: InertialSensors, frequency: Array, h: float) -> Array:
+    """Of the error of acceleration and angular acceleration, one-sided, (n, 6, 6), through the lever arms.
+
+    Noise of the sensors and, as white noise, rounding to the resolution q: q^2/12 in each sample.
+    """
+    f = np.asarray(frequency)
+    interval = sensors.sample_time or h
+    of_one = sensors.accelerometer.noise.spectrum(f) + sensors.accelerometer.resolution**2 * interval / 6.0
+    P = sensors.estimator[:6, :ACCELEROMETERS]
+    return np.asarray((of_one * np.abs(_held(sensors, f, h)) ** 2)[:, None, None] * (P @ P.T))
+
+
+def estimated_bias(sensors: InertialSensors) -> Array:
+    """Error of acceleration and angular acceleration that the constant biases make, (6,), m/s2 and rad/s2."""
+    return np.asarray(sensors.estimator[:6] @ sensors.bias)
+
+
+def line_of_sight(covariance: Array) -> float:
+    """RMS of the rotation of the line of sight, which is z of P, from the covariance (3, 3) of the rotation: rad."""
+    return float(np.sqrt(covariance[0, 0] + covariance[1, 1]))
+
+
+def with_noise(sensors: InertialSensors, density: float) -> InertialSensors:
+    """The same sensors with white noise of a density, m/s2/sqrt(Hz), alone: no drift, no rounding."""
+    kind = replace(sensors.accelerometer, noise_density=density, bias_instability=0.0, random_walk=0.0, resolution=0.0)
+    return replace(sensors, accelerometer=kind)
+
+
+def _held(sensors: InertialSensors, f: Array, h: float) -> Complex:
+    """A value that stays for a sample time, on the grid of steps: the mean of so many delays."""
+    every = round(sensors.sample_time / h) if sensors.sample_time else 1
+    return np.asarray(np.mean(np.exp(-2j * np.pi * f[:, None] * h * np.arange(max(every, 1))), axis=1))
+
+
+def _pass(G: Complex, density: Array) -> Array:
+    return np.asarray((G @ density @ np.swapaxes(G.conj(), -1, -2)).real)

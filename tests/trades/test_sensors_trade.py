@@ -1,0 +1,68 @@
+"""ps-fmu analyse sensors: the FMUs beside the closed form, the answers, the files."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ps_fmu.analyse_command import find_analyses
+from ps_fmu.paper.analysis import AnalysisOptions
+from ps_fmu.trades.sensors import ANALYSIS
+from ps_fmu.trades.sensors import analysis as sensors
+from ps_fmu.trades.sensors.results import CLASSES, CROSSOVERS
+
+SYSTEM = Path(__file__).parents[2] / "system" / "InertialSensors.ssd"
+
+
+@pytest.fixture(scope="module")
+def found(built_fmus, tmp_path_factory):
+    """The analysis with few corners and two short runs, and what it has written."""
+    output = tmp_path_factory.mktemp("sensors")
+    options = AnalysisOptions(output, built_fmus, SYSTEM, progress=False)
+    runs = {"navigation": (3.0,), "mems": (3.0,)}
+    result = sensors.analyse(options, 20.0, runs, corners=np.geomspace(0.01, 3.0, 7), points=150)
+    result.write(output)
+    return result, json.loads((output / "sensors.json").read_text()), output
+
+
+def test_it_is_found_beside_the_figures():
+    assert find_analyses()["sensors"] is ANALYSIS
+    assert list(find_analyses())[-2:] == ["paper", "sensors"]
+
+
+def test_the_fmus_are_within_the_scatter_of_the_closed_form(found):
+    """Three standard deviations of a record as long, and 2 % for what steps and sampling leave out."""
+    runs = found[1]["runs"]
+    assert len(runs) == 2
+    for run in runs:
+        assert 0.0 < run["relative_standard_deviation"] < 0.3
+        allowed = (0.02 + 3.0 * run["relative_standard_deviation"]) * run["expected_rad"]
+        assert run["measured_rad"] == pytest.approx(run["expected_rad"], abs=allowed)
+
+
+def test_a_bias_goes_where_the_closed_form_says(found):
+    """At 10 s, but for 1 % of the last value: ringing of the suspension, and the force that the bias makes at once."""
+    bias = {name: np.array(values) for name, values in found[1]["bias"].items()}
+    assert abs(bias["expected_rad"][-1]) == pytest.approx(3.36e-5, rel=0.01)
+    assert bias["measured_rad"] == pytest.approx(bias["expected_rad"], abs=3.4e-7)
+
+
+def test_the_answers(found):
+    data = found[1]
+    assert data["passive_rad"] == pytest.approx(1.72e-5, rel=0.05)  # few frequencies
+    best = {name: min(data["classes"][name]["jitter_rad, loop none"]) for name in CLASSES}
+    assert [name for name in CLASSES if best[name] < 0.95 * data["passive_rad"]] == ["seismic"]
+    looped = {name: np.array(data["classes"][name][f"jitter_rad, loop {CROSSOVERS[-1]:g} Hz"]) for name in CLASSES}
+    alone = data["loop_alone_rad"][f"{CROSSOVERS[-1]:g}"]
+    assert looped["seismic"].min() < 4e-7 < looped["navigation"].min() < alone < looped["tactical"].min()
+    # The noisier the part, the higher the corner that suits it.
+    assert looped["seismic"].argmin() < looped["navigation"].argmin()
+    text = " ".join(found[0].text)
+    assert "Better than the loop alone: seismic, navigation." in text
+
+
+def test_files(found):
+    for name in ("choice", "corners", "bias"):
+        assert (found[2] / f"sensors_{name}.png").stat().st_size > 20_000
+    assert "| 1 | - |" in (found[2] / "sensors.md").read_text()
