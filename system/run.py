@@ -52,11 +52,16 @@ def make_parser(found: Mapping[str, Scenario]) -> argparse.ArgumentParser:
         "--parameters", type=Path, nargs="+", action="extend", default=[], metavar="F.ssv",
         help="files with other values, by component.parameter; later ones win",
     )  # fmt: skip
+    p.add_argument(
+        "--apart", nargs="+", action="extend", default=[], metavar="NAME",
+        help="parameters, or beginnings of their names such as isolator.payload, that differ from the plant's on "
+        "purpose: no warning",
+    )  # fmt: skip
     system = p.add_mutually_exclusive_group()
     system.add_argument("--ssp", type=Path, metavar="FILE.ssp", help="the system with its FMUs, made by ps-fmu ssp")
     system.add_argument(
-        "--system", type=Path, default=ROOT / "system" / "SystemStructure.ssd", metavar="FILE.ssd",
-        help="the product's components and others; FMUs that build/fmus has not are found by their source",
+        "--system", type=Path, metavar="FILE.ssd",
+        help="another system than that of the scenario; FMUs that build/fmus has not are found by their source",
     )  # fmt: skip
     p.add_argument("--output", type=Path, metavar="DIR", help="folder of the results (results/SCENARIO)")
     p.add_argument("--scheme", choices=SCHEMES, default=SCHEMES[0], help="order of exchange (%(default)s)")
@@ -69,12 +74,13 @@ def read_options(scenario: Scenario, arguments: argparse.Namespace) -> RunOption
     duration, step, output = arguments.duration, arguments.step, arguments.output
     return RunOptions(
         scenario=scenario,
-        system=arguments.ssp or arguments.system,
+        system=arguments.ssp or arguments.system or ROOT / "system" / scenario.system,
         output=output if output is not None else Path("results", scenario.name),
         duration_s=duration if duration is not None else scenario.duration_s,
         step_s=step if step is not None else scenario.step_s,
         seed=arguments.seed,
         parameters=tuple(arguments.parameters),
+        apart=tuple(arguments.apart),
         scheme=arguments.scheme,
         storage_step_s=arguments.storage_step,
         fmus=None if arguments.ssp else ROOT / "build" / "fmus",

@@ -11,7 +11,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from .paper.analyse_command import add_parser as add_analyse
+from .analyse_command import add_parser as add_analyse
 from .paper.identification.identify_command import add_parser as add_identify
 from .terminal import reason, run_command
 
@@ -43,6 +43,7 @@ def parser() -> argparse.ArgumentParser:
     _add_wrap(commands)
     _add_check(commands)
     _add_ssp(commands)
+    _add_parameters(commands)
     _add_crosscheck(commands)
     add_analyse(commands)
     add_identify(commands)
@@ -196,6 +197,59 @@ def _ssp(options: argparse.Namespace) -> int:
         print(f"{options.output}  {options.output.stat().st_size / 1e3:.0f} kB")
     except (CosimError, OSError) as error:
         print(f"ps-fmu ssp: {reason(error)}", file=sys.stderr)
+        return EXIT_FAILED
+    return EXIT_OK
+
+
+def _add_parameters(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    command = commands.add_parser(
+        "parameters",
+        help="write the start values of all FMUs for one's own instrument",
+        description="Read an instrument from a TOML file in the form of paper.toml, and write the start values of all "
+        "FMUs of a system for --parameters.  With base = \"paper\" a file gives only what differs.  See "
+        "system/parameters/README.md.",
+    )
+    command.add_argument("instrument", type=Path, nargs="?", metavar="INSTRUMENT.toml")
+    command.add_argument("--output", type=Path, metavar="FILE.ssv")
+    command.add_argument(
+        "--list", action="store_true", help="write nothing; list name, start value, unit and description of all values"
+    )
+    command.add_argument("--bus", metavar="NAME", help="which [bus.NAME] (default: the file's own [bus], or else OSM)")
+    command.add_argument(
+        "--system",
+        type=Path,
+        default=Path("system/SystemStructure.ssd"),
+        metavar="FILE.ssd",
+        help="default: %(default)s",
+    )
+    command.add_argument(
+        "--fmus", type=Path, default=Path("build/fmus"), metavar="DIR", help="the built FMUs (default: %(default)s)"
+    )
+    command.add_argument("--all", action="store_true", help="write also what the FMUs start with anyway")
+    command.set_defaults(run=_parameters, refuse=command.error)
+
+
+def _parameters(options: argparse.Namespace) -> int:
+    from .cosim.errors import CosimError
+    from .interface.instrument_file import list_start_values, write_start_values
+    from .mechanism.quantities import ParameterError
+    from .slavekit.pack.build import BuildError
+
+    if options.list == (options.instrument is not None) or options.list == (options.output is not None):
+        options.refuse("expected INSTRUMENT.toml and --output FILE.ssv, or --list without them")
+    system = options.system, options.fmus
+    try:
+        lines = (
+            list_start_values(*system)
+            if options.list
+            else write_start_values(options.instrument, options.output, *system, options.bus, everything=options.all)
+        )
+        print(*lines, sep="\n")
+    except ParameterError as error:
+        print(f"ps-fmu parameters: {options.instrument}: {error}", file=sys.stderr)
+        return EXIT_FAILED
+    except (BuildError, CosimError, OSError) as error:
+        print(f"ps-fmu parameters: {reason(error)}", file=sys.stderr)
         return EXIT_FAILED
     return EXIT_OK
 

@@ -50,6 +50,23 @@ def test_cases_are_stored_and_analysed(options):
     assert (rms["active"] < 0.5 * rms["passive"]).all()
 
 
+def test_open_inputs_are_named_unless_they_are_extras_or_given(options, tmp_path, ssv):
+    """A forgotten wire to a terminal of the plant; its further forces are in none, and may stay open."""
+    text = options.system.read_text(encoding="utf-8")
+    lines = [line for line in text.splitlines() if "base_torque" not in line or "ssd:Connection " not in line]
+    other = tmp_path / "other.ssd"
+    other.write_text("\n".join(lines), encoding="utf-8")
+    torque = [f"plant.base_torque.{axis} is not connected and stays at 0.0 N.m" for axis in "xyz"]
+    target = [f"commander.target.{angle} is not connected and stays at 0.0 rad" for angle in ("roll", "pitch", "yaw")]
+    open_options = RunOptions(**vars(options) | {"system": other, "duration_s": options.step_s})
+    assert [text for text in run(open_options, passive())[2] if "not connected" in text] in (
+        torque + target, target + torque
+    )  # fmt: skip
+    given = {f"plant.base_torque.{axis}": 1.0 for axis in "xyz"} | {"commander.target.roll": 0.1}
+    given_options = RunOptions(**vars(open_options) | {"parameters": (ssv(given),), "output": tmp_path / "given"})
+    assert [text for text in run(given_options, passive())[2] if "not connected" in text] == target[1:]
+
+
 def test_the_storage_step_of_the_scenario_leaves_the_statistics_alone(options, make_options):
     _, all_rows, _ = run(options, passive())
     sparse = make_options("isolation", 0.2, step_s=2e-4)

@@ -150,6 +150,28 @@ def real_values_xml(values: Mapping[str, float]) -> bytes:
     return _text(root)
 
 
+def start_values_xml(values: Mapping[str, Parameter], about: str) -> bytes:
+    """A ``.ssv`` file for ``--parameters``: values by ``component.parameter`` with their units and notes.
+
+    ``about``: a comment for the head of the file.
+    """
+    root = Element("ssv:ParameterSet", {**_SET_SPACES, "version": "1.0", "name": PARAMETER_SET})
+    parameters = SubElement(root, "ssv:Parameters")
+    kinds = {bool: "Boolean", int: "Integer", float: "Real", str: "String"}
+    for name, entry in values.items():
+        element = SubElement(parameters, "ssv:Parameter", name=name)
+        text = str(entry.value).lower() if isinstance(entry.value, bool) else str(entry.value)
+        unit = {} if entry.unit is None else {"unit": entry.unit}
+        SubElement(element, f"ssv:{kinds[type(entry.value)]}", {"value": text, **unit})
+        if entry.notes:
+            group = SubElement(element, "ssv:Annotations")
+            for note in sorted(entry.notes):
+                SubElement(group, "ssc:Annotation", type=note)
+    head, _, rest = _text(root).partition(b"\n")
+    comment = about.replace("--", "- -").rstrip("-")  # two hyphens end a comment
+    return head + f"\n<!-- {comment} -->\n".encode() + rest
+
+
 def _unit(variable: ModelVariable, description: ModelDescription, used: dict[str, Unit]) -> dict[str, str]:
     """The attribute ``unit``, where SSP can define it (units with SI exponents); adds the unit to ``used``."""
     name = get_unit(variable)

@@ -39,6 +39,7 @@ def read_parameter_set(root: Element, path: Path) -> ParameterSet:
     values: dict[str, Value] = {}
     units: dict[str, str] = {}
     origins: dict[str, str] = {}
+    notes: dict[str, frozenset[str]] = {}
     for group in root.all("ssv:Parameters"):
         check_element(group, path)
         for parameter in group.children:
@@ -53,9 +54,12 @@ def read_parameter_set(root: Element, path: Path) -> ParameterSet:
             check_element(entry, path)
             values[name] = _read_value(entry, name, path)
             origins[name] = f"{path}, line {parameter.line}"
+            annotations = [note for group in parameter.all("ssv:Annotations") for note in group.all("ssc:Annotation")]
+            if annotations:
+                notes[name] = frozenset(note.attributes.get("type", "") for note in annotations)
             if "unit" in entry.attributes:
                 units[name] = entry.attributes["unit"]
-    return ParameterSet(values, units, origins)
+    return ParameterSet(values, units, origins, notes)
 
 
 def parse_real(text: str) -> float | None:

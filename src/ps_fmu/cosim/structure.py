@@ -47,6 +47,8 @@ class Parameter:
     value: Value
     unit: str | None
     origin: str
+    notes: frozenset[str] = frozenset()
+    """Types of the annotations at the value."""
 
 
 @dataclass(frozen=True)
@@ -79,12 +81,19 @@ class Experiment:
 
 
 class ParameterSet(Mapping[str, Value]):
-    """Values by name as read from a file, with the units that the file states."""
+    """Values by name as read from a file, with the units that the file states and the types of its annotations."""
 
-    def __init__(self, values: Mapping[str, Value], units: Mapping[str, str], origins: Mapping[str, str]) -> None:
+    def __init__(
+        self,
+        values: Mapping[str, Value],
+        units: Mapping[str, str],
+        origins: Mapping[str, str],
+        notes: Mapping[str, frozenset[str]] | None = None,
+    ) -> None:
         self._values = dict(values)
         self.units = dict(units)
         self.origins = dict(origins)
+        self.notes = dict(notes or {})
 
     def __getitem__(self, name: str) -> Value:
         return self._values[name]
@@ -98,7 +107,8 @@ class ParameterSet(Mapping[str, Value]):
     def entries(self) -> dict[str, Parameter]:
         """The same as :class:`Parameter` objects."""
         return {
-            name: Parameter(value, self.units.get(name), self.origins[name]) for name, value in self._values.items()
+            name: Parameter(value, self.units.get(name), self.origins[name], self.notes.get(name, frozenset()))
+            for name, value in self._values.items()
         }
 
 

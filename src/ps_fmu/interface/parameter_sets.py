@@ -1,23 +1,58 @@
-"""A parameter set as start values of the FMUs, by ``component.parameter``, and back."""
+"""A parameter set as start values of the four FMUs of the paper's system, by ``component.parameter``, and back.
+
+:mod:`.system_values` does so for the components of any system.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
+from typing import TypeVar
 
 from ..control.commander import Commander, is_geometric
 from ..control.isolator import Isolator
 from ..cosim import System, Value
 from ..disturbance import default_settings
 from ..mechanism.linear_model import Plant
+from ..mechanism.modes import BusMode, TrussMode
 from ..mechanism.parameters import Parameters, load
-from ..mechanism.quantities import list_entries, take_values
+from ..mechanism.quantities import ParameterError, list_entries, take_values
+
+M = TypeVar("M", BusMode, TrussMode)
 
 #: Start values of the isolator that are not of a parameter set.
 IDEAL: dict[str, Value] = {f"isolator.{name}": 0.0 for name in ("delay", "sample_time", "force_limit")}
 
 
+def fit_modes(p: Parameters) -> Parameters:
+    """The parameter set with as many modes as the FMUs hold: unused ones take the places that are left.
+
+    Raises
+    ------
+    ParameterError: more modes than the FMUs hold; the text names them and the number that fits.
+    """
+    places = load()
+    truss = _fit("payload.truss_modes", p.payload.truss_modes, places.payload.truss_modes)
+    modes = _fit("bus.modes", p.bus.modes, places.bus.modes)
+    return replace(p, payload=replace(p.payload, truss_modes=truss), bus=replace(p.bus, modes=modes))
+
+
+def _fit(name: str, modes: tuple[M, ...], places: tuple[M, ...]) -> tuple[M, ...]:
+    if len(modes) > len(places):
+        raise ParameterError(
+            name,
+            f"{len(modes)} modes, but the FMU of the plant holds {len(places)}: leave out those that matter least, "
+            "for example by their participation",
+        )
+    return modes + tuple(type(place).unused() for place in places[len(modes) :])
+
+
 def start_values(p: Parameters) -> dict[str, Value]:
-    """Start values of plant, isolator, commander and disturbance source that a parameter set states."""
+    """Start values of plant, isolator, commander and disturbance source that a parameter set states.
+
+    Modes that the set does not have are zero.  Raises ParameterError as :func:`fit_modes`.
+    """
+    p = fit_modes(p)
     components = {
         "plant": list_entries(Plant.from_parameters(p)),
         "isolator": list_entries(Isolator.from_parameters(p)),

@@ -5,7 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 
 # Parts of the package that are packed into an FMU, and the builder itself.
-_PACKED = (*(f"src/ps_fmu/{room}" for room in ("mechanism", "control", "disturbance", "interface", "slavekit")), "fmus")
+_PACKED = (
+    *(
+        f"src/ps_fmu/{room}"
+        for room in ("mechanism", "control", "disturbance", "sensors", "actuators", "interface", "slavekit")
+    ),
+    "fmus",
+)
 
 
 def list_models(root: Path) -> list[str]:

@@ -12,6 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..cosim import Column, CosimError, Event, Master, Observer, Recorder, Value
+from ..cosim.terminals import read_terminal_variables
+from .mismatch import list_mismatches
 from .options import RESULTS, RunOptions
 from .setup import RunSystem
 
@@ -116,7 +118,11 @@ def run_case(
         system.warnings.collect(),
         Master(structure, options.step_s, options.scheme, descriptions=system.descriptions) as master,
     ):
-        for text in (*_list_overruled(system, case), *_list_connected(system, master), *_list_open(master, case)):
+        texts = (
+            *_list_overruled(system, case), *_list_connected(system, master), *_list_open(system, master, case),
+            *list_mismatches(system, case.values, options.apart),
+        )  # fmt: skip
+        for text in texts:
             system.warnings.add(text)
         master.initialise()
         analysis = analyse(master.columns)
@@ -141,9 +147,19 @@ def _make_recorder(master: Master, options: RunOptions, case: Case) -> Recorder:
     )
 
 
-def _list_open(master: Master, case: Case) -> Iterator[str]:
+def _list_open(system: RunSystem, master: Master, case: Case) -> Iterator[str]:
+    """Inputs that somebody forgot: not those that are given a value, and not extras.
+
+    Extras are in none of the FMU's terminals, where it has terminals and some of its inputs are connected: further
+    forces on the plant, for example.
+    """
+    wired = {connection.target.component for connection in master.wiring.connections}
+    terminals = {c.name: read_terminal_variables(c.source) for c in system.structure.components if c.name in wired}
     for item in master.open_inputs:
-        if str(item.port) not in case.values.keys() | case.changed:
+        component, variable = item.port
+        given = variable in system.structure.component(component).parameters or str(item.port) in case.values
+        members = terminals.get(component)
+        if not given and str(item.port) not in case.changed and (members is None or variable in members):
             yield f"{item.port} is not connected and stays at {item.start} {item.unit or ''}".rstrip()
 
 

@@ -34,6 +34,7 @@ class Scenario:
     duration_s: float  # of one run
     step_s: float = 1e-4  # communication step
     storage_step_s: float = 1e-2  # between stored rows; a run of 100 s stored at each step of 1e-4 s takes 0.5 GB
+    system: str = "SystemStructure.ssd"  # name of the system description, beside run.py
 
 
 @dataclass(frozen=True)
@@ -51,6 +52,7 @@ class RunOptions:
     step_s: float = 1e-4  # communication step
     seed: int = 1
     parameters: tuple[Path, ...] = ()  # .ssv files with names component.parameter; later ones win
+    apart: tuple[str, ...] = ()  # beginnings of names component.parameter that may differ from the plant's
     scheme: str = "jacobi"
     storage_step_s: float | None = None  # time between stored rows; None: that of the scenario
     fmus: Path | None = None  # folder of the FMUs; None: beside the system, as it says

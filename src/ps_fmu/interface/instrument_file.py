@@ -1,0 +1,76 @@
+"""From the file of an instrument to a file with the start values of all FMUs of a system."""
+
+from __future__ import annotations
+
+from collections import Counter
+from pathlib import Path
+
+from ..cosim import read_system
+from ..cosim.description import get_unit, read_descriptions, read_start
+from ..cosim.ssp_xml import start_values_xml
+from ..mechanism.instrument import Instrument, read_instrument
+from ..slavekit.pack.build import find_default_fmus
+from ..slavekit.pack.files import write_atomically
+from .physics import find_physics
+from .system_values import list_settable, make_start_values
+
+
+def write_start_values(
+    source: Path, output: Path, system: Path, fmus: Path, bus: str | None = None, *, everything: bool = False
+) -> list[str]:
+    """Write the start values of a system's FMUs for an instrument as an SSV file; lines that say what was done.
+
+    Parameters
+    ----------
+    source: the TOML file, see :mod:`..mechanism.instrument`.
+    output: the SSV file.
+    system, fmus: the system description, and the folder of the built FMUs.
+    bus: name of the bus in the file.
+    everything: also values that the FMUs start with anyway.
+
+    Raises
+    ------
+    ParameterError: what the file states cannot be used.
+    CosimError, BuildError: the system, an FMU, or the sources of the FMUs cannot be used.
+    OSError: ``output`` cannot be written.
+    """
+    instrument = read_instrument(source, bus)
+    wired = read_system(system, fmus)
+    descriptions = read_descriptions(wired)
+    physics = find_physics(find_default_fmus())
+    values = make_start_values(instrument, wired, descriptions, physics, everything=everything)
+    about = f"Made from {source.name} by ps-fmu parameters for {system.name}: change that file, not this one."
+    write_atomically(output, start_values_xml(values, about))
+    counts = Counter(name.partition(".")[0] for name in values)
+    listed = ", ".join(f"{counts[component.name]} of {component.name}" for component in wired.components)
+    untold = [c.name for c in wired.components if descriptions[c.name].modelName not in physics and not counts[c.name]]
+    return [
+        f"{output}  {len(values)} values: {listed}",
+        *_describe(instrument),
+        *([f"left as they are, since [start] says nothing of them: {', '.join(untold)}"] if untold else []),
+    ]
+
+
+def list_start_values(system: Path, fmus: Path) -> list[str]:
+    """A line for each parameter and input of a system's FMUs: name, start value, unit, description.
+
+    Raises CosimError: the system or an FMU cannot be used.
+    """
+    descriptions = read_descriptions(read_system(system, fmus))
+    rows = [
+        (f"{component}.{name}", str(read_start(found)), get_unit(found) or "", found.description or "")
+        for component, description in descriptions.items()
+        for name, found in list_settable(description).items()
+    ]
+    widths = [max(len(row[column]) for row in rows) for column in range(3)]
+    return ["  ".join([*(text.ljust(width) for text, width in zip(row, widths, strict=False)), row[3]]) for row in rows]
+
+
+def _describe(instrument: Instrument) -> list[str]:
+    p = instrument.parameters
+    modes = ", ".join(f"{mode.frequency:g}" for mode in p.bus.modes if mode.active)
+    bodies = f"payload {p.payload.mass:g} kg, bus {p.bus.mass:g} kg"
+    lines = [f"{bodies}, modes of the bus: {f'{modes} Hz' if modes else 'none'}"]
+    if instrument.inherited:
+        lines.append(f"from the base: {', '.join(instrument.inherited)}")
+    return lines

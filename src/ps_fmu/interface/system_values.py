@@ -1,0 +1,160 @@
+"""Start values of all FMUs of a system from one description of the instrument, by ``component.variable``."""
+
+from __future__ import annotations
+
+import re
+import reprlib
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from fmpy.model_description import ModelDescription, ModelVariable
+
+from ..cosim import System, UsageError, Value
+from ..cosim.description import convert_value, get_unit, index_variables, read_start
+from ..cosim.structure import Parameter, suggest_names
+from ..mechanism.instrument import Instrument
+from ..mechanism.parameters import Parameters
+from ..mechanism.quantities import ParameterError, list_entries, replace_values
+from .agreement import APART, REFERENCE
+from .parameter_sets import fit_modes
+from .physics import Physics
+
+_DEEPEST = 10  # tables in tables below [start]
+
+
+def make_start_values(
+    instrument: Instrument,
+    system: System,
+    descriptions: Mapping[str, ModelDescription],
+    physics: Mapping[str, Physics],
+    *,
+    everything: bool = False,
+) -> dict[str, Parameter]:
+    """Start values that make the FMUs of a system those of an instrument, by ``component.variable``.
+
+    Values that the FMUs start with anyway are left out, unless the instrument's ``[start]`` gives them, or another FMU
+    gets a value of this name.  What an FMU is told apart from the plant carries the note :data:`.agreement.APART`.
+
+    Parameters
+    ----------
+    instrument: what the file of the instrument states.
+    system, descriptions: the system, and the model description of each of its components.
+    physics: by the name of an FMU, the function that makes its parameters from a set, see :mod:`.physics`.
+    everything: also the values that the FMUs start with.
+
+    Raises
+    ------
+    ParameterError: a mode too many, a value that is impossible, a name that does not exist; the text names it.
+    """
+    names = [component.name for component in system.components]
+    for name in instrument.start:
+        if name not in names:
+            hint = suggest_names(name, names) or f"; the system has {', '.join(names)}"
+            raise ParameterError(f"start.{reprlib.repr(name)[1:-1]}", f"no such component{hint}")
+    p = fit_modes(instrument.parameters)
+    values: dict[str, dict[str, Value]] = {}
+    given: set[str] = set()
+    for name in names:
+        variables = list_settable(descriptions[name])
+        own = dict(_flatten(instrument.start.get(name, {}), variables, f"start.{name}"))
+        make = physics.get(descriptions[name].modelName)
+        values[name] = {**({} if make is None else _list_values(make, p, own, variables, name)), **own}
+        given |= {f"{name}.{variable}" for variable in own}
+    return _select(values, descriptions, given, everything)
+
+
+def list_settable(description: ModelDescription) -> dict[str, ModelVariable]:
+    """The parameters and inputs of an FMU by name."""
+    variables = index_variables(description)
+    return {name: found for name, found in variables.items() if found.causality in ("parameter", "input")}
+
+
+def _list_values(
+    make: Physics, p: Parameters, own: Mapping[str, Value], variables: Mapping[str, ModelVariable], component: str
+) -> dict[str, Value]:
+    """What the physics of a component says, with the component's ``own`` values in it: they are checked together."""
+    try:
+        settings = make(p)
+        known = {entry.name for entry in list_entries(settings)}
+        settings = replace_values(settings, {name: value for name, value in own.items() if name in known})
+        found = {entry.name: entry.value for entry in list_entries(settings)}
+    except ParameterError as error:
+        raise ParameterError(f"{component}.{error.name}", error.problem) from None
+    if unknown := [name for name in found if name not in variables]:
+        raise ParameterError(
+            f"{component}.{unknown[0]}", "the FMU has no such parameter: build it again from its present sources"
+        )
+    return found
+
+
+def _flatten(
+    table: Any, variables: Mapping[str, ModelVariable], where: str, prefix: str = "", depth: int = 0
+) -> Iterator[tuple[str, Value]]:
+    """Name and value of each variable that the tables of a component give; a list gives the values of a vector."""
+    if not isinstance(table, dict) or depth > _DEEPEST:
+        raise ParameterError(f"{where}{prefix and '.'}{prefix}", f"expected a table, got {reprlib.repr(table)}")
+    for key, value in table.items():
+        name = f"{prefix}.{key}" if prefix else key
+        if isinstance(value, dict):
+            yield from _flatten(value, variables, where, name, depth + 1)
+        elif isinstance(value, list):
+            yield from _spread(name, value, variables, where)
+        else:
+            yield name, _convert(name, value, variables, where)
+
+
+def _spread(
+    name: str, values: list[Any], variables: Mapping[str, ModelVariable], where: str
+) -> Iterator[tuple[str, Value]]:
+    """The components of a vector, in the order of the FMU: ``name.x``, ``name.y`` or ``name_1``, ``name_2`` ..."""
+    component = re.compile(re.escape(name) + r"(\.\w+|_\d+)")
+    found = [variable for variable in variables if component.fullmatch(variable)]
+    if not found:
+        raise _unknown(name, variables, where)
+    if len(found) != len(values):
+        raise ParameterError(f"{where}.{name}", f"expected {len(found)} values ({', '.join(found)}), got {len(values)}")
+    for variable, value in zip(found, values, strict=True):
+        yield variable, _convert(variable, value, variables, where)
+
+
+def _convert(name: str, value: Any, variables: Mapping[str, ModelVariable], where: str) -> Value:
+    if name not in variables:
+        raise _unknown(name, variables, where)
+    try:
+        return convert_value(variables[name], value)
+    except (UsageError, OverflowError) as error:
+        raise ParameterError(f"{where}.{name}", str(error)) from None
+
+
+def _unknown(name: str, variables: Mapping[str, ModelVariable], where: str) -> ParameterError:
+    shown = reprlib.repr(name)[1:-1]
+    stems = {variable.rpartition(".")[0] for variable in variables} - {""}
+    hint = suggest_names(name, [*variables, *stems])
+    return ParameterError(f"{where}.{shown}", f"the FMU has no such parameter or input{hint}")
+
+
+def _select(
+    values: Mapping[str, Mapping[str, Value]],
+    descriptions: Mapping[str, ModelDescription],
+    given: set[str],
+    everything: bool,
+) -> dict[str, Parameter]:
+    indexed = {name: index_variables(description) for name, description in descriptions.items()}
+    wanted = {
+        variable
+        for name, found in values.items()
+        for variable, value in found.items()
+        if everything or f"{name}.{variable}" in given or value != read_start(indexed[name][variable])
+    }
+    truth = values.get(REFERENCE, {})
+    return {
+        f"{name}.{variable}": Parameter(
+            value,
+            get_unit(indexed[name][variable]),
+            "the file of the instrument",
+            frozenset({APART} if variable in truth and value != truth[variable] else ()),
+        )
+        for name, found in values.items()
+        for variable, value in found.items()
+        if variable in wanted
+    }

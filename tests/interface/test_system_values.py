@@ -1,0 +1,228 @@
+"""Start values of all FMUs of a system from the file of one instrument: `ps-fmu parameters`."""
+
+import xml.etree.ElementTree as ET
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from fmpy.ssp.ssd import validate_tree
+from lxml import etree
+from support.models import COMPONENTS, FMUS, MODELS
+
+from ps_fmu.cli import main
+from ps_fmu.cosim import Master, read_parameters, read_system
+from ps_fmu.cosim.description import index_variables, read_descriptions, read_start
+from ps_fmu.interface.agreement import APART
+from ps_fmu.interface.parameter_sets import differences, fit_modes
+from ps_fmu.interface.physics import BuildError, find_physics, import_slave
+from ps_fmu.interface.system_values import make_start_values
+from ps_fmu.mechanism.instrument import Instrument, read_instrument
+from ps_fmu.mechanism.parameters import PAPER, load
+from ps_fmu.mechanism.quantities import ParameterError, list_entries
+
+SYSTEM = Path(__file__).parents[2] / "system"
+EXAMPLE = SYSTEM / "parameters" / "small_satellite.toml"
+WIRED = SYSTEM / "SystemStructure.ssd"
+
+
+@pytest.fixture(scope="module")
+def physics():
+    return find_physics(FMUS)
+
+
+@pytest.fixture(scope="module")
+def system(built_fmus):
+    wired = read_system(WIRED, built_fmus)
+    return wired, read_descriptions(wired)
+
+
+@pytest.fixture
+def write(tmp_path, built_fmus):
+    """Runs the command on a text; its exit code, and the path of the file that it writes."""
+
+    def write(text, *options, system=WIRED):
+        source, output = tmp_path / "mine.toml", tmp_path / "mine.ssv"
+        source.write_text(text, encoding="utf-8")
+        arguments = [str(source), "--output", str(output), "--system", str(system), "--fmus", str(built_fmus)]
+        return main(["parameters", *arguments, *options]), output
+
+    return write
+
+
+def test_the_physics_of_the_fmus_is_what_they_start_with(physics, built_fmus):
+    """Each slave that states a physics has all its scalars as parameters, with the values of paper.toml."""
+    assert set(COMPONENTS.values()) <= set(physics) <= set(MODELS)
+    from fmpy import read_model_description
+
+    for model, make in physics.items():
+        variables = index_variables(read_model_description(built_fmus / f"{model}.fmu"))
+        for entry in list_entries(make(load())):
+            assert read_start(variables[entry.name]) == entry.value, f"{model} {entry.name}"
+
+
+def test_what_knows_the_plant_states_its_physics(physics, built_fmus):
+    """An FMU with parameters of the plant has them from the mechanism: ps-fmu parameters has to reach them."""
+    from fmpy import read_model_description
+
+    def list_quantities(model):
+        found = read_model_description(built_fmus / f"{model}.fmu").modelVariables
+        return {(v.name, v.unit) for v in found if v.causality == "parameter" and v.type == "Real"}
+
+    of_plant = list_quantities("ManipulatorPlant")
+    assert {model: list_quantities(model) & of_plant for model in MODELS if model not in physics} == {
+        model: set() for model in MODELS if model not in physics
+    }
+
+
+def test_the_paper_itself_changes_nothing(physics, system):
+    values = make_start_values(read_instrument(PAPER), *system, physics)
+    assert values == {}
+    values = make_start_values(read_instrument(PAPER), *system, physics, everything=True)
+    assert values["plant.payload.mass"].value == 14.89
+    assert {name for name, entry in values.items() if entry.notes} == {f"isolator.payload.com.{axis}" for axis in "xyz"}
+
+
+def test_one_value_reaches_every_fmu_that_knows_it(write, capsys):
+    code, path = write('base = "paper"\n[payload]\nmass = 20.0\n[bus]\nbase = "OSM"\ncom_B = [0.1, 0.0, -2.0]')
+    assert code == 0
+    found = read_parameters(path)
+    wheels = {f"disturbance.wheel_{i}.position.x": 0.1 for i in range(1, 5)}
+    expected = {"plant.payload.mass": 20.0, "isolator.payload.mass": 20.0, "plant.bus.com.x": 0.1}
+    assert dict(found) == expected | {"disturbance.bus.com.x": 0.1} | wheels
+    assert found.units["plant.bus.com.x"] == "m"
+    assert "8 values: 5 of disturbance, 0 of commander, 2 of plant, 1 of isolator" in capsys.readouterr().out
+
+
+def test_modes_that_nobody_needs_are_zero(write):
+    bus = "mass = 300.0\ncom_B = [0, 0, -2.0]\ninertia_B = [[90, 0, 0], [0, 90, 0], [0, 0, 80]]\n"
+    code, path = write(f'base = "paper"\n[payload]\ntruss_modes = []\n[bus]\n{bus}')
+    assert code == 0
+    found = read_parameters(path)
+    for i in range(1, 7):
+        assert found[f"plant.bus.mode_{i}.frequency"] == 0.0
+    assert found["plant.bus.mode_1.participation.tx"] == found["plant.payload.truss_mode_2.mass"] == 0.0
+
+
+def test_more_modes_than_the_fmu_holds_are_refused(write, capsys):
+    one = "frequency = 1.0\ndamping_ratio = 0.0\nparticipation_B = [1, 0, 0, 0, 0, 0]\n"
+    code, path = write('base = "paper"\n[bus]\nbase = "OSM"\n' + f"[[bus.modes]]\n{one}" * 7)
+    assert (code, path.exists()) == (1, False)
+    assert "mine.toml: bus.modes: 7 modes, but the FMU of the plant holds 6: leave out" in capsys.readouterr().err
+    p = load()
+    many = replace(p, payload=replace(p.payload, truss_modes=p.payload.truss_modes + p.payload.truss_modes[:1]))
+    with pytest.raises(ParameterError, match=r"payload\.truss_modes: 3 modes, but the FMU of the plant holds 2"):
+        fit_modes(many)
+
+
+def test_fewer_modes_are_not_filled_up_with_those_of_the_paper():
+    p = load()
+    found = differences(replace(p, bus=replace(p.bus, modes=p.bus.modes[:4])))
+    assert {name for name in found if name.endswith("frequency")} == {f"plant.bus.mode_{i}.frequency" for i in (5, 6)}
+    assert set(found.values()) == {0.0}
+
+
+def test_values_of_single_fmus(write):
+    code, path = write(
+        'base = "paper"\n[start.disturbance]\nnoise.enabled = false\nrecording.path = "a.csv"\n'
+        "wheel_2 = { enabled = true, spin_axis = [1, 0.5, 0], ramp_start = 3 }\n"
+        "[start.commander]\ntarget = [0.1, 0, 0]\n[start.plant]\nfine_force = [1, 2, 3]\n"
+    )
+    assert code == 0
+    expected = {
+        "disturbance.noise.enabled": False, "disturbance.recording.path": "a.csv", "disturbance.wheel_2.enabled": True,
+        "disturbance.wheel_2.spin_axis.x": 1.0, "disturbance.wheel_2.spin_axis.y": 0.5,
+        "disturbance.wheel_2.spin_axis.z": 0.0, "disturbance.wheel_2.ramp_start": 3.0, "commander.target.roll": 0.1,
+        "commander.target.pitch": 0.0, "commander.target.yaw": 0.0, "plant.fine_force_1": 1.0,
+        "plant.fine_force_2": 2.0, "plant.fine_force_3": 3.0,
+    }  # fmt: skip
+    assert dict(read_parameters(path)) == expected
+
+
+def test_what_is_set_apart_is_marked(write):
+    text = 'base = "paper"\n[payload]\ncom_P = [0, 0, 0.2]\n[isolator]\nknown_com_P = [0, 0.001, 0.2]\n'
+    _, path = write(text + "[start.isolator]\npayload.mass = 14.0\n")
+    notes = read_parameters(path).notes
+    assert notes == dict.fromkeys(["isolator.payload.mass", "isolator.payload.com.y"], frozenset({APART}))
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        ("[start.isolater]\ndelay = 1.0", "start.isolater: no such component; did you mean isolator?"),
+        ("[start.isolator]\ndelai = 1.0", ".delai: the FMU has no such parameter or input; did you mean delay"),
+        ("[start.isolator]\ndelay = -1.0", "start.isolator.delay: -1.0 is outside [0.0, inf]"),
+        ("[start.isolator]\ndelay = '1 ms'", "start.isolator.delay: expected a value of type Real, got '1 ms'"),
+        ("[start.isolator]\ndelay = inf", "start.isolator.delay: expected a finite number, got inf"),
+        ("[start.isolator]\nsaturated = true", "start.isolator.saturated: the FMU has no such parameter or input"),
+        ("[start.isolator]\ndelay = [1.0]", "start.isolator.delay: the FMU has no such parameter or input"),
+        ("[start.isolator.payload]\ncom = [1.0]", "payload.com: expected 3 values (payload.com.x, payload.com.y, payl"),
+        ("[start.isolator]\nfilters.lowpass_order = 8", "isolator.filters.lowpass_order: expected an odd whole number"),
+        ("[start]\nisolator = 3", "start.isolator: expected a table, got 3"),
+        (f"[start.isolator]\n{'.'.join('a' * 60)} = 1", "expected a table"),
+        ("[start.plant]\nbus.mode_1.participation = [200, 0, 0, 0, 0, 0]", "plant.bus.mode_1.participation: too large"),
+    ],
+)
+def test_start_values_that_cannot_be_used(write, capsys, text, problem):
+    code, path = write(f'base = "paper"\n{text}')
+    assert (code, path.exists()) == (1, False)
+    assert problem in capsys.readouterr().err
+
+
+def test_components_that_are_in_the_system_are_served(write, tmp_path):
+    """Another name, a second one of a kind, one that is not there; nothing is listed anywhere else."""
+    tree = ET.parse(WIRED)
+    root = tree.getroot()
+    elements, connections = root.find(".//{*}Elements"), root.find(".//{*}Connections")
+    for component in elements:
+        if component.get("name") == "isolator":
+            component.set("name", "second")
+        elif component.get("name") == "commander":
+            gone = component
+    elements.remove(gone)
+    for connection in list(connections):
+        connections.remove(connection)
+    tree.write(tmp_path / "other.ssd")
+    text = 'base = "paper"\n[payload]\nmass = 20.0\n[start.second]\ndelay = 0.1'
+    code, path = write(text, system=tmp_path / "other.ssd")
+    assert code == 0
+    assert dict(read_parameters(path)) == {
+        "plant.payload.mass": 20.0, "second.payload.mass": 20.0, "second.delay": 0.1
+    }  # fmt: skip
+
+
+def test_the_example_arrives_in_the_fmus(write, built_fmus):
+    code, path = write(EXAMPLE.read_text(encoding="utf-8"))
+    assert code == 0
+    validate_tree(etree.parse(path).getroot(), "SystemStructureParameterValues.xsd")
+    given = read_parameters(path)
+    with Master(read_system(WIRED, built_fmus).with_parameters(given)) as master:
+        master.initialise()
+        assert {name: master.get(name) for name in given} == dict(given)
+    p = read_instrument(EXAMPLE).parameters
+    assert given["plant.bus.mode_6.participation.ry"] == p.bus.modes[5].participation_B[4]
+    np.testing.assert_allclose(given["plant.bus.mass"], 300.0)
+
+
+def test_a_slave_that_cannot_be_imported_is_named(tmp_path):
+    for name, text in (("broken", "import nothing_of_this_name"), ("hollow", "")):
+        folder = tmp_path / name
+        folder.mkdir()
+        (folder / f"{name}.py").write_text(text)
+        with pytest.raises(BuildError, match=rf"{name}\.py: "):
+            import_slave(folder)
+
+
+def test_a_physics_that_the_fmu_does_not_have_yet(system, physics):
+    """Sources that are newer than the FMUs."""
+    instrument = Instrument(load(), {}, ())
+    with pytest.raises(ParameterError, match=r"commander\.coarse_leg_1\.lower\.mass: .* build it again"):
+        make_start_values(instrument, *system, {**physics, "PointingCommander": physics["FeedforwardIsolator"]})
+
+
+def test_what_can_be_set_is_listed(built_fmus, capsys):
+    assert main(["parameters", "--list", "--system", str(WIRED), "--fmus", str(built_fmus)]) == 0
+    lines = [line.split(maxsplit=3) for line in capsys.readouterr().out.splitlines()]
+    assert ["plant.payload.mass", "14.89", "kg", "Mass of payload and platform, truss included"] in lines
+    assert {line[0].partition(".")[0] for line in lines} == set(COMPONENTS)
+    assert main(["parameters", "--list", "a.toml"]) == main(["parameters", "a.toml"]) == 2
