@@ -15,6 +15,7 @@ from c_host import slave_class
 
 from ps_fmu.cosim import System
 from ps_fmu.cosim.structure import Component
+from ps_fmu.slavekit.author.ahead import finish
 from ps_fmu.slavekit.author.core import store_by_columns
 from ps_fmu.slavekit.author.slave import Slave
 from ps_fmu.slavekit.launcher.c_program import Program, Target
@@ -24,14 +25,14 @@ PLATFORM = "linux64"
 MODEL = Program(
     "model",
     Path(__file__).parent,
-    sources=("model.c", "refused.c", str(LAUNCHER.folder / "kernel.c")),
+    sources=("model.c", "refused.c", str(LAUNCHER.folder / "kernel.c"), str(LAUNCHER.folder / "elements.c")),
     headers=(),
     targets={
         PLATFORM: Target(
             LAUNCHER.targets[PLATFORM].zig,
             "model.so",
             (*LAUNCHER.targets[PLATFORM].flags, f"-I{LAUNCHER.folder}", "-fvisibility=default"),
-            (),
+            ("-lm",),
         )
     },
 )
@@ -76,10 +77,10 @@ def _numbers(slave: Slave, step: float, rows: int) -> bytes:
     data = slave._buffer.data.copy()
     slave.do_step(0.0, step)
     data[layout.a] = slave.a  # what an event before the first step may have set
-    source, target = data[layout.source], data[layout.target]
+    target = data[layout.target]
     if slave.block_rows:
-        table, matrix = slave.rows(0.0, step, rows), np.zeros((0, 8 * -(-target.size // 8)))
+        table, matrix = finish(slave.rows(0.0, step, rows)), np.zeros((0, 8 * -(-target.size // 8)))
     else:
         table, matrix = np.zeros((0, target.size)), store_by_columns(slave.step_map(step))
-    sizes = [data.size, layout.source.start, source.size, layout.target.start, target.size, matrix.shape[1], len(table)]
+    sizes = [data.size, layout.source.start, len(matrix), layout.target.start, target.size, matrix.shape[1], len(table)]
     return np.array(sizes, dtype=np.int64).tobytes() + data.tobytes() + matrix.tobytes() + table.tobytes()

@@ -23,9 +23,10 @@ from ps_fmu.disturbance import Disturbance, default_settings
 from ps_fmu.mechanism.discretisation import zero_order_hold
 from ps_fmu.mechanism.dynamics import Pose
 from ps_fmu.mechanism.inverse_kinematics import inverse_kinematics
-from ps_fmu.mechanism.linear_model import N_INPUTS, N_LOADS, Plant
+from ps_fmu.mechanism.linear_model import Plant
 from ps_fmu.mechanism.parameters import load
 from ps_fmu.mechanism.rotations import rotation_matrix
+from ps_fmu.mechanism.signals import N_INPUTS, N_LOADS
 
 Array = NDArray[np.float64]
 

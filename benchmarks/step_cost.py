@@ -20,6 +20,7 @@ from typing import Any
 
 import c_host
 import numpy as np
+import step_times
 from c_fmus import build_c_fmus
 from calls import measure_each_fmu, measure_fmpy_lists
 from contenders import Contender, CoSimulation, StockFmus, Textbook
@@ -34,6 +35,7 @@ from ps_fmu.runs.built_fmus import ensure_built
 
 ROOT = Path(__file__).resolve().parents[1]
 SSD = ROOT / "system" / "SystemStructure.ssd"
+ALL_FMUS = ROOT / "system" / "LineOfSight.ssd"
 STEP = 1e-4  # s
 STEPS = 8000  # a round; the disturbance source makes two tables in it
 MOST_OF_OTHERS = 8
@@ -56,6 +58,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     ensure_built(fmus, ROOT)
     with tempfile.TemporaryDirectory(prefix="ps_fmu_bench_") as folder:
         result = measure(read_system(SSD, fmus), arguments.rounds, Path(folder))
+    result["all_fmus_to_four"] = compare_systems(read_system(ALL_FMUS, fmus), read_system(SSD, fmus), arguments.rounds)
+    result["us_per_single_step"] = step_times.measure(fmus, repeats=min(arguments.rounds, step_times.REPEATS))
     result |= {"python": platform.python_version(), "numpy": np.__version__, "machine": platform.machine()}
     print(report(result))
     if arguments.output is not None:
@@ -105,6 +109,15 @@ def measure(system: System, rounds: int, folder: Path) -> dict[str, Any]:
         "us_per_call_in_c_host": c_host.measure(system.component("plant").source.parent),
         "us_per_fmpy_call_of_30_reals": dict(zip(("stock", "ours"), map(measure_fmpy_lists, probes), strict=True)),
     }
+
+
+def compare_systems(system: System, other: System, rounds: int) -> float:
+    """Cost of a step of a system over that of another one, by their medians."""
+    pair: dict[str, Contender] = {"one": CoSimulation(system, STEP, STEPS), "other": CoSimulation(other, STEP, STEPS)}
+    costs = take_turns(pair, rounds)
+    for contender in pair.values():
+        contender.close()
+    return median(costs["one"]) / median(costs["other"])
 
 
 def take_turns(contenders: Mapping[str, Contender], rounds: int) -> dict[str, list[float]]:

@@ -1,0 +1,95 @@
+/* How long each single step of an FMU takes, in a host written in C.
+
+   step_times LIBRARY RESOURCES GUID STEP STEPS PARAMETERS INPUTS
+
+   RESOURCES is a URI, STEP is in s.  PARAMETERS are "reference:value" with blanks between them, INPUTS are
+   "reference:value:slope": before step k, value + k slope is set.  All are Reals.  Writes one double for each step: the
+   processor time of fmi2SetReal and fmi2DoStep together, in us.  What other processes do is not in it. */
+#include <dlfcn.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <time.h>
+#include <unistd.h>
+
+#include "fmi2FunctionTypes.h"
+
+#define FUNCTIONS(X)                                                                                                   \
+    X(Instantiate) X(SetupExperiment) X(EnterInitializationMode) X(ExitInitializationMode) X(DoStep) X(SetReal)
+
+#define POINTER(name) static fmi2##name##TYPE *fmi2##name;
+FUNCTIONS(POINTER)
+#undef POINTER
+
+enum { MOST = 64 };
+
+static void fail(const char *what)
+{
+    fprintf(stderr, "step_times: %s\n", what);
+    _exit(1);
+}
+
+#define EXPECT(condition) ((condition) ? (void)0 : fail(#condition))
+
+static void log_message(fmi2ComponentEnvironment environment, fmi2String name, fmi2Status status, fmi2String category,
+                        fmi2String message, ...)
+{
+    (void)environment, (void)status, (void)category;
+    va_list arguments;
+    va_start(arguments, message);
+    fprintf(stderr, "%s: ", name);
+    vfprintf(stderr, message, arguments);
+    fputc('\n', stderr);
+    va_end(arguments);
+}
+
+static const fmi2CallbackFunctions callbacks = {log_message, calloc, free, NULL, NULL};
+
+static double now(void)
+{
+    struct timespec time;
+    clock_gettime(CLOCK_THREAD_CPUTIME_ID, &time);
+    return (double)time.tv_sec * 1e6 + (double)time.tv_nsec * 1e-3;
+}
+
+int main(int argc, char **argv)
+{
+    EXPECT(argc == 8);
+    double step = atof(argv[4]);
+    long steps = atol(argv[5]);
+    int used;
+    fmi2ValueReference references[MOST], parameter;
+    double first[MOST], slope[MOST], values[MOST], value;
+    size_t n = 0;
+
+    void *library = dlopen(argv[1], RTLD_NOW | RTLD_LOCAL);
+    if (library == NULL)
+        fail(dlerror());
+#define LOAD(name) EXPECT((*(void **)&fmi2##name = dlsym(library, "fmi2" #name)) != NULL);
+    FUNCTIONS(LOAD)
+#undef LOAD
+    fmi2Component instance = fmi2Instantiate("step_times", fmi2CoSimulation, argv[3], argv[2], &callbacks, 0, 1);
+    EXPECT(instance != NULL);
+    for (const char *text = argv[6]; sscanf(text, "%u:%lf%n", &parameter, &value, &used) == 2; text += used)
+        EXPECT(fmi2SetReal(instance, &parameter, 1, &value) == fmi2OK);
+    for (const char *text = argv[7];
+         n < MOST && sscanf(text, "%u:%lf:%lf%n", &references[n], &first[n], &slope[n], &used) == 3; text += used)
+        n++;
+    EXPECT(fmi2SetupExperiment(instance, 0, 0.0, 0.0, 0, 0.0) == fmi2OK);
+    EXPECT(fmi2EnterInitializationMode(instance) == fmi2OK);
+    EXPECT(fmi2ExitInitializationMode(instance) == fmi2OK);
+
+    double *costs = calloc((size_t)steps, sizeof *costs);
+    EXPECT(costs != NULL);
+    for (long k = 0; k < steps; k++) {
+        for (size_t i = 0; i < n; i++)
+            values[i] = first[i] + (double)k * slope[i];
+        double begin = now();
+        EXPECT(fmi2SetReal(instance, references, n, values) == fmi2OK);
+        EXPECT(fmi2DoStep(instance, (double)k * step, step, fmi2True) == fmi2OK);
+        costs[k] = now() - begin;
+    }
+    EXPECT(fwrite(costs, sizeof *costs, (size_t)steps, stdout) == (size_t)steps);
+    fflush(stdout);
+    _exit(0);
+}

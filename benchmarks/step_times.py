@@ -1,0 +1,106 @@
+"""How long single steps take: the mean of runs in which Python would be asked in each step, and the longest step.
+
+Each run is made several times.  The same step does the same work in each of them, so its least time is its own, without
+what the machine does beside it.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import tempfile
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from fmpy import extract, read_model_description
+from numpy.typing import NDArray
+
+from ps_fmu.slavekit.launcher.c_program import Program, Target
+
+HERE = Path(__file__).resolve().parent
+PROGRAM = Program(
+    "step_times",
+    HERE,
+    ("step_times.c",),
+    (),
+    {"linux64": Target("x86_64-linux-gnu.2.17", "step_times", ("-D_GNU_SOURCE",), ("-ldl",))},
+)
+STEP = 1e-4  # s
+LEFT_OUT = 100  # first steps, in which maps and first tables are made
+REPEATS = 5
+
+
+@dataclass(frozen=True)
+class Run:
+    """An FMU by itself."""
+
+    model: str
+    steps: int
+    parameters: Mapping[str, float] = field(default_factory=dict)
+    inputs: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    """Name -> value at the start and slope a step."""
+
+
+_SHAKEN = {f"base_acceleration.{axis}": (1e-3, 1e-6) for axis in "xyz"}  # m/s2
+RUNS = {
+    "isolator": Run("FeedforwardIsolator", 20_000, inputs=_SHAKEN),
+    "isolator, delay": Run("FeedforwardIsolator", 20_000, {"delay": 2e-3}, _SHAKEN),
+    "isolator, delay and sampling": Run("FeedforwardIsolator", 20_000, {"delay": 2e-3, "sample_time": 5e-4}, _SHAKEN),
+    # 4 deg in 2 s
+    "isolator, slew": Run("FeedforwardIsolator", 20_000, {}, _SHAKEN | {"orientation.roll": (0.0, 3.5e-6)}),
+    "disturbance": Run("DisturbanceSource", 120_000),
+}
+
+
+def measure(fmus: Path, runs: Mapping[str, Run] = RUNS, repeats: int = REPEATS) -> dict[str, dict[str, float]]:
+    """Run -> mean, 99.9 % and longest of its steps after the first 100, us."""
+    with tempfile.TemporaryDirectory(prefix="ps_fmu_bench_") as temporary:
+        folder = Path(temporary)
+        program = folder / "step_times"
+        program.write_bytes(PROGRAM.compiled("linux64"))
+        program.chmod(0o700)
+        found = {}
+        for name, run in runs.items():
+            times = _measure_steps(program, fmus / f"{run.model}.fmu", run, folder, repeats)[LEFT_OUT:]
+            found[name] = {
+                "mean": float(times.mean()),
+                "99.9 %": float(np.quantile(times, 0.999)),
+                "longest": float(times.max()),
+            }
+    return found
+
+
+def report(found: Mapping[str, Mapping[str, float]]) -> str:
+    """The figures as text."""
+    lines = [f"us per step in a C host        {'mean':>12}{'99.9 %':>12}{'longest':>12}"]
+    lines += [f"  {name:<29}" + "".join(f"{value:>12.2f}" for value in row.values()) for name, row in found.items()]
+    return "\n".join(lines)
+
+
+def _measure_steps(program: Path, fmu: Path, run: Run, temporary: Path, repeats: int) -> NDArray[np.float64]:
+    """us of each step, the least of all repeats."""
+    folder = temporary / fmu.stem
+    if not folder.exists():
+        extract(str(fmu), unzipdir=str(folder))
+    description = read_model_description(str(folder))
+    references: dict[str, Any] = {v.name: v.valueReference for v in description.modelVariables}
+    model = description.coSimulation.modelIdentifier
+    command = [str(program), str(folder / "binaries" / "linux64" / f"{model}.so"), (folder / "resources").as_uri()]
+    command += [description.guid, repr(STEP), str(run.steps)]
+    command += [" ".join(f"{references[name]}:{value!r}" for name, value in run.parameters.items())]
+    command += [" ".join(f"{references[name]}:{first!r}:{slope!r}" for name, (first, slope) in run.inputs.items())]
+    least = np.full(run.steps, np.inf)
+    for _ in range(repeats):
+        environment = {"PS_FMU_PYTHON": sys.executable, "OMP_NUM_THREADS": "1"}
+        made = subprocess.run(command, env=environment, capture_output=True, check=False)
+        if made.returncode != 0:
+            raise RuntimeError(f"{fmu.name} in the C host ended with {made.returncode}:\n{made.stderr.decode()}")
+        least = np.minimum(least, np.frombuffer(made.stdout, dtype=np.float64))
+    return least
+
+
+if __name__ == "__main__":
+    print(report(measure(HERE.parent / "build" / "fmus")))
