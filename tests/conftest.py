@@ -73,7 +73,10 @@ def make_options(built_fmus, tmp_path):
     def make(scenario, duration_s, **others):
         made.append(scenario)
         output = tmp_path / f"out_{len(made)}"
-        options = RunOptions(found[scenario], SYSTEM, output, duration_s, fmus=built_fmus, progress=False, **others)
+        options = RunOptions(
+            found[scenario], SYSTEM.with_name(found[scenario].system), output, duration_s, fmus=built_fmus,
+            progress=False, **others,
+        )  # fmt: skip
         return options.claim_output()
 
     return make

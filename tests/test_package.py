@@ -12,11 +12,13 @@ MODULES = sorted(PACKAGE.rglob("*.py"))
 SOURCES = MODULES + sorted((ROOT / "fmus").rglob("*.py")) + sorted((ROOT / "system").rglob("*.py"))
 
 # What each room may import of the others.
-PHYSICS = {"mechanism", "control", "disturbance"}
+PHYSICS = {"mechanism", "control", "disturbance", "sensors", "actuators"}
 MAY_IMPORT = {
     "mechanism": set(),
     "control": {"mechanism"},
     "disturbance": {"mechanism"},
+    "sensors": {"mechanism"},
+    "actuators": {"mechanism"},
     "theory": PHYSICS,
     "slavekit": set(),
     "interface": {*PHYSICS, "cosim", "slavekit"},
@@ -24,8 +26,9 @@ MAY_IMPORT = {
     "fmucheck": {"cosim", "slavekit"},
     "pointing": set(),
     "results": {"pointing", "slavekit"},
-    "runs": {*PHYSICS, "interface", "cosim", "pointing", "results", "slavekit"},
+    "runs": {*PHYSICS, "theory", "interface", "cosim", "pointing", "results", "slavekit"},
     "paper": {*PHYSICS, "theory", "interface", "cosim", "pointing", "results", "runs", "slavekit"},
+    "trades": {*PHYSICS, "theory", "interface", "cosim", "results", "runs", "paper"},
 }
 
 # The calls of FMI 2.0: the standard says what they do.

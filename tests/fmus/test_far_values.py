@@ -31,7 +31,14 @@ def outcome(model, reference, value, before):
 @pytest.mark.filterwarnings("error::RuntimeWarning")  # numpy's would tell a user nothing
 @pytest.mark.parametrize(
     ("folder", "every"),
-    [("feedforward_isolator", 1), ("pointing_commander", 1), ("manipulator_plant", 2), ("disturbance_source", 7)],
+    [
+        ("feedforward_isolator", 1),
+        ("pointing_commander", 1),
+        ("manipulator_plant", 2),
+        ("disturbance_source", 7),
+        ("inertial_sensors", 9),
+        ("voice_coils", 1),
+    ],
 )
 @pytest.mark.parametrize("value", [1e300, 1e30, -1e12, 1e-300])
 def test_each_of_them(folder, every, value):
@@ -50,7 +57,10 @@ def test_each_of_them(folder, every, value):
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
 @settings(max_examples=40)
 @given(clocks(), numbers())
-@pytest.mark.parametrize("folder", ["feedforward_isolator", "pointing_commander", "manipulator_plant"])
+@pytest.mark.parametrize(
+    "folder",
+    ["feedforward_isolator", "pointing_commander", "manipulator_plant", "inertial_sensors", "voice_coils"],
+)
 def test_states_that_someone_made_up_are_refused_or_gone_on_from(folder, clock, changes):
     host = Host(folder).run_mode()
     host.step(H, 5)

@@ -21,6 +21,7 @@ SETTINGS = [
     ("feedforward_isolator", {"sample_time": 2e-4, "delay": 3e-4, "force_limit": 0.05}),  # with finish_step
     ("disturbance_source", {}),
     ("disturbance_source", {"noise__multisine": True}),
+    ("inertial_sensors", {"sample_time": 2e-4, "latency": 3e-4}),
 ]
 H = 1e-4  # s
 

@@ -104,7 +104,8 @@ def test_each_fmu_alone(unpacked, case: str, alternating: bool) -> None:
     native_steps, python_steps = native.steps()
     assert native_steps + python_steps == k + 1
     if not alternating and inputs in (shaking, nothing):
-        assert python_steps <= 5  # the first one, and tables of 16, 64, 256, 1024 and 4096 rows
+        # The first one; the disturbance makes tables of 16, 64, 256, 1024 and 4096 rows in parts.
+        assert python_steps <= (300 if name == "disturbance" else 1)
     native.free()
 
 

@@ -15,7 +15,7 @@
     X(GetIntegerStatus) X(GetStringStatus) X(CancelStep) X(GetDirectionalDerivative) X(SetRealInputDerivatives)        \
     X(GetRealOutputDerivatives)
 
-enum { MOST = 64 };
+enum { MOST = 128 };
 
 typedef struct {
     char library[1024], uri[1024], guid[128];

@@ -23,6 +23,7 @@ from hypothesis import HealthCheck, given, settings
 from support.fmi_calls.caller import OK, Caller
 from support.fmi_calls.sequences import Step, sequences
 from support.fmi_calls.session import Session
+from support.host import unpack
 from support.models import COMPONENTS, MODELS, slave_class
 
 CALLS = int(os.environ.get("PS_FMU_CALLS", "2500"))
@@ -124,6 +125,13 @@ def test_any_sequence_of_calls(oscillator):
 def test_any_sequence_of_calls_to_the_components(calls_program, unpacked, component):
     slave = slave_class(MODELS[COMPONENTS[component]])
     Fmu(calls_program, unpacked[component], slave).run_many(FEWER if component == "disturbance" else CALLS)
+
+
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")
+@pytest.mark.parametrize("model", [model for model in MODELS if model not in COMPONENTS.values()])
+def test_any_sequence_of_calls_to_the_other_fmus(calls_program, built_fmus, tmp_path, model):
+    folder = unpack(built_fmus / f"{model}.fmu", tmp_path / model)
+    Fmu(calls_program, folder, slave_class(MODELS[model])).run_many(CALLS // 5)
 
 
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")

@@ -51,6 +51,10 @@ _ALL = (
 IMPORTERS = {importer.name: importer for importer in _ALL}
 PINOCCHIO = Importer("Pinocchio", "pin", "the multibody prototype that the plant is compared with", "make verify")
 """Not an importer, but it may be missing likewise."""
+BASILISK = Importer(
+    "Basilisk", "bsk", "the manipulator on a simulated spacecraft", "make basilisk", ROOT / ".venv-basilisk"
+)
+"""Another one that may be missing."""
 
 wanted: dict[str, Importer] = {}
 """Those that tests of this process have asked for."""
@@ -69,6 +73,14 @@ def needs_pinocchio() -> None:
     wanted[PINOCCHIO.name] = PINOCCHIO
     if PINOCCHIO.version is None:
         pytest.skip(f"{PINOCCHIO.name} is not installed: {PINOCCHIO.install}")
+
+
+def python_with_basilisk() -> Path:
+    """The Python that has Basilisk.  Skips the test if there is none; the end of the test run then says so."""
+    wanted[BASILISK.name] = BASILISK
+    if BASILISK.version is None:
+        pytest.skip(f"{BASILISK.name} is not installed: {BASILISK.install}")
+    return BASILISK.interpreter
 
 
 def summary() -> list[str]:

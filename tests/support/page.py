@@ -14,7 +14,7 @@ def write_example(folder: Path, *changes: tuple[str, str]) -> Path:
     """Write the slave and its helper module into a new folder, with some texts replaced; the slave's path."""
     folder.mkdir(parents=True)
     blocks = re.findall(r"```python\n(.*?)```", PAGE.read_text(), re.DOTALL)
-    for name, text in zip(("tank.py", "valve.py"), blocks, strict=True):
+    for name, text in zip(("tank.py", "valve.py"), blocks[:2], strict=True):
         for old, new in changes:
             text = text.replace(old, new)
         (folder / name).write_text(text)

@@ -1,11 +1,14 @@
-"""Each FMU alone and all four wired, in tools of other makers: the numbers of FMPy's calls."""
+"""Each FMU alone and the four of the default system wired, in tools of other makers: the numbers of FMPy's calls."""
 
 import random
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
 from support.importers import interpreter_with
 from support.jobs import Job, Results, assert_same, reference, run_job, without_booleans
+from support.models import COMPONENTS as DEFAULT
+from support.models import MODELS
 
 from ps_fmu.cosim import System, read_system
 from ps_fmu.cosim.description import index_variables, read_description
@@ -19,17 +22,12 @@ START = {
     "commander": ("min_duration", 5.0),  # s
     "plant": ("payload.mass", 40.0),  # kg
     "isolator": ("payload.mass", 40.0),  # kg
+    "VoiceCoils": ("coil.force_constant", 5.0),  # N/A
+    "InertialSensors": ("seed", 7),
 }
-SIZES = {  # of the inputs: N, N m, m, rad, m/s2, rad/s2
-    "fine_force": 1.0,
-    "base_force": 10.0,
-    "base_torque": 1.0,
-    "coarse_command": 1e-4,
-    "target": 0.02,
-    "base_acceleration": 1e-3,
-    "base_angular_acceleration": 1e-3,
-    "orientation": 1e-3,
-}
+OTHERS = [name for name in MODELS if name not in DEFAULT.values()]  # that are not in the default system
+SIZES = {"N": 5.0, "N.m": 1.0, "m": 1e-4, "m/s": 1e-3}  # of the inputs, by unit
+SIZE = 1e-3  # of the others, SI
 
 
 @pytest.fixture(scope="module")
@@ -37,30 +35,33 @@ def system(built_fmus: Path) -> System:
     return read_system(SSD, built_fmus)
 
 
-def prepared(system: System, step: float, steps: int) -> Job:
-    """All outputs of the four, and a start value for each that is not the FMU's own."""
+def prepared(system: System, step: float, steps: int, others: Sequence[str] = ()) -> Job:
+    """All outputs of the four and of ``others``, and a start value for each that is not the FMU's own."""
     job: Job = {"step": step, "steps": steps, "fmus": {}, "start": [], "inputs": [], "connections": [], "outputs": []}
-    for name in COMPONENTS:
-        source = system.component(name).source
+    sources = {name: system.component(name).source for name in COMPONENTS}
+    folder = sources["plant"].parent
+    for name, source in (sources | {model: folder / f"{model}.fmu" for model in others}).items():
         variables = index_variables(read_description(source))
         job["fmus"][name] = str(source)
-        parameter, value = START[name]
-        job["start"].append((name, parameter, variables[parameter].valueReference, "Real", value))
+        if name in START:
+            parameter, value = START[name]
+            v = variables[parameter]
+            job["start"].append((name, parameter, v.valueReference, v.type, value))
         outputs = [v for v in variables.values() if v.causality == "output"]
         job["outputs"] += [(name, v.name, v.valueReference, v.type) for v in outputs]
     return job
 
 
 def alone(system: System) -> Job:
-    """All four, not connected: every input another number in each step."""
-    job = prepared(system, 1e-3, 40)
+    """All FMUs, not connected: every input another number in each step."""
+    job = prepared(system, 1e-3, 40, OTHERS)
     numbers = random.Random(3)
-    for component in COMPONENTS:
-        for v in index_variables(read_description(system.component(component).source)).values():
+    for component, source in job["fmus"].items():
+        for v in index_variables(read_description(Path(source))).values():
             if v.causality == "input" and v.type == "Boolean":
                 values: list = [k % 25 < 15 for k in range(job["steps"])]
             elif v.causality == "input":
-                size = SIZES[v.name.partition(".")[0].rstrip("_123")]
+                size = SIZES.get(v.unit, SIZE)
                 values = [size * numbers.uniform(-1.0, 1.0) for _ in range(job["steps"])]
             else:
                 continue
@@ -93,7 +94,7 @@ def test_start_values_and_inputs_make_a_difference(driven):
     """The comparisons below would miss what a tool does not hand on, if it made none."""
     job, expected = driven["libcosim"]
     as_built = reference(job | {"start": []})
-    for component in COMPONENTS:
+    for component in START:
         own = {name: values for name, values in expected.items() if name.startswith(f"{component}.")}
         assert any(values != as_built[name] for name, values in own.items())
         assert any(len(set(values)) > job["steps"] / 2 for values in own.values())

@@ -120,7 +120,11 @@ def test_the_sets_hold_open_inputs_switches_and_what_was_chosen(archive):
     stated = {f"{c.name}.{name}": p.value for c in read_system(archive).components for name, p in c.parameters.items()}
     assert CHOSEN.items() <= stated.items()
     assert {"commander.target.yaw", "disturbance.noise.enabled", "isolator.filters.lowpass_order"} <= stated.keys()
-    assert [name for name in stated if name.startswith("plant.")] == ["plant.payload.mass"]
+    of_plant = {name.removeprefix("plant.") for name in stated if name.startswith("plant.")}
+    kinds = {name.rpartition(".")[0] or name.rpartition("_")[0] for name in of_plant - {"payload.mass"}}
+    motion = {f"prescribed_{kind}" for kind in ("acceleration", "angular_acceleration", "angular_velocity")}
+    assert kinds == {"added_fine_force", "payload_force", "payload_torque", *motion}
+    assert "payload.mass" in of_plant
 
 
 def test_the_archive_runs_as_the_description_does(system, archive):

@@ -67,6 +67,13 @@ def test_the_wiring_fits_the_fmus(system):
         "commander.target.pitch",
         "commander.target.yaw",
         "isolator.enabled",
+        *(f"plant.added_fine_force_{i}" for i in (1, 2, 3)),
+        *(f"plant.payload_{kind}.{axis}" for kind in ("force", "torque") for axis in "xyz"),
+        *(
+            f"plant.prescribed_{motion}.{axis}"
+            for motion in ("acceleration", "angular_velocity", "angular_acceleration")
+            for axis in "xyz"
+        ),
     }
     assert master.wiring.loops == ()
     assert master.wiring.stepping == ("disturbance", "commander", "plant", "isolator")
