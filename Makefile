@@ -11,7 +11,7 @@ export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 export MPLBACKEND := Agg
 
-.PHONY: run test fmus launcher importers verify bench lint clean
+.PHONY: run test fmus launcher importers basilisk verify bench lint clean
 .DELETE_ON_ERROR:
 
 run: fmus  ## the default scenario: isolation at the nominal orientation, passive then active
@@ -20,7 +20,7 @@ run: fmus  ## the default scenario: isolation at the nominal orientation, passiv
 test: lint fmus  ## what the continuous integration runs, on all processors; ARGS="-n 0 ..." on one
 	$(BIN)/python -m pytest -n auto --dist loadfile $(ARGS)
 
-fmus: build/fmus/.built  ## the four FMUs in build/fmus
+fmus: build/fmus/.built  ## the FMUs in build/fmus
 
 launcher: .venv/.installed  ## what is compiled in the package, made again: the same bytes from the same sources
 	$(BIN)/python -m ps_fmu.slavekit.launcher.compile
@@ -28,6 +28,8 @@ launcher: .venv/.installed  ## what is compiled in the package, made again: the 
 	$(BIN)/python -m ps_fmu.cosim.native
 
 importers: .venv-importers/.installed  ## tools that cannot share .venv, for the tests (0.9 GB)
+
+basilisk: .venv-basilisk/.installed  ## the spacecraft simulator of examples/basilisk (0.9 GB); from then on in make test
 
 verify: .venv/.installed  ## the plant against an independent multibody prototype in Pinocchio (0.4 GB); from then on in make test
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[verify]'
@@ -41,7 +43,7 @@ lint: .venv/.installed
 	$(BIN)/mypy
 
 clean:
-	rm -rf build dist results .venv .venv-importers .mypy_cache .pytest_cache .ruff_cache .hypothesis src/*.egg-info
+	rm -rf build dist results .venv .venv-importers .venv-basilisk .mypy_cache .pytest_cache .ruff_cache .hypothesis src/*.egg-info
 
 build/fmus/.built: .venv/.installed $(FMU_SOURCES)
 	$(BIN)/ps-fmu build --output build/fmus
@@ -60,4 +62,10 @@ build/fmus/.built: .venv/.installed $(FMU_SOURCES)
 .venv-importers/.installed: Makefile
 	$(PYTHON) -m venv .venv-importers
 	.venv-importers/bin/python -m pip install --quiet --disable-pip-version-check cofmupy==1.0.0
+	@touch $@
+
+# Basilisk wants releases of its own of matplotlib and tqdm. The FMUs need scipy, ps_fmu itself is not needed.
+.venv-basilisk/.installed: Makefile
+	$(PYTHON) -m venv .venv-basilisk
+	.venv-basilisk/bin/python -m pip install --quiet --disable-pip-version-check bsk==2.12.1 fmpy==0.3.32 scipy==1.17.1
 	@touch $@
