@@ -46,6 +46,8 @@ def test_what_has_ended_is_said(write):
     (text,) = Disturbance(settings).explain_end(7.0)
     assert text == "recording: ends at 2.5 s, and nothing of it acts from there to 7 s"
     assert Disturbance(replace_values(settings, {"recording.repeat": True})).explain_end(7.0) == []
+    died_away = write("0,0,0,0,0,0,0", "1,1,0,0,-3,0,0", "2.5,1e-12,0,0,0,0,0")
+    assert Disturbance(replace_values(settings, {"recording.path": str(died_away)})).explain_end(7.0) == []
 
 
 def test_repetition(write):

@@ -102,7 +102,7 @@ class Disturbance:
         return [text if name == "noise" else f"{name}: {text}" for name, text in texts if text is not None]
 
     def explain_end(self, time: float) -> list[str]:
-        """Which disturbances had nothing left for the times up to ``time`` (s), a text for each."""
+        """Which disturbances were cut off before ``time`` (s), a text for each."""
         return [
             f"{name}: ends at {end:.6g} s, and nothing of it acts from there to {time:.6g} s"
             for name, end in self._ends.items()

@@ -25,6 +25,8 @@ MAX_LINE = 4096  # characters
 
 NAME = "path"
 
+_DIED_AWAY = 1e-9  # of the largest value
+
 
 class Recording:
     """Linear interpolation in a file with one line of names and units, then one line per instant.
@@ -50,8 +52,9 @@ class Recording:
 
     @property
     def end(self) -> float:
-        """Time after which nothing acts any more, s; infinite if it is repeated."""
-        return np.inf if self._repeat else float(self._time[-1])
+        """Time where the recording is cut off, s; infinite if it is repeated, or has died away in its last line."""
+        died_away = np.abs(self._wrench[-1]).max() <= _DIED_AWAY * np.abs(self._wrench).max()
+        return np.inf if self._repeat or died_away else float(self._time[-1])
 
     def __call__(self, time: Array) -> Array:
         """Force (N) and torque (N.m) in B at its origin at the times (n,) in s, shape (n, 6)."""

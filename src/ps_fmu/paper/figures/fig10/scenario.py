@@ -31,7 +31,8 @@ from .plots import draw_response
 from .pulse_response import PULSE_S, PulseResponse, paper_delay_s
 
 BEYOND_S = 0.1  # delay of the fifth run of the lighter module: its limit is 0.0916 s, and 1000 steps are kept
-PULSE_B = (5.0, 3.0, 2.0, 10.0, 7.0, 5.0)  # N, N.m: largest force and torque; moves the payload by microradians
+PULSE_B = (0.5, 0.3, 0.2, 1.0, 0.7, 0.5)
+"""Largest force (N) and torque (N.m): the fine legs swing by less than 30 um, so that poles are those of one model."""
 SHORTEST_S = 3.0  # of a run: 5 Hz decays or grows visibly
 SAMPLE_S = 0.01  # between the samples that the poles are found in
 FINE = tuple(f"plant.fine_displacement_{leg}" for leg in (1, 2, 3))
