@@ -41,6 +41,8 @@ class Shaking:
     """Records for each axis, with different phases; a coherence needs two at least."""
     band: tuple[float, float] = (0.15, 110.0)
     """Hz."""
+    density: float = 1.0
+    """Power spectral density, N2/Hz or N2.m2/Hz."""
     step: float = 1e-4
     """s, of communication."""
     stride: int = 10
@@ -63,8 +65,9 @@ class Shaking:
         return np.concatenate([layer.frequencies for layer in found])
 
     def values(self, axis: str, seed: int) -> dict[str, Value]:
-        """Start values of the disturbance FMU that shakes along one axis, by 1 N2/Hz or 1 N2.m2/Hz."""
-        density = {f"{a}_{b}": float(a == b == axis) for a, b in combinations_with_replacement(AXES, 2)}
+        """Start values of the disturbance FMU that shakes along one axis."""
+        pairs = combinations_with_replacement(AXES, 2)
+        density = {f"{a}_{b}": self.density * (a == b == axis) for a, b in pairs}
         return {
             "disturbance.seed": seed,
             "disturbance.noise.enabled": True,

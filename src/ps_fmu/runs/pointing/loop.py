@@ -30,6 +30,15 @@ from ..shaking import Shaking, measure_response
 SHAKEN, EYE = "shaken", "eye"
 BOTH = (EYE, "tracker")
 WIDE = {"field_of_view": 2.0, "acquisition_field": 2.0, "acquisition_time": 0.0}  # rad, s: always locked
+#: Components and their parameters that would disturb the measurement at random.
+AT_RANDOM = {
+    "disturbance": [f"wheel_{k}.enabled" for k in range(1, 5)],
+    "sensors": [
+        f"{sensor}.{error}"
+        for sensor in ("accelerometer", "rate_sensor")
+        for error in ("noise_density", "bias_instability", "random_walk", "resolution")
+    ],
+}
 #: Torque about an axis of B turns the payload about that of P.
 SHAKEN_BY = {"x": "tx", "y": "ty", "z": "tz"}
 
@@ -91,6 +100,7 @@ def make_shaking(step_s: float, sample_time: float) -> Shaking:
         band=(0.15, 0.25 / sample_time),
         step=step_s,
         stride=round(sample_time / step_s),
+        density=1e-6,  # so weak that the plant keeps its linear model, and the loop its transfer
     )
 
 
@@ -125,6 +135,7 @@ def measure_loop(
             **{f"{part}.{name}": value for part in BOTH for name, value in WIDE.items()},
             **{f"{part}.target_attitude.{k}": v for part in BOTH for k, v in zip("wxyz", target, strict=True)},
             **{f"{part}.noise_equivalent_angle.{one}": 0.0 for part in BOTH for one in AXES},
+            **_silence(system),
         }
         opened = opened.with_parameters(quiet)
         shaken = [opened.with_parameters(shaking.values(SHAKEN_BY[axis], seed + j)) for j in range(shaking.seeds)]
@@ -169,6 +180,16 @@ def _is_isolator(target: object) -> bool:
 
 def _names(system: RunSystem, component: str) -> set[str]:
     return {variable.name for variable in system.descriptions[component].modelVariables}
+
+
+def _silence(system: System) -> dict[str, Value]:
+    present = {component.name for component in system.components}
+    return {
+        f"{component}.{name}": False if name.endswith("enabled") else 0.0
+        for component, names in AT_RANDOM.items()
+        for name in names
+        if component in present
+    }
 
 
 def _values(system: System, component: str) -> dict[str, Value]:

@@ -277,7 +277,7 @@ def _draw_split(pointing: Pointing, path: Path) -> None:
         axes.set_ylim(1e-5, 3.0)
         axes.set_xlabel("frequency (Hz)")
         axes.set_ylabel("share of the bus's rotation")
-        axes.legend(loc="lower right")
+        axes.legend(loc="lower center")
         figure.suptitle("Complementary split of isolator and loop")
 
     draw(path, 9.0, 5.5, paint)
