@@ -183,7 +183,7 @@ def draw_slew(data: dict[bool, tuple[Array, Array, Array]], duration: float, pat
     ):
         axis.set_ylabel(label)
         axis.grid(alpha=0.3)
-        axis.legend(loc="best")
+    axes[1].legend(loc="upper right")
     axes[-1].set_xlabel("Time, s")
     axes[0].set_title("300 kg hub with reaction wheels in Basilisk turns by 20 deg with the manipulator")
     figure.savefig(path, dpi=120)

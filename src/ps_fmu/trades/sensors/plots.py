@@ -29,12 +29,16 @@ def draw_choice(path: Path, trade: Trade, points: Sequence[Point]) -> None:
         axes = figure.subplots()
         density = DENSITIES / MICRO_G
         of_corners = trade.white[None].with_density(DENSITIES)
+        tops = [min(int(np.searchsorted(curve, 1.7e-4)), len(density) - 1) for curve in of_corners.T]
+        at_top: dict[int, list[int]] = {}  # curves by where they leave; those that leave at the right lie together
         for i in range(0, len(trade.corners), 3):
             axes.loglog(density, of_corners[:, i] * MICRO, color="#A9C9DE", lw=0.9)
-            top = min(int(np.searchsorted(of_corners[:, i], 1.7e-4)), len(density) - 1)
+            at_top.setdefault(tops[i], []).append(i)
+        for top, curves in at_top.items():
             axes.annotate(
-                f"{trade.corners[i]:.2g} Hz", (density[top], of_corners[top, i] * MICRO), fontsize=9, color="#5B8FAF",
-                ha="right", rotation=55,
+                ", ".join(f"{trade.corners[i]:.2g}" for i in curves) + " Hz",
+                (density[top], of_corners[top, curves[0]] * MICRO), fontsize=9, color="#5B8FAF", ha="right",
+                rotation=55,
             )  # fmt: skip
         axes.plot([], [], color="#A9C9DE", lw=0.9, label="no loop, high-pass corner as written (curves: white noise)")
         for crossover, sweep in trade.white.items():
