@@ -18,6 +18,7 @@ from support.importers import interpreter_with
 from ps_fmu.cli import main
 from ps_fmu.cosim import Master, System, read_system, write_ssp
 from ps_fmu.cosim.description import index_variables, read_description
+from ps_fmu.cosim.structure import ParameterSet
 
 ROOT = Path(__file__).parents[2]
 SSD = ROOT / "system" / "SystemStructure.ssd"
@@ -30,6 +31,7 @@ READ = {
     "commander": ("target.roll", "coarse_command_1"),
     "disturbance": ("base_force.x",),
 }
+NOTES = {"plant.payload.mass": frozenset({"org.example.note"})}
 FLAT = (
     '<ssv:ParameterSet xmlns:ssv="http://ssp-standard.org/SSP1/SystemStructureParameterValues" version="1.0"'
     ' name="initialValues"><ssv:Parameters><ssv:Parameter name="plant.payload.mass"><ssv:Real value="40.0"/>'
@@ -39,8 +41,9 @@ FLAT = (
 
 @pytest.fixture(scope="module")
 def system(built_fmus: Path) -> System:
-    """The system of this project, with values that are not those of the FMUs."""
-    return read_system(SSD, built_fmus).with_parameters(CHOSEN)
+    """The system of this project, with values that are not those of the FMUs, and a note at one."""
+    values = ParameterSet(CHOSEN, {}, dict.fromkeys(CHOSEN, "chosen"), NOTES)
+    return read_system(SSD, built_fmus).with_parameters(values)
 
 
 @pytest.fixture(scope="module")
@@ -125,6 +128,12 @@ def test_the_sets_hold_open_inputs_switches_and_what_was_chosen(archive):
     motion = {f"prescribed_{kind}" for kind in ("acceleration", "angular_acceleration", "angular_velocity")}
     assert kinds == {"added_fine_force", "payload_force", "payload_torque", *motion}
     assert "payload.mass" in of_plant
+
+
+def test_notes_at_values_stay(archive):
+    system = read_system(archive)
+    found = {f"{c.name}.{name}": p.notes for c in system.components for name, p in c.parameters.items() if p.notes}
+    assert found == NOTES
 
 
 def test_the_archive_runs_as_the_description_does(system, archive):

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path, PurePosixPath
 
 from fmpy.model_description import ModelDescription
@@ -67,7 +68,7 @@ def choose_values(
         switch = variable.causality == "parameter" and variable.type in ("Boolean", "Integer")
         if name in component.parameters:
             entry = component.parameters[name]
-            chosen[name] = Parameter(convert_value(variable, entry.value), entry.unit, entry.origin)
+            chosen[name] = replace(entry, value=convert_value(variable, entry.value))
         elif (name in inputs or switch) and variable.start is not None:
             chosen[name] = Parameter(read_start(variable), variable.unit, "start value of the FMU")
     return chosen

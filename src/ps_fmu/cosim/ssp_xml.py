@@ -136,7 +136,9 @@ def parameter_set_xml(values: Mapping[str, Parameter], description: ModelDescrip
         variable = variables[name]
         text = str(entry.value).lower() if variable.type == "Boolean" else str(entry.value)
         attributes = {"value": text} | _unit(variable, description, units)
-        SubElement(SubElement(parameters, "ssv:Parameter", name=name), f"ssv:{_TYPES[variable.type]}", attributes)
+        element = SubElement(parameters, "ssv:Parameter", name=name)
+        SubElement(element, f"ssv:{_TYPES[variable.type]}", attributes)
+        _add_notes(element, entry)
     _add_units(root, "ssv:Units", units.values())
     return _text(root)
 
@@ -163,13 +165,17 @@ def start_values_xml(values: Mapping[str, Parameter], about: str) -> bytes:
         text = str(entry.value).lower() if isinstance(entry.value, bool) else str(entry.value)
         unit = {} if entry.unit is None else {"unit": entry.unit}
         SubElement(element, f"ssv:{kinds[type(entry.value)]}", {"value": text, **unit})
-        if entry.notes:
-            group = SubElement(element, "ssv:Annotations")
-            for note in sorted(entry.notes):
-                SubElement(group, "ssc:Annotation", type=note)
+        _add_notes(element, entry)
     head, _, rest = _text(root).partition(b"\n")
     comment = about.replace("--", "- -").rstrip("-")  # two hyphens end a comment
     return head + f"\n<!-- {comment} -->\n".encode() + rest
+
+
+def _add_notes(element: Element, entry: Parameter) -> None:
+    if entry.notes:
+        group = SubElement(element, "ssv:Annotations")
+        for note in sorted(entry.notes):
+            SubElement(group, "ssc:Annotation", type=note)
 
 
 def _unit(variable: ModelVariable, description: ModelDescription, used: dict[str, Unit]) -> dict[str, str]:
