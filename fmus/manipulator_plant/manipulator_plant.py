@@ -26,9 +26,9 @@ from ps_fmu.mechanism.mounted import (
 )
 from ps_fmu.mechanism.parameters import Bus, load
 from ps_fmu.mechanism.quantities import ParameterError, take_values
-from ps_fmu.mechanism.signals import N_EXTERNAL, N_INPUTS, OUTPUTS, TIME, servo_slices
+from ps_fmu.mechanism.signals import N_EXTERNAL, N_INPUTS, OUTPUTS, RATE, TIME, servo_slices
 from ps_fmu.mechanism.slews import AT_REST, find_distances, find_next_centre, is_at_rest, is_used_up, rest_at
-from ps_fmu.mechanism.ways import RENEWAL, Way, look_ahead
+from ps_fmu.mechanism.ways import RENEWAL, Way, find_growth, look_ahead
 from ps_fmu.slavekit.author.elements import Clip, Element, Excess, Linear, Ramp, Watch
 from ps_fmu.slavekit.author.slave import Slave
 from ps_fmu.slavekit.author.terminals import Terminal
@@ -42,6 +42,7 @@ MEMORY = {
     "curve": count_curve(DEFAULT.n_coordinates),
     "expected": N_PATH,  # what is on the path now
     "since": 2,  # time from the centre, s, and its square
+    "begun": 7,  # when the linear model began: time, s, references of the coarse legs, m, and their rates, m/s
     "zero": 1,
     **dict.fromkeys(("within", "excess", "warned", "last"), 3),  # of the coarse legs
     "balance": count_balance(DEFAULT.n_coordinates),
@@ -192,7 +193,8 @@ class ManipulatorPlant(Slave):
             self.x[:] = rest_at(self.model, self.x, command)
         u = np.concatenate([self.u[:N_EXTERNAL], self.a])
         u[TIME] = self.since
-        way = look_ahead(self.model, self.x, u, self.renewal, h, self.prescribed)
+        growth = find_growth(t - self.begun[0], self.reference - self.begun[1:4], self.begun[4:], u[RATE], self.renewal)
+        way = look_ahead(self.model, self.x, u, growth, self.renewal, h, self.prescribed)
         centre = find_next_centre(self.model, self.x, self.since[0], way, command, self.renewal, self.prescribed)
         if is_used_up(self.model, self.x, self.renewal, centre):
             self._replace_model(self.plant.linearise_about(centre), way, u, t)
@@ -217,6 +219,7 @@ class ManipulatorPlant(Slave):
             curve = find_curve(self.plant, model, way, u) if moving else stay(model)
             self.balance.go_on(self.x, t, -float(curve.half[0]))
         self.since[:] = -curve.half[0], curve.half[0] ** 2
+        self.begun[:] = np.concatenate([[t], self.reference, u[RATE]])
         self._take(model, curve)
         self.remap()
 
@@ -232,7 +235,7 @@ class ManipulatorPlant(Slave):
         self.command = self.view("coarse_command")
         parts = dict(zip(MEMORY, np.split(self.memory, np.cumsum(list(MEMORY.values()))[:-1]), strict=True))
         self.centre, self.curve, self.expected = (parts[name] for name in ("centre", "curve", "expected"))
-        self.since, self.zero = parts["since"], parts["zero"]
+        self.since, self.begun, self.zero = (parts[name] for name in ("since", "begun", "zero"))
         self.within, self.excess, self.warned, self.last = (
             parts[name] for name in ("within", "excess", "warned", "last")
         )

@@ -63,26 +63,39 @@ class Way(NamedTuple):
 
 
 @np.errstate(over="raise", divide="raise", invalid="raise")
-def look_ahead(model: PlantModel, x: Array, u: Array, renewal: Renewal, h: float, prescribed: bool = False) -> Way:
-    """The way from the state ``x``, with the input ``u`` held, for whole steps of ``h`` (s).
+def look_ahead(
+    model: PlantModel, x: Array, u: Array, growth: Array, renewal: Renewal, h: float, prescribed: bool = False
+) -> Way:
+    """The way from a state, for whole steps.
 
-    ``prescribed``: the base is moved by a host; its places in the state hold other things.
+    Parameters
+    ----------
+    model: the present one.  x: its state.
+    u: its input, which is held.
+    growth: (3,) of the rates of the coarse references, see :func:`find_growth`, m/s2.
+    h: step, s.
+    prescribed: the base is moved by a host; its places in the state hold other things.
     """
     n, d_f = model.dynamics.n, model.dynamics.slices["d_f"]
-    s, _, _ = servo_slices(n)
+    s, _, r = servo_slices(n)
     rates, z = _move_rigidly(model, x, u, prescribed)
     half = _find_half(model, rates, z, renewal, 1.0 if prescribed else _AHEAD)
 
-    keep = np.flatnonzero(rates.any(axis=1))
+    moving = rates.any(axis=1)
+    moving[r] = True
+    keep = np.flatnonzero(moving)
     held = np.delete(np.arange(len(z) + 1), keep)
-    A, pushed = rates[np.ix_(keep, keep)], rates[np.ix_(keep, held)] @ np.append(z, 1.0)[held, None]
+    m = len(keep)
+    A, B, start = np.zeros((m + 1, m + 1)), np.ones((m + 1, 1)), np.append(z[keep], 0.0)  # the last one is time
+    A[:m, :m], B[:m, 0] = rates[np.ix_(keep, keep)], rates[np.ix_(keep, held)] @ np.append(z, 1.0)[held]
+    A[np.searchsorted(keep, r.start) + np.arange(3), m] = growth
     legs, near = np.r_[d_f, s], _AHEAD * renewal.relinearisation_distance
     middle, end = z.copy(), z.copy()
     while True:
         half = 0.5 * h * max(int(2.0 * half / h), 1)
-        Ad, Bd = zero_order_hold(A, pushed, half)
-        middle[keep] = Ad @ z[keep] + Bd[:, 0]
-        end[keep] = Ad @ middle[keep] + Bd[:, 0]
+        Ad, Bd = zero_order_hold(A, B, half)
+        after = Ad @ start + Bd[:, 0]
+        middle[keep], end[keep] = after[:m], (Ad @ after + Bd[:, 0])[:m]
         if not np.isfinite(end).all():
             return Way(0.5 * h, z, z, z)
         far = float(max(np.abs((middle - z)[legs]).max(), np.abs((end - middle)[legs]).max()))
@@ -136,6 +149,18 @@ def _move_rigidly(model: PlantModel, x: Array, u: Array, prescribed: bool) -> tu
     z = x.copy()
     z[n + np.delete(np.arange(n), bodies)] = 0.0
     return rates, z
+
+
+def find_growth(lasted: float, moved: Array, before: Array, now: Array, renewal: Renewal) -> Array:
+    """(3,) m/s2, how rates of the references have grown from ``before`` to ``now``, m/s, in ``lasted``, s.
+
+    Zero for a reference that has not moved, m, as one whose rate grows evenly: it has started or stopped in between, or
+    its command comes in steps.
+    """
+    if lasted <= 0.0:
+        return np.zeros(3)
+    evenly = np.abs(moved - 0.5 * lasted * (before + now)) < _OFF * renewal.relinearisation_distance
+    return np.where(evenly, (now - before) / lasted, 0.0)
 
 
 def _largest(values: Array) -> float:
