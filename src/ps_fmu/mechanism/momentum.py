@@ -8,17 +8,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from .convection import COARSE, FINE, TURN
+from .convection import COARSE, FINE, N_SPEEDS, TURN
 from .dynamics import FlexibleSystem, Pose
 from .forward_kinematics import forward_kinematics
 from .kinematics import jacobians, leg_vectors, platform_joints_B
 from .linear_model import PlantModel
 from .quantities import Array
-from .rotations import cross, rotation_from_vector, skew
+from .rotations import cross, rotation_from_vector, skew, turn_vector
 from .signals import count_states, servo_slices
 
 #: Longer models than this, s, meet vibration whose rates at the ends say nothing of those between.
-_SMOOTH = 0.05
+_SMOOTH = 0.1
 
 
 def find_momentum(system: FlexibleSystem, pose: Pose, velocity_B: Array, speeds: Array) -> tuple[Array, Array]:
@@ -111,11 +111,13 @@ class Balance:
         lasted, turned = t - float(self._time[0]), x[r_b] - self.start[r_b]
         momentum, com_B = self.find_momentum(model, x)
         impulse, over_time = self._find_outer(model, x, lasted)
-        back, mass = rotation_from_vector(-turned), d.M[t_b.start, t_b.start]
+        mass = d.M[t_b.start, t_b.start]
+        ends = (self.start, self._true, self._com_B), (x, momentum, com_B)
+        turns = self.start[n + r_b.start : n + r_b.stop], x[n + r_b.start : n + r_b.stop]
+        moving = model.convection is not None
+        back = rotation_from_vector(-turn_vector(turned, *turns, lasted) if moving else -turned)
         place = back @ (self._place + lasted * self._true[:3] / mass) + over_time[:3] / mass
         # Moments of the impulse about the centre of mass, which moves in B.
-        ends = (self.start, self._true, self._com_B), (x, momentum, com_B)
-        turns = tuple(state[n + r_b.start : n + r_b.stop] for state, _, _ in ends)
         shifts = tuple(
             total[:3] / mass - state[v_t] - cross(turn, at_B)
             for turn, (state, total, at_B) in zip(turns, ends, strict=True)
@@ -130,7 +132,7 @@ class Balance:
         missing = np.concatenate([self._true[:3], self._true[3:] + cross(com_B, self._true[:3])]) - momentum
         x = x.copy()
         x[n + q_b.start : n + q_b.stop] += np.linalg.solve(d.M[q_b, q_b], missing)
-        if model.convection is not None:
+        if moving:
             x[t_b] = place - com_B
         self._com_B[:], self._place[:] = com_B, x[t_b] + com_B
         return x
@@ -149,9 +151,8 @@ class Balance:
         def find_linear(x: Array) -> Array:
             return np.asarray(M @ x[n : 2 * n] + d.m_c[q_b] @ x[ds])
 
-        if model.convection is None:
-            return find_linear(moved), 0.5 * lasted * find_linear(moved)
-        w, v, p, C = centre.speeds[TURN], centre.velocity_B, centre.position_B, model.convection[q_b]
+        w, v, p = centre.speeds[TURN], centre.velocity_B, centre.position_B
+        C = np.zeros((6, N_SPEEDS)) if model.convection is None else model.convection[q_b]
         C_w = 2.0 * C
         C_w[:, TURN] -= M[:, t_b] @ skew(v)
         constant = C @ centre.speeds + M[:, t_b] @ cross(w, v)
@@ -191,7 +192,9 @@ class Balance:
         for modes in (d.slices["x_m"], d.slices["x_t"]):
             coupling = d.M[d.slices["q_b"], modes] * d.active[modes]
             momentum += coupling @ rate[modes]
-            com_B = com_B + coupling[:3] @ x[modes] / d.M[t_b.start, t_b.start]
+            shifted = coupling[:3] @ x[modes]  # kg.m, what moves along with the base
+            momentum += np.concatenate([cross(rate[r_b], shifted), cross(shifted, rate[t_b])])
+            com_B = com_B + shifted / d.M[t_b.start, t_b.start]
         return momentum, com_B
 
 

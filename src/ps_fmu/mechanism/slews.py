@@ -23,7 +23,7 @@ from .convection import COARSE, FINE, TURN
 from .linear_model import PlantModel
 from .quantities import Array
 from .quaternions import from_rotation_vector, multiply
-from .rotations import cross
+from .rotations import turn_vector
 from .signals import servo_slices
 from .ways import Renewal, Way
 
@@ -43,21 +43,12 @@ _SOON = 0.01
 _TURNED_OFF = 0.1
 
 
-def find_turn(rotation_B: Array, from_B: Array, to_B: Array, lasted: float) -> Array:
-    """(4,) turn of B in ``lasted`` s by the integral ``rotation_B`` (3,), rad, of its angular velocity.
-
-    ``from_B``, ``to_B`` (3,): angular velocities at both ends, rad/s.  If their direction changes, the turns in between
-    do not commute: coning, here for a rate that changes evenly (J. Bortz, IEEE Trans. Aerosp. Electron. Syst. 7(1),
-    1971).
-    """
-    return from_rotation_vector(rotation_B + lasted**2 / 12.0 * cross(from_B, to_B))
-
-
 def find_attitude(model: PlantModel, x: Array, time: float) -> Array:
     """(4,) attitude of B in the state ``x``, which the model reaches at ``time``, s, from its centre."""
     centre, n, (_, r_b) = model.centre, model.dynamics.n, model.dynamics.base_places()
     turn_B = x[n + r_b.start : n + r_b.stop]
-    q = multiply(centre.attitude, find_turn(x[r_b] - centre.rotation_B, centre.speeds[TURN], turn_B, time))
+    turn = turn_vector(x[r_b] - centre.rotation_B, centre.speeds[TURN], turn_B, time)
+    q = multiply(centre.attitude, from_rotation_vector(turn))
     return np.asarray(q / np.linalg.norm(q))
 
 
@@ -90,7 +81,7 @@ def find_next_centre(
     command: (3,) where the coarse legs are to go, m.
     prescribed: the base is moved by a host; its places in the state hold other things.
     """
-    d, n, (_, r_b) = model.dynamics, model.dynamics.n, model.dynamics.base_places()
+    d, n, (t_b, r_b) = model.dynamics, model.dynamics.n, model.dynamics.base_places()
     v_r, middle = slice(n + r_b.start, n + r_b.stop), way.middle
     resting, now = is_at_rest(model, x, command), find_attitude(model, x, time)
     d_f = d.slices["d_f"]
@@ -99,9 +90,12 @@ def find_next_centre(
     angle = np.abs(x[r_b] - model.centre.rotation_B).max()
     turning = np.abs(x[v_r]).max() > _HARDLY_TURNING or angle > 0.5 * renewal.relinearisation_angle
     if resting and not turning and fine < 0.5 * renewal.relinearisation_distance:
-        return replace(Centre.at_rest(command, now), rotation_B=x[r_b].copy())
-    attitude = multiply(now, find_turn(middle[r_b] - x[r_b], x[v_r], middle[v_r], way.half))
-    centre = find_centre(model, middle, attitude, prescribed)
+        at_rest = replace(Centre.at_rest(command, now), rotation_B=x[r_b].copy())
+        if prescribed:
+            return at_rest
+        return replace(at_rest, velocity_B=x[n + t_b.start : n + t_b.stop].copy(), position_B=x[t_b].copy())
+    turn = turn_vector(middle[r_b] - x[r_b], x[v_r], middle[v_r], way.half)
+    centre = find_centre(model, middle, multiply(now, from_rotation_vector(turn)), prescribed)
     return replace(centre, coarse=command, speeds=np.append(centre.speeds[:6], np.zeros(3))) if resting else centre
 
 

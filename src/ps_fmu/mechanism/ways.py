@@ -81,9 +81,7 @@ def look_ahead(
     rates, z = _move_rigidly(model, x, u, prescribed)
     half = _find_half(model, rates, z, renewal, 1.0 if prescribed else _AHEAD)
 
-    moving = rates.any(axis=1)
-    moving[r] = True
-    keep = np.flatnonzero(moving)
+    keep = np.union1d(np.flatnonzero(rates.any(axis=1)), np.r_[r])
     held = np.delete(np.arange(len(z) + 1), keep)
     m = len(keep)
     A, B, start = np.zeros((m + 1, m + 1)), np.ones((m + 1, 1)), np.append(z[keep], 0.0)  # the last one is time
