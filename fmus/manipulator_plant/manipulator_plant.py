@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 
 from ps_fmu.interface.ports import make_output_ports, make_parameter_ports, refuse_parameters
 from ps_fmu.mechanism.centre import N_CENTRE, Centre
+from ps_fmu.mechanism.curvature import N_PATH, Curve, count_curve, find_curve, places_on_path, stay
 from ps_fmu.mechanism.initial_motion import STILL
 from ps_fmu.mechanism.linear_model import Plant, PlantModel
-from ps_fmu.mechanism.momentum import N_BALANCE, Balance
+from ps_fmu.mechanism.momentum import Balance, count_balance
 from ps_fmu.mechanism.mounted import (
     LOCKED,
     N_MOTION,
@@ -25,9 +26,10 @@ from ps_fmu.mechanism.mounted import (
 )
 from ps_fmu.mechanism.parameters import Bus, load
 from ps_fmu.mechanism.quantities import ParameterError, take_values
-from ps_fmu.mechanism.signals import N_EXTERNAL, N_INPUTS, OUTPUTS, servo_slices
-from ps_fmu.mechanism.slews import AT_REST, RENEWAL, find_distances, find_next_centre, is_at_rest, is_used_up, rest_at
-from ps_fmu.slavekit.author.elements import Clip, Element, Excess, Linear, Ramp, Sample, Watch
+from ps_fmu.mechanism.signals import N_EXTERNAL, N_INPUTS, OUTPUTS, RATE, TIME, servo_slices
+from ps_fmu.mechanism.slews import AT_REST, find_distances, find_next_centre, is_at_rest, is_used_up, rest_at
+from ps_fmu.mechanism.ways import RENEWAL, Way, find_growth, look_ahead
+from ps_fmu.slavekit.author.elements import Clip, Element, Excess, Linear, Ramp, Watch
 from ps_fmu.slavekit.author.slave import Slave
 from ps_fmu.slavekit.author.terminals import Terminal
 from ps_fmu.slavekit.author.variables import Port, numbered, vector
@@ -35,8 +37,18 @@ from ps_fmu.slavekit.author.variables import Port, numbered, vector
 DEFAULT = Plant.from_parameters(load())
 INPUT: dict[str, Any] = {"causality": "input"}
 MOTION: dict[str, Any] = {"causality": "input", "nominal": 1e-3}
-CENTRE_PLACES = (0, 3, 12, 21)  # in the numbers of a Centre: coarse, fine, speeds of coarse legs, rotation
-LOOK_AGAIN = 0.05  # s, after which a model of something that moves is looked at, for it may have come to rest
+MEMORY = {
+    "centre": N_CENTRE,
+    "curve": count_curve(DEFAULT.n_coordinates),
+    "expected": N_PATH,  # what is on the path now
+    "since": 2,  # time from the centre, s, and its square
+    "begun": 7,  # when the linear model began: time, s, references of the coarse legs, m, and their rates, m/s
+    "zero": 1,
+    **dict.fromkeys(("within", "excess", "warned", "last"), 3),  # of the coarse legs
+    "balance": count_balance(DEFAULT.n_coordinates),
+}
+COARSE = slice(6, 9)  # on the path
+SINCE = slice(TIME.start - N_EXTERNAL, TIME.stop - N_EXTERNAL)  # of the auxiliary inputs
 MOTION_NAMES = ("prescribed_acceleration", "prescribed_angular_acceleration", "prescribed_angular_velocity")
 
 
@@ -47,7 +59,7 @@ class ManipulatorPlant(Slave):
     physics: ClassVar[type] = Plant
     n_states: ClassVar[int] = DEFAULT.n_states
     n_auxiliary: ClassVar[int] = N_INPUTS - N_EXTERNAL  # inputs of the model that a slew makes, and its constant 1
-    n_memory: ClassVar[int] = N_CENTRE + 15 + N_BALANCE  # centre of the linear model, what elements keep, momentum
+    n_memory: ClassVar[int] = sum(MEMORY.values())
 
     ports: ClassVar[tuple[Port, ...]] = (
         # Nominal values: magnitudes under the default disturbance, and in a slew.
@@ -131,7 +143,7 @@ class ManipulatorPlant(Slave):
         self.memory[:] = 0.0
         if turn_B.any():
             model = self.plant.linearise_about(self.plant.turning_centre(model, self.x))
-        self._take(model)
+        self._take(model, stay(model))
         self.balance.begin(model, self.x, self.start_time)
         self.a[:-1], self.a[-1] = 0.0, 1.0
         self._warn_of_unused()
@@ -154,28 +166,20 @@ class ManipulatorPlant(Slave):
             Ramp(self.within, self.reference, self.a[:3], self.plant.servo.rate_limit),
             Excess(self.command, low, high, self.excess),
             Watch(self.excess, self.warned, 0.0),
+            *self._start_time(h),
         )
 
     def after_map(self, h: float) -> Sequence[Element]:
         """An event is due when the motion leaves the centre of the linear model, or comes to rest away from it."""
-        distances = find_distances(self.model.centre, self.renewal)
-        s, ds, _ = servo_slices(self.model.dynamics.n)
-        d_f, (_, r_b) = self.model.dynamics.slices["d_f"], self.model.dynamics.base_places()
-        coarse, fine, coarse_speed, rotation = (self.centre[k : k + 3] for k in CENTRE_PLACES)
-        others = [
-            (d_f, fine, distances.fine), (ds, coarse_speed, distances.coarse_speed), (r_b, rotation, distances.rotation)
-        ]  # fmt: skip
-        moving = np.concatenate([self.places(self.x[place]) for place, _, _ in others])
-        centres = np.concatenate([self.places(centre) for _, centre, _ in others])
-        allowed = np.repeat([distance for _, _, distance in others], 3)
-        watches: list[Element] = [
-            Watch(self.x[s], coarse, distances.coarse, last=self.last, least=AT_REST),
-            Watch(moving, centres, allowed),
-        ]
-        if self.model.centre.speeds.any():
-            every = max(round(LOOK_AGAIN / h), 2)
-            watches += [Sample(self.a[-1:], self.one, self.clock, every), Watch(self.clock, self.zero, every - 1.5)]
-        return watches
+        places, distances = places_on_path(self.model), find_distances(self.model.centre, self.renewal)
+        others = np.delete(np.arange(N_PATH), COARSE)
+        allowed = np.repeat([distances.fine, distances.rotation, distances.coarse_speed], 3)
+        now, expected = self.places(self.x)[places], self.places(self.expected)
+        return (
+            *self._end_time(h),
+            Watch(now[COARSE], expected[COARSE], distances.coarse, last=self.last, least=AT_REST),
+            Watch(now[others], expected[others], allowed),
+        )
 
     @refuse_parameters
     def event(self, t: float, h: float) -> bool:
@@ -188,24 +192,35 @@ class ManipulatorPlant(Slave):
         if is_at_rest(self.model, self.x, command):
             self.x[:] = rest_at(self.model, self.x, command)
         u = np.concatenate([self.u[:N_EXTERNAL], self.a])
-        centre = find_next_centre(self.model, self.x, u, command, self.renewal, self.prescribed)
+        u[TIME] = self.since
+        growth = find_growth(t - self.begun[0], self.reference - self.begun[1:4], self.begun[4:], u[RATE], self.renewal)
+        way = look_ahead(self.model, self.x, u, growth, self.renewal, h, self.prescribed)
+        centre = find_next_centre(self.model, self.x, self.since[0], way, command, self.renewal, self.prescribed)
         if is_used_up(self.model, self.x, self.renewal, centre):
-            model = self.plant.linearise_about(centre)
-            if self.prescribed:
-                impulse = promised_impulse(self.model.dynamics)
-                self.x[impulse] += relative_momentum_taken(self.model, model, self.x)
-            else:
-                self.x[:] = self.balance.settle(self.model, self.x, t)
-                self.balance.go_on(model, self.x, t)
-            self._take(model)
-            self.remap()
+            self._replace_model(self.plant.linearise_about(centre), way, u, t)
         return False
 
     @refuse_parameters
     def restore(self) -> None:
         """Rebuild the model that the restored memory stands for."""
         self._build()
-        self._take(self.plant.linearise_about(Centre.read(self.centre)))
+        curve = Curve.read(self.curve, self.plant.n_coordinates)
+        self._take(self.plant.linearise_about(Centre.read(self.centre)), curve)
+        self.remap()
+
+    def _replace_model(self, model: PlantModel, way: Way, u: NDArray[np.float64], t: float) -> None:
+        moving = bool(model.centre.speeds.any())
+        if self.prescribed:
+            impulse = promised_impulse(self.model.dynamics)
+            self.x[impulse] += relative_momentum_taken(self.model, model, self.x)
+            curve = stay(model, way.half if moving else 0.0)
+        else:
+            self.x[:] = self.balance.settle(self.model, self.x, t)
+            curve = find_curve(self.plant, model, way, u) if moving else stay(model)
+            self.balance.go_on(self.x, t, -float(curve.half[0]))
+        self.since[:] = -curve.half[0], curve.half[0] ** 2
+        self.begun[:] = np.concatenate([[t], self.reference, u[RATE]])
+        self._take(model, curve)
         self.remap()
 
     def _build(self) -> None:
@@ -218,17 +233,42 @@ class ManipulatorPlant(Slave):
         self.initial = take_values(STILL, values)
         self.renewal = take_values(RENEWAL, values)
         self.command = self.view("coarse_command")
-        numbers = self.memory
-        self.centre, self.within, self.excess, self.warned, self.last = (
-            numbers[:N_CENTRE], *(numbers[N_CENTRE + k : N_CENTRE + k + 3] for k in (0, 3, 6, 9))
-        )  # fmt: skip
-        self.one, self.zero, self.clock = (numbers[N_CENTRE + k : N_CENTRE + k + 1] for k in (12, 13, 14))
-        self.balance = Balance(self.plant.system, numbers[N_CENTRE + 15 :])
+        parts = dict(zip(MEMORY, np.split(self.memory, np.cumsum(list(MEMORY.values()))[:-1]), strict=True))
+        self.centre, self.curve, self.expected = (parts[name] for name in ("centre", "curve", "expected"))
+        self.since, self.begun, self.zero = (parts[name] for name in ("since", "begun", "zero"))
+        self.within, self.excess, self.warned, self.last = (
+            parts[name] for name in ("within", "excess", "warned", "last")
+        )
+        self.balance = Balance(self.plant.system, parts["balance"])
         self.reference = self.x[servo_slices(self.plant.n_coordinates)[2]]
 
-    def _take(self, model: PlantModel) -> None:
-        self.model, self.maps = model, HostedModel(model, self.plant.payload, self.prescribed)
+    def _take(self, model: PlantModel, curve: Curve) -> None:
+        self.half, self.path = float(curve.half[0]), curve.path  # s
+        self.model = model.curve(curve.added) if self.half > 0.0 else model
+        self.maps = HostedModel(self.model, self.plant.payload, self.prescribed)
         model.centre.write(self.centre)
+        curve.write(self.curve)
+        if not self.half > 0.0:
+            self.a[SINCE] = 0.0
+            self.expected[:] = curve.path[:, 0]
+
+    def _start_time(self, h: float) -> Sequence[Element]:
+        """Means over the step of the time from the centre and of its square."""
+        if not self.half > 0.0:
+            return ()
+        start = np.append(self.places(self.since), self.places(self.a[-1:]))
+        return (Linear(start, [[1.0, 0.0, h / 2.0], [h, 1.0, h**2 / 3.0]], self.a[SINCE]),)
+
+    def _end_time(self, h: float) -> Sequence[Element]:
+        """Time from the centre and its square after the step, and what is expected then; the way has an end."""
+        if not self.half > 0.0:
+            return ()
+        one, end = self.places(self.a[-1:]), self.places(self.since)
+        return (
+            Linear(np.append(self.places(self.a[SINCE]), one), [[1.0, 0.0, h / 2.0], [h, 1.0, h**2 / 6.0]], end),
+            Linear(np.append(one, end), self.path, self.expected),
+            Watch(self.since[:1], self.zero, max(self.half - 0.5 * h, 0.0)),
+        )
 
     def _with_command(self, matrix: NDArray[np.float64]) -> NDArray[np.float64]:
         """Columns of the coarse command, zero: it acts through the servos' reference."""

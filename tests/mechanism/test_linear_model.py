@@ -200,7 +200,7 @@ def test_inactive_coordinates_stay_zero() -> None:
     plant = replace(PLANT, manipulator=replace(PAPER.manipulator, coarse_rods=rods))
     model = plant.linearise(STILL)
     e_c = model.dynamics.slices["e_c"]
-    u = np.concatenate([np.ones(N_EXTERNAL), 1e-3 * np.ones(3), [1.0]])
+    u = np.concatenate([np.ones(N_EXTERNAL), 1e-3 * np.ones(3), [0.0, 0.0, 1.0]])
     x = (model.step_map(0.1) @ np.concatenate([plant.initial_state(model), u]))[N_OUTPUTS:]
     np.testing.assert_array_equal(x[e_c], 0.0)
     assert np.abs(x[0:3]).min() > 0.0

@@ -13,6 +13,7 @@ from ps_fmu.mechanism.rotations import (
     rotation_from_vector,
     rotation_matrix,
     skew,
+    turn_vector,
 )
 
 angle = st.floats(-3.1, 3.1)
@@ -100,3 +101,17 @@ def test_leading_dimensions_are_kept():
         assert batch.shape == (4, 5, 3, 3)
         np.testing.assert_array_equal(batch[2, 3], function(o[2, 3]))
     assert roll_pitch_yaw(rotation_matrix(o)).shape == (4, 5, 3)
+
+
+def test_turns_whose_axis_changes_do_not_commute():
+    """Coning: an angular velocity that changes evenly, against small turns one after the other."""
+    before, growth, lasted, n = np.array([0.3, -0.1, 0.2]), np.array([-2.0, 3.0, 1.0]), 0.02, 2000  # rad/s, rad/s2, s
+    R = np.eye(3)
+    for k in range(n):
+        R = R @ rotation_from_vector((before + growth * (k + 0.5) * lasted / n) * lasted / n)
+    integral, after = before * lasted + 0.5 * growth * lasted**2, before + growth * lasted
+    found = rotation_from_vector(turn_vector(integral, before, after, lasted))
+    np.testing.assert_allclose(found, R, rtol=0.0, atol=2e-10)
+    assert np.abs(rotation_from_vector(integral) - R).max() > 2e-7
+    back = rotation_from_vector(turn_vector(-integral, after, before, -lasted))
+    np.testing.assert_allclose(back, R.T, rtol=0.0, atol=2e-10)

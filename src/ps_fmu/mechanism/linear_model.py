@@ -4,9 +4,9 @@ State ``x`` (49 with the paper's modes), input ``u`` and output ``y``::
 
     x = [q, q', s, s', r]    q as in :mod:`.dynamics` (20), s: coarse-actuator displacement (3) from nominal length,
                              r: its reference (3)
-    u = [f_f, w_b, f_a, w_p, r', 1]   fine forces (3, N), base wrench (6, B at its origin), further fine forces that
-                             are added (3, N), payload wrench (6, in P at its origin), rate of the coarse reference
-                             (3, m/s), constant 1
+    u = [f_f, w_b, f_a, w_p, r', t, t2, 1]   fine forces (3, N), base wrench (6, B at its origin), further fine forces
+                             that are added (3, N), payload wrench (6, in P at its origin), rate of the coarse reference
+                             (3, m/s), time from the centre (s) and its square, constant 1
     y = see :mod:`.signals`
 
 The coarse actuators are second-order servos that follow ``r`` whatever the load, so that their acceleration drives
@@ -17,7 +17,8 @@ isolator that integrates them would drift away.
 Velocity and position of the base are components in B, which turns: ``v' = a - w x v``, ``p' = v - w x p`` with the
 inertial acceleration ``a`` of the origin.  Masses are those of the pose at the centre.  Convective forces
 (:mod:`.convection`) and what turns with B are linear about the speeds of the centre, and the constant input carries
-what they are there: nothing at all for a centre at rest.
+what they are there: nothing at all for a centre at rest.  What is quadratic in the distance from the centre may be
+added as a function of time along the expected way (:mod:`.curvature`).
 """
 
 from __future__ import annotations
@@ -38,7 +39,7 @@ from .parameters import Bus, CoarseServo, Manipulator, Optics, Parameters, Paylo
 from .quantities import Array, ParameterError, group
 from .quaternions import IDENTITY
 from .rotations import skew
-from .signals import ADDED, N_INPUTS, PAYLOAD, RATE, count_states, servo_slices
+from .signals import ADDED, N_INPUTS, PAYLOAD, RATE, TIME, count_states, servo_slices
 
 _ONE = slice(N_INPUTS - 1, N_INPUTS)
 
@@ -53,6 +54,7 @@ class PlantModel:
     nominal: the pose of its coarse legs alone.
     convection: (n, 9) of :func:`.convection.convective_forces` with the speeds of the centre; None: it is at rest.
     servo, optics: see :mod:`.parameters`.
+    curvature: (states and outputs, 2) what is added to ``x'`` and ``y`` by the time from the centre and its square.
     """
 
     centre: Centre
@@ -61,6 +63,7 @@ class PlantModel:
     convection: Array | None
     servo: CoarseServo
     optics: Optics
+    curvature: Array | None = None
 
     @property
     def n_states(self) -> int:
@@ -78,6 +81,20 @@ class PlantModel:
 
     @cached_property
     def _matrices(self) -> tuple[Array, Array, Array, Array]:
+        A, B, C, D = self._tangent
+        if self.curvature is not None:
+            B, D = B.copy(), D.copy()
+            B[:, TIME], D[:, TIME] = self.curvature[: len(A)], self.curvature[len(A) :]
+        return A, B, C, D
+
+    def curve(self, curvature: Array) -> PlantModel:
+        """The same with another ``curvature``."""
+        curved = replace(self, curvature=curvature)
+        curved.__dict__["_tangent"] = self._tangent  # cached
+        return curved
+
+    @cached_property
+    def _tangent(self) -> tuple[Array, Array, Array, Array]:
         d, n = self.dynamics, self.dynamics.n
         A, B = np.zeros((self.n_states, self.n_states)), np.zeros((self.n_states, N_INPUTS))
         dq, s, ds, r = slice(n, 2 * n), *servo_slices(n)
@@ -142,6 +159,11 @@ class PlantModel:
         Bd = np.zeros_like(B)
         Bd[:, own] = held
         Bd[:, ADDED] = Bd[:, 0:3]
+        # Inputs are means over the step, the outputs those at its end.
+        if self.curvature is not None:
+            D = D.copy()
+            D[:, _ONE.start] += D[:, TIME] @ [h / 2.0, h**2 / 6.0]
+            D[:, TIME.start] += h * D[:, TIME.start + 1]
         return make_held_step_map(Ad, Bd, C, D)
 
 

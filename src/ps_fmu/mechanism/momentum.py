@@ -8,17 +8,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from .convection import COARSE, FINE, TURN
+from .convection import COARSE, FINE, N_SPEEDS, TURN
 from .dynamics import FlexibleSystem, Pose
 from .forward_kinematics import forward_kinematics
 from .kinematics import jacobians, leg_vectors, platform_joints_B
 from .linear_model import PlantModel
 from .quantities import Array
-from .rotations import cross, rotation_from_vector
-from .signals import servo_slices
+from .rotations import cross, rotation_from_vector, skew, turn_vector
+from .signals import count_states, servo_slices
 
-#: Numbers that :class:`Balance` keeps.
-N_BALANCE = 19
+#: Longer models than this, s, meet vibration whose rates at the ends say nothing of those between.
+_SMOOTH = 0.1
 
 
 def find_momentum(system: FlexibleSystem, pose: Pose, velocity_B: Array, speeds: Array) -> tuple[Array, Array]:
@@ -66,56 +66,117 @@ def find_momentum(system: FlexibleSystem, pose: Pose, velocity_B: Array, speeds:
     return total, first / (float(np.sum(m_u) + np.sum(m_l)) + payload.mass + bus.mass)
 
 
-class Balance:
-    """The true momentum at the last centre, and what is needed to carry it on; kept in numbers of the FMU state.
+def count_balance(n: int) -> int:
+    """Numbers that a :class:`Balance` keeps, for ``n`` coordinates."""
+    return 14 + count_states(n)
 
-    ``numbers`` (N_BALANCE,): momentum (3,) and angular momentum about the centre of mass (3,), axes of B; then of the
-    last centre: the momentum of the linear model (6,), rotation and velocity of the base (3, 3), time (1,).
+
+class Balance:
+    """The true momentum and centre of mass where the present linear model began; kept in numbers of the FMU state.
+
+    ``numbers`` (:func:`count_balance`,): momentum (3,), angular momentum about the centre of mass (3,), place of the
+    centre of mass from where the origin of B was at the start (3,), and from where it is (3,), all in axes of B; then
+    the time from the centre of the model and the time, s, and the state where the model began.
     """
+
+    start: Array
+    """(n states,) where the present model began."""
 
     def __init__(self, system: FlexibleSystem, numbers: Array) -> None:
         self._system = system
-        self._true, self._linear = numbers[:6], numbers[6:12]
-        self._rotation, self._velocity, self._time = numbers[12:15], numbers[15:18], numbers[18:19]
+        self._true, self._place, self._com_B = numbers[:6], numbers[6:9], numbers[9:12]
+        self._first, self._time, self.start = numbers[12:13], numbers[13:14], numbers[14:]
 
     @np.errstate(over="raise", divide="raise", invalid="raise")
     def begin(self, model: PlantModel, x: Array, t: float) -> None:
-        """The state ``x`` of a model has the true momentum at the time ``t``, s."""
+        """The state ``x`` of a model has the true momentum and centre of mass at the time ``t``, s."""
         momentum, com_B = self.find_momentum(model, x)
         self._true[:3], self._true[3:] = momentum[:3], momentum[3:] - cross(com_B, momentum[:3])
-        self.go_on(model, x, t)
+        self._com_B[:], self._place[:] = com_B, x[model.dynamics.base_places()[0]] + com_B
+        self.go_on(x, t)
 
-    def go_on(self, model: PlantModel, x: Array, t: float) -> None:
-        """A new model serves from the state ``x`` at the time ``t``, s."""
-        t_b, r_b = model.dynamics.base_places()
-        n = model.dynamics.n
-        self._linear[:] = _find_linear(model, x)
-        self._rotation[:], self._velocity[:] = x[r_b], x[n + t_b.start : n + t_b.stop]
-        self._time[0] = t
+    def go_on(self, x: Array, t: float, from_centre: float = 0.0) -> None:
+        """A new model serves from the state ``x`` at the time ``t``, s; and what time it is from its centre, s."""
+        self.start[:], self._time[0], self._first[0] = x, t, from_centre
 
     @np.errstate(over="raise", divide="raise", invalid="raise")
     def settle(self, model: PlantModel, x: Array, t: float) -> Array:
-        """The state whose base moves such that all bodies have the true momentum; ``model`` served up to ``t``, s."""
-        d, n, centre = model.dynamics, model.dynamics.n, model.centre
-        t_b, r_b = d.base_places()
-        q_b, v_t = d.slices["q_b"], slice(n + t_b.start, n + t_b.stop)
-        lasted, turned = t - float(self._time[0]), x[r_b] - self._rotation
-        impulse = _find_linear(model, x) - self._linear
-        if model.convection is not None:
-            w, v = centre.speeds[TURN], centre.velocity_B
-            way = 0.5 * lasted * (self._velocity + x[v_t])
-            impulse -= lasted * (model.convection[q_b] @ centre.speeds)
-            impulse += d.M[q_b, t_b] @ (cross(w, way) + cross(turned, v) - lasted * cross(w, v))
+        """The state whose base is and moves such that all bodies have the true momentum and centre of mass.
+
+        ``model`` served up to ``t``, s, and its state is ``x``.  About rest the place of the base is left as it is.
+        """
+        d, n = model.dynamics, model.dynamics.n
+        q_b, (t_b, r_b) = d.slices["q_b"], d.base_places()
+        v_t = slice(n + t_b.start, n + t_b.stop)
+        lasted, turned = t - float(self._time[0]), x[r_b] - self.start[r_b]
         momentum, com_B = self.find_momentum(model, x)
-        # Components in B of a vector that stays as it is turn back; the impulse came in half-way.
-        back, half = rotation_from_vector(-turned), rotation_from_vector(-0.5 * turned)
-        about_com = impulse[3:] - cross(com_B, impulse[:3])
-        self._true[:3] = back @ self._true[:3] + half @ impulse[:3]
-        self._true[3:] = back @ self._true[3:] + half @ about_com
+        impulse, over_time = self._find_outer(model, x, lasted)
+        mass = d.M[t_b.start, t_b.start]
+        ends = (self.start, self._true, self._com_B), (x, momentum, com_B)
+        turns = self.start[n + r_b.start : n + r_b.stop], x[n + r_b.start : n + r_b.stop]
+        moving = model.convection is not None
+        back = rotation_from_vector(-turn_vector(turned, *turns, lasted) if moving else -turned)
+        place = back @ (self._place + lasted * self._true[:3] / mass) + over_time[:3] / mass
+        # Moments of the impulse about the centre of mass, which moves in B.
+        shifts = tuple(
+            total[:3] / mass - state[v_t] - cross(turn, at_B)
+            for turn, (state, total, at_B) in zip(turns, ends, strict=True)
+        )
+        impulse[3:] -= cross(com_B, impulse[:3])
+        impulse[3:] += _integrate_cross(shifts, com_B - self._com_B, impulse[:3], over_time[:3], lasted)
+        over_time[3:] -= cross(0.5 * (self._com_B + com_B), over_time[:3])
+        # Components in B of a vector that stays as it is turn back, those of an impulse from when it came.
+        for k in (slice(0, 3), slice(3, 6)):
+            lost = _integrate_cross(turns, turned, impulse[k], over_time[k], lasted)
+            self._true[k] = back @ self._true[k] + impulse[k] - lost
         missing = np.concatenate([self._true[:3], self._true[3:] + cross(com_B, self._true[:3])]) - momentum
         x = x.copy()
         x[n + q_b.start : n + q_b.stop] += np.linalg.solve(d.M[q_b, q_b], missing)
+        if moving:
+            x[t_b] = place - com_B
+        self._com_B[:], self._place[:] = com_B, x[t_b] + com_B
         return x
+
+    def _find_outer(self, model: PlantModel, x: Array, lasted: float) -> tuple[Array, Array]:
+        """Impulse of outer forces since the model began, and its integral over that time, (6,) each.
+
+        What the linear model has beside them are convective forces: integrals that are no differences of states by
+        Hermite's rule, with the derivatives at both ends.
+        """
+        d, n, centre = model.dynamics, model.dynamics.n, model.centre
+        q_b, (t_b, r_b), (s, ds, _) = d.slices["q_b"], d.base_places(), servo_slices(n)
+        v_t, turn = slice(n + t_b.start, n + t_b.stop), slice(n + r_b.start, n + r_b.stop)
+        M, start, moved = d.M[q_b] * d.active, self.start, x - self.start
+
+        def find_linear(x: Array) -> Array:
+            return np.asarray(M @ x[n : 2 * n] + d.m_c[q_b] @ x[ds])
+
+        w, v, p = centre.speeds[TURN], centre.velocity_B, centre.position_B
+        C = np.zeros((6, N_SPEEDS)) if model.convection is None else model.convection[q_b]
+        C_w = 2.0 * C
+        C_w[:, TURN] -= M[:, t_b] @ skew(v)
+        constant = C @ centre.speeds + M[:, t_b] @ cross(w, v)
+        added = np.zeros((model.n_states, 2)) if model.curvature is None else model.curvature[: model.n_states]
+        first, last = float(self._first[0]), float(self._first[0]) + lasted
+        over = added @ [0.5 * (last**2 - first**2), (last**3 - first**3) / 3.0]
+
+        def find_other(x: Array, time: float) -> Array:
+            speeds = np.concatenate([x[n : 2 * n][d.slices["d_f"]], x[turn], x[ds] + x[n : 2 * n][d.slices["e_c"]]])
+            by_time = added[n : 2 * n] @ [time, time**2]
+            return np.asarray(constant - C_w @ speeds - M[:, t_b] @ cross(w, x[v_t]) + M @ by_time)
+
+        turned, hermite = moved[r_b], lasted**2 / 12.0 if lasted < _SMOOTH else 0.0
+        ends = start[v_t] - cross(w, start[t_b]), x[v_t] - cross(w, x[t_b])
+        of_place = 0.5 * lasted * (start[t_b] + x[t_b]) + hermite * (ends[0] - ends[1])
+        of_velocity = moved[t_b] + cross(w, of_place) + cross(turned - lasted * w, p) - over[t_b]
+        ways = np.concatenate([moved[d.slices["d_f"]], turned, moved[s] + moved[d.slices["e_c"]]])
+        other = lasted * constant - C_w @ ways - M[:, t_b] @ cross(w, of_velocity) + M @ over[n : 2 * n]
+        way = moved[:n].copy()
+        way[t_b] = of_velocity
+        of_linear = M @ way + d.m_c[q_b] @ moved[s]
+        smooth = 0.5 * lasted * other + hermite * (find_other(start, first) - find_other(x, last))
+        push = of_linear - lasted * find_linear(start) - smooth
+        return find_linear(moved) - other, push
 
     def find_momentum(self, model: PlantModel, x: Array) -> tuple[Array, Array]:
         """As :func:`find_momentum`, of the state ``x`` of a model, modes and rods included."""
@@ -129,17 +190,24 @@ class Balance:
         speeds = np.concatenate([rate[d_f], rate[r_b], x[ds] + rate[e_c]])
         momentum, com_B = find_momentum(self._system, Pose(found.translation_B, found.R), rate[t_b], speeds)
         for modes in (d.slices["x_m"], d.slices["x_t"]):
-            momentum += d.M[d.slices["q_b"], modes] @ (rate[modes] * d.active[modes])
+            coupling = d.M[d.slices["q_b"], modes] * d.active[modes]
+            momentum += coupling @ rate[modes]
+            shifted = coupling[:3] @ x[modes]  # kg.m, what moves along with the base
+            momentum += np.concatenate([cross(rate[r_b], shifted), cross(shifted, rate[t_b])])
+            com_B = com_B + shifted / d.M[t_b.start, t_b.start]
         return momentum, com_B
 
 
-def _find_linear(model: PlantModel, x: Array) -> Array:
-    """(6,) what outer forces change in the linear model: momentum, and the integral of convective forces by speeds."""
-    d, n = model.dynamics, model.dynamics.n
-    q_b, (s, ds, _) = d.slices["q_b"], servo_slices(n)
-    momentum = d.M[q_b] @ (x[n : 2 * n] * d.active) + d.m_c[q_b] @ x[ds]
-    if model.convection is not None:
-        coarse = x[s] + x[d.slices["e_c"]]
-        ways = np.concatenate([x[d.slices["d_f"]], x[d.base_places()[1]], coarse])
-        momentum += 2.0 * (model.convection[q_b] @ ways)
-    return np.asarray(momentum)
+def _integrate_cross(ends: tuple[Array, ...], f_sum: Array, J: Array, J_sum: Array, lasted: float) -> Array:
+    """(3,) integral of ``f x J`` over a time, s: parabolas, f by its values at both ends and its integral ``f_sum``.
+
+    J begins with zero and ends with ``J``; its integral is ``J_sum``.  After a long time f is taken as constant.
+    """
+    if lasted <= 0.0:
+        return np.zeros(3)
+    f_0, f_1 = ends if lasted < _SMOOTH else (f_sum / lasted, f_sum / lasted)
+    f_2 = 3.0 * (f_0 + f_1) - 6.0 * f_sum / lasted
+    J_2 = 3.0 * J - 6.0 * J_sum / lasted
+    f_1, J_1 = f_1 - f_0 - f_2, J - J_2
+    first, second, third = J_1 / 2.0 + J_2 / 3.0, J_1 / 3.0 + J_2 / 4.0, J_1 / 4.0 + J_2 / 5.0
+    return lasted * (cross(f_0, first) + cross(f_1, second) + cross(f_2, third))

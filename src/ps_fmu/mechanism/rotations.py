@@ -124,6 +124,16 @@ def rotation_from_vector(vector: Array) -> Array:
     return np.eye(3) + np.sin(angle) / angle * S + 2.0 * (np.sin(0.5 * angle) / angle) ** 2 * (S @ S)
 
 
+def turn_vector(integral: Array, before: Array, after: Array, lasted: float) -> Array:
+    """(3,) rotation vector, rad, of a turn in ``lasted`` s, from the integral (rad) of the body's angular velocity.
+
+    ``before``, ``after`` (3,): that angular velocity at both ends, rad/s, in the body's own axes.  If its direction
+    changes, the small turns do not commute (coning); here it changes evenly.  Source: J. Bortz, IEEE Trans. Aerosp.
+    Electron. Syst. 7(1), 1971.
+    """
+    return np.asarray(integral + lasted**2 / 12.0 * cross(before, after))
+
+
 def rotation_vector(R: Array) -> Array:
     """Rotation vector, rad, of turns below 90 deg: inverse of :func:`rotation_from_vector`; (3, 3) to (3,)."""
     sine = 0.5 * np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])

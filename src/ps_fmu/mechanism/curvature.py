@@ -1,0 +1,93 @@
+"""What a linear model leaves out along the way that is expected, as parabolas in time.
+
+A model about a centre is exact there.  At both ends of the expected way (:class:`.ways.Way`) the models about these two
+points are exact, too.  So the difference is known at three instants ``-T, 0, T`` from the centre, and the parabola
+through them is added to rates and outputs, with ``z`` on the way::
+
+    x' = A x + B u + b1 t + b2 t**2        b1 T = (r(T) - r(-T)) / 2,    b2 T**2 = (r(T) + r(-T)) / 2
+    r(t) = (A_t - A) z(t) + (B_t - B) u
+
+and for y alike.  This is exponential quadrature with three nodes for what is not linear (M. Hochbruck and A. Ostermann,
+Exponential integrators, Acta Numerica 19, 2010, section 2).  Ways are some ten times as long as without.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from .convection import COARSE
+from .linear_model import Plant, PlantModel
+from .outputs import find_state
+from .quantities import Array
+from .signals import N_OUTPUTS, TIME, count_states, servo_slices
+from .slews import find_attitude, find_centre
+from .ways import Way
+
+#: Positions and rates that are watched on the way.
+N_PATH = 12
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """What is expected of a linear model, and what time adds to it."""
+
+    half: Array
+    """(1,) s, from the start of the way to its middle, the centre; zero: there is no way, the centre is the place."""
+    path: Array
+    """(N_PATH, 3): fine elongations (m), rotation of B (rad), displacements and rates of the coarse legs (m, m/s);
+    factors of 1, time (s) from the centre and its square."""
+    added: Array
+    """(states and outputs, 2) to ``x'`` and ``y``: factors of time and its square."""
+
+    @classmethod
+    def read(cls, numbers: Array, n: int) -> Curve:
+        """From :func:`count_curve` numbers, as :meth:`write` leaves them; ``n`` coordinates."""
+        half, path, added = np.split(numbers.copy(), np.cumsum([1, 3 * N_PATH]))
+        return cls(half, path.reshape(N_PATH, 3), added.reshape(count_states(n) + N_OUTPUTS, 2))
+
+    def write(self, numbers: Array) -> None:
+        """Into :func:`count_curve` numbers, for the FMU state."""
+        numbers[:] = np.concatenate([getattr(self, f.name).ravel() for f in fields(self)])
+
+
+def count_curve(n: int) -> int:
+    """Numbers that a :class:`Curve` is kept in, for ``n`` coordinates."""
+    return 1 + 3 * N_PATH + 2 * (count_states(n) + N_OUTPUTS)
+
+
+def places_on_path(model: PlantModel) -> Array:
+    """(N_PATH,) places in the state of what :attr:`Curve.path` follows."""
+    s, ds, _ = servo_slices(model.dynamics.n)
+    return np.r_[model.dynamics.slices["d_f"], model.dynamics.base_places()[1], s, ds]
+
+
+def stay(model: PlantModel, half: float = 0.0) -> Curve:
+    """Of a model that serves near its centre; after twice ``half``, s, unless that is zero, it is looked at again."""
+    path = np.zeros((N_PATH, 3))
+    path[:, 0] = find_state(model.centre, model.dynamics)[places_on_path(model)]
+    path[9:, 0] = model.centre.speeds[COARSE]
+    return Curve(np.array([half]), path, np.zeros((model.n_states + N_OUTPUTS, 2)))
+
+
+def find_curve(plant: Plant, model: PlantModel, way: Way, u: Array) -> Curve:
+    """Of a model about the middle of the way; ``u``: inputs while it is gone, whatever they say of time."""
+    u, half = u.copy(), way.half
+    u[TIME] = 0.0
+    at_start, at_end = (_find_rest(plant, model, z, t, u) for z, t in ((way.start, -half), (way.end, half)))
+    start, middle, end = (z[places_on_path(model)] for z in (way.start, way.middle, way.end))
+    path = np.stack([middle, *_fit(start - middle, end - middle, half)], axis=1)
+    return Curve(np.array([half]), path, np.stack(_fit(at_start, at_end, half), axis=1))
+
+
+def _fit(at_start: Array, at_end: Array, half: float) -> tuple[Array, Array]:
+    """Factors of time and its square, from values at -half and half, s."""
+    return 0.5 * (at_end - at_start) / half, 0.5 * (at_end + at_start) / half**2
+
+
+def _find_rest(plant: Plant, model: PlantModel, z: Array, time: float, u: Array) -> Array:
+    """(states and outputs,) what the model leaves out at a state ``z``, at ``time``, s, from its centre."""
+    there = plant.linearise_about(find_centre(model, z, find_attitude(model, z, time)))
+    A, B, C, D = (near - about for near, about in zip(there.matrices(), model.matrices(), strict=True))
+    return np.concatenate([A @ z + B @ u, C @ z + D @ u])

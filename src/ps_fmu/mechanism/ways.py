@@ -1,0 +1,171 @@
+"""The way that the plant is expected to go while its next linear model serves, and how long that may be.
+
+Bodies go on as the present linear model says, rods and modes held as they are: what is fast would only hide where the
+motion leads.  A way is as long as allows what is added to the next model (:mod:`.curvature`), parabolas in time through
+its start, middle and end.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from .discretisation import zero_order_hold
+from .linear_model import PlantModel
+from .quantities import Array, Checked, quantity
+from .signals import output_slices, servo_slices
+
+_ACCELERATION = output_slices()["base_acceleration"]
+
+#: The middle of a way lies up to this many distances of Renewal ahead; twice the angle.
+_AHEAD, _TURNED_AHEAD = 10.0, 2.0
+
+#: A parabola may be off the way by this part of the distance of Renewal.  With a tenth, the payload's attitude is right
+#: to 3e-7 rad in all fast slews of the tests.
+_OFF = 0.1
+
+#: Longest time to the middle of a way, s.
+_LONGEST = 0.25
+
+
+@dataclass(frozen=True)
+class Renewal(Checked):
+    """How far the motion may leave what its linear model was made for."""
+
+    relinearisation_distance: float = quantity(
+        "m", "A new linear model is made when a leg is this far from where the last one expected it",
+        at_least=1e-9, display="um",
+    )  # fmt: skip
+    relinearisation_angle: float = quantity(
+        "rad", "A new linear model is made when the base has turned by this; in motion, when it is a tenth of this "
+        "from where the last one expected it",
+        at_least=1e-9, at_most=0.1, display="mrad",
+    )  # fmt: skip
+    relinearisation_speed: float = quantity(
+        "m/s", "A new linear model is made when a coarse leg's speed differs by this from what was expected",
+        at_least=1e-9,
+    )  # fmt: skip
+
+
+#: What is usual.
+RENEWAL = Renewal(3e-5, 1e-3, 1e-3)
+
+
+class Way(NamedTuple):
+    """Three states (n,) on the way."""
+
+    half: float  # s, from the start to the middle and from there to the end
+    start: Array
+    middle: Array
+    end: Array
+
+
+@np.errstate(over="raise", divide="raise", invalid="raise")
+def look_ahead(
+    model: PlantModel, x: Array, u: Array, growth: Array, renewal: Renewal, h: float, prescribed: bool = False
+) -> Way:
+    """The way from a state, for whole steps.
+
+    Parameters
+    ----------
+    model: the present one.  x: its state.
+    u: its input, which is held.
+    growth: (3,) of the rates of the coarse references, see :func:`find_growth`, m/s2.
+    h: step, s.
+    prescribed: the base is moved by a host; its places in the state hold other things.
+    """
+    n, d_f = model.dynamics.n, model.dynamics.slices["d_f"]
+    s, _, r = servo_slices(n)
+    rates, z = _move_rigidly(model, x, u, prescribed)
+    half = _find_half(model, rates, z, renewal, 1.0 if prescribed else _AHEAD)
+
+    keep = np.union1d(np.flatnonzero(rates.any(axis=1)), np.r_[r])
+    held = np.delete(np.arange(len(z) + 1), keep)
+    m = len(keep)
+    A, B, start = np.zeros((m + 1, m + 1)), np.ones((m + 1, 1)), np.append(z[keep], 0.0)  # the last one is time
+    A[:m, :m], B[:m, 0] = rates[np.ix_(keep, keep)], rates[np.ix_(keep, held)] @ np.append(z, 1.0)[held]
+    A[np.searchsorted(keep, r.start) + np.arange(3), m] = growth
+    legs, near = np.r_[d_f, s], _AHEAD * renewal.relinearisation_distance
+    middle, end = z.copy(), z.copy()
+    while True:
+        half = 0.5 * h * max(int(2.0 * half / h), 1)
+        Ad, Bd = zero_order_hold(A, B, half)
+        after = Ad @ start + Bd[:, 0]
+        middle[keep], end[keep] = after[:m], (Ad @ after + Bd[:, 0])[:m]
+        if not np.isfinite(end).all():
+            return Way(0.5 * h, z, z, z)
+        far = float(max(np.abs((middle - z)[legs]).max(), np.abs((end - middle)[legs]).max()))
+        if far <= near or half < h:
+            return Way(half, z, middle, end)
+        half *= max(0.9 * near / far, 0.1)
+
+
+def _find_half(model: PlantModel, rates: Array, z: Array, renewal: Renewal, ahead: float) -> float:
+    """How far ahead, s, the middle may be as distances, angle, speed and curvature say at the start."""
+    d, n = model.dynamics, model.dynamics.n
+    d_f, (_, r_b) = d.slices["d_f"], d.base_places()
+    v_f, v_r, (_, ds, _) = slice(n + d_f.start, n + d_f.stop), slice(n + r_b.start, n + r_b.stop), servo_slices(n)
+    now = rates @ np.append(z, 1.0)
+    later = rates @ np.append(now, 0.0)
+    near, turned = ahead * renewal.relinearisation_distance, min(ahead, _TURNED_AHEAD) * renewal.relinearisation_angle
+    half = _LONGEST
+    for speed, distance in ((ds, near), (v_f, near), (v_r, turned)):
+        half = min(half, time_to(0.9 * distance, _largest(z[speed]), _largest(now[speed])))
+    half = min(half, time_to(0.9 * ahead * renewal.relinearisation_speed, _largest(now[ds]), 0.0))
+    # A parabola through three points of a way is off it by T**3 / 15.6 times the third derivative, which may grow.
+    swing, servo = float(np.sqrt(_largest(np.diag(rates[v_f, d_f])))), 2.0 * np.pi * model.servo.frequency
+    for speed, frequency in ((v_f, swing), (ds, servo)):
+        third = float((np.abs(later[speed]) + frequency * np.abs(now[speed])).max())
+        if third > 0.0:
+            half = min(half, float(np.cbrt(15.6 * _OFF * renewal.relinearisation_distance / third)))
+    return half
+
+
+def _move_rigidly(model: PlantModel, x: Array, u: Array, prescribed: bool) -> tuple[Array, Array]:
+    """Rates (n, n + 1) by state and 1 with rods and modes held as they are, and the state (n,) with these at rest."""
+    d, n = model.dynamics, model.dynamics.n
+    A, B, C, D = model.matrices()
+    by_model = np.hstack([A, (B @ u)[:, None]])
+    inertial = np.hstack([C[_ACCELERATION], (D[_ACCELERATION] @ u)[:, None]])
+    d_f, q_b, (t_b, r_b) = d.slices["d_f"], d.slices["q_b"], d.base_places()
+    bodies, v_t = np.r_[d_f, q_b], slice(n + t_b.start, n + t_b.stop)
+    rigid = np.r_[d_f] if prescribed else bodies
+    accelerations = by_model[n : 2 * n].copy()
+    accelerations[t_b] = inertial
+    rates = np.zeros_like(by_model)
+    followed = np.concatenate([rigid, np.arange(2 * n, len(A))])
+    rates[followed] = by_model[followed]
+    # Forces on the bodies are what moved them with rods and modes; without these they move otherwise.
+    forces = d.M[rigid] @ (accelerations * d.active[:, None])
+    rates[n + rigid] = np.linalg.solve(d.M[np.ix_(rigid, rigid)], forces)
+    if prescribed:
+        rates[r_b] = by_model[r_b]
+    else:
+        rates[v_t] += by_model[v_t] - inertial  # since B turns
+    z = x.copy()
+    z[n + np.delete(np.arange(n), bodies)] = 0.0
+    return rates, z
+
+
+def find_growth(lasted: float, moved: Array, before: Array, now: Array, renewal: Renewal) -> Array:
+    """(3,) m/s2, how rates of the references have grown from ``before`` to ``now``, m/s, in ``lasted``, s.
+
+    Zero for a reference that has not moved, m, as one whose rate grows evenly: it has started or stopped in between, or
+    its command comes in steps.
+    """
+    if lasted <= 0.0:
+        return np.zeros(3)
+    evenly = np.abs(moved - 0.5 * lasted * (before + now)) < _OFF * renewal.relinearisation_distance
+    return np.where(evenly, (now - before) / lasted, 0.0)
+
+
+def _largest(values: Array) -> float:
+    return float(np.abs(values).max())
+
+
+def time_to(distance: float, speed: float, acceleration: float) -> float:
+    """When a distance is covered, s: the root of ``speed t + acceleration t**2 / 2 = distance``; inf: never."""
+    divisor = speed + np.sqrt(speed**2 + 2.0 * acceleration * distance)
+    return 2.0 * distance / divisor if divisor > 0.0 else np.inf
