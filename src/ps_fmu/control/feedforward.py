@@ -159,6 +159,25 @@ class Controller:
         return C, low.d * self.gains.acceleration
 
 
+@dataclass(frozen=True, eq=False)
+class TurningController:
+    """The controller on the way from one orientation to another: gains linear between those of the two.
+
+    With ``k`` from 0 to 1 on the way, ``f = f_first + k (f_second - f_first)``.  Of the step map, only what comes from
+    displacement, velocity and acceleration changes on the way, so that it has columns for ``k`` times these.
+    """
+
+    first: Controller
+    second: Controller
+
+    def step_map(self, h: float) -> Array:
+        """[f; x](t + h) from [x; a; k p; k v; k a](t), see :meth:`Controller.step_map`; k is held over the step."""
+        n = self.first.n_states
+        first, second = self.first.step_map(h), self.second.step_map(h)
+        changing = np.r_[0:12, n : n + 6]
+        return np.hstack([first, second[:, changing] - first[:, changing]])
+
+
 def count_states(order: int) -> int:
     """Size of the state of a controller with a low-pass of an order."""
     return 12 + 3 * order
