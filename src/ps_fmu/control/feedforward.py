@@ -23,7 +23,7 @@ import numpy as np
 from ..mechanism.discretisation import make_held_step_map, zero_order_hold
 from ..mechanism.dynamics import Pose, payload_mass
 from ..mechanism.kinematics import jacobians
-from ..mechanism.legs import leg_mass
+from ..mechanism.legs import leg_mass_on
 from ..mechanism.parameters import FeedforwardFilters, Manipulator, Payload
 from ..mechanism.quantities import Array, Complex
 
@@ -45,12 +45,7 @@ class Gains:
 def gains(manipulator: Manipulator, payload: Payload, pose: Pose) -> Gains:
     """Eqs (52)-(54) at a pose, for the payload as the controller knows it (its inertia does not matter)."""
     J = jacobians(manipulator.geometry, pose.translation_B, pose.rotation_BP)
-    legs = leg_mass(
-        manipulator.coarse_legs + manipulator.fine_legs,
-        manipulator.geometry,
-        pose.translation_B,
-        pose.rotation_BP,
-    )
+    legs = leg_mass_on(manipulator.coarse_legs + manipulator.fine_legs, manipulator.geometry, J)
     follow = np.linalg.solve(J.J_theta_f, J.J_theta_b)  # fine elongation that undoes the base rotation
     mass = payload_mass(payload, pose.rotation_BP) + legs.alpha
     return Gains(

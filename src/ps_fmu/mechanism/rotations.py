@@ -80,6 +80,11 @@ def cross(a: Array, b: Array) -> Array:
     return a.take(_NEXT, -1) * b.take(_LAST, -1) - a.take(_LAST, -1) * b.take(_NEXT, -1)
 
 
+def lengths(vectors: Array) -> Array:
+    """Euclidean lengths, (..., n) to (...); for a few vectors half of the time of numpy's norm, to the same bits."""
+    return np.asarray(np.sqrt(np.add.reduce(vectors * vectors, axis=-1)))
+
+
 def angular_velocity_map(orientation: Array) -> Array:
     """E with ``omega_B = E d(orientation)/dt``: angular velocity of P relative to B, components in B.
 
