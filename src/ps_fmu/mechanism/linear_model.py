@@ -31,13 +31,13 @@ from .centre import Centre
 from .convection import COARSE, FINE, TURN, convective_forces
 from .discretisation import make_held_step_map, zero_order_hold
 from .dynamics import Dynamics, FlexibleSystem, Pose
-from .forward_kinematics import ForwardPose, forward_kinematics
+from .forward_kinematics import forward_kinematics
 from .kinematics import KinematicsError, jacobians
 from .outputs import Nominal, make_output_matrices
 from .parameters import Bus, CoarseServo, Manipulator, Optics, Parameters, Payload
 from .quantities import Array, ParameterError, group
 from .quaternions import IDENTITY
-from .rotations import skew
+from .rotations import roll_pitch_yaw, skew
 from .signals import ADDED, N_INPUTS, PAYLOAD, RATE, count_states, servo_slices
 
 _ONE = slice(N_INPUTS - 1, N_INPUTS)
@@ -188,27 +188,28 @@ class Plant:
         ParameterError: no usable pose has these leg lengths; since they are within the stroke, it names the stroke.
         """
         try:
-            nominal = self._find_pose(centre.coarse, np.zeros(3))
-            present = self._find_pose(centre.coarse, centre.fine, nominal) if centre.fine.any() else nominal
-            dynamics = self.system.at(Pose(present.translation_B, present.R))
+            nominal, present = self._find_poses(centre)
+            dynamics = self.system.at(present)
             J = dynamics.jacobians
             if present is not nominal:
-                J = jacobians(self.manipulator.geometry, nominal.translation_B, nominal.R)
+                J = jacobians(self.manipulator.geometry, nominal.translation_B, nominal.rotation_BP)
         except KinematicsError as error:
             at = ", ".join(f"{1e3 * displacement:.4g}" for displacement in centre.coarse)
             raise ParameterError(
                 "coarse_stroke", f"too large: no usable pose with the coarse legs at ({at}) mm from nominal; {error}"
             ) from error
         convection = convective_forces(self.system, dynamics, centre.speeds) if centre.speeds.any() else None
-        by_coarse = Nominal(Pose(nominal.translation_B, nominal.R), J, nominal.orientation)
+        by_coarse = Nominal(nominal, J, roll_pitch_yaw(nominal.rotation_BP))
         return PlantModel(centre, dynamics, by_coarse, convection, self.servo, self.optics)
 
-    def _find_pose(self, coarse: Array, fine: Array, near: ForwardPose | None = None) -> ForwardPose:
-        geometry = self.manipulator.geometry
-        lengths = geometry.nominal_lengths + np.concatenate([coarse, fine])
-        if near is None:
-            return forward_kinematics(geometry, lengths)
-        return forward_kinematics(geometry, lengths, near.translation_B, near.R)
+    def _find_poses(self, centre: Centre) -> tuple[Pose, Pose]:
+        """The pose of the coarse legs alone and that with the fine legs; both at once takes little more than one."""
+        geometry, none = self.manipulator.geometry, np.zeros(3)
+        elongations = [centre.fine, none] if centre.fine.any() else [none]
+        changes = np.array([np.concatenate([centre.coarse, fine]) for fine in elongations])
+        found = forward_kinematics(geometry, geometry.nominal_lengths + changes)
+        poses = [Pose(*pose) for pose in zip(found.translation_B, found.R, strict=True)]
+        return poses[-1], poses[0]
 
     @cached_property
     def system(self) -> FlexibleSystem:

@@ -14,6 +14,7 @@ from .quantities import Array
 # Below this cosine of the pitch (6e-5 deg from +-90 deg) roll and yaw have lost half of their digits.
 SMALLEST_COS_PITCH = 1e-6
 
+_EYE = np.eye(3)
 _NEXT, _LAST = np.array([1, 2, 0]), np.array([2, 0, 1])  # axes after and before x, y, z, cyclically
 
 
@@ -124,9 +125,9 @@ def orientation_rate_map(orientation: Array) -> Array:
 
 def rotation_from_vector(vector: Array) -> Array:
     """Rotation by the angle ``|vector|`` (rad) about ``vector`` (Rodrigues); (..., 3) to (..., 3, 3)."""
-    angle = np.maximum(np.linalg.norm(vector, axis=-1), 1e-150)[..., None, None]  # sin(a)/a is 1 at zero, too
-    S = skew(vector)
-    return np.eye(3) + np.sin(angle) / angle * S + 2.0 * (np.sin(0.5 * angle) / angle) ** 2 * (S @ S)
+    angle = np.maximum(lengths(vector), 1e-150)[..., None, None]  # sin(a)/a is 1 at zero, too
+    S, half = skew(vector), np.sin(0.5 * angle) / angle
+    return _EYE + np.sin(angle) / angle * S + 2.0 * half * half * (S @ S)
 
 
 def rotation_vector(R: Array) -> Array:
