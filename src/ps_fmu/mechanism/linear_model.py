@@ -41,6 +41,9 @@ from .rotations import roll_pitch_yaw, skew
 from .signals import ADDED, N_INPUTS, PAYLOAD, RATE, count_states, servo_slices
 
 _ONE = slice(N_INPUTS - 1, N_INPUTS)
+_NOT_ADDED = np.ones(N_INPUTS, dtype=bool)
+_NOT_ADDED[ADDED] = False
+_EYE = np.eye(3)
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,11 +86,11 @@ class PlantModel:
         dq, s, ds, r = slice(n, 2 * n), *servo_slices(n)
         on = np.flatnonzero(d.active)
         A[on, n + on] = 1.0  # q' = dq, for what can move
-        A[s, ds] = np.eye(3)
+        A[s, ds] = _EYE
         omega = 2.0 * np.pi * self.servo.frequency
-        A[ds, s], A[ds, ds] = -(omega**2) * np.eye(3), -2.0 * self.servo.damping_ratio * omega * np.eye(3)
-        A[ds, r] = omega**2 * np.eye(3)
-        B[r, RATE] = np.eye(3)
+        A[ds, s], A[ds, ds] = -(omega**2) * _EYE, -2.0 * self.servo.damping_ratio * omega * _EYE
+        A[ds, r] = omega**2 * _EYE
+        B[r, RATE] = _EYE
 
         # M q'' = - K q - C q' + [f_f + f_a; w_b; 0] + (platform's motion)' w_p - m_c s'' - c
         pick = np.ix_(on, on)
@@ -121,12 +124,14 @@ class PlantModel:
         """``v' = a - w x v`` and ``p' = v - w x p`` to first order about the centre."""
         d, n = self.dynamics, self.dynamics.n
         t_b, r_b = d.base_places()
-        turn, about = self.centre.speeds[TURN], slice(n + r_b.start, n + r_b.stop)
-        for shift, moving in ((0, self.centre.position_B), (n, self.centre.velocity_B)):
+        about = slice(n + r_b.start, n + r_b.stop)
+        centre = self.centre
+        across_turn, across_p, across_v = skew(np.array([centre.speeds[TURN], centre.position_B, centre.velocity_B]))
+        for shift, moving, across in ((0, centre.position_B, across_p), (n, centre.velocity_B, across_v)):
             rows = slice(shift + t_b.start, shift + t_b.stop)
-            A[rows, rows] -= skew(turn)
-            A[rows, about] += skew(moving)
-            B[rows, _ONE] += (skew(turn) @ moving)[:, None]
+            A[rows, rows] -= across_turn
+            A[rows, about] += across
+            B[rows, _ONE] += (across_turn @ moving)[:, None]
 
     def output_map(self) -> Array:
         """[C D]: outputs from state and input at the same instant."""
@@ -137,7 +142,7 @@ class PlantModel:
         """[y; x](t + h) from [x; u](t), see :func:`.discretisation.make_held_step_map`."""
         A, B, C, D = self.matrices()
         # Added fine forces act as the others do, and the constant often moves nothing: less columns to the exponential.
-        own = np.setdiff1d(np.flatnonzero(B.any(axis=0)), np.r_[ADDED])
+        own = np.flatnonzero(B.any(axis=0) & _NOT_ADDED)
         Ad, held = zero_order_hold(A, B[:, own], h)
         Bd = np.zeros_like(B)
         Bd[:, own] = held

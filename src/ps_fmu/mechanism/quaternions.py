@@ -69,5 +69,5 @@ def to_rotation_matrix(q: Array) -> Array:
 
 def small_turns(q: Array) -> Array:
     """(4, 3): how ``q`` (4,) changes by a small turn (rad) in the body's own axes, ``q (0, e_k) / 2``."""
-    axes = np.hstack([np.zeros((3, 1)), np.eye(3)])
-    return 0.5 * multiply(q, axes).T
+    w, x, y, z = 0.5 * q
+    return np.array([[-x, -y, -z], [w, -z, y], [z, w, -x], [-y, x, w]])
