@@ -254,8 +254,10 @@ class ManipulatorPlant(Slave):
 
     def _with_command(self, matrix: NDArray[np.float64]) -> NDArray[np.float64]:
         """Columns of the coarse command, zero: it acts through the servos' reference."""
-        at = self.n_states + N_EXTERNAL + N_MOTION
-        return np.insert(matrix, [at] * 3, 0.0, axis=1)
+        at, n = self.n_states + N_EXTERNAL + N_MOTION, len(self.command)
+        wide = np.zeros((len(matrix), matrix.shape[1] + n))
+        wide[:, :at], wide[:, at + n :] = matrix[:, :at], matrix[:, at:]
+        return wide
 
     def _read_base(self, base: str) -> bool:
         if base not in ("own", "prescribed"):
