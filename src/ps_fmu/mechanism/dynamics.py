@@ -159,6 +159,12 @@ class FlexibleSystem:
     def _legs(self) -> Legs:
         return self.manipulator.coarse_legs + self.manipulator.fine_legs
 
+    @property
+    def bus_mass(self) -> Array:
+        """(6, 6) mass matrix of the bus, see :func:`bus_mass`."""
+        q_b = self._slices["q_b"]
+        return self._fixed[0][q_b, q_b]
+
     def truss_at(self, rotation_BP: Array) -> tuple[Array, Array, Array]:
         """Masses (n,) of the truss modes, kg, with places from the origin of P, m, and directions (n, 3), axes of B."""
         mass, position_P, direction_P = self._truss
