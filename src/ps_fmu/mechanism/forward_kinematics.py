@@ -80,10 +80,9 @@ def forward_kinematics(
             f"got shape {lengths.shape}: {lengths}"
         )
     batch = lengths.shape[:-1]
-    translation_B = np.broadcast_to(
-        geometry.nominal_translation_B if start_translation_B is None else start_translation_B, (*batch, 3)
-    )
-    R = np.broadcast_to(_EYE if start_R is None else start_R, (*batch, 3, 3))
+    start = geometry.nominal_translation_B if start_translation_B is None else start_translation_B
+    translation_B = np.zeros((*batch, 3)) + start
+    R = np.zeros((*batch, 3, 3)) + (_EYE if start_R is None else start_R)
     residuals: list[float] = []
     converged = False
     for _ in range(max_steps + 1):

@@ -93,9 +93,12 @@ class PlantModel:
         B[r, RATE] = _EYE
 
         # M q'' = - K q - C q' + [f_f + f_a; w_b; 0] + (platform's motion)' w_p - m_c s'' - c
-        pick = np.ix_(on, on)
-        mobility = np.zeros((n, n))  # zero for what cannot move
-        mobility[pick] = np.linalg.inv(d.M[pick])
+        if len(on) == n:
+            mobility = np.linalg.inv(d.M)
+        else:
+            pick = np.ix_(on, on)
+            mobility = np.zeros((n, n))  # zero for what cannot move
+            mobility[pick] = np.linalg.inv(d.M[pick])
         coupling = mobility @ d.m_c
         A[dq, :n] = -mobility @ d.K
         A[dq, dq] = -mobility @ d.C
