@@ -140,7 +140,7 @@ def leg_vectors(geometry: Geometry, translation_B: Array, R: Array) -> Array:
 
 def leg_lengths(geometry: Geometry, translation_B: Array, R: Array) -> Array:
     """Distances of the two joints of each leg, (..., 6), m; arguments as :func:`leg_vectors`."""
-    return np.asarray(np.linalg.norm(leg_vectors(geometry, translation_B, R), axis=-1))
+    return lengths(leg_vectors(geometry, translation_B, R))
 
 
 def displacements(geometry: Geometry, translation_B: Array, R: Array) -> Array:

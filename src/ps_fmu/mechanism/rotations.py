@@ -16,6 +16,7 @@ from .quantities import Array
 # Below this cosine of the pitch (6e-5 deg from +-90 deg) roll and yaw have lost half of their digits.
 SMALLEST_COS_PITCH = 1e-6
 
+_MANY = 100  # numbers
 _SMALLEST = 1e-150  # rad; sin(a)/a is 1 there, too
 _NEXT, _LAST = np.array([1, 2, 0]), np.array([2, 0, 1])  # axes after and before x, y, z, cyclically
 
@@ -86,9 +87,19 @@ def cross(a: Array, b: Array) -> Array:
     return a.take(_NEXT, -1) * b.take(_LAST, -1) - a.take(_LAST, -1) * b.take(_NEXT, -1)
 
 
+def dot(a: Array, b: Array) -> Array:
+    """Products of vectors, (..., 3) each to (...).
+
+    For many vectors component by component, a quarter of the time of a sum over so short an axis, to the same bits.
+    """
+    if a.size < _MANY and b.size < _MANY:
+        return np.asarray(np.add.reduce(a * b, axis=-1))
+    return np.asarray(a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1] + a[..., 2] * b[..., 2])
+
+
 def lengths(vectors: Array) -> Array:
-    """Euclidean lengths, (..., n) to (...); for a few vectors half of the time of numpy's norm, to the same bits."""
-    return np.asarray(np.sqrt(np.add.reduce(vectors * vectors, axis=-1)))
+    """Euclidean lengths, (..., 3) to (...): as numpy's norm to the bit, for a few vectors in half of its time."""
+    return np.asarray(np.sqrt(dot(vectors, vectors)))
 
 
 def angular_velocity_map(orientation: Array) -> Array:
