@@ -53,6 +53,7 @@ RUNS = {
     "isolator, delay and sampling": Run("FeedforwardIsolator", 20_000, {"delay": 2e-3, "sample_time": 5e-4}, _SHAKEN),
     # 4 deg in 2 s
     "isolator, slew": Run("FeedforwardIsolator", 20_000, {}, _SHAKEN | {"orientation.roll": (0.0, 3.5e-6)}),
+    "commander, slew": Run("PointingCommander", 20_000, inputs={"target.roll": (0.07, 0.0)}),
     "plant, slew": Run("ManipulatorPlant", 20_000, inputs={name: (0.0, slope) for name, slope in _SLEWED.items()}),
     "disturbance": Run("DisturbanceSource", 120_000),
 }

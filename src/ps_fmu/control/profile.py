@@ -227,9 +227,9 @@ def _part(b: list[Array], duration: float, elapsed: Array, order: int) -> list[A
     inner = [
         b[0] + tau * (b[1] + tau * (b[2] + tau * b[3])),
         b[1] + tau * (2.0 * b[2] + 3.0 * tau * b[3]),
-        2.0 * b[2] + 6.0 * tau * b[3],
-        6.0 * b[3],
     ]
+    if order > 1:
+        inner += [2.0 * b[2] + 6.0 * tau * b[3], 6.0 * b[3]]
     return [
         np.asarray(sum(comb(k, j) * outer[j] * inner[k - j] for j in range(k + 1)) / duration**k)
         for k in range(order + 1)
