@@ -44,6 +44,8 @@ class Run:
     """Name -> value at the start and slope a step."""
 
 
+#: A step's part of a slew of 4 deg about x in 2 s, m, of each coarse leg.
+_SLEWED = {"coarse_command_1": 4.584e-7, "coarse_command_2": -4.565e-7, "coarse_command_3": -2.08e-8}
 _SHAKEN = {f"base_acceleration.{axis}": (1e-3, 1e-6) for axis in "xyz"}  # m/s2
 RUNS = {
     "isolator": Run("FeedforwardIsolator", 20_000, inputs=_SHAKEN),
@@ -51,6 +53,8 @@ RUNS = {
     "isolator, delay and sampling": Run("FeedforwardIsolator", 20_000, {"delay": 2e-3, "sample_time": 5e-4}, _SHAKEN),
     # 4 deg in 2 s
     "isolator, slew": Run("FeedforwardIsolator", 20_000, {}, _SHAKEN | {"orientation.roll": (0.0, 3.5e-6)}),
+    "commander, slew": Run("PointingCommander", 20_000, inputs={"target.roll": (0.07, 0.0)}),
+    "plant, slew": Run("ManipulatorPlant", 20_000, inputs={name: (0.0, slope) for name, slope in _SLEWED.items()}),
     "disturbance": Run("DisturbanceSource", 120_000),
 }
 

@@ -8,11 +8,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ps_fmu.control.feedforward import count_states
-from ps_fmu.control.isolator import Isolator, UnreachableOrientationError
+from ps_fmu.control.isolator import HALF_WAY, Isolator, Turn, UnreachableOrientationError
 from ps_fmu.interface.ports import make_parameter_ports, refuse_parameters
 from ps_fmu.mechanism.parameters import LARGEST_ORDER, load
 from ps_fmu.mechanism.quantities import take_values
-from ps_fmu.slavekit.author.elements import Clip, Delay, Element, Hold, Sample, Watch, count_steps, ring_size
+from ps_fmu.slavekit.author.elements import (
+    Clip,
+    Delay,
+    Element,
+    Hold,
+    Linear,
+    Product,
+    Sample,
+    Watch,
+    count_steps,
+    ring_size,
+)
 from ps_fmu.slavekit.author.slave import ModelError, Slave
 from ps_fmu.slavekit.author.terminals import Terminal
 from ps_fmu.slavekit.author.variables import Port, numbered, vector
@@ -30,8 +41,9 @@ class FeedforwardIsolator(Slave):
     model_description = "Feedforward vibration isolator: voice-coil forces from measured base acceleration"
     physics: ClassVar[type] = Isolator
     n_states: ClassVar[int] = count_states(LARGEST_ORDER)
-    n_auxiliary: ClassVar[int] = 6  # acceleration as last sampled, where the controller has a period of its own
-    n_memory: ClassVar[int] = 3 + 3 + 1 + 1 + 3 + ring_size(3, LONGEST_DELAY)  # see the views made in _build
+    # Acceleration as last sampled, where the controller has a period of its own; what only a turning controller takes.
+    n_auxiliary: ClassVar[int] = 6 + 18
+    n_memory: ClassVar[int] = 3 + 3 + 3 + 4 + 4 + 1 + 1 + 3 + ring_size(3, LONGEST_DELAY)  # see the views in _build
     limit_flag: ClassVar[str] = "saturated"
 
     ports: ClassVar[tuple[Port, ...]] = (
@@ -69,7 +81,7 @@ class FeedforwardIsolator(Slave):
         ),
         Port(
             "orientation_resolution", "parameter", "rad",
-            "Turn after which the gains are renewed; they are also when the orientation has come to rest",
+            "Turn whose change of the gains may be left out, but for an orientation that has come to rest",
             start=1e-4, min=0.0, display_unit="deg",
         ),
     )  # fmt: skip
@@ -88,19 +100,21 @@ class FeedforwardIsolator(Slave):
         """Build the controller for the present orientation, filters at rest."""
         self.x[:] = self.a[:] = self.memory[:] = 0.0
         self._build()
+        self.half_way[:] = HALF_WAY
         self.last_orientation[:] = self.values("orientation")
-        self._use(self.last_orientation)
+        self._use(Turn(self.last_orientation, self.last_orientation))
 
     def output_map(self) -> NDArray[np.float64]:
         """Outputs from [x; u; a] at the same instant."""
-        return self._framed(self.controller.output_map(), 0)
+        return self._framed(self.controller.output_map(), False)
 
     def step_map(self, h: float) -> NDArray[np.float64]:
         """[y; x] at the end of a step from [x; u; a] at its start."""
-        return self._framed(self.controller.step_map(h), self.controller.n_states)
+        controller = self.controller if self.turning is None else self.turning
+        return self._framed(controller.step_map(h), True)
 
     def before_map(self, h: float) -> list[Element]:
-        """Renew the gains when the platform has turned or has come to rest; sample the measured acceleration."""
+        """Renew the gains when the platform leaves its way or has come to rest; sample the measured acceleration."""
         return self._list_elements(h)[0]
 
     def after_map(self, h: float) -> list[Element]:
@@ -109,13 +123,14 @@ class FeedforwardIsolator(Slave):
 
     def event(self, t: float, h: float) -> bool:
         """The platform has turned, or the isolator is switched."""
-        orientation = self.orientation.copy()
-        turn = np.abs(orientation - self.gain_orientation).max()
-        at_rest = (orientation == self.last_orientation).all()
-        if turn > self.resolution or (at_rest and turn > SAME_ORIENTATION):
-            self._use(orientation)
+        orientation, turn = self.orientation.copy(), self._read_turn()
+        if (orientation == self.last_orientation).all():
+            if np.abs(orientation - turn.start).max() > SAME_ORIENTATION:
+                self._use(Turn(orientation, orientation))
+        elif turn.is_left(orientation, self.resolution):
+            self._use(Turn.ahead(orientation, self.last_orientation, self.resolution))
         if self.switch[0] != self.enabled:
-            self._use(self.gain_orientation.copy())
+            self._use(self._read_turn())
         return False
 
     def limits(self) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
@@ -130,31 +145,43 @@ class FeedforwardIsolator(Slave):
     def restore(self) -> None:
         """Rebuild the controller that the restored memory stands for."""
         self._build()
-        self._use(self.gain_orientation.copy())
+        self._use(self._read_turn())
 
     def _build(self) -> None:
         values = self.parameters()
         self.isolator = take_values(DEFAULT, values)
         self.resolution = max(float(values["orientation_resolution"]), SAME_ORIENTATION)
         self.orientation, self.switch = self.view("orientation"), self.view("enabled")
-        self.gain_orientation, self.last_orientation = self.memory[0:3], self.memory[3:6]  # rad
-        self.sampled, self.held = self.memory[6:7], self.memory[7:8]  # steps since then
-        self.held_force, self.ring = self.memory[8:11], self.memory[11:]  # N
+        # Way that the gains are linear on, orientation after the last step, rad; progress on the way, and its middle.
+        self.gain_orientation, self.gain_end, self.last_orientation = (self.memory[k : k + 3] for k in (0, 3, 6))
+        self.progress, self.half_way = self.memory[9:13], self.memory[13:17]
+        self.sampled, self.held = self.memory[17:18], self.memory[18:19]  # steps since then
+        self.held_force, self.ring = self.memory[19:22], self.memory[22:]  # N
         self.sample_time, self.delay = float(values["sample_time"]), float(values["delay"])  # s
         self.listed: tuple[tuple[float, bool], list[Element], list[Element]] = ((0.0, False), [], [])
 
     def _list_elements(self, h: float) -> tuple[list[Element], list[Element]]:
-        """What a step does before and after the map: the same lists in all steps of a slew."""
+        """What a step does before and after the map: the same lists until the gains change."""
         if self.listed[0] != (h, self.enabled):
             force, after = self.y[:3], list[Element]()
-            turn = Watch(
-                self.orientation, self.gain_orientation, self.resolution, self.last_orientation, SAME_ORIENTATION
-            )
-            before: list[Element] = [turn]
+            rests, acceleration = (self.last_orientation, SAME_ORIENTATION), self.places(self.u[:6])
+            before: list[Element] = []
             if self.sample_time:
                 every = count_steps("sample_time", self.sample_time, h)
-                before.append(Sample(self.u[:6], self.a, self.sampled, every))
+                before.append(Sample(self.u[:6], self.a[:6], self.sampled, every))
                 after.append(Hold(force, self.held_force, self.held, every))
+                acceleration = self.places(self.a[:6])
+            if self.turning is None:
+                before.append(Watch(self.orientation, self.gain_orientation, self.resolution, *rests))
+            else:
+                ends = np.concatenate([self.places(self.orientation), self.places(self.gain_orientation)])
+                changing = np.concatenate([self.places(self.x[:12]), acceleration])
+                before += [
+                    Linear(ends, self.turn.progress, self.progress),
+                    Watch(self.progress, self.half_way, self.turn.allowed(self.resolution)),
+                    Watch(self.orientation, self.gain_orientation, np.inf, *rests),
+                    Product(self.places(self.progress)[[0] * 18], changing, self.a[6:]),
+                ]
             if self.delay:
                 after.append(Delay(force, self.ring, count_steps("delay", self.delay, h, LONGEST_DELAY)))
             if not self.enabled:  # at once, whatever is still on its way
@@ -162,23 +189,30 @@ class FeedforwardIsolator(Slave):
             self.listed = ((h, self.enabled), before, after)
         return self.listed[1:]
 
-    def _use(self, orientation: NDArray[np.float64]) -> None:
-        """The controller for an orientation, from the next step on."""
+    def _use(self, turn: Turn) -> None:
+        """The controller for a way, or for an orientation, from the next step on."""
         try:
-            self.controller = self.isolator.controller(orientation)
+            self.turning = self.isolator.turning_controller(turn) if turn.length else None
+            self.controller = self.turning.first if self.turning else self.isolator.controller(turn.start)
         except UnreachableOrientationError as error:
             raise ModelError(f"orientation: {error}") from None
-        self.gain_orientation[:] = orientation
+        self.turn = turn if self.turning else Turn(turn.start, turn.start)
+        self.gain_orientation[:], self.gain_end[:] = self.turn.start, self.turn.end
         self.enabled = bool(self.value("enabled"))
+        self.listed = ((0.0, False), [], [])
         self.remap()
 
-    def _framed(self, matrix: NDArray[np.float64], n_states: int) -> NDArray[np.float64]:
+    def _read_turn(self) -> Turn:
+        return Turn(self.gain_orientation.copy(), self.gain_end.copy())
+
+    def _framed(self, matrix: NDArray[np.float64], with_states: bool) -> NDArray[np.float64]:
         """The controller's map in the FMU's shape: room for `saturated`, unused states, sampled inputs."""
-        first = self.n_states + (9 if self.sample_time else 0)  # u is acceleration and orientation
-        framed = np.zeros((4 + (self.n_states if n_states else 0), first + 6))
-        n = self.controller.n_states
-        for rows, own in ((slice(0, 3), slice(0, 3)), (slice(4, 4 + n_states), slice(3, 3 + n_states))):
-            framed[rows, :n], framed[rows, first : first + 6] = matrix[own, :n], matrix[own, n:]
+        n, acceleration = self.controller.n_states, self.n_states + (9 if self.sample_time else 0)
+        # In the FMU, u is acceleration and orientation, and a begins with the acceleration as sampled.
+        columns = np.r_[0:n, acceleration : acceleration + 6, self.n_states + 15 : self.n_states + 33]
+        framed = np.zeros((4 + (self.n_states if with_states else 0), columns[matrix.shape[1] - 1] + 1))
+        rows = np.r_[0:3, 4 : 4 + len(matrix) - 3]
+        framed[np.ix_(rows, columns[: matrix.shape[1]])] = matrix
         if not self.enabled:
             framed[:3] = 0.0
         return framed

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any, ClassVar
 
@@ -27,9 +27,9 @@ from ps_fmu.mechanism.mounted import (
 from ps_fmu.mechanism.parameters import Bus, load
 from ps_fmu.mechanism.quantities import ParameterError, take_values
 from ps_fmu.mechanism.signals import N_EXTERNAL, N_INPUTS, OUTPUTS, RATE, TIME, servo_slices
-from ps_fmu.mechanism.slews import AT_REST, find_distances, find_next_centre, is_at_rest, is_used_up, rest_at
+from ps_fmu.mechanism.slews import AT_REST, Distances, find_distances, find_next_centre, is_at_rest, is_used_up, rest_at
 from ps_fmu.mechanism.ways import RENEWAL, Way, find_growth, look_ahead
-from ps_fmu.slavekit.author.elements import Clip, Element, Excess, Linear, Ramp, Watch
+from ps_fmu.slavekit.author.elements import Clip, Element, Excess, Linear, Product, Ramp, Watch
 from ps_fmu.slavekit.author.slave import Slave
 from ps_fmu.slavekit.author.terminals import Terminal
 from ps_fmu.slavekit.author.variables import Port, numbered, vector
@@ -43,11 +43,14 @@ MEMORY = {
     "expected": N_PATH,  # what is on the path now
     "since": 2,  # time from the centre, s, and its square
     "begun": 7,  # when the linear model began: time, s, references of the coarse legs, m, and their rates, m/s
-    "zero": 1,
+    **dict.fromkeys(("left", "over", "zero"), 1),  # of the way, s: time to its end, and how far that is too little
+    "terms": 3 * N_PATH,
     **dict.fromkeys(("within", "excess", "warned", "last"), 3),  # of the coarse legs
     "balance": count_balance(DEFAULT.n_coordinates),
 }
 COARSE = slice(6, 9)  # on the path
+PATH = slice(1, 1 + 3 * N_PATH)  # in the numbers of a Curve, after its half
+LONG = 1e9  # s, longer than any way
 SINCE = slice(TIME.start - N_EXTERNAL, TIME.stop - N_EXTERNAL)  # of the auxiliary inputs
 MOTION_NAMES = ("prescribed_acceleration", "prescribed_angular_acceleration", "prescribed_angular_velocity")
 
@@ -126,6 +129,8 @@ class ManipulatorPlant(Slave):
     maps: HostedModel
     own_bus: Bus
     prescribed: bool
+    before: list[Element]
+    after: tuple[tuple[Distances, int] | None, list[Element]]  # and what the elements depend on
     warned_unused: tuple[str, ...] = ()  # what the last warning was about that something has no effect
 
     @refuse_parameters
@@ -159,27 +164,55 @@ class ManipulatorPlant(Slave):
 
     def before_map(self, h: float) -> Sequence[Element]:
         """The reference of the coarse servos goes to the command, within the stroke and limited in rate."""
+        return self._keep("before", (h, self.half > 0.0), self._list_before)
+
+    def after_map(self, h: float) -> Sequence[Element]:
+        """An event is due when the motion leaves the centre of the linear model, or comes to rest away from it."""
+        distances = find_distances(self.model.centre, self.renewal)
+        return self._keep("after", (h, self.half > 0.0, distances), self._list_after)
+
+    def _keep(self, when: str, key: tuple[Any, ...], make: Callable[..., list[Element]]) -> list[Element]:
+        """The same list as long as the key is: it is compiled once a slew, not at each centre, which saves 0.3 ms."""
+        if when not in self.lists or self.lists[when][0] != key:
+            self.lists[when] = (key, make(*key))
+        return self.lists[when][1]
+
+    def _list_before(self, h: float, moving: bool) -> list[Element]:
         low, high = self.plant.manipulator.coarse_stroke
-        return (
+        elements: list[Element] = [
             Linear(self.command, np.eye(3), self.within),
             Clip(self.within, low, high),
             Ramp(self.within, self.reference, self.a[:3], self.plant.servo.rate_limit),
             Excess(self.command, low, high, self.excess),
             Watch(self.excess, self.warned, 0.0),
-            *self._start_time(h),
-        )
+        ]
+        if moving:  # means over the step of the time from the centre and of its square
+            start = np.append(self.places(self.since), self.places(self.a[-1:]))
+            elements.append(Linear(start, [[1.0, 0.0, h / 2.0], [h, 1.0, h**2 / 3.0]], self.a[SINCE]))
+        return elements
 
-    def after_map(self, h: float) -> Sequence[Element]:
-        """An event is due when the motion leaves the centre of the linear model, or comes to rest away from it."""
-        places, distances = places_on_path(self.model), find_distances(self.model.centre, self.renewal)
+    def _list_after(self, h: float, moving: bool, distances: Distances) -> list[Element]:
         others = np.delete(np.arange(N_PATH), COARSE)
         allowed = np.repeat([distances.fine, distances.rotation, distances.coarse_speed], 3)
-        now, expected = self.places(self.x)[places], self.places(self.expected)
-        return (
-            *self._end_time(h),
+        now, expected = self.places(self.x)[places_on_path(self.model)], self.places(self.expected)
+        return [
+            *(self._list_time(h) if moving else ()),
             Watch(now[COARSE], expected[COARSE], distances.coarse, last=self.last, least=AT_REST),
             Watch(now[others], expected[others], allowed),
-        )
+        ]
+
+    def _list_time(self, h: float) -> list[Element]:
+        """Time from the centre and its square after the step, and what is expected then; the way has an end."""
+        one, since, half = (self.places(numbers) for numbers in (self.a[-1:], self.since, self.curve[:1]))
+        means, powers = self.places(self.a[SINCE]), np.append(one, since)
+        return [
+            Linear(np.append(means, one), [[1.0, 0.0, h / 2.0], [h, 1.0, h**2 / 6.0]], since),
+            Product(self.curve[PATH], np.tile(powers, N_PATH), self.terms),
+            Linear(self.terms, np.kron(np.eye(N_PATH), np.ones(3)), self.expected),
+            Linear(np.append(half, since[:1]), [[1.0, -1.0]], self.left),
+            Excess(self.left, 0.5 * h, LONG, self.over),
+            Watch(self.over, self.zero, 0.0),
+        ]
 
     @refuse_parameters
     def event(self, t: float, h: float) -> bool:
@@ -235,12 +268,14 @@ class ManipulatorPlant(Slave):
         self.command = self.view("coarse_command")
         parts = dict(zip(MEMORY, np.split(self.memory, np.cumsum(list(MEMORY.values()))[:-1]), strict=True))
         self.centre, self.curve, self.expected = (parts[name] for name in ("centre", "curve", "expected"))
-        self.since, self.begun, self.zero = (parts[name] for name in ("since", "begun", "zero"))
+        self.since, self.begun, self.terms = (parts[name] for name in ("since", "begun", "terms"))
+        self.left, self.over, self.zero = (parts[name] for name in ("left", "over", "zero"))
         self.within, self.excess, self.warned, self.last = (
             parts[name] for name in ("within", "excess", "warned", "last")
         )
         self.balance = Balance(self.plant.system, parts["balance"])
         self.reference = self.x[servo_slices(self.plant.n_coordinates)[2]]
+        self.lists: dict[str, tuple[tuple[Any, ...], list[Element]]] = {}
 
     def _take(self, model: PlantModel, curve: Curve) -> None:
         self.half, self.path = float(curve.half[0]), curve.path  # s
@@ -252,28 +287,12 @@ class ManipulatorPlant(Slave):
             self.a[SINCE] = 0.0
             self.expected[:] = curve.path[:, 0]
 
-    def _start_time(self, h: float) -> Sequence[Element]:
-        """Means over the step of the time from the centre and of its square."""
-        if not self.half > 0.0:
-            return ()
-        start = np.append(self.places(self.since), self.places(self.a[-1:]))
-        return (Linear(start, [[1.0, 0.0, h / 2.0], [h, 1.0, h**2 / 3.0]], self.a[SINCE]),)
-
-    def _end_time(self, h: float) -> Sequence[Element]:
-        """Time from the centre and its square after the step, and what is expected then; the way has an end."""
-        if not self.half > 0.0:
-            return ()
-        one, end = self.places(self.a[-1:]), self.places(self.since)
-        return (
-            Linear(np.append(self.places(self.a[SINCE]), one), [[1.0, 0.0, h / 2.0], [h, 1.0, h**2 / 6.0]], end),
-            Linear(np.append(one, end), self.path, self.expected),
-            Watch(self.since[:1], self.zero, max(self.half - 0.5 * h, 0.0)),
-        )
-
     def _with_command(self, matrix: NDArray[np.float64]) -> NDArray[np.float64]:
         """Columns of the coarse command, zero: it acts through the servos' reference."""
-        at = self.n_states + N_EXTERNAL + N_MOTION
-        return np.insert(matrix, [at] * 3, 0.0, axis=1)
+        at, n = self.n_states + N_EXTERNAL + N_MOTION, len(self.command)
+        wide = np.zeros((len(matrix), matrix.shape[1] + n))
+        wide[:, :at], wide[:, at + n :] = matrix[:, :at], matrix[:, at:]
+        return wide
 
     def _read_base(self, base: str) -> bool:
         if base not in ("own", "prescribed"):

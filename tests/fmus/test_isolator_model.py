@@ -185,15 +185,71 @@ def test_rounding_of_the_orientation_is_no_turn() -> None:
     assert host.slave.controller is not controller
 
 
-def test_a_slew_needs_events_for_new_gains_only(monkeypatch) -> None:
-    host = Host("feedforward_isolator", sample_time=5 * H, delay=3 * H).run_mode()
+@pytest.mark.parametrize(
+    ("resolution", "expected"),
+    [(1e-4, [10, 151]), (1e-8, list(range(1, 152, 10)))],  # rad: on the way for 10 mrad, and for 0.1 mrad
+)
+def test_a_slew_needs_events_for_new_gains_only(monkeypatch, resolution: float, expected: list[int]) -> None:
+    host = Host("feedforward_isolator", sample_time=5 * H, delay=3 * H, orientation_resolution=resolution).run_mode()
     times, event = [], host.slave.event
     monkeypatch.setattr(host.slave, "event", lambda t, h: times.append(round(t / h)) or event(t, h))
     for k in range(200):
         host.set(orientation__roll=min(k, 150) * 1.01e-5)
         host.step(H)
-    assert times == list(range(10, 151, 10))
+    assert times == expected
     assert host.slave.gain_orientation[0] == 150 * 1.01e-5
+    assert host.slave.turning is None
+
+
+NAMES = ("orientation__roll", "orientation__pitch", "orientation__yaw")
+
+
+@pytest.mark.parametrize("start", [{}, {"sample_time": 2 * H}], ids=str)
+def test_gains_in_a_slew_are_those_of_each_orientation(start: dict) -> None:
+    """Within what a turn by the resolution changes, about 2e-4; the way is bent, then goes back."""
+    host = Host("feedforward_isolator", **start).run_mode()
+    c, x, worst, largest = host.slave.isolator, np.zeros(host.slave.controller.n_states), 0.0, 0.0
+    every = 2 if start else 1
+    for k in range(400):
+        angle = 0.1 * np.sin(0.01 * k)
+        orientation = np.array([angle, angle**2, -0.5 * angle])
+        host.set(**dict(zip(NAMES, orientation.tolist(), strict=True)), **acceleration(k // every * every))
+        host.step(H)
+        result = c.controller(orientation).step_map(H) @ np.concatenate([x, host.slave.u[:6]])
+        x = result[3:]
+        if k % every == every - 1:
+            worst = max(worst, np.abs(result[:3] - host.get(*FORCES)).max())
+        largest = max(largest, np.abs(result[:3]).max())
+    assert 0.0 < worst < 2e-4 * largest
+
+
+def test_way_that_ends_out_of_reach_is_not_taken() -> None:
+    """The gains stay instead until the platform has turned by the resolution."""
+    low = {"nominal_translation__z": 0.15, "orientation_resolution": 0.64}  # rad
+    host = Host("feedforward_isolator", **low).run_mode()
+    host.set(orientation__roll=1.0)
+    host.step(H)
+    assert host.slave.gain_orientation[0] == 1.0
+    assert host.slave.turning is None
+
+
+@pytest.mark.parametrize("steps", [15, 40])
+def test_state_in_a_slew_continues_bit_for_bit(steps: int) -> None:
+    def turn(host: Host, first: int, n: int) -> np.ndarray:
+        forces = []
+        for k in range(first, first + n):
+            host.set(orientation__roll=1e-4 * min(k, 150), orientation__yaw=-2e-5 * k)
+            forces.append(run(host, 1, k)[0])
+        return np.array(forces)
+
+    host = Host("feedforward_isolator").run_mode()
+    turn(host, 0, steps)
+    assert host.slave.turning is not None
+    state = host.save()
+    expected = turn(host, steps, 250)
+    second = Host("feedforward_isolator")
+    second.restore(state, steps)
+    np.testing.assert_array_equal(turn(second, steps, 250), expected)
 
 
 def test_unreachable_orientation_is_said_and_can_be_put_right() -> None:

@@ -221,6 +221,16 @@ def test_exponential_agrees_with_a_finer_one() -> None:
     assert np.abs(Ad - np.linalg.matrix_power(fine, 64)).max() < 1e-9 * np.abs(Ad).max()
 
 
+@pytest.mark.parametrize("h", [1e-6, 1e-4, 1.8e-4, 2.5e-4])  # s: the series up to 1.9e-4 s
+def test_series_for_short_steps_is_the_exponential(h: float) -> None:
+    A, B, _, _ = PLANT.linearise(SLOPE).matrices()
+    n, m = B.shape
+    augmented = np.zeros((n + m, n + m))
+    augmented[:n] = np.hstack([A, B]) * h
+    expected, found = expm(augmented), np.hstack(zero_order_hold(A, B, h))
+    assert (np.abs(found - expected[:n]) <= 2e-15 * np.abs(expected[:n]).max(axis=0) + 1e-300).all()
+
+
 def test_parameters_are_used_as_given() -> None:
     heavier = replace(PLANT, payload=replace(PAPER.payload, mass=20.0)).linearise(STILL)
     assert heavier.dynamics.M[3, 3] - PLANT.linearise(STILL).dynamics.M[3, 3] == pytest.approx(20.0 - 14.89)

@@ -43,6 +43,11 @@ def test_products_turn_one_after_the_other() -> None:
     np.testing.assert_allclose(back, np.tile([1.0, 0.0, 0.0, 0.0], (20, 1)), rtol=0.0, atol=1e-15)
 
 
+def test_one_product_has_the_bits_of_many() -> None:
+    p, q = from_rotation_vector(TURNS[:20]), from_rotation_vector(TURNS[20:])
+    np.testing.assert_array_equal([multiply(a, b) for a, b in zip(p, q, strict=True)], multiply(p, q))
+
+
 def test_small_turns_in_the_axes_of_the_body() -> None:
     q, small = from_rotation_vector(TURNS[0]), np.array([1e-6, -2e-6, 3e-6])  # rad
     exact = multiply(q, from_rotation_vector(small))

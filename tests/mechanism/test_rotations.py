@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from ps_fmu.mechanism.rotations import (
     GimbalLockError,
     angular_velocity_map,
+    cross,
     orientation_rate_map,
     roll_pitch_yaw,
     rotation_from_vector,
@@ -92,6 +93,12 @@ def test_rotation_from_vector_is_a_rotation_about_the_vector(size):
     np.testing.assert_allclose(R @ v, v, atol=1e-15)
     np.testing.assert_allclose(np.trace(R), 1.0 + 2.0 * np.cos(size), atol=1e-15)
     np.testing.assert_allclose(R - R.T, 2.0 * np.sinc(size / np.pi) * skew(v), atol=1e-15)
+
+
+def test_one_cross_product_has_the_bits_of_many():
+    a, b = np.random.default_rng(3).normal(size=(2, 20, 3))
+    np.testing.assert_array_equal([cross(x, y) for x, y in zip(a, b, strict=True)], cross(a, b))
+    np.testing.assert_array_equal(cross(a, b), np.cross(a, b))
 
 
 def test_leading_dimensions_are_kept():

@@ -139,13 +139,13 @@ class Commander:
         if len(times) > 1 and times[0] >= profile.end_time:
             # At rest all rows are one: 0.1 instead of 1.4 us each.
             return np.repeat(self.table(profile, times[:1]), len(times), axis=0)
-        state = profile.at(times)
-        pose = self.pose(state.position)
+        position, rate = profile.motion_at(times)
+        pose = self.pose(position)
         # A path may touch an end of the stroke: what rounding and the sampled check let pass is cut off.
         coarse = np.clip(pose.coarse_displacement, *self.geometry.coarse_stroke)
         margin = np.min(stroke_margin(self.geometry, coarse), axis=-1)
         return np.column_stack([
-            coarse, state.position, state.rate, pose.translation_B,
+            coarse, position, rate, pose.translation_B,
             pose.residual, margin, profile.remaining(times),
         ])  # fmt: skip
 

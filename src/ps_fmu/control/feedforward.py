@@ -23,7 +23,7 @@ import numpy as np
 from ..mechanism.discretisation import make_held_step_map, zero_order_hold
 from ..mechanism.dynamics import Pose, payload_mass
 from ..mechanism.kinematics import jacobians
-from ..mechanism.legs import leg_mass
+from ..mechanism.legs import leg_mass_on
 from ..mechanism.parameters import FeedforwardFilters, Manipulator, Payload
 from ..mechanism.quantities import Array, Complex
 
@@ -45,12 +45,7 @@ class Gains:
 def gains(manipulator: Manipulator, payload: Payload, pose: Pose) -> Gains:
     """Eqs (52)-(54) at a pose, for the payload as the controller knows it (its inertia does not matter)."""
     J = jacobians(manipulator.geometry, pose.translation_B, pose.rotation_BP)
-    legs = leg_mass(
-        manipulator.coarse_legs + manipulator.fine_legs,
-        manipulator.geometry,
-        pose.translation_B,
-        pose.rotation_BP,
-    )
+    legs = leg_mass_on(manipulator.coarse_legs + manipulator.fine_legs, manipulator.geometry, J)
     follow = np.linalg.solve(J.J_theta_f, J.J_theta_b)  # fine elongation that undoes the base rotation
     mass = payload_mass(payload, pose.rotation_BP) + legs.alpha
     return Gains(
@@ -157,6 +152,25 @@ class Controller:
         for i in range(3):
             C[i, 12 + i * low.order : 12 + (i + 1) * low.order] = low.c
         return C, low.d * self.gains.acceleration
+
+
+@dataclass(frozen=True, eq=False)
+class TurningController:
+    """The controller on the way from one orientation to another: gains linear between those of the two.
+
+    With ``k`` from 0 to 1 on the way, ``f = f_first + k (f_second - f_first)``.  Of the step map, only what comes from
+    displacement, velocity and acceleration changes on the way, so that it has columns for ``k`` times these.
+    """
+
+    first: Controller
+    second: Controller
+
+    def step_map(self, h: float) -> Array:
+        """[f; x](t + h) from [x; a; k p; k v; k a](t), see :meth:`Controller.step_map`; k is held over the step."""
+        n = self.first.n_states
+        first, second = self.first.step_map(h), self.second.step_map(h)
+        changing = np.r_[0:12, n : n + 6]
+        return np.hstack([first, second[:, changing] - first[:, changing]])
 
 
 def count_states(order: int) -> int:

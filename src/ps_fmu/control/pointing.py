@@ -25,7 +25,7 @@ from numpy.typing import ArrayLike
 from ..mechanism.discretisation import zero_order_hold
 from ..mechanism.dynamics import Pose, payload_mass
 from ..mechanism.kinematics import jacobians
-from ..mechanism.legs import leg_mass
+from ..mechanism.legs import leg_mass_on
 from ..mechanism.parameters import Manipulator, Parameters, Payload
 from ..mechanism.quantities import Array, Checked, Complex, group, quantity
 from .isolator import known_payload, nominal_pose
@@ -178,7 +178,7 @@ class PointingLaw:
         """The notch at a pose."""
         m = self.manipulator
         J = jacobians(m.geometry, pose.translation_B, pose.rotation_BP)
-        legs = leg_mass(m.coarse_legs + m.fine_legs, m.geometry, pose.translation_B, pose.rotation_BP)
+        legs = leg_mass_on(m.coarse_legs + m.fine_legs, m.geometry, J)
         mass = J.J_pf.T @ (payload_mass(self.payload, pose.rotation_BP) + legs.alpha) @ J.J_pf
         to_elongation = np.linalg.inv(pose.rotation_BP.T @ J.J_theta_f)  # from rotation in P
         damping, stiffness = (

@@ -17,13 +17,15 @@ from __future__ import annotations
 import numpy as np
 
 from .dynamics import Dynamics, FlexibleSystem
-from .kinematics import leg_vectors, platform_joints_B
 from .quantities import Array
-from .rotations import cross
+from .rotations import cross, skew
 
 #: Numbers in ``v``.
 N_SPEEDS = 9
 FINE, TURN, COARSE = slice(0, 3), slice(3, 6), slice(6, 9)
+
+_UNIT = np.eye(N_SPEEDS)
+_EYE = np.eye(3)
 
 
 def convective_forces(system: FlexibleSystem, d: Dynamics, speeds: Array) -> Array:
@@ -36,85 +38,85 @@ def convective_forces(system: FlexibleSystem, d: Dynamics, speeds: Array) -> Arr
     system, d: bodies, and their dynamics at the pose, fine legs at their present length.
     speeds: (9,) ``v``: m/s, rad/s, m/s.
     """
-    geometry, pose, J = system.manipulator.geometry, d.pose, d.jacobians
-    unit = np.eye(N_SPEEDS)
-    rates = np.vstack([unit, speeds])  # the last row is v itself; (10, 9)
+    geometry, pose, J, lines = system.manipulator.geometry, d.pose, d.jacobians, d.jacobians.legs
+    rates = np.concatenate([_UNIT, speeds[None]])  # the last row is v itself; (10, 9)
     turn = rates[:, TURN]
     legs_rate = np.concatenate([rates[:, COARSE], rates[:, FINE]], axis=1)
     twist = legs_rate @ J.J_pl.T  # of the platform relative to B, (10, 6)
     moving, spinning = twist[:, :3], twist[:, 3:]
+    across_turn = skew(turn)  # (10, 3, 3)
 
-    joints_B = platform_joints_B(geometry, pose.rotation_BP)  # (6, 3)
-    legs_B = leg_vectors(geometry, pose.translation_B, pose.rotation_BP)
-    length = np.linalg.norm(legs_B, axis=-1)
-    n_B = legs_B / length[:, None]
+    joints_B, n_B, length = lines.arms_B, lines.n_B, lines.length[:, None]  # (6, 3), (6, 3), (6, 1)
 
     # The platform relative to B: legs that keep their rates turn, and so pull at their joints, eq (6) differentiated.
-    joints_moving = moving[:, None] + cross(spinning[:, None], joints_B)  # (10, 6, 3)
-    across = _across(joints_moving, n_B)
-    around = _centripetal(spinning, joints_B)  # (9, 6, 3)
-    bias = -np.sum(n_B * around, axis=-1) - np.sum(across[:-1] * across[-1], axis=-1) / length
-    relative = bias @ J.J_pl.T
-    t_B = pose.translation_B
-    platform = relative[:, :3] + _coriolis(turn, moving) + _centripetal(turn, t_B[None])[:, 0]
-    turning = relative[:, 3:] + 0.5 * (cross(turn[:-1], spinning[-1]) + cross(turn[-1], spinning[:-1]))
-    whole = turn + spinning  # angular velocity of the platform in inertial space
+    joints_moving = (twist @ lines.platform_points.T).reshape(-1, 6, 3)
+    across = joints_moving - n_B * _dot(joints_moving, n_B)
+    around = joints_B @ _centripetal(spinning)  # (9, 6, 3)
+    bias = -_dot(n_B, around) - _dot(across[:-1], across[-1]) / length
+    relative = bias[..., 0] @ J.J_pl.T
+    turning = relative[:, 3:] + 0.5 * (across_turn[:-1] @ spinning[-1] - spinning[:-1] @ across_turn[-1])
+    origin = relative[:, :3] + across_turn[:-1] @ moving[-1] - moving[:-1] @ across_turn[-1]  # 2 w x r', symmetric
 
-    payload, bus = system.payload, system.bus
-    R = pose.rotation_BP
-    on_platform = _rigid_body(payload.mass, R @ payload.com_P, R @ payload.inertia_P @ R.T, platform, turning, whole)
-    still = np.zeros((N_SPEEDS, 3))
-    on_base = _rigid_body(bus.mass, bus.com_B, bus.inertia_B, still, still, turn)
+    # Accelerations of points on the base and on the platform: legs' joints, centre of mass, masses of the truss.
+    payload, bus, R = system.payload, system.bus, pose.rotation_BP
+    mass, position_B, direction_B = system.truss_at(R)
+    com_B = R @ payload.com_P
+    by_turn, whole = _centripetal(turn), turn + spinning  # angular velocity of the platform in inertial space
+    on_base = np.concatenate([geometry.base_joints_B, [bus.com_B, pose.translation_B]]) @ by_turn
+    origin = origin + on_base[:, 7]
+    on_platform = np.concatenate([joints_B, com_B[None], position_B]) @ (_centripetal(whole) - skew(turning))
+    on_platform += origin[:, None]
+    at_base, at_platform = on_base[:, :6], on_platform[:, :6]
 
     # Legs, by the accelerations of their ends.
-    base_joints_B = geometry.base_joints_B
-    at_base = _centripetal(turn, base_joints_B)
-    at_platform = platform[:, None] + cross(turning[:, None], joints_B) + _centripetal(whole, joints_B)
-    apart = joints_moving + cross(turn[:, None], legs_B)  # velocity of the upper end relative to the lower one
-    along = np.sum(apart * n_B, axis=-1)
-    swing = _across(apart, n_B) / length[:, None]  # rate of the leg's direction
+    apart = joints_moving - lines.vectors_B @ across_turn  # velocity of the upper end relative to the lower one
+    along = _dot(apart, n_B)
+    swing = (apart - n_B * along) / length  # rate of the leg's direction
     swinging = (
-        _across(at_platform - at_base, n_B) / length[:, None]
-        - n_B * np.sum(swing[:-1] * swing[-1], axis=-1)[..., None]
-        - (along[:-1, :, None] * swing[-1] + along[-1][:, None] * swing[:-1]) / length[:, None]
+        _across(at_platform - at_base, n_B) / length
+        - n_B * _dot(swing[:-1], swing[-1])
+        - (along[:-1] * swing[-1] + along[-1] * swing[:-1]) / length
     )  # second derivative of the leg's direction
     (m_u, m_l), (first_u, first_l), second = system.leg_moments
-    turned = _across(first_l * at_base - first_u * at_platform + second * swinging, n_B) / length[:, None]
+    turned = _across(first_l * at_base - first_u * at_platform + second * swinging, n_B) / length
     upper = m_u * at_platform - first_u * swinging + turned
     lower = m_l * at_base + first_l * swinging - turned
-    on_platform[:, :3] += upper.sum(axis=1)
-    on_platform[:, 3:] += cross(joints_B, upper).sum(axis=1)
-    on_base[:, :3] += lower.sum(axis=1)
-    on_base[:, 3:] += cross(base_joints_B, lower).sum(axis=1)
 
-    forces = d.platform_rows().T @ on_platform.T
-    forces[d.slices["q_b"]] += on_base.T
-    mass, position_B, direction_B = system.truss_at(R)
-    for k, place in enumerate(range(d.slices["x_t"].start, d.slices["x_t"].stop)):
-        at_mass = platform + cross(turning, position_B[k]) + _centripetal(whole, position_B[k][None])[:, 0]
-        forces[place] = mass[k] * (at_mass @ direction_B[k])
+    wrench = upper.reshape(N_SPEEDS, -1) @ lines.platform_points
+    wrench += _rigid_body(payload.mass * on_platform[:, 6], com_B, R @ payload.inertia_P @ R.T, turning, whole)
+    forces = d.platform_rows().T @ wrench.T
+    wrench = lower.reshape(N_SPEEDS, -1) @ geometry.base_points
+    wrench += _rigid_body(bus.mass * on_base[:, 6], bus.com_B, bus.inertia_B, np.zeros((N_SPEEDS, 3)), turn)
+    forces[d.slices["q_b"]] += wrench.T
+    forces[d.slices["x_t"]] = mass[:, None] * np.sum(on_platform[:, 7:] * direction_B, axis=-1).T
     return np.asarray(forces)
+
+
+def _dot(a: Array, b: Array) -> Array:
+    """(..., 1) products of vectors."""
+    return np.asarray(np.add.reduce(a * b, axis=-1, keepdims=True))
 
 
 def _across(vectors: Array, n_B: Array) -> Array:
     """(..., 6, 3): what is left of vectors at right angles to the legs."""
-    return vectors - n_B * np.sum(vectors * n_B, axis=-1)[..., None]
+    return vectors - n_B * _dot(vectors, n_B)
 
 
-def _centripetal(turn: Array, arms: Array) -> Array:
-    """(9, k, 3) symmetric form of ``w x (w x r)``: each of (9 + 1, 3) angular velocities with the last; arms (k, 3)."""
-    with_unit, with_v = cross(turn[:-1, None], arms), cross(turn[-1], arms)
-    return np.asarray(0.5 * (cross(turn[:-1, None], with_v) + cross(turn[-1], with_unit)))
+def _centripetal(turn: Array) -> Array:
+    """(9, 3, 3) symmetric form of ``w x (w x r)`` as matrices: each of (9 + 1, 3) angular velocities with the last.
+
+    ``a x (b x r) = (b a' - a'b) r``; matrices are symmetric, so that they may multiply rows of arms from the right.
+    """
+    products = 0.5 * turn[:-1, :, None] * turn[-1]
+    return np.asarray(products + products.mT - 2.0 * np.trace(products, axis1=1, axis2=2)[:, None, None] * _EYE)
 
 
-def _coriolis(turn: Array, moving: Array) -> Array:
-    """(9, 3) symmetric form of ``2 w x r'``."""
-    return cross(turn[:-1], moving[-1]) + cross(turn[-1], moving[:-1])
+def _rigid_body(force: Array, com_B: Array, inertia_B: Array, turning: Array, turn: Array) -> Array:
+    """(9, 6) force and torque about the body's origin: ``force`` (9, 3) at the centre of mass, torque for turning.
 
-
-def _rigid_body(mass: float, com_B: Array, inertia_B: Array, origin: Array, turning: Array, turn: Array) -> Array:
-    """(9, 6) force and torque about the body's origin that its acceleration needs; inertia about the centre of mass."""
-    force = mass * (origin + cross(turning, com_B) + _centripetal(turn, com_B[None])[:, 0])
+    ``inertia_B`` is about the centre of mass.
+    """
     spin = turn @ inertia_B
     gyroscopic = 0.5 * (cross(turn[:-1], spin[-1]) + cross(turn[-1], spin[:-1]))
-    return np.concatenate([force, cross(com_B, force) + turning @ inertia_B + gyroscopic], axis=1)
+    torque = force @ -skew(com_B) + turning @ inertia_B + gyroscopic
+    return np.concatenate([force, torque], axis=1)

@@ -22,8 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .kinematics import Jacobians, jacobians
-from .legs import LegMass, leg_mass
-from .parameters import Bus, CoarseLeg, Manipulator, Payload
+from .legs import LegMass, Legs, leg_mass_on, leg_moments
+from .parameters import Bus, Manipulator, Payload
 from .quantities import Array
 from .rotations import cross, skew
 
@@ -121,8 +121,7 @@ class FlexibleSystem:
         """The full model at a pose."""
         geometry = self.manipulator.geometry
         J = jacobians(geometry, pose.translation_B, pose.rotation_BP)
-        all_legs = self.manipulator.coarse_legs + self.manipulator.fine_legs
-        legs = leg_mass(all_legs, geometry, pose.translation_B, pose.rotation_BP)
+        legs = leg_mass_on(self._legs, geometry, J)
         d_f, q_b, _, e_c, x_t = (self._slices[group] for group in GROUPS)
         M_fixed, C_fixed, K, active = self._fixed
 
@@ -151,19 +150,20 @@ class FlexibleSystem:
         """Number of coordinates, inactive ones included."""
         return self._slices[GROUPS[-1]].stop
 
-    @cached_property
+    @property
     def leg_moments(self) -> tuple[tuple[Array, Array], tuple[Array, Array], Array]:
-        """Mass (kg) and first moment from its own joint (kg.m) of upper and lower parts, second moment of both (kg.m2).
+        """See :func:`.legs.leg_moments`."""
+        return leg_moments(self._legs)
 
-        All (6, 1), along the leg.
-        """
-        legs: tuple[CoarseLeg, ...] = self.manipulator.coarse_legs + self.manipulator.fine_legs
-        upper, lower = (
-            np.array([[part.mass, part.com_distance, part.radial_inertia] for part in parts]).T[..., None]
-            for parts in ([leg.upper for leg in legs], [leg.lower for leg in legs])
-        )
-        second = sum(inertia + mass * com**2 for mass, com, inertia in (upper, lower))
-        return (upper[0], lower[0]), (upper[0] * upper[1], lower[0] * lower[1]), np.asarray(second)
+    @cached_property
+    def _legs(self) -> Legs:
+        return self.manipulator.coarse_legs + self.manipulator.fine_legs
+
+    @property
+    def bus_mass(self) -> Array:
+        """(6, 6) mass matrix of the bus, see :func:`bus_mass`."""
+        q_b = self._slices["q_b"]
+        return self._fixed[0][q_b, q_b]
 
     def truss_at(self, rotation_BP: Array) -> tuple[Array, Array, Array]:
         """Masses (n,) of the truss modes, kg, with places from the origin of P, m, and directions (n, 3), axes of B."""

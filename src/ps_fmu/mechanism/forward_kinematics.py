@@ -8,15 +8,18 @@ assembly modes (up to forty); Newton's method finds the one that the start is ne
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import isfinite
 
 import numpy as np
 
 from .geometry import Geometry
-from .kinematics import KinematicsError, leg_rows, platform_joints_B
+from .kinematics import KinematicsError, find_leg_lines, leg_rows
 from .quantities import Array
 from .rotations import roll_pitch_yaw, rotation_from_vector
 
 TOLERANCE = 1e-14  # m; rounding of a leg length of 0.4 m is 5e-17 m
+_ROUNDING = 2e-16  # m; where no step makes the error smaller
+_EYE = np.eye(3)
 
 
 class ForwardKinematicsError(KinematicsError):
@@ -71,30 +74,27 @@ def forward_kinematics(
         the way, or a start too far away); the text and the attribute ``residual`` say what was left.
     """
     lengths = np.asarray(lengths, dtype=float)
-    if lengths.shape[-1:] != (6,) or not np.all(np.isfinite(lengths)) or np.any(lengths <= 0.0):
+    if lengths.shape[-1:] != (6,) or not ((lengths > 0.0) & (lengths < np.inf)).all():
         raise KinematicsError(
             f"leg lengths: expected positive finite numbers of shape (..., 6), m, "
             f"got shape {lengths.shape}: {lengths}"
         )
     batch = lengths.shape[:-1]
-    translation_B = np.broadcast_to(
-        geometry.nominal_translation_B if start_translation_B is None else start_translation_B, (*batch, 3)
-    )
-    R = np.broadcast_to(np.eye(3) if start_R is None else start_R, (*batch, 3, 3))
+    start = geometry.nominal_translation_B if start_translation_B is None else start_translation_B
+    translation_B = np.zeros((*batch, 3)) + start
+    R = np.zeros((*batch, 3, 3)) + (_EYE if start_R is None else start_R)
     residuals: list[float] = []
     converged = False
     for _ in range(max_steps + 1):
-        arms_B = platform_joints_B(geometry, R)
-        legs_B = translation_B[..., None, :] + arms_B - geometry.base_joints_B
-        length = np.linalg.norm(legs_B, axis=-1)
-        error = lengths - length
+        legs = find_leg_lines(geometry, translation_B, R)
+        error = lengths - legs.length
         residuals.append(float(np.abs(error).max(initial=0.0)))
         # One step after the tolerance is met takes what is left of the error down to rounding.
-        if converged or not np.isfinite(residuals[-1]):
+        if converged or residuals[-1] <= _ROUNDING or not isfinite(residuals[-1]):
             break
         converged = residuals[-1] <= TOLERANCE
         try:
-            step = np.linalg.solve(leg_rows(arms_B, legs_B / length[..., None]), error[..., None])[..., 0]
+            step = np.linalg.solve(leg_rows(legs.arms_B, legs.n_B), error[..., None])[..., 0]
         except np.linalg.LinAlgError:
             break
         translation_B = translation_B + step[..., :3]

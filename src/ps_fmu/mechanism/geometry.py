@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from .quantities import Array, freeze
+from .rotations import skew
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,3 +25,24 @@ class Geometry:
         """Joint-to-joint lengths at the nominal pose (zero roll, pitch and yaw), shape (6,), m."""
         legs_B = self.nominal_translation_B + self.platform_joints_P - self.base_joints_B
         return freeze(np.linalg.norm(legs_B, axis=1), (6,), "nominal_lengths")
+
+    @cached_property
+    def platform_radius(self) -> float:
+        """Root-mean-square distance of the platform joints from the origin of P, m."""
+        return float(np.sqrt(np.mean(np.sum(self.platform_joints_P**2, axis=1))))
+
+    @cached_property
+    def base_points(self) -> Array:
+        """(18, 6): velocities of the base joints, one below the other, from the twist of B; eq (A5)."""
+        return point_rows(self.base_joints_B)
+
+
+def point_rows(arms: Array) -> Array:
+    """(n, 3) to (3 n, 6): velocities of points at ``arms``, one below the other, from the twist of their body, eq (A5).
+
+    The transpose maps forces on the points to force and torque about the body's origin.
+    """
+    rows = np.zeros((len(arms), 3, 6))
+    rows[:, :, :3] = np.eye(3)
+    rows[:, :, 3:] = -skew(arms)
+    return rows.reshape(-1, 6)

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from .geometry import Geometry
 from .kinematics import KinematicsError, displacements, platform_joints_B
 from .quantities import Array
-from .rotations import cross, rotation_matrix
+from .rotations import cross, dot, rotation_matrix
 
 BoolArray = NDArray[np.bool_]
 
@@ -93,14 +93,14 @@ def trilaterate(geometry: Geometry, R: Array) -> Translation:
     """
     c1, u, v, w = _sphere_triangle(geometry, R)
     r1, r2, r3 = geometry.nominal_lengths[3:]
-    a = 0.5 * (np.sum(u * u, axis=-1) + (r1 - r2) * (r1 + r2))[..., None]
-    b = 0.5 * (np.sum(v * v, axis=-1) + (r1 - r3) * (r1 + r3))[..., None]
-    ww = np.sum(w * w, axis=-1)[..., None]
+    a = 0.5 * (dot(u, u) + (r1 - r2) * (r1 + r2))[..., None]
+    b = 0.5 * (dot(v, v) + (r1 - r3) * (r1 + r3))[..., None]
+    ww = dot(w, w)[..., None]
     # The height of the triangle against its longest side: below rounding, the centres lie on a line.
-    collinear = ww[..., 0] <= 1e-24 * np.maximum(np.sum(u * u, axis=-1), np.sum(v * v, axis=-1)) ** 2
+    collinear = ww[..., 0] <= 1e-24 * np.maximum(dot(u, u), dot(v, v)) ** 2
     with np.errstate(divide="ignore", invalid="ignore"):
         in_plane = (a * cross(v, w) + b * cross(w, u)) / ww  # radical centre, from c1
-        height_squared = r1**2 - np.sum(in_plane * in_plane, axis=-1)
+        height_squared = r1**2 - dot(in_plane, in_plane)
         solved = ~collinear & (height_squared >= 0.0)
         height = np.where(solved, np.sqrt(height_squared), np.nan)[..., None]
         x = in_plane + _nominal_side(geometry) * height * w / np.sqrt(ww)

@@ -12,12 +12,13 @@ Two signs of the paper are corrected here.  By (3) the base term of (8) and (11)
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
-from .geometry import Geometry
+from .geometry import Geometry, point_rows
 from .quantities import Array
-from .rotations import cross
+from .rotations import cross, lengths
 
 # Condition number of the length-scaled J_lp beyond which a pose counts as singular.  It is 4.2 to 4.7 in
 # the whole workspace of the identified geometry; at 1e6 a leg error of 1 um can move the platform joints by
@@ -31,6 +32,36 @@ class KinematicsError(ValueError):
 
 class SingularPoseError(KinematicsError):
     """The legs do not determine the motion of the platform (eq 12)."""
+
+
+@dataclass(frozen=True, eq=False)
+class LegLines:
+    """Where the legs are at a pose; leading dimensions as those of the pose."""
+
+    arms_B: Array
+    """(..., 6, 3), m: platform joints from the origin of P, in B."""
+    n_B: Array
+    """(..., 6, 3): directions from base joint to platform joint."""
+    length: Array
+    """(..., 6), m."""
+
+    @cached_property
+    def platform_points(self) -> Array:
+        """(18, 6), at one pose: velocities of the platform joints from the twist of P, :func:`.geometry.point_rows`."""
+        return point_rows(self.arms_B)
+
+    @property
+    def vectors_B(self) -> Array:
+        """(..., 6, 3), m, from base joint to platform joint."""
+        return self.length[..., None] * self.n_B
+
+
+def find_leg_lines(geometry: Geometry, translation_B: Array, R: Array) -> LegLines:
+    """The legs at a pose; arguments as :func:`leg_vectors`."""
+    arms_B = platform_joints_B(geometry, R)
+    vectors_B = translation_B[..., None, :] + arms_B - geometry.base_joints_B
+    length = lengths(vectors_B)
+    return LegLines(arms_B, vectors_B / length[..., None], length)
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +80,7 @@ class Jacobians:
     """(..., 6, 6), eq (9): the inverse of J_lp."""
     J_pb: Array
     """(..., 6, 6), eq (10): base motion to platform motion with all legs held."""
+    legs: LegLines
 
     @property
     def J_pc(self) -> Array:
@@ -108,7 +140,7 @@ def leg_vectors(geometry: Geometry, translation_B: Array, R: Array) -> Array:
 
 def leg_lengths(geometry: Geometry, translation_B: Array, R: Array) -> Array:
     """Distances of the two joints of each leg, (..., 6), m; arguments as :func:`leg_vectors`."""
-    return np.asarray(np.linalg.norm(leg_vectors(geometry, translation_B, R), axis=-1))
+    return lengths(leg_vectors(geometry, translation_B, R))
 
 
 def displacements(geometry: Geometry, translation_B: Array, R: Array) -> Array:
@@ -123,13 +155,13 @@ def platform_joints_B(geometry: Geometry, R: Array) -> Array:
 
 def platform_jacobian(geometry: Geometry, translation_B: Array, R: Array) -> Array:
     """J_lp, eq (6): rows ``[n_i, (R r_pi) x n_i]``; (..., 6, 6), in axes of B."""
-    r_p = platform_joints_B(geometry, R)
-    return leg_rows(r_p, _unit(translation_B[..., None, :] + r_p - geometry.base_joints_B))
+    legs = find_leg_lines(geometry, translation_B, R)
+    return leg_rows(legs.arms_B, legs.n_B)
 
 
 def base_jacobian(geometry: Geometry, translation_B: Array, R: Array) -> Array:
     """J_lb, eq (7): rows ``[n_i, r_bi x n_i]``; (..., 6, 6), in axes of B."""
-    return leg_rows(geometry.base_joints_B, _unit(leg_vectors(geometry, translation_B, R)))
+    return leg_rows(geometry.base_joints_B, find_leg_lines(geometry, translation_B, R).n_B)
 
 
 def jacobians(geometry: Geometry, translation_B: Array, R: Array) -> Jacobians:
@@ -144,16 +176,31 @@ def jacobians(geometry: Geometry, translation_B: Array, R: Array) -> Jacobians:
     ------
     SingularPoseError: J_lp is singular, or nearly so, at one of the poses.
     """
-    J_lp = platform_jacobian(geometry, translation_B, R)
+    legs = find_leg_lines(geometry, translation_B, R)
+    J_lp, J_lb = leg_rows(legs.arms_B, legs.n_B), leg_rows(geometry.base_joints_B, legs.n_B)
+    try:
+        J_pl = np.asarray(np.linalg.inv(J_lp), dtype=np.float64)
+    except np.linalg.LinAlgError:
+        J_pl = np.full_like(J_lp, np.inf)
+    if not _is_surely_regular(geometry, J_lp, J_pl):
+        _refuse_singular_poses(geometry, J_lp)
+    return Jacobians(J_lp=J_lp, J_lb=J_lb, J_pl=J_pl, J_pb=J_pl @ J_lb, legs=legs)
+
+
+def _is_surely_regular(geometry: Geometry, J_lp: Array, J_pl: Array) -> bool:
+    """Whether the product of Frobenius norms, which bounds the condition number, is small; 7 us instead of 24."""
+    scale = np.array([1.0, 1.0, 1.0, *[1.0 / geometry.platform_radius] * 3])
+    squares = np.add.reduce((J_lp * scale) ** 2, axis=(-2, -1)), np.add.reduce((J_pl.mT / scale) ** 2, axis=(-2, -1))
+    return bool((squares[0] * squares[1] <= LARGEST_CONDITION**2).all())
+
+
+def _refuse_singular_poses(geometry: Geometry, J_lp: Array) -> None:
     worst = float(np.max(condition_number(geometry, J_lp), initial=0.0))
     if not worst <= LARGEST_CONDITION:
         raise SingularPoseError(
             f"the six legs are singular at this pose: condition number of J_lp {worst:.2e}, "
             f"at most {LARGEST_CONDITION:.0e} is usable (eq 12)"
         )
-    J_lb = base_jacobian(geometry, translation_B, R)
-    J_pl = np.asarray(np.linalg.inv(J_lp), dtype=np.float64)
-    return Jacobians(J_lp=J_lp, J_lb=J_lb, J_pl=J_pl, J_pb=J_pl @ J_lb)
 
 
 def condition_number(geometry: Geometry, J_lp: Array) -> Array:
@@ -163,7 +210,7 @@ def condition_number(geometry: Geometry, J_lp: Array) -> Array:
     joints, so that the number depends on the shape of the mechanism and not on the unit of length.
     """
     scaled = np.array(J_lp)
-    scaled[..., 3:] /= np.sqrt(np.mean(np.sum(geometry.platform_joints_P**2, axis=1)))
+    scaled[..., 3:] /= geometry.platform_radius
     return np.asarray(np.linalg.cond(scaled))
 
 
@@ -228,10 +275,6 @@ def division_of_labour(geometry: Geometry, translation_B: Array, R: Array) -> Di
         J_theta_c=float(np.linalg.cond(S_c)) if S_c is not None else float("inf"),
         J_theta_f=float(np.linalg.cond(S_f)) if S_f is not None else float("inf"),
     )
-
-
-def _unit(vectors: Array) -> Array:
-    return np.asarray(vectors / np.linalg.norm(vectors, axis=-1, keepdims=True))
 
 
 def leg_rows(joints_B: Array, n_B: Array) -> Array:

