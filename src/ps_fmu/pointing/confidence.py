@@ -96,22 +96,26 @@ def quantile(
         raise ValueError(f"independent: expected above 0 and at most {len(ordered)}, got {number!r}")
     cases = math.floor(number + 1e-9)
 
-    def place(share: float) -> float:
-        """The value below which, or at which, a share of the sorted ones lies."""
-        return float(ordered[min(len(ordered), max(1, math.ceil(share * len(ordered) - 1e-9))) - 1])
+    def place(rank: float) -> float:
+        """The value of a rank, from 1, among the sorted ones."""
+        return float(ordered[min(len(ordered), max(1, int(rank))) - 1])
+
+    # A rank among the independent cases stands for the same share of all values: rounded up for a bound from above,
+    # down for one from below.
+    scale = len(ordered) / max(cases, 1)
 
     def above(level: float) -> float:
         rank = bounding_rank(cases, probability, level) if cases else None
-        return math.inf if rank is None else place(rank / cases)
+        return math.inf if rank is None else place(math.ceil(rank * scale - 1e-9))
 
     def below(level: float) -> float:
         # Mirrored: the r-th largest bounds the quantile from below as the r-th smallest of -values does from above.
         rank = bounding_rank(cases, 1.0 - probability, level) if cases else None
-        return -math.inf if rank is None else place((cases - rank + 1) / cases)
+        return -math.inf if rank is None else place(math.floor((cases - rank + 1) * scale + 1e-9))
 
     side = 0.5 * (1.0 + confidence)
     return Statement(
-        value=place(probability),
+        value=place(math.ceil(probability * len(ordered) - 1e-9)),
         confidence=confidence,
         lower=below(side),
         upper=above(side),

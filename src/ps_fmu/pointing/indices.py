@@ -75,7 +75,7 @@ class PointingIndex(ABC):
         if not (frequency >= 0.0).all():
             raise ValueError("frequency: expected 0 Hz and above")
         if step is not None and frequency.size and float(frequency.max()) > 0.5 / step * (1.0 + 1e-9):
-            raise ValueError(f"frequency: {float(frequency.max()):g} Hz is above half the sampling rate of 1 / {step:g} s")
+            raise ValueError(f"frequency: {float(frequency.max()):g} Hz is above half the rate of steps of {step:g} s")
         return self._weight(frequency, step)
 
     def quadrature(
@@ -175,8 +175,8 @@ class PointingIndex(ABC):
         r is 1 where a window has one value, and the samples of the window where it has one for each time t in it (RPE
         with t uniform, residual jitter).  Raises ``ValueError`` if the record is shorter than one window.
         """
-        found = [self._evaluate(windows, step) for windows in split(record, self.count(step), self._stride(step, stride))]
-        return np.concatenate(found)
+        parts = split(record, self.count(step), self._stride(step, stride))
+        return np.concatenate([self._evaluate(windows, step) for windows in parts])
 
     def of_record(self, record: ArrayLike, step: float, *, stride: int | None = None) -> Estimate:
         """Bias, covariance and peak of the index over the windows of a record; arguments as in :meth:`values`."""
@@ -264,7 +264,7 @@ class RelativeError(_WindowIndex):
 
     ``uniform``: t is random in the window.  W = 1 - j0^2, and APE^2 = MPE^2 + RPE^2 in the mean square.
     ``end``: t is the window's end.  W = |1 - (1 - e^(-ix)) / (ix)|^2, x = 2 pi f T.  For errors that are slow against
-    the window this is 4 times the variance of ``uniform``, for fast ones the same.
+    the window this is 3 times the variance of ``uniform``, for fast ones the same.
     """
 
     at: Literal["uniform", "end"]
@@ -326,7 +326,8 @@ class DriftError(_WindowIndex):
     def _weight(self, frequency: Array, step: float | None) -> Array:
         if step is not None:
             count_samples(self.separation, step, "separation")
-        return 4.0 * np.sin(np.pi * frequency * self.separation) ** 2 * window_shares(*self._phase(frequency, step)).mean
+        mean = window_shares(*self._phase(frequency, step)).mean
+        return np.asarray(4.0 * np.sin(np.pi * frequency * self.separation) ** 2 * mean)
 
     def lag_weights(self, lags: Lags, step: float) -> Array:
         """Twice those of the mean, less those of the mean moved by +-D."""
@@ -337,7 +338,8 @@ class DriftError(_WindowIndex):
 
     def _evaluate(self, windows: Array, step: float) -> Array:
         samples = count_samples(self.window, step, "window")
-        return np.asarray(windows[:, -samples:].mean(axis=1, keepdims=True) - windows[:, :samples].mean(axis=1, keepdims=True))
+        later, earlier = windows[:, -samples:], windows[:, :samples]
+        return np.asarray(later.mean(axis=1, keepdims=True) - earlier.mean(axis=1, keepdims=True))
 
 
 @dataclass(frozen=True)
@@ -373,7 +375,8 @@ class Smear(_WindowIndex):
         return trend_lags(lags, self.count(step))
 
     def _evaluate(self, windows: Array, step: float) -> Array:
-        return np.asarray(np.einsum("t,wts->ws", _ramp(windows.shape[1]), windows)[:, None] / math.sqrt(windows.shape[1]))
+        samples = windows.shape[1]
+        return np.asarray(np.einsum("t,wts->ws", _ramp(samples), windows)[:, None] / math.sqrt(samples))
 
 
 @dataclass(frozen=True)

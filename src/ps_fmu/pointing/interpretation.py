@@ -40,8 +40,8 @@ def quantile_of_runs(
     ``ensemble``: the quantile over the runs of the largest value of each; order statistics of the runs.  ``temporal``:
     the largest of the runs' quantiles over time; bounds from order statistics with the effective number of samples of
     each run, at a level that makes all of them hold together; how much of the ensemble the runs stand for is in
-    ``ensemble_share``, (1 - confidence)^(1 / runs).  ``mixed``: the quantile of all values; bootstrap over runs, five at
-    least.
+    ``ensemble_share``, (1 - confidence)^(1 / runs).  ``mixed``: the quantile of all values; bootstrap over runs, five
+    at least.
 
     Raises ``ValueError`` for other shapes, and for too few runs (mixed).
     """

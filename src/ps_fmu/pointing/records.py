@@ -43,10 +43,10 @@ class Estimate:
 
 
 def split(record: ArrayLike, count: int, stride: int) -> Iterator[Array]:
-    """Windows (windows, count, signals) of a record (n,) or (n, signals), in blocks; starts are ``stride`` samples apart.
+    """Windows (windows, count, signals) of a record (n,) or (n, signals), in blocks.
 
-    A window that the record does not fill is left out.  Raises ``ValueError`` for a record with less than one window, a
-    stride below 1, and values that are not finite.
+    They start ``stride`` samples apart.  A window that the record does not fill is left out.  Raises ``ValueError`` for
+    a record with less than one window, a stride below 1, and values that are not finite.
     """
     record = np.asarray(record, dtype=float)
     record = record[:, None] if record.ndim == 1 else record

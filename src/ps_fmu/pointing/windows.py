@@ -63,7 +63,8 @@ def window_shares(phase: ArrayLike, samples: int | None = None) -> Shares:
         j0 = sine / (samples * np.sin(v))
         slope = (j0 * np.cos(v) - cosine) / (np.sin(v) * math.sqrt(samples**2 - 1.0))
     mean[~small], trend[~small] = j0**2, 3.0 * slope**2
-    rest[~small] = np.maximum(1.0 - mean[~small] - trend[~small], 0.0)
+    # Two samples lie on a line: what the difference leaves of them is rounding.
+    rest[~small] = 0.0 if samples in (1, 2) else np.maximum(1.0 - mean[~small] - trend[~small], 0.0)
     return Shares(mean, trend, rest)
 
 
@@ -125,7 +126,7 @@ def _series(u: Array, samples: int | None) -> tuple[Array, Array, Array]:
     odd_rest = moment[sums + 1] - moment[1] * np.outer(to_trend, to_trend)
     rest = np.einsum("in,ij,jn->n", even[1:], even_rest[1:, 1:], even[1:])
     rest += np.einsum("in,ij,jn->n", odd[1:], odd_rest[1:, 1:], odd[1:])
-    return mean, trend, np.maximum(rest, 0.0)
+    return mean, trend, np.zeros(u.shape) if samples == 2 else np.maximum(rest, 0.0)
 
 
 def _even_moments(samples: int | None) -> Array:
