@@ -147,6 +147,7 @@ def test_power_laws(index):
     frequency, psd = np.array([0.02, 1.0, 500.0]), np.array([[4.0, 1.0], [1.0, 1.0], [1e-5, 2.0]])
     found = index.variance(frequency, psd, interpolation="power law")
     for signal in (0, 1):
+
         def density(f, values=psd[:, signal]):
             return np.exp(np.interp(np.log(f), np.log(frequency), np.log(values)))
 

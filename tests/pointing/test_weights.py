@@ -27,7 +27,13 @@ PARTS = st.floats(0.0, 1.0)  # of half the sampling rate
 
 def weights(frequency, window, step=None):
     """APE, MPE, RPE uniform, smear, jitter."""
-    indices = AbsoluteError(), MeanError(window), RelativeError(window, "uniform"), Smear(window), ResidualJitter(window)
+    indices = (
+        AbsoluteError(),
+        MeanError(window),
+        RelativeError(window, "uniform"),
+        Smear(window),
+        ResidualJitter(window),
+    )
     return [index.weight(frequency, step) for index in indices]
 
 
@@ -169,5 +175,5 @@ def test_what_does_not_fit_is_refused():
         MeanError(2.0).weight(0.6, 1.0)
     with pytest.raises(ValueError, match="not a whole number of steps"):
         MeanError(2.5).weight(0.1, 1.0)
-    with pytest.raises(ValueError, match="separation: 2.5 s is not a whole number"):
+    with pytest.raises(ValueError, match=r"separation: 2\.5 s is not a whole number"):
         DriftError(2.0, 2.5).weight(0.1, 1.0)

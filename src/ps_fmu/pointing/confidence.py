@@ -90,6 +90,8 @@ def quantile(
     independent: number of independent samples they are worth; None: all n.  Values of a record have fewer, see
         :func:`effective_samples`; the ranks are those of so many cases.
     """
+    _check(probability, "probability")
+    _check(confidence, "confidence")
     ordered = np.sort(_finite(values))
     number = float(len(ordered)) if independent is None else float(independent)
     if not 0.0 < number <= len(ordered):
@@ -194,17 +196,34 @@ def bootstrap(
     seed: the same seed gives the same interval.
     probability: passed on to the statement.
     """
+    runs = np.asarray(runs, dtype=float)
+
+    def of_counts(counts: NDArray[np.int64]) -> Array:
+        return np.array([statistic(np.repeat(runs, count, axis=0)) for count in counts])
+
+    return bootstrap_counts(len(runs), of_counts, confidence, seed=seed, resamples=resamples, probability=probability)
+
+
+def bootstrap_counts(
+    runs: int,
+    statistic: Callable[[NDArray[np.int64]], Array],
+    confidence: float,
+    *,
+    seed: int,
+    resamples: int = 2000,
+    probability: float | None = None,
+) -> Statement:
+    """As :func:`bootstrap`, for a statistic (k,) of how often each run is in a sample (k, runs)."""
     from scipy.stats import norm
 
     _check(confidence, "confidence")
-    runs = np.asarray(runs, dtype=float)
-    n = len(runs)
-    if n < LEAST_RUNS:
-        raise ValueError(f"runs: a bootstrap needs {LEAST_RUNS} at least, got {n}")
-    value = statistic(runs)
-    draws = np.random.default_rng(seed).integers(n, size=(resamples, n))
-    found = np.sort([statistic(runs[draw]) for draw in draws])
-    shorter = np.array([statistic(np.delete(runs, place, axis=0)) for place in range(n)])
+    if runs < LEAST_RUNS:
+        raise ValueError(f"runs: a bootstrap needs {LEAST_RUNS} at least, got {runs}")
+    once = np.ones((1, runs), dtype=np.int64)
+    value = float(statistic(once)[0])
+    draws = np.random.default_rng(seed).multinomial(runs, np.full(runs, 1.0 / runs), size=resamples)
+    found = np.sort(statistic(draws))
+    shorter = statistic(once - np.eye(runs, dtype=np.int64))
     pull = shorter.mean() - shorter
     spread = float((pull**2).sum())
     acceleration = float((pull**3).sum()) / (6.0 * spread**1.5) if spread > 0.0 else 0.0
@@ -217,12 +236,12 @@ def bootstrap(
 
     side = 0.5 * (1.0 - confidence)
     return Statement(
-        value=float(value),
+        value=value,
         confidence=confidence,
         lower=at(side),
         upper=at(1.0 - side),
         bound=at(confidence),
-        independent=float(n),
+        independent=float(runs),
         method="bootstrap over runs",
         probability=probability,
     )
