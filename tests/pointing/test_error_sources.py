@@ -48,7 +48,8 @@ TOTALS = {"APE": (13.51, 8.37, 8.61), "RPE": (10.70, 6.89, 6.28)}
 DOUBLED = {"APE": (27.01, 16.75, 17.21), "RPE": (21.40, 13.78, 12.57)}
 LIMITS = {"APE": (60.0, 20.0, 20.0), "RPE": (30.0, 10.0, 10.0)}
 HALF = 0.0051  # half of the last printed digit
-ONE = 0.0101  # of the last digit: the row of doubled totals is not the double of any rounding of the others (27,01; 13,51)
+# One of the last digit: the row of doubled totals is not the double of any rounding of the totals (27,01 and 13,51).
+ONE = 0.0101
 
 
 def budget(index, axis):

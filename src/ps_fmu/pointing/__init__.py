@@ -4,11 +4,11 @@ Needs numpy and scipy, and no other room of the package: it can be used without 
 """
 
 from .confidence import Statement, bootstrap, effective_samples, gaussian_rms, quantile, samples_needed
+from .index import PointingIndex
 from .indices import (
     AbsoluteError,
     DriftError,
     MeanError,
-    PointingIndex,
     RelativeError,
     ReproducibilityError,
     ResidualJitter,
