@@ -112,6 +112,16 @@ def test_first_order_noise(rho):
         ) == pytest.approx(expected, rel=EXACT)
 
 
+@pytest.mark.parametrize("coefficients", [(1.8, -0.85), (1.98, -0.9802)])
+def test_variance_of_second_order_noise(coefficients):
+    """In fractions; the second has its poles at 0.99 +- 0.01 i, where 2e-12 of the digits are left by the data."""
+    first, second = map(Fraction, coefficients)
+    expected = (1 - second) / ((1 + second) * ((1 - second) ** 2 - first**2))
+    A = np.array([coefficients, (1.0, 0.0)])
+    process = LinearProcess(A, np.array([[1.0, 0.0]]), np.diag([1.0, 0.0]), STEP)
+    assert process.variance(AbsoluteError())[0] == pytest.approx(float(expected), rel=1e-11)
+
+
 @pytest.mark.parametrize("samples", [1, 2, 3, 30, 1000])
 def test_a_random_walk(samples):
     """Increments of variance 1."""
