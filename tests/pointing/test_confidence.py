@@ -9,12 +9,15 @@ from scipy.stats import beta, norm
 
 from ps_fmu.pointing import (
     Interpretation,
+    LinearProcess,
+    RelativeError,
     bootstrap,
     effective_samples,
     gaussian_rms,
     quantile,
     quantile_of_runs,
     samples_needed,
+    windows_rms,
 )
 from ps_fmu.pointing.confidence import bounding_rank
 
@@ -100,6 +103,31 @@ def test_rms_of_a_correlated_record_within_its_interval():
         assert stated.lower < stated.value < stated.bound < stated.upper
         hits += stated.lower <= 1.0 <= stated.upper
     assert 80 <= hits <= 98  # 90 expected, 3 standard deviations
+
+
+def test_rms_of_windows_within_its_interval():
+    """The relative error over windows that are hardly longer than the correlation: 100 records of 150 windows."""
+    rho, hits = 0.95, 0
+    index = RelativeError(40.0, "uniform")
+    process = LinearProcess(np.array([[rho]]), np.eye(1), np.array([[1.0]]), 1.0)
+    expected = math.sqrt(process.variance(index)[0])
+    for seed in range(100):
+        record = lfilter([1.0], [1.0, -rho], np.random.default_rng(seed).normal(size=6400))[400:]
+        stated = windows_rms(index.values(record, 1.0), 0.9)
+        hits += stated.lower <= expected <= stated.upper
+        assert stated.upper < 1.5 * stated.value
+    assert 80 <= hits <= 98
+
+
+def test_rms_of_windows_of_independent_gaussian_values():
+    values = np.random.default_rng(1).normal(size=20_000)
+    found, expected = windows_rms(values), gaussian_rms(float(np.sqrt(np.mean(values**2))), 20_000.0)
+    assert found.value == expected.value
+    assert found.upper - found.value == pytest.approx(expected.upper - expected.value, rel=0.1)
+    with pytest.raises(ValueError, match=r"one signal, got the shape \(3, 4, 2\)"):
+        windows_rms(np.ones((3, 4, 2)))
+    with pytest.raises(ValueError, match="do not vary"):
+        windows_rms(np.ones(10))
 
 
 def test_chi_square_of_few_samples():

@@ -145,7 +145,13 @@ def test_the_trend_is_that_of_a_least_squares_fit():
             slope = Polynomial.fit(place, wave(2.0 * np.pi * frequency * place), 1, domain=[-0.5, 0.5]).coef[1]
             found += 2.0 * (2.0 * slope) ** 2 / 12.0 / 2.0  # fit's domain is -1 to 1: slope per half window
         assert Smear(1.0).weight(frequency) == pytest.approx(found, rel=1e-3)
-    assert Smear(1.0).length == pytest.approx(math.sqrt(12.0))
+
+
+def test_the_length_of_a_smear():
+    """A ramp of 3 units over 2 s, continuous and in 20 samples."""
+    record = 1.5 * 0.1 * np.arange(20)
+    assert Smear(2.0).length(3.0 / math.sqrt(12.0)) == pytest.approx(3.0)
+    assert Smear(2.0).length(Smear(2.0).of_record(record, 0.1).rms, 0.1) == pytest.approx([3.0])
 
 
 def test_rational_approximations_are_off_by_what_their_text_says():

@@ -3,7 +3,15 @@
 Needs numpy and scipy, and no other room of the package: it can be used without FMUs.
 """
 
-from .confidence import Statement, bootstrap, effective_samples, gaussian_rms, quantile, samples_needed
+from .confidence import (
+    Statement,
+    bootstrap,
+    effective_samples,
+    gaussian_rms,
+    quantile,
+    samples_needed,
+    windows_rms,
+)
 from .index import PointingIndex
 from .indices import (
     AbsoluteError,
@@ -37,4 +45,5 @@ __all__ = [
     "quantile",
     "quantile_of_runs",
     "samples_needed",
+    "windows_rms",
 ]

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -152,6 +152,25 @@ def gaussian_rms(rms: float, independent: float, confidence: float = 0.95) -> St
         independent=independent,
         method="chi-square",
     )
+
+
+def windows_rms(values: ArrayLike, confidence: float = 0.95) -> Statement:
+    """RMS of an index over the windows of one record, whatever its distribution and correlation.
+
+    ``values`` of one signal, (windows, r, 1) as :meth:`.index.PointingIndex.values` has them, or (windows, r), or
+    (windows,).  The mean squares of the windows are worth :func:`effective_samples`; the interval is that of the
+    chi-square distribution with the same mean and variance as their mean.  For independent Gaussian values that is
+    :func:`gaussian_rms`.
+    """
+    squares = np.asarray(values, dtype=float) ** 2
+    if squares.ndim > 3 or squares.shape[2:] not in ((), (1,)):
+        raise ValueError(f"values: expected those of one signal, got the shape {squares.shape}")
+    squares = _finite(squares if squares.ndim == 1 else squares.reshape(len(squares), -1).mean(axis=1))
+    mean, number = float(squares.mean()), effective_samples(squares)
+    spread = float(squares.var()) / number
+    if not spread > 0.0:
+        raise ValueError("values: their squares do not vary, which says nothing of how sure their mean is")
+    return replace(gaussian_rms(math.sqrt(mean), 2.0 * mean**2 / spread, confidence), independent=number)
 
 
 def effective_samples(values: ArrayLike) -> float:

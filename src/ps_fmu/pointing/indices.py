@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from typing import ClassVar, Literal
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from .index import PointingIndex
 from .windows import count_samples, end_share, trend_lags, triangle, window_shares
@@ -162,10 +162,9 @@ class DriftError(_WindowIndex):
         return count_samples(self.window, step, "window") + count_samples(self.separation, step, "separation")
 
     def _weight(self, frequency: Array, step: float | None) -> Array:
-        if step is not None:
-            count_samples(self.separation, step, "separation")
+        apart = self.separation if step is None else count_samples(self.separation, step, "separation") * step
         mean = window_shares(*self._phase(frequency, step)).mean
-        return np.asarray(4.0 * np.sin(np.pi * frequency * self.separation) ** 2 * mean)
+        return np.asarray(4.0 * np.sin(np.pi * frequency * apart) ** 2 * mean)
 
     def lag_weights(self, lags: Lags, step: float) -> Array:
         """Twice those of the mean, less those of the mean moved by +-D."""
@@ -195,15 +194,15 @@ class ReproducibilityError(DriftError):
 class Smear(_WindowIndex):
     """Linear trend of e over a window, as its RMS there: the slope times T / sqrt(12).  W = 3 j1^2.
 
-    The smear length, slope times T, is sqrt(12) times it.  Pittelkau and McKinley.
+    Pittelkau and McKinley; :meth:`length` gives the smear length, slope times T.
     """
 
     symbol: ClassVar[str] = "smear"
 
-    @property
-    def length(self) -> float:
-        """Smear length over RMS: sqrt(12)."""
-        return math.sqrt(12.0)
+    def length(self, rms: ArrayLike, step: float | None = None) -> Array:
+        """Smear length, slope times T, from the RMS: sqrt(12) of it; for N samples N sqrt(12 / (N^2 - 1)) of it."""
+        samples = math.inf if step is None else self.count(step)
+        return np.asarray(math.sqrt(12.0 / (1.0 - samples**-2)) * np.asarray(rms, dtype=float))
 
     def _weight(self, frequency: Array, step: float | None) -> Array:
         return window_shares(*self._phase(frequency, step)).trend

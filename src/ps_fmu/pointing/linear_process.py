@@ -96,8 +96,9 @@ class LinearProcess:
         """Covariance (signals, signals), unit^2, of an index of the samples.
 
         The error of the result is that of rounding: of the sums, 1e-15 of the covariance of e itself (with integrators,
-        of its increments over the window), and of P, which grows as poles come near the unit circle.  Raises ``ValueError`` for a window that is not a whole number of steps, and
-        for integrators under an index that keeps a bias.
+        of its increments over the window), and of P, which grows as poles come near the unit circle.  Raises
+        ``ValueError`` for a window that is not a whole number of steps, and for integrators under an index that keeps
+        a bias.
         """
         count = index.count(self.step)
         if self.integrates and index.keeps_bias:

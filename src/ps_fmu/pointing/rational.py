@@ -7,7 +7,7 @@ Filters of second order replace the exact weights where a transfer function is w
 
 They are off: the variance of the mean of white noise comes out a third too large, and a line with one cycle in the
 window, whose mean is zero, keeps 14 % of its mean square.  :mod:`.indices` has the exact weights.  Filters of this form
-are in use with the ESA pointing error engineering handbook, ESSB-HB-E-003 (2011).
+are found in codes that follow the ESA pointing error engineering handbook, ESSB-HB-E-003 (2011).
 """
 
 from __future__ import annotations
