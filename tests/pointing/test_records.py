@@ -118,6 +118,10 @@ def test_long_records_are_taken_in_blocks():
     windows = np.lib.stride_tricks.sliding_window_view(record, 100)
     expected = windows.var(axis=1).mean()
     assert index.of_record(record, STEP, stride=1).variance[0] == pytest.approx(expected, rel=1e-9)
+    rising = MeanError(1.0).of_record(record + np.arange(50_000.0), STEP, stride=1)
+    means = (windows.mean(axis=1) + np.arange(len(windows))) + 49.5
+    assert rising.variance[0] == pytest.approx(means.var(), rel=1e-9)
+    assert rising.bias[0] == pytest.approx(means.mean(), rel=1e-9)
 
 
 def test_the_observer_of_a_run_has_the_same():

@@ -58,8 +58,8 @@ def bin_quadrature(weight: Weight, frequency: Array, period: float) -> Array:
     whole = np.full(len(frequency), bin_)
     for interval, start, stop in _cells(frequency - 0.5 * bin_, whole, np.ceil(2.0 * period * whole)):
         place = start[:, None] + (stop - start)[:, None] * _PLACES
-        # The density is even, and so is the weight: the half of a bin below 0 Hz mirrors the half above.
-        value = weight(np.abs(frequency[interval, None] + bin_ * (place - 0.5)))
+        # The weight is even, as the density is: the half of a bin below 0 Hz mirrors the half above.
+        value = weight(frequency[interval, None] + bin_ * (place - 0.5))
         np.add.at(found, interval, (stop - start) * bin_ * (value @ (0.5 * _WEIGHTS)))
     return found
 
