@@ -18,7 +18,7 @@ _RATIO = 1.3  # largest ratio of the ends of a cell for power laws and functions
 _ROUNDS = 40  # of halving in the adaptive integral
 _RELATIVE = 1e-12  # of the total: what all cells together may miss
 _ROUNDING = 1e-15  # of a weight: where more of it is not known, halving a cell brings nothing
-_MOST_CELLS = 1_000_000  # in a round: 0.2 GB
+_MOST_CELLS = 1_000_000  # in a round: 80 MB an array
 
 
 def linear_quadrature(weight: Weight, frequency: Array, period: float) -> Array:

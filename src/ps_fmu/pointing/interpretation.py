@@ -76,7 +76,7 @@ def _pooled(magnitude: NDArray[np.float64], probability: float, confidence: floa
     """The quantile of all values, with a bootstrap over runs.
 
     Each resample is searched by bisection among the sorted values, all resamples at once; the values of a run below a
-    place are counted in its own sorted row.  400 runs of 500 take 0.5 s, by sorting each resample 12 s; and the time
+    place are counted in its own sorted row.  400 runs of 500 take 0.9 s, with each resample sorted 16 s; and the time
     hardly grows with the length of the runs.
     """
     if not 0.0 < probability < 1.0:
