@@ -1,1 +1,49 @@
-"""Pointing errors as numbers: indices, spectra, responses.  Needs numpy and scipy, and no other room."""
+"""Pointing errors as numbers: indices and their confidence, spectra, responses.  numpy in, numpy out.
+
+Needs numpy and scipy, and no other room of the package: it can be used without FMUs.
+"""
+
+from .confidence import (
+    Statement,
+    bootstrap,
+    effective_samples,
+    gaussian_rms,
+    quantile,
+    samples_needed,
+    windows_rms,
+)
+from .index import PointingIndex
+from .indices import (
+    AbsoluteError,
+    DriftError,
+    MeanError,
+    RelativeError,
+    ReproducibilityError,
+    ResidualJitter,
+    Smear,
+)
+from .interpretation import Interpretation, quantile_of_runs
+from .linear_process import LinearProcess
+from .records import Estimate
+
+__all__ = [
+    "AbsoluteError",
+    "DriftError",
+    "Estimate",
+    "Interpretation",
+    "LinearProcess",
+    "MeanError",
+    "PointingIndex",
+    "RelativeError",
+    "ReproducibilityError",
+    "ResidualJitter",
+    "Smear",
+    "Statement",
+    "bootstrap",
+    "effective_samples",
+    "gaussian_rms",
+    "quantile",
+    "quantile_of_runs",
+    "samples_needed",
+    "windows_rms",
+]

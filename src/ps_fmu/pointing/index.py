@@ -1,0 +1,184 @@
+"""What all pointing error indices can do: apply themselves to a spectrum, to lines, to a record.
+
+Spectra are one-sided densities S(f) of a stationary error without its mean, in unit^2/Hz.  A bias is not in them: its
+square adds to the mean square of the absolute and the mean error, and to no other index (``keeps_bias``).
+
+With ``step``, s, an index is that of sampled data: a window is N = window / step samples, and the spectrum is that of
+the samples, from 0 Hz to half the sampling rate.  Without, time is continuous.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterable
+from typing import ClassVar, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .integrals import bin_quadrature, function_integral, linear_quadrature, power_law_integral
+from .records import Estimate, estimate, split
+from .windows import count_samples
+
+Array = NDArray[np.float64]
+Lags = NDArray[np.int64]
+Interpolation = Literal["linear", "power law", "bins"]
+
+
+class PointingIndex(ABC):
+    """One aspect of how an error varies with time, as a linear operation on the error in a window."""
+
+    symbol: ClassVar[str]
+    """Short name, as in ECSS-E-ST-60-10C where it has one."""
+    keeps_bias: ClassVar[bool] = False
+    """Whether a constant error remains; if not, the index of a constant is zero."""
+
+    @property
+    @abstractmethod
+    def span(self) -> float:
+        """Time from the first to the last sample that the index needs, s; its weight has no faster period in f."""
+
+    @abstractmethod
+    def _weight(self, frequency: Array, step: float | None) -> Array:
+        """Weight at frequencies that are fit for the step."""
+
+    @abstractmethod
+    def lag_weights(self, lags: Lags, step: float) -> Array:
+        """q (n,) at ``lags`` m (n,), steps, so that the mean square is the sum over all m of q_m R_m.
+
+        R_m is the autocovariance of the samples.  q is even in m, and zero beyond :meth:`count`.
+        """
+
+    @abstractmethod
+    def _evaluate(self, windows: Array, step: float) -> Array:
+        """Values (windows, r, signals) of the index in windows (windows, count, signals)."""
+
+    def count(self, step: float) -> int:
+        """Samples that one value of the index needs, for a step, s; ``ValueError`` unless times are whole steps."""
+        return count_samples(self.span, step, "window")
+
+    def weight(self, frequency: ArrayLike, step: float | None = None) -> Array:
+        """W(f), between 0 and 4, at frequencies, Hz, of any shape: the index's mean square of a line of mean square 1.
+
+        Raises ``ValueError`` for frequencies below 0 Hz, for those above half the sampling rate 1 / ``step``, and for
+        a window that is not a whole number of steps.
+        """
+        frequency = np.asarray(frequency, dtype=float)
+        if not (frequency >= 0.0).all():
+            raise ValueError("frequency: expected 0 Hz and above")
+        if step is not None and frequency.size and float(frequency.max()) > 0.5 / step * (1.0 + 1e-9):
+            raise ValueError(f"frequency: {float(frequency.max()):g} Hz is above half the rate of steps of {step:g} s")
+        return self._weight(frequency, step)
+
+    def quadrature(
+        self, frequency: ArrayLike, *, step: float | None = None, interpolation: Interpolation = "linear"
+    ) -> Array:
+        """Coefficients (n,), Hz: the variance is their sum with the samples of a density at ``frequency`` (n,), Hz.
+
+        ``linear``: exact, to rounding, for a density that is linear between its samples, even where the weight
+        oscillates many times between them.  ``bins``: each sample is the mean over a bin around it, as in a Welch
+        spectrum; frequencies are equally spaced from 0 Hz on, and APE is the plain sum.  Nothing outside the given
+        frequencies counts.
+        """
+        frequency = np.asarray(frequency, dtype=float)
+        if frequency.ndim != 1 or len(frequency) < 2 or not (np.diff(frequency) > 0.0).all():
+            raise ValueError("frequency: expected two or more ascending values")
+        self.weight(frequency, step)  # refuses what does not fit before anything is integrated
+        if interpolation == "bins":
+            return bin_quadrature(lambda f: self._weight(_fold(f, step), step), frequency, self.span)
+        if interpolation == "linear":
+            return linear_quadrature(lambda f: self._weight(f, step), frequency, self.span)
+        raise ValueError(f"interpolation: expected 'linear' or 'bins', got {interpolation!r}")
+
+    def variance(
+        self,
+        frequency: ArrayLike,
+        psd: ArrayLike,
+        *,
+        step: float | None = None,
+        interpolation: Interpolation = "linear",
+        axis: int = 0,
+    ) -> Array:
+        """Variance from samples of a one-sided density: the integral of W S over the given frequencies.
+
+        Parameters
+        ----------
+        frequency: (n,), Hz, ascending.
+        psd: unit^2/Hz with n values along ``axis``: (n,) for one signal, (n, k) for more, (n, k, k) for the real part
+            of a spectral density matrix, which gives the covariance (k, k).
+        interpolation: what the density is between its samples: ``linear`` or ``bins``, see :meth:`quadrature`, or
+            ``power law``, straight in a log-log plot, for which frequencies and densities are above 0.
+
+        Returns the variance in unit^2, in the shape of ``psd`` without ``axis``.
+        """
+        frequency, psd = np.asarray(frequency, dtype=float), np.moveaxis(np.asarray(psd, dtype=float), axis, 0)
+        if psd.shape[:1] != frequency.shape:
+            raise ValueError(f"psd: {psd.shape[0]} values along axis {axis} for frequencies of shape {frequency.shape}")
+        if interpolation == "power law":
+            self.weight(frequency, step)
+            return power_law_integral(lambda f: self._weight(f, step), frequency, psd, self.span)
+        coefficients = self.quadrature(frequency, step=step, interpolation=interpolation)
+        return np.asarray(np.tensordot(coefficients, psd, axes=1))
+
+    def rms(
+        self,
+        frequency: ArrayLike,
+        psd: ArrayLike,
+        *,
+        step: float | None = None,
+        interpolation: Interpolation = "linear",
+        axis: int = 0,
+    ) -> Array:
+        """Root of :meth:`variance`, for densities of signals (not matrices)."""
+        return np.sqrt(self.variance(frequency, psd, step=step, interpolation=interpolation, axis=axis))
+
+    def variance_of_function(
+        self,
+        psd: Callable[[Array], Array],
+        band: tuple[float, float],
+        *,
+        step: float | None = None,
+        points: Iterable[float] = (),
+    ) -> float:
+        """Variance from a density given as a function of the frequency, Hz, over a finite band (low, high), Hz.
+
+        Adaptive, to 1e-12 of the result.  ``points`` are frequencies of narrow resonances and steps.  Densities that
+        grow towards 0 Hz are fine where the weight falls faster: ``band=(0.0, high)`` of 1/f^2 for the relative error.
+        """
+        if step is not None:
+            self.weight(band[1], step)
+        return function_integral(lambda f: self._weight(f, step), psd, band, self.span, points)
+
+    def variance_of_lines(self, frequency: ArrayLike, amplitude: ArrayLike, *, step: float | None = None) -> Array:
+        """Variance from lines (n,), Hz, of amplitude (n,) or (n, k), unit, real or complex; shape () or (k,), unit^2.
+
+        Phases are random or frequencies differ, so that mean squares, half the squares of the amplitudes, add up.
+        """
+        return np.asarray(np.tensordot(self.weight(frequency, step), 0.5 * np.abs(np.asarray(amplitude)) ** 2, axes=1))
+
+    def values(self, record: ArrayLike, step: float, *, stride: int | None = None) -> Array:
+        """The index in each window of a record, (windows, r, signals), with its sign.
+
+        Parameters
+        ----------
+        record: (n,) or (n, signals), samples ``step`` s apart.
+        stride: samples between the starts of windows: 1 slides by each sample; None puts windows side by side.
+
+        r is 1 where a window has one value, and the samples of the window where it has one for each time t in it (RPE
+        with t uniform, residual jitter).  Raises ``ValueError`` if the record is shorter than one window.
+        """
+        parts = split(record, self.count(step), self._stride(step, stride))
+        return np.concatenate([self._evaluate(windows, step) for windows in parts])
+
+    def of_record(self, record: ArrayLike, step: float, *, stride: int | None = None) -> Estimate:
+        """Bias, covariance and peak of the index over the windows of a record; arguments as in :meth:`values`."""
+        parts = split(record, self.count(step), self._stride(step, stride))
+        return estimate(self._evaluate(windows, step) for windows in parts)
+
+    def _stride(self, step: float, stride: int | None) -> int:
+        return self.count(step) if stride is None else stride
+
+
+def _fold(frequency: Array, step: float | None) -> Array:
+    """The half of the last bin that lies above half the sampling rate mirrors the half below."""
+    return frequency if step is None else np.minimum(frequency, np.abs(1.0 / step - frequency))

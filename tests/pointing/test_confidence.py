@@ -1,0 +1,265 @@
+"""Quantiles and variances with their confidence: ranks, coverage, effective numbers, interpretations."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+from scipy.stats import beta, norm
+from scipy.stats import bootstrap as scipy_bootstrap
+
+from ps_fmu.pointing import (
+    Interpretation,
+    LinearProcess,
+    RelativeError,
+    bootstrap,
+    effective_samples,
+    gaussian_rms,
+    quantile,
+    quantile_of_runs,
+    samples_needed,
+    windows_rms,
+)
+from ps_fmu.pointing.confidence import bounding_rank
+
+
+@pytest.mark.parametrize(
+    ("probability", "confidence", "count"), [(0.95, 0.95, 59), (0.9973, 0.9, 852), (0.5, 0.5, 1), (0.9, 0.9, 22)]
+)
+def test_cases_whose_largest_bounds_a_quantile(probability, confidence, count):
+    assert samples_needed(probability, confidence) == count
+    assert 1.0 - probability**count >= confidence
+    assert bounding_rank(count, probability, confidence) == count
+    if count > 1:
+        assert 1.0 - probability ** (count - 1) < confidence
+        assert bounding_rank(count - 1, probability, confidence) is None
+
+
+@pytest.mark.parametrize("count", [93, 124, 1000, 20_000])
+@pytest.mark.parametrize("probability", [0.5, 0.95])
+def test_ranks_by_the_distribution_of_order_statistics(count, probability):
+    """The r-th smallest of n uniform numbers has the beta distribution (r, n - r + 1)."""
+    rank = bounding_rank(count, probability, 0.95)
+    assert beta.sf(probability, rank, count - rank + 1) >= 0.95
+    assert beta.sf(probability, rank - 1, count - rank + 2) < 0.95
+
+
+def test_published_ranks_of_95_95():
+    """The second largest of 93 and the third largest of 124 bound it, and of no smaller numbers (Wilks)."""
+    assert [bounding_rank(count, 0.95, 0.95) for count in (92, 93, 123, 124)] == [92, 92, 122, 122]
+
+
+def test_bounds_hold_as_often_as_they_say():
+    """Of 2000 samples of 100; the binomial scatter of that is 0.5 % at 95 %."""
+    draws = np.random.default_rng(1).normal(size=(2000, 100))
+    true = norm.ppf(0.8)
+    stated = [quantile(draw, 0.8, 0.95) for draw in draws]
+    assert 0.94 < np.mean([one.bound >= true for one in stated]) < 0.985
+    assert 0.94 < np.mean([one.lower <= true <= one.upper for one in stated]) < 0.985
+
+
+def test_a_quantile_without_enough_cases_has_no_bound():
+    few, enough = (quantile(np.arange(1.0, count + 1.0), 0.95, 0.95) for count in (58, 59))
+    assert few.bound == math.inf and enough.bound == 59.0
+    assert enough.upper == math.inf  # two-sided: 97.5 %, which takes 72
+    assert enough.value == 57.0 and enough.lower == 52.0
+    assert "no bound with 95 % confidence" in str(few)
+    assert "57 (95 % quantile), below 59 with 95 % confidence, 59 independent samples" in str(enough)
+    assert quantile(np.arange(3.0), 0.1, 0.95).lower == -math.inf
+
+
+def test_correlated_values_count_less():
+    values = np.arange(1000.0)
+    free, bound = quantile(values, 0.9, 0.95), quantile(values, 0.9, 0.95, independent=100.0)
+    assert free.value == bound.value
+    assert bound.lower < free.lower < free.upper < bound.upper
+    assert bound.bound == quantile(np.arange(9.0, 1000.0, 10.0), 0.9, 0.95).bound  # every tenth
+    with pytest.raises(ValueError, match="independent: expected above 0 and at most 1000"):
+        quantile(values, 0.9, 0.95, independent=2000.0)
+
+
+@pytest.mark.parametrize("rho", [0.0, 0.9, 0.99])
+def test_effective_number_of_first_order_noise(rho):
+    """n (1 - rho) / (1 + rho) for the mean; rho^2 in place of rho for the variance.  The median of 15 records."""
+    n = 50_000
+    draws = np.random.default_rng(2).normal(size=(15, n + 2000))
+    records = lfilter([1.0], [1.0, -rho], draws, axis=1)[:, 2000:]
+    of_mean = np.median([effective_samples(record) for record in records])
+    of_variance = np.median([effective_samples(record**2) for record in records])
+    assert of_mean == pytest.approx(n * (1.0 - rho) / (1.0 + rho), rel=0.1)
+    assert of_variance == pytest.approx(n * (1.0 - rho**2) / (1.0 + rho**2), rel=0.1)
+
+
+def test_effective_number_of_what_does_not_vary():
+    assert effective_samples(np.full(100, 3.0)) == 1.0
+    assert effective_samples([1.0]) == 1.0
+    assert 1.0 <= effective_samples(np.arange(100.0)) < 10.0
+
+
+def test_rms_of_a_correlated_record_within_its_interval():
+    rho, hits = 0.9, 0
+    for seed in range(100):
+        record = lfilter([math.sqrt(1.0 - rho**2)], [1.0, -rho], np.random.default_rng(seed).normal(size=6000))[1000:]
+        stated = gaussian_rms(float(np.sqrt(np.mean(record**2))), effective_samples(record**2), 0.9)
+        assert stated.lower < stated.value < stated.bound < stated.upper
+        hits += stated.lower <= 1.0 <= stated.upper
+    assert 80 <= hits <= 98  # 90 expected, 3 standard deviations
+
+
+def test_rms_of_windows_within_its_interval():
+    """The relative error over windows that are hardly longer than the correlation: 100 records of 150 windows."""
+    rho, hits = 0.95, 0
+    index = RelativeError(40.0, "uniform")
+    process = LinearProcess(np.array([[rho]]), np.eye(1), np.array([[1.0]]), 1.0)
+    expected = math.sqrt(process.variance(index)[0])
+    for seed in range(100):
+        record = lfilter([1.0], [1.0, -rho], np.random.default_rng(seed).normal(size=6400))[400:]
+        stated = windows_rms(index.values(record, 1.0), 0.9)
+        hits += stated.lower <= expected <= stated.upper
+        assert stated.upper < 1.5 * stated.value
+    assert 80 <= hits <= 98
+
+
+def test_rms_of_windows_of_independent_gaussian_values():
+    values = np.random.default_rng(1).normal(size=20_000)
+    found, expected = windows_rms(values), gaussian_rms(float(np.sqrt(np.mean(values**2))), 20_000.0)
+    assert found.value == expected.value
+    assert found.upper - found.value == pytest.approx(expected.upper - expected.value, rel=0.1)
+    with pytest.raises(ValueError, match=r"one signal, got the shape \(3, 4, 2\)"):
+        windows_rms(np.ones((3, 4, 2)))
+    with pytest.raises(ValueError, match="do not vary"):
+        windows_rms(np.ones(10))
+
+
+def test_chi_square_of_few_samples():
+    """Tables: 18.31 and 3.94 are the 95 % and 5 % points with 10 degrees of freedom."""
+    stated = gaussian_rms(2.0, 10.0, 0.9)
+    assert stated.lower == pytest.approx(2.0 * math.sqrt(10.0 / 18.307), rel=1e-4)
+    assert stated.upper == pytest.approx(2.0 * math.sqrt(10.0 / 3.9403), rel=1e-4)
+
+
+def rms(runs):
+    return float(np.sqrt(np.mean(runs**2)))
+
+
+def test_the_bootstrap_repeats_with_its_seed():
+    runs = np.random.default_rng(3).normal(size=(20, 50))
+    first, again, other = (bootstrap(runs, rms, 0.9, seed=seed) for seed in (1, 1, 2))
+    assert first == again != other
+    assert first.lower < first.value < first.bound <= first.upper
+    assert (first.independent, first.method) == (20.0, "bootstrap over runs")
+
+
+def test_the_bootstrap_covers_and_knows_correlation_within_runs():
+    """Runs of constant values: 30 numbers, however many samples there are."""
+    hits = 0
+    for seed in range(120):
+        runs = np.repeat(np.random.default_rng(seed).normal(size=(30, 1)), 40, axis=1)
+        stated = bootstrap(runs, rms, 0.9, seed=seed, resamples=400)
+        hits += stated.lower <= 1.0 <= stated.upper
+    assert 92 <= hits <= 117  # 108 expected; intervals of 30 cases are a little short
+
+
+def test_the_bootstrap_is_bias_corrected_and_accelerated():
+    """Scipy's, with draws of its own: the mean of 15 exponential numbers, whose interval is not symmetric."""
+    runs = np.random.default_rng(8).exponential(size=15)
+    stated = bootstrap(runs, lambda some: float(np.mean(some)), 0.9, seed=1, resamples=20_000)
+    other = scipy_bootstrap((runs,), np.mean, confidence_level=0.9, n_resamples=20_000, method="BCa")
+    assert stated.lower == pytest.approx(other.confidence_interval.low, rel=0.015)
+    assert stated.upper == pytest.approx(other.confidence_interval.high, rel=0.015)
+    assert stated.upper - stated.value > 1.2 * (stated.value - stated.lower)
+
+
+def test_runs_too_few_for_a_bootstrap():
+    with pytest.raises(ValueError, match="needs 5 at least, got 4"):
+        bootstrap(np.zeros((4, 10)), rms, seed=1)
+
+
+@pytest.fixture(scope="module")
+def amplitudes():
+    """A sin(w t), A evenly from 0 to 10: the example of ECSS-E-ST-60-10C, Figure A-5.  400 runs."""
+    A = np.random.default_rng(4).permutation((np.arange(400) + 0.5) / 40.0)
+    return A[:, None] * np.sin(2.0 * np.pi * (np.arange(500) + 0.5) / 50.0 + 0.01)
+
+
+def test_ensemble_interpretation(amplitudes):
+    """At all times, in 90 % of the runs: amplitudes up to 9."""
+    stated = quantile_of_runs(amplitudes, 0.9, 0.95, "ensemble")
+    assert stated.lower < 9.0 < stated.bound < 9.5
+    assert stated.value == pytest.approx(9.0, abs=0.05)
+    assert stated.independent == 400.0
+
+
+def test_temporal_interpretation(amplitudes):
+    """90 % of the time, in any run: 10 sin(0.9 pi / 2) for the largest amplitude."""
+    stated = quantile_of_runs(amplitudes, 0.9, 0.95, Interpretation.TEMPORAL)
+    assert stated.value == pytest.approx(10.0 * math.sin(0.45 * math.pi), rel=0.02)
+    assert stated.bound >= stated.value
+    assert stated.ensemble_share == pytest.approx(0.05 ** (1.0 / 400.0))  # 99.25 % of all runs
+
+
+def test_bounds_of_all_runs_hold_together():
+    """Temporal: each run of twenty is bounded with a twentieth of the risk."""
+    runs = np.abs(np.random.default_rng(7).normal(size=(20, 2000)))
+    together = quantile_of_runs(runs, 0.9, 0.95, "temporal").bound
+    levels = np.quantile(runs, 0.9, axis=1, method="inverted_cdf")
+    numbers = [effective_samples(run <= level) for run, level in zip(runs, levels, strict=True)]
+    bounds = [quantile(run, 0.9, 0.9975, independent=number).bound for run, number in zip(runs, numbers, strict=True)]
+    assert together == max(bounds)
+    assert together > max(quantile(run, 0.9, 0.95, independent=n).bound for run, n in zip(runs, numbers, strict=True))
+
+
+def test_mixed_interpretation(amplitudes):
+    """A random time of a random run: below x with the probability x/10 + mean of (2/pi) asin(x/A) beyond."""
+    stated = quantile_of_runs(amplitudes, 0.9, 0.95, "mixed", seed=1)
+    A = (np.arange(20_000) + 0.5) / 2000.0
+
+    def below(x):
+        return np.mean(2.0 / np.pi * np.arcsin(np.minimum(x / A, 1.0)))
+
+    assert stated.lower < stated.value < stated.upper
+    assert below(stated.value) == pytest.approx(0.9, abs=1e-3)
+    assert below(stated.lower) < 0.9 < below(stated.upper)
+    assert stated.upper - stated.lower < 1.0
+
+
+def test_the_mixed_bootstrap_is_that_of_any_statistic():
+    """Resampled runs, pooled: the short cut by counting finds what numpy finds."""
+    runs = np.abs(np.random.default_rng(5).normal(size=(12, 1)) * np.random.default_rng(6).normal(size=(12, 37)))
+    slow = bootstrap(
+        runs, lambda some: float(np.quantile(some, 0.8, method="inverted_cdf")), 0.9, seed=3, probability=0.8
+    )
+    assert quantile_of_runs(runs, 0.8, 0.9, "mixed", seed=3) == slow
+
+
+def test_interpretations_differ(amplitudes):
+    mixed, ensemble, temporal = (
+        quantile_of_runs(amplitudes, 0.9, 0.95, kind).value for kind in ("mixed", "ensemble", "temporal")
+    )
+    assert mixed < ensemble < temporal
+
+
+@pytest.mark.parametrize("bad", [0.0, 1.0, 1.5, math.nan])
+def test_what_is_no_probability(bad):
+    for call in (
+        lambda: samples_needed(bad, 0.9),
+        lambda: quantile([1.0], bad),
+        lambda: quantile_of_runs([[1.0]], bad, 0.9, "ensemble"),
+    ):
+        with pytest.raises(ValueError, match="probability: expected between 0 and 1"):
+            call()
+    with pytest.raises(ValueError, match="confidence: expected between 0 and 1"):
+        samples_needed(0.9, bad)
+
+
+def test_values_that_are_none():
+    with pytest.raises(ValueError, match="values: expected"):
+        quantile([], 0.9)
+    with pytest.raises(ValueError, match="finite"):
+        quantile([1.0, math.nan], 0.9)
+    with pytest.raises(ValueError, match=r"shape \(runs, times\)"):
+        quantile_of_runs([1.0, 2.0], 0.9, 0.9, "mixed")
+    with pytest.raises(ValueError, match="'sometimes' is not a valid Interpretation"):
+        quantile_of_runs([[1.0, 2.0]], 0.9, 0.9, "sometimes")
+    with pytest.raises(ValueError, match="independent: expected above 0"):
+        gaussian_rms(1.0, 0.0)
