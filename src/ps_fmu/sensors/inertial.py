@@ -13,6 +13,7 @@ The centripetal term is read like any other and is not taken out of the estimate
 
 from __future__ import annotations
 
+from collections.abc import Generator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -21,7 +22,8 @@ from numpy.typing import NDArray
 
 from ..mechanism.quantities import Array, Checked, ParameterError, group, quantity
 from .geometry import centripetal_rows, estimator, geometry_rows
-from .noise import SensorNoise, draw_normal
+from .noise import WHITE_BLOCK, SensorNoise, split
+from .normal import Parts, draw_normal, finish
 from .parameters import Accelerometer, AccelerometerKind, OneSensor, RateSensor, RateSensorKind, SensorKind
 
 ACCELEROMETERS = 12  # places for them
@@ -32,6 +34,7 @@ N_STATES = 2 * CHANNELS
 LAST_SAMPLE = 1e13  # thirty years at 10 kHz: the noise stands still from there on
 _SLOTS = slice(0, ACCELEROMETERS)
 _RATES = slice(ACCELEROMETERS, CHANNELS)
+_PARTS = 3  # in which a block of samples is nearly always made
 _SPREAD, _LINEAR_NOISE, _RATE_NOISE = 0, 1, 2  # tell the random numbers apart
 
 
@@ -173,21 +176,43 @@ class ChannelNoise:
     def __init__(self, sensors: InertialSensors, interval: float) -> None:
         self._bias, self._enabled, self.interval = sensors.bias, sensors.enabled, interval
         on = np.flatnonzero(sensors.enabled[_SLOTS])
-        self._slots = int(on[-1]) + 1 if on.size else 0  # none is drawn for those behind the last that is enabled
+        slots = int(on[-1]) + 1 if on.size else 0  # none is drawn for those behind the last that is enabled
         seed = int(sensors.seed)
-        self._linear = SensorNoise(sensors.accelerometer.noise, self._slots, interval, seed, _LINEAR_NOISE)
-        self._rate = None
+        linear = SensorNoise(sensors.accelerometer.noise, slots, interval, seed, _LINEAR_NOISE)
+        self._noises = [(linear, slice(0, slots))]
         if sensors.rate_sensor.enabled:
-            self._rate = SensorNoise(sensors.rate_sensor.noise, RateSensor.AXES, interval, seed, _RATE_NOISE)
+            rate = SensorNoise(sensors.rate_sensor.noise, RateSensor.AXES, interval, seed, _RATE_NOISE)
+            self._noises.append((rate, _RATES))
 
     def __call__(self, index: NDArray[np.int64]) -> Array:
         """Errors of the samples of these numbers (n,), 0 or greater and ascending, (n, CHANNELS), m/s2 and rad/s."""
+        return finish(self.in_parts(index))
+
+    def in_parts(self, index: NDArray[np.int64]) -> Generator[int, None, Array]:
+        """As :meth:`__call__`, in parts of 20 to 60 us; yields about how many are still to come."""
+        blocks = split(index, WHITE_BLOCK)
         errors = np.zeros((len(index), CHANNELS))
-        errors[:, : self._slots] = self._linear(index)
-        if self._rate is not None:
-            errors[:, _RATES] = self._rate(index)
-        return np.asarray((errors + self._bias) * self._enabled)
+        for number, (_, part) in enumerate(blocks, 1):
+            left = (len(blocks) - number) * _PARTS
+            for noise, columns in self._noises:
+                error = yield from _count(noise.in_parts(index[part]), left + 1)
+                error += self._bias[columns, None]
+                error *= self._enabled[columns, None]
+                errors[part, columns] = error.T
+            yield left
+        return errors
 
     def find_samples(self, elapsed: Array) -> NDArray[np.int64]:
         """Numbers of the last samples at times since the start (n,), s; from :data:`LAST_SAMPLE` on, that one."""
         return np.floor(np.clip(elapsed / self.interval + 1e-6, 0.0, LAST_SAMPLE)).astype(np.int64)
+
+
+def _count(parts: Parts, left: int) -> Generator[int, None, Array]:
+    """The same parts, each of which says that ``left`` are still to come."""
+    while True:
+        try:
+            next(parts)
+        except StopIteration as end:
+            made: Array = end.value
+            return made
+        yield left

@@ -1,0 +1,63 @@
+"""Standard normal numbers that belong to whole numbers, drawn in parts that take little time each."""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Sequence
+from typing import Any
+
+import numpy as np
+
+from ..mechanism.quantities import Array
+
+Parts = Generator[None, None, Array]
+"""Work that yields between its parts, and returns what it has made."""
+
+_PART = 2560  # numbers drawn at once: 35 us
+
+
+def finish(parts: Generator[Any, None, Array]) -> Array:
+    """What the parts make, all at once."""
+    while True:
+        try:
+            next(parts)
+        except StopIteration as end:
+            made: Array = end.value
+            return made
+
+
+def draw_normal(key: Sequence[int], rows: int, columns: int) -> Array:
+    """Standard normal numbers (rows, columns) that belong to whole numbers; a row does not depend on how many follow.
+
+    Box-Muller, since the streams of numpy's own normal numbers may change between its versions.
+    """
+    return finish(draw_in_parts(key, rows, columns))
+
+
+def draw_in_parts(key: Sequence[int], rows: int, columns: int) -> Parts:
+    """As :func:`draw_normal`, some rows at a time."""
+    random = np.random.Generator(np.random.Philox(np.random.SeedSequence([value % 2**32 for value in key])))
+    half = (columns + 1) // 2
+    normal = np.empty((rows, 2 * half))
+    at_once = max(1, _PART // (2 * half))
+    for first in range(0, rows, at_once):
+        if first:
+            yield
+        part = normal[first : first + at_once]
+        u, v = random.random((len(part), 2, half)).transpose(1, 0, 2)
+        _transform(u, v, part[:, :half], part[:, half:])
+    return normal[:, :columns]
+
+
+def _transform(u: Array, v: Array, one: Array, other: Array) -> None:
+    """Box-Muller: ``radius cos(angle)`` and ``radius sin(angle)`` of u and v, all of one shape.
+
+    Both from the tangent of half the angle, since numpy has vector instructions for it: 32 us instead of 50 for 2304
+    numbers.
+    """
+    half = np.tan(np.pi * v)
+    square = half * half
+    radius = np.sqrt(-2.0 * np.log1p(-u))
+    radius /= 1.0 + square
+    np.multiply(radius, 1.0 - square, out=one)
+    half *= 2.0
+    np.multiply(radius, half, out=other)
