@@ -109,21 +109,28 @@ class InertialSensors(Slave):
         return np.vstack([outputs, states])
 
     def after_map(self, h: float) -> Sequence[Element]:
-        """From readings without limits to sampled and delayed ones, and the estimates."""
-        sensors, readings = self.sensors, self.y[READINGS]
+        """From readings without limits to sampled and delayed ones, and the estimates.
+
+        Of the channels that there are: all others stay 0.
+        """
+        sensors, on = self.sensors, np.flatnonzero(self.sensors.enabled)
+        readings, kept = (self.places(view)[on] for view in (self.y[READINGS], self.kept))
+        ranges, resolutions = sensors.ranges[on], sensors.resolutions[on]
         elements: list[Element] = []
-        if np.isfinite(sensors.ranges).any():
+        if np.isfinite(ranges).any():
             if not self.memory[1]:
-                elements.append(Watch(readings, self.zeros, sensors.ranges))
-            elements.append(Clip(readings, -sensors.ranges, sensors.ranges, "saturated"))
-        if sensors.resolutions.any():
-            elements.append(Quantise(readings, sensors.resolutions))
+                elements.append(Watch(readings, self.places(self.zeros)[on], ranges))
+            elements.append(Clip(readings, -ranges, ranges, "saturated"))
+        if resolutions.any():
+            elements.append(Quantise(readings, resolutions))
         every = count_steps("sample_time", sensors.sample_time, h)
         if every > 1:
-            elements.append(Hold(readings, self.kept, self.memory[2:3], every))
+            elements.append(Hold(readings, kept, self.memory[2:3], every))
         if latency := count_steps("latency", sensors.latency, h, LONGEST_LATENCY):
-            elements.append(Delay(readings, self.ring, latency))
-        return [*elements, Linear(readings, sensors.estimator, self.y[:ESTIMATES])]
+            elements.append(Delay(self.y[READINGS], self.ring, latency))
+        seen = np.flatnonzero(sensors.estimator.any(axis=1))
+        estimates = self.places(self.y[:ESTIMATES])[seen]
+        return [*elements, Linear(readings, sensors.estimator[np.ix_(seen, on)], estimates)]
 
     def rows(self, t: float, h: float, n: int) -> Generator[int, None, NDArray[np.float64]]:
         """Bias and noise of the readings at the ends of n steps, (n, CHANNELS), m/s2 and rad/s, in parts."""

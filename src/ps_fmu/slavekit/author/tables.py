@@ -104,7 +104,7 @@ class Tables(Values):
             if n > _CHUNK:
                 yield -(-(n - first) // _CHUNK)
             size = min(_CHUNK, n - first)
-            chunks.append(self._check_rows(finish(make_rows(self, t + first * h, h, size)), size))
+            chunks.append(self._check_rows(finish(self.rows(t + first * h, h, size)), size))
         return chunks[0] if len(chunks) == 1 else np.concatenate(chunks)
 
     def _check_rows(self, rows: Array, n: int) -> Array:
