@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..mechanism.quantities import Array, Checked, ParameterError, group, quantity
+from .drift import keep
 from .geometry import centripetal_rows, estimator, geometry_rows
 from .noise import WHITE_BLOCK, SensorNoise, split
 from .normal import Parts, draw_normal, finish
@@ -174,7 +175,7 @@ class ChannelNoise:
     """Bias and noise of all channels, a function of the number of the sample."""
 
     def __init__(self, sensors: InertialSensors, interval: float) -> None:
-        self._bias, self._enabled, self.interval = sensors.bias, sensors.enabled, interval
+        self._bias, self._gain, self.interval = sensors.bias, sensors.enabled.astype(np.float64), interval
         on = np.flatnonzero(sensors.enabled[_SLOTS])
         slots = int(on[-1]) + 1 if on.size else 0  # none is drawn for those behind the last that is enabled
         seed = int(sensors.seed)
@@ -183,6 +184,7 @@ class ChannelNoise:
         if sensors.rate_sensor.enabled:
             rate = SensorNoise(sensors.rate_sensor.noise, RateSensor.AXES, interval, seed, _RATE_NOISE)
             self._noises.append((rate, _RATES))
+        self._blocks: dict[int, Array] = {}
 
     def __call__(self, index: NDArray[np.int64]) -> Array:
         """Errors of the samples of these numbers (n,), 0 or greater and ascending, (n, CHANNELS), m/s2 and rad/s."""
@@ -191,15 +193,24 @@ class ChannelNoise:
     def in_parts(self, index: NDArray[np.int64]) -> Generator[int, None, Array]:
         """As :meth:`__call__`, in parts of 20 to 60 us; yields about how many are still to come."""
         blocks = split(index, WHITE_BLOCK)
-        errors = np.zeros((len(index), CHANNELS))
-        for number, (_, part) in enumerate(blocks, 1):
+        errors = np.empty((len(index), CHANNELS))
+        for number, (block, part) in enumerate(blocks, 1):
             left = (len(blocks) - number) * _PARTS
-            for noise, columns in self._noises:
-                error = yield from _count(noise.in_parts(index[part]), left + 1)
-                error += self._bias[columns, None]
-                error *= self._enabled[columns, None]
-                errors[part, columns] = error.T
-            yield left
+            if block not in self._blocks:
+                keep(self._blocks, block, (yield from self._make_block(block, left + 1)))
+            self._blocks[block].take(index[part] - block * WHITE_BLOCK, axis=0, out=errors[part], mode="clip")
+            if left:
+                yield left
+        return errors
+
+    def _make_block(self, block: int, left: int) -> Generator[int, None, Array]:
+        """Errors of a block of samples, (WHITE_BLOCK, CHANNELS); each part says that ``left`` are still to come."""
+        errors = np.zeros((WHITE_BLOCK, CHANNELS))
+        for noise, columns in self._noises:
+            error = yield from _count(noise.in_parts(block), left)
+            error += self._bias[columns, None]
+            error *= self._gain[columns, None]
+            errors[:, columns] = error.T
         return errors
 
     def find_samples(self, elapsed: Array) -> NDArray[np.int64]:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..mechanism.quantities import Array
-from .drift import DRIFT_BLOCK, Drift, keep
+from .drift import DRIFT_BLOCK, Drift
 from .noise_model import NoiseModel
 from .normal import Parts, draw_in_parts, finish
 
@@ -37,40 +37,30 @@ class SensorNoise:
         self._drift = None
         if model.instability > 0.0 or model.random_walk > 0.0:
             self._drift = Drift(model, sensors, self._stride * interval, self._key, (_WIDEST, _DRIFT))
-        self._white: dict[int, Array] = {}
 
     def __call__(self, index: NDArray[np.int64]) -> Array:
         """The error of the samples of these numbers (n,), 0 or greater and ascending, (n, sensors)."""
         error = np.empty((len(index), self._sensors))
-        for _, part in split(index, WHITE_BLOCK):
-            error[part] = finish(self.in_parts(index[part])).T
+        for block, part in split(index, WHITE_BLOCK):
+            error[part] = finish(self.in_parts(block)).take(index[part] - block * WHITE_BLOCK, axis=1).T
         return error
 
-    def in_parts(self, index: NDArray[np.int64]) -> Parts:
-        """As :meth:`__call__`, (sensors, n), of samples of one block of :data:`WHITE_BLOCK`."""
+    def in_parts(self, block: int) -> Parts:
+        """The error of the :data:`WHITE_BLOCK` samples of a block, (sensors, WHITE_BLOCK)."""
         if self._deviation:
-            block = int(index[0]) // WHITE_BLOCK
-            white = yield from self._find_white(block)
-            error = white.take(index - block * WHITE_BLOCK, axis=1)
+            error = yield from draw_in_parts((*self._key, _WHITE, block), self._sensors, WHITE_BLOCK)
+            error *= self._deviation
         else:
-            error = np.zeros((self._sensors, len(index)))
+            error = np.zeros((self._sensors, WHITE_BLOCK))
         if self._drift is not None:
-            place, rest = np.divmod(index, self._stride)
+            place, rest = np.divmod(np.arange(block * WHITE_BLOCK, (block + 1) * WHITE_BLOCK), self._stride)
             share = rest / self._stride
-            for block, part in split(place, DRIFT_BLOCK):
-                drift, slope = yield from self._drift.find(block)
-                k = place[part] - block * DRIFT_BLOCK
+            for number, part in split(place, DRIFT_BLOCK):
+                drift, slope = yield from self._drift.find(number)
+                k = place[part] - number * DRIFT_BLOCK
                 error[:, part] += drift.take(k, axis=1)
                 error[:, part] += share[part] * slope.take(k, axis=1)
         return error
-
-    def _find_white(self, block: int) -> Parts:
-        """White noise of a block of samples, (sensors, WHITE_BLOCK)."""
-        if block not in self._white:
-            normal = yield from draw_in_parts((*self._key, _WHITE, block), self._sensors, WHITE_BLOCK)
-            normal *= self._deviation
-            keep(self._white, block, normal)
-        return self._white[block]
 
 
 def split(index: NDArray[np.int64], size: int) -> list[tuple[int, slice]]:

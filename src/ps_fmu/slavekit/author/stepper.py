@@ -145,7 +145,14 @@ class Stepper(Tables):
 
     def _step_if_due(self) -> bool:
         """A step before which something is due.  False: the host has drifted off the grid; nothing is changed."""
-        return self._is_on_grid(self._core.time) and self._step_fully()
+        if not self._is_on_grid(self._core.time):
+            return False
+        step = self._plain_step
+        if step is not None and not self._core.pending and not self._is_used_up():
+            self._work_ahead()
+            if step():  # if not, it has changed nothing
+                return True
+        return self._step_fully()
 
     def _step_fully(self) -> bool:
         """A step with all that is due before it: an event, a new map, a new table.  All or nothing.

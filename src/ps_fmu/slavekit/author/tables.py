@@ -96,9 +96,7 @@ class Tables(Values):
         if isgeneratorfunction(make_rows):
             rows = make_rows(self, t, h, n)
             assert isinstance(rows, Generator)
-            made = yield from rows
-            yield 1
-            return self._check_rows(made, n)
+            return self._check_rows((yield from rows), n)
         chunks = []
         for first in range(0, n, _CHUNK):
             if n > _CHUNK:
