@@ -42,7 +42,7 @@ class InertialSensors(Slave):
     n_states: ClassVar[int] = N_STATES
     n_auxiliary: ClassVar[int] = len(PRODUCTS)  # of the angular velocity, for the centripetal acceleration
     n_row: ClassVar[int] = CHANNELS  # bias and noise of each reading
-    block_rows: ClassVar[int] = 1024
+    block_rows: ClassVar[int] = 2048
     # Start time (s), whether a range was met, clock, zeros, readings as last sampled, past readings.
     n_memory: ClassVar[int] = 3 + 2 * CHANNELS + ring_size(CHANNELS, LONGEST_LATENCY)
 
@@ -134,7 +134,7 @@ class InertialSensors(Slave):
 
     def rows(self, t: float, h: float, n: int) -> Generator[int, None, NDArray[np.float64]]:
         """Bias and noise of the readings at the ends of n steps, (n, CHANNELS), m/s2 and rad/s, in parts."""
-        yield n // 64  # the step at the end of the last table does nothing else
+        yield n // 200  # the step at the end of the last table does nothing else
         noise = self._find_noise(self.sensors.sample_time or h)
         return (yield from noise.in_parts(noise.find_samples(self.times(t, h, n) - self.memory[0])))
 

@@ -47,7 +47,7 @@ class LineOfSightSensor(Slave):
     n_states: ClassVar[int] = 1  # time in the acquisition field, s
     n_auxiliary: ClassVar[int] = ACQUIRING.stop
     n_memory: ClassVar[int] = 9 + ring_size(4, LONGEST_LATENCY)  # see the views made in _build
-    block_rows: ClassVar[int] = 1024
+    block_rows: ClassVar[int] = 4096
     n_row: ClassVar[int] = 3  # noise of the sample that a step puts out, rad
 
     ports: ClassVar[tuple[Port, ...]] = (
