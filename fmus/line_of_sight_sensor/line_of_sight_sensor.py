@@ -134,7 +134,7 @@ class LineOfSightSensor(Slave):
         yield 2  # the step at the end of the last table does nothing else
         numbers = self.tracker.sample_numbers(self.times(t, h, n) - h - self.start[0])
         yield 1
-        return self.noise(numbers)
+        return (yield from self.noise.in_parts(numbers))
 
     def event(self, t: float, h: float) -> bool:
         """The target comes into the field, has been there for long enough, or is lost."""

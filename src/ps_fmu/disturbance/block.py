@@ -14,7 +14,7 @@ from .smooth import Weight, crossfade, ramp
 from .spectrum import Layer, share
 
 _CHUNK = 256  # lines drawn in a part
-_ROWS = 8000  # cleared in a part
+_ROWS = 2000  # cleared in a part
 _N_TERMS = 3  # g'', g' and g
 
 
@@ -47,7 +47,7 @@ class BlockShape:
         channels, sources = self.factor.shape
         chunks = -(-self.layer.numbers.size // _CHUNK)
         clearing = -(-self.layer.points // _ROWS)
-        return 1 + sources + chunks + channels // 2 + clearing + 2 * self.polyphase.phases * channels
+        return 4 + sources + chunks + channels // 2 + clearing + 2 * self.polyphase.phases * channels
 
     def take_workspace(self) -> _Workspace:
         """Room for one block, which has to be given back: fresh memory costs as much time as what is done in it."""
@@ -129,9 +129,13 @@ class Block:
     def _draw(self, draws: Array, lines: Complex) -> Iterator[None]:
         """Amplitudes of the lines, (6, lines), from random numbers for which there is room."""
         shape = self.shape
-        random = np.random.Generator(np.random.Philox(np.random.SeedSequence(self.key)))
-        u, v = draws
+        # 10 us for these three lines, but 150 us where their code has not run for a while.
         yield
+        sequence = np.random.SeedSequence(self.key)
+        yield
+        philox = np.random.Philox(sequence)
+        yield
+        random, (u, v) = np.random.Generator(philox), draws
         for k, row in enumerate((*u, *v)):
             random.random(out=row)
             if k % 2:

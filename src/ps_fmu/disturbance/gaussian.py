@@ -83,6 +83,7 @@ class GaussianNoise:
                 yield left
             left = last
             self._keep(layer, block, index)
+            yield left
 
     def _begin(self, layer: Layer, index: int) -> Block:
         """Block ``index``, which lives from (index - 1) to (index + 1) half periods."""

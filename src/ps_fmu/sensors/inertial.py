@@ -24,7 +24,7 @@ from ..mechanism.quantities import Array, Checked, ParameterError, group, quanti
 from .drift import keep
 from .geometry import centripetal_rows, estimator, geometry_rows
 from .noise import WHITE_BLOCK, SensorNoise, split
-from .normal import Parts, draw_normal, finish
+from .normal import count, draw_normal, finish
 from .parameters import Accelerometer, AccelerometerKind, OneSensor, RateSensor, RateSensorKind, SensorKind
 
 ACCELEROMETERS = 12  # places for them
@@ -207,7 +207,7 @@ class ChannelNoise:
         """Errors of a block of samples, (WHITE_BLOCK, CHANNELS); each part says that ``left`` are still to come."""
         errors = np.zeros((WHITE_BLOCK, CHANNELS))
         for noise, columns in self._noises:
-            error = yield from _count(noise.in_parts(block), left)
+            error = yield from count(noise.in_parts(block), left)
             error += self._bias[columns, None]
             error *= self._gain[columns, None]
             errors[:, columns] = error.T
@@ -216,14 +216,3 @@ class ChannelNoise:
     def find_samples(self, elapsed: Array) -> NDArray[np.int64]:
         """Numbers of the last samples at times since the start (n,), s; from :data:`LAST_SAMPLE` on, that one."""
         return np.floor(np.clip(elapsed / self.interval + 1e-6, 0.0, LAST_SAMPLE)).astype(np.int64)
-
-
-def _count(parts: Parts, left: int) -> Generator[int, None, Array]:
-    """The same parts, each of which says that ``left`` are still to come."""
-    while True:
-        try:
-            next(parts)
-        except StopIteration as end:
-            made: Array = end.value
-            return made
-        yield left

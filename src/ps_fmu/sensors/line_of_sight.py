@@ -15,6 +15,7 @@ Noise is white from sample to sample and independent of axis: a function of the 
 
 from __future__ import annotations
 
+from collections.abc import Generator
 from dataclasses import dataclass
 from enum import Enum
 from functools import cached_property
@@ -24,8 +25,10 @@ from numpy.typing import NDArray
 
 from ..mechanism.quantities import Array, Checked, ParameterError, check_number, quantity
 from .noise import split
+from .normal import count, finish, seed_in_parts
 
 _BLOCK = 128  # samples that are drawn at once
+_PARTS = 4  # in which that is done
 
 #: Pairs (component of q_P, component of q_T) whose products make the four components of q.
 PAIRS = tuple((i, j) for i in range(4) for j in range(4))
@@ -196,22 +199,28 @@ class TrackerNoise:
 
     def __call__(self, numbers: NDArray[np.int64]) -> Array:
         """Noise (n, 3), rad, of ascending sample numbers (n,)."""
+        return finish(self.in_parts(numbers))
+
+    def in_parts(self, numbers: NDArray[np.int64]) -> Generator[int, None, Array]:
+        """As :meth:`__call__`, in parts of 20 to 60 us; yields how many are still to come."""
         found = np.zeros((len(numbers), 3))
-        if self._deviation_P.any():
-            for block, part in split(numbers, _BLOCK):
-                found[part] = self._find(block)[numbers[part] - block * _BLOCK]
+        blocks = split(numbers, _BLOCK) if self._deviation_P.any() else []
+        for number, (block, part) in enumerate(blocks, 1):
+            left = (len(blocks) - number) * _PARTS
+            if self._last[0] != block:
+                random = yield from count(seed_in_parts((self._seed, block)), left + 2)
+                self._last = block, self._draw(random)
+                yield left + 1
+            found[part] = self._last[1].take(numbers[part] - block * _BLOCK, axis=0)
+            if left:
+                yield left
         return found
 
-    def _find(self, block: int) -> Array:
+    def _draw(self, random: np.random.Generator) -> Array:
         """A block of samples, (_BLOCK, 3)."""
-        if self._last[0] != block:
-            key = np.random.SeedSequence((self._seed, block))
-            random = np.random.Generator(np.random.Philox(key))
-            u, v = random.random((2, _BLOCK, 3))
-            # Box-Muller, since the streams of numpy's own normal numbers may change between its versions.
-            normal = np.sqrt(-2.0 * np.log1p(-u)) * np.cos(2.0 * np.pi * v)
-            self._last = block, normal * self._deviation_P
-        return self._last[1]
+        u, v = random.random((2, _BLOCK, 3))
+        # Box-Muller, since the streams of numpy's own normal numbers may change between its versions.
+        return np.asarray(np.sqrt(-2.0 * np.log1p(-u)) * np.cos(2.0 * np.pi * v) * self._deviation_P)
 
 
 #: A fine guidance sensor on a bright star, or a beacon tracker of an optical terminal: half a microradian at

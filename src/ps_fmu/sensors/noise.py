@@ -48,7 +48,7 @@ class SensorNoise:
     def in_parts(self, block: int) -> Parts:
         """The error of the :data:`WHITE_BLOCK` samples of a block, (sensors, WHITE_BLOCK)."""
         if self._deviation:
-            error = yield from draw_in_parts((*self._key, _WHITE, block), self._sensors, WHITE_BLOCK)
+            error = yield from draw_in_parts((*self._key, _WHITE, block), self._sensors, WHITE_BLOCK, often=True)
             error *= self._deviation
         else:
             error = np.zeros((self._sensors, WHITE_BLOCK))
