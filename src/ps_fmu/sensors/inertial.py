@@ -175,15 +175,17 @@ class ChannelNoise:
     """Bias and noise of all channels, a function of the number of the sample."""
 
     def __init__(self, sensors: InertialSensors, interval: float) -> None:
-        self._bias, self._gain, self.interval = sensors.bias, sensors.enabled.astype(np.float64), interval
+        self.interval = interval
         on = np.flatnonzero(sensors.enabled[_SLOTS])
         slots = int(on[-1]) + 1 if on.size else 0  # none is drawn for those behind the last that is enabled
         seed = int(sensors.seed)
-        linear = SensorNoise(sensors.accelerometer.noise, slots, interval, seed, _LINEAR_NOISE)
-        self._noises = [(linear, slice(0, slots))]
+        self._noises = [SensorNoise(sensors.accelerometer.noise, slots, interval, seed, _LINEAR_NOISE)]
+        self._columns: slice | NDArray[np.intp] = slice(0, slots)
         if sensors.rate_sensor.enabled:
-            rate = SensorNoise(sensors.rate_sensor.noise, RateSensor.AXES, interval, seed, _RATE_NOISE)
-            self._noises.append((rate, _RATES))
+            self._noises.append(SensorNoise(sensors.rate_sensor.noise, RateSensor.AXES, interval, seed, _RATE_NOISE))
+            self._columns = np.array([*range(slots), *range(CHANNELS)[_RATES]])
+        self._bias, self._gain = (row[self._columns, None] for row in (sensors.bias, sensors.enabled.astype(np.float64)))
+        self._has_bias, self._has_gaps = bool(self._bias.any()), not self._gain.all()
         self._blocks: dict[int, Array] = {}
 
     def __call__(self, index: NDArray[np.int64]) -> Array:
@@ -193,25 +195,27 @@ class ChannelNoise:
     def in_parts(self, index: NDArray[np.int64]) -> Generator[int, None, Array]:
         """As :meth:`__call__`, in parts of 20 to 60 us; yields about how many are still to come."""
         blocks = split(index, WHITE_BLOCK)
-        errors = np.empty((len(index), CHANNELS))
+        errors = np.zeros((len(index), CHANNELS))
         for number, (block, part) in enumerate(blocks, 1):
             left = (len(blocks) - number) * _PARTS
             if block not in self._blocks:
                 keep(self._blocks, block, (yield from self._make_block(block, left + 1)))
-            self._blocks[block].take(index[part] - block * WHITE_BLOCK, axis=0, out=errors[part], mode="clip")
+            errors[part, self._columns] = self._blocks[block].take(index[part] - block * WHITE_BLOCK, axis=1).T
             if left:
                 yield left
         return errors
 
     def _make_block(self, block: int, left: int) -> Generator[int, None, Array]:
-        """Errors of a block of samples, (WHITE_BLOCK, CHANNELS); each part says that ``left`` are still to come."""
-        errors = np.zeros((WHITE_BLOCK, CHANNELS))
-        for noise, columns in self._noises:
-            error = yield from count(noise.in_parts(block), left)
-            error += self._bias[columns, None]
-            error *= self._gain[columns, None]
-            errors[:, columns] = error.T
-        return errors
+        """Errors of a block of samples, (columns, WHITE_BLOCK); each part says that ``left`` are still to come."""
+        errors = []
+        for noise in self._noises:
+            errors.append((yield from count(noise.in_parts(block), left)))
+        found = errors[0] if len(errors) == 1 else np.concatenate(errors)
+        if self._has_bias:
+            found += self._bias
+        if self._has_gaps:
+            found *= self._gain
+        return found
 
     def find_samples(self, elapsed: Array) -> NDArray[np.int64]:
         """Numbers of the last samples at times since the start (n,), s; from :data:`LAST_SAMPLE` on, that one."""
