@@ -184,7 +184,8 @@ class ChannelNoise:
         if sensors.rate_sensor.enabled:
             self._noises.append(SensorNoise(sensors.rate_sensor.noise, RateSensor.AXES, interval, seed, _RATE_NOISE))
             self._columns = np.array([*range(slots), *range(CHANNELS)[_RATES]])
-        self._bias, self._gain = (row[self._columns, None] for row in (sensors.bias, sensors.enabled.astype(np.float64)))
+        enabled = sensors.enabled.astype(np.float64)
+        self._bias, self._gain = (row[self._columns, None] for row in (sensors.bias, enabled))
         self._has_bias, self._has_gaps = bool(self._bias.any()), not self._gain.all()
         self._blocks: dict[int, Array] = {}
 

@@ -58,7 +58,7 @@ def seed_in_parts(key: Sequence[int]) -> Generator[None, None, np.random.Generat
 
 
 def draw_in_parts(key: Sequence[int], rows: int, columns: int, *, often: bool = False) -> Parts:
-    """As :func:`draw_normal`, some rows at a time.  ``often``: it is done so often that its code stays in the caches."""
+    """As :func:`draw_normal`, some rows at a time.  ``often``: so often that its code stays in the caches."""
     random = finish(seed_in_parts(key)) if often else (yield from seed_in_parts(key))
     half = (columns + 1) // 2
     normal = np.empty((rows, 2 * half))
