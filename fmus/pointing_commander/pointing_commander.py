@@ -110,7 +110,7 @@ class PointingCommander(Slave):
     def _find_rest(self, t: float, h: float, n: int) -> NDArray[np.float64]:
         """Rows behind the end of the profile, where all are the same."""
         if len(self.at_rest) < n:
-            self.at_rest = np.repeat(self._outputs(self.times(t, h, 1)), self.block_rows, axis=0)
+            self.at_rest = np.repeat(self._outputs(self.times(t, h, 1)), max(n, self.block_rows), axis=0)
         return self.at_rest[:n]
 
     def restore(self) -> None:

@@ -207,11 +207,13 @@ class TrackerNoise:
         blocks = split(numbers, _BLOCK) if self._deviation_P.any() else []
         for number, (block, part) in enumerate(blocks, 1):
             left = (len(blocks) - number) * _PARTS
-            if self._last[0] != block:
+            known, noise = self._last
+            if known != block:
                 random = yield from count(seed_in_parts((self._seed, block)), left + 2)
-                self._last = block, self._draw(random)
+                noise = self._draw(random)
+                self._last = block, noise
                 yield left + 1
-            found[part] = self._last[1].take(numbers[part] - block * _BLOCK, axis=0)
+            found[part] = noise.take(numbers[part] - block * _BLOCK, axis=0)
             if left:
                 yield left
         return found
