@@ -14,7 +14,7 @@ from .smooth import Weight, crossfade, ramp
 from .spectrum import Layer, share
 
 _CHUNK = 256  # lines drawn in a part
-_ROWS = 2000  # cleared in a part
+_ROWS = 500  # cleared in a part
 _N_TERMS = 3  # g'', g' and g
 
 
@@ -47,7 +47,7 @@ class BlockShape:
         channels, sources = self.factor.shape
         chunks = -(-self.layer.numbers.size // _CHUNK)
         clearing = -(-self.layer.points // _ROWS)
-        return 4 + sources + chunks + channels // 2 + clearing + 2 * self.polyphase.phases * channels
+        return 4 + 2 * sources + chunks + channels // 2 + clearing + 2 * self.polyphase.phases * channels
 
     def take_workspace(self) -> _Workspace:
         """Room for one block, which has to be given back: fresh memory costs as much time as what is done in it."""
@@ -136,10 +136,9 @@ class Block:
         philox = np.random.Philox(sequence)
         yield
         random, (u, v) = np.random.Generator(philox), draws
-        for k, row in enumerate((*u, *v)):
+        for row in (*u, *v):
             random.random(out=row)
-            if k % 2:
-                yield
+            yield
         for first in range(0, lines.shape[1], _CHUNK):
             chunk = slice(first, first + _CHUNK)
             # Box-Muller: E|c|^2 = 2/T, uniform phase.
