@@ -13,7 +13,7 @@ import numpy as np
 
 from ..mechanism.quantities import Array
 from .noise_model import CORRELATION_TIMES, NoiseModel
-from .normal import Parts, draw_in_parts, draw_normal
+from .normal import Parts, count_parts, draw_in_parts, draw_normal
 
 DRIFT_BLOCK = 64  # intervals
 GRIDS = 6  # the widest one has an interval of four months, if that of the first is 0.01 s
@@ -43,6 +43,11 @@ class Drift:
         self._widest: list[Array] = []  # values on a grid above the bridges
         self._paths: list[dict[int, Array]] = [{} for _ in range(GRIDS)]
         self._sums: dict[int, Array] = {}
+
+    def count_parts(self, first: int, last: int) -> int:
+        """In how many parts the blocks from ``first`` to ``last`` are nearly always found."""
+        path = count_parts(self._sensors, _PROCESSES * DRIFT_BLOCK) + DRIFT_BLOCK // _STEPS + 2
+        return sum(path for block in range(first, last + 1) if block not in self._sums)
 
     def find(self, block: int) -> Parts:
         """Drift at the places of a block, and its growth to the next ones, (2, sensors, DRIFT_BLOCK)."""

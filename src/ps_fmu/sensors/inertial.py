@@ -35,7 +35,6 @@ N_STATES = 2 * CHANNELS
 LAST_SAMPLE = 1e13  # thirty years at 10 kHz: the noise stands still from there on
 _SLOTS = slice(0, ACCELEROMETERS)
 _RATES = slice(ACCELEROMETERS, CHANNELS)
-_PARTS = 3  # in which a block of samples is nearly always made
 _SPREAD, _LINEAR_NOISE, _RATE_NOISE = 0, 1, 2  # tell the random numbers apart
 
 
@@ -197,20 +196,27 @@ class ChannelNoise:
         """As :meth:`__call__`, in parts of 20 to 60 us; yields about how many are still to come."""
         blocks = split(index, WHITE_BLOCK)
         errors = np.zeros((len(index), CHANNELS))
-        for number, (block, part) in enumerate(blocks, 1):
-            left = (len(blocks) - number) * _PARTS
+        counts = [0 if block in self._blocks else self._count_parts(block) for block, _ in blocks]
+        left = sum(counts)
+        for (block, part), parts in zip(blocks, counts, strict=True):
             if block not in self._blocks:
-                keep(self._blocks, block, (yield from self._make_block(block, left + 1)))
+                keep(self._blocks, block, (yield from self._make_block(block, left)))
             errors[part, self._columns] = self._blocks[block].take(index[part] - block * WHITE_BLOCK, axis=1).T
-            if left:
+            left -= parts
+            if part.stop < len(index):
                 yield left
         return errors
 
+    def _count_parts(self, block: int) -> int:
+        return sum(noise.count_parts(block) for noise in self._noises)
+
     def _make_block(self, block: int, left: int) -> Generator[int, None, Array]:
-        """Errors of a block of samples, (columns, WHITE_BLOCK); each part says that ``left`` are still to come."""
+        """Errors of a block of samples, (columns, WHITE_BLOCK); ``left``: parts still to come, with its own."""
         errors = []
         for noise in self._noises:
-            errors.append((yield from count(noise.in_parts(block), left)))
+            own = noise.count_parts(block)
+            errors.append((yield from count(noise.in_parts(block), left - 1)))
+            left -= own
         found = errors[0] if len(errors) == 1 else np.concatenate(errors)
         if self._has_bias:
             found += self._bias

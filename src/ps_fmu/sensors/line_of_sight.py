@@ -209,7 +209,7 @@ class TrackerNoise:
             left = (len(blocks) - number) * _PARTS
             known, noise = self._last
             if known != block:
-                random = yield from count(seed_in_parts((self._seed, block)), left + 2)
+                random = yield from count(seed_in_parts((self._seed, block)), left + 3)
                 noise = self._draw(random)
                 self._last = block, noise
                 yield left + 1

@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 from ..mechanism.quantities import Array
 from .drift import DRIFT_BLOCK, Drift
 from .noise_model import NoiseModel
-from .normal import Parts, draw_in_parts, finish
+from .normal import Parts, count_parts, draw_in_parts, finish
 
 DRIFT_INTERVAL = 0.01  # s, a tenth of the shortest correlation time
 WHITE_BLOCK = 256  # samples
+_FIRST = 8  # blocks, which are made in more parts: their memory comes from the system, page by page
 _WHITE, _WIDEST, _DRIFT = 0, 1, 2  # tell the random numbers apart
 
 
@@ -34,6 +35,7 @@ class SensorNoise:
         self._sensors, self._key = sensors, (seed, kind)
         self._deviation = model.density / np.sqrt(2.0 * interval)
         self._stride = max(1, round(DRIFT_INTERVAL / interval))
+        self._made = 0  # blocks
         self._drift = None
         if model.instability > 0.0 or model.random_walk > 0.0:
             self._drift = Drift(model, sensors, self._stride * interval, self._key, (_WIDEST, _DRIFT))
@@ -45,10 +47,23 @@ class SensorNoise:
             error[part] = finish(self.in_parts(block)).take(index[part] - block * WHITE_BLOCK, axis=1).T
         return error
 
+    def count_parts(self, block: int) -> int:
+        """In how many parts a block is nearly always made."""
+        often = self._made > _FIRST
+        parts = count_parts(self._sensors, WHITE_BLOCK, often=often) + (not often)
+        if self._drift is not None:
+            ends = block * WHITE_BLOCK, (block + 1) * WHITE_BLOCK - 1
+            parts += self._drift.count_parts(*(end // self._stride // DRIFT_BLOCK for end in ends))
+        return parts
+
     def in_parts(self, block: int) -> Parts:
         """The error of the :data:`WHITE_BLOCK` samples of a block, (sensors, WHITE_BLOCK)."""
+        often = self._made > _FIRST
+        self._made += 1
         if self._deviation:
-            error = yield from draw_in_parts((*self._key, _WHITE, block), self._sensors, WHITE_BLOCK, often=True)
+            error = yield from draw_in_parts((*self._key, _WHITE, block), self._sensors, WHITE_BLOCK, often=often)
+            if not often:
+                yield
             error *= self._deviation
         else:
             error = np.zeros((self._sensors, WHITE_BLOCK))

@@ -27,14 +27,20 @@ def finish(parts: Generator[Any, None, T]) -> T:
 
 
 def count(parts: Generator[Any, None, T], left: int) -> Generator[int, None, T]:
-    """The same parts, each of which says that ``left`` are still to come."""
+    """The same parts; the first says that ``left`` are still to come, and each other one less, but at least one."""
     while True:
         try:
             next(parts)
         except StopIteration as end:
             made: T = end.value
             return made
-        yield left
+        yield max(left, 1)
+        left -= 1
+
+
+def count_parts(rows: int, columns: int, *, often: bool = False) -> int:
+    """How many parts :func:`draw_in_parts` has."""
+    return (0 if often else 2) + -(-rows // _rows_at_once(columns))
 
 
 def draw_normal(key: Sequence[int], rows: int, columns: int) -> Array:
@@ -62,7 +68,7 @@ def draw_in_parts(key: Sequence[int], rows: int, columns: int, *, often: bool = 
     random = finish(seed_in_parts(key)) if often else (yield from seed_in_parts(key))
     half = (columns + 1) // 2
     normal = np.empty((rows, 2 * half))
-    at_once = max(1, _PART // (2 * half))
+    at_once = _rows_at_once(columns)
     for first in range(0, rows, at_once):
         if first:
             yield
@@ -70,6 +76,10 @@ def draw_in_parts(key: Sequence[int], rows: int, columns: int, *, often: bool = 
         u, v = random.random((len(part), 2, half)).transpose(1, 0, 2)
         _transform(u, v, part[:, :half], part[:, half:])
     return normal[:, :columns]
+
+
+def _rows_at_once(columns: int) -> int:
+    return max(1, _PART // (columns + columns % 2))
 
 
 def _transform(u: Array, v: Array, one: Array, other: Array) -> None:
