@@ -136,7 +136,9 @@ class InertialSensors(Slave):
         """Bias and noise of the readings at the ends of n steps, (n, CHANNELS), m/s2 and rad/s, in parts."""
         yield n // 200  # the step at the end of the last table does nothing else
         noise = self._find_noise(self.sensors.sample_time or h)
-        return (yield from noise.in_parts(noise.find_samples(self.times(t, h, n) - self.memory[0])))
+        index = noise.find_samples(self.times(t, h, n) - self.memory[0])
+        yield n // 200
+        return (yield from noise.in_parts(index))
 
     def event(self, t: float, h: float) -> bool:
         """A reading has met the range of its sensor for the first time."""
