@@ -47,7 +47,7 @@ class BlockShape:
         channels, sources = self.factor.shape
         chunks = -(-self.layer.numbers.size // _CHUNK)
         clearing = -(-self.layer.points // _ROWS)
-        return 7 + 2 * sources + chunks + channels // 2 + clearing + 2 * self.polyphase.phases * channels
+        return 8 + 2 * sources + chunks + channels // 2 + clearing + 2 * self.polyphase.phases * channels
 
     def take_workspace(self) -> _Workspace:
         """Room for one block, which has to be given back: fresh memory costs as much time as what is done in it."""
@@ -118,13 +118,17 @@ class Block:
                 weight = window.times(ramp(self.start + shape.elapsed[phase], shape.rise_time))
             sizes = np.stack([weight.value, 2.0 * weight.rate, weight.curvature])
             for channel, channel_terms in enumerate(terms):
+                slow = phase == channel == 0  # code and numbers are in no cache yet: it takes three times as long
                 spectra = []
                 for term in channel_terms:
-                    if phase == channel == 0:  # code and numbers are in no cache yet: 90 us for three terms, later 35
-                        yield
                     spectra.append(shape.polyphase.fold(term, phase))
+                    if slow:
+                        yield
                 yield
-                products = shape.polyphase.transform(np.array(spectra)) * sizes
+                products = shape.polyphase.transform(np.array(spectra))
+                if slow:
+                    yield
+                products *= sizes
                 rows[phase :: shape.polyphase.phases, channel] = np.add.reduce(products, axis=0)
                 yield
         shape.give_back(workspace)
