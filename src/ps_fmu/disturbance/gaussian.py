@@ -52,16 +52,21 @@ class GaussianNoise:
         """How often :meth:`add` nearly always yields."""
         return 3
 
-    def add(self, wrench: Array, time: Array) -> Iterator[None]:
-        """Add force and torque at ascending times (n,) in s to ``wrench`` (n, 6), in parts."""
+    def add(self, wrench: Array, time: Array, *, often: bool = True) -> Iterator[None]:
+        """Add force and torque at ascending times (n,) in s to ``wrench`` (n, 6), in parts.
+
+        Not ``often``: in more parts, since this was not done for a while and its code is in no cache.
+        """
         for layer in self._layers:
             for index in _find_blocks(layer, time):
                 block = self._get(layer, index)
                 part = _find_part(block, time)
                 places = block.find(time[part])
-                if layer.rate == SLOW_RATE:  # has to be interpolated
+                if layer.rate == SLOW_RATE or not often:  # has to be interpolated
                     yield
                 wrench[part] += self._get(layer, index).read(places)
+                if not often:
+                    yield
         yield
 
     def prepare(self, time: Array) -> Iterator[int]:
