@@ -58,11 +58,13 @@ class GaussianNoise:
         Not ``often``: in more parts, since this was not done for a while and its code is in no cache.
         """
         for layer in self._layers:
-            for index in _find_blocks(layer, time):
+            indices = _find_blocks(layer, time)
+            for index in indices:
                 block = self._get(layer, index)
                 part = _find_part(block, time)
                 places = block.find(time[part])
-                if layer.rate == SLOW_RATE or not often:  # has to be interpolated
+                # The slow layer has to be interpolated; a third block is used for the first time.
+                if layer.rate == SLOW_RATE or len(indices) > 2 or not often:
                     yield
                 wrench[part] += self._get(layer, index).read(places)
                 if not often:
