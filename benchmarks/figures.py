@@ -103,6 +103,6 @@ def report(found: Figures) -> str:
     for name, calls in found["us_per_fmpy_call_of_30_reals"].items():
         lines.append(f"  {name:<14}" + "  ".join(f"{call} {cost:.1f}" for call, cost in calls.items()))
     lines.append(f"\nStep of all FMUs of system/LineOfSight.ssd over that of the four: {found['all_fmus_to_four']:.2f}")
-    lines.append(f"\n{step_times.report(found['us_per_single_step'])}")
+    lines.append(f"\n{step_times.report(found['us_per_single_step'], found['us_of_reference'])}")
     lines.append(f"\n{c_host.report(found['us_per_call_in_c_host'])}")
     return "\n".join(lines)

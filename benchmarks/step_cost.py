@@ -60,6 +60,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         result = measure(read_system(SSD, fmus), arguments.rounds, Path(folder))
     result["all_fmus_to_four"] = compare_systems(read_system(ALL_FMUS, fmus), read_system(SSD, fmus), arguments.rounds)
     result["us_per_single_step"] = step_times.measure(fmus, repeats=min(arguments.rounds, step_times.REPEATS))
+    result["us_of_reference"] = step_times.measure_reference()
     result |= {"python": platform.python_version(), "numpy": np.__version__, "machine": platform.machine()}
     print(report(result))
     if arguments.output is not None:
@@ -112,12 +113,12 @@ def measure(system: System, rounds: int, folder: Path) -> dict[str, Any]:
 
 
 def compare_systems(system: System, other: System, rounds: int) -> float:
-    """Cost of a step of a system over that of another one, by their medians."""
+    """Cost of a step of a system over that of another one: the median of rounds, in which one follows the other."""
     pair: dict[str, Contender] = {"one": CoSimulation(system, STEP, STEPS), "other": CoSimulation(other, STEP, STEPS)}
     costs = take_turns(pair, rounds)
     for contender in pair.values():
         contender.close()
-    return median(costs["one"]) / median(costs["other"])
+    return median(one / other for one, other in zip(costs["one"], costs["other"], strict=True))
 
 
 def take_turns(contenders: Mapping[str, Contender], rounds: int) -> dict[str, list[float]]:

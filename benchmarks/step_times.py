@@ -1,7 +1,7 @@
-"""How long single steps take: the mean of runs in which Python would be asked in each step, and the longest step.
+"""How long single steps take: the mean and the longest step of each FMU, in runs in which Python is asked now and then.
 
 Each run is made several times.  The same step does the same work in each of them, so its least time is its own, without
-what the machine does beside it.
+what the machine does beside it.  The reference, some work in numpy, tells how fast the machine is at its best.
 """
 
 from __future__ import annotations
@@ -12,12 +12,14 @@ import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from timeit import repeat
 from typing import Any
 
 import numpy as np
 from fmpy import extract, read_model_description
 from numpy.typing import NDArray
 
+from ps_fmu.sensors.normal import draw_normal
 from ps_fmu.slavekit.launcher.c_program import Program, Target
 
 HERE = Path(__file__).resolve().parent
@@ -30,7 +32,7 @@ PROGRAM = Program(
 )
 STEP = 1e-4  # s
 LEFT_OUT = 100  # first steps, in which maps and first tables are made
-REPEATS = 5
+REPEATS = 9
 
 
 @dataclass(frozen=True)
@@ -56,11 +58,17 @@ RUNS = {
     "commander, slew": Run("PointingCommander", 20_000, inputs={"target.roll": (0.07, 0.0)}),
     "plant, slew": Run("ManipulatorPlant", 20_000, inputs={name: (0.0, slope) for name, slope in _SLEWED.items()}),
     "disturbance": Run("DisturbanceSource", 120_000),
+    "commander": Run("PointingCommander", 20_000),
+    "plant": Run("ManipulatorPlant", 20_000),
+    "sensors": Run("InertialSensors", 60_000),
+    "tracker": Run("LineOfSightSensor", 60_000),
+    "pointing": Run("PointingController", 20_000),
+    "voice coils": Run("VoiceCoils", 20_000),
 }
 
 
 def measure(fmus: Path, runs: Mapping[str, Run] = RUNS, repeats: int = REPEATS) -> dict[str, dict[str, float]]:
-    """Run -> mean, 99.9 % and longest of its steps after the first 100, us."""
+    """Run -> mean, 99.9 % and longest of its steps after the first 100, us, and the number of the longest."""
     with tempfile.TemporaryDirectory(prefix="ps_fmu_bench_") as temporary:
         folder = Path(temporary)
         program = folder / "step_times"
@@ -73,14 +81,23 @@ def measure(fmus: Path, runs: Mapping[str, Run] = RUNS, repeats: int = REPEATS) 
                 "mean": float(times.mean()),
                 "99.9 %": float(np.quantile(times, 0.999)),
                 "longest": float(times.max()),
+                "at step": float(times.argmax() + LEFT_OUT),
             }
     return found
 
 
-def report(found: Mapping[str, Mapping[str, float]]) -> str:
-    """The figures as text."""
-    lines = [f"us per step in a C host        {'mean':>12}{'99.9 %':>12}{'longest':>12}"]
-    lines += [f"  {name:<29}" + "".join(f"{value:>12.2f}" for value in row.values()) for name, row in found.items()]
+def measure_reference() -> float:
+    """us of one block of noise, the least of many: how fast the machine is at its best, now."""
+    return min(repeat(lambda: draw_normal((1, 2), 9, 256), number=20, repeat=200)) / 20 * 1e6
+
+
+def report(found: Mapping[str, Mapping[str, float]], reference: float) -> str:
+    """The figures as text, with those of :func:`measure` and :func:`measure_reference`."""
+    lines = [f"us per step in a C host        {'mean':>12}{'99.9 %':>12}{'longest':>12}{'x mean':>12}{'at step':>12}"]
+    for name, row in found.items():
+        times = "".join(f"{row[what]:>12.2f}" for what in ("mean", "99.9 %", "longest"))
+        lines.append(f"  {name:<29}{times}{row['longest'] / row['mean']:>12.0f}{row['at step']:>12.0f}")
+    lines.append(f"  Beside them, the reference took {reference:.0f} us.")
     return "\n".join(lines)
 
 
@@ -107,4 +124,4 @@ def _measure_steps(program: Path, fmu: Path, run: Run, temporary: Path, repeats:
 
 
 if __name__ == "__main__":
-    print(report(measure(HERE.parent / "build" / "fmus")))
+    print(report(measure(HERE.parent / "build" / "fmus"), measure_reference()))

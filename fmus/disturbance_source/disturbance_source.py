@@ -51,8 +51,8 @@ class DisturbanceSource(Slave):
 
     def rows(self, t: float, h: float, n: int) -> Generator[int, None, NDArray[np.float64]]:
         """Wrench at t + h ... t + n h (s), shape (n, 6), in parts."""
-        self._warn_of_aliasing(h)
         yield n // 16  # more than there are: the step at the end of the last table does nothing else
+        self._warn_of_aliasing(h)
         times = self.times(t, h, n) - self.memory[0]
         yield n // 16
         return (yield from self.disturbance.in_parts(times))

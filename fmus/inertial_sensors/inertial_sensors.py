@@ -30,7 +30,6 @@ from ps_fmu.slavekit.author.variables import Port, numbered, vector
 
 DEFAULT = default_sensors()
 LONGEST_LATENCY = 200  # steps
-PART = 128  # rows of noise that are made at once
 KEPT_NOISE = 4  # sample intervals whose noise is kept: hosts may alternate step sizes
 READINGS = slice(ESTIMATES, ESTIMATES + CHANNELS)  # of the outputs
 MOTIONS = (("acceleration", "m/s2"), ("angular_acceleration", "rad/s2"), ("angular_velocity", "rad/s"))
@@ -43,7 +42,7 @@ class InertialSensors(Slave):
     n_states: ClassVar[int] = N_STATES
     n_auxiliary: ClassVar[int] = len(PRODUCTS)  # of the angular velocity, for the centripetal acceleration
     n_row: ClassVar[int] = CHANNELS  # bias and noise of each reading
-    block_rows: ClassVar[int] = 1024
+    block_rows: ClassVar[int] = 2048
     # Start time (s), whether a range was met, clock, zeros, readings as last sampled, past readings.
     n_memory: ClassVar[int] = 3 + 2 * CHANNELS + ring_size(CHANNELS, LONGEST_LATENCY)
 
@@ -110,31 +109,36 @@ class InertialSensors(Slave):
         return np.vstack([outputs, states])
 
     def after_map(self, h: float) -> Sequence[Element]:
-        """From readings without limits to sampled and delayed ones, and the estimates."""
-        sensors, readings = self.sensors, self.y[READINGS]
+        """From readings without limits to sampled and delayed ones, and the estimates.
+
+        Of the channels that there are: all others stay 0.
+        """
+        sensors, on = self.sensors, np.flatnonzero(self.sensors.enabled)
+        readings, kept = (self.places(view)[on] for view in (self.y[READINGS], self.kept))
+        ranges, resolutions = sensors.ranges[on], sensors.resolutions[on]
         elements: list[Element] = []
-        if np.isfinite(sensors.ranges).any():
+        if np.isfinite(ranges).any():
             if not self.memory[1]:
-                elements.append(Watch(readings, self.zeros, sensors.ranges))
-            elements.append(Clip(readings, -sensors.ranges, sensors.ranges, "saturated"))
-        if sensors.resolutions.any():
-            elements.append(Quantise(readings, sensors.resolutions))
+                elements.append(Watch(readings, self.places(self.zeros)[on], ranges))
+            elements.append(Clip(readings, -ranges, ranges, "saturated"))
+        if resolutions.any():
+            elements.append(Quantise(readings, resolutions))
         every = count_steps("sample_time", sensors.sample_time, h)
         if every > 1:
-            elements.append(Hold(readings, self.kept, self.memory[2:3], every))
+            elements.append(Hold(readings, kept, self.memory[2:3], every))
         if latency := count_steps("latency", sensors.latency, h, LONGEST_LATENCY):
-            elements.append(Delay(readings, self.ring, latency))
-        return [*elements, Linear(readings, sensors.estimator, self.y[:ESTIMATES])]
+            elements.append(Delay(self.y[READINGS], self.ring, latency))
+        seen = np.flatnonzero(sensors.estimator.any(axis=1))
+        estimates = self.places(self.y[:ESTIMATES])[seen]
+        return [*elements, Linear(readings, sensors.estimator[np.ix_(seen, on)], estimates)]
 
     def rows(self, t: float, h: float, n: int) -> Generator[int, None, NDArray[np.float64]]:
         """Bias and noise of the readings at the ends of n steps, (n, CHANNELS), m/s2 and rad/s, in parts."""
+        yield n // 200  # the step at the end of the last table does nothing else
         noise = self._find_noise(self.sensors.sample_time or h)
         index = noise.find_samples(self.times(t, h, n) - self.memory[0])
-        table = np.empty((n, CHANNELS))
-        for first in range(0, n, PART):
-            table[first : first + PART] = noise(index[first : first + PART])
-            yield (n - first - 1) // PART
-        return table
+        yield n // 200
+        return (yield from noise.in_parts(index))
 
     def event(self, t: float, h: float) -> bool:
         """A reading has met the range of its sensor for the first time."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Generator
 from typing import Any, ClassVar
 
 import numpy as np
@@ -23,6 +24,7 @@ DEG: dict[str, Any] = {"display_unit": "deg", "nominal": 0.1}
 DEG_PER_S: dict[str, Any] = {"display_unit": "deg/s", "nominal": 0.01}
 MM: dict[str, Any] = {"display_unit": "mm", "nominal": 0.01}
 OUTPUT: dict[str, Any] = {"causality": "output"}
+PART = 256  # rows made at once
 # The motion begins at rest, wherever the first target is.
 AT_REST: dict[str, Any] = {"causality": "output", "initially_depends_on": ()}
 
@@ -91,12 +93,24 @@ class PointingCommander(Slave):
         self.discard_rows()
         return decision.retry
 
-    def rows(self, t: float, h: float, n: int) -> NDArray[np.float64]:
-        """Commands of n steps."""
-        if self.profile.remaining(t) > 0.0:
-            return self._outputs(self.times(t, h, n))
+    def rows(self, t: float, h: float, n: int) -> Generator[int, None, NDArray[np.float64]]:
+        """Commands of n steps, in parts."""
+        yield -(-n // PART)  # the step at the end of the last table does nothing else
+        if self.profile.remaining(t) <= 0.0:
+            return self._find_rest(t, h, n)
+        table = np.empty((n, self.y.size))
+        for first in range(0, n, PART):
+            part, begin = table[first : first + PART], t + first * h
+            moving = self.profile.remaining(begin) > 0.0
+            size = len(part)
+            part[:] = self._outputs(self.times(begin, h, size)) if moving else self._find_rest(begin, h, size)
+            yield (n - first - 1) // PART
+        return table
+
+    def _find_rest(self, t: float, h: float, n: int) -> NDArray[np.float64]:
+        """Rows behind the end of the profile, where all are the same."""
         if len(self.at_rest) < n:
-            self.at_rest = self._outputs(self.times(t, h, n))
+            self.at_rest = np.repeat(self._outputs(self.times(t, h, 1)), max(n, self.block_rows), axis=0)
         return self.at_rest[:n]
 
     def restore(self) -> None:

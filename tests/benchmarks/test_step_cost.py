@@ -25,6 +25,7 @@ def test_one_round(built_fmus: Path, tmp_path: Path) -> None:
     assert all(min(ways.values()) > 0.0 for ways in found["us_per_call_in_c_host"].values())
     assert found["all_fmus_to_four"] > 0.0
     assert all(0.0 < row["mean"] <= row["longest"] for row in found["us_per_single_step"].values())
+    assert found["us_of_reference"] > 0.0
     assert "x real time" in run.stdout
 
 

@@ -1,17 +1,16 @@
-"""Elements of a step: what each does, and the same bits in Python and by the launcher's kernels."""
+"""Elements of a step: what each does, by the kernel and in Python."""
 
-import ctypes
 import math
 
 import numpy as np
 import pytest
+from support.bench import Bench, H, make_quiet_bench, run
 
-from ps_fmu.slavekit.author.core import MAP, Core, Elements, OutputLimits, make_core, store_by_columns
+from ps_fmu.slavekit.author.core import MAP, Elements, store_by_columns
 from ps_fmu.slavekit.author.elements import (
     Clip,
     Count,
     Delay,
-    Element,
     Excess,
     Hold,
     Linear,
@@ -25,163 +24,13 @@ from ps_fmu.slavekit.author.elements import (
     ring_size,
 )
 from ps_fmu.slavekit.author.guard import ModelError
-from ps_fmu.slavekit.author.layout import BufferLayout
 from ps_fmu.slavekit.author.plain import make_plain_step
-from ps_fmu.slavekit.author.program import change_step, compile_elements
-from ps_fmu.slavekit.author.slave import Port
-from ps_fmu.slavekit.launcher.compile import LAUNCHER
-
-H = 0.01  # s
-N_OUTPUTS, N_STATES, N_INPUTS, N_AUXILIARY, N_ROW, N_MEMORY = 5, 4, 3, 3, 2, 60
-
-
-class Bench:
-    """A core with room for all kinds of elements, and what takes part of its buffer."""
-
-    def __init__(self, seed: int = 0) -> None:
-        ports = [Port(f"y_{i}", "output") for i in range(N_OUTPUTS)]
-        ports += [Port("flag", "output", type="Boolean")]
-        ports += [Port(f"u_{i}", "input") for i in range(N_INPUTS)] + [Port("p", "parameter")]
-        self.layout = BufferLayout("bench", "1", ports, N_STATES, N_AUXILIARY, N_MEMORY, N_ROW)
-        self.data = np.zeros(self.layout.size)
-        self.core: Core = make_core(self.layout, self.data)
-        self.core.step = H
-        parts = ("y", "x", "u", "a", "r", "memory")
-        self.y, self.x, self.u, self.a, self.r, self.memory = (self.data[getattr(self.layout, p)] for p in parts)
-        self.random = np.random.default_rng(seed)
-        self.taken = 0
-        self.rows = 100
-        self.core.use_rows(self.random.standard_normal((self.rows, N_ROW)))
-        shape = self.layout.target.stop, self.layout.source.stop - self.layout.source.start
-        matrix = self.random.standard_normal(shape) * self.random.choice([0.0, 0.3], shape)
-        self.core.use_map(store_by_columns(matrix))
-        self.core.watching = 0
-
-    def keep(self, n: int) -> np.ndarray:
-        """Memory that nothing else uses."""
-        self.taken += n
-        assert self.taken <= N_MEMORY
-        return self.memory[self.taken - n : self.taken]
-
-    def use(self, before: list[Element], after: list[Element]) -> None:
-        self.core.use_elements(compile_elements(self.layout, self.data, before, after))
-
-    def by_kernel(self, instructions: str) -> bool:
-        library = ctypes.CDLL(str(LAUNCHER.path("linux64")))
-        answer = library.ps_fmu_step_by(instructions.encode(), ctypes.byref(self.core))
-        if answer < 0:
-            pytest.skip(f"this processor lacks {instructions}")
-        return bool(answer)
-
-    def random_operand(self, n: int, *, written: bool) -> np.ndarray:
-        """A view, or places in any order."""
-        views = [self.y, self.x, self.a, self.memory[-6:], *(() if written else (self.u, self.r, self.memory))]
-        view = views[self.random.integers(len(views))]
-        if view.size >= n and self.random.random() < 0.5:
-            first = self.random.integers(view.size - n + 1)
-            return view[first : first + n]
-        starts = [(other.ctypes.data - self.data.ctypes.data) // 8 for other in views]
-        every = np.concatenate([start + np.arange(v.size) for start, v in zip(starts, views, strict=True)])
-        return self.random.choice(every, n).astype(np.int64)
-
-    def random_element(self) -> Element:
-        random, n = self.random, int(self.random.integers(1, 4))
-        value, target = self.random_operand(n, written=False), self.random_operand(n, written=True)
-        other, every = self.random_operand(n, written=False), int(random.integers(1, 5))
-        some = np.sort(random.standard_normal((2, n)), axis=0)
-        choice = random.integers(12)
-        if choice in (0, 8, 9) and self.taken + 1 + 6 * n > N_MEMORY - 6:
-            choice = 7
-        match choice:
-            case 0:
-                return Sample(value, target, self.keep(1), every)
-            case 1:
-                return Ramp(value, other, target, np.abs(some[0]) * random.choice([1.0, math.inf]))
-            case 2:
-                return Product(value, other, target)
-            case 3:
-                return Linear(value, random.standard_normal((n, n)) * random.choice([0.0, 1.0], (n, n)), target)
-            case 4:
-                return Clip(target, some[0], some[1], random.choice([None, "flag"]))
-            case 5:
-                return Excess(value, some[0], some[1], target)
-            case 6:
-                return Sine(value, some[0], some[1], target)
-            case 7:
-                return Quantise(target, random.choice([0.0, 0.1, 1e-3], n))
-            case 8:
-                return Hold(target, self.keep(n), self.keep(1), every)
-            case 9:
-                return Delay(target, self.keep(ring_size(n, 5)), int(random.integers(0, 6)))
-            case 10:
-                return Watch(value, other, np.abs(some[0]))
-            case _:
-                return (
-                    Count(value, np.abs(some[0]), self.keep(2 * n), target[: random.choice([1, n])])
-                    if (self.taken + 2 * n <= N_MEMORY - 6)
-                    else Product(value, other, target)
-                )
-
-
-@pytest.fixture(params=["sse2", "avx2", "avx512"])
-def instructions(request) -> str:
-    return request.param
-
-
-@pytest.mark.filterwarnings("error::RuntimeWarning")
-@pytest.mark.parametrize("seed", range(25))
-def test_random_programs_have_the_same_bits(instructions, seed):
-    """All or nothing as well: some steps are refused for an input that is too large, or for a number that overflows."""
-    kernel, plain = Bench(seed), Bench(seed)
-    for bench in (kernel, plain):
-        before, after = ([bench.random_element() for _ in range(bench.random.integers(6))] for _ in range(2))
-        bench.use(before, after)
-        bench.core.use_limits(OutputLimits(np.full(6, -1e3), np.full(6, 1e3), 5) if seed % 2 else None)
-    step = make_plain_step(plain.core)
-    inputs = np.random.default_rng(seed)
-    outcomes = set()
-    for k in range(60):
-        u = inputs.choice([0.0, -0.0, 1e-3, 5e-324, -0.5, 1.0, 2.5, 1e308 if k % 20 == 19 else 3.0], N_INPUTS)
-        before = plain.data.copy()
-        for bench in (kernel, plain):
-            bench.u[:] = u
-        before[plain.layout.u] = u
-        kernel.core.pending = plain.core.pending = 0
-        done = kernel.by_kernel(instructions)
-        assert step() == done
-        assert plain.data.tobytes() == kernel.data.tobytes()
-        assert plain.core.pending == kernel.core.pending
-        if not done:
-            assert plain.data.tobytes() == before.tobytes()
-            for bench in (kernel, plain):
-                bench.x[:] = bench.a[:] = 0.1  # or it would never be finite again
-        for bench in (kernel, plain):
-            bench.core.count += 1
-        outcomes.add(done)
-    assert True in outcomes
-
-
-def run(bench: Bench, n: int = 1) -> None:
-    """Steps by the kernel, which has to make them; Python's is made beside it and compared."""
-    twin = make_plain_step(bench.core)
-    for _ in range(n):
-        before, pending = bench.data.copy(), bench.core.pending
-        assert twin()
-        found, due = bench.data.tobytes(), bench.core.pending
-        bench.data[:], bench.core.pending = before, pending
-        assert bench.by_kernel("sse2")
-        assert (bench.data.tobytes(), bench.core.pending) == (found, due)
-        bench.core.count += 1
+from ps_fmu.slavekit.author.program import change_step
 
 
 @pytest.fixture
 def bench() -> Bench:
-    """A bench whose map copies the inputs to the first outputs, and does nothing else."""
-    found = Bench()
-    matrix = np.zeros((found.layout.target.stop, 7))
-    matrix[:3, 4:7] = np.eye(3)  # u after the four states; the columns of a and r are left out
-    found.core.use_map(store_by_columns(matrix))
-    return found
+    return make_quiet_bench()
 
 
 def test_sample(bench):
@@ -354,46 +203,6 @@ def test_a_made_up_place_in_a_ring(bench, place):
         assert not step()
         assert not bench.by_kernel("sse2")
         assert bench.data.tobytes() == before
-
-
-# --- What is wrong ----------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("wrong", "text"),
-    [
-        (lambda b: Product(b.u, b.u, b.u), "Product.target: a step must not write u_0"),
-        (lambda b: Product(b.u, b.u[:2], b.a), "Product.second has 2 numbers; expected 3"),
-        (lambda b: Product(b.u, b.u.copy(), b.a), "Product.second does not lie in the buffer"),
-        (lambda b: Product(b.u, b.u.tolist(), b.a), "Product.second: expected a view"),
-        (lambda b: Product(b.u, b.u.view(np.float32)[:3], b.a), "expected numbers of the type float64"),
-        (lambda b: Product(b.u, np.array([1, 2, 999]), b.a), "Product.second does not lie in the buffer"),
-        (lambda b: Sample(b.u, b.a, b.memory[0:1], 0), "Sample.every: expected a whole number from 1 on, got 0"),
-        (lambda b: Sample(b.u, b.a, b.a[0:1], 1), "Sample.clock: expected a part of memory"),
-        (lambda b: Hold(b.y[:2], b.memory[:2], b.memory[1:2], 1), "Hold.clock: expected memory of its own"),
-        (lambda b: Clip(b.y, 1.0, 0.0), "Clip.lower = 1.0 and upper = 0.0: expected lower <= upper"),
-        (lambda b: Clip(b.y, math.nan, 0.0), "Clip.lower: expected numbers, got nan"),
-        (lambda b: Clip(b.y, 0.0, 1.0, "y_0"), "Clip.flag: expected a Boolean output"),
-        (lambda b: Linear(b.u, np.eye(2), b.a), r"Linear.matrix has shape \(2, 2\); expected \(3, 3\)"),
-        (lambda b: Linear(b.u, np.full((3, 3), math.inf), b.a), "Linear.matrix has elements that are not finite"),
-        (lambda b: Ramp(b.u, b.u, b.a, -1.0), "Ramp.limit: expected 0 or greater"),
-        (lambda b: Quantise(b.a, [1.0, 2.0]), "Quantise.resolution: expected a number or 3 numbers"),
-        (lambda b: Quantise(b.a, -1.0), "Quantise.resolution: expected 0 or greater"),
-        (lambda b: Sine(b.u, math.inf, 0.0, b.a), "Sine.factor: expected finite numbers"),
-        (lambda b: Delay(b.y[:2], b.memory[:8], 1), r"Delay.ring has 8 numbers; expected ring_size\(2, longest\)"),
-        (lambda b: Delay(b.y[:1], b.memory[:4], 4), "Delay.steps = 4; the ring holds 3"),
-        (lambda b: Count(b.u, 1.0, b.memory[:6], b.y[:2]), "Count.target has 2 numbers; expected 1 or 3"),
-        (lambda b: Count(b.u, 1.0, b.memory[:3], b.y[:3]), "Count.kept has 3 numbers; expected 6"),
-    ],
-)
-def test_wrong_elements_are_named(bench, wrong, text):
-    with pytest.raises(ValueError, match=f"bench.after_map: .*{text}"):
-        bench.use([], [wrong(bench)])
-
-
-def test_what_is_no_element(bench):
-    with pytest.raises(TypeError, match="before_map contains a str"):
-        bench.use(["Sample"], [])
 
 
 def test_times_in_steps():

@@ -34,21 +34,32 @@ class WhiteNoise:
                 return np.asarray(end.value)
 
     def in_parts(self, first: int, n: int) -> Generator[int, None, Array]:
-        """As :meth:`__call__`, block by block: yields after each one how many are to come, and returns the samples."""
+        """As :meth:`__call__`, two parts for a block: yields how many are to come, and returns the samples."""
         numbers = range(first // _BLOCK, (first + n - 1) // _BLOCK + 1)
-        known, blocks = self._last, []
+        blocks = []
         for number in numbers:
-            blocks.append(known[1] if known[0] == number else self._make_block(number))
-            yield numbers.stop - 1 - number
-        self._last = numbers[-1], blocks[-1]
+            left = 2 * (numbers.stop - 1 - number)
+            known, block = self._last
+            if known != number:
+                uniform = self._draw(number)
+                yield left + 1
+                block = _transform(*uniform)
+                self._last = number, block
+            blocks.append(block)
+            yield left
         begin = first - numbers.start * _BLOCK
         return np.concatenate(blocks)[begin : begin + n]
 
-    def _make_block(self, number: int) -> Array:
+    def _draw(self, number: int) -> Array:
+        """What a block is made from, (2, _BLOCK / 2, channels), from 0 to 1."""
         key = np.random.SeedSequence((self._seed, number % 2**32))
-        u, v = np.random.Generator(np.random.Philox(key)).random((2, _BLOCK // 2, self._channels))
-        radius, angle = np.sqrt(-2.0 * np.log1p(-u)), 2.0 * np.pi * v  # Box-Muller
-        return np.concatenate([radius * np.cos(angle), radius * np.sin(angle)])
+        return np.random.Generator(np.random.Philox(key)).random((2, _BLOCK // 2, self._channels))
+
+
+def _transform(u: Array, v: Array) -> Array:
+    """Box-Muller: normal numbers (2 n, channels) from uniform ones (n, channels)."""
+    radius, angle = np.sqrt(-2.0 * np.log1p(-u)), 2.0 * np.pi * v
+    return np.concatenate([radius * np.cos(angle), radius * np.sin(angle)])
 
 
 def sample_deviation(density: float, h: float) -> float:

@@ -14,7 +14,7 @@ from .smooth import Weight, crossfade, ramp
 from .spectrum import Layer, share
 
 _CHUNK = 256  # lines drawn in a part
-_ROWS = 8000  # cleared in a part
+_ROWS = 500  # cleared in a part
 _N_TERMS = 3  # g'', g' and g
 
 
@@ -47,7 +47,7 @@ class BlockShape:
         channels, sources = self.factor.shape
         chunks = -(-self.layer.numbers.size // _CHUNK)
         clearing = -(-self.layer.points // _ROWS)
-        return 1 + sources + chunks + channels // 2 + clearing + 2 * self.polyphase.phases * channels
+        return 8 + 2 * sources + chunks + channels // 2 + clearing + 2 * self.polyphase.phases * channels
 
     def take_workspace(self) -> _Workspace:
         """Room for one block, which has to be given back: fresh memory costs as much time as what is done in it."""
@@ -118,9 +118,17 @@ class Block:
                 weight = window.times(ramp(self.start + shape.elapsed[phase], shape.rise_time))
             sizes = np.stack([weight.value, 2.0 * weight.rate, weight.curvature])
             for channel, channel_terms in enumerate(terms):
-                spectra = np.array([shape.polyphase.fold(term, phase) for term in channel_terms])
+                slow = phase == channel == 0  # code and numbers are in no cache yet: it takes three times as long
+                spectra = []
+                for term in channel_terms:
+                    spectra.append(shape.polyphase.fold(term, phase))
+                    if slow:
+                        yield
                 yield
-                products = shape.polyphase.transform(spectra) * sizes
+                products = shape.polyphase.transform(np.array(spectra))
+                if slow:
+                    yield
+                products *= sizes
                 rows[phase :: shape.polyphase.phases, channel] = np.add.reduce(products, axis=0)
                 yield
         shape.give_back(workspace)
@@ -129,13 +137,16 @@ class Block:
     def _draw(self, draws: Array, lines: Complex) -> Iterator[None]:
         """Amplitudes of the lines, (6, lines), from random numbers for which there is room."""
         shape = self.shape
-        random = np.random.Generator(np.random.Philox(np.random.SeedSequence(self.key)))
-        u, v = draws
+        # 10 us for these three lines, but 150 us where their code has not run for a while.
         yield
-        for k, row in enumerate((*u, *v)):
+        sequence = np.random.SeedSequence(self.key)
+        yield
+        philox = np.random.Philox(sequence)
+        yield
+        random, (u, v) = np.random.Generator(philox), draws
+        for row in (*u, *v):
             random.random(out=row)
-            if k % 2:
-                yield
+            yield
         for first in range(0, lines.shape[1], _CHUNK):
             chunk = slice(first, first + _CHUNK)
             # Box-Muller: E|c|^2 = 2/T, uniform phase.

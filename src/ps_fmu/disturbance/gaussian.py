@@ -52,14 +52,22 @@ class GaussianNoise:
         """How often :meth:`add` nearly always yields."""
         return 3
 
-    def add(self, wrench: Array, time: Array) -> Iterator[None]:
-        """Add force and torque at ascending times (n,) in s to ``wrench`` (n, 6), in parts."""
+    def add(self, wrench: Array, time: Array, *, often: bool = True) -> Iterator[None]:
+        """Add force and torque at ascending times (n,) in s to ``wrench`` (n, 6), in parts.
+
+        Not ``often``: in more parts, since this was not done for a while and its code is in no cache.
+        """
         for layer in self._layers:
-            for index in _find_blocks(layer, time):
-                block = self._blocks[layer.key].get(index) or self._finish(layer, self._begin(layer, index), index)
-                first, end = np.searchsorted(time, [block.start, block.end])
-                wrench[first:end] += block(time[first:end])
-                if layer.rate == SLOW_RATE:  # has to be interpolated
+            indices = _find_blocks(layer, time)
+            for index in indices:
+                block = self._get(layer, index)
+                part = _find_part(block, time)
+                places = block.find(time[part])
+                # The slow layer has to be interpolated; a third block is used for the first time.
+                if layer.rate == SLOW_RATE or len(indices) > 2 or not often:
+                    yield
+                wrench[part] += self._get(layer, index).read(places)
+                if not often:
                     yield
         yield
 
@@ -83,6 +91,11 @@ class GaussianNoise:
                 yield left
             left = last
             self._keep(layer, block, index)
+            yield left
+
+    def _get(self, layer: Layer, index: int) -> SampleTable:
+        """Block ``index``; what another call needs may have replaced it."""
+        return self._blocks[layer.key].get(index) or self._finish(layer, self._begin(layer, index), index)
 
     def _begin(self, layer: Layer, index: int) -> Block:
         """Block ``index``, which lives from (index - 1) to (index + 1) half periods."""
@@ -104,12 +117,20 @@ class GaussianNoise:
         return block.table
 
 
+def _find_part(block: SampleTable, time: Array) -> slice:
+    """The ascending times (n,) for which there is a block."""
+    if time.size and block.start <= time[0] and time[-1] < block.end:  # as nearly always
+        return slice(0, time.size)
+    first, end = np.searchsorted(time, [block.start, block.end]).tolist()
+    return slice(first, end)
+
+
 def _find_blocks(layer: Layer, time: Array) -> list[int]:
     """The blocks that ascending times fall into: steps of a thousand seconds must not make all in between."""
     if not time.size:
         return []
     hop = 0.5 * layer.period
-    first, last = int(time[0] // hop), int(time[-1] // hop)
+    first, last = int(float(time[0]) // hop), int(float(time[-1]) // hop)
     if last - first <= 1:  # as nearly always
         return list(range(first, last + 2))
     places = np.unique(time // hop).tolist()

@@ -84,13 +84,16 @@ class Disturbance:
         yield len(chunks) * len(self._sources)
         for number, source in enumerate(self._sources, 1):
             later = len(chunks) * (len(self._sources) - number)
+            often = True
             if isinstance(source, GaussianNoise):
                 for left in source.prepare(time):
+                    often = False
                     yield left + later + len(chunks) * source.n_parts
             for done, chunk in enumerate(chunks, 1):
                 if isinstance(source, GaussianNoise):
-                    for _ in source.add(wrench[chunk], time[chunk]):
+                    for _ in source.add(wrench[chunk], time[chunk], often=often):
                         yield later + (len(chunks) - done + 1) * source.n_parts
+                    often = True
                 else:
                     wrench[chunk] += source(time[chunk])
                     yield later + len(chunks) - done

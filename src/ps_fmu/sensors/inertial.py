@@ -13,6 +13,7 @@ The centripetal term is read like any other and is not taken out of the estimate
 
 from __future__ import annotations
 
+from collections.abc import Generator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -20,8 +21,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..mechanism.quantities import Array, Checked, ParameterError, group, quantity
+from .drift import keep
 from .geometry import centripetal_rows, estimator, geometry_rows
-from .noise import SensorNoise, draw_normal
+from .noise import WHITE_BLOCK, SensorNoise, split
+from .normal import count, draw_normal, finish
 from .parameters import Accelerometer, AccelerometerKind, OneSensor, RateSensor, RateSensorKind, SensorKind
 
 ACCELEROMETERS = 12  # places for them
@@ -171,22 +174,55 @@ class ChannelNoise:
     """Bias and noise of all channels, a function of the number of the sample."""
 
     def __init__(self, sensors: InertialSensors, interval: float) -> None:
-        self._bias, self._enabled, self.interval = sensors.bias, sensors.enabled, interval
+        self.interval = interval
         on = np.flatnonzero(sensors.enabled[_SLOTS])
-        self._slots = int(on[-1]) + 1 if on.size else 0  # none is drawn for those behind the last that is enabled
+        slots = int(on[-1]) + 1 if on.size else 0  # none is drawn for those behind the last that is enabled
         seed = int(sensors.seed)
-        self._linear = SensorNoise(sensors.accelerometer.noise, self._slots, interval, seed, _LINEAR_NOISE)
-        self._rate = None
+        self._noises = [SensorNoise(sensors.accelerometer.noise, slots, interval, seed, _LINEAR_NOISE)]
+        self._columns: slice | NDArray[np.intp] = slice(0, slots)
         if sensors.rate_sensor.enabled:
-            self._rate = SensorNoise(sensors.rate_sensor.noise, RateSensor.AXES, interval, seed, _RATE_NOISE)
+            self._noises.append(SensorNoise(sensors.rate_sensor.noise, RateSensor.AXES, interval, seed, _RATE_NOISE))
+            self._columns = np.array([*range(slots), *range(CHANNELS)[_RATES]])
+        enabled = sensors.enabled.astype(np.float64)
+        self._bias, self._gain = (row[self._columns, None] for row in (sensors.bias, enabled))
+        self._has_bias, self._has_gaps = bool(self._bias.any()), not self._gain.all()
+        self._blocks: dict[int, Array] = {}
 
     def __call__(self, index: NDArray[np.int64]) -> Array:
         """Errors of the samples of these numbers (n,), 0 or greater and ascending, (n, CHANNELS), m/s2 and rad/s."""
+        return finish(self.in_parts(index))
+
+    def in_parts(self, index: NDArray[np.int64]) -> Generator[int, None, Array]:
+        """As :meth:`__call__`, in parts of 20 to 60 us; yields about how many are still to come."""
+        blocks = split(index, WHITE_BLOCK)
         errors = np.zeros((len(index), CHANNELS))
-        errors[:, : self._slots] = self._linear(index)
-        if self._rate is not None:
-            errors[:, _RATES] = self._rate(index)
-        return np.asarray((errors + self._bias) * self._enabled)
+        counts = [0 if block in self._blocks else self._count_parts(block) for block, _ in blocks]
+        left = sum(counts)
+        for (block, part), parts in zip(blocks, counts, strict=True):
+            if block not in self._blocks:
+                keep(self._blocks, block, (yield from self._make_block(block, left)))
+            errors[part, self._columns] = self._blocks[block].take(index[part] - block * WHITE_BLOCK, axis=1).T
+            left -= parts
+            if part.stop < len(index):
+                yield left
+        return errors
+
+    def _count_parts(self, block: int) -> int:
+        return sum(noise.count_parts(block) for noise in self._noises)
+
+    def _make_block(self, block: int, left: int) -> Generator[int, None, Array]:
+        """Errors of a block of samples, (columns, WHITE_BLOCK); ``left``: parts still to come, with its own."""
+        errors = []
+        for noise in self._noises:
+            own = noise.count_parts(block)
+            errors.append((yield from count(noise.in_parts(block), left - 1)))
+            left -= own
+        found = errors[0] if len(errors) == 1 else np.concatenate(errors)
+        if self._has_bias:
+            found += self._bias
+        if self._has_gaps:
+            found *= self._gain
+        return found
 
     def find_samples(self, elapsed: Array) -> NDArray[np.int64]:
         """Numbers of the last samples at times since the start (n,), s; from :data:`LAST_SAMPLE` on, that one."""

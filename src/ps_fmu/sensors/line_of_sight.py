@@ -15,14 +15,20 @@ Noise is white from sample to sample and independent of axis: a function of the 
 
 from __future__ import annotations
 
+from collections.abc import Generator
 from dataclasses import dataclass
 from enum import Enum
+from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..mechanism.quantities import Array, Checked, ParameterError, check_number, quantity
+from .noise import split
+from .normal import count, finish, seed_in_parts
 
 _BLOCK = 128  # samples that are drawn at once
+_PARTS = 4  # in which that is done
 
 #: Pairs (component of q_P, component of q_T) whose products make the four components of q.
 PAIRS = tuple((i, j) for i in range(4) for j in range(4))
@@ -30,6 +36,7 @@ PAIRS = tuple((i, j) for i in range(4) for j in range(4))
 #: Pairs of components of q whose products make error and place.
 SECOND_PAIRS = ((0, 1), (0, 2), (0, 3), (2, 3), (1, 3), (0, 0), (1, 1), (2, 2), (3, 3))
 
+_PLACES, _SECOND_PLACES = np.array(PAIRS).T, np.array(SECOND_PAIRS).T
 _LARGEST_SCALE_ERROR = 0.01  # of the product of two squared norms: quaternions are units
 
 
@@ -42,6 +49,9 @@ def relative_rows() -> Array:
     for i, j, k in ((1, 2, 3), (2, 3, 1), (3, 1, 2)):  # minus the cross product of the vector parts
         rows[k, i, j], rows[k, j, i] = -1.0, 1.0
     return rows.reshape(4, 16)
+
+
+_RELATIVE_ROWS = relative_rows()
 
 
 def error_rows() -> Array:
@@ -60,9 +70,9 @@ def line_of_sight_error(payload: Array, target: Array) -> Array:
 
 def _second_products(payload: Array, target: Array) -> Array:
     """(..., 9)."""
-    products = np.stack([payload[..., i] * target[..., j] for i, j in PAIRS], axis=-1)
-    q = products @ relative_rows().T
-    return np.stack([q[..., i] * q[..., j] for i, j in SECOND_PAIRS], axis=-1)
+    (i, j), (k, m) = _PLACES, _SECOND_PLACES
+    q = (payload[..., i] * target[..., j]) @ _RELATIVE_ROWS.T
+    return np.asarray(q[..., k] * q[..., m])
 
 
 class Lock(Enum):
@@ -116,6 +126,7 @@ class Tracker(Checked):
         """Acquisition field over field of view."""
         return self.acquisition_field / self.field_of_view
 
+    @cached_property
     def rows(self) -> Array:
         """(7, 14): error (3, rad) and place (4) from [SECOND_PAIRS (9), line_of_sight (2), payload_rotation (2), 1].
 
@@ -138,7 +149,7 @@ class Tracker(Checked):
         (4,), rad.
         """
         sources = np.concatenate([_second_products(payload, target), turned, [1.0]])
-        return np.asarray(self.rows()[3:] @ sources)
+        return np.asarray(self.rows[3:] @ sources)
 
     def judge(self, lock: Lock, place: Array, visible: bool, elapsed: float) -> Lock:
         """The next state.
@@ -169,30 +180,49 @@ class Tracker(Checked):
         # The component that is farthest outside has to come back by so much at least.
         return place, max(float(np.abs(place).max()) - self.acquisition_share, 0.0)
 
-    def sample_numbers(self, time: Array) -> Array:
+    def sample_numbers(self, time: Array) -> NDArray[np.int64]:
         """Number of the last sample before or at times (n,), s since the start; before the first one: 0."""
         return np.maximum(np.floor(time / self.sample_time + 1e-6), 0.0).astype(np.int64)
 
-    def noise(self, numbers: Array) -> Array:
+    def noise(self, numbers: NDArray[np.int64]) -> Array:
         """Noise (n, 3), rad, of ascending sample numbers (n,)."""
-        found = np.zeros((len(numbers), 3))
-        if not self.noise_equivalent_angle_P.any():
-            return found
-        blocks = numbers // _BLOCK
-        for block in np.unique(blocks).tolist():
-            within = blocks == block
-            found[within] = self._draw(block)[numbers[within] % _BLOCK]
-        if not self.roll_measured:
-            found[:, 2] = 0.0
-        return found * self.noise_equivalent_angle_P
+        return TrackerNoise(self)(numbers)
 
-    def _draw(self, block: int) -> Array:
-        """Standard normal numbers of a block of samples, (_BLOCK, 3)."""
-        key = np.random.SeedSequence((self.seed, block))
-        random = np.random.Generator(np.random.Philox(key))
+
+class TrackerNoise:
+    """Noise of a tracker's samples, which keeps what it drew last."""
+
+    def __init__(self, tracker: Tracker) -> None:
+        self._seed, self._deviation_P = tracker.seed, tracker.noise_equivalent_angle_P * [1, 1, tracker.roll_measured]
+        self._last: tuple[int, Array] = -1, np.empty((0, 3))
+        """Number of a block of samples, and their noise."""
+
+    def __call__(self, numbers: NDArray[np.int64]) -> Array:
+        """Noise (n, 3), rad, of ascending sample numbers (n,)."""
+        return finish(self.in_parts(numbers))
+
+    def in_parts(self, numbers: NDArray[np.int64]) -> Generator[int, None, Array]:
+        """As :meth:`__call__`, in parts of 20 to 60 us; yields how many are still to come."""
+        found = np.zeros((len(numbers), 3))
+        blocks = split(numbers, _BLOCK) if self._deviation_P.any() else []
+        for number, (block, part) in enumerate(blocks, 1):
+            left = (len(blocks) - number) * _PARTS
+            known, noise = self._last
+            if known != block:
+                random = yield from count(seed_in_parts((self._seed, block)), left + 3)
+                noise = self._draw(random)
+                self._last = block, noise
+                yield left + 1
+            found[part] = noise.take(numbers[part] - block * _BLOCK, axis=0)
+            if left:
+                yield left
+        return found
+
+    def _draw(self, random: np.random.Generator) -> Array:
+        """A block of samples, (_BLOCK, 3)."""
         u, v = random.random((2, _BLOCK, 3))
         # Box-Muller, since the streams of numpy's own normal numbers may change between its versions.
-        return np.asarray(np.sqrt(-2.0 * np.log1p(-u)) * np.cos(2.0 * np.pi * v))
+        return np.asarray(np.sqrt(-2.0 * np.log1p(-u)) * np.cos(2.0 * np.pi * v) * self._deviation_P)
 
 
 #: A fine guidance sensor on a bright star, or a beacon tracker of an optical terminal: half a microradian at

@@ -96,12 +96,17 @@ class Core(ctypes.Structure):
 
     arrays: dict[str, NDArray[Any]]
     """By the name of their word."""
+    all_sources: Array
+    """States, inputs, auxiliary inputs and the row of the table."""
     limits: OutputLimits | None = None
     elements: Elements
 
-    def use_map(self, matrix: Array) -> None:
-        """A plain step is ``target <- matrix.T @ source``; see :func:`store_by_columns`."""
-        self._point(matrix=matrix)
+    def use_map(self, matrix: Array, source: Array | None = None) -> None:
+        """A plain step is ``target <- matrix.T @ source``; see :func:`store_by_columns`.
+
+        ``source``: the part of the operands that the matrix is for, from their first one on unless stated.
+        """
+        self._point(matrix=matrix, source=self.all_sources if source is None else source)
         self.n_source = len(matrix)
         self.plain = MAP
 
@@ -157,7 +162,7 @@ def make_core(layout: BufferLayout, data: Array) -> Core:
     core.n_row = data[layout.r].size
     core.n_rows = 2**62  # without tables, they do not end
     core.watching = 1
-    core.arrays = {}
+    core.arrays, core.all_sources = {}, source
     core._point(
         data=data, kinds=layout.kinds, low=layout.low, high=layout.high,
         source=source, target=target, work=allocate_aligned(core.stride), row=data[layout.r],

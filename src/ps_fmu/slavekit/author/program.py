@@ -22,6 +22,8 @@ class StepMap(NamedTuple):
     """s."""
     matrix: Array | None
     """By columns, see :func:`.core.store_by_columns`; None: rows are the outputs."""
+    source: Array | None
+    """The operands that it is for."""
     elements: Elements
 
 

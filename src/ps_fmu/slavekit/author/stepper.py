@@ -145,7 +145,14 @@ class Stepper(Tables):
 
     def _step_if_due(self) -> bool:
         """A step before which something is due.  False: the host has drifted off the grid; nothing is changed."""
-        return self._is_on_grid(self._core.time) and self._step_fully()
+        if not self._is_on_grid(self._core.time):
+            return False
+        step = self._plain_step
+        if step is not None and not self._core.pending and not self._is_used_up():
+            self._work_ahead()
+            if step():  # if not, it has changed nothing
+                return True
+        return self._step_fully()
 
     def _step_fully(self) -> bool:
         """A step with all that is due before it: an event, a new map, a new table.  All or nothing.
@@ -219,7 +226,7 @@ class Stepper(Tables):
         if step_map.matrix is None:
             core.use_table(self._table)
         else:
-            core.use_map(step_map.matrix)
+            core.use_map(step_map.matrix, step_map.source)
             core.use_rows(self._table)
         if self.block_rows:
             core.n_rows = self._shown
@@ -270,13 +277,16 @@ class Stepper(Tables):
         for found in self._maps:
             if found.step == h:
                 return found
-        matrix = None
+        matrix = source = None
         if self.n_row or not self.block_rows:
-            matrix = store_by_columns(self._check_matrix("step_map", self.step_map(h), self._target.size))
+            given = self._check_matrix("step_map", self.step_map(h), self._target.size)
+            used = np.flatnonzero(given.any(axis=0))
+            taken = slice(int(used[0]), int(used[-1]) + 1) if used.size else slice(0, 0)
+            matrix, source = store_by_columns(given[:, taken]), self._source[taken]
         elements = self._compile_elements(self.before_map(h), self.after_map(h))
         if len(self._maps) >= _MOST_MAPS:
             del self._maps[0]
-        self._maps.append(StepMap(h, matrix, elements))
+        self._maps.append(StepMap(h, matrix, source, elements))
         return self._maps[-1]
 
     def _compile_elements(self, before: Sequence[Element], after: Sequence[Element]) -> Elements:

@@ -17,6 +17,7 @@ from .state import SlaveClock
 from .values import Values
 
 _CHUNK = 256  # rows asked for at a time
+_CHECKED = 16_384  # numbers looked at together: to fetch 24 000 that are in no cache took 110 us
 _FIRST_ROWS = 16  # of the first table after a change of step: hosts with a new step each time pay little
 
 
@@ -96,25 +97,35 @@ class Tables(Values):
         if isgeneratorfunction(make_rows):
             rows = make_rows(self, t, h, n)
             assert isinstance(rows, Generator)
-            made = yield from rows
-            yield 1
-            return self._check_rows(made, n)
+            table = self._check_shape((yield from rows), n)
+            for first in range(0, table.size, _CHECKED):
+                if first:
+                    yield -(-(table.size - first) // _CHECKED)
+                self._check_finite_rows(table.reshape(-1)[first : first + _CHECKED])
+            return table
         chunks = []
         for first in range(0, n, _CHUNK):
             if n > _CHUNK:
                 yield -(-(n - first) // _CHUNK)
             size = min(_CHUNK, n - first)
-            chunks.append(self._check_rows(finish(make_rows(self, t + first * h, h, size)), size))
+            chunks.append(self._check_rows(finish(self.rows(t + first * h, h, size)), size))
         return chunks[0] if len(chunks) == 1 else np.concatenate(chunks)
 
     def _check_rows(self, rows: Array, n: int) -> Array:
+        table = self._check_shape(rows, n)
+        self._check_finite_rows(table)
+        return table
+
+    def _check_shape(self, rows: Array, n: int) -> Array:
         table = np.ascontiguousarray(rows, dtype=np.float64)
         expected = (n, self._table.shape[1])
         if table.shape != expected:
             raise ValueError(f"{type(self).__name__}.rows has shape {table.shape}; expected {expected}")
-        if not np.isfinite(table).all():
-            raise ModelError(f"{type(self).__name__}.rows has elements that are not finite")
         return table
+
+    def _check_finite_rows(self, rows: Array) -> None:
+        if not np.isfinite(rows).all():
+            raise ModelError(f"{type(self).__name__}.rows has elements that are not finite")
 
     def _put_table(self, table: Array, block: int) -> None:
         """Go on with a table that begins at count ``block``."""

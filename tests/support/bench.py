@@ -1,0 +1,143 @@
+"""A core with room for all kinds of elements, and steps on it by the kernel and in Python."""
+
+import ctypes
+import math
+
+import numpy as np
+import pytest
+
+from ps_fmu.slavekit.author.core import Core, make_core, store_by_columns
+from ps_fmu.slavekit.author.elements import (
+    Clip,
+    Count,
+    Delay,
+    Element,
+    Excess,
+    Hold,
+    Linear,
+    Product,
+    Quantise,
+    Ramp,
+    Sample,
+    Sine,
+    Watch,
+    ring_size,
+)
+from ps_fmu.slavekit.author.layout import BufferLayout
+from ps_fmu.slavekit.author.plain import make_plain_step
+from ps_fmu.slavekit.author.program import compile_elements
+from ps_fmu.slavekit.author.slave import Port
+from ps_fmu.slavekit.launcher.compile import LAUNCHER
+
+H = 0.01  # s
+N_OUTPUTS, N_STATES, N_INPUTS, N_AUXILIARY, N_ROW, N_MEMORY = 5, 4, 3, 3, 2, 60
+
+
+class Bench:
+    """A core with room for all kinds of elements, and what takes part of its buffer."""
+
+    def __init__(self, seed: int = 0) -> None:
+        ports = [Port(f"y_{i}", "output") for i in range(N_OUTPUTS)]
+        ports += [Port("flag", "output", type="Boolean")]
+        ports += [Port(f"u_{i}", "input") for i in range(N_INPUTS)] + [Port("p", "parameter")]
+        self.layout = BufferLayout("bench", "1", ports, N_STATES, N_AUXILIARY, N_MEMORY, N_ROW)
+        self.data = np.zeros(self.layout.size)
+        self.core: Core = make_core(self.layout, self.data)
+        self.core.step = H
+        parts = ("y", "x", "u", "a", "r", "memory")
+        self.y, self.x, self.u, self.a, self.r, self.memory = (self.data[getattr(self.layout, p)] for p in parts)
+        self.random = np.random.default_rng(seed)
+        self.taken = 0
+        self.rows = 100
+        self.core.use_rows(self.random.standard_normal((self.rows, N_ROW)))
+        shape = self.layout.target.stop, self.layout.source.stop - self.layout.source.start
+        matrix = self.random.standard_normal(shape) * self.random.choice([0.0, 0.3], shape)
+        self.core.use_map(store_by_columns(matrix))
+        self.core.watching = 0
+
+    def keep(self, n: int) -> np.ndarray:
+        """Memory that nothing else uses."""
+        self.taken += n
+        assert self.taken <= N_MEMORY
+        return self.memory[self.taken - n : self.taken]
+
+    def use(self, before: list[Element], after: list[Element]) -> None:
+        self.core.use_elements(compile_elements(self.layout, self.data, before, after))
+
+    def by_kernel(self, instructions: str) -> bool:
+        library = ctypes.CDLL(str(LAUNCHER.path("linux64")))
+        answer = library.ps_fmu_step_by(instructions.encode(), ctypes.byref(self.core))
+        if answer < 0:
+            pytest.skip(f"this processor lacks {instructions}")
+        return bool(answer)
+
+    def random_operand(self, n: int, *, written: bool) -> np.ndarray:
+        """A view, or places in any order."""
+        views = [self.y, self.x, self.a, self.memory[-6:], *(() if written else (self.u, self.r, self.memory))]
+        view = views[self.random.integers(len(views))]
+        if view.size >= n and self.random.random() < 0.5:
+            first = self.random.integers(view.size - n + 1)
+            return view[first : first + n]
+        starts = [(other.ctypes.data - self.data.ctypes.data) // 8 for other in views]
+        every = np.concatenate([start + np.arange(v.size) for start, v in zip(starts, views, strict=True)])
+        return self.random.choice(every, n).astype(np.int64)
+
+    def random_element(self) -> Element:
+        random, n = self.random, int(self.random.integers(1, 4))
+        value, target = self.random_operand(n, written=False), self.random_operand(n, written=True)
+        other, every = self.random_operand(n, written=False), int(random.integers(1, 5))
+        some = np.sort(random.standard_normal((2, n)), axis=0)
+        choice = random.integers(12)
+        if choice in (0, 8, 9) and self.taken + 1 + 6 * n > N_MEMORY - 6:
+            choice = 7
+        match choice:
+            case 0:
+                return Sample(value, target, self.keep(1), every)
+            case 1:
+                return Ramp(value, other, target, np.abs(some[0]) * random.choice([1.0, math.inf]))
+            case 2:
+                return Product(value, other, target)
+            case 3:
+                return Linear(value, random.standard_normal((n, n)) * random.choice([0.0, 1.0], (n, n)), target)
+            case 4:
+                return Clip(target, some[0], some[1], random.choice([None, "flag"]))
+            case 5:
+                return Excess(value, some[0], some[1], target)
+            case 6:
+                return Sine(value, some[0], some[1], target)
+            case 7:
+                return Quantise(target, random.choice([0.0, 0.1, 1e-3], n))
+            case 8:
+                return Hold(target, self.keep(n), self.keep(1), every)
+            case 9:
+                return Delay(target, self.keep(ring_size(n, 5)), int(random.integers(0, 6)))
+            case 10:
+                return Watch(value, other, np.abs(some[0]))
+            case _:
+                return (
+                    Count(value, np.abs(some[0]), self.keep(2 * n), target[: random.choice([1, n])])
+                    if (self.taken + 2 * n <= N_MEMORY - 6)
+                    else Product(value, other, target)
+                )
+
+
+def run(bench: Bench, n: int = 1) -> None:
+    """Steps by the kernel, which has to make them; Python's is made beside it and compared."""
+    twin = make_plain_step(bench.core)
+    for _ in range(n):
+        before, pending = bench.data.copy(), bench.core.pending
+        assert twin()
+        found, due = bench.data.tobytes(), bench.core.pending
+        bench.data[:], bench.core.pending = before, pending
+        assert bench.by_kernel("sse2")
+        assert (bench.data.tobytes(), bench.core.pending) == (found, due)
+        bench.core.count += 1
+
+
+def make_quiet_bench() -> Bench:
+    """A bench whose map copies the inputs to the first outputs, and does nothing else."""
+    found = Bench()
+    matrix = np.zeros((found.layout.target.stop, 7))
+    matrix[:3, 4:7] = np.eye(3)  # u after the four states; the columns of a and r are left out
+    found.core.use_map(store_by_columns(matrix))
+    return found
