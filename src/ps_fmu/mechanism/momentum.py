@@ -20,6 +20,9 @@ from .signals import count_states, servo_slices
 #: Longer models than this, s, meet vibration whose rates at the ends say nothing of those between.
 _SMOOTH = 0.1
 
+#: What a model about rest does to the place in a longer time, s, is not made up for at once: places must not step.
+_BRIEF = 1.0
+
 
 def find_momentum(system: FlexibleSystem, pose: Pose, velocity_B: Array, speeds: Array) -> tuple[Array, Array]:
     """Linear and angular momentum of all bodies, their modes at rest, about the origin of B in its axes.
@@ -98,7 +101,8 @@ class Balance:
     def settle(self, model: PlantModel, x: Array, t: float) -> Array:
         """The state whose base is and moves such that all bodies have the true momentum and centre of mass.
 
-        ``model`` served up to ``t``, s, and its state is ``x``.  About rest the place of the base is left as it is.
+        ``model`` served up to ``t``, s, and its state is ``x``.  After a long time about rest the place of the base is
+        left as it is.
         """
         d, n = model.dynamics, model.dynamics.n
         q_b, (t_b, r_b) = d.slices["q_b"], d.base_places()
@@ -127,7 +131,7 @@ class Balance:
         missing = np.concatenate([self._true[:3], self._true[3:] + cross(com_B, self._true[:3])]) - momentum
         x = x.copy()
         x[n + q_b.start : n + q_b.stop] += np.linalg.solve(d.M[q_b, q_b], missing)
-        if moving:
+        if moving or lasted < _BRIEF:
             x[t_b] = place - com_B
         self._com_B[:], self._place[:] = com_B, x[t_b] + com_B
         return x

@@ -7,8 +7,8 @@ motion is not what was expected.  The middle is the middle in time, whatever the
 of first order would be left (1.5e-6 rad in a yaw of 10 deg in 0.5 s, whatever the distance).
 
 States never step, but for the place and the velocities of the base, by which centre of mass and total momentum are kept
-(:mod:`.momentum`).  At rest, or where all motion is small, the centre is the commanded pose with undeformed fine legs
-and no speed at all.
+(:mod:`.momentum`).  At rest, or where all motion is small, the centre is the commanded pose with no speed at all; fine
+legs are undeformed there, unless something holds them at another length.
 """
 
 from __future__ import annotations
@@ -86,11 +86,12 @@ def find_next_centre(
     resting, now = is_at_rest(model, x, command), find_attitude(model, x, time)
     d_f = d.slices["d_f"]
     soon = x[d_f] + _SOON * x[n + d_f.start : n + d_f.stop]
-    fine = max(np.abs(x[d_f]).max(), np.abs(soon).max())
+    near, swing = 0.5 * renewal.relinearisation_distance, np.abs(soon - x[d_f]).max()
+    fine = np.zeros(3) if max(np.abs(x[d_f]).max(), np.abs(soon).max()) < near else 0.5 * (x[d_f] + soon)
     angle = np.abs(x[r_b] - model.centre.rotation_B).max()
     turning = np.abs(x[v_r]).max() > _HARDLY_TURNING or angle > 0.5 * renewal.relinearisation_angle
-    if resting and not turning and fine < 0.5 * renewal.relinearisation_distance:
-        at_rest = replace(Centre.at_rest(command, now), rotation_B=x[r_b].copy())
+    if resting and not turning and swing < near:
+        at_rest = replace(Centre.at_rest(command, now), fine=fine, rotation_B=x[r_b].copy())
         if prescribed:
             return at_rest
         return replace(at_rest, velocity_B=x[n + t_b.start : n + t_b.stop].copy(), position_B=x[t_b].copy())
