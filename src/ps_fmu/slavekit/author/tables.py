@@ -97,7 +97,8 @@ class Tables(Values):
         if isgeneratorfunction(make_rows):
             rows = make_rows(self, t, h, n)
             assert isinstance(rows, Generator)
-            table = self._check_shape((yield from rows), n)
+            made = yield from rows  # in a line of its own: a method of the slave would wait with it, and keep the slave
+            table = self._check_shape(made, n)
             for first in range(0, table.size, _CHECKED):
                 if first:
                     yield -(-(table.size - first) // _CHECKED)
