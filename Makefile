@@ -11,7 +11,7 @@ export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 export MPLBACKEND := Agg
 
-.PHONY: run test fmus launcher importers basilisk verify bench lint clean
+.PHONY: run test dist fmus launcher importers basilisk verify bench lint clean
 .DELETE_ON_ERROR:
 
 run: fmus  ## the default scenario: isolation at the nominal orientation, passive then active
@@ -19,6 +19,13 @@ run: fmus  ## the default scenario: isolation at the nominal orientation, passiv
 
 test: lint fmus  ## what the continuous integration runs, on all processors; ARGS="-n 0 ..." on one
 	$(BIN)/python -m pytest -n auto --dist loadfile $(ARGS)
+
+dist: fmus  ## wheel, sdist and FMUs in dist, with their SHA-256
+	rm -rf dist
+	$(BIN)/python -m build --no-isolation --outdir dist .
+	mkdir dist/fmus
+	cp build/fmus/*.fmu dist/fmus
+	cd dist && sha256sum *.whl *.tar.gz fmus/*.fmu >SHA256SUMS
 
 fmus: build/fmus/.built  ## the FMUs in build/fmus
 

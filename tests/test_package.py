@@ -21,14 +21,15 @@ MAY_IMPORT = {
     "actuators": {"mechanism"},
     "theory": PHYSICS,
     "slavekit": set(),
-    "interface": {*PHYSICS, "cosim", "slavekit"},
+    "product": set(),
+    "interface": {*PHYSICS, "cosim", "slavekit", "product"},
     "cosim": {"slavekit"},
     "fmucheck": {"cosim", "slavekit"},
     "pointing": set(),
     "results": {"pointing", "slavekit"},
-    "runs": {*PHYSICS, "theory", "interface", "cosim", "pointing", "results", "slavekit"},
-    "paper": {*PHYSICS, "theory", "interface", "cosim", "pointing", "results", "runs", "slavekit"},
-    "trades": {*PHYSICS, "theory", "interface", "cosim", "results", "runs", "paper"},
+    "runs": {*PHYSICS, "theory", "interface", "cosim", "pointing", "results", "slavekit", "product"},
+    "paper": {*PHYSICS, "theory", "interface", "cosim", "pointing", "results", "runs", "slavekit", "product"},
+    "trades": {*PHYSICS, "theory", "interface", "cosim", "results", "runs", "paper", "product"},
 }
 
 # The calls of FMI 2.0: the standard says what they do.
