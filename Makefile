@@ -42,7 +42,7 @@ pythons: .venv/.installed  ## the other versions of Python that this machine has
 		done; \
 		if [ -z "$$python" ]; then echo "There is no Python $$version here."; continue; fi; \
 		"$$python" -m venv .venv-$$version && .venv-$$version/bin/python -m pip install --quiet \
-			--disable-pip-version-check -c constraints.txt -e . || exit 1; \
+			--disable-pip-version-check -c constraints.txt -e '.[notebook]' || exit 1; \
 	done
 
 importers: .venv-importers/.installed  ## tools that cannot share .venv, for the tests (0.9 GB)

@@ -32,6 +32,14 @@ def list_files(folder):
     return {path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()}
 
 
+NOTEBOOK = """
+import ps_fmu
+result = ps_fmu.simulate(system="system.ssp", duration=0.02, step=1e-3, output="second", progress=False)
+assert result.passive["payload_rotation"].sizes == {"time": 21, "axis": 3}
+assert result.report().is_file()
+"""
+
+
 @pytest.fixture(scope="module")
 def checkout(tmp_path_factory, built_fmus):
     """A copy of the checkout, without what it ignores but the built FMUs."""
@@ -171,7 +179,7 @@ def test_a_run_a_parameter_file_and_an_archive(installed, built_fmus):
     for command in (
         ["ps-fmu", "parameters", "small_satellite.toml", "--output", "mine.ssv"],
         ["ps-fmu", "ssp", "--output", "system.ssp", "--parameters", "mine.ssv"],
-        [*run, "second", "--ssp", "system.ssp"],
+        ["python", "-I", "-c", NOTEBOOK],
     ):
         done = installed(*command)
         assert done.returncode == 0, done.stderr

@@ -55,6 +55,14 @@ def test_missing_and_old_fmus_are_named(checkout):
     assert list_outdated(checkout / "build", checkout) == ["DisturbanceSource", "PointingCommander"]
 
 
+def test_the_package_s_own_file_is_in_each_fmu(checkout):
+    package = checkout / "src" / "ps_fmu" / "__init__.py"
+    package.parent.mkdir(parents=True)
+    package.write_text("")
+    os.utime(package, (3000, 3000))
+    assert list_outdated(checkout / "build", checkout) == ["DisturbanceSource", "PointingCommander"]
+
+
 def test_a_new_folder_is_a_new_fmu(tmp_path):
     """Nothing else names it: it is found, built, and then up to date."""
     shutil.copytree(TOYS / "waves", tmp_path / "fmus" / "waves")
