@@ -3,6 +3,7 @@
 import copy
 import gc
 import os
+import re
 import subprocess
 import sys
 import tempfile
@@ -128,6 +129,18 @@ def test_the_same_call_gives_the_same_numbers_and_a_named_folder_stays(
     assert Result(tmp_path / "mine").passive.identical(result.passive)
     assert list(temporary.iterdir()) == []
     assert capsys.readouterr().out == ""
+
+
+def test_the_lines_of_the_readme_run(tmp_path):
+    """In a process of their own, over a shorter time."""
+    blocks = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(encoding="utf-8"), re.DOTALL)
+    (lines,) = [block for block in blocks if "ps_fmu.simulate" in block]
+    assert "duration=20" in lines
+    check = "\nassert result.active.payload_rotation.sizes['time'] == 51\nassert result.report().is_file()\n"
+    code = lines.replace("duration=20", "duration=0.05") + check
+    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_temporary_results_go_with_the_result(temporary, taken):
