@@ -55,6 +55,7 @@ def test_importing_the_package_loads_nothing_else():
 
 def test_it_is_found_in_the_package():
     assert ps_fmu.simulate is simulate
+    assert ps_fmu.Result is Result
     with pytest.raises(AttributeError, match="module 'ps_fmu' has no attribute 'simulat'"):
         _ = ps_fmu.simulat
 
@@ -126,7 +127,7 @@ def test_the_same_call_gives_the_same_numbers_and_a_named_folder_stays(
     assert again.active.identical(result.active)
     del again
     assert {"results.nc", "summary.json", "report.html"} < set(os.listdir(tmp_path / "mine"))
-    assert Result(tmp_path / "mine").passive.identical(result.passive)
+    assert Result("mine").passive.identical(result.passive)
     assert list(temporary.iterdir()) == []
     assert capsys.readouterr().out == ""
 

@@ -121,6 +121,9 @@ def run(arguments: argparse.Namespace, command_line: argparse.ArgumentParser) ->
             stack.enter_context(hold_folder(options.output))
         except OptionError as error:
             command_line.error(str(error))
+        except OSError as error:  # the product's files or the user's home are not there
+            print(f"{program}: {reason(error)}", file=sys.stderr)
+            return 1
         try:
             build_and_run(options)
         except KeyboardInterrupt:

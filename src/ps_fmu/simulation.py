@@ -1,4 +1,4 @@
-"""A scenario in a few lines of Python, for notebooks and scripts: ``ps_fmu.simulate``."""
+"""A scenario in a few lines of Python, for notebooks and scripts: ``ps_fmu.simulate`` and ``ps_fmu.Result``."""
 
 from __future__ import annotations
 
@@ -117,13 +117,13 @@ def simulate(
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Result:
-    """What a run left in its output folder.
+    """What a run left in its output folder, a run of ``ps-fmu run`` as well: ``ps_fmu.Result("results/isolation")``.
 
     Each case of the scenario is an attribute, an ``xarray.Dataset``: ``result.passive["payload_rotation"]``.  It is
     read when it is first asked for, and then kept in memory.
     """
 
-    output: Path
+    output: str | PathLike[str]
     """Folder with results.nc, summary.json, report.html and the figures."""
     text: str = ""
     """The table that the scenario prints."""
@@ -142,7 +142,7 @@ class Result:
     def __getitem__(self, case: str) -> Dataset:
         """A case as a dataset, see :func:`ps_fmu.results.datasets.read_case`."""
         if case not in self._datasets:
-            self._datasets[case] = read_case(self.output / RESULTS, case)
+            self._datasets[case] = read_case(Path(self.output, RESULTS), case)
         return self._datasets[case]
 
     def __dir__(self) -> list[str]:
@@ -151,17 +151,17 @@ class Result:
     @property
     def cases(self) -> list[str]:
         """Names of the cases, in the order of their runs."""
-        return list_cases(self.output / RESULTS)
+        return list_cases(Path(self.output, RESULTS))
 
     @property
     def summary(self) -> dict[str, Any]:
         """What summary.json says: RMS, rejection, parameters, warnings, versions, SHA-256 of the FMUs."""
-        found: dict[str, Any] = json.loads((self.output / SUMMARY).read_text(encoding="utf-8"))
+        found: dict[str, Any] = json.loads(Path(self.output, SUMMARY).read_text(encoding="utf-8"))
         return found
 
     def report(self) -> Path:
         """Path of the report, an HTML file that needs nothing else."""
-        return self.output / REPORT
+        return Path(self.output, REPORT)
 
     def plot(self, name: str = "payload_rotation", cases: Sequence[str] | None = None) -> ShownFigure:
         """Draw a variable of some cases, by default of all that have it, over time, a row per component.

@@ -49,6 +49,7 @@ def test_without_the_product_a_path_stays_as_it_is(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(files.find_product, "__defaults__", (tmp_path / "ps_fmu" / "product",))
     assert find_file(Path("rigid.ssv")) == Path("rigid.ssv")
+    assert list_system_files() == []
 
 
 def test_all_files_of_the_system_are_listed():

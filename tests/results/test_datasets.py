@@ -1,5 +1,7 @@
 """results.nc as xarray datasets: names, components, units."""
 
+import sys
+
 import netCDF4
 import numpy as np
 import pytest
@@ -62,7 +64,7 @@ def test_units_and_names_are_attributes(file):
     assert data["rotation"].attrs == {"units": "rad", "long_name": "Rotation of P, in P"}
     assert data["plant.mass"].attrs["long_name"] == "Mass, of all"
     assert data["inertia"].attrs == {"units": "kg.m2", "long_name": "xx, in B, xx"}  # not the same words
-    assert data["time"].attrs["units"] == "s"
+    assert data["time"].attrs == {"units": "s", "long_name": "simulated time", "axis": "T"}
     assert data.attrs == {"Conventions": "CF-1.11", "scenario": "isolation", "step_s": STEP}
 
 
@@ -108,3 +110,9 @@ def test_every_number_of_the_file_is_in_the_dataset(file):
     data = read_case(file, "active")
     with netCDF4.Dataset(file) as stored:
         assert sum(variable.size for variable in data.data_vars.values()) == 3 * (len(stored["active"].variables) - 1)
+
+
+def test_without_xarray_the_message_says_what_installs_it(file, monkeypatch):
+    monkeypatch.setitem(sys.modules, "xarray", None)
+    with pytest.raises(ModuleNotFoundError, match=r"pip install 'ps-fmu\[notebook\]'"):
+        read_case(file, "passive")

@@ -16,6 +16,7 @@ from ps_fmu.runs.built_fmus import (
     provide_fmus,
 )
 from ps_fmu.slavekit.pack import build
+from ps_fmu.terminal import reason
 
 TOYS = Path(__file__).parents[1] / "slavekit" / "models"
 SYSTEM = """<ssd:SystemStructureDescription xmlns:ssd="http://ssp-standard.org/SSP1/SystemStructureDescription"
@@ -145,3 +146,15 @@ def test_a_cache_folder_that_is_not_absolute_is_ignored(monkeypatch, tmp_path, s
     assert find_cache() == tmp_path / ".cache" / "ps_fmu"
     monkeypatch.delenv("XDG_CACHE_HOME")
     assert find_cache() == tmp_path / ".cache" / "ps_fmu"
+
+
+def test_a_cache_that_cannot_be_made_is_said_with_what_helps(installed, tmp_path, monkeypatch):
+    (tmp_path / "cache").write_text("")
+    with pytest.raises(OSError) as refused:
+        provide_fmus(find_built_folder())
+    assert reason(refused.value).startswith(f"{tmp_path / 'cache' / 'ps_fmu'}: Not a directory\nSet XDG_CACHE_HOME to")
+    monkeypatch.delenv("XDG_CACHE_HOME")
+    monkeypatch.delenv("HOME")
+    monkeypatch.setattr(os.path, "expanduser", lambda path: path)  # as for a user whom the system does not know
+    with pytest.raises(OSError, match=r"Could not determine home directory\. Set XDG_CACHE_HOME"):
+        find_cache()

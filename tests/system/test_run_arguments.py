@@ -8,6 +8,7 @@ import pytest
 
 from ps_fmu import cli, run_command
 from ps_fmu.cosim.errors import UsageError
+from ps_fmu.product import files
 from ps_fmu.runs.options import OptionError
 
 RUN = Path(__file__).parents[2] / "system" / "run.py"
@@ -173,3 +174,13 @@ def test_the_help_names_scenarios_and_files(run, capsys):
         said = capsys.readouterr().out
         assert "  isolation     what the isolator does at one orientation" in said
         assert "\n  exact_payload.ssv\n" in said
+
+
+def test_a_package_without_the_sources_of_the_fmus_says_so(run, scenario, tmp_path, monkeypatch, capsys):
+    called = scenario(lambda options: None)
+    monkeypatch.setattr(files.find_product, "__defaults__", (tmp_path / "ps_fmu" / "product",))
+    assert run.main([]) == cli.main(["run"]) == 1
+    assert called == []
+    said = capsys.readouterr().err.splitlines()
+    assert said[0].startswith("run.py: the FMUs' sources are not there: ")
+    assert said[1].startswith("ps-fmu run: the FMUs' sources are not there: ")

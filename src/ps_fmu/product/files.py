@@ -66,7 +66,10 @@ def find_file(path: Path) -> Path:
 def list_system_files() -> list[str]:
     """Names of the product's system descriptions and parameter files, as :func:`find_file` takes them.
 
-    Raises FileNotFoundError as :func:`find_product` does.
+    None where :func:`find_product` finds none.
     """
-    system = find_product().system
+    try:
+        system = find_product().system
+    except FileNotFoundError:
+        return []
     return sorted(path.name for place in (system, system / "parameters") for path in place.glob("*.ss[dv]"))

@@ -65,6 +65,7 @@ def read_case(path: Path, case: str) -> Dataset:
         vectors = group_components(kinds)
         short = shorten(vectors)
         coordinates: dict[str, Any] = {"time": ("time", *_read(group, ["time"]))}
+        coordinates["time"][-1]["axis"] = "T"  # CF Conventions 1.11, section 4
         variables: dict[str, Any] = {}
         for vector, members in vectors.items():
             if len(members) == 1:

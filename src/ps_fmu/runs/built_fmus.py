@@ -22,6 +22,7 @@ _PACKED = (
     ),
     "fmus",
 )
+_CACHE_HINT = "Set XDG_CACHE_HOME to a folder for the FMUs that are built."
 
 
 def list_models(root: Path) -> list[str]:
@@ -70,10 +71,17 @@ def find_built_folder() -> Path:
 
 
 def find_cache() -> Path:
-    """``ps_fmu`` in the user's folder for what can be made again (XDG Base Directory Specification 0.8)."""
+    """``ps_fmu`` in the user's folder for what can be made again (XDG Base Directory Specification 0.8).
+
+    Raises OSError if the user has no home.
+    """
     stated = Path(os.environ.get("XDG_CACHE_HOME", ""))
-    # "All paths set in these environment variables must be absolute": others are to be ignored.
-    return (stated if stated.is_absolute() else Path.home() / ".cache") / "ps_fmu"
+    if stated.is_absolute():  # the specification has others ignored
+        return stated / "ps_fmu"
+    try:
+        return Path.home() / ".cache" / "ps_fmu"
+    except RuntimeError as error:
+        raise OSError(f"{error} {_CACHE_HINT}") from error
 
 
 def provide_fmus(folder: Path, system: Path | None = None) -> None:
@@ -105,8 +113,7 @@ def provide_fmus(folder: Path, system: Path | None = None) -> None:
         from ..slavekit.pack.build import build_one
 
         if folder.parent == find_cache():
-            # FMUs are programs: only the user puts any there.
-            folder.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+            _make_private(folder.parent)
         for path in missing:  # each is written in one go: others may build the same
             print(f"building {_name_model(path)}.fmu, once, into {folder}", file=sys.stderr, flush=True)
             build_one(path, folder)
@@ -119,6 +126,15 @@ def _list_folders(root: Path) -> list[Path]:
 
 def _name_model(folder: Path) -> str:
     return folder.name.title().replace("_", "")
+
+
+def _make_private(folder: Path) -> None:
+    """Make the cache; FMUs are programs, and only the user puts any there."""
+    try:
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    except OSError as error:
+        error.add_note(_CACHE_HINT)
+        raise
 
 
 def _compute_key(package: Path) -> str:
