@@ -6,7 +6,6 @@ from ..control.commander import DEFAULT_ALGORITHM_1
 from ..cosim.ssv import read_parameters
 from ..mechanism.parameters import load
 from ..mechanism.workspace import STEP
-from ..product.files import find_product
 from ..theory.loop import loop_at
 from .analysis import AnalysisOptions
 from .figures.table2.closed_form import ORIENTATIONS
@@ -21,7 +20,7 @@ def findings(options: AnalysisOptions) -> list[Finding]:
     ------
     OSError: a parameter file of the system is missing.
     """
-    folder = find_product().system / "parameters"
+    folder = options.system.parent / "parameters"
     damping = read_parameters(folder / "large_damping.ssv")["plant.fine_leg_1.damping"]
     delay = read_parameters(folder / "delay_20ms.ssv")["isolator.delay"]
     p, lighter = load(bus="OSM"), load(bus="LSM")
