@@ -11,7 +11,7 @@ export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 export MPLBACKEND := Agg
 
-.PHONY: run test fmus launcher importers basilisk verify bench lint clean
+.PHONY: run test dist fmus launcher pythons importers basilisk verify bench lint clean
 .DELETE_ON_ERROR:
 
 run: fmus  ## the default scenario: isolation at the nominal orientation, passive then active
@@ -20,12 +20,30 @@ run: fmus  ## the default scenario: isolation at the nominal orientation, passiv
 test: lint fmus  ## what the continuous integration runs, on all processors; ARGS="-n 0 ..." on one
 	$(BIN)/python -m pytest -n auto --dist loadfile $(ARGS)
 
+dist: fmus  ## wheel, sdist and FMUs in dist, with their SHA-256
+	rm -rf dist
+	$(BIN)/python -m build --no-isolation --outdir dist .
+	mkdir dist/fmus
+	cp build/fmus/*.fmu dist/fmus
+	cd dist && sha256sum *.whl *.tar.gz fmus/*.fmu >SHA256SUMS
+
 fmus: build/fmus/.built  ## the FMUs in build/fmus
 
 launcher: .venv/.installed  ## what is compiled in the package, made again: the same bytes from the same sources
 	$(BIN)/python -m ps_fmu.slavekit.launcher.compile
 	$(BIN)/python -m ps_fmu.fmucheck.host.compile
 	$(BIN)/python -m ps_fmu.cosim.native
+
+pythons: .venv/.installed  ## the other versions of Python that this machine has, for the tests (0.5 GB each)
+	@for version in 3.11 3.12 3.13; do \
+		[ -e $(BIN)/python$$version ] && continue; \
+		for python in python$$version "$$(pyenv root 2>/dev/null)"/versions/$$version.*/bin/python ''; do \
+			[ -z "$$python" ] || "$$python" -c '' 2>/dev/null && break; \
+		done; \
+		if [ -z "$$python" ]; then echo "There is no Python $$version here."; continue; fi; \
+		"$$python" -m venv .venv-$$version && .venv-$$version/bin/python -m pip install --quiet \
+			--disable-pip-version-check -c constraints.txt -e '.[notebook]' || exit 1; \
+	done
 
 importers: .venv-importers/.installed  ## tools that cannot share .venv, for the tests (0.9 GB)
 
@@ -43,7 +61,7 @@ lint: .venv/.installed
 	$(BIN)/mypy
 
 clean:
-	rm -rf build dist results .venv .venv-importers .venv-basilisk .mypy_cache .pytest_cache .ruff_cache .hypothesis src/*.egg-info
+	rm -rf build dist results .venv .venv-* .mypy_cache .pytest_cache .ruff_cache .hypothesis src/*.egg-info
 
 build/fmus/.built: .venv/.installed $(FMU_SOURCES)
 	$(BIN)/ps-fmu build --output build/fmus

@@ -11,8 +11,9 @@ import shutil
 import tempfile
 from pathlib import Path
 
+from ps_fmu.product.files import find_product
 from ps_fmu.slavekit.pack import zip_writer as archive
-from ps_fmu.slavekit.pack.build import build_one, find_default_fmus, find_folders
+from ps_fmu.slavekit.pack.build import build_one, find_folders
 
 _SUBCLASS = '''
 
@@ -80,7 +81,7 @@ class Probe(Slave):
 
 def build_stock(output: Path) -> dict[str, Path]:
     """Build our four slaves with stock accessors into ``output``; model name of ours -> FMU."""
-    return {_model(folder): _stock(_build(folder, output, _SUBCLASS)) for folder in find_folders(find_default_fmus())}
+    return {_model(folder): _stock(_build(folder, output, _SUBCLASS)) for folder in find_folders(find_product().fmus)}
 
 
 def build_probes(output: Path) -> tuple[Path, Path]:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from ps_fmu import cli
+from ps_fmu import cli, run_command
 from ps_fmu.cli import main
 from ps_fmu.slavekit.pack import build
 
@@ -30,6 +30,15 @@ def test_ctrl_c(monkeypatch, capsys):
     assert capsys.readouterr().err == "ps-fmu: interrupted\n"
 
 
+def test_ctrl_c_while_the_scenarios_are_imported(monkeypatch, capsys):
+    def interrupted():
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(run_command, "find_all_scenarios", interrupted)
+    assert main(["run", "--help"]) == 130
+    assert capsys.readouterr().err == "ps-fmu: interrupted\n"
+
+
 @pytest.mark.parametrize(
     ("arguments", "code", "text"),
     [
@@ -39,6 +48,8 @@ def test_ctrl_c(monkeypatch, capsys):
         (["analyse", "workspace", "--output", "file"], 2, "analyse workspace: --output: cannot write in file"),
         (["analyse", "jitter", "--seed", "-1", "--system", str(SYSTEM)], 2, "analyse jitter: --seed: expected a whole"),
         (["crosscheck", "--references", "file"], 1, "file: no folder below it"),
+        (["ssp", "--output", "a.ssp", "--system", "none.ssd"], 1, "none.ssd: there is no system description"),
+        (["parameters", "none.toml", "--output", "a.ssv"], 1, "none.toml"),
     ],
 )
 def test_arguments_that_cannot_be_used(tmp_path, monkeypatch, capsys, arguments, code, text):
@@ -57,3 +68,15 @@ def test_an_ssp_that_cannot_be_written(tmp_path, monkeypatch, capsys, built_fmus
     assert capsys.readouterr().err.startswith("ps-fmu ssp: ")
     assert sorted(os.listdir()) == ["folder", "pipe"]
     assert Path("pipe").is_fifo()
+
+
+def test_commands_find_system_and_fmus_from_any_folder(tmp_path, monkeypatch, capsys, built_fmus):
+    monkeypatch.chdir(tmp_path)
+    assert main(["ssp", "--output", "own.ssp"]) == 0
+    assert main(["ssp", "--output", "told.ssp", "--system", str(SYSTEM), "--fmus", str(built_fmus)]) == 0
+    assert Path("own.ssp").read_bytes() == Path("told.ssp").read_bytes()
+    assert main(["ssp", "--output", "named.ssp", "--system", "VoiceCoils.ssd", "--parameters", "coils_ideal.ssv"]) == 0
+    assert main(["parameters", "small_satellite.toml", "--output", "mine.ssv"]) == 0
+    assert main(["parameters", "--list", "--system", "VoiceCoils.ssd"]) == 0
+    assert "coils." in capsys.readouterr().out
+    assert sorted(os.listdir()) == ["mine.ssv", "named.ssp", "own.ssp", "told.ssp"]

@@ -9,6 +9,8 @@ from pathlib import Path
 
 from . import trades
 from .paper.analysis import Analysis, AnalysisOptions, find_analyses_in, find_figure_analyses, import_and_call
+from .product.files import find_file, find_product
+from .runs.built_fmus import find_built_folder
 from .terminal import reason
 
 
@@ -25,11 +27,12 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     analyse = commands.add_parser("analyse", help="the paper's numbers and figures, recomputed; design trades")
     names = analyse.add_subparsers(title="analyses", required=True, metavar="NAME", dest="analysis")
     default = "default: %(default)s"
+    fmus = "folder of the built FMUs (default: those of ps_fmu, built if they are not)"
     for name, analysis in find_analyses().items():
         parser = names.add_parser(name, help=analysis.about, description=analysis.about)
         parser.add_argument("--output", type=Path, metavar="DIR", help=f"folder of the results (results/{name})")
-        parser.add_argument("--fmus", type=Path, default=AnalysisOptions.fmus, metavar="DIR", help=default)
-        parser.add_argument("--system", type=Path, default=analysis.system, metavar="F.ssd", help=default)
+        parser.add_argument("--fmus", type=Path, metavar="DIR", help=fmus)
+        parser.add_argument("--system", type=Path, metavar="F.ssd", help=f"default: {analysis.system} of ps_fmu")
         parser.add_argument("--seed", type=int, default=AnalysisOptions.seed, metavar="N", help=default)
         parser.set_defaults(run=run)
 
@@ -45,13 +48,14 @@ def run(arguments: argparse.Namespace) -> int:
     analysis = find_analyses()[name]
     output = arguments.output if arguments.output is not None else Path("results", name)
     try:
+        product = find_product()
+        system = product.system / analysis.system if arguments.system is None else find_file(arguments.system)
+        fmus = find_built_folder() if arguments.fmus is None else arguments.fmus
         if analysis.needs_fmus:
-            check_sources(arguments.system)
+            check_sources(system)
         claim_folder(output)
         progress = sys.stderr is not None and sys.stderr.isatty()
-        result = analysis.analyse(
-            AnalysisOptions(output, arguments.fmus, arguments.system, arguments.seed, progress)
-        )
+        result = analysis.analyse(AnalysisOptions(output, fmus, system, arguments.seed, progress))
         result.write(output)
     except OptionError as error:
         print(f"ps-fmu analyse {name}: {error}", file=sys.stderr)

@@ -8,16 +8,22 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
+from . import __version__
 from .analyse_command import add_parser as add_analyse
 from .paper.identification.identify_command import add_parser as add_identify
+from .product.files import find_file, find_product
+from .runs.built_fmus import find_built_folder, provide_fmus
 from .terminal import reason, run_command
 
 EXIT_OK = 0
 EXIT_FAILED = 1  # argparse exits with 2 on arguments that it does not understand
 EXIT_INTERRUPTED = 130
+
+_DEFAULT_SYSTEM = "SystemStructure.ssd"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -26,8 +32,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _command(arguments: Sequence[str] | None) -> int:
-    options = parser().parse_args(arguments)
     try:
+        options = parser().parse_args(arguments)
         code: int = options.run(options)
         return code
     except KeyboardInterrupt:
@@ -38,7 +44,11 @@ def _command(arguments: Sequence[str] | None) -> int:
 def parser() -> argparse.ArgumentParser:
     """The command line's grammar."""
     top = argparse.ArgumentParser(prog="ps-fmu", description="FMUs of a pointing manipulator.")
-    commands = top.add_subparsers(title="commands", required=True, metavar="COMMAND")
+    top.add_argument("--version", action="version", version=f"ps-fmu {__version__}")
+    commands: argparse._SubParsersAction[Any] = top.add_subparsers(
+        title="commands", required=True, metavar="COMMAND", parser_class=_LazyParser
+    )
+    _add_run(commands)
     _add_build(commands)
     _add_wrap(commands)
     _add_check(commands)
@@ -50,12 +60,40 @@ def parser() -> argparse.ArgumentParser:
     return top
 
 
+class _LazyParser(argparse.ArgumentParser):
+    """A parser of a subcommand that may get its arguments when it is first used.
+
+    For arguments that are known only after long imports, which the other subcommands do without.
+    """
+
+    fill: Callable[[argparse.ArgumentParser], None] | None = None
+
+    def parse_known_args(self, *arguments: Any, **options: Any) -> Any:
+        """As that of the class above, with the arguments that ``fill`` adds."""
+        fill, self.fill = self.fill, None
+        if fill is not None:
+            fill(self)
+        return super().parse_known_args(*arguments, **options)
+
+
+def _add_run(commands: argparse._SubParsersAction[_LazyParser]) -> None:
+    run = commands.add_parser("run", help="run a scenario of the whole system")
+
+    def fill(parser: argparse.ArgumentParser) -> None:
+        from . import run_command as command
+
+        command.add_arguments(parser, command.find_all_scenarios())
+        parser.set_defaults(run=lambda arguments: command.run(arguments, parser))
+
+    run.fill = fill
+
+
 def _add_build(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     build = commands.add_parser(
         "build",
         help="build FMUs from Python slaves",
-        description="Build an FMU from a script with a pythonfmu.Fmi2Slave, or without a script the FMUs of this "
-        "checkout.  This runs the code of the slave.",
+        description="Build an FMU from a script with a pythonfmu.Fmi2Slave, or without a script the FMUs of ps_fmu.  "
+        "This runs the code of the slave.",
     )
     build.add_argument("script", type=Path, nargs="?", metavar="SLAVE.py", help="modules beside it go with it")
     build.add_argument("files", type=Path, nargs="*", metavar="FILE", help="other files and folders that it needs")
@@ -63,10 +101,10 @@ def _add_build(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         "--output", type=Path, metavar="DIR", help="default: build/fmus, for a script the current folder"
     )
     build.add_argument(
-        "--only", action="append", default=[], metavar="NAME", help="folder in fmus/; may be repeated"
+        "--only", action="append", default=[], metavar="NAME", help="one of their folders; may be repeated"
     )
     build.add_argument(
-        "--fmus", type=Path, metavar="DIR", help="folder of the sources (default: fmus/ of the checkout)"
+        "--fmus", type=Path, metavar="DIR", help="folder of the sources (default: those of ps_fmu)"
     )
     _add_python_options(build)
     build.set_defaults(run=_build)
@@ -85,7 +123,7 @@ def _add_python_options(parser: argparse.ArgumentParser) -> None:
 
 
 def _build(options: argparse.Namespace) -> int:
-    from .slavekit.pack.build import BuildError, build_one, find_default_fmus, find_folders
+    from .slavekit.pack.build import BuildError, build_one, find_folders
     from .slavekit.pack.from_source import build_script
 
     python = {"interpreter": options.interpreter, "bundled": options.bundle}
@@ -95,7 +133,7 @@ def _build(options: argparse.Namespace) -> int:
                 raise BuildError("a script and --only or --fmus exclude each other")
             _print_fmu(*build_script(options.script, options.files, options.output or Path(), **python))
             return EXIT_OK
-        for folder in find_folders(options.fmus or find_default_fmus(), options.only):
+        for folder in find_folders(options.fmus or find_product().fmus, options.only):
             _print_fmu(build_one(folder, options.output or Path("build/fmus"), **python))
     except (BuildError, OSError) as error:
         print(f"ps-fmu build: {reason(error)}", file=sys.stderr)
@@ -164,16 +202,7 @@ def _add_ssp(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
         description="Write wiring, FMUs and start values into one SSP 1.0 archive for other simulators.",
     )
     ssp.add_argument("--output", type=Path, required=True, metavar="FILE.ssp")
-    ssp.add_argument(
-        "--system",
-        type=Path,
-        default=Path("system/SystemStructure.ssd"),
-        metavar="FILE.ssd",
-        help="default: %(default)s",
-    )
-    ssp.add_argument(
-        "--fmus", type=Path, default=Path("build/fmus"), metavar="DIR", help="the built FMUs (default: %(default)s)"
-    )
+    _add_system_options(ssp)
     ssp.add_argument(
         "--parameters",
         type=Path,
@@ -186,16 +215,48 @@ def _add_ssp(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
     ssp.set_defaults(run=_ssp)
 
 
+def _add_system_options(command: argparse.ArgumentParser) -> None:
+    command.add_argument(
+        "--system",
+        type=Path,
+        metavar="FILE.ssd",
+        help="system description: yours, or one of ps_fmu by its name, as ps-fmu run --help lists them "
+        f"(default: {_DEFAULT_SYSTEM})",
+    )
+    _add_fmus_option(command)
+
+
+def _add_fmus_option(command: argparse.ArgumentParser) -> None:
+    command.add_argument(
+        "--fmus", type=Path, metavar="DIR", help="the built FMUs (default: those of ps_fmu, built if they are not)"
+    )
+
+
+def _find_system(options: argparse.Namespace) -> tuple[Path, Path]:
+    """System description and folder of the built FMUs.  Raises BuildError, CosimError, OSError."""
+    given = options.system
+    system = find_product().system / _DEFAULT_SYSTEM if given is None else find_file(given)
+    return system, options.fmus or _provide(system)
+
+
+def _provide(system: Path | None = None) -> Path:
+    """The product's FMUs, built if they are not: the folder."""
+    folder = find_built_folder()
+    provide_fmus(folder, system)
+    return folder
+
+
 def _ssp(options: argparse.Namespace) -> int:
     from .cosim import CosimError, read_parameters, read_system, write_ssp
+    from .slavekit.pack.build import BuildError
 
     try:
-        system = read_system(options.system, options.fmus)
-        for path in options.parameters:
+        system = read_system(*_find_system(options))
+        for path in map(find_file, options.parameters):
             system = system.with_parameters(read_parameters(path))
         write_ssp(system, options.output)
         print(f"{options.output}  {options.output.stat().st_size / 1e3:.0f} kB")
-    except (CosimError, OSError) as error:
+    except (BuildError, CosimError, OSError) as error:
         print(f"ps-fmu ssp: {reason(error)}", file=sys.stderr)
         return EXIT_FAILED
     return EXIT_OK
@@ -215,16 +276,7 @@ def _add_parameters(commands: argparse._SubParsersAction[argparse.ArgumentParser
         "--list", action="store_true", help="write nothing; list name, start value, unit and description of all values"
     )
     command.add_argument("--bus", metavar="NAME", help="which [bus.NAME] (default: the file's own [bus], or else OSM)")
-    command.add_argument(
-        "--system",
-        type=Path,
-        default=Path("system/SystemStructure.ssd"),
-        metavar="FILE.ssd",
-        help="default: %(default)s",
-    )
-    command.add_argument(
-        "--fmus", type=Path, default=Path("build/fmus"), metavar="DIR", help="the built FMUs (default: %(default)s)"
-    )
+    _add_system_options(command)
     command.add_argument("--all", action="store_true", help="write also what the FMUs start with anyway")
     command.set_defaults(run=_parameters, refuse=command.error)
 
@@ -237,13 +289,13 @@ def _parameters(options: argparse.Namespace) -> int:
 
     if options.list == (options.instrument is not None) or options.list == (options.output is not None):
         options.refuse("expected INSTRUMENT.toml and --output FILE.ssv, or --list without them")
-    system = options.system, options.fmus
     try:
-        lines = (
-            list_start_values(*system)
-            if options.list
-            else write_start_values(options.instrument, options.output, *system, options.bus, everything=options.all)
-        )
+        system = _find_system(options)
+        if options.list:
+            lines = list_start_values(*system)
+        else:
+            instrument = find_file(options.instrument)
+            lines = write_start_values(instrument, options.output, *system, options.bus, everything=options.all)
         print(*lines, sep="\n")
     except ParameterError as error:
         print(f"ps-fmu parameters: {options.instrument}: {error}", file=sys.stderr)
@@ -260,15 +312,12 @@ def _add_crosscheck(commands: argparse._SubParsersAction[argparse.ArgumentParser
         help="compare the FMUs with their reference runs",
         description="Run each FMU with its inputs and options (FMI cross-check rules 4.1) and compare.",
     )
-    crosscheck.add_argument(
-        "--fmus", type=Path, default=Path("build/fmus"), metavar="DIR", help="the built FMUs (default: %(default)s)"
-    )
+    _add_fmus_option(crosscheck)
     crosscheck.add_argument(
         "--references",
         type=Path,
-        default=Path("fmus"),
         metavar="DIR",
-        help="folder whose folders hold <Model>_ref.opt (default: %(default)s)",
+        help="folder whose folders hold <Model>_ref.opt (default: the sources of ps_fmu)",
     )
     instead = crosscheck.add_mutually_exclusive_group()
     instead.add_argument("--write", action="store_true", help="write new reference solutions instead")
@@ -284,11 +333,16 @@ def _add_crosscheck(commands: argparse._SubParsersAction[argparse.ArgumentParser
 def _crosscheck(options: argparse.Namespace) -> int:
     from .fmucheck import crosscheck
     from .fmucheck.submission import complies, write_submission
+    from .slavekit.pack.build import BuildError
 
     failed = False
     try:
-        for reference in crosscheck.find_references(options.references):
-            fmu = options.fmus / f"{reference.model}.fmu"
+        if options.write and options.references is None and not find_product().in_checkout:
+            raise BuildError("--write: say with --references where to write")
+        references = crosscheck.find_references(options.references or find_product().fmus)
+        fmus = options.fmus or _provide()
+        for reference in references:
+            fmu = fmus / f"{reference.model}.fmu"
             result = crosscheck.simulate(fmu, reference)
             if options.write:
                 crosscheck.write_signals(reference.results, result)
@@ -304,7 +358,7 @@ def _crosscheck(options: argparse.Namespace) -> int:
                 folder = write_submission(reference, fmu, options.output)
                 remark = "" if complies(folder) else "  (needs a Python: see notCompliantWithLatestRules in it)"
                 print(f"{folder}{remark}", flush=True)
-    except (crosscheck.CrossCheckError, OSError) as error:
+    except (crosscheck.CrossCheckError, BuildError, OSError) as error:
         print(f"ps-fmu crosscheck: {reason(error)}", file=sys.stderr)
         return EXIT_FAILED
     return EXIT_FAILED if failed else EXIT_OK

@@ -1,16 +1,19 @@
 """What stands in the way of a co-simulation is said before anything is built or written."""
 
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
+from ps_fmu import analyse_command
 from ps_fmu.analyse_command import find_analyses
 from ps_fmu.cli import main
 from ps_fmu.paper import cosimulation
 from ps_fmu.paper.analysis import AnalysisOptions
 from ps_fmu.paper.figures import table2
+from ps_fmu.product import files
 from ps_fmu.runs.options import OptionError
-from ps_fmu.slavekit.pack import build
 
 CHECKOUT = Path(__file__).parents[2]
 CO_SIMULATED = [name for name, analysis in find_analyses().items() if analysis.needs_fmus]
@@ -19,23 +22,43 @@ CO_SIMULATED = [name for name, analysis in find_analyses().items() if analysis.n
 @pytest.fixture
 def no_build(monkeypatch):
     """Building the FMUs fails the test."""
-    monkeypatch.setattr(cosimulation, "ensure_built", lambda folder, root: pytest.fail("FMUs were built"))
+    monkeypatch.setattr(cosimulation, "provide_fmus", lambda folder, system: pytest.fail("FMUs were built"))
 
 
 @pytest.mark.parametrize("name", CO_SIMULATED)
-def test_from_another_folder_a_hint_and_nothing_left_behind(name, no_build, tmp_path, monkeypatch, capsys):
+def test_a_system_that_is_not_there_is_said_and_nothing_left_behind(name, no_build, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    assert main(["analyse", name]) != 0
+    assert main(["analyse", name, "--system", "none.ssd"]) == 2
     said = capsys.readouterr().err
-    system = find_analyses()[name].system
-    assert f"there is no system description {system}" in said
-    assert f"work in {CHECKOUT}, or give --system {CHECKOUT / system}" in said
+    assert "--system: there is no system description none.ssd" in said
+    assert f"those of ps_fmu are in {CHECKOUT / 'system'}" in said
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("name", CO_SIMULATED)
+def test_from_another_folder_the_own_system_and_fmus_are_taken(name, tmp_path, monkeypatch):
+    """The analysis itself is replaced: it keeps what it was given."""
+    given = []
+
+    def analyse(options):
+        given.append(options)
+        return SimpleNamespace(write=lambda folder: None, to_text=lambda: "")
+
+    analyses = {name: replace(found, analyse=analyse) for name, found in find_analyses().items()}
+    monkeypatch.setattr(analyse_command, "find_analyses", lambda: analyses)
+    monkeypatch.chdir(tmp_path)
+    assert main(["analyse", name]) == 0
+    (options,) = given
+    assert options.system == CHECKOUT / "system" / analyses[name].system
+    assert options.system.is_file()
+    assert options.fmus == CHECKOUT / "build" / "fmus"
+    assert options.output == Path("results", name)
 
 
 def test_without_the_sources_of_the_fmus(no_build, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(build, "PACKAGE", tmp_path / "site-packages" / "src" / "ps_fmu")
+    alone = tmp_path / "site-packages" / "ps_fmu" / "product"
+    monkeypatch.setattr(files.find_product, "__defaults__", (alone,))
     assert main(["analyse", "trajectories"]) != 0
     assert "the FMUs' sources" in capsys.readouterr().err
     assert not list(tmp_path.iterdir())
@@ -50,7 +73,7 @@ def test_an_output_that_cannot_be_used_is_said_before_fmus_are_built(no_build, t
 
 
 def test_runs_of_an_interrupted_analysis_are_not_among_those_of_the_next(tmp_path, monkeypatch):
-    monkeypatch.setattr(cosimulation, "ensure_built", lambda folder, root: [])
+    monkeypatch.setattr(cosimulation, "provide_fmus", lambda folder, system: None)
     options = AnalysisOptions(tmp_path, tmp_path / "fmus", CHECKOUT / "system" / "SystemStructure.ssd", progress=False)
     with pytest.raises(KeyboardInterrupt), cosimulation.hold_run(options, table2.SCENARIO) as run:
         (run.output / "results.nc").write_text("interrupted")

@@ -55,6 +55,12 @@ BASILISK = Importer(
     "Basilisk", "bsk", "the manipulator on a simulated spacecraft", "make basilisk", ROOT / ".venv-basilisk"
 )
 """Another one that may be missing."""
+PYTHONS = {
+    minor: Importer(f"Python 3.{minor}", "ps-fmu", "the installed wheel", "make pythons", ROOT / f".venv-3.{minor}")
+    for minor in (11, 12, 13)
+    if minor != sys.version_info.minor
+}
+"""The other versions of Python, by their minor number: they may be missing, too."""
 
 wanted: dict[str, Importer] = {}
 """Those that tests of this process have asked for."""
@@ -81,6 +87,14 @@ def python_with_basilisk() -> Path:
     if BASILISK.version is None:
         pytest.skip(f"{BASILISK.name} is not installed: {BASILISK.install}")
     return BASILISK.interpreter
+
+
+def other_python(minor: int) -> Path:
+    """Python 3.``minor``.  Skips the test if its environment is not there; the end of the test run then says so."""
+    python = wanted[f"Python 3.{minor}"] = PYTHONS[minor]
+    if python.version is None:
+        pytest.skip(f"{python.name} has no environment: {python.install}")
+    return python.interpreter
 
 
 def summary() -> list[str]:

@@ -6,7 +6,9 @@ from pathlib import Path
 
 import pytest
 
+from ps_fmu import cli, run_command
 from ps_fmu.cosim.errors import UsageError
+from ps_fmu.product import files
 from ps_fmu.runs.options import OptionError
 
 RUN = Path(__file__).parents[2] / "system" / "run.py"
@@ -19,12 +21,12 @@ def run(tmp_path, monkeypatch):
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(module, "ensure_built", lambda folder, root: [])
+    monkeypatch.setattr(run_command, "provide_fmus", lambda folder, system: None)
     return module
 
 
 @pytest.fixture
-def scenario(run, monkeypatch):
+def scenario(monkeypatch):
     """Replaces the scenario by a function of the options; returns the options it was called with."""
 
     def replace_by(function):
@@ -34,9 +36,9 @@ def scenario(run, monkeypatch):
             called.append(options)
             function(options)
 
-        found = run.find_scenarios(run.scenarios, run.figures)
+        found = run_command.find_all_scenarios()
         replaced = {name: replace(scenario, run=scenario_run) for name, scenario in found.items()}
-        monkeypatch.setattr(run, "find_scenarios", lambda *packages: replaced)
+        monkeypatch.setattr(run_command, "find_all_scenarios", lambda: replaced)
         return called
 
     return replace_by
@@ -134,3 +136,51 @@ def test_a_mistake_in_the_program_is_not_hidden(run, scenario):
     scenario(mistaken)
     with pytest.raises(TypeError, match="a mistake"):
         run.main([])
+
+
+def run_to_the_end(started, arguments):
+    """The exit code, however it is given."""
+    try:
+        return started(arguments)
+    except SystemExit as ended:
+        return ended.code
+
+
+def test_ps_fmu_run_is_the_same_under_its_own_name(run, scenario, tmp_path, capsys):
+    called = scenario(lambda options: None)
+    arguments = ["slew", "--duration", "9", "--seed", "5", "--output", "out"]
+    assert run.main(arguments) == cli.main(["run", *arguments]) == 0
+    assert called[0] == called[1]
+    assert cli.main(["run", "--step", "0"]) == 2
+    assert "ps-fmu run: error: --step: expected a time above 0 s" in capsys.readouterr().err
+
+
+def test_files_of_the_product_are_found_by_name_from_any_folder(run, scenario, tmp_path):
+    called = scenario(lambda options: None)
+    named = ["exact_payload.ssv", "parameters/rigid.ssv", "system/parameters/LSM.ssv"]
+    assert run.main(["--system", "LineOfSight.ssd", "--parameters", *named]) == 0
+    assert called[0].system == RUN.with_name("LineOfSight.ssd")
+    parameters = RUN.parent / "parameters"
+    assert called[0].parameters == tuple(parameters / Path(name).name for name in named)
+    (tmp_path / "rigid.ssv").write_text("")
+    assert run.main(["--parameters", "rigid.ssv"]) == 0
+    assert called[1].parameters == (Path("rigid.ssv"),)
+    assert called[1].system.read_bytes() == RUN.with_name("SystemStructure.ssd").read_bytes()
+
+
+def test_the_help_names_scenarios_and_files(run, capsys):
+    for started in (run.main, lambda arguments: cli.main(["run", *arguments])):
+        assert run_to_the_end(started, ["--help"]) == 0
+        said = capsys.readouterr().out
+        assert "  isolation     what the isolator does at one orientation" in said
+        assert "\n  exact_payload.ssv\n" in said
+
+
+def test_a_package_without_the_sources_of_the_fmus_says_so(run, scenario, tmp_path, monkeypatch, capsys):
+    called = scenario(lambda options: None)
+    monkeypatch.setattr(files.find_product, "__defaults__", (tmp_path / "ps_fmu" / "product",))
+    assert run.main([]) == cli.main(["run"]) == 1
+    assert called == []
+    said = capsys.readouterr().err.splitlines()
+    assert said[0].startswith("run.py: the FMUs' sources are not there: ")
+    assert said[1].startswith("ps-fmu run: the FMUs' sources are not there: ")

@@ -65,6 +65,23 @@ def read_system(path: Path, resources: Path | None = None) -> System:
     return _Reader(ssd, resources).read()
 
 
+def list_fmu_files(path: Path) -> set[str]:
+    """File names of the FMUs that an ``.ssd`` file, or that of a folder, names, whether they are there or not.
+
+    Raises :class:`SystemFileError`: it is not there, or no XML that is read here.
+    """
+    ssd = path / SSD_NAME if path.is_dir() else path
+    if not ssd.is_file():
+        raise SystemFileError(path, f"there is no system description {ssd.name} here")
+    waiting, found = [read_xml(ssd)], set()
+    while waiting:
+        element = waiting.pop()
+        waiting += element.children
+        if element.tag == "ssd:Component":
+            found.add(PurePosixPath(element.attributes.get("source", "")).name)
+    return found
+
+
 class _Reader:
     """Turns the elements of one SSD into data; every error names the file and the line."""
 

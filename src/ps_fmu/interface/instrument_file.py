@@ -9,7 +9,7 @@ from ..cosim import read_system
 from ..cosim.description import get_unit, read_descriptions, read_start
 from ..cosim.ssp_xml import start_values_xml
 from ..mechanism.instrument import Instrument, read_instrument
-from ..slavekit.pack.build import find_default_fmus
+from ..product.files import find_product
 from ..slavekit.pack.files import write_atomically
 from .physics import find_physics
 from .system_values import list_settable, make_start_values
@@ -32,12 +32,12 @@ def write_start_values(
     ------
     ParameterError: what the file states cannot be used.
     CosimError, BuildError: the system, an FMU, or the sources of the FMUs cannot be used.
-    OSError: ``output`` cannot be written.
+    OSError: ``output`` cannot be written, or the sources of the FMUs are not there.
     """
     instrument = read_instrument(source, bus)
     wired = read_system(system, fmus)
     descriptions = read_descriptions(wired)
-    physics = find_physics(find_default_fmus())
+    physics = find_physics(find_product().fmus)
     values = make_start_values(instrument, wired, descriptions, physics, everything=everything)
     about = f"Made from {source.name} by ps-fmu parameters for {system.name}: change that file, not this one."
     write_atomically(output, start_values_xml(values, about))

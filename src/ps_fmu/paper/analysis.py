@@ -7,17 +7,21 @@ A figure or table of the paper is a module or a package in :mod:`.figures`; what
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib import import_module
 from pathlib import Path
 from pkgutil import iter_modules
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
+from ..product.files import find_product
+from ..runs.built_fmus import find_built_folder
 from . import figures
 
 if TYPE_CHECKING:
     from .analysis_result import AnalysisResult
+
+SYSTEM = "SystemStructure.ssd"
 
 
 @dataclass(frozen=True)
@@ -26,9 +30,9 @@ class AnalysisOptions:
 
     output: Path
     """Folder of the results; it exists."""
-    fmus: Path = Path("build/fmus")
+    fmus: Path = field(default_factory=find_built_folder)
     """Folder of the built FMUs."""
-    system: Path = Path("system/SystemStructure.ssd")
+    system: Path = field(default_factory=lambda: find_product().system / SYSTEM)
     """System structure description."""
     seed: int = 1
     """Seed of the disturbance."""
@@ -48,8 +52,8 @@ class Analysis:
     """See :func:`import_and_call`."""
     needs_fmus: bool = True
     """False: it needs neither FMUs nor a system description."""
-    system: Path = AnalysisOptions.system
-    """System structure description that it runs, unless told otherwise."""
+    system: str = SYSTEM
+    """Name of the product's system structure description that it runs, unless told otherwise."""
 
 
 def import_and_call(module: str, function: str, *args: Any, **options: Any) -> Any:

@@ -1,4 +1,4 @@
-"""The co-simulated system for an analysis, with FMUs that are up to date with their sources in the checkout."""
+"""The co-simulated system for an analysis, with FMUs that are up to date with their sources."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from ..cosim import Column, System, read_system
+from ..product.files import find_product
 from ..results.observers.sampler import SampleObserver
-from ..runs.built_fmus import ensure_built
+from ..runs.built_fmus import provide_fmus
 from ..runs.options import OptionError, RunOptions, Scenario
 from ..runs.output import hold_folder
-from ..slavekit.pack.build import BuildError, find_default_fmus
 from .analysis import AnalysisOptions
 
 
@@ -20,22 +20,12 @@ def check_sources(system: Path) -> None:
 
     Raises
     ------
-    OptionError: there is no system description ``system``; the message says where one is.
-    BuildError: the FMUs' sources are not there, since the package does not run from a checkout.
+    OptionError: there is no system description ``system``; the message says where the product's are.
+    FileNotFoundError: the FMUs' sources are not there, since only the package's modules are.
     """
-    try:
-        checkout = find_default_fmus().parent
-    except BuildError as error:
-        raise BuildError(
-            "the FMUs' sources are not there: this analysis needs ps_fmu to be installed from a checkout with pip's -e"
-        ) from error
+    product = find_product()
     if not system.exists():
-        there = checkout / "system" / system.name
-        if not there.exists():
-            there = checkout / "system" / "SystemStructure.ssd"
-        raise OptionError(
-            f"--system: there is no system description {system}: work in {checkout}, or give --system {there}"
-        )
+        raise OptionError(f"--system: there is no system description {system}; those of ps_fmu are in {product.system}")
 
 
 def load_built_system(options: AnalysisOptions) -> System:
@@ -43,7 +33,7 @@ def load_built_system(options: AnalysisOptions) -> System:
 
     Raises BuildError, CosimError.
     """
-    ensure_built(options.fmus, find_default_fmus().parent)
+    provide_fmus(options.fmus, options.system)
     return read_system(options.system, options.fmus)
 
 
@@ -68,7 +58,7 @@ def hold_run(
         fmus=options.fmus,
         progress=options.progress,
     ).claim_output()
-    ensure_built(options.fmus, find_default_fmus().parent)
+    provide_fmus(options.fmus, options.system)
     with hold_folder(run.output):
         yield run
 

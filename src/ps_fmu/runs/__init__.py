@@ -1,1 +1,1 @@
-"""The product's scenarios: the runs behind system/run.py."""
+"""The product's scenarios: the runs behind ``ps-fmu run``."""

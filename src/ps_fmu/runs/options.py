@@ -1,4 +1,4 @@
-"""Scenarios, and the options of a run: the command line of ``system/run.py`` as checked values."""
+"""Scenarios, and the options of a run: the command line of ``ps-fmu run`` as checked values."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Scenario:
     duration_s: float  # of one run
     step_s: float = 1e-4  # communication step
     storage_step_s: float = 1e-2  # between stored rows; a run of 100 s stored at each step of 1e-4 s takes 0.5 GB
-    system: str = "SystemStructure.ssd"  # name of the system description, beside run.py
+    system: str = "SystemStructure.ssd"  # name of the product's system description
 
 
 @dataclass(frozen=True)

@@ -52,5 +52,5 @@ def run(arguments: argparse.Namespace) -> int:
         print(f"ps-fmu identify: {reason(error)}", file=sys.stderr)
         return 1
     print(analysis.to_text(), f"results in {arguments.output}; the parameter set is {path}", sep="\n")
-    print(f"with the FMUs: python system/run.py --parameters {path.with_suffix('.ssv')}")
+    print(f"with the FMUs: ps-fmu run --parameters {path.with_suffix('.ssv')}")
     return 0

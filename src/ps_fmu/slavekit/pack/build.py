@@ -44,14 +44,6 @@ _NO_TOOL_NEEDED = b'needsExecutionTool="true"', b'needsExecutionTool="false"'
 _GUID = re.compile(rb'guid="[^"]*"')
 
 
-def find_default_fmus() -> Path:
-    """``fmus`` in the checkout that this package runs from.  Raises BuildError if there is none."""
-    folder = PACKAGE.parents[1] / "fmus"
-    if not folder.is_dir():
-        raise BuildError(f"no folder {folder}: say with --fmus where the FMUs' sources are")
-    return folder
-
-
 def find_folders(fmus: Path, only: Iterable[str] = ()) -> list[Path]:
     """The folders ``<name>`` below ``fmus`` that hold a ``<name>.py``; all, or those named.
 
@@ -66,9 +58,12 @@ def find_folders(fmus: Path, only: Iterable[str] = ()) -> list[Path]:
     return [found[name] for name in only] or list(found.values())
 
 
-def build_all(output: Path, fmus: Path | None = None, only: Iterable[str] = (), **variant: Any) -> list[Path]:
-    """Build the FMUs of a checkout into the folder ``output``; their paths.  As :func:`build_one` otherwise."""
-    return [build_one(folder, output, **variant) for folder in find_folders(fmus or find_default_fmus(), only)]
+def build_all(output: Path, fmus: Path, only: Iterable[str] = (), **variant: Any) -> list[Path]:
+    """Build the FMUs whose sources are in the folders of ``fmus`` into the folder ``output``; their paths.
+
+    As :func:`build_one` otherwise.
+    """
+    return [build_one(folder, output, **variant) for folder in find_folders(fmus, only)]
 
 
 def build_one(folder: Path, output: Path, *, interpreter: Path | None = None, bundled: bool = False) -> Path:

@@ -1,7 +1,6 @@
 """Which accelerometer the isolator needs: residual jitter against noise, bias and high-pass corner."""
 
 from functools import partial
-from pathlib import Path
 
 from ...paper.analysis import Analysis, import_and_call
 
@@ -9,5 +8,5 @@ ANALYSIS = Analysis(
     "sensors",
     "residual jitter behind real accelerometers, the best high-pass corner, and what a line-of-sight loop adds",
     partial(import_and_call, f"{__name__}.analysis", "analyse"),
-    system=Path("system/InertialSensors.ssd"),
+    system="InertialSensors.ssd",
 )

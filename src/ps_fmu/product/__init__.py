@@ -1,0 +1,1 @@
+"""The files of the product that are no modules: sources of its FMUs, system descriptions, parameter files."""

@@ -1,0 +1,119 @@
+"""results.nc as xarray datasets: the components of a vector side by side in one variable, with units and names.
+
+xarray is optional (``pip install 'ps-fmu[notebook]'``) and imported when a dataset is made.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from xarray import Dataset
+
+DIMENSIONS = {
+    ("x", "y", "z"): "axis",
+    ("x", "y"): "axis_xy",
+    ("roll", "pitch", "yaw"): "angle",
+    ("w", "x", "y", "z"): "quaternion",
+    ("1", "2", "3"): "number",
+}
+"""Names of the dimensions along which components of these names lie; of others it is ``<variable>_component``."""
+_MEMBER = re.compile(r"(?P<vector>.+)(?:\.(?P<name>[a-z]+)|_(?P<number>\d+))")
+
+
+def list_cases(path: Path) -> list[str]:
+    """Names of the runs in a results.nc, in their order.  Raises OSError if it cannot be read."""
+    import netCDF4
+
+    with netCDF4.Dataset(path) as file:
+        return list(file.groups)
+
+
+def read_case(path: Path, case: str) -> Dataset:
+    """One run of a results.nc, in memory.
+
+    Variables have the dimension ``time`` (coordinate, s) and, where they are vectors, that of :data:`DIMENSIONS`, whose
+    coordinate has the names of the components: ``payload_rotation.sel(axis="x")``.  Their names are those of the FMU's
+    variables; where several FMUs have one of this name, ``component.variable``.  Attributes are ``units`` (as UDUNITS
+    spells them) and ``long_name``, which names the frame; Booleans are of type bool.
+
+    Raises
+    ------
+    OSError: the file cannot be read.
+    KeyError: it has no such run.
+    ModuleNotFoundError: xarray is not installed.
+    """
+    import netCDF4
+
+    try:
+        from xarray import Dataset
+    except ModuleNotFoundError as error:
+        raise ModuleNotFoundError(f"{error}: pip install 'ps-fmu[notebook]'", name=error.name) from error
+    with netCDF4.Dataset(path) as file:
+        if case not in file.groups:
+            raise KeyError(f"{path}: no run {case!r}; there are {', '.join(file.groups) or 'none'}")
+        group = file[case]
+        attributes = {name: file.getncattr(name) for name in file.ncattrs()}
+        attributes |= {name: group.getncattr(name) for name in group.ncattrs()}
+        kinds = {name: (variable.dtype, variable.units) for name, variable in group.variables.items() if name != "time"}
+        vectors = group_components(kinds)
+        short = shorten(vectors)
+        coordinates: dict[str, Any] = {"time": ("time", *_read(group, ["time"]))}
+        coordinates["time"][-1]["axis"] = "T"  # CF Conventions 1.11, section 4
+        variables: dict[str, Any] = {}
+        for vector, members in vectors.items():
+            if len(members) == 1:
+                variables[short[vector]] = ("time", *_read(group, list(members)))
+                continue
+            labels = tuple(members.values())
+            dimension = DIMENSIONS.get(labels, f"{short[vector]}_component")
+            coordinates[dimension] = np.array([int(label) if label.isdigit() else label for label in labels])
+            variables[short[vector]] = (("time", dimension), *_read(group, list(members)))
+    return Dataset(variables, coordinates, attributes)
+
+
+def group_components(kinds: Mapping[str, object]) -> dict[str, dict[str, str]]:
+    """Variables of a run by vector: its name -> names of its variables -> what their components are called.
+
+    ``kinds``: variable -> its type and unit, or whatever must be the same for all components of a vector.
+
+    >>> group_components({"plant.los.x": "m", "plant.los.y": "m", "plant.locked_mass": "kg"})
+    {'plant.los': {'plant.los.x': 'x', 'plant.los.y': 'y'}, 'plant.locked_mass': {'plant.locked_mass': ''}}
+    """
+    found: dict[str, dict[str, str]] = {}
+    for name in kinds:
+        match = _MEMBER.fullmatch(name)
+        if match is not None and "." in match["vector"]:  # the first word is the component of the system
+            found.setdefault(match["vector"], {})[name] = match["name"] or match["number"]
+    vectors = {
+        name: (vector, members)
+        for vector, members in found.items()
+        if len(members) > 1 and len({kinds[name] for name in members}) == 1 and vector not in kinds
+        for name in members
+    }
+    return dict(vectors.get(name, (name, {name: ""})) for name in kinds)
+
+
+def shorten(names: Iterable[str]) -> dict[str, str]:
+    """Names ``component.variable`` -> ``variable``, where only one component and no dimension has it."""
+    short = {name: name.partition(".")[2] or name for name in names}
+    counts = Counter([*short.values(), "time", *DIMENSIONS.values()])
+    return {name: text if counts[text] == 1 else name for name, text in short.items()}
+
+
+def _read(group: Any, names: list[str]) -> tuple[np.ndarray, dict[str, str]]:
+    """Values (rows,) of a variable, or (rows, variables) of several; the attributes that they share."""
+    found = [group[name] for name in names]
+    values = np.stack([np.asarray(variable[:]) for variable in found], axis=-1)
+    if "flag_meanings" in found[0].ncattrs():  # a Boolean
+        values = values.astype(bool)
+    texts = [variable.long_name for variable in found]
+    common = {text.rpartition(", ")[0] or text for text in texts}
+    name = texts[0] if len(texts) == 1 or len(common) > 1 else common.pop()
+    return values[:, 0] if len(names) == 1 else values, {"units": found[0].units, "long_name": name}

@@ -1,0 +1,143 @@
+"""``ps-fmu run SCENARIO``, and the same as ``python system/run.py SCENARIO`` in a checkout.
+
+Exit codes: 0 done, 1 the run failed, 2 an argument cannot be used, 130 interrupted by Ctrl-C or SIGTERM (results so
+far are kept).
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
+from pathlib import Path
+
+from .cosim.errors import CosimError
+from .paper import figures
+from .product.files import find_file, find_product, list_system_files
+from .runs import scenarios
+from .runs.built_fmus import find_built_folder, provide_fmus
+from .runs.options import RESULTS, SCHEMES, OptionError, RunOptions, Scenario
+from .runs.output import hold_folder
+from .runs.registry import find_scenarios
+from .slavekit.pack.build import BuildError
+from .terminal import reason
+
+ABOUT = "Run a scenario of the pointing manipulator: FMUs, wired as a system description (.ssd) says."
+
+
+def find_all_scenarios() -> dict[str, Scenario]:
+    """All scenarios by name: the product's own, then those of the paper's figures."""
+    return find_scenarios(scenarios, figures)
+
+
+def add_arguments(p: argparse.ArgumentParser, found: Mapping[str, Scenario]) -> None:
+    """Add the arguments of a run, and a list of the scenarios ``found`` by name, to a parser."""
+    listing = "\n".join(
+        f"  {name:14}{scenario.about}\n{'':16}--duration {scenario.duration_s:g} --step {scenario.step_s:g} "
+        f"--storage-step {scenario.storage_step_s:g}"
+        for name, scenario in found.items()
+    )
+    p.formatter_class = argparse.RawDescriptionHelpFormatter
+    p.description = ABOUT
+    p.epilog = (
+        f"scenarios and their defaults:\n{listing}\n\n"
+        "files of ps_fmu that --system and --parameters take by name, where no file of yours has it:\n"
+        + "\n".join(f"  {name}" for name in list_system_files())
+    )
+    p.add_argument("scenario", nargs="?", default="isolation", choices=list(found))
+    p.add_argument("--duration", type=float, metavar="S", help="seconds to simulate and judge, per run")
+    p.add_argument("--step", type=float, metavar="S", help="communication step in seconds")
+    p.add_argument("--seed", type=int, default=1, metavar="N", help="seed of the disturbance (%(default)s)")
+    p.add_argument(
+        "--parameters", type=Path, nargs="+", action="extend", default=[], metavar="F.ssv",
+        help="files with other values, by component.parameter; later ones win",
+    )  # fmt: skip
+    p.add_argument(
+        "--apart", nargs="+", action="extend", default=[], metavar="NAME",
+        help="parameters, or beginnings of their names such as isolator.payload, that differ from the plant's on "
+        "purpose: no warning",
+    )  # fmt: skip
+    system = p.add_mutually_exclusive_group()
+    system.add_argument("--ssp", type=Path, metavar="FILE.ssp", help="the system with its FMUs, made by ps-fmu ssp")
+    system.add_argument(
+        "--system", type=Path, metavar="FILE.ssd",
+        help="another system than that of the scenario; FMUs that ps_fmu has not are found by their source",
+    )  # fmt: skip
+    p.add_argument("--output", type=Path, metavar="DIR", help="folder of the results (results/SCENARIO)")
+    p.add_argument("--scheme", choices=SCHEMES, default=SCHEMES[0], help="order of exchange (%(default)s)")
+    p.add_argument("--storage-step", type=float, metavar="S", help="seconds between stored rows")
+
+
+def read_options(scenario: Scenario, arguments: argparse.Namespace) -> RunOptions:
+    """Checked options, with an output folder that can be written.  Raises OptionError."""
+    duration, step, output = arguments.duration, arguments.step, arguments.output
+    own = arguments.ssp or (arguments.system and find_file(arguments.system))
+    return RunOptions(
+        scenario=scenario,
+        system=own or find_product().system / scenario.system,
+        output=output if output is not None else Path("results", scenario.name),
+        duration_s=duration if duration is not None else scenario.duration_s,
+        step_s=step if step is not None else scenario.step_s,
+        seed=arguments.seed,
+        parameters=tuple(map(find_file, arguments.parameters)),
+        apart=tuple(arguments.apart),
+        scheme=arguments.scheme,
+        storage_step_s=arguments.storage_step,
+        fmus=None if arguments.ssp else find_built_folder(),
+        progress=True,
+    ).claim_output()
+
+
+def build_and_run(options: RunOptions) -> None:
+    """Run the scenario of the options; writes the results and prints the table.
+
+    The output folder is held by :func:`ps_fmu.runs.output.hold_folder`.  If the options name a folder of FMUs, the
+    product's are built there first, where they are missing or older than their sources.
+
+    Raises
+    ------
+    OptionError: an option cannot be honoured, as the system shows.
+    BuildError, CosimError, OSError, ValueError: the FMUs cannot be built or run, or results cannot be written.
+    """
+    if options.fmus is not None:
+        provide_fmus(options.fmus, options.system)
+    options.scenario.run(options)
+
+
+def main(arguments: Sequence[str] | None = None, program: str = "run.py") -> int:
+    """Run the scenario that the arguments name; returns the exit code.  ``program``: what it is called in messages."""
+    command_line = argparse.ArgumentParser(prog=program)
+    add_arguments(command_line, find_all_scenarios())
+    return run(command_line.parse_args(arguments), command_line)
+
+
+def run(arguments: argparse.Namespace, command_line: argparse.ArgumentParser) -> int:
+    """Run the scenario of parsed arguments; returns the exit code.  ``command_line``: the parser, for its errors."""
+    program = command_line.prog
+    with ExitStack() as stack:
+        try:
+            options = read_options(find_all_scenarios()[arguments.scenario], arguments)
+            stack.enter_context(hold_folder(options.output))
+        except OptionError as error:
+            command_line.error(str(error))
+        except OSError as error:  # the product's files or the user's home are not there
+            print(f"{program}: {reason(error)}", file=sys.stderr)
+            return 1
+        try:
+            build_and_run(options)
+        except KeyboardInterrupt:
+            return report_end(program, "interrupted", options.output, 130)
+        except OptionError as error:  # one that needs the system to be seen, such as a path that takes longer
+            command_line.error(str(error))
+        except (BuildError, CosimError, OSError, ValueError) as error:
+            return report_end(program, reason(error), options.output, 1)
+    return 0
+
+
+def report_end(program: str, why: str, output: Path, code: int) -> int:
+    """Say why a run ended early and where its results are; returns the exit code."""
+    results = output / RESULTS
+    kept = f"results so far: {results}" if results.is_file() else "nothing was stored"
+    print(f"{program}: {why}\n{program}: {kept}", file=sys.stderr)
+    return code

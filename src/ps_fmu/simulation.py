@@ -1,0 +1,189 @@
+"""A scenario in a few lines of Python, for notebooks and scripts: ``ps_fmu.simulate`` and ``ps_fmu.Result``."""
+
+from __future__ import annotations
+
+import io
+import json
+import shutil
+import tempfile
+import weakref
+from collections.abc import Mapping, Sequence
+from contextlib import redirect_stdout
+from dataclasses import dataclass, field
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from .cosim.ssp_xml import start_values_xml
+from .cosim.structure import Parameter, Value, suggest_names
+from .product.files import find_file, find_product
+from .results.datasets import list_cases, read_case
+from .run_command import build_and_run, find_all_scenarios
+from .runs.built_fmus import find_built_folder
+from .runs.options import REPORT, RESULTS, SCHEMES, SUMMARY, OptionError, RunOptions, claim_folder
+from .runs.output import hold_folder
+from .slavekit.pack.files import write_atomically
+
+if TYPE_CHECKING:
+    from xarray import Dataset
+
+    from .results.history_plot import ShownFigure
+
+PARAMETERS = "parameters.ssv"  # in the output folder
+
+
+def simulate(
+    scenario: str = "isolation",
+    *,
+    duration: float | None = None,
+    step: float | None = None,
+    seed: int = 1,
+    parameters: Mapping[str, Value] | None = None,
+    parameter_files: Sequence[str | PathLike[str]] = (),
+    apart: Sequence[str] = (),
+    system: str | PathLike[str] | None = None,
+    scheme: str = SCHEMES[0],
+    storage_step: float | None = None,
+    output: str | PathLike[str] | None = None,
+    progress: bool = True,
+) -> Result:
+    """Run a scenario as ``ps-fmu run`` does; its results.
+
+    >>> import ps_fmu
+    >>> result = ps_fmu.simulate("isolation", duration=20, parameters={"plant.payload.mass": 60.0})  # doctest: +SKIP
+    >>> result.passive["payload_rotation"].sel(axis="x").std()  # doctest: +SKIP
+
+    Parameters
+    ----------
+    scenario: one of those that ``ps-fmu run --help`` lists.
+    duration, step, storage_step: seconds to simulate, of a communication step, between stored rows; by default those of
+        the scenario.
+    seed: of the disturbance.
+    parameters: start values by ``component.parameter``, in the units of ``ps-fmu parameters --list``; stronger than
+        ``parameter_files``.  They are kept as ``parameters.ssv`` in the output folder.
+    parameter_files: ``.ssv`` files, own ones or those of ps_fmu by their names; later ones win.
+    apart: beginnings of names of parameters that differ from the plant's on purpose: no warning.
+    system: another system than that of the scenario: an ``.ssd`` file, own or of ps_fmu, or an ``.ssp`` archive, which
+        has its FMUs in it.
+    scheme: order of exchange, ``"jacobi"`` or ``"gauss-seidel"``.
+    output: folder to write into, and to keep.  By default one for temporary files, removed with the result.
+    progress: show a progress bar on the error stream.
+
+    Raises
+    ------
+    OptionError: an argument cannot be used; the message names it as on the command line.
+    BuildError, CosimError, OSError, ValueError: the FMUs cannot be built or run, or results cannot be written.
+    """
+    found = find_all_scenarios()
+    if scenario not in found:
+        raise OptionError(f"scenario: there is no {scenario!r}; expected one of {', '.join(found)}")
+    chosen = found[scenario]
+    own = None if system is None else find_file(Path(system))
+    folder = Path(tempfile.mkdtemp(prefix="ps_fmu_") if output is None else output).absolute()
+    try:
+        claim_folder(folder)
+        with hold_folder(folder):
+            files = [find_file(Path(file)) for file in parameter_files]
+            if parameters:
+                files.append(folder / PARAMETERS)
+                write_atomically(files[-1], _make_values_xml(parameters))
+            options = RunOptions(
+                chosen,
+                system=find_product().system / chosen.system if own is None else own,
+                output=folder,
+                duration_s=chosen.duration_s if duration is None else duration,
+                step_s=chosen.step_s if step is None else step,
+                seed=seed,
+                parameters=tuple(files),
+                apart=tuple(apart),
+                scheme=scheme,
+                storage_step_s=storage_step,
+                fmus=None if own is not None and own.suffix.lower() == ".ssp" else find_built_folder(),
+                progress=progress,
+            )
+            with redirect_stdout(io.StringIO()) as printed:
+                build_and_run(options)
+    except BaseException:
+        if output is None:
+            shutil.rmtree(folder, ignore_errors=True)
+        raise
+    result = Result(folder, printed.getvalue())
+    if output is None:
+        weakref.finalize(result, shutil.rmtree, folder, ignore_errors=True)
+    return result
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Result:
+    """What a run left in its output folder, a run of ``ps-fmu run`` as well: ``ps_fmu.Result("results/isolation")``.
+
+    Each case of the scenario is an attribute, an ``xarray.Dataset``: ``result.passive["payload_rotation"]``.  It is
+    read when it is first asked for, and then kept in memory.
+    """
+
+    output: str | PathLike[str]
+    """Folder with results.nc, summary.json, report.html and the figures."""
+    text: str = ""
+    """The table that the scenario prints."""
+    _datasets: dict[str, Dataset] = field(default_factory=dict, init=False)
+
+    def __repr__(self) -> str:
+        return self.text or f"Result({str(self.output)!r})"
+
+    def __getattr__(self, name: str) -> Dataset:
+        if name.startswith("_") or "output" not in self.__dict__:  # as copy and pickle ask, of an empty object
+            raise AttributeError(name)
+        if name not in self.cases:
+            raise AttributeError(f"there is no case {name!r}; there are {', '.join(self.cases)}")
+        return self[name]
+
+    def __getitem__(self, case: str) -> Dataset:
+        """A case as a dataset, see :func:`ps_fmu.results.datasets.read_case`."""
+        if case not in self._datasets:
+            self._datasets[case] = read_case(Path(self.output, RESULTS), case)
+        return self._datasets[case]
+
+    def __dir__(self) -> list[str]:
+        return [*super().__dir__(), *self.cases]
+
+    @property
+    def cases(self) -> list[str]:
+        """Names of the cases, in the order of their runs."""
+        return list_cases(Path(self.output, RESULTS))
+
+    @property
+    def summary(self) -> dict[str, Any]:
+        """What summary.json says: RMS, rejection, parameters, warnings, versions, SHA-256 of the FMUs."""
+        found: dict[str, Any] = json.loads(Path(self.output, SUMMARY).read_text(encoding="utf-8"))
+        return found
+
+    def report(self) -> Path:
+        """Path of the report, an HTML file that needs nothing else."""
+        return Path(self.output, REPORT)
+
+    def plot(self, name: str = "payload_rotation", cases: Sequence[str] | None = None) -> ShownFigure:
+        """Draw a variable of some cases, by default of all that have it, over time, a row per component.
+
+        Returns a matplotlib Figure, which notebooks show.  Raises KeyError if none of the cases has the variable.
+        """
+        from .results.history_plot import plot_histories
+
+        datasets = {case: self[case] for case in (self.cases if cases is None else cases)}
+        signals = {case: dataset[name] for case, dataset in datasets.items() if name in dataset}
+        if not signals:
+            names = sorted({str(known) for dataset in datasets.values() for known in dataset})
+            raise KeyError(f"no case has {name!r}{suggest_names(name, names)}")
+        return plot_histories(signals)
+
+
+def _make_values_xml(values: Mapping[str, Value]) -> bytes:
+    """The parameter file; numpy's scalars are taken as Python's.  Raises OptionError for a value of another type."""
+    entries = {}
+    for name, value in values.items():
+        plain = value.item() if isinstance(value, np.generic) else value
+        if type(plain) not in (bool, int, float, str):
+            raise OptionError(f"parameters: {name}: expected a number, a Boolean or a text, got {value!r}")
+        entries[name] = Parameter(plain, None, PARAMETERS)
+    return start_values_xml(entries, "Made by ps_fmu.simulate.")

@@ -1,0 +1,191 @@
+"""ps_fmu.simulate: a scenario from Python, and its results."""
+
+import copy
+import gc
+import os
+import re
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import ps_fmu
+from ps_fmu import simulation
+from ps_fmu.cosim import CosimError, read_parameters
+from ps_fmu.runs.options import OptionError
+from ps_fmu.simulation import Result, simulate
+
+ROOT = Path(__file__).parents[1]
+SHORT = {"duration": 0.05, "step": 1e-3, "progress": False}
+VALUES = {"plant.payload.mass": 60, "disturbance.noise.enabled": np.True_, "isolator.delay": np.float64(0.002)}
+
+pytestmark = pytest.mark.usefixtures("built_fmus")
+
+
+@pytest.fixture
+def temporary(tmp_path, monkeypatch):
+    """The folder for temporary files, empty."""
+    folder = tmp_path / "temporary"
+    folder.mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(folder))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def result(built_fmus):
+    return ps_fmu.simulate("isolation", parameters=VALUES, **SHORT)
+
+
+@pytest.fixture
+def taken(monkeypatch):
+    """Nothing is run; the options that would have been."""
+    options = []
+    monkeypatch.setattr(simulation, "build_and_run", options.append)
+    return options
+
+
+def test_importing_the_package_loads_nothing_else():
+    code = "import sys; before = set(sys.modules); import ps_fmu; print(sorted(set(sys.modules) - before))"
+    loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert loaded.stdout == "['ps_fmu']\n"
+
+
+def test_it_is_found_in_the_package():
+    assert ps_fmu.simulate is simulate
+    assert ps_fmu.Result is Result
+    with pytest.raises(AttributeError, match="module 'ps_fmu' has no attribute 'simulat'"):
+        _ = ps_fmu.simulat
+
+
+def test_cases_are_datasets(result):
+    assert result.cases == ["passive", "active"]
+    rotation = result.passive["payload_rotation"]
+    assert rotation.sizes == {"time": 51, "axis": 3}
+    assert rotation.attrs["units"] == "rad"
+    assert rotation.attrs["long_name"].endswith("in P")
+    assert (rotation != result.active["payload_rotation"]).any()
+    assert result.passive is result["passive"]  # read once
+    assert {"passive", "active", "plot", "report"} <= set(dir(result))
+
+
+def test_the_numbers_are_those_of_the_summary(result):
+    passive = np.sqrt(np.mean(result.passive["payload_rotation"].values ** 2, axis=0))
+    np.testing.assert_allclose(passive, result.summary["rms_passive_rad"], rtol=1e-12)
+
+
+def test_parameters_arrive(result):
+    stated = result.summary["parameters"]
+    assert (stated["plant.payload.mass"], stated["isolator.delay"]) == (60.0, 0.002)
+    written = read_parameters(result.output / "parameters.ssv")
+    assert dict(written) == {
+        "plant.payload.mass": 60, "disturbance.noise.enabled": True, "isolator.delay": 0.002
+    }  # fmt: skip
+
+
+def test_a_result_shows_the_table(result):
+    assert "rejection (%)" in repr(result)
+    assert repr(Result(Path("there"))) == "Result('there')"
+
+
+def test_the_report_is_a_file(result):
+    assert result.report().read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
+
+
+def test_a_plot_has_a_row_for_each_component_and_a_line_for_each_case(result):
+    figure = result.plot()
+    assert len(figure.axes) == 3
+    assert [[line.get_label() for line in axes.lines] for axes in figure.axes] == [["passive", "active"]] * 3
+    factor = {"rad": 1.0, "mrad": 1e3, "\N{MICRO SIGN}rad": 1e6, "nrad": 1e9, "prad": 1e12}
+    for place, axes in enumerate(figure.axes):
+        name, _, unit = axes.get_ylabel().partition(" ")
+        shown = result.passive["payload_rotation"].sel(axis=name).values * factor[unit.strip("()")]
+        assert name == "xyz"[place]
+        np.testing.assert_allclose(axes.lines[0].get_ydata(), shown, rtol=1e-12)
+    assert figure._repr_png_().startswith(b"\x89PNG")
+    assert len(result.plot("reachable", ["active"]).axes[0].lines) == 1
+
+
+def test_a_variable_that_no_case_has(result):
+    with pytest.raises(KeyError, match=r"no case has 'payload_rotatio'.*payload_rotation"):
+        result.plot("payload_rotatio")
+    with pytest.raises(AttributeError, match="there is no case 'idle'; there are passive, active"):
+        _ = result.idle
+
+
+def test_a_result_can_be_copied(result):
+    assert copy.copy(result).passive is result.passive
+
+
+def test_the_same_call_gives_the_same_numbers_and_a_named_folder_stays(
+    result, tmp_path, temporary, monkeypatch, capsys
+):
+    monkeypatch.chdir(tmp_path)
+    again = simulate(parameters=VALUES, output="mine", **SHORT)
+    assert again.active.identical(result.active)
+    del again
+    assert {"results.nc", "summary.json", "report.html"} < set(os.listdir(tmp_path / "mine"))
+    assert Result("mine").passive.identical(result.passive)
+    assert list(temporary.iterdir()) == []
+    assert capsys.readouterr().out == ""
+
+
+def test_the_lines_of_the_readme_run(tmp_path):
+    """In a process of their own, over a shorter time."""
+    blocks = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(encoding="utf-8"), re.DOTALL)
+    (lines,) = [block for block in blocks if "ps_fmu.simulate" in block]
+    assert "duration=20" in lines
+    check = "\nassert result.active.payload_rotation.sizes['time'] == 51\nassert result.report().is_file()\n"
+    code = lines.replace("duration=20", "duration=0.05") + check
+    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_temporary_results_go_with_the_result(temporary, taken):
+    one = simulate()
+    folder = one.output
+    assert folder.parent == temporary
+    assert folder.is_dir()
+    del one
+    gc.collect()
+    assert not folder.exists()
+
+
+def test_files_and_systems_of_the_product_by_name(taken, built_fmus):
+    simulate("table2", system="VoiceCoils.ssd", parameter_files=["exact_payload.ssv"], parameters=VALUES)
+    (options,) = taken
+    assert options.system == ROOT / "system" / "VoiceCoils.ssd"
+    assert options.parameters[0] == ROOT / "system" / "parameters" / "exact_payload.ssv"
+    assert options.parameters[1] == options.output / "parameters.ssv"  # stronger, since it is the last
+    assert options.fmus == built_fmus
+    assert (options.scenario.name, options.duration_s) == ("table2", options.scenario.duration_s)
+
+
+def test_all_arguments_arrive(taken, tmp_path):
+    named = {"duration": 2.0, "step": 1e-3, "seed": 5, "storage_step": 0.01, "scheme": "gauss-seidel"}
+    simulate("slew", **named, apart=["isolator"], system=tmp_path / "other.ssp", progress=False)
+    (options,) = taken
+    assert (options.duration_s, options.step_s, options.seed, options.storage_step_s) == (2.0, 1e-3, 5, 0.01)
+    assert (options.scheme, options.apart, options.progress) == ("gauss-seidel", ("isolator",), False)
+    assert (options.system, options.fmus) == (tmp_path / "other.ssp", None)  # the archive has its own
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error", "text"),
+    [
+        ({"scenario": "dance"}, OptionError, "scenario: there is no 'dance'; expected one of isolation"),
+        ({"duration": -1}, OptionError, "--duration: expected a time above 0 s"),
+        ({"parameters": {"plant.payload.mass": None}}, OptionError, "plant.payload.mass: expected a number"),
+        ({"parameters": {"plant.payload.weight": 1.0}}, CosimError, r"plant.payload.weight \(.*parameters.ssv, line"),
+        ({"parameters": {"plant.payload.mass": float("nan")}}, CosimError, "expected a finite number"),
+        ({"parameter_files": ["none.ssv"]}, OptionError, "--parameters: there is no file none.ssv"),
+        ({"system": "none.ssd"}, CosimError, "none.ssd: there is no system description"),
+    ],
+)
+def test_what_cannot_be_used_is_said_and_nothing_left_behind(temporary, arguments, error, text):
+    with pytest.raises(error, match=text):
+        simulate(**{**SHORT, **arguments})
+    assert list(temporary.iterdir()) == []
