@@ -125,12 +125,15 @@ class Browser:
 
     def wait_frames(self, count: int = 2) -> None:
         """Let the page draw."""
-        self.evaluate(f"(async () => {{ for (let i = 0; i < {count}; i++) await new Promise(requestAnimationFrame); }})()")
+        self.evaluate(
+            f"(async () => {{ for (let i = 0; i < {count}; i++) await new Promise(requestAnimationFrame); }})()"
+        )
 
     def place(self, selector: str) -> tuple[float, float, float, float]:
         """Left, top, width and height in the window of the first element of a selector, scrolled into view, px."""
         box = self.evaluate(
-            f"(() => {{ const e = document.querySelector({json.dumps(selector)}); e.scrollIntoView({{block: 'center'}});"
+            f"(() => {{ const e = document.querySelector({json.dumps(selector)});"
+            " e.scrollIntoView({block: 'center'});"
             " const b = e.getBoundingClientRect(); return [b.left, b.top, b.width, b.height]; })()"
         )
         left, top, width, height = map(float, box)

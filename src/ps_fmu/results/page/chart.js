@@ -1,6 +1,7 @@
 // A chart of curves over a linked axis, drawn by uPlot from the pyramids of the curves.
 
 const CHART_HEIGHT = 250;
+const PRINT_HEIGHT = 200;
 /** Spans of a curve per pixel of width: more cannot be seen. */
 const SPANS_PER_PIXEL = 1;
 
@@ -15,7 +16,9 @@ class LineChart {
     }));
     this.plotElement = make("div", { class: "plot" });
     this.readout = make("div", { class: "readout" });
-    element.append(make("h3", {}, packed.title), this.readout, this.plotElement);
+    // Ticks of a straight axis carry the unit themselves.
+    const unit = packed.logarithmic ? ` (${prettyUnit(packed.unit)})` : "";
+    element.append(make("h3", {}, packed.title + unit), this.readout, this.plotElement);
     this.plot = new uPlot(this.options(), this.cut(), this.plotElement);
     listenOnChart(this.plot.over, link, (x) => this.plot.posToVal(x, "x"));
   }
@@ -67,7 +70,10 @@ class LineChart {
     };
   }
 
-  get width() { return Math.max(this.printWidth || this.plotElement.clientWidth, 200); }
+  get width() {
+    const printed = this.printWidth && (this.printWidth - 16 * (this.link.columns - 1)) / this.link.columns;
+    return Math.max(printed || this.plotElement.clientWidth, 160);
+  }
 
   /** Range of the vertical axis about what is shown. */
   pad(low, high) {
@@ -122,7 +128,7 @@ class LineChart {
   /** Fit to the element, or to a width in px. */
   resize(printWidth) {
     this.printWidth = printWidth;
-    this.plot.setSize({ width: this.width, height: CHART_HEIGHT });
+    this.plot.setSize({ width: this.width, height: printWidth ? PRINT_HEIGHT : CHART_HEIGHT });
     this.update();
   }
 

@@ -8,7 +8,8 @@ function makeGroup(packed, section, key) {
   });
   link.key = key;
   const grid = section.querySelector(".grid");
-  grid.style.setProperty("--columns", packed.charts.length > 3 && packed.charts.length % 3 === 0 ? 3 : 1);
+  link.columns = packed.charts.length > 3 && packed.charts.length % 3 === 0 ? 3 : 1;
+  grid.style.setProperty("--columns", link.columns);
   link.views = packed.charts.map((chart) => {
     const element = make("div", { class: "chart", tabindex: "0" });
     grid.append(element);

@@ -18,7 +18,7 @@ const theme = {
   },
 };
 
-/** Width of a column of charts on a printed page, px. */
+/** Width of the text on a printed page, A4 with the browser's margins, px. */
 const PRINT_WIDTH = 680;
 
 /** Watch the switch, the system's setting, and the printer; `resize` fits all drawings to a width, or to the page. */
