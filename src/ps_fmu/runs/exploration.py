@@ -3,36 +3,62 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..mechanism.geometry import Geometry
 from ..mechanism.inverse_kinematics import trilaterate
-from ..mechanism.quantities import freeze
 from ..mechanism.rotations import rotation_matrix
 from ..pointing.spectra import cumulative_rms, log_bands
 from ..results.observers.envelope import Envelope
-from ..results.observers.means import Means
+from ..results.observers.means import MeanObserver, Means
 from ..results.observers.scatter import Scatter
 from ..results.page.content import Axis, Chart, ChartGroup, Cloud, CloudGroup, Curve, Exploration, Mechanism, Motion
 from ..results.plots import DECADES, shorten_name
 from .comparison import Comparison, caption_spectra
-from .jitter_record import BASE_POSITION, BASE_ROTATION, ORIENTATION, PAYLOAD_POSITION, ROTATION
+from .jitter_record import ORIENTATION, ROTATION
 from .setup import RunSystem
 
 Array = NDArray[np.float64]
 
 BANDS_PER_DECADE = 2000  # 0.12 %: a line is read to 0.1 Hz at 100 Hz
 TURNS_RAD = 1e-9  # a nominal orientation that changes less than this is drawn as one that stays
-LEGS = tuple(f"{kind}_leg_{k}" for kind in ("coarse", "fine") for k in (1, 2, 3))
+BASE_POSITION, BASE_ROTATION, PAYLOAD_POSITION = (
+    tuple(f"plant.{quantity}.{axis}" for axis in "xyz")
+    for quantity in ("base_position", "base_rotation", "payload_position")
+)
+MOTION = (*ORIENTATION, *BASE_POSITION, *BASE_ROTATION, *PAYLOAD_POSITION, *ROTATION)
+MOTION_BINS = 6000  # instants of the motion that is played, at most: 1 MB in a report with two runs
+READ_ROWS = 100_000  # of results.nc at a time: 12 MB
+HOW_TO_ZOOM = (
+    "Drag across a chart, or use Ctrl and wheel, two fingers, or the buttons to zoom; double click shows everything."
+)
+NOMINAL_POSITION = tuple(f"plant.nominal_translation.{axis}" for axis in "xyz")
+JOINTS = tuple(
+    f"plant.{kind}_leg_{k}.{joint}.{axis}"
+    for joint in ("base_joint", "platform_joint")
+    for kind in ("coarse", "fine")
+    for k in (1, 2, 3)
+    for axis in "xyz"
+)
 
 
-def explore_comparison(comparison: Comparison, system: RunSystem) -> Exploration:
+@dataclass(frozen=True)
+class Column:
+    """A column of results.nc, as observers name it."""
+
+    name: str
+    unit: str
+
+
+def explore_comparison(comparison: Comparison, system: RunSystem, results: Path) -> Exploration:
     """Jitter over time, spectra, image points and the mechanism of an orientation, passive and active.
 
-    The comparison has been made with ``explored``.  Raises :class:`ps_fmu.cosim.UsageError` for a plant without the
-    parameters of the geometry.
+    The comparison has been made with ``explored`` and stored in the file ``results``.  Raises
+    ``OSError`` if that cannot be read.
     """
     passive, active = comparison.passive, comparison.active
     charts = [
@@ -49,8 +75,8 @@ def explore_comparison(comparison: Comparison, system: RunSystem) -> Exploration
         passive.scatter.unit,
         [_make_cloud("passive", passive.scatter), _make_cloud("active", active.scatter)],
     )
-    motions = [(case, record.motion) for case, record in (("passive", passive), ("active", active))]
-    return Exploration(charts, [clouds], show_mechanism(system, [(case, kept) for case, kept in motions if kept]))
+    runs = [(name, outcome.case.name) for name, outcome in zip(("passive", "active"), comparison.outcomes, strict=True)]
+    return Exploration(charts, [clouds], show_mechanism(system, results, runs))
 
 
 def chart_envelopes(
@@ -72,14 +98,17 @@ def chart_envelopes(
     return ChartGroup(title, caption, Axis("time", "s", first.time), charts)
 
 
-def show_mechanism(system: RunSystem, motions: Sequence[tuple[str, Means]]) -> Mechanism | None:
-    """The mechanism of the plant with the motions of some runs; None if there are none.
+def show_mechanism(system: RunSystem, results: Path, runs: Sequence[tuple[str, str]]) -> Mechanism | None:
+    """The mechanism of the plant with the motions of some ``runs``: what the report calls them, group in ``results``.
 
-    Raises :class:`ps_fmu.cosim.UsageError` for a plant without the parameters of the geometry.
+    None for another plant, which has not all the joints as parameters and all the motions as outputs.  Raises
+    ``OSError`` if the file cannot be read.
     """
-    if not motions:
+    known = {f"plant.{variable.name}" for variable in system.descriptions["plant"].modelVariables}
+    if not {*MOTION, *JOINTS, *NOMINAL_POSITION} <= known:
         return None
     geometry = read_geometry(system)
+    motions = [(label, read_motion(results, group)) for label, group in runs]
     time = motions[0][1].time
     between = time[1] - time[0] if len(time) > 1 else 0.0
     return Mechanism(
@@ -97,15 +126,31 @@ def show_mechanism(system: RunSystem, motions: Sequence[tuple[str, Means]]) -> M
 def read_geometry(system: RunSystem) -> Geometry:
     """Joints and nominal position of the plant's payload, as the run starts with them."""
 
-    def read(name: str) -> list[float]:
-        return [system.get_number(f"plant.{name}.{axis}") for axis in "xyz"]
-
+    base, platform = np.array([system.get_number(name) for name in JOINTS]).reshape(2, 6, 3)
     return Geometry(
-        base_joints_B=freeze([read(f"{leg}.base_joint") for leg in LEGS], (6, 3), "base_joints_B"),
-        platform_joints_P=freeze([read(f"{leg}.platform_joint") for leg in LEGS], (6, 3), "platform_joints_P"),
-        nominal_translation_B=freeze(read("nominal_translation"), (3,), "nominal_translation_B"),
-        coarse_stroke=freeze([0.0, 0.0], (2,), "coarse_stroke"),  # the kinematics of a pose does not ask for it
+        base_joints_B=base,
+        platform_joints_P=platform,
+        nominal_translation_B=np.array([system.get_number(name) for name in NOMINAL_POSITION]),
+        coarse_stroke=np.zeros(2),  # the kinematics of a pose does not ask for it
     )
+
+
+def read_motion(results: Path, group: str) -> Means:
+    """Mean motion of base and payload in at most :data:`MOTION_BINS` bins, from the rows of a run in ``results``.
+
+    From the file, which has them filtered to its storage step, and not from each step of the run: observing 15 columns
+    costs 0.7 us a step.  Raises ``OSError`` if the file cannot be read.
+    """
+    import netCDF4
+
+    with netCDF4.Dataset(results) as file:
+        stored = file[group]
+        observer = MeanObserver([Column(name, stored[name].units) for name in MOTION], MOTION, bins=MOTION_BINS // 2)
+        for first in range(0, len(stored["time"]), READ_ROWS):
+            part = slice(first, first + READ_ROWS)
+            rows = np.column_stack([np.asarray(stored[name][part]) for name in MOTION])
+            observer.block(first, np.asarray(stored["time"][part]), rows)
+    return observer.result()
 
 
 def _make_motion(case: str, kept: Means, geometry: Geometry) -> Motion:
@@ -172,6 +217,6 @@ def _chart_spectra(comparison: Comparison) -> Iterator[ChartGroup]:
 def _caption_time(envelope: Envelope) -> str:
     width = envelope.time[1] - envelope.time[0] if len(envelope.time) > 1 else 0.0
     return (
-        f"Smallest and largest value of each {width:.3g} s of the run, from every step: no peak is lost. Drag across a "
-        "chart, or use Ctrl and wheel, two fingers, or the buttons to zoom; double click shows everything."
+        f"Smallest and largest value of each {width:.3g} s of the run, from every step: no peak is lost. "
+        f"{HOW_TO_ZOOM}"
     )

@@ -12,7 +12,6 @@ from ..results.observers.arrival import LastRow
 from ..results.observers.drift import DriftObserver
 from ..results.observers.envelope import Envelope, EnvelopeObserver
 from ..results.observers.indices import Indices, PerformanceIndices
-from ..results.observers.means import MeanObserver, Means
 from ..results.observers.observer import ColumnObserver, NamedColumn
 from ..results.observers.scatter import Scatter, ScatterObserver
 from ..results.observers.statistics import SignalStatistics, Statistics
@@ -26,14 +25,8 @@ ORIENTATION = tuple(f"plant.orientation.{angle}" for angle in ("roll", "pitch", 
 REACHABLE = "commander.reachable"
 SATURATED = "isolator.saturated"
 WINDOW_S = 1.0  # of the ECSS indices: an averaging time of a terminal, an exposure of a camera
-BASE_POSITION, BASE_ROTATION, PAYLOAD_POSITION = (
-    tuple(f"plant.{quantity}.{axis}" for axis in "xyz")
-    for quantity in ("base_position", "base_rotation", "payload_position")
-)
-MOTION = (*ORIENTATION, *BASE_POSITION, *BASE_ROTATION, *PAYLOAD_POSITION, *ROTATION)
 PICTURE_BINS = 3000  # of the envelope, at most: more than a figure has pixels
 EXPLORED_BINS = 24_000  # the same where one zooms in: 1.5 MB in a report with two cases
-MOTION_BINS = 6000  # instants of the motion that is played, at most: 1 MB in a report with two cases
 MAX_SEGMENT_ROWS = 2**18  # 26 s at 1e-4 s; a spectrum from 0.04 Hz in 2 MB per signal
 
 
@@ -43,7 +36,7 @@ class JitterRecord:
     ``steps`` is the length of the run; ``window_s`` the window of the ECSS indices [s].  With ``lead_steps`` the
     statistics cover only the steps after those, ``steps - lead_steps`` rows; the envelope shows all.  A run that is
     too short for a window or a segment simply has no indices (None) or spectrum (None).  With ``explored`` the envelope
-    is kept finer, and the motion of base and payload is kept as well, for a report that one explores.
+    is kept finer, for a report that one explores.
     """
 
     def __init__(
@@ -63,7 +56,6 @@ class JitterRecord:
         self._drift = DriftObserver(columns, ROTATION, start_s=lead_steps * step_s, end_s=steps * step_s)
         self._scatter = ScatterObserver(columns, IMAGE_POINT, start_s=start_s)
         self._envelope = EnvelopeObserver(columns, ROTATION, bins=(EXPLORED_BINS if explored else PICTURE_BINS) // 2)
-        self._motion = MeanObserver(columns, MOTION, bins=MOTION_BINS // 2) if explored else None
         self._state = LastRow(columns, (*ORIENTATION, REACHABLE))
         self._saturated = Statistics(columns, (SATURATED,))
         self._indices: PerformanceIndices | None = None
@@ -86,7 +78,6 @@ class JitterRecord:
             self._drift,
             self._scatter,
             self._envelope,
-            self._motion,
             self._state,
             self._saturated,
             self._indices,
@@ -118,11 +109,6 @@ class JitterRecord:
     def fine_envelope(self) -> Envelope:
         """The same in as many bins as were kept."""
         return self._envelope.result()
-
-    @property
-    def motion(self) -> Means | None:
-        """Mean motion of base and payload in bins of time, columns :data:`MOTION`, if it was kept."""
-        return self._motion.result() if self._motion is not None else None
 
     @property
     def indices(self) -> Indices | None:

@@ -61,7 +61,9 @@ class LineChart {
     const { unit, logarithmic } = this.packed;
     const largest = (ticks) => Math.max(...ticks.map(Math.abs));
     return {
-      ...axisColours(), ...(logarithmic && LOGARITHMIC), size: logarithmic ? 60 : 84,
+      ...axisColours(), ...(logarithmic && LOGARITHMIC),
+      // Charts below one another line up unless a label needs more.
+      size: (_, texts) => Math.max(this.link.columns > 1 ? 60 : 84, 18 + 7 * longest(texts || [])),
       values: (_, ticks) => {
         if (logarithmic) return ticks.map(formatTick);
         const scaled = engineering(unit, largest(ticks));
@@ -151,32 +153,34 @@ class LineChart {
 
   /** Say the values under the cursor: a value where the pixel holds one, its extremes where it holds more. */
   read(index) {
-    if (index == null) {
-      this.readout.textContent = "";
-      return;
-    }
+    this.readout.replaceChildren();
+    if (index == null) return;
     const { axis } = this.link;
     const from = this.spans.starts[index];
     const to = this.endOf(index);
-    const texts = this.curves
-      .filter((_, k) => this.plot.series[2 * k + 1].show)
-      .map((curve) => `${curve.label} ${this.describe(curve, from, to)}`);
-    const place = `${formatNumber(axis.at(from), 6)} ${prettyUnit(axis.unit)}`;
-    this.readout.textContent = [place, ...texts].join("   ");
-    this.readout.title = this.readout.textContent;
+    this.readout.append(make("span", {}, `${formatNumber(axis.at(from), 6)} ${prettyUnit(axis.unit)}`));
+    this.curves.forEach((curve, k) => {
+      if (!this.plot.series[2 * k + 1].show) return;
+      const text = `${curve.label} ${this.describe(curve, from, to)}`;
+      this.readout.append(" ", make("span", {}, swatch(curve.colour), text));
+    });
   }
 
   describe({ pyramid }, from, to) {
     const { low, high } = pyramid.levels[0];
     const [least, most] = pyramid.extremes(from, to);
     const text = (value) => formatQuantity(value, this.packed.unit);
-    if (low[least] === high[most]) return text(low[least]);
+    if (text(low[least]) === text(high[most])) return text(low[least]);
     // Of a spectrum one wants to know where in the span the line is.
     if (this.packed.logarithmic && this.link.axis.logarithmic) {
       return `up to ${text(high[most])} at ${formatNumber(this.link.axis.at(most), 5)} ${this.link.axis.unit}`;
     }
     return `${text(low[least])} \u2026 ${text(high[most])}`;
   }
+}
+
+function longest(texts) {
+  return Math.max(0, ...texts.map((text) => text.length));
 }
 
 function line(colour) {

@@ -107,9 +107,3 @@ function makeClouds(packed, section) {
   if (clouds.length > 1) views.push(new CloudView(clouds.slice(-1), packed.unit, stage, readout));
   return views;
 }
-
-function swatch(colour) {
-  const mark = make("span", { class: "swatch" });
-  mark.style.background = `var(--${colour})`;
-  return mark;
-}

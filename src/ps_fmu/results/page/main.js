@@ -10,6 +10,7 @@ function makeGroup(packed, section, key) {
   const grid = section.querySelector(".grid");
   link.columns = packed.charts.length > 3 && packed.charts.length % 3 === 0 ? 3 : 1;
   grid.style.setProperty("--columns", link.columns);
+  grid.classList.toggle("narrow", link.columns > 1);
   link.views = packed.charts.map((chart) => {
     const element = make("div", { class: "chart", tabindex: "0" });
     grid.append(element);

@@ -52,7 +52,7 @@ class Camera {
     const up = ce * z - se * toward;
     const depth = this.distance - (ce * toward + se * z);
     // A point behind the camera, far out in an exaggerated motion, must not flip over.
-    const scale = (1.5 * this.magnification * Math.min(width, height)) / Math.max(depth, 0.1 * this.distance);
+    const scale = (1.3 * this.magnification * Math.min(width, height)) / Math.max(depth, 0.1 * this.distance);
     return { x: width / 2 + scale * right, y: height / 2 - scale * up, depth };
   }
 }

@@ -1,7 +1,7 @@
 // Numbers and units as texts, and elements of the page. Texts enter the page as text, never as HTML.
 
 const PREFIXES = { "-15": "f", "-12": "p", "-9": "n", "-6": "\u00b5", "-3": "m", 0: "", 3: "k", 6: "M" };
-const PREFIXED = new Set(["m", "rad", "N", "N.m", "m/s", "rad/s", "m/s2", "rad/s2"]);
+const PREFIXED = new Set(["m", "rad", "N", "N.m", "m/s", "rad/s", "m/s2", "rad/s2", "deg"]);
 const RAISED = "\u2070\u00b9\u00b2\u00b3\u2074\u2075\u2076\u2077\u2078\u2079";
 
 /** An FMI unit as a label: rad2/Hz with a raised 2, N.m with a space, nothing for 1. */
@@ -23,7 +23,7 @@ function formatNumber(value, digits = 4) {
   const size = Math.abs(value);
   if (size !== 0 && (size < 1e-3 || size >= 1e6)) {
     const [mantissa, exponent] = value.toExponential(digits - 1).split("e");
-    return `${mantissa.replace("-", "\u2212")}\u00b7${formatPower(Number(exponent))}`;
+    return `${String(Number(mantissa)).replace("-", "\u2212")}\u00b7${formatPower(Number(exponent))}`;
   }
   return String(Number(value.toPrecision(digits))).replace("-", "\u2212");
 }
@@ -46,6 +46,13 @@ function make(tag, attributes = {}, ...children) {
   for (const [name, value] of Object.entries(attributes)) element.setAttribute(name, value);
   element.append(...children);
   return element;
+}
+
+/** A mark in one of the page's colours. */
+function swatch(colour) {
+  const mark = make("span", { class: "swatch" });
+  mark.style.background = `var(--${colour})`;
+  return mark;
 }
 
 /** A button of a bar. */

@@ -14,7 +14,7 @@ from ..comparison import (
     read_target,
 )
 from ..exploration import explore_comparison
-from ..options import RunOptions, Scenario
+from ..options import RESULTS, RunOptions, Scenario
 from ..publish import Findings, publish
 from ..setup import load_system
 
@@ -53,7 +53,7 @@ def run(options: RunOptions) -> None:
             rms_active_rad=found.rms_active.tolist(),
             rejection_percent=found.rejection.tolist(),
             more=found.entry,
-            explored=explore_comparison(found, system),
+            explored=explore_comparison(found, system, options.output / RESULTS),
         ),
     )
     if not found.reachable:
