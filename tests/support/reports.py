@@ -43,6 +43,18 @@ def make_report(count: int = 20_001, duration_s: float = 20.0, name: str = "payl
     )
 
 
+def make_dull_report(count: int, value: float) -> Report:
+    """Charts with a straight and a logarithmic axis of ``count`` places, all of one value, and a mechanism at rest."""
+    places, values = np.arange(1.0, count + 1.0), np.full(count, value)
+    groups = [
+        ChartGroup("Dull", "", Axis("a", "s", places, logarithmic), [chart])
+        for logarithmic in (False, True)
+        for chart in [Chart("b", "rad", [Curve("c", "x", values), Curve("d", "y", 0.0 * values)], logarithmic)]
+    ]
+    cloud = CloudGroup("Points", "", "m", [Cloud("e", "x", np.zeros((count, 2)), np.zeros((1, 2)))])
+    return Report(title="Dull", explored=Exploration(groups, [cloud], make_mechanism("f", 1.0, count)))
+
+
 def _make_histories(time: np.ndarray, name: str) -> ChartGroup:
     smooth = 1e-5 * np.sin(2.0 * np.pi * time)
     smooth[np.searchsorted(time, PEAK_S)] = PEAK_RAD

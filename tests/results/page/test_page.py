@@ -5,7 +5,7 @@ import re
 
 import pytest
 from support.browser import DESKTOP, INSTALL, PHONE, Browser, find_browser
-from support.reports import LINE_HZ, PEAK_S, make_report
+from support.reports import LINE_HZ, PEAK_S, make_dull_report, make_report
 
 if find_browser() is None:
     pytest.skip(f"Chromium is not installed: {INSTALL}", allow_module_level=True)
@@ -237,6 +237,18 @@ def test_it_prints_light_and_goes_on_as_it_was(page, tmp_path):
     assert (tmp_path / "report.pdf").read_bytes().startswith(b"%PDF")
     assert page.evaluate("window.seen") not in {None, dark}
     assert picture(page, f"{HISTORIES} canvas") == dark
+
+
+@pytest.mark.parametrize("value", [0.0, 1e-7, math.nan])
+@pytest.mark.parametrize("count", [1, 2, 9])
+def test_a_run_of_next_to_nothing_is_shown(page, tmp_path, count, value):
+    """One instant, nothing that moves, no value at all: every control still works."""
+    make_dull_report(count, value).write(tmp_path / "report.html")
+    page.open(tmp_path / "report.html")
+    page.evaluate("[...document.querySelectorAll('.bar button')].forEach((button) => button.click())")
+    page.wait_frames(4)
+    texts = [hover(page, f"[data-group='{group}'] .chart", 0.5)[0] for group in (0, 1)]
+    assert [re.match(r"[1-9][.\d]* s", text) is not None for text in texts] == [True, True], texts
 
 
 HOSTILE = "</script><script>document.title = 'taken'</script><img src=x onerror=\"document.title='taken'\">"

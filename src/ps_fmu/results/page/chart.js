@@ -34,7 +34,7 @@ class LineChart {
         bind: { dblclick: () => null },
       },
       scales: {
-        x: { time: false, distr: link.axis.logarithmic ? 3 : 1, range: () => [link.min, link.max] },
+        x: { time: false, distr: link.axis.logarithmic ? 3 : 1, range: () => link.range },
         y: { distr: this.packed.logarithmic ? 3 : 1, range: (_, low, high) => this.pad(low, high) },
       },
       axes: [this.horizontal(), this.vertical()],
@@ -111,7 +111,7 @@ class LineChart {
 
   /** On a logarithmic axis a span is what falls on one pixel. */
   spansOfPixels(first, last) {
-    const { axis, min, max } = this.link;
+    const { axis, range: [min, max] } = this.link;
     const scale = this.width / Math.log10(max / min);
     const starts = [];
     for (let place = first, before = null; place <= last; place++) {

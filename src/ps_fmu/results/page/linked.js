@@ -17,6 +17,12 @@ class LinkedAxis {
   straight(value) { return this.axis.logarithmic ? Math.log10(value) : value; }
   bent(value) { return this.axis.logarithmic ? 10 ** value : value; }
 
+  /** What a chart shows: about an axis of a single value, too. */
+  get range() {
+    if (this.min < this.max) return [this.min, this.max];
+    return this.axis.logarithmic ? [this.min / 2, this.max * 2] : [this.min - 1, this.max + 1];
+  }
+
   reset() { this.set(this.axis.first, this.axis.last); }
 
   set(min, max) {
