@@ -3,13 +3,17 @@
 import base64
 import json
 import re
+from dataclasses import replace
 
 import netCDF4
 import numpy as np
 import pytest
+from support.reports import VERDICTS
 
 from ps_fmu.mechanism.parameters import load
 from ps_fmu.runs.exploration import MOTION, read_geometry, read_motion, show_mechanism
+from ps_fmu.runs.publish import publish
+from ps_fmu.runs.scenarios import isolation
 from ps_fmu.runs.setup import load_system
 
 LARGEST_BYTES = 5e6
@@ -92,6 +96,14 @@ def test_a_slew_is_played_along_its_nominal_pose(make_options, ssv):
     found = decode(motion["nominalPosition"]).reshape(-1, 3)
     np.testing.assert_allclose(found[-1], np.array(platform)[:, -1], atol=1e-6)
     np.testing.assert_allclose(found[0], load().manipulator.geometry.nominal_translation_B, atol=1e-7)
+
+
+def test_the_verdicts_of_a_scenario_head_its_report(make_options, monkeypatch):
+    monkeypatch.setattr(isolation, "publish", lambda o, s, found: publish(o, s, replace(found, verdicts=VERDICTS)))
+    options = make_options("isolation", 1e-3)
+    options.scenario.run(options)
+    page = (options.output / "report.html").read_text(encoding="utf-8")
+    assert 0 < page.index("NOT MET") < page.index("Four FMUs in co-simulation")
 
 
 def test_motion_of_a_long_run_is_read_in_parts(tmp_path, monkeypatch):
