@@ -2,10 +2,15 @@
 
 import math
 import re
+import warnings
+from importlib.resources import files
 
+import numpy as np
 import pytest
 from support.browser import DESKTOP, INSTALL, PHONE, Browser, find_browser
 from support.reports import LINE_HZ, PEAK_S, make_dull_report, make_report
+
+from ps_fmu.results.page import content
 
 if find_browser() is None:
     pytest.skip(f"Chromium is not installed: {INSTALL}", allow_module_level=True)
@@ -82,6 +87,26 @@ def test_a_million_values_are_drawn_from_a_few_thousand_and_keep_their_peak(page
     page.wait_frames()
     near = [hover(page, FIRST, PEAK_S / 20.0 + 1e-3 * k)[0] for k in range(-2, 3)]  # the cursor is on whole pixels
     assert any("\N{HORIZONTAL ELLIPSIS} 50 \N{MICRO SIGN}rad" in text for text in near), near
+
+
+@pytest.mark.parametrize("count", [1, 2, 5, 1000, 4097])
+def test_every_level_of_the_pyramid_has_the_extremes_of_its_spans(page, count):
+    low = np.random.default_rng(count).normal(0.0, 1.0, count).astype("<f4").astype(float)
+    low[count // 3] = np.nan
+    high = low + 0.5
+    script = files(content.__package__).joinpath("pyramid.js").read_text(encoding="utf-8")
+    numbers = ", ".join(f"new Float32Array([{', '.join(map(repr, map(float, each)))}])" for each in (low, high))
+    levels = page.evaluate(
+        f"(() => {{ {script}; return new Pyramid({numbers.replace('nan', 'NaN')}).levels.map("
+        "({ low, high }) => [[...low], [...high]].map((values) => values.map((v) => isNaN(v) ? null : v))); })()"
+    )
+    assert len(levels) == max(1, math.ceil(math.log2(count)))
+    for level, (lower, upper) in enumerate(levels):
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", RuntimeWarning)  # of a span without any value
+            spans = [slice(k, k + 2**level) for k in range(0, count, 2**level)]
+            expected = [[np.nanmin(low[s]) for s in spans], [np.nanmax(high[s]) for s in spans]]
+        np.testing.assert_allclose(np.array([lower, upper], dtype=float), expected, rtol=1e-6)
 
 
 def test_dragging_zooms_all_charts_of_the_group(page):
@@ -236,12 +261,16 @@ def test_it_prints_light_and_goes_on_as_it_was(page, tmp_path):
     page.prefer("dark")
     page.wait_frames()
     dark = picture(page, f"{HISTORIES} canvas")
-    page.evaluate("(() => { window.seen = null; addEventListener('beforeprint', () => { window.seen ="
-                  " document.querySelector('.uplot canvas').toDataURL(); }); })()")  # fmt: skip
+    seen = "getComputedStyle(document.documentElement).getPropertyValue('--text')"
+    page.evaluate(
+        "(() => { window.seen = []; addEventListener('beforeprint', () => { window.seen ="
+        f" [{seen}, document.querySelector('.uplot canvas').toDataURL()]; }}); }})()"
+    )
     page.print(tmp_path / "report.pdf")
     page.wait_frames(4)
     assert (tmp_path / "report.pdf").read_bytes().startswith(b"%PDF")
-    assert page.evaluate("window.seen") not in {None, dark}
+    colour, printed = page.evaluate("window.seen")
+    assert colour == "#222222" and printed != dark
     assert picture(page, f"{HISTORIES} canvas") == dark
 
 
