@@ -9,8 +9,6 @@ from functools import cache
 from importlib.resources import files
 from importlib.resources.abc import Traversable
 
-from jinja2 import Environment, StrictUndefined
-from jinja2.utils import htmlsafe_json_dumps
 from markupsafe import Markup
 
 SCRIPTS = (
@@ -28,6 +26,9 @@ def render_page(shown: Mapping[str, object], explored: Mapping[str, object]) -> 
     shown: what the template names; texts are escaped.
     explored: what the scripts read, numbers, texts and lists; empty: the page gets no script.
     """
+    from jinja2 import Environment, StrictUndefined  # when a page is written: 0.1 s at the start of each command
+    from jinja2.utils import htmlsafe_json_dumps
+
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     template = environment.from_string((_folder() / "template.html.j2").read_text(encoding="utf-8"))
     scripts = [_read("vendor/uPlot.iife.min.js"), _join_scripts()] if explored else []
