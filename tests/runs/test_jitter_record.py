@@ -81,3 +81,12 @@ def test_short_runs_have_no_indices_and_perhaps_no_spectrum(steps):
     assert jitter.statistics.count == steps + 1
     assert jitter.indices is None
     assert (jitter.spectrum is None) == (steps < 8)
+
+
+def test_an_explored_run_keeps_a_finer_envelope_and_the_same_figure():
+    values = samples(20_000)
+    plain, explored = observed(values), observed(values, explored=True)
+    assert len(explored.fine_envelope.time) == 20_001
+    assert len(plain.envelope.time) < 3001
+    for name in ("time", "low", "high"):
+        np.testing.assert_array_equal(getattr(explored.envelope, name), getattr(plain.envelope, name))

@@ -1,18 +1,21 @@
-"""report.html: one file with the results, figures and origin of a run, to be read and passed on as it is.
+"""report.html: one file with the results, figures and origin of a run, to be read, explored and passed on as it is.
 
-Pictures are embedded, nothing is fetched from elsewhere, and every text is escaped.
+Pictures, data and scripts are embedded, nothing is fetched from elsewhere, and every text is escaped.
 """
 
 from __future__ import annotations
 
 import base64
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
-from html import escape
 from pathlib import Path
 
+from markupsafe import Markup
+
 from ..slavekit.pack.files import write_atomically
+from .page.content import Exploration, Verdict
+from .page.writer import render_page
 from .summary import FmuFile
 from .tables import Table
 
@@ -45,62 +48,41 @@ class Report:
     """What a report shows, in this order."""
 
     title: str
+    verdicts: Sequence[Verdict] = ()
     text: Sequence[str] = ()  # paragraphs: what was run, and how to read it
+    warnings: Sequence[str] = ()  # unconnected inputs, statuses, saturation
     tables: Sequence[Table] = ()
+    explored: Exploration = Exploration()  # charts, clouds of points, the mechanism
     pictures: Sequence[Picture] = ()
     parameters: Mapping[str, object] = field(default_factory=dict)  # options and changed parameters
     fmus: Sequence[FmuFile] = ()
     versions: Mapping[str, str] = field(default_factory=dict)
-    warnings: Sequence[str] = ()  # unconnected inputs, statuses, saturation
 
     def html(self) -> str:
-        """The page.  Raises ``OSError`` if a picture cannot be read."""
-        written = datetime.now(UTC).isoformat(sep=" ", timespec="seconds")
-        parts = [f"<h1>{escape(self.title)}</h1>"]
-        parts += [f"<p>{escape(paragraph)}</p>" for paragraph in self.text]
-        if self.warnings:
-            items = "".join(f"<li>{escape(warning)}</li>" for warning in self.warnings)
-            parts.append(f'<section class="warnings"><h2>Warnings</h2><ul>{items}</ul></section>')
-        parts += [table.to_html() for table in self.tables]
-        parts += [_format_picture(picture) for picture in self.pictures]
-        if self.parameters:
-            rows = [(name, str(value)) for name, value in self.parameters.items()]
-            parts.append(Table("Parameters of this run", ("parameter", "value"), rows).to_html())
-        if self.fmus:
-            rows = [(fmu.name, fmu.sha256) for fmu in self.fmus]
-            parts.append(Table("FMUs", ("FMU", "SHA-256"), rows).to_html())
-        if self.versions:
-            parts.append(Table("Versions", ("package", "version"), list(self.versions.items())).to_html())
-        parts.append(f"<footer>Written {written}</footer>")
-        return _PAGE.format(title=escape(self.title), style=_STYLE, body="\n".join(parts))
+        """The page.  Raises ``OSError`` if a picture cannot be read, ``ValueError`` for arrays that do not fit."""
+        shown = {
+            "report": self,
+            "tables": [Markup(table.to_html()) for table in self.tables],
+            "pictures": [_embed(picture) for picture in self.pictures],
+            "origin": [Markup(table.to_html()) for table in self._tabulate_origin()],
+            "written": datetime.now(UTC).isoformat(sep=" ", timespec="seconds"),
+        }
+        return render_page(shown, self.explored.pack())
 
     def write(self, path: Path) -> None:
         """Write the page in one go; raises ``OSError`` and leaves what was there if that fails."""
         write_atomically(path, self.html())
 
+    def _tabulate_origin(self) -> Iterator[Table]:
+        if self.parameters:
+            rows = [(name, str(value)) for name, value in self.parameters.items()]
+            yield Table("Parameters of this run", ("parameter", "value"), rows)
+        if self.fmus:
+            yield Table("FMUs", ("FMU", "SHA-256"), [(fmu.name, fmu.sha256) for fmu in self.fmus])
+        if self.versions:
+            yield Table("Versions", ("package", "version"), list(self.versions.items()))
 
-def _format_picture(picture: Picture) -> str:
+
+def _embed(picture: Picture) -> dict[str, str]:
     data = base64.b64encode(picture.path.read_bytes()).decode()
-    caption = escape(picture.caption)
-    image = f'<img src="data:image/png;base64,{data}" alt="{caption}">'
-    return f"<figure>{image}<figcaption>{caption}</figcaption></figure>"
-
-
-_STYLE = """
-body { font: 16px/1.5 system-ui, sans-serif; max-width: 70rem; margin: 2rem auto; padding: 0 1rem; color:
-#222; } h1 { font-size: 1.6rem; } h2 { font-size: 1.1rem; margin: 0; } .table { overflow-x: auto; margin:
-1.5rem 0; } table { border-collapse: collapse; border-top: 2px solid #222; border-bottom: 2px solid #222;
-} caption { text-align: left; font-weight: 600; padding: 0.3rem 0; } th, td { padding: 0.25rem 0.9rem;
-text-align: right; white-space: nowrap; font-variant-numeric: tabular-nums; } th { border-bottom: 1px
-solid #222; vertical-align: bottom; } td { vertical-align: top; } th:first-child, td:first-child, .words
-{ text-align: left; } th, .words { white-space: normal; } .words { min-width: 11rem; } figure { margin: 2rem 0; } img {
-max-width: 100%; height: auto; } figcaption, footer { color: #555; font-size: 0.9rem; } .warnings {
-border-left: 4px solid #d55e00; padding: 0.5rem 1rem; background: #fdf3ec; }
-"""
-
-_PAGE = """<!DOCTYPE html>
-<html lang="en"> <head> <meta charset="utf-8"> <meta name="viewport" content="width=device-width,
-initial-scale=1"> <meta http-equiv="Content-Security-Policy" content="default-src 'none'; img-src data:;
-style-src 'unsafe-inline'"> <title>{title}</title> <style>{style}</style> </head> <body> {body} </body>
-</html>
-"""
+    return {"source": f"data:image/png;base64,{data}", "caption": picture.caption}

@@ -102,6 +102,7 @@ def compare(
     values: Mapping[str, Value] | None = None,
     lead_steps: int = 0,
     prefix: str = "",
+    explored: bool = False,
 ) -> Comparison:
     """Run the system passive, then active, with the commander's target from the start.
 
@@ -111,11 +112,12 @@ def compare(
     values: further start values of both runs, by ``component.variable``.
     lead_steps: steps to run before the duration of the options, left out of the statistics.
     prefix: of the two groups in results.nc, for scenarios with several orientations.
+    explored: keep what a report to explore shows, see :class:`JitterRecord`.
     """
     roll, pitch, yaw = map(float, target)
     targets = dict(zip(TARGET, (roll, pitch, yaw), strict=True))
     steps = lead_steps + options.steps
-    judge = partial(JitterRecord, step_s=options.step_s, steps=steps, lead_steps=lead_steps)
+    judge = partial(JitterRecord, step_s=options.step_s, steps=steps, lead_steps=lead_steps, explored=explored)
     found = [
         run_case(
             system,
@@ -204,17 +206,17 @@ def draw_comparison(comparison: Comparison, folder: Path, prefix: str = "") -> l
         plots.draw_spectra(
             path, frequency, passive.spectrum[1], active.spectrum[1], names, "rad", title=f"Payload rotation, {where}"
         )
-        segment_s = 1.0 / frequency[1]
-        pictures.append(
-            Picture(
-                path,
-                f"Power spectral density (Welch, segments of {segment_s:.3g} s, averaged over hundredths of a decade), "
-                "and the RMS of all that lies below a frequency. Each segment's mean is taken out: what is slower "
-                "than a segment is missing, so the curves end below the RMS of the table, the more so the shorter "
-                "the run.",
-            )
-        )
+        pictures.append(Picture(path, caption_spectra(frequency, "hundredths of a decade")))
     path = folder / f"{prefix}image_point.png"
     plots.draw_image_point(path, passive.scatter, active.scatter, title=f"Image point, {where}")
     pictures.append(Picture(path, "Image point of the boresight with its convex hull, passive and active."))
     return pictures
+
+
+def caption_spectra(frequency: Array, averaged: str) -> str:
+    """What a report says of densities and cumulative RMS over ``frequency`` (n,), Hz."""
+    return (
+        f"Power spectral density (Welch, segments of {1.0 / frequency[1]:.3g} s, averaged over {averaged}), and the "
+        "RMS of all that lies below a frequency. Each segment's mean is taken out: what is slower than a segment is "
+        "missing, so the curves end below the RMS of the table, the more so the shorter the run."
+    )

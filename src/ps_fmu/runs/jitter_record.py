@@ -25,6 +25,8 @@ ORIENTATION = tuple(f"plant.orientation.{angle}" for angle in ("roll", "pitch", 
 REACHABLE = "commander.reachable"
 SATURATED = "isolator.saturated"
 WINDOW_S = 1.0  # of the ECSS indices: an averaging time of a terminal, an exposure of a camera
+PICTURE_BINS = 3000  # of the envelope, at most: more than a figure has pixels
+EXPLORED_BINS = 24_000  # the same where one zooms in: 1.5 MB in a report with two cases
 MAX_SEGMENT_ROWS = 2**18  # 26 s at 1e-4 s; a spectrum from 0.04 Hz in 2 MB per signal
 
 
@@ -33,7 +35,8 @@ class JitterRecord:
 
     ``steps`` is the length of the run; ``window_s`` the window of the ECSS indices [s].  With ``lead_steps`` the
     statistics cover only the steps after those, ``steps - lead_steps`` rows; the envelope shows all.  A run that is
-    too short for a window or a segment simply has no indices (None) or spectrum (None).
+    too short for a window or a segment simply has no indices (None) or spectrum (None).  With ``explored`` the envelope
+    is kept finer, for a report that one explores.
     """
 
     def __init__(
@@ -44,6 +47,7 @@ class JitterRecord:
         steps: int,
         lead_steps: int = 0,
         window_s: float = WINDOW_S,
+        explored: bool = False,
     ) -> None:
         # Between two rows, so that rounding of the times does not matter.
         start_s = (lead_steps + 0.5) * step_s if lead_steps else -math.inf
@@ -51,7 +55,7 @@ class JitterRecord:
         self._statistics = Statistics(columns, ROTATION, start_s=start_s)
         self._drift = DriftObserver(columns, ROTATION, start_s=lead_steps * step_s, end_s=steps * step_s)
         self._scatter = ScatterObserver(columns, IMAGE_POINT, start_s=start_s)
-        self._envelope = EnvelopeObserver(columns, ROTATION)
+        self._envelope = EnvelopeObserver(columns, ROTATION, bins=(EXPLORED_BINS if explored else PICTURE_BINS) // 2)
         self._state = LastRow(columns, (*ORIENTATION, REACHABLE))
         self._saturated = Statistics(columns, (SATURATED,))
         self._indices: PerformanceIndices | None = None
@@ -99,6 +103,11 @@ class JitterRecord:
     @property
     def envelope(self) -> Envelope:
         """The payload's rotation over time [rad], for figures."""
+        return self._envelope.result().coarsen(PICTURE_BINS)
+
+    @property
+    def fine_envelope(self) -> Envelope:
+        """The same in as many bins as were kept."""
         return self._envelope.result()
 
     @property

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
+from ..results.page.content import Exploration, Verdict
 from ..results.report import Picture, Report
 from ..results.summary import RunSummary, versions
 from ..results.tables import Table
@@ -27,6 +28,8 @@ class Findings:
     rms_active_rad: Sequence[float] | None
     rejection_percent: Sequence[float] | None
     more: Mapping[str, object] = field(default_factory=dict)
+    verdicts: Sequence[Verdict] = ()  # at the head of the report
+    explored: Exploration = Exploration()  # charts and motion of the report
 
     @property
     def real_time_factor(self) -> float:
@@ -56,8 +59,10 @@ def publish(options: RunOptions, system: RunSystem, findings: Findings) -> None:
     ).write(options.output / SUMMARY)
     Report(
         title=findings.title,
+        verdicts=findings.verdicts,
         text=findings.text,
         tables=findings.tables,
+        explored=findings.explored,
         pictures=findings.pictures,
         parameters=parameters,
         fmus=fmus,

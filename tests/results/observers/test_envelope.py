@@ -27,6 +27,17 @@ def test_envelope_equals_the_direct_computation_for_any_cut(columns, feed, cuts,
     np.testing.assert_array_equal(result.high, np.maximum.reduceat(values[:, [0, 3]], starts).T)
 
 
+@given(rows=st.integers(1, 2000), most=st.integers(1, 12), seed=st.integers(0, 2**32 - 1))
+def test_a_coarsened_envelope_is_that_of_fewer_bins(columns, feed, rows, most, seed):
+    """Figures are drawn from the envelope that is kept for the report, and look as if it had been kept for them."""
+    values = np.random.default_rng(seed).normal(0.0, 1.0, (rows, 4))
+    fine = feed(EnvelopeObserver(columns, NAMES, bins=8 * most), values, 0.1).result().coarsen(2 * most)
+    coarse = feed(EnvelopeObserver(columns, NAMES, bins=most), values, 0.1).result()
+    for name in ("time", "low", "high"):
+        np.testing.assert_array_equal(getattr(fine, name), getattr(coarse, name))
+    assert (fine.names, fine.units) == (coarse.names, coarse.units)
+
+
 def test_one_peak_in_a_long_run_survives(columns, feed):
     values = np.zeros((100_000, 4))
     values[77_777, 0] = -5.0

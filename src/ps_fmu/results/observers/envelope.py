@@ -37,6 +37,20 @@ class Envelope:
         """Largest magnitude per bin (signals, bins)."""
         return np.maximum(np.abs(self.low), np.abs(self.high))
 
+    def coarsen(self, most: int) -> Envelope:
+        """The envelope in at most ``most`` bins, joined in pairs as often as that takes."""
+        width = 1
+        while len(self.time) > most * width:
+            width *= 2
+        starts = np.arange(0, len(self.time), width)
+        return Envelope(
+            self.names,
+            self.units,
+            self.time[starts],
+            np.minimum.reduceat(self.low, starts, axis=1),
+            np.maximum.reduceat(self.high, starts, axis=1),
+        )
+
 
 class EnvelopeObserver(ColumnObserver):
     """Extremes of the named columns in at most ``2 * bins`` time bins.

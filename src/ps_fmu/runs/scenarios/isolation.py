@@ -13,7 +13,8 @@ from ..comparison import (
     make_rows,
     read_target,
 )
-from ..options import RunOptions, Scenario
+from ..exploration import explore_comparison
+from ..options import RESULTS, RunOptions, Scenario
 from ..publish import Findings, publish
 from ..setup import load_system
 
@@ -24,7 +25,7 @@ def run(options: RunOptions) -> None:
     Raises :class:`TargetError` after that if the target is out of reach.
     """
     system = load_system(options)
-    found = compare(system, options, read_target(system))
+    found = compare(system, options, read_target(system), explored=True)
     table = Table("Jitter of the payload: rotation by vibration, axes of P", HEADER, make_rows(found))
     print(table.to_text())
 
@@ -52,6 +53,7 @@ def run(options: RunOptions) -> None:
             rms_active_rad=found.rms_active.tolist(),
             rejection_percent=found.rejection.tolist(),
             more=found.entry,
+            explored=explore_comparison(found, system, options.output / RESULTS),
         ),
     )
     if not found.reachable:

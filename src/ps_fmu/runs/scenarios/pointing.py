@@ -16,7 +16,8 @@ from ...results.tables import Table
 from ...theory.line_of_sight import PointingLoop
 from ..cases import Case, Outcome, run_case
 from ..comparison import TARGET, Orientation, TargetError, explain_refusal, read_target, to_degrees
-from ..options import OptionError, RunOptions, Scenario
+from ..options import RESULTS, OptionError, RunOptions, Scenario
+from ..pointing.exploration import explore_pointing
 from ..pointing.loop import MeasuredLoop, build_loop, make_shaking, measure_loop, read_tracker
 from ..pointing.record import Plan, PointingRecord, RecordMaker
 from ..pointing.report import CASES, Pointing, describe, draw_all, list_results, make_tables
@@ -80,6 +81,7 @@ def run(options: RunOptions) -> None:
             rms_active_rad=None,
             rejection_percent=None,
             more={"pointing": list_results(pointing)},
+            explored=explore_pointing(pointing, system, options.output / RESULTS),
         ),
     )
     if not on.reachable:

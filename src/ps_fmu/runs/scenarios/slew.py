@@ -12,9 +12,10 @@ from ...results.tables import format_angles
 from ..cases import Case, run_case
 from ..comparison import TARGET, TargetError, explain_refusal, read_target
 from ..jitter_record import ROTATION
-from ..options import OptionError, RunOptions, Scenario
+from ..options import RESULTS, OptionError, RunOptions, Scenario
 from ..publish import Findings, publish
 from ..setup import load_system
+from ..slew_exploration import explore_slews
 from ..slew_record import SlewRecord
 from ..slew_report import CASES, Slews, describe_run, draw_slews, judge, list_results, make_tables
 
@@ -73,6 +74,7 @@ def run(options: RunOptions) -> None:
             rms_active_rad=active.tolist() if moved else None,
             rejection_percent=rejection_percent(passive, active).tolist() if moved else None,
             more={"slew": list_results(slews)},
+            explored=explore_slews(slews, system, options.output / RESULTS),
         ),
     )
     if not slews.on.reachable:

@@ -1,0 +1,223 @@
+// A chart of curves over a linked axis, drawn by uPlot from the pyramids of the curves.
+
+const CHART_HEIGHT = 250;
+const PRINT_HEIGHT = 200;
+/** Spans of a curve per pixel of width: more cannot be seen. */
+const SPANS_PER_PIXEL = 1;
+
+class LineChart {
+  constructor(packed, link, element) {
+    this.link = link;
+    this.packed = packed;
+    this.curves = packed.curves.map((curve) => ({
+      label: curve.label,
+      colour: curve.colour,
+      pyramid: new Pyramid(decode(curve.low), curve.high && decode(curve.high)),
+    }));
+    this.plotElement = make("div", { class: "plot" });
+    this.readout = make("div", { class: "readout" });
+    // Ticks of a straight axis carry the unit themselves.
+    const unit = packed.logarithmic ? ` (${prettyUnit(packed.unit)})` : "";
+    element.append(make("h3", {}, packed.title + unit), this.readout, this.plotElement);
+    this.plot = new uPlot(this.options(), this.cut(), this.plotElement);
+    listenOnChart(this.plot.over, link, (x) => this.plot.posToVal(x, "x"));
+  }
+
+  options() {
+    const { link } = this;
+    return {
+      width: this.width, height: CHART_HEIGHT, legend: { show: false },
+      cursor: {
+        sync: { key: link.key, scales: ["x", null], filters: { pub: (type) => /^mouse(move|leave)$/.test(type) } },
+        drag: { x: true, y: false, setScale: false },
+        points: { size: 6 },
+        bind: { dblclick: () => null },
+      },
+      scales: {
+        x: { time: false, distr: link.axis.logarithmic ? 3 : 1, range: () => link.range },
+        y: { distr: this.packed.logarithmic ? 3 : 1, range: (_, low, high) => this.pad(low, high) },
+      },
+      axes: [this.horizontal(), this.vertical()],
+      series: [{}, ...this.curves.flatMap((curve) => [line(curve.colour), line(curve.colour)])],
+      bands: this.curves.map((curve, k) => ({
+        series: [2 * k + 2, 2 * k + 1], fill: () => theme.faded(curve.colour, 0.6),
+      })),
+      hooks: {
+        setCursor: [(plot) => this.read(plot.cursor.idx)],
+        setSelect: [(plot) => this.select(plot)],
+      },
+    };
+  }
+
+  horizontal() {
+    const { label, unit, logarithmic } = this.link.axis;
+    return {
+      ...axisColours(), ...(logarithmic && LOGARITHMIC), label: `${label} (${prettyUnit(unit)})`, labelSize: 22, labelGap: 0, size: 30,
+      values: (_, ticks) => ticks.map(logarithmic ? formatTick : (tick) => formatNumber(tick, 9)),
+    };
+  }
+
+  vertical() {
+    const { unit, logarithmic } = this.packed;
+    const largest = (ticks) => Math.max(...ticks.map(Math.abs));
+    return {
+      ...axisColours(), ...(logarithmic && LOGARITHMIC),
+      // Charts below one another line up unless a label needs more.
+      size: (_, texts) => Math.max(this.link.columns > 1 ? 60 : 84, 18 + 7 * longest(texts || [])),
+      values: (_, ticks) => {
+        if (logarithmic) return ticks.map(formatTick);
+        const scaled = engineering(unit, largest(ticks));
+        return ticks.map((tick) => `${formatNumber(tick * scaled.factor, 6)} ${scaled.unit}`.trimEnd());
+      },
+    };
+  }
+
+  get width() {
+    const printed = this.printWidth && (this.printWidth - 16 * (this.link.columns - 1)) / this.link.columns;
+    return Math.max(printed || this.plotElement.clientWidth, 160);
+  }
+
+  /** Range of the vertical axis about what is shown. */
+  pad(low, high) {
+    if (low == null || high == null) return this.packed.logarithmic ? [0.1, 1] : [-1, 1];
+    if (this.packed.logarithmic) return [10 ** Math.floor(Math.log10(low)), 10 ** Math.ceil(Math.log10(high) + 1e-9)];
+    const margin = 0.05 * (high - low) || Math.abs(high) || 1;
+    return [low - margin, high + margin];
+  }
+
+  /** What uPlot draws of the linked range: places, then low and high of each curve. */
+  cut() {
+    const { axis, min, max } = this.link;
+    const first = axis.find(min);
+    const last = Math.min(axis.find(max) + 1, axis.count - 1);
+    this.spans = axis.logarithmic ? this.spansOfPixels(first, last) : this.spansOfLevel(first, last);
+    const { starts, width, level } = this.spans;
+    const visible = (value) => (Number.isFinite(value) && !(this.packed.logarithmic && value <= 0) ? value : null);
+    const columns = this.curves.flatMap(({ pyramid }) => {
+      const { low, high } = pyramid.levels[level];
+      if (width) return [low, high].map((values) => starts.map((start) => visible(values[start / width])));
+      const found = starts.map((start, k) => pyramid.extremes(start, this.endOf(k)));
+      return [found.map(([least]) => visible(low[least])), found.map(([, most]) => visible(high[most]))];
+    });
+    return [starts.map((start) => axis.at(start)), ...columns];
+  }
+
+  /** On a straight axis all spans are alike: those of a level of the pyramids. */
+  spansOfLevel(first, last) {
+    const { begin, end, level, width } = this.curves[0].pyramid.choose(first, last, SPANS_PER_PIXEL * this.width);
+    const starts = Array.from({ length: end - begin + 1 }, (_, k) => (begin + k) * width);
+    return { starts, width, level, end: Math.min((end + 1) * width, this.link.axis.count) };
+  }
+
+  /** On a logarithmic axis a span is what falls on one pixel. */
+  spansOfPixels(first, last) {
+    const { axis, range: [min, max] } = this.link;
+    const scale = this.width / Math.log10(max / min);
+    const starts = [];
+    for (let place = first, before = null; place <= last; place++) {
+      const pixel = Math.floor(scale * Math.log10(axis.at(place) / min));
+      if (pixel !== before) starts.push(place);
+      before = pixel;
+    }
+    return { starts, width: 0, level: 0, end: last + 1 };
+  }
+
+  /** First place after a span. */
+  endOf(index) { return this.spans.starts[index + 1] ?? this.spans.end; }
+
+  update() { this.plot.setData(this.cut()); }
+
+  /** Fit to the element, or to a width in px. */
+  resize(printWidth) {
+    this.printWidth = printWidth;
+    this.plot.setSize({ width: this.width, height: printWidth ? PRINT_HEIGHT : CHART_HEIGHT });
+    this.update();
+  }
+
+  select(plot) {
+    const { left, width } = plot.select;
+    if (width < 3) return;
+    const [min, max] = [plot.posToVal(left, "x"), plot.posToVal(left + width, "x")];
+    plot.setSelect({ left: 0, top: 0, width: 0, height: 0 }, false);
+    this.link.set(min, max);
+  }
+
+  /** Show a curve or hide it. */
+  show(label, shown) {
+    this.curves.forEach((curve, k) => {
+      if (curve.label !== label) return;
+      this.plot.setSeries(2 * k + 1, { show: shown });
+      this.plot.setSeries(2 * k + 2, { show: shown });
+    });
+  }
+
+  /** Say the values under the cursor: a value where the pixel holds one, its extremes where it holds more. */
+  read(index) {
+    this.readout.replaceChildren();
+    if (index == null) return;
+    const { axis } = this.link;
+    const from = this.spans.starts[index];
+    const to = this.endOf(index);
+    this.readout.append(make("span", {}, `${formatNumber(axis.at(from), 6)} ${prettyUnit(axis.unit)}`));
+    this.curves.forEach((curve, k) => {
+      if (!this.plot.series[2 * k + 1].show) return;
+      const text = `${curve.label} ${this.describe(curve, from, to)}`;
+      this.readout.append(" ", make("span", {}, swatch(curve.colour), text));
+    });
+  }
+
+  describe({ pyramid }, from, to) {
+    const { low, high } = pyramid.levels[0];
+    const [least, most] = pyramid.extremes(from, to);
+    const text = (value) => formatQuantity(value, this.packed.unit);
+    if (text(low[least]) === text(high[most])) return text(low[least]);
+    // Of a spectrum one wants to know where in the span the line is.
+    if (this.packed.logarithmic && this.link.axis.logarithmic) {
+      return `up to ${text(high[most])} at ${formatNumber(this.link.axis.at(most), 5)} ${this.link.axis.unit}`;
+    }
+    return `${text(low[least])} \u2026 ${text(high[most])}`;
+  }
+}
+
+function longest(texts) {
+  return Math.max(0, ...texts.map((text) => text.length));
+}
+
+function line(colour) {
+  return { stroke: () => theme.colour(colour), width: 1, points: { show: false } };
+}
+
+function axisColours() {
+  const grid = { stroke: () => theme.colour("grid"), width: 1 };
+  return { stroke: () => theme.colour("text"), grid, ticks: grid, font: "12px system-ui", labelFont: "12px system-ui" };
+}
+
+/** Ticks of a logarithmic axis: uPlot's own end at 1e-24, and densities go further down. */
+const LOGARITHMIC = {
+  splits: (_plot, _axis, min, max) => placeTicks(min, max),
+  filter: (_plot, ticks) => ticks,
+};
+
+/** Powers of ten over many decades, 1, 2, 5 times them over one or two, equal steps over less. */
+function placeTicks(min, max) {
+  const decades = Math.log10(max / min);
+  if (decades < 0.8) {
+    const step = roundStep((max - min) / 6);
+    const first = Math.ceil(min / step);
+    return Array.from({ length: Math.floor(max / step) - first + 1 }, (_, k) => (first + k) * step);
+  }
+  const every = Math.ceil(decades / 7);
+  const ticks = [];
+  for (let power = Math.floor(Math.log10(min)); power <= Math.ceil(Math.log10(max)); power++) {
+    if (power % every !== 0) continue;
+    for (const step of decades < 2.2 ? [1, 2, 5] : [1]) ticks.push(step * 10 ** power);
+  }
+  return ticks.filter((tick) => tick >= min * (1 - 1e-9) && tick <= max * (1 + 1e-9));
+}
+
+/** A tick of a logarithmic axis as text. */
+function formatTick(tick) {
+  const exponent = Math.round(Math.log10(tick));
+  const isPower = Math.abs(tick / 10 ** exponent - 1) < 1e-6;
+  return isPower && Math.abs(exponent) > 2 ? formatPower(exponent) : formatNumber(tick, 4);
+}
