@@ -1,8 +1,8 @@
 """Runs a scenario of the pointing manipulator: four FMUs, wired as SystemStructure.ssd says.
 
 Writes summary.json, results.nc, figures and report.html into the output folder.
-Exit codes: 0 done, 1 the run failed, 2 an argument cannot be used, 130 interrupted by Ctrl-C or SIGTERM (results so
-far are kept).
+Exit codes: 0 done, 1 the run failed or a requirement is not met, 2 an argument cannot be used, 130 interrupted by
+Ctrl-C or SIGTERM (results so far are kept).
 """
 
 from __future__ import annotations
@@ -66,6 +66,9 @@ def make_parser(found: Mapping[str, Scenario]) -> argparse.ArgumentParser:
     p.add_argument("--output", type=Path, metavar="DIR", help="folder of the results (results/SCENARIO)")
     p.add_argument("--scheme", choices=SCHEMES, default=SCHEMES[0], help="order of exchange (%(default)s)")
     p.add_argument("--storage-step", type=float, metavar="S", help="seconds between stored rows")
+    p.add_argument(
+        "--requirements", type=Path, metavar="F.toml", help="pointing requirements; exit code 1 if one is not met"
+    )
     return p
 
 
@@ -83,6 +86,7 @@ def read_options(scenario: Scenario, arguments: argparse.Namespace) -> RunOption
         apart=tuple(arguments.apart),
         scheme=arguments.scheme,
         storage_step_s=arguments.storage_step,
+        requirements=arguments.requirements,
         fmus=None if arguments.ssp else ROOT / "build" / "fmus",
         progress=True,
     ).claim_output()

@@ -26,7 +26,8 @@ MAY_IMPORT = {
     "fmucheck": {"cosim", "slavekit"},
     "pointing": set(),
     "results": {"pointing", "slavekit"},
-    "runs": {*PHYSICS, "theory", "interface", "cosim", "pointing", "results", "slavekit"},
+    "requirements": {"cosim", "pointing", "results", "slavekit"},
+    "runs": {*PHYSICS, "theory", "interface", "cosim", "pointing", "results", "requirements", "slavekit"},
     "paper": {*PHYSICS, "theory", "interface", "cosim", "pointing", "results", "runs", "slavekit"},
     "trades": {*PHYSICS, "theory", "interface", "cosim", "results", "runs", "paper"},
 }

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from .analyse_command import add_parser as add_analyse
+from .judge_command import add_parser as add_judge
 from .paper.identification.identify_command import add_parser as add_identify
 from .terminal import reason, run_command
 
@@ -47,6 +48,7 @@ def parser() -> argparse.ArgumentParser:
     _add_crosscheck(commands)
     add_analyse(commands)
     add_identify(commands)
+    add_judge(commands)
     return top
 
 

@@ -45,6 +45,7 @@ class Report:
     """What a report shows, in this order."""
 
     title: str
+    verdicts: Table | None = None  # on the requirements
     text: Sequence[str] = ()  # paragraphs: what was run, and how to read it
     tables: Sequence[Table] = ()
     pictures: Sequence[Picture] = ()
@@ -57,6 +58,7 @@ class Report:
         """The page.  Raises ``OSError`` if a picture cannot be read."""
         written = datetime.now(UTC).isoformat(sep=" ", timespec="seconds")
         parts = [f"<h1>{escape(self.title)}</h1>"]
+        parts += [self.verdicts.to_html()] if self.verdicts is not None else []
         parts += [f"<p>{escape(paragraph)}</p>" for paragraph in self.text]
         if self.warnings:
             items = "".join(f"<li>{escape(warning)}</li>" for warning in self.warnings)

@@ -5,12 +5,17 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
+from ..requirements.verdict import format_verdicts, list_remarks, make_table, summarise
 from ..results.report import Picture, Report
 from ..results.summary import RunSummary, versions
 from ..results.tables import Table
 from .cases import Outcome
 from .options import REPORT, SUMMARY, RunOptions
 from .setup import SEED, RunSystem, collect_parameters, identify_fmus
+
+
+class NotMetError(ValueError):
+    """Requirements are not met, or it cannot be said."""
 
 
 @dataclass(frozen=True)
@@ -35,10 +40,13 @@ class Findings:
 
 
 def publish(options: RunOptions, system: RunSystem, findings: Findings) -> None:
-    """Write summary.json and report.html; say on the terminal how fast it went and where they are.
+    """Write summary.json and report.html; say on the terminal what was required, how fast it went and where they are.
 
-    Raises ``OSError`` if they cannot be written.
+    Raises ``OSError`` if they cannot be written, and after that :class:`NotMetError` for requirements that are not met.
     """
+    verdicts = system.judge.conclude()
+    remarks = list_remarks(verdicts)
+    required = {"verdicts": [verdict.as_dict() for verdict in verdicts]} if verdicts else {}
     fmus = identify_fmus(system)
     parameters = collect_parameters(options, system)
     RunSummary(
@@ -52,11 +60,12 @@ def publish(options: RunOptions, system: RunSystem, findings: Findings) -> None:
         rejection_percent=findings.rejection_percent,
         real_time_factor=findings.real_time_factor,
         fmus=fmus,
-        more={**findings.more, "parameters": parameters, "warnings": system.warnings.texts},
+        more={**findings.more, **required, "parameters": parameters, "warnings": system.warnings.texts},
     ).write(options.output / SUMMARY)
     Report(
         title=findings.title,
-        text=findings.text,
+        verdicts=make_table(verdicts) if verdicts else None,
+        text=[*remarks, *findings.text],
         tables=findings.tables,
         pictures=findings.pictures,
         parameters=parameters,
@@ -64,4 +73,8 @@ def publish(options: RunOptions, system: RunSystem, findings: Findings) -> None:
         versions=versions(),
         warnings=system.warnings.texts,
     ).write(options.output / REPORT)
+    if verdicts:
+        print(format_verdicts(verdicts))
     print(f"{findings.real_time_factor:.1f} x real time; results in {options.output}")
+    if not all(verdict.met for verdict in verdicts):
+        raise NotMetError(f"requirements: {summarise(verdicts)}")

@@ -142,4 +142,5 @@ SCENARIO = Scenario(
     run,
     duration_s=90.0,
     system="LineOfSight.ssd",
+    cases=CASES,
 )
