@@ -88,8 +88,10 @@ class Distribution:
         return self.value(find_rank(self.count, probability))
 
     def effective_share(self, value: float) -> float:
-        """Number of independent samples for the share of values up to ``value``."""
-        return effective_samples(np.concatenate(self._series) <= value / self.limit)
+        """Number of independent samples for the share of values up to ``value``; below it, where none is above."""
+        series, level = np.concatenate(self._series), value / self.limit
+        inside = series <= level
+        return effective_samples(series < level if inside.all() else inside)
 
     def effective_squares(self) -> float:
         """Number of independent samples for the mean square."""

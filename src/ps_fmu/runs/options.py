@@ -81,6 +81,8 @@ class RunOptions:
         for path in self.parameters:
             if not path.is_file():
                 raise OptionError(f"--parameters: there is no file {path}")
+        if self.requirements is not None and not self.requirements.is_file():
+            raise OptionError(f"--requirements: there is no file {self.requirements}")
 
     @property
     def steps(self) -> int:
