@@ -1,10 +1,13 @@
+import re
+import tomllib
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from ps_fmu.pointing import indices
 from ps_fmu.pointing.interpretation import Interpretation
-from ps_fmu.requirements.reading import INDICES, read_requirements
+from ps_fmu.requirements.reading import COMMON, INDICES, OF_QUANTILE, read_requirements
 from ps_fmu.requirements.requirement import RequirementError
 
 EXAMPLE = Path(__file__).parents[2] / "system" / "requirements.toml"
@@ -122,5 +125,13 @@ def test_names_tell_requirements_apart(write):
         read_requirements(write({}, {}))
 
 
-def test_the_example():
-    assert len(read_requirements(EXAMPLE)) >= 3
+def test_the_examples_of_the_document(write):
+    text = (EXAMPLE.parents[1] / "docs" / "requirements.md").read_text(encoding="utf-8")
+    (example,) = re.findall(r"```toml\n(.*?)```", text, re.DOTALL)
+    (documented,) = read_requirements(write(text=example))
+    found = read_requirements(EXAMPLE)
+    assert replace(documented, place="") == replace(found[0], place="")
+    keys = {key for table in tomllib.loads(EXAMPLE.read_text(encoding="utf-8"))["requirement"] for key in table}
+    assert {*COMMON, *OF_QUANTILE} == keys - {"window", "at"}
+    for key in (*keys, "separation", *INDICES):
+        assert f"`{key}`" in text

@@ -182,7 +182,8 @@ def test_the_command_judge(required, capsys, tmp_path):
 
     def judge(*changes, path=results):
         capsys.readouterr()
-        code = main(["judge", str(path), "--requirements", str(required(*changes).requirements), "--output", str(output)])
+        required_by = required(*changes).requirements
+        code = main(["judge", str(path), "--requirements", str(required_by), "--output", str(output)])
         return code, *capsys.readouterr()
 
     code, text, _ = judge({})
