@@ -7,7 +7,7 @@ import pytest
 
 from ps_fmu.pointing import indices
 from ps_fmu.pointing.interpretation import Interpretation
-from ps_fmu.requirements.reading import COMMON, INDICES, OF_QUANTILE, read_requirements
+from ps_fmu.requirements.reading import COMMON, INDICES, OF_STATISTIC, read_requirements
 from ps_fmu.requirements.requirement import RequirementError
 
 EXAMPLE = Path(__file__).parents[2] / "system" / "requirements.toml"
@@ -47,6 +47,11 @@ def test_every_index_with_its_own_entries(require, symbol):
     assert found.level == "RMS, 90 % confidence"
 
 
+def test_a_peak_has_no_level(require):
+    found = require(statistic="peak", probability=None, confidence=None, interpretation=None)
+    assert (found.probability, found.confidence, found.level) == (None, None, "peak of the run")
+
+
 def test_the_indices_are_all_that_the_library_has():
     public = [kind for kind in vars(indices).values() if isinstance(kind, type) and getattr(kind, "symbol", None)]
     assert set(INDICES.values()) == set(public)
@@ -79,7 +84,8 @@ def test_the_indices_are_all_that_the_library_has():
         ({"interpretation": None}, "interpretation: is missing"),
         ({"interpretation": "spatial"}, "interpretation: expected one of temporal, ensemble, mixed"),
         ({"statistic": "rms"}, "probability: unknown for RPE as rms"),
-        ({"statistic": "mean"}, "statistic: expected one of quantile, rms"),
+        ({"statistic": "mean"}, "statistic: expected one of quantile, rms, peak"),
+        ({"statistic": "peak", "probability": None, "interpretation": None}, "confidence: unknown for RPE as peak"),
         ({"combine": "sum"}, "combine: expected one of each, norm"),
         ({"settling": "5"}, "settling: '5' has no unit"),
     ],
@@ -132,6 +138,6 @@ def test_the_examples_of_the_document(write):
     found = read_requirements(EXAMPLE)
     assert replace(documented, place="") == replace(found[0], place="")
     keys = {key for table in tomllib.loads(EXAMPLE.read_text(encoding="utf-8"))["requirement"] for key in table}
-    assert {*COMMON, *OF_QUANTILE} == keys - {"window", "at"}
+    assert {*COMMON, *OF_STATISTIC["quantile"]} == keys - {"window", "at"}
     for key in (*keys, "separation", *INDICES):
         assert f"`{key}`" in text

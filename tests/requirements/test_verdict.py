@@ -101,6 +101,31 @@ def test_the_bound_of_an_rms(record, white):
     assert 1.003 < verdict.statement.bound / verdict.statement.value < 1.02
 
 
+def test_the_peak_of_a_run(record):
+    """Known without any independent samples."""
+    peak = {"statistic": "peak", "probability": None, "confidence": None, "interpretation": None, **APE}
+    decay = 2e-6 * np.exp(-np.arange(1001) * STEP)
+    assert decide(record(decay, **peak)).outcome is Outcome.NOT_MET
+    verdict = decide(record(decay, **peak, settling="2 s"))
+    assert verdict.outcome is Outcome.MET
+    assert verdict.statement.value == verdict.statement.bound == pytest.approx(2e-6 * np.exp(-2.0))
+    assert verdict.as_dict()["confidence"] is None
+
+
+def test_few_samples_are_enough_to_see_that_a_limit_is_far_exceeded(record, white):
+    """All but a few of 20 windows are above the limit: the quantile of 95 % is, too."""
+    verdict = decide(record(1e-4 * white(2001)[:, 0], index="MPE", at=None))
+    assert verdict.statement.bound == np.inf and verdict.statement.lower > 0.5e-6
+    assert (verdict.outcome, verdict.margin_percent) == (Outcome.NOT_MET, None)
+    assert verdict.remark == "the limit lies below all of the value's interval"
+
+
+def test_a_value_below_and_a_bound_above_the_limit(record, white):
+    verdict = decide(record(0.25e-6 * white(301)[:, 0], **APE))
+    assert verdict.statement.value <= 0.5e-6 < verdict.statement.bound
+    assert verdict.outcome is Outcome.NOT_MET and "a longer run narrows it" in verdict.remark
+
+
 def test_a_run_that_ends_before_a_window_is_full(record, white):
     verdict = decide(record(white(50)[:, 0], rows=1001))
     assert (verdict.outcome, verdict.statement) == (Outcome.OPEN, None)
@@ -131,7 +156,8 @@ def test_several_runs_as_the_library_states_them(record, white, interpretation):
     ],
 )
 def test_too_few_runs(record, white, interpretation, runs, problem):
-    verdict = decide(*(record(white(21, seed)[:, 0], **APE, interpretation=interpretation) for seed in range(runs)))
+    values = (1e-7 * white(21, seed)[:, 0] for seed in range(runs))
+    verdict = decide(*(record(value, **APE, interpretation=interpretation) for value in values))
     assert (verdict.outcome, verdict.remark) == (Outcome.OPEN, problem)
 
 

@@ -31,17 +31,20 @@ def state(requirement: Requirement, runs: Sequence[Distribution]) -> Statement:
     ``runs``: the distributions of independent members of the ensemble, one at least.  The interpretations are those of
     :func:`..pointing.interpretation.quantile_of_runs`.
     """
+    probability, confidence = requirement.probability, requirement.confidence
+    if confidence is None:
+        return _state_peak(runs)
     if requirement.interpretation is Interpretation.TEMPORAL:
-        return _state_of_time(requirement, runs)
-    assert requirement.probability is not None  # an RMS is temporal
+        return _state_of_time(probability, confidence, runs)
+    assert probability is not None  # an RMS is temporal
     if requirement.interpretation is Interpretation.ENSEMBLE:
-        return quantile([run.peak for run in runs], requirement.probability, requirement.confidence)
-    return _state_of_all(requirement.probability, requirement.confidence, runs)
+        return quantile([run.peak for run in runs], probability, confidence)
+    return _state_of_all(probability, confidence, runs)
 
 
 def explain_lack(requirement: Requirement, statement: Statement, runs: int, judged_s: float) -> str:
     """Why there is no bound, and how much there would have to be for one."""
-    assert requirement.probability is not None  # an RMS has a bound always
+    assert requirement.probability is not None and requirement.confidence is not None  # others always have a bound
     if requirement.interpretation is Interpretation.MIXED:
         return f"a bootstrap needs {LEAST_RUNS} runs with different seeds, there {_count(runs)}"
     confidence = requirement.confidence
@@ -61,14 +64,22 @@ def _share_out(confidence: float, runs: int) -> float:
     return 1.0 - (1.0 - confidence) / runs
 
 
-def _state_of_time(requirement: Requirement, runs: Sequence[Distribution]) -> Statement:
+def _state_peak(runs: Sequence[Distribution]) -> Statement:
+    """The largest value of all: known, and no statement on other runs."""
+    peak = max(run.peak for run in runs)
+    return Statement(
+        value=peak, confidence=1.0, lower=peak, upper=peak, bound=peak, independent=float(len(runs)),
+        method="largest value",
+    )  # fmt: skip
+
+
+def _state_of_time(probability: float | None, confidence: float, runs: Sequence[Distribution]) -> Statement:
     """The worst run, each with a confidence that makes all bounds hold together."""
-    confidence = requirement.confidence
     together = _share_out(confidence, len(runs))
-    if requirement.probability is None:
+    if probability is None:
         each = [gaussian_rms(run.rms, run.effective_squares(), together) for run in runs]
     else:
-        each = [_quantile_of_record(run, requirement.probability, together) for run in runs]
+        each = [_quantile_of_record(run, probability, together) for run in runs]
     worst = max(each, key=lambda one: one.value)
     return replace(
         worst,

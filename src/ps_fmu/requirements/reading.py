@@ -12,13 +12,14 @@
     at = "uniform"                     # RPE: where t lies in the window
     window = "1 s"                     # all but APE
     separation = "10 s"                # PDE and PRE
-    statistic = "quantile"             # or "rms"
+    statistic = "quantile"             # or "rms", "peak"
     probability = 0.95
     confidence = 0.9
     interpretation = "temporal"        # or "ensemble", "mixed"
     limit = "0.5 urad"
 
-``combine``, ``case``, ``settling`` and ``statistic`` may be left out.  An RMS has no probability and no interpretation.
+``combine``, ``case``, ``settling`` and ``statistic`` may be left out.  An RMS has no probability and no interpretation,
+a peak no confidence either.
 """
 
 from __future__ import annotations
@@ -42,7 +43,7 @@ from ..pointing.indices import (
 )
 from ..pointing.interpretation import Interpretation
 from .quantity import Quantity, parse_quantity
-from .requirement import QUANTILE, STATISTICS, Requirement, RequirementError
+from .requirement import PEAK, QUANTILE, RMS, STATISTICS, Requirement, RequirementError
 
 INDICES: dict[str, type[PointingIndex]] = {
     kind.symbol: kind
@@ -50,8 +51,8 @@ INDICES: dict[str, type[PointingIndex]] = {
         AbsoluteError, MeanError, RelativeError, DriftError, ReproducibilityError, Smear, ResidualJitter,
     )
 }  # fmt: skip
-COMMON = ("name", "signal", "combine", "case", "settling", "index", "statistic", "confidence", "limit")
-OF_QUANTILE = ("probability", "interpretation")
+COMMON = ("name", "signal", "combine", "case", "settling", "index", "statistic", "limit")
+OF_STATISTIC = {QUANTILE: ("probability", "confidence", "interpretation"), RMS: ("confidence",), PEAK: ()}
 DEFAULT_CASE = "active"
 _HEADER = re.compile(r"\s*\[\[\s*requirement\s*\]\]")
 
@@ -98,22 +99,23 @@ class _Reader:
         self.place += f" ({name})"
         kind = INDICES[self._choice("index", tuple(INDICES))]
         statistic = self._choice("statistic", STATISTICS) if "statistic" in self.table else QUANTILE
-        of_quantile = OF_QUANTILE if statistic == QUANTILE else ()
-        known = (*COMMON, *(item.name for item in fields(kind)), *of_quantile)  # type: ignore[arg-type]
+        own = OF_STATISTIC[statistic]
+        known = (*COMMON, *(item.name for item in fields(kind)), *own)  # type: ignore[arg-type]
         for key in self.table:
             if key not in known:
                 raise self._error(key, f"unknown for {kind.symbol} as {statistic}{suggest_names(key, known)}")
         combine = self._choice("combine", ("each", "norm")) if "combine" in self.table else "each"
-        probability = self._share("probability") if of_quantile else None
-        interpretation = self._choice("interpretation", tuple(Interpretation)) if of_quantile else "temporal"
+        probability = self._share("probability") if "probability" in own else None
+        kinds = tuple(Interpretation)
+        interpretation = self._choice("interpretation", kinds) if "interpretation" in own else Interpretation.TEMPORAL
         return Requirement(
             place=self.place,
             name=name,
             signals=self._names("signal"),
             index=self._index(kind),
             limit=self._quantity("limit"),
-            confidence=self._share("confidence"),
             statistic=statistic,
+            confidence=self._share("confidence") if "confidence" in own else None,
             probability=probability,
             interpretation=Interpretation(interpretation),
             norm=combine == "norm",

@@ -11,8 +11,8 @@ from ..pointing.interpretation import Interpretation
 from ..pointing.windows import count_samples
 from .quantity import Quantity
 
-QUANTILE, RMS = "quantile", "rms"
-STATISTICS = (QUANTILE, RMS)
+QUANTILE, RMS, PEAK = "quantile", "rms", "peak"
+STATISTICS = (QUANTILE, RMS, PEAK)
 
 
 class RequirementError(ValueError):
@@ -30,11 +30,12 @@ class Requirement:
     """``component.variable``, or the name of a vector without that of its component."""
     index: PointingIndex
     limit: Quantity
-    confidence: float
     statistic: str
     """One of :data:`STATISTICS`."""
+    confidence: float | None
+    """Of the bound; None for the peak, which is a fact of the run."""
     probability: float | None
-    """Of the quantile; None for the RMS."""
+    """Of the quantile; None for RMS and peak."""
     interpretation: Interpretation
     norm: bool
     """The magnitude of the vector of all signals is judged; otherwise each signal."""
@@ -99,6 +100,8 @@ class Requirement:
     @property
     def level(self) -> str:
         """The statistic in words, for example ``95 % quantile, temporal, 90 % confidence``."""
+        if self.confidence is None:
+            return "peak of the run"
         sure = f"{100.0 * self.confidence:g} % confidence"
         if self.probability is None:
             return f"RMS, {sure}"

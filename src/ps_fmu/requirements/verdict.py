@@ -121,8 +121,12 @@ def judge(
             continue
         stated = state(requirement, [distributions[place] for distributions in filled])
         outcome, why = Outcome.MET if stated.bound <= target.limit else Outcome.NOT_MET, ""
-        if math.isinf(stated.bound):
+        if stated.lower > target.limit:
+            why = "the limit lies below all of the value's interval"  # for which few samples may be enough
+        elif math.isinf(stated.bound):
             outcome, why = Outcome.OPEN, explain_lack(requirement, stated, len(runs), judged_s)
+        elif stated.value <= target.limit < stated.bound:
+            why = "the value is below the limit, its bound is not: a longer run narrows it"
         verdicts.append(Verdict(requirement, case, target.label, outcome, target.limit, stated, why, rows))
     return verdicts
 
