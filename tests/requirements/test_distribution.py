@@ -69,6 +69,12 @@ def test_a_long_record_keeps_a_bounded_series_that_is_worth_no_more():
     assert KEPT // 2 < found.effective_share(1.0) <= KEPT
 
 
+def test_blocks_of_a_long_run_leave_nothing_behind(monkeypatch):
+    monkeypatch.setattr(module, "KEPT", 8)
+    found = fill(np.random.default_rng(5).random(4000), 1.0, blocks=1000)
+    assert len(found._series) == 8
+
+
 def test_no_line_hides_between_the_values_that_are_kept(monkeypatch):
     """A period of as many samples as lie between two that are kept: each would have the same phase."""
     monkeypatch.setattr(module, "KEPT", 1000)

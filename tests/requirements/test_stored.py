@@ -90,6 +90,9 @@ def test_a_run_that_is_not_in_the_file(store, require):
     verdict = judge_one(path, [require()])
     assert (verdict.outcome, verdict.case) == (Outcome.OPEN, "active")
     assert verdict.remark == "there is no run active; there are: passive"
+    path, _ = store(case="passive", rows=501)
+    remark = judge_one(path, [require()]).remark
+    assert remark == "there is no run active; there are: passive (the run was interrupted at 5 of 20 s)"
 
 
 def test_each_run_that_a_pattern_names(store, require):

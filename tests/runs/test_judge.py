@@ -171,7 +171,7 @@ def test_an_interrupted_run_can_be_judged(required, capsys):
     assert main(["judge", str(results), "--requirements", str(options.requirements)]) == 1
     text = capsys.readouterr().out
     assert "Requirements: 3 of 4 are met, 1 cannot be said" in text
-    assert "there is no run active; there are: passive" in text
+    assert "there is no run active; there are: passive (the run was interrupted at" in text
     assert "passive: judged from all rows, 0.0001 s apart; the run was interrupted at" in text
 
 

@@ -57,7 +57,8 @@ class Distribution:
         if not len(values):
             return
         first, last = np.searchsorted(self._chosen, (self.count, self.count + len(values)))
-        self._series.append(values[self._chosen[first:last] - self.count] / self.limit)
+        if last > first:  # in most blocks of a long run none is kept
+            self._series.append(values[self._chosen[first:last] - self.count] / self.limit)
         self.count += len(values)
         self.peak = max(self.peak, float(values.max()))
         shares = values / self.limit

@@ -61,7 +61,7 @@ def _judge(requirement: Requirement, paths: Sequence[Path], datasets: Sequence[A
     cases = list(dict.fromkeys(name for dataset in datasets for name in dataset.groups))
     wanted = [case for case in cases if requirement.judges(case)]
     if not wanted:
-        return [no_run(requirement, cases)]
+        return [no_run(requirement, [_name(case, datasets) for case in cases])]
     found = []
     for case in wanted:
         records: dict[Path, RequirementRecord] = {}
@@ -85,10 +85,8 @@ def _record(requirement: Requirement, group: Any, path: Path) -> tuple[Requireme
     if len(time) < 2:
         raise ResultsError(f"{path}: the run {group.name} has {len(time)} rows; two are needed")
     step = float(time[-1] - time[0]) / (len(time) - 1)
+    seen = "; ".join([_describe_rows(group, step), *_explain_interruption(group)])
     whole = float(getattr(group, "duration_s", time[-1]))
-    seen = _describe_rows(group, step)
-    if time[-1] < whole - 0.5 * step:
-        seen += f"; the run was interrupted at {time[-1]:g} of {whole:g} s"
     requirement.check_times(step, max(whole, float(time[-1])), f" between stored rows ({path})")
     needed = [columns[place] for target in find_targets(requirement, columns) for place in target.places]
     record = RequirementRecord(requirement, needed, step, max(len(time), round(whole / step) + 1))
@@ -99,6 +97,23 @@ def _record(requirement: Requirement, group: Any, path: Path) -> tuple[Requireme
             raise ResultsError(f"{path}: the run {group.name} has values that are not finite")
         record.block(first, time[rows], values)
     return record, seen
+
+
+def _explain_interruption(group: Any) -> list[str]:
+    """What is to be said of a run that is shorter than it was meant to be."""
+    time = group["time"]
+    if len(time) < 2 or not hasattr(group, "duration_s"):
+        return []
+    reached, whole = float(time[-1]), float(group.duration_s)
+    if reached >= whole - 0.5 * (reached - float(time[0])) / (len(time) - 1):
+        return []
+    return [f"the run was interrupted at {reached:g} of {whole:g} s"]
+
+
+def _name(case: str, datasets: Sequence[Any]) -> str:
+    """The name of a run, and whether one of this name was interrupted, so that others may not have begun."""
+    found = [text for dataset in datasets if case in dataset.groups for text in _explain_interruption(dataset[case])]
+    return f"{case} ({found[0]})" if found else case
 
 
 def _describe(variable: Any) -> _Column:

@@ -121,8 +121,8 @@ def judge(
             continue
         stated = state(requirement, [distributions[place] for distributions in filled])
         outcome, why = Outcome.MET if stated.bound <= target.limit else Outcome.NOT_MET, ""
-        if stated.lower > target.limit:
-            why = "the limit lies below all of the value's interval"  # for which few samples may be enough
+        if math.isinf(stated.bound) and stated.lower > target.limit:  # for which few samples may be enough
+            why = "the limit lies below all of the value's interval"
         elif math.isinf(stated.bound):
             outcome, why = Outcome.OPEN, explain_lack(requirement, stated, len(runs), judged_s)
         elif stated.value <= target.limit < stated.bound:
@@ -132,7 +132,7 @@ def judge(
 
 
 def no_run(requirement: Requirement, cases: Sequence[str]) -> Verdict:
-    """The verdict where no run has the name that the requirement asks for."""
+    """The verdict where none of the runs, ``cases``, has the name that the requirement asks for."""
     wanted, there = " or ".join(requirement.cases), ", ".join(cases) or "none"
     remark = f"there is no run {wanted}; there are: {there}"
     signal = ", ".join(requirement.signals)
