@@ -61,7 +61,9 @@ def test_the_indices_are_all_that_the_library_has():
     ("change", "problem"),
     [
         ({"name": None}, "name: is missing"),
-        ({"name": 3}, "name: expected a text, got 3"),
+        ({"name": 3}, "name: expected a text of one line, got 3"),
+        ({"name": "\x1b[2J"}, "name: expected a text of one line"),
+        ({"case": "\x1b[2J"}, "case: expected a name, or a list"),
         ({"signal": []}, "signal: expected a name, or a list"),
         ({"signal": ["a.b", "a.b"]}, "signal: expected a name, or a list of names that differ"),
         ({"index": "APEX"}, "index: expected one of APE, MPE, RPE, PDE, PRE, smear, jitter, got 'APEX'; did you mean"),

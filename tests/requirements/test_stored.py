@@ -162,3 +162,26 @@ def test_values_that_are_not_finite(store, require):
         file["active"]["plant.rotation.x"][7] = np.nan
     with pytest.raises(ResultsError, match="the run active has values that are not finite"):
         judge_files([path], [require()])
+
+
+def test_groups_of_other_programs(store, require):
+    """Groups without times are no runs; attributes that are no numbers are passed over."""
+    path, _ = store()
+    with netCDF4.Dataset(path, "a") as file:
+        file.createGroup("notes").about = "no run"
+        file["active"].duration_s = "long"
+        file["active"].step_s = [1.0, 2.0]
+        file["active"].createDimension("place", 3)
+        file["active"].createVariable("plant.rotation.z", "f8", ("place",)).units = "rad"
+    verdict = judge_one(path, [require(case=["active", "notes"])])
+    assert verdict.rows == "all rows, 0.01 s apart"
+    with pytest.raises(RequirementError, match=r"there is no output 'plant\.rotation\.z'"):
+        judge_files([path], [require(signal="plant.rotation.z")])
+
+
+def test_times_that_do_not_ascend(store, require):
+    path, _ = store()
+    with netCDF4.Dataset(path, "a") as file:
+        file["active"]["time"][:] = np.zeros(2001)
+    with pytest.raises(ResultsError, match="the times of the run active do not ascend"):
+        judge_files([path], [require()])

@@ -1,5 +1,7 @@
 """A file of requirements and the columns that it speaks of."""
 
+import json
+
 from ps_fmu.cosim import Column
 
 COLUMNS = (
@@ -18,9 +20,9 @@ ENTRIES = {
 
 def to_toml(*tables):
     """Tables of a file; an entry of None is left out."""
-    lines = []
+    lines: list[str] = []
     for table in tables:
         lines.append("[[requirement]]")
-        lines += [f"{key} = {str(value) if not isinstance(value, str) else repr(value)}" for key, value in table.items()
+        lines += [f"{key} = {json.dumps(value)}" for key, value in table.items()
                   if value is not None]  # fmt: skip
     return "\n".join(lines) + "\n"

@@ -133,14 +133,15 @@ class _Reader:
 
     def _text(self, key: str) -> str:
         value = self._get(key)
-        if not isinstance(value, str) or not value.strip():
-            raise self._error(key, f"expected a text, got {value!r}")
+        if not isinstance(value, str) or not value.strip() or not value.isprintable():
+            raise self._error(key, f"expected a text of one line, got {value!r}")
         return value
 
     def _names(self, key: str) -> tuple[str, ...]:
         value = self._get(key)
         names = value if isinstance(value, list) else [value]
-        if not names or not all(isinstance(name, str) and name for name in names) or len(set(names)) < len(names):
+        fit = all(isinstance(name, str) and name and name.isprintable() for name in names)
+        if not names or not fit or len(set(names)) < len(names):
             raise self._error(key, f"expected a name, or a list of names that differ, got {value!r}")
         return tuple(names)
 

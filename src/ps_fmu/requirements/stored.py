@@ -49,7 +49,7 @@ def judge_files(paths: Sequence[Path], requirements: Sequence[Requirement]) -> l
             except OSError as error:
                 raise ResultsError(f"{path}: cannot be read: {error.strerror or error}") from error
             datasets[-1].set_auto_maskandscale(False)
-            if not any("time" in group.variables for group in datasets[-1].groups.values()):
+            if not _find_runs(datasets[-1]):
                 raise ResultsError(f"{path}: holds no run")
         return [verdict for one in requirements for verdict in _judge(one, paths, datasets)]
     finally:
@@ -58,7 +58,7 @@ def judge_files(paths: Sequence[Path], requirements: Sequence[Requirement]) -> l
 
 
 def _judge(requirement: Requirement, paths: Sequence[Path], datasets: Sequence[Any]) -> list[Verdict]:
-    cases = list(dict.fromkeys(name for dataset in datasets for name in dataset.groups))
+    cases = list(dict.fromkeys(name for dataset in datasets for name in _find_runs(dataset)))
     wanted = [case for case in cases if requirement.judges(case)]
     if not wanted:
         return [no_run(requirement, [_name(case, datasets) for case in cases])]
@@ -67,7 +67,7 @@ def _judge(requirement: Requirement, paths: Sequence[Path], datasets: Sequence[A
         records: dict[Path, RequirementRecord] = {}
         rows: list[str] = []
         for path, dataset in zip(paths, datasets, strict=True):
-            if case not in dataset.groups:
+            if case not in _find_runs(dataset):
                 rows.append(f"no run {case} in {path}")
                 continue
             record, seen = _record(requirement, dataset[case], path)
@@ -80,13 +80,19 @@ def _judge(requirement: Requirement, paths: Sequence[Path], datasets: Sequence[A
 
 def _record(requirement: Requirement, group: Any, path: Path) -> tuple[RequirementRecord, str]:
     """The record of a group, and what is to be said of its rows."""
-    columns = [_describe(variable) for name, variable in group.variables.items() if name != "time"]
+    columns = [
+        _describe(variable)
+        for name, variable in group.variables.items()
+        if name != "time" and variable.dimensions == ("time",)
+    ]
     time = np.asarray(group["time"][:], dtype=float)
     if len(time) < 2:
         raise ResultsError(f"{path}: the run {group.name} has {len(time)} rows; two are needed")
     step = float(time[-1] - time[0]) / (len(time) - 1)
+    if not step > 0.0:
+        raise ResultsError(f"{path}: the times of the run {group.name} do not ascend")
     seen = "; ".join([_describe_rows(group, step), *_explain_interruption(group)])
-    whole = float(getattr(group, "duration_s", time[-1]))
+    whole = _read_number(group, "duration_s", float(time[-1]))
     requirement.check_times(step, max(whole, float(time[-1])), f" between stored rows ({path})")
     needed = [columns[place] for target in find_targets(requirement, columns) for place in target.places]
     record = RequirementRecord(requirement, needed, step, max(len(time), round(whole / step) + 1))
@@ -102,17 +108,34 @@ def _record(requirement: Requirement, group: Any, path: Path) -> tuple[Requireme
 def _explain_interruption(group: Any) -> list[str]:
     """What is to be said of a run that is shorter than it was meant to be."""
     time = group["time"]
-    if len(time) < 2 or not hasattr(group, "duration_s"):
+    if len(time) < 2:
         return []
-    reached, whole = float(time[-1]), float(group.duration_s)
+    reached = float(time[-1])
+    whole = _read_number(group, "duration_s", reached)
     if reached >= whole - 0.5 * (reached - float(time[0])) / (len(time) - 1):
         return []
     return [f"the run was interrupted at {reached:g} of {whole:g} s"]
 
 
+def _find_runs(dataset: Any) -> list[str]:
+    """Names of the groups that hold a run."""
+    return [
+        name
+        for name, group in dataset.groups.items()
+        if "time" in group.variables and group["time"].dimensions == ("time",)
+    ]
+
+
+def _read_number(group: Any, name: str, default: float) -> float:
+    """An attribute above 0; ``default`` where there is none, as in files of other programs."""
+    value = getattr(group, name, default)
+    return float(value) if isinstance(value, int | float | np.number) and 0.0 < value < np.inf else default
+
+
 def _name(case: str, datasets: Sequence[Any]) -> str:
     """The name of a run, and whether one of this name was interrupted, so that others may not have begun."""
-    found = [text for dataset in datasets if case in dataset.groups for text in _explain_interruption(dataset[case])]
+    groups = [dataset[case] for dataset in datasets if case in _find_runs(dataset)]
+    found = [text for group in groups for text in _explain_interruption(group)]
     return f"{case} ({found[0]})" if found else case
 
 
@@ -124,7 +147,7 @@ def _describe(variable: Any) -> _Column:
 
 def _describe_rows(group: Any, step: float) -> str:
     """The bandwidth of the rows: the recorder filters before it leaves rows out."""
-    run_step = float(getattr(group, "step_s", step))
+    run_step = _read_number(group, "step_s", step)
     if (factor := count_steps(step, run_step)) is not None and factor > 1:
         return f"rows {step:.4g} s apart, filtered to {0.5 * PASS_BAND / step:.4g} Hz"
     return f"all rows, {step:.4g} s apart"
