@@ -179,7 +179,7 @@ def test_what_is_written(record, white):
     assert entry["value"] == pytest.approx(0.196, rel=0.1)  # in urad
     assert entry["margin"] == pytest.approx(100.0 * (1.0 - entry["bound"] / 0.5))
     assert (entry["verdict"], entry["met"], entry["rows"]) == ("met", True, "every step")
-    name, signal, case, value, bound, limit, margin, word = verdict.as_row()
+    name, word, signal, case, value, bound, limit, margin = verdict.as_row()
     assert (name, signal, case, limit, word) == ("blur", "plant.rotation.x", "active", "0.5 urad", "met")
     assert value == f"{entry['value']:.4g} urad" and bound == f"{entry['bound']:.4g} urad"
     assert margin == f"{entry['margin']:.1f} %"
@@ -198,7 +198,7 @@ def test_the_table_counts_and_explains(require, record, white):
         no_run(require(case="on"), ["passive", "active"]),
     ]
     assert summarise(verdicts) == "1 of 3 are met, 1 not met, 1 cannot be said"
-    assert [row[-1] for row in make_table(verdicts).rows] == ["met", "NOT MET", "CANNOT BE SAID"]
+    assert [row[1] for row in make_table(verdicts).rows] == ["met", "NOT MET", "CANNOT BE SAID"]
     text = format_verdicts(verdicts)
     assert text.count("blur: RPE over 1 s, t uniform; 95 % quantile, temporal, 90 % confidence.") == 1
     assert "there is no run on; there are: passive, active." in text

@@ -35,7 +35,7 @@ class Verdict:
     statement: Statement | None
     """In the unit of the signal; None where there was nothing to judge."""
     remark: str = ""
-    """Why there is no verdict."""
+    """What the numbers do not tell: why it cannot be said, what to do."""
     rows: str = ""
     """Which rows were judged, of which bandwidth."""
 
@@ -69,7 +69,7 @@ class Verdict:
             "statistic": self.requirement.statistic,
             "probability": self.requirement.probability,
             "confidence": self.requirement.confidence,
-            "interpretation": self.requirement.interpretation.value,
+            "interpretation": None if self.requirement.confidence is None else self.requirement.interpretation.value,
             "limit": self.requirement.limit.value,
             "unit": self.requirement.limit.unit,
             "value": None if stated is None else self.convert(stated.value),
@@ -91,22 +91,20 @@ class Verdict:
         value = "-" if self.statement is None else f"{self.convert(self.statement.value):.4g} {unit}"
         return (
             self.requirement.name,
+            self.outcome.value if self.met else self.outcome.value.upper(),
             self.signal,
             self.case,
             value,
             f"{self.convert(bound):.4g} {unit}" if math.isfinite(bound) else "-",
             str(self.requirement.limit),
             "-" if self.margin_percent is None else f"{self.margin_percent:.1f} %",
-            self.outcome.value if self.met else self.outcome.value.upper(),
         )
 
 
-HEADER = ("requirement", "signal", "run", "value", "bound", "limit", "margin", "verdict")
+HEADER = ("requirement", "verdict", "signal", "run", "value", "bound", "limit", "margin")
 
 
-def judge(
-    requirement: Requirement, case: str, runs: Sequence[RequirementRecord], rows: str
-) -> list[Verdict]:
+def judge(requirement: Requirement, case: str, runs: Sequence[RequirementRecord], rows: str) -> list[Verdict]:
     """The verdicts on a requirement, one for each of its targets.
 
     ``runs``: the records of independent runs of the case, one at least.  ``rows`` says which rows they saw.
