@@ -10,7 +10,7 @@ from ps_fmu.requirements.reading import read_requirements
 from ps_fmu.requirements.record import RequirementRecord
 from ps_fmu.requirements.requirement import RequirementError
 from ps_fmu.requirements.stored import ResultsError, judge_files
-from ps_fmu.requirements.verdict import Outcome
+from ps_fmu.requirements.verdict import Answer
 
 STEP = 0.01
 
@@ -45,7 +45,7 @@ def test_all_rows_give_what_the_run_gave(store, require):
     record.block(0, np.arange(len(values)) * STEP, values)
     verdict = judge_one(path, [requirement])
     (during,) = record.distributions
-    assert verdict.outcome is Outcome.MET
+    assert verdict.answer is Answer.MET
     assert verdict.statement.value == during.quantile(0.95)
     assert verdict.statement.independent == during.effective_share(during.quantile(0.95))
     assert verdict.rows == "all rows, 0.01 s apart"
@@ -70,9 +70,9 @@ def test_an_interrupted_run_is_judged_as_far_as_it_came(store, require):
     verdict = judge_one(path, [require()])
     assert verdict.statement is not None
     assert verdict.rows == "all rows, 0.01 s apart; the run was interrupted at 5 of 20 s"
-    assert verdict.outcome is Outcome.MET
+    assert verdict.answer is Answer.MET
     too_short = judge_one(path, [require(window="10 s")])
-    assert (too_short.outcome, too_short.remark) == (Outcome.OPEN, "a run ends before one window of RPE is full")
+    assert (too_short.answer, too_short.remark) == (Answer.OPEN, "a run ends before one window of RPE is full")
 
 
 def test_a_file_that_is_still_open_for_writing(store, require, tmp_path, white):
@@ -88,7 +88,7 @@ def test_a_file_that_is_still_open_for_writing(store, require, tmp_path, white):
 def test_a_run_that_is_not_in_the_file(store, require):
     path, _ = store(case="passive")
     verdict = judge_one(path, [require()])
-    assert (verdict.outcome, verdict.case) == (Outcome.OPEN, "active")
+    assert (verdict.answer, verdict.case) == (Answer.OPEN, "active")
     assert verdict.remark == "there is no run active; there are: passive"
     path, _ = store(case="passive", rows=501)
     remark = judge_one(path, [require()]).remark
@@ -107,10 +107,10 @@ def test_files_are_members_of_an_ensemble(store, require):
     paths = [store(f"{seed}.nc", seed=seed)[0] for seed in range(45)]
     requirement = require(interpretation="ensemble")
     verdict = judge_one(paths, [requirement])
-    assert verdict.outcome is not Outcome.OPEN
+    assert verdict.answer is not Answer.OPEN
     assert verdict.statement.independent == 45
     assert verdict.rows == "all rows, 0.01 s apart"
-    assert judge_one(paths[:44], [requirement]).outcome is Outcome.OPEN
+    assert judge_one(paths[:44], [requirement]).answer is Answer.OPEN
 
 
 def test_the_same_run_twice_is_no_ensemble(store, require):

@@ -13,7 +13,7 @@ from ps_fmu.pointing.interpretation import quantile_of_runs
 from ps_fmu.requirements import decision
 from ps_fmu.requirements.distribution import BINS_PER_DECADE
 from ps_fmu.requirements.record import RequirementRecord
-from ps_fmu.requirements.verdict import Outcome, format_verdicts, judge, make_table, no_run, summarise
+from ps_fmu.requirements.verdict import Answer, format_verdicts, judge, make_table, no_run, summarise
 from ps_fmu.results.summary import plain
 
 STEP = 0.01
@@ -48,25 +48,25 @@ def test_met_with_its_margin(record):
     verdict = decide(record(values, **APE, confidence=0.95))
     if verdict.statement.independent < 59:
         pytest.skip("this order is worth fewer")
-    assert verdict.outcome is Outcome.MET and verdict.met
+    assert verdict.answer is Answer.MET and verdict.met
     assert verdict.statement.bound == pytest.approx(0.40e-6)
     assert verdict.margin_percent == pytest.approx(20.0)
 
 
-@pytest.mark.parametrize(("level", "outcome"), [(1.0, Outcome.NOT_MET), (0.2, Outcome.MET)])
-def test_the_quantile_of_white_noise(record, white, level, outcome):
+@pytest.mark.parametrize(("level", "answer"), [(1.0, Answer.NOT_MET), (0.2, Answer.MET)])
+def test_the_quantile_of_white_noise(record, white, level, answer):
     """95 % of the magnitudes of a Gaussian lie below 1.96 sigma; the limit is 0.5 urad."""
     verdict = decide(record(level * 1e-6 * white(20_001)[:, 0], **APE))
     true = norm.ppf(0.975) * level * 1e-6
-    assert verdict.outcome is outcome
+    assert verdict.answer is answer
     assert true * 0.98 < verdict.statement.value < verdict.statement.bound < true * 1.06
     assert verdict.margin_percent == pytest.approx(100.0 * (1.0 - verdict.statement.bound / 0.5e-6))
 
 
 def test_a_bound_at_the_limit_is_met_and_above_it_is_not(record):
     alternating = np.tile([0.1e-6, 0.5e-6], 500)
-    assert decide(record(alternating, **APE)).outcome is Outcome.MET
-    assert decide(record(alternating * (1.0 + 1e-9), **APE)).outcome is Outcome.NOT_MET
+    assert decide(record(alternating, **APE)).answer is Answer.MET
+    assert decide(record(alternating * (1.0 + 1e-9), **APE)).answer is Answer.NOT_MET
 
 
 def test_the_bound_holds_as_often_as_it_says(record, white):
@@ -82,19 +82,19 @@ def test_too_few_independent_samples_say_how_long_to_run(record, white):
     """10 windows of MPE; 45 are needed for 95 % at 90 % confidence."""
     needed = confidence.samples_needed(0.95, 0.9)
     verdict = decide(record(1e-7 * white(1001)[:, 0], index="MPE", at=None, settling="0.5 s"))
-    assert verdict.outcome is Outcome.OPEN and not verdict.met
+    assert verdict.answer is Answer.OPEN and not verdict.met
     assert verdict.margin_percent is None
     assert f"independent samples in 9.5 s; {needed} are needed: run about" in verdict.remark
     length = float(verdict.remark.split("run about ")[1].split()[0])
     assert length >= 0.5 + 9.5 * needed / verdict.statement.independent
     enough = decide(record(1e-7 * white(round(4 * length / STEP) + 1)[:, 0], index="MPE", at=None, settling="0.5 s"))
-    assert enough.outcome is Outcome.MET
+    assert enough.answer is Answer.MET
 
 
 def test_the_bound_of_an_rms(record, white):
     """Chi-square: of 20001 independent samples the RMS is known to about 0.5 %."""
     verdict = decide(record(0.2e-6 * white(20_001)[:, 0], **APE, **RMS))
-    assert verdict.outcome is Outcome.MET
+    assert verdict.answer is Answer.MET
     assert verdict.statement.value == pytest.approx(0.2e-6, rel=0.02)
     expected = confidence.gaussian_rms(verdict.statement.value, verdict.statement.independent, 0.9)
     assert verdict.statement.bound == expected.bound
@@ -105,9 +105,9 @@ def test_the_peak_of_a_run(record):
     """Known without any independent samples."""
     peak = {"statistic": "peak", "probability": None, "confidence": None, "interpretation": None, **APE}
     decay = 2e-6 * np.exp(-np.arange(1001) * STEP)
-    assert decide(record(decay, **peak)).outcome is Outcome.NOT_MET
+    assert decide(record(decay, **peak)).answer is Answer.NOT_MET
     verdict = decide(record(decay, **peak, settling="2 s"))
-    assert verdict.outcome is Outcome.MET
+    assert verdict.answer is Answer.MET
     assert verdict.statement.value == verdict.statement.bound == pytest.approx(2e-6 * np.exp(-2.0))
     assert verdict.as_dict()["confidence"] is None
 
@@ -116,19 +116,19 @@ def test_few_samples_are_enough_to_see_that_a_limit_is_far_exceeded(record, whit
     """All but a few of 20 windows are above the limit: the quantile of 95 % is, too."""
     verdict = decide(record(1e-4 * white(2001)[:, 0], index="MPE", at=None))
     assert verdict.statement.bound == np.inf and verdict.statement.lower > 0.5e-6
-    assert (verdict.outcome, verdict.margin_percent) == (Outcome.NOT_MET, None)
+    assert (verdict.answer, verdict.margin_percent) == (Answer.NOT_MET, None)
     assert verdict.remark == "the limit lies below all of the value's interval"
 
 
 def test_a_value_below_and_a_bound_above_the_limit(record, white):
     verdict = decide(record(0.25e-6 * white(301)[:, 0], **APE))
     assert verdict.statement.value <= 0.5e-6 < verdict.statement.bound
-    assert verdict.outcome is Outcome.NOT_MET and "a longer run narrows it" in verdict.remark
+    assert verdict.answer is Answer.NOT_MET and "a longer run narrows it" in verdict.remark
 
 
 def test_a_run_that_ends_before_a_window_is_full(record, white):
     verdict = decide(record(white(50)[:, 0], rows=1001))
-    assert (verdict.outcome, verdict.statement) == (Outcome.OPEN, None)
+    assert (verdict.answer, verdict.statement) == (Answer.OPEN, None)
     assert verdict.remark == "a run ends before one window of RPE is full"
 
 
@@ -158,7 +158,7 @@ def test_several_runs_as_the_library_states_them(record, white, interpretation):
 def test_too_few_runs(record, white, interpretation, runs, problem):
     values = (1e-7 * white(21, seed)[:, 0] for seed in range(runs))
     verdict = decide(*(record(value, **APE, interpretation=interpretation) for value in values))
-    assert (verdict.outcome, verdict.remark) == (Outcome.OPEN, problem)
+    assert (verdict.answer, verdict.remark) == (Answer.OPEN, problem)
 
 
 def test_all_runs_together_need_more_of_each(record, white):

@@ -14,7 +14,7 @@ from .record import RequirementRecord
 from .requirement import Requirement
 
 
-class Outcome(StrEnum):
+class Answer(StrEnum):
     """What is said of a requirement; only the first counts as met."""
 
     MET = "met"
@@ -29,7 +29,7 @@ class Verdict:
     requirement: Requirement
     case: str
     signal: str
-    outcome: Outcome
+    answer: Answer
     limit: float
     """In the unit of the signal."""
     statement: Statement | None
@@ -42,7 +42,7 @@ class Verdict:
     @property
     def met(self) -> bool:
         """False also where it cannot be said."""
-        return self.outcome is Outcome.MET
+        return self.answer is Answer.MET
 
     @property
     def margin_percent(self) -> float | None:
@@ -78,7 +78,7 @@ class Verdict:
             "ensemble_share": None if stated is None else stated.ensemble_share,
             "method": None if stated is None else stated.method,
             "margin": self.margin_percent,
-            "verdict": self.outcome.value,
+            "verdict": self.answer.value,
             "met": self.met,
             "remark": self.remark,
             "rows": self.rows,
@@ -91,7 +91,7 @@ class Verdict:
         value = "-" if self.statement is None else f"{self.convert(self.statement.value):.4g} {unit}"
         return (
             self.requirement.name,
-            self.outcome.value if self.met else self.outcome.value.upper(),
+            self.answer.value if self.met else self.answer.value.upper(),
             self.signal,
             self.case,
             value,
@@ -115,17 +115,17 @@ def judge(requirement: Requirement, case: str, runs: Sequence[RequirementRecord]
     for place, target in enumerate(runs[0].targets):
         if len(filled) < len(runs):
             why = f"a run ends before one window of {requirement.index.symbol} is full"
-            verdicts.append(Verdict(requirement, case, target.label, Outcome.OPEN, target.limit, None, why, rows))
+            verdicts.append(Verdict(requirement, case, target.label, Answer.OPEN, target.limit, None, why, rows))
             continue
         stated = state(requirement, [distributions[place] for distributions in filled])
-        outcome, why = Outcome.MET if stated.bound <= target.limit else Outcome.NOT_MET, ""
+        answer, why = Answer.MET if stated.bound <= target.limit else Answer.NOT_MET, ""
         if math.isinf(stated.bound) and stated.lower > target.limit:  # for which few samples may be enough
             why = "the limit lies below all of the value's interval"
         elif math.isinf(stated.bound):
-            outcome, why = Outcome.OPEN, explain_lack(requirement, stated, len(runs), judged_s)
+            answer, why = Answer.OPEN, explain_lack(requirement, stated, len(runs), judged_s)
         elif stated.value <= target.limit < stated.bound:
             why = "the value is below the limit, its bound is not: a longer run narrows it"
-        verdicts.append(Verdict(requirement, case, target.label, outcome, target.limit, stated, why, rows))
+        verdicts.append(Verdict(requirement, case, target.label, answer, target.limit, stated, why, rows))
     return verdicts
 
 
@@ -134,7 +134,7 @@ def no_run(requirement: Requirement, cases: Sequence[str]) -> Verdict:
     wanted, there = " or ".join(requirement.cases), ", ".join(cases) or "none"
     remark = f"there is no run {wanted}; there are: {there}"
     signal = ", ".join(requirement.signals)
-    return Verdict(requirement, wanted, signal, Outcome.OPEN, requirement.limit.value, None, remark)
+    return Verdict(requirement, wanted, signal, Answer.OPEN, requirement.limit.value, None, remark)
 
 
 def make_table(verdicts: Sequence[Verdict]) -> Table:
@@ -162,7 +162,7 @@ def format_verdicts(verdicts: Sequence[Verdict]) -> str:
 
 def summarise(verdicts: Sequence[Verdict]) -> str:
     """How many are met, for example ``2 of 3 are met, 1 cannot be said``."""
-    counts = {outcome: sum(verdict.outcome is outcome for verdict in verdicts) for outcome in Outcome}
-    text = f"{counts[Outcome.MET]} of {len(verdicts)} are met"
-    missed = [f"{counts[outcome]} {outcome}" for outcome in (Outcome.NOT_MET, Outcome.OPEN) if counts[outcome]]
+    counts = {answer: sum(verdict.answer is answer for verdict in verdicts) for answer in Answer}
+    text = f"{counts[Answer.MET]} of {len(verdicts)} are met"
+    missed = [f"{counts[answer]} {answer}" for answer in (Answer.NOT_MET, Answer.OPEN) if counts[answer]]
     return ", ".join([text, *missed])
