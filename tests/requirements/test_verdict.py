@@ -91,6 +91,14 @@ def test_too_few_independent_samples_say_how_long_to_run(record, white):
     assert enough.answer is Answer.MET
 
 
+@pytest.mark.parametrize(("count", "said"), [(151, True), (2001, False)])
+def test_a_bound_that_rests_on_few_samples_is_named(record, white, count, said):
+    """Half of the white samples count as such: pairs of equal ones."""
+    verdict = decide(record(np.repeat(1e-7 * white(count)[:, 0], 2), **APE))
+    assert verdict.answer is Answer.MET
+    assert ("the bound rests on" in verdict.remark) is said is (verdict.statement.independent < 100)
+
+
 def test_the_bound_of_an_rms(record, white):
     """Chi-square: of 20001 independent samples the RMS is known to about 0.5 %."""
     verdict = decide(record(0.2e-6 * white(20_001)[:, 0], **APE, **RMS))

@@ -24,6 +24,13 @@ from .requirement import Requirement
 
 Array = NDArray[np.float64]
 
+FEW = 100
+"""Independent samples of a record below which their estimated number is so uncertain that bounds hold less often.
+
+Of 600 correlated Gaussian records worth 77 samples 85 % kept a bound of their 95 % quantile at 90 % confidence, of those
+worth 120 samples 89 %; for the RMS, worth 25 and 200 samples, 81 % and 88 %.
+"""
+
 
 def state(requirement: Requirement, runs: Sequence[Distribution]) -> Statement:
     """Best estimate and bound of a requirement's statistic, in the unit of the signal; an infinite bound: too few.
@@ -57,6 +64,15 @@ def explain_lack(requirement: Requirement, statement: Statement, runs: int, judg
         f"{statement.independent:.3g} independent samples in {judged_s:.4g} s; {needed} are needed: run about "
         f"{_round_up(length + requirement.settling_s):g} s"
     )
+
+
+def qualify(requirement: Requirement, statement: Statement) -> str:
+    """What is to be said of a bound that rests on few samples of a record; nothing otherwise."""
+    known = requirement.confidence is None or requirement.interpretation is not Interpretation.TEMPORAL
+    if known or statement.independent >= FEW:
+        return ""
+    number = f"{statement.independent:.3g} independent samples"
+    return f"the bound rests on {number}: so few that their number is uncertain, and the bound with it"
 
 
 def _share_out(confidence: float, runs: int) -> float:

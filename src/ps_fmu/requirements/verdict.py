@@ -9,7 +9,7 @@ from enum import StrEnum
 
 from ..pointing.confidence import Statement
 from ..results.tables import Table
-from .decision import explain_lack, state
+from .decision import explain_lack, qualify, state
 from .record import RequirementRecord
 from .requirement import Requirement
 
@@ -125,6 +125,8 @@ def judge(requirement: Requirement, case: str, runs: Sequence[RequirementRecord]
             answer, why = Answer.OPEN, explain_lack(requirement, stated, len(runs), judged_s)
         elif stated.value <= target.limit < stated.bound:
             why = "the value is below the limit, its bound is not: a longer run narrows it"
+        else:
+            why = qualify(requirement, stated)
         verdicts.append(Verdict(requirement, case, target.label, answer, target.limit, stated, why, rows))
     return verdicts
 
