@@ -27,8 +27,8 @@ Array = NDArray[np.float64]
 FEW = 100
 """Independent samples of a record below which their estimated number is so uncertain that bounds hold less often.
 
-Of 600 correlated Gaussian records worth 77 samples 85 % kept a bound of their 95 % quantile at 90 % confidence, of those
-worth 120 samples 89 %; for the RMS, worth 25 and 200 samples, 81 % and 88 %.
+Of 600 correlated Gaussian records worth 77 samples 85 % kept a bound of their 95 % quantile at 90 % confidence, of
+those worth 120 samples 89 %; for the RMS, worth 25 and 200 samples, 81 % and 88 %.
 """
 
 
