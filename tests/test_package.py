@@ -27,7 +27,8 @@ MAY_IMPORT = {
     "fmucheck": {"cosim", "slavekit"},
     "pointing": set(),
     "results": {"pointing", "slavekit"},
-    "runs": {*PHYSICS, "theory", "interface", "cosim", "pointing", "results", "slavekit", "product"},
+    "requirements": {"cosim", "pointing", "results", "slavekit"},
+    "runs": {*PHYSICS, "theory", "interface", "cosim", "pointing", "results", "requirements", "slavekit", "product"},
     "paper": {*PHYSICS, "theory", "interface", "cosim", "pointing", "results", "runs", "slavekit", "product"},
     "trades": {*PHYSICS, "theory", "interface", "cosim", "results", "runs", "paper", "product"},
 }

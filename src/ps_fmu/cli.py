@@ -14,6 +14,7 @@ from typing import Any
 
 from . import __version__
 from .analyse_command import add_parser as add_analyse
+from .judge_command import add_parser as add_judge
 from .paper.identification.identify_command import add_parser as add_identify
 from .product.files import find_file, find_product
 from .runs.built_fmus import find_built_folder, provide_fmus
@@ -57,6 +58,7 @@ def parser() -> argparse.ArgumentParser:
     _add_crosscheck(commands)
     add_analyse(commands)
     add_identify(commands)
+    add_judge(commands)
     return top
 
 

@@ -1,7 +1,7 @@
 """``ps-fmu run SCENARIO``, and the same as ``python system/run.py SCENARIO`` in a checkout.
 
-Exit codes: 0 done, 1 the run failed, 2 an argument cannot be used, 130 interrupted by Ctrl-C or SIGTERM (results so
-far are kept).
+Exit codes: 0 done, 1 the run failed or a requirement is not met, 2 an argument cannot be used, 130 interrupted by
+Ctrl-C or SIGTERM (results so far are kept).
 """
 
 from __future__ import annotations
@@ -67,6 +67,9 @@ def add_arguments(p: argparse.ArgumentParser, found: Mapping[str, Scenario]) -> 
     p.add_argument("--output", type=Path, metavar="DIR", help="folder of the results (results/SCENARIO)")
     p.add_argument("--scheme", choices=SCHEMES, default=SCHEMES[0], help="order of exchange (%(default)s)")
     p.add_argument("--storage-step", type=float, metavar="S", help="seconds between stored rows")
+    p.add_argument(
+        "--requirements", type=Path, metavar="F.toml", help="pointing requirements; exit code 1 if one is not met"
+    )
 
 
 def read_options(scenario: Scenario, arguments: argparse.Namespace) -> RunOptions:
@@ -84,6 +87,7 @@ def read_options(scenario: Scenario, arguments: argparse.Namespace) -> RunOption
         apart=tuple(arguments.apart),
         scheme=arguments.scheme,
         storage_step_s=arguments.storage_step,
+        requirements=arguments.requirements and find_file(arguments.requirements),
         fmus=None if arguments.ssp else find_built_folder(),
         progress=True,
     ).claim_output()

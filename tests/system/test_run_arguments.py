@@ -10,6 +10,7 @@ from ps_fmu import cli, run_command
 from ps_fmu.cosim.errors import UsageError
 from ps_fmu.product import files
 from ps_fmu.runs.options import OptionError
+from ps_fmu.runs.publish import NotMetError
 
 RUN = Path(__file__).parents[2] / "system" / "run.py"
 
@@ -57,14 +58,15 @@ def test_defaults(run, scenario, tmp_path):
 
 def test_all_arguments_arrive(run, scenario, tmp_path):
     called = scenario(lambda options: None)
-    for name in ("a.ssv", "b.ssv"):
+    for name in ("a.ssv", "b.ssv", "c.toml"):
         (tmp_path / name).write_text("")
     arguments = "table2 --duration 2 --step 1e-3 --seed 5 --parameters a.ssv b.ssv --output out --system other.ssd"
-    assert run.main([*arguments.split(), "--scheme", "gauss-seidel", "--storage-step", "0.01"]) == 0
+    more = "--scheme gauss-seidel --storage-step 0.01 --requirements c.toml"
+    assert run.main([*arguments.split(), *more.split()]) == 0
     (options,) = called
     assert (options.scenario.name, options.duration_s, options.step_s, options.seed) == ("table2", 2.0, 1e-3, 5)
     assert options.parameters == (Path("a.ssv"), Path("b.ssv"))
-    assert options.system == Path("other.ssd")
+    assert (options.system, options.requirements) == (Path("other.ssd"), Path("c.toml"))
     assert (options.output, options.scheme, options.storage_stride) == (tmp_path / "out", "gauss-seidel", 10)
 
 
@@ -80,6 +82,7 @@ def test_all_arguments_arrive(run, scenario, tmp_path):
         ("--duration 1e300", "--duration: 1e+300 s is longer than 1e+06 s"),
         ("--seed 1.5", "invalid int value: '1.5'"),
         ("--parameters none.ssv", "--parameters: there is no file none.ssv"),
+        ("--requirements none.toml", "--requirements: there is no file none.toml"),
         ("--output /proc/results", "--output: cannot write in /proc/results"),
         ("--ssp a.ssp --system a.ssd", "--system: not allowed with argument --ssp"),
         ("--scheme newton", "invalid choice: 'newton'"),
@@ -116,6 +119,17 @@ def test_a_failed_run_ends_with_1_and_says_why(run, scenario, capsys):
     message = capsys.readouterr().err
     assert message.startswith("run.py: plant.payload.mass: must be greater than 0\nStopped at t = 1 s.\n")
     assert "nothing was stored" in message
+
+
+def test_a_requirement_that_is_not_met_ends_with_1(run, scenario, capsys):
+    def judge(options):
+        (options.output / "results.nc").write_text("")
+        raise NotMetError("requirements: 0 of 1 are met, 1 not met")
+
+    scenario(judge)
+    assert run.main(["--output", "out"]) == 1
+    message = capsys.readouterr().err
+    assert message.startswith("run.py: requirements: 0 of 1 are met, 1 not met\nrun.py: results so far: ")
 
 
 def test_ctrl_c_ends_with_130_and_says_what_is_there(run, scenario, capsys):

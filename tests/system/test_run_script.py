@@ -57,6 +57,23 @@ def test_the_default_scenario(tmp_path):
         )
 
 
+def test_a_requirement_that_is_not_met(tmp_path):
+    """The exit code says so; all results are there, and the stored rows have the same verdict."""
+    (tmp_path / "strict.toml").write_text(
+        "[[requirement]]\nname = 'strict'\nsignal = 'plant.los'\ncombine = 'norm'\nindex = 'APE'\nstatistic = 'rms'\n"
+        "confidence = 0.9\nlimit = '1e-9 um'\n"
+    )
+    run = started("--duration 0.2 --step 1e-3 --requirements strict.toml --output out", tmp_path)
+    assert run.returncode == 1
+    assert "Requirements: 0 of 1 are met, 1 not met" in run.stdout and "x real time; results in" in run.stdout
+    assert "run.py: requirements: 0 of 1 are met, 1 not met" in run.stderr
+    (verdict,) = json.loads((tmp_path / "out" / "summary.json").read_text())["verdicts"]
+    assert (verdict["index"], verdict["limit"], verdict["met"]) == ("APE", 1e-9, False)
+    judge = [sys.executable, "-m", "ps_fmu.cli", "judge", "out/results.nc", "--requirements", "strict.toml"]
+    judged = subprocess.run(judge, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert judged.returncode == 1 and "NOT MET" in judged.stdout
+
+
 def test_without_an_error_stream(tmp_path):
     """As 2>&- starts it: the results are complete, and no file has taken the place of the stream."""
     run = started("--duration 0.02 --step 1e-3 --output out", tmp_path, preexec_fn=lambda: os.close(2))

@@ -64,7 +64,7 @@ def find_file(path: Path) -> Path:
 
 
 def list_system_files() -> list[str]:
-    """Names of the product's system descriptions and parameter files, as :func:`find_file` takes them.
+    """Names of the product's system descriptions, parameters and requirements, as :func:`find_file` takes them.
 
     None where :func:`find_product` finds none.
     """
@@ -72,4 +72,5 @@ def list_system_files() -> list[str]:
         system = find_product().system
     except FileNotFoundError:
         return []
-    return sorted(path.name for place in (system, system / "parameters") for path in place.glob("*.ss[dv]"))
+    places, endings = (system, system / "parameters"), (".ssd", ".ssv", ".toml")
+    return sorted(path.name for place in places for path in place.iterdir() if path.suffix in endings)

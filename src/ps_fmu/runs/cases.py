@@ -126,23 +126,27 @@ def run_case(
             system.warnings.add(text)
         master.initialise()
         analysis = analyse(master.columns)
+        judging = system.judge.observe(case.name, master.columns, options.step_s, round(duration / options.step_s))
         with (
             show_progress(case.name, duration, options.progress) as show,
-            _make_recorder(master, options, case) as recorder,
+            _make_recorder(master, options, case, duration) as recorder,
         ):
-            master.run(duration, [Bounds(master.columns), recorder, *analysis.observers], case.events, note)
+            master.run(duration, [Bounds(master.columns), recorder, *analysis.observers, *judging], case.events, note)
         return Outcome(case, duration, wall[0]), analysis
 
 
-def _make_recorder(master: Master, options: RunOptions, case: Case) -> Recorder:
+def _make_recorder(master: Master, options: RunOptions, case: Case, duration_s: float) -> Recorder:
     path = options.output / RESULTS
+    attributes: dict[str, str | float] = {
+        "scenario": options.scenario.name, "scheme": options.scheme, "step_s": options.step_s, "duration_s": duration_s,
+    }  # fmt: skip
     return Recorder(
         path,
         case.name,
         columns=master.columns,
         step=master.step,
         storage_step=options.storage_stride * master.step,
-        attributes={"scenario": options.scenario.name, "scheme": options.scheme, "step_s": options.step_s},
+        attributes=attributes,
         append=path.exists(),
     )
 

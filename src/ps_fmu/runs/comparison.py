@@ -28,6 +28,7 @@ Orientation: TypeAlias = tuple[float, float, float]
 
 TARGET = ("commander.target.roll", "commander.target.pitch", "commander.target.yaw")
 AXES = ("x", "y", "z")
+CASES = ("passive", "active")
 
 
 class TargetError(ValueError):
@@ -126,7 +127,7 @@ def compare(
             judge,
             duration_s=steps * options.step_s,
         )
-        for name, enabled in (("passive", False), ("active", True))
+        for name, enabled in zip(CASES, (False, True), strict=True)
     ]
     (first, passive), (second, active) = found
     return Comparison((roll, pitch, yaw), passive, active, (first, second))

@@ -35,6 +35,8 @@ class Scenario:
     step_s: float = 1e-4  # communication step
     storage_step_s: float = 1e-2  # between stored rows; a run of 100 s stored at each step of 1e-4 s takes 0.5 GB
     system: str = "SystemStructure.ssd"  # name of the product's system description
+    cases: tuple[str, ...] = ()
+    """Names of its runs, for requirements to name; empty where only the running scenario knows them."""
 
 
 @dataclass(frozen=True)
@@ -55,6 +57,7 @@ class RunOptions:
     apart: tuple[str, ...] = ()  # beginnings of names component.parameter that may differ from the plant's
     scheme: str = "jacobi"
     storage_step_s: float | None = None  # time between stored rows; None: that of the scenario
+    requirements: Path | None = None  # TOML file, see ps_fmu.requirements.reading
     fmus: Path | None = None  # folder of the FMUs; None: beside the system, as it says
     progress: bool = True
 
@@ -78,6 +81,8 @@ class RunOptions:
         for path in self.parameters:
             if not path.is_file():
                 raise OptionError(f"--parameters: there is no file {path}")
+        if self.requirements is not None and not self.requirements.is_file():
+            raise OptionError(f"--requirements: there is no file {self.requirements}")
 
     @property
     def steps(self) -> int:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
+from ..requirements.verdict import Answer, format_verdicts, list_remarks, summarise
+from ..requirements.verdict import Verdict as Judgement
 from ..results.page.content import Exploration, Verdict
 from ..results.report import Picture, Report
 from ..results.summary import RunSummary, versions
@@ -12,6 +14,10 @@ from ..results.tables import Table
 from .cases import Outcome
 from .options import REPORT, SUMMARY, RunOptions
 from .setup import SEED, RunSystem, collect_parameters, identify_fmus
+
+
+class NotMetError(ValueError):
+    """Requirements are not met, or it cannot be said."""
 
 
 @dataclass(frozen=True)
@@ -38,10 +44,13 @@ class Findings:
 
 
 def publish(options: RunOptions, system: RunSystem, findings: Findings) -> None:
-    """Write summary.json and report.html; say on the terminal how fast it went and where they are.
+    """Write summary.json and report.html; say on the terminal what was required, how fast it went and where they are.
 
-    Raises ``OSError`` if they cannot be written.
+    Raises ``OSError`` if they cannot be written, and after that :class:`NotMetError` for requirements that are not met.
     """
+    verdicts = system.judge.conclude()
+    remarks = list_remarks(verdicts)
+    required = {"verdicts": [verdict.as_dict() for verdict in verdicts]} if verdicts else {}
     fmus = identify_fmus(system)
     parameters = collect_parameters(options, system)
     RunSummary(
@@ -55,12 +64,12 @@ def publish(options: RunOptions, system: RunSystem, findings: Findings) -> None:
         rejection_percent=findings.rejection_percent,
         real_time_factor=findings.real_time_factor,
         fmus=fmus,
-        more={**findings.more, "parameters": parameters, "warnings": system.warnings.texts},
+        more={**findings.more, **required, "parameters": parameters, "warnings": system.warnings.texts},
     ).write(options.output / SUMMARY)
     Report(
         title=findings.title,
-        verdicts=findings.verdicts,
-        text=findings.text,
+        verdicts=[*map(show_verdict, verdicts), *findings.verdicts],
+        text=[*remarks, *findings.text],
         tables=findings.tables,
         explored=findings.explored,
         pictures=findings.pictures,
@@ -69,4 +78,22 @@ def publish(options: RunOptions, system: RunSystem, findings: Findings) -> None:
         versions=versions(),
         warnings=system.warnings.texts,
     ).write(options.output / REPORT)
+    if verdicts:
+        print(format_verdicts(verdicts))
     print(f"{findings.real_time_factor:.1f} x real time; results in {options.output}")
+    if not all(verdict.met for verdict in verdicts):
+        raise NotMetError(f"requirements: {summarise(verdicts)}")
+
+
+def show_verdict(found: Judgement) -> Verdict:
+    """A verdict as a row of the report."""
+    name, _, signal, case, value, bound, limit, margin = found.as_row()
+    sure = found.requirement.confidence
+    return Verdict(
+        requirement=f"{name}: {found.requirement.about}, {signal}, {case}",
+        value=value,
+        limit=limit,
+        margin=margin,
+        confidence="-" if sure is None else f"below {bound} with {100.0 * sure:g} %" if bound != "-" else "no bound",
+        met=None if found.answer is Answer.OPEN else found.met,
+    )

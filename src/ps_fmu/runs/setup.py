@@ -9,8 +9,10 @@ from fmpy.model_description import ModelDescription
 
 from ..cosim import System, UsageError, Value, read_parameters, read_system
 from ..cosim.description import convert_value, find_variable, get_unit, index_variables, read_descriptions, read_start
+from ..cosim.rows import make_layout
 from ..cosim.structure import Parameter, parse_port
 from ..results.summary import FmuFile
+from .judge import RunJudge, read_judge
 from .options import OptionError, RunOptions
 from .warning_log import WarningLog
 
@@ -34,6 +36,8 @@ class RunSystem:
     """What the user's parameter files set, by ``component.variable``."""
     warnings: WarningLog = field(default_factory=WarningLog)
     """What the user should know about the run."""
+    judge: RunJudge = field(default_factory=RunJudge)
+    """The requirements, and what is needed for their verdicts."""
 
     def get_start(self, name: str) -> Value:
         """The value that ``component.variable`` will start with: as set in the system, or else as its FMU has it.
@@ -71,15 +75,16 @@ def load_system(options: RunOptions, defaults: Mapping[str, Value] | None = None
     Where the step is too long for the band of the noise, and no parameter file sets that band, the band is lowered,
     with a warning.
 
-    Raises :class:`OptionError` for a step that is too long for any noise, :class:`ps_fmu.cosim.SystemFileError` or
-    :class:`ps_fmu.cosim.UsageError` naming the file and line.
+    Raises :class:`OptionError` for a step that is too long for any noise, and for requirements that cannot be used;
+    :class:`ps_fmu.cosim.SystemFileError` or :class:`ps_fmu.cosim.UsageError` naming the file and line.
     """
     given: dict[str, Parameter] = {}
     for path in options.parameters:
         given |= read_parameters(path).entries()
     structure = read_system(options.system, options.fmus)
     structure = structure.with_parameters({**(defaults or {}), SEED: options.seed}).with_parameters(given)
-    system = RunSystem(structure, read_descriptions(structure), given)
+    descriptions = read_descriptions(structure)
+    system = RunSystem(structure, descriptions, given, judge=read_judge(options, make_layout(descriptions).columns))
     return system if HIGHEST_NOISE in given else _limit_noise(system, options.step_s)
 
 

@@ -94,7 +94,7 @@ def test_verdicts_come_first():
     page, _, _ = read(make_report())
     assert page.index(VERDICTS[0].requirement) < page.index("What was run.") < page.index("1.65e-05")
     cells = re.findall(r"<strong>(.*?)</strong>", page)
-    assert cells == ["met", "NOT MET", "not judged"]
+    assert cells == ["met", "NOT MET", "cannot be said"]
 
 
 def test_hostile_names_end_no_script_and_start_none():

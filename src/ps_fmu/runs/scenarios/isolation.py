@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from ...results.tables import Table, format_angles
 from ..comparison import (
+    CASES,
     HEADER,
     TargetError,
     compare,
@@ -66,4 +67,5 @@ SCENARIO = Scenario(
     run,
     duration_s=20.0,
     storage_step_s=1e-3,
+    cases=CASES,
 )

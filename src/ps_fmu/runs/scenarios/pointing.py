@@ -144,4 +144,5 @@ SCENARIO = Scenario(
     run,
     duration_s=90.0,
     system="LineOfSight.ssd",
+    cases=CASES,
 )

@@ -86,4 +86,5 @@ SCENARIO = Scenario(
     "a slew without disturbance, the isolator off, then on",
     run,
     duration_s=100.0,  # the profile, then at least 60 s to settle
+    cases=CASES,
 )

@@ -1,0 +1,50 @@
+"""``ps-fmu judge RESULTS.nc --requirements F.toml``: verdicts from stored rows."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+
+from .terminal import reason
+
+
+def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the subcommand ``judge``."""
+    parser = commands.add_parser(
+        "judge",
+        help="judge stored results by requirements",
+        description="Judge the rows of one or more results.nc by requirements.  Several files are members of an "
+        "ensemble: runs that differ in their seed.  Rows that were stored further apart than the steps of the run have "
+        "a smaller bandwidth; run.py --requirements judges every step.  Exit code 1 if a requirement is not met or it "
+        "cannot be said.",
+    )
+    parser.add_argument("results", type=Path, nargs="+", metavar="RESULTS.nc")
+    parser.add_argument("--requirements", type=Path, required=True, metavar="F.toml")
+    parser.add_argument("--output", type=Path, metavar="F.json", help="write the verdicts into this file, too")
+    parser.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Judge the files that the arguments name and print the verdicts; returns the exit code."""
+    from .requirements.reading import read_requirements
+    from .requirements.requirement import RequirementError
+    from .requirements.stored import ResultsError, judge_files
+    from .requirements.verdict import format_verdicts
+    from .results.summary import plain
+    from .slavekit.pack.files import write_atomically
+
+    try:
+        verdicts = judge_files(arguments.results, read_requirements(arguments.requirements))
+        print(format_verdicts(verdicts))
+        if arguments.output is not None:
+            content = {"verdicts": plain([verdict.as_dict() for verdict in verdicts], "verdicts")}
+            write_atomically(arguments.output, json.dumps(content, indent=2, allow_nan=False) + "\n")
+    except RequirementError as error:
+        print(f"ps-fmu judge: --requirements: {error}", file=sys.stderr)
+        return 2
+    except (ResultsError, OSError) as error:
+        print(f"ps-fmu judge: {reason(error)}", file=sys.stderr)
+        return 1
+    return 0 if all(verdict.met for verdict in verdicts) else 1

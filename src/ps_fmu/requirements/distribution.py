@@ -1,0 +1,111 @@
+"""The magnitudes of an index over a run, in bounded memory: a histogram of all, and a thinned series of some.
+
+The histogram counts every value.  Its bins have a ratio of 10^(1/2000) between their ends, from a millionth to a
+million times the limit, and the limit is the end of one: quantiles are rounded up by 0.12 % at most, and never across
+the limit.  Peak and mean square are exact.
+
+How many independent samples the values are worth follows from their order in time.  Of that a series of at most 65536
+values is kept, one from each of as many equal parts of the run, at a random place in it, so that no line hides between
+them.  More values are worth no less: the number is from below.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..pointing.confidence import effective_samples
+
+Array = NDArray[np.float64]
+
+BINS_PER_DECADE = 2000
+DECADES = 6  # on either side of the limit
+KEPT = 2**16
+
+_LOWEST = -DECADES * BINS_PER_DECADE  # number of the bin that ends a millionth of the limit
+_BINS = 2 * DECADES * BINS_PER_DECADE + 2  # the last holds all that is beyond
+_SEED = 20081115
+
+
+class Distribution:
+    """Values are added in the order of time.
+
+    Parameters
+    ----------
+    limit: in the unit of the values.
+    expected: how many values there will be; more are counted, but not kept in the series.
+    """
+
+    def __init__(self, limit: float, expected: int) -> None:
+        self.limit = limit
+        self.count = 0
+        self.peak = 0.0
+        """Largest value."""
+        self.counts: NDArray[np.int64] = np.zeros(_BINS, dtype=np.int64)
+        """Values in each bin."""
+        self._squares = 0.0  # sum, of values in limits
+        width = -(-expected // KEPT)
+        self._chosen = np.arange(-(-expected // width)) * width
+        if width > 1:
+            self._chosen += np.random.default_rng(_SEED).integers(width, size=len(self._chosen))
+        self._series: list[Array] = []
+
+    def add(self, values: Array) -> None:
+        """Add magnitudes (n,)."""
+        if not len(values):
+            return
+        first, last = np.searchsorted(self._chosen, (self.count, self.count + len(values)))
+        if last > first:  # in most blocks of a long run none is kept
+            self._series.append(values[self._chosen[first:last] - self.count] / self.limit)
+        self.count += len(values)
+        self.peak = max(self.peak, float(values.max()))
+        shares = values / self.limit
+        self._squares += float(shares @ shares)
+        with np.errstate(divide="ignore"):
+            bins = np.ceil(np.log10(shares) * BINS_PER_DECADE)
+        places = np.clip(bins - _LOWEST, 0, _BINS - 1).astype(np.int64)
+        lowest = int(places.min())
+        found = np.bincount(places - lowest)
+        self.counts[lowest : lowest + len(found)] += found
+
+    @property
+    def rms(self) -> float:
+        """Root of the mean square of all values."""
+        return self.limit * math.sqrt(self._squares / self.count)
+
+    @property
+    def identity(self) -> tuple[int, float, float]:
+        """What two different runs do not have in common."""
+        return self.count, self.peak, self._squares
+
+    def value(self, rank: int) -> float:
+        """The value of a rank, from 1, among all in ascending order, rounded up to the edge of its bin."""
+        return float(list_edges(self.limit, self.peak)[np.searchsorted(np.cumsum(self.counts), rank)])
+
+    def quantile(self, probability: float) -> float:
+        """The value below which, or at which, a share of all values lies."""
+        return self.value(find_rank(self.count, probability))
+
+    def effective_share(self, value: float) -> float:
+        """Number of independent samples for the share of values up to ``value``; below it, where none is above."""
+        series, level = np.concatenate(self._series), value / self.limit
+        inside = series <= level
+        return effective_samples(series < level if inside.all() else inside)
+
+    def effective_squares(self) -> float:
+        """Number of independent samples for the mean square."""
+        return effective_samples(np.square(np.concatenate(self._series)))
+
+
+def find_rank(count: int, share: float) -> int:
+    """Rank, from 1, of the value below which, or at which, a share of ``count`` values lies."""
+    return min(count, max(1, math.ceil(share * count - 1e-9)))
+
+
+def list_edges(limit: float, peak: float) -> Array:
+    """Upper edges (bins,) of the histogram; none is above the largest value."""
+    edges = limit * 10.0 ** ((np.arange(_BINS) + _LOWEST) / BINS_PER_DECADE)
+    edges[-1] = math.inf
+    return np.minimum(edges, peak)

@@ -1,0 +1,80 @@
+"""The observer of a requirement: windows of a run become values of the index, and these a distribution."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .distribution import Distribution
+from .requirement import Requirement
+from .targets import NamedColumn, Target, find_targets
+
+Array = NDArray[np.float64]
+
+
+class RequirementRecord:
+    """Takes the rows of a run block by block, at the rate at which they come.
+
+    Windows lie side by side; for PDE and PRE a pair begins with each window.  A window that the run does not fill is
+    left out.  Memory: one window of the signals, and a :class:`.distribution.Distribution` for each target.
+
+    Parameters
+    ----------
+    columns: all columns of the run, in the order of the blocks.
+    step: between rows, s.
+    rows: how many there will be.
+
+    Raises :class:`.requirement.RequirementError` for a requirement that does not fit the run.
+    """
+
+    def __init__(self, requirement: Requirement, columns: Sequence[NamedColumn], step: float, rows: int) -> None:
+        requirement.check_times(step, (rows - 1) * step)
+        self.requirement = requirement
+        self.targets: tuple[Target, ...] = find_targets(requirement, columns)
+        self.step = step
+        self.distributions: list[Distribution] = []
+        """One for each target; none before the first window is full."""
+        self._first = math.ceil(requirement.settling_s / step - 1e-6)
+        self._count, self._stride = requirement.index.count(step), requirement.stride(step)
+        self._windows = (rows - self._first - self._count) // self._stride + 1
+        self._places = [place for target in self.targets for place in target.places]
+        self._pending: list[Array] = []
+        self._waiting = 0
+        self.rows = 0
+        """Rows seen after the settling."""
+
+    @property
+    def judged_s(self) -> float:
+        """Time from the first to the last row that was judged, s."""
+        return max(0, self.rows - 1) * self.step
+
+    def block(self, first_index: int, _time: Array, values: Array) -> None:
+        """Take ``values`` (rows, columns); ``first_index`` counts rows from the start of the run."""
+        samples = values[max(0, self._first - first_index) :, self._places]
+        if not len(samples):
+            return
+        self.rows += len(samples)
+        self._pending.append(samples)  # a copy: places are a list
+        self._waiting += len(samples)
+        if self._waiting < self._count:
+            return
+        joined = np.concatenate(self._pending)
+        found = self.requirement.index.values(joined, self.step, stride=self._stride)
+        self._add(found)
+        rest = joined[len(found) * self._stride :].copy()
+        self._pending, self._waiting = [rest], len(rest)
+
+    def _add(self, found: Array) -> None:
+        """Add values (windows, r, signals)."""
+        if not self.distributions:
+            expected = max(1, self._windows) * found.shape[1]
+            self.distributions = [Distribution(target.limit, expected) for target in self.targets]
+        place = 0
+        for target, distribution in zip(self.targets, self.distributions, strict=True):
+            own = found[:, :, place : place + len(target.places)]
+            place += len(target.places)
+            sizes = np.abs(own[:, :, 0]) if len(target.places) == 1 else np.linalg.norm(own, axis=2)
+            distribution.add(sizes.ravel())

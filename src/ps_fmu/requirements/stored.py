@@ -1,0 +1,163 @@
+"""Judge requirements from the rows that a run has stored in results.nc."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..cosim.clock import count_steps
+from ..cosim.decimate import PASS_BAND
+from ..cosim.recorder import CHUNK_ROWS, UDUNITS
+from .record import RequirementRecord
+from .requirement import Requirement
+from .targets import find_targets
+from .verdict import Verdict, judge, no_run
+
+_TYPES = {"f": "Real", "i": "Integer"}
+_FMI_UNITS = {spelt: unit for unit, spelt in UDUNITS.items() if spelt != "1"}
+
+
+@dataclass(frozen=True)
+class _Column:
+    name: str
+    unit: str
+    type: str
+
+
+class ResultsError(OSError):
+    """A file of results that cannot be judged."""
+
+
+def judge_files(paths: Sequence[Path], requirements: Sequence[Requirement]) -> list[Verdict]:
+    """The verdicts on stored runs; several files are independent members of one ensemble, case by case.
+
+    The signals have the bandwidth of the stored rows, which ``rows`` of each verdict states; so it does of a run that
+    was interrupted.  Raises :class:`.requirement.RequirementError` for a requirement that does not fit the rows,
+    :class:`ResultsError` for a file that cannot be read or holds no run, and for one that is given twice.
+    """
+    import netCDF4
+
+    datasets: list[Any] = []
+    try:
+        for path in paths:
+            try:
+                datasets.append(netCDF4.Dataset(path))
+            except OSError as error:
+                raise ResultsError(f"{path}: cannot be read: {error.strerror or error}") from error
+            datasets[-1].set_auto_maskandscale(False)
+            if not _find_runs(datasets[-1]):
+                raise ResultsError(f"{path}: holds no run")
+        return [verdict for one in requirements for verdict in _judge(one, paths, datasets)]
+    finally:
+        for dataset in datasets:
+            dataset.close()
+
+
+def _judge(requirement: Requirement, paths: Sequence[Path], datasets: Sequence[Any]) -> list[Verdict]:
+    cases = list(dict.fromkeys(name for dataset in datasets for name in _find_runs(dataset)))
+    wanted = [case for case in cases if requirement.judges(case)]
+    if not wanted:
+        return [no_run(requirement, [_name(case, datasets) for case in cases])]
+    found = []
+    for case in wanted:
+        records: dict[Path, RequirementRecord] = {}
+        rows: list[str] = []
+        for path, dataset in zip(paths, datasets, strict=True):
+            if case not in _find_runs(dataset):
+                rows.append(f"no run {case} in {path}")
+                continue
+            record, seen = _record(requirement, dataset[case], path)
+            _refuse_twin(record, path, records)
+            records[path] = record
+            rows.append(seen)
+        found += judge(requirement, case, list(records.values()), "; ".join(dict.fromkeys(rows)))
+    return found
+
+
+def _record(requirement: Requirement, group: Any, path: Path) -> tuple[RequirementRecord, str]:
+    """The record of a group, and what is to be said of its rows."""
+    columns = [
+        _describe(variable)
+        for name, variable in group.variables.items()
+        if name != "time" and variable.dimensions == ("time",)
+    ]
+    time = np.asarray(group["time"][:], dtype=float)
+    if len(time) < 2:
+        raise ResultsError(f"{path}: the run {group.name} has {len(time)} rows; two are needed")
+    step = float(time[-1] - time[0]) / (len(time) - 1)
+    if not step > 0.0:
+        raise ResultsError(f"{path}: the times of the run {group.name} do not ascend")
+    seen = "; ".join([_describe_rows(group, step), *_explain_interruption(group)])
+    whole = _read_number(group, "duration_s", float(time[-1]))
+    requirement.check_times(step, max(whole, float(time[-1])), f" between stored rows ({path})")
+    needed = [columns[place] for target in find_targets(requirement, columns) for place in target.places]
+    record = RequirementRecord(requirement, needed, step, max(len(time), round(whole / step) + 1))
+    for first in range(0, len(time), CHUNK_ROWS):
+        rows = slice(first, first + CHUNK_ROWS)
+        values = np.column_stack([np.asarray(group[column.name][rows], dtype=float) for column in needed])
+        if not np.isfinite(values).all():
+            raise ResultsError(f"{path}: the run {group.name} has values that are not finite")
+        record.block(first, time[rows], values)
+    return record, seen
+
+
+def _explain_interruption(group: Any) -> list[str]:
+    """What is to be said of a run that is shorter than it was meant to be."""
+    time = group["time"]
+    if len(time) < 2:
+        return []
+    reached = float(time[-1])
+    whole = _read_number(group, "duration_s", reached)
+    if reached >= whole - 0.5 * (reached - float(time[0])) / (len(time) - 1):
+        return []
+    return [f"the run was interrupted at {reached:g} of {whole:g} s"]
+
+
+def _find_runs(dataset: Any) -> list[str]:
+    """Names of the groups that hold a run."""
+    return [
+        name
+        for name, group in dataset.groups.items()
+        if "time" in group.variables and group["time"].dimensions == ("time",)
+    ]
+
+
+def _read_number(group: Any, name: str, default: float) -> float:
+    """An attribute above 0; ``default`` where there is none, as in files of other programs."""
+    value = getattr(group, name, default)
+    return float(value) if isinstance(value, int | float | np.number) and 0.0 < value < np.inf else default
+
+
+def _name(case: str, datasets: Sequence[Any]) -> str:
+    """The name of a run, and whether one of this name was interrupted, so that others may not have begun."""
+    groups = [dataset[case] for dataset in datasets if case in _find_runs(dataset)]
+    found = [text for group in groups for text in _explain_interruption(group)]
+    return f"{case} ({found[0]})" if found else case
+
+
+def _describe(variable: Any) -> _Column:
+    kind = "Boolean" if hasattr(variable, "flag_meanings") else _TYPES.get(variable.dtype.kind, "String")
+    unit = getattr(variable, "units", "1")
+    return _Column(variable.name, _FMI_UNITS.get(unit, unit), kind)
+
+
+def _describe_rows(group: Any, step: float) -> str:
+    """The bandwidth of the rows: the recorder filters before it leaves rows out."""
+    run_step = _read_number(group, "step_s", step)
+    if (factor := count_steps(step, run_step)) is not None and factor > 1:
+        return f"rows {step:.4g} s apart, filtered to {0.5 * PASS_BAND / step:.4g} Hz"
+    return f"all rows, {step:.4g} s apart"
+
+
+def _refuse_twin(record: RequirementRecord, path: Path, others: dict[Path, RequirementRecord]) -> None:
+    """Two equal runs are one member of the ensemble."""
+    own = [distribution.identity for distribution in record.distributions]
+    for other, earlier in others.items():
+        same = own == [distribution.identity for distribution in earlier.distributions]
+        if same and any(peak for _, peak, _ in own):  # runs at rest are alike
+            raise ResultsError(f"{other} and {path} hold the same run: members of an ensemble need different seeds")
+

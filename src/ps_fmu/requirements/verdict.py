@@ -1,0 +1,170 @@
+"""Whether a requirement is met, with its margin; as a row of a table, as an entry of summary.json, in words."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from enum import StrEnum
+
+from ..pointing.confidence import Statement
+from ..results.tables import Table
+from .decision import explain_lack, qualify, state
+from .record import RequirementRecord
+from .requirement import Requirement
+
+
+class Answer(StrEnum):
+    """What is said of a requirement; only the first counts as met."""
+
+    MET = "met"
+    NOT_MET = "not met"
+    OPEN = "cannot be said"
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """A requirement, one signal, one run of the scenario (several, where files of several are judged together)."""
+
+    requirement: Requirement
+    case: str
+    signal: str
+    answer: Answer
+    limit: float
+    """In the unit of the signal."""
+    statement: Statement | None
+    """In the unit of the signal; None where there was nothing to judge."""
+    remark: str = ""
+    """What the numbers do not tell: why it cannot be said, what to do."""
+    rows: str = ""
+    """Which rows were judged, of which bandwidth."""
+
+    @property
+    def met(self) -> bool:
+        """False also where it cannot be said."""
+        return self.answer is Answer.MET
+
+    @property
+    def margin_percent(self) -> float | None:
+        """100 (1 - bound / limit); below 0 where the limit is exceeded, None without a bound."""
+        if self.statement is None or not math.isfinite(self.statement.bound):
+            return None
+        return 100.0 * (1.0 - self.statement.bound / self.limit)
+
+    def convert(self, value: float) -> float:
+        """A value in the unit of the signal in that of the limit."""
+        return value / self.limit * self.requirement.limit.value
+
+    def as_dict(self) -> dict[str, object]:
+        """The entry of summary.json: numbers in the unit of the limit, margin in percent."""
+        stated = self.statement
+        index = self.requirement.index
+        return {
+            "requirement": self.requirement.name,
+            "case": self.case,
+            "signal": self.signal,
+            "index": index.symbol,
+            **{item.name: getattr(index, item.name) for item in fields(index)},  # type: ignore[arg-type]
+            "settling": self.requirement.settling_s,
+            "statistic": self.requirement.statistic,
+            "probability": self.requirement.probability,
+            "confidence": self.requirement.confidence,
+            "interpretation": None if self.requirement.confidence is None else self.requirement.interpretation.value,
+            "limit": self.requirement.limit.value,
+            "unit": self.requirement.limit.unit,
+            "value": None if stated is None else self.convert(stated.value),
+            "bound": None if stated is None else self.convert(stated.bound),
+            "independent_samples": None if stated is None else stated.independent,
+            "ensemble_share": None if stated is None else stated.ensemble_share,
+            "method": None if stated is None else stated.method,
+            "margin": self.margin_percent,
+            "verdict": self.answer.value,
+            "met": self.met,
+            "remark": self.remark,
+            "rows": self.rows,
+        }
+
+    def as_row(self) -> tuple[str, ...]:
+        """The texts under :data:`HEADER`."""
+        unit = self.requirement.limit.unit
+        bound = math.inf if self.statement is None else self.statement.bound
+        value = "-" if self.statement is None else f"{self.convert(self.statement.value):.4g} {unit}"
+        return (
+            self.requirement.name,
+            self.answer.value if self.met else self.answer.value.upper(),
+            self.signal,
+            self.case,
+            value,
+            f"{self.convert(bound):.4g} {unit}" if math.isfinite(bound) else "-",
+            str(self.requirement.limit),
+            "-" if self.margin_percent is None else f"{self.margin_percent:.1f} %",
+        )
+
+
+HEADER = ("requirement", "verdict", "signal", "run", "value", "bound", "limit", "margin")
+
+
+def judge(requirement: Requirement, case: str, runs: Sequence[RequirementRecord], rows: str) -> list[Verdict]:
+    """The verdicts on a requirement, one for each of its targets.
+
+    ``runs``: the records of independent runs of the case, one at least.  ``rows`` says which rows they saw.
+    """
+    verdicts = []
+    filled = [run.distributions for run in runs if run.distributions]
+    judged_s = min(run.judged_s for run in runs)
+    for place, target in enumerate(runs[0].targets):
+        if len(filled) < len(runs):
+            why = f"a run ends before one window of {requirement.index.symbol} is full"
+            verdicts.append(Verdict(requirement, case, target.label, Answer.OPEN, target.limit, None, why, rows))
+            continue
+        stated = state(requirement, [distributions[place] for distributions in filled])
+        answer, why = Answer.MET if stated.bound <= target.limit else Answer.NOT_MET, ""
+        if math.isinf(stated.bound) and stated.lower > target.limit:  # for which few samples may be enough
+            why = "the limit lies below all of the value's interval"
+        elif math.isinf(stated.bound):
+            answer, why = Answer.OPEN, explain_lack(requirement, stated, len(runs), judged_s)
+        elif stated.value <= target.limit < stated.bound:
+            why = "the value is below the limit, its bound is not: a longer run narrows it"
+        else:
+            why = qualify(requirement, stated)
+        verdicts.append(Verdict(requirement, case, target.label, answer, target.limit, stated, why, rows))
+    return verdicts
+
+
+def no_run(requirement: Requirement, cases: Sequence[str]) -> Verdict:
+    """The verdict where none of the runs, ``cases``, has the name that the requirement asks for."""
+    wanted, there = " or ".join(requirement.cases), ", ".join(cases) or "none"
+    remark = f"there is no run {wanted}; there are: {there}"
+    signal = ", ".join(requirement.signals)
+    return Verdict(requirement, wanted, signal, Answer.OPEN, requirement.limit.value, None, remark)
+
+
+def make_table(verdicts: Sequence[Verdict]) -> Table:
+    """All verdicts as a table."""
+    return Table(f"Requirements: {summarise(verdicts)}", HEADER, [verdict.as_row() for verdict in verdicts])
+
+
+def list_remarks(verdicts: Sequence[Verdict]) -> list[str]:
+    """What the table has no room for: what each requirement is about, and the remarks, equal ones once."""
+    said = []
+    for verdict in verdicts:
+        required = verdict.requirement
+        said.append(f"{required.name}: {required.about}; {required.level}.")
+        if verdict.remark:
+            said.append(f"{required.name}, {verdict.signal}, {verdict.case}: {verdict.remark}.")
+    said += [f"{verdict.case}: judged from {verdict.rows}." for verdict in verdicts if verdict.rows]
+    return list(dict.fromkeys(said))
+
+
+def format_verdicts(verdicts: Sequence[Verdict]) -> str:
+    """Table and remarks for a terminal."""
+    table = make_table(verdicts)
+    return "\n".join([table.caption, table.to_text(), *list_remarks(verdicts)])
+
+
+def summarise(verdicts: Sequence[Verdict]) -> str:
+    """How many are met, for example ``2 of 3 are met, 1 cannot be said``."""
+    counts = {answer: sum(verdict.answer is answer for verdict in verdicts) for answer in Answer}
+    text = f"{counts[Answer.MET]} of {len(verdicts)} are met"
+    missed = [f"{counts[answer]} {answer}" for answer in (Answer.NOT_MET, Answer.OPEN) if counts[answer]]
+    return ", ".join([text, *missed])

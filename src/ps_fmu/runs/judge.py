@@ -1,0 +1,64 @@
+"""The requirements of a run: checked before it begins, observed in each of its cases, judged when all are done."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from ..cosim import Column
+from ..requirements.reading import read_requirements
+from ..requirements.record import RequirementRecord
+from ..requirements.requirement import Requirement, RequirementError
+from ..requirements.targets import find_targets
+from ..requirements.verdict import Verdict, judge, no_run
+from .options import OptionError, RunOptions
+
+
+@dataclass(frozen=True)
+class RunJudge:
+    """Requirements and their records, case by case; without requirements it observes nothing."""
+
+    requirements: tuple[Requirement, ...] = ()
+    _records: list[tuple[str, RequirementRecord]] = field(default_factory=list)
+    _cases: list[str] = field(default_factory=list)
+
+    def observe(self, case: str, columns: Sequence[Column], step_s: float, steps: int) -> list[RequirementRecord]:
+        """The observers of a case, for each requirement that judges it.
+
+        Raises :class:`..requirements.requirement.RequirementError` if the case is too short for one.
+        """
+        self._cases.append(case)
+        wanted = [requirement for requirement in self.requirements if requirement.judges(case)]
+        records = [RequirementRecord(requirement, columns, step_s, steps + 1) for requirement in wanted]
+        self._records.extend((case, record) for record in records)
+        return records
+
+    def conclude(self) -> list[Verdict]:
+        """The verdicts, in the order of the requirements, then of the cases."""
+        found: list[Verdict] = []
+        for requirement in self.requirements:
+            own = [(case, record) for case, record in self._records if record.requirement is requirement]
+            for case, record in own:
+                found += judge(requirement, case, [record], f"every step of {record.step:g} s")
+            if not own:
+                found.append(no_run(requirement, self._cases))
+        return found
+
+
+def read_judge(options: RunOptions, columns: Sequence[Column]) -> RunJudge:
+    """The requirements of the options, checked against the outputs of the system, the step, and the runs.
+
+    Raises :class:`OptionError` for what cannot be used.
+    """
+    if options.requirements is None:
+        return RunJudge()
+    try:
+        requirements = read_requirements(options.requirements)
+        for requirement in requirements:
+            find_targets(requirement, columns)
+            requirement.check_times(options.step_s, options.duration_s)
+            if options.scenario.cases:
+                requirement.check_cases(options.scenario.cases)
+    except RequirementError as error:
+        raise OptionError(f"--requirements: {error}") from error
+    return RunJudge(requirements)

@@ -1,0 +1,196 @@
+"""Requirements through a run of the real system: checked before it, judged during it, stated after it."""
+
+import json
+from dataclasses import replace
+from functools import partial
+
+import netCDF4
+import numpy as np
+import pytest
+from support.required import ENTRIES, to_toml
+
+from ps_fmu.cli import main
+from ps_fmu.requirements.reading import read_requirements
+from ps_fmu.requirements.stored import judge_files
+from ps_fmu.runs.cases import Case, run_case
+from ps_fmu.runs.jitter_record import ROTATION, JitterRecord
+from ps_fmu.runs.options import OptionError
+from ps_fmu.runs.publish import NotMetError
+from ps_fmu.runs.scenarios import isolation
+from ps_fmu.runs.setup import load_system
+
+GENEROUS = {
+    "signal": "plant.payload_rotation", "index": "APE", "at": None, "window": None, "statistic": "rms",
+    "probability": None, "interpretation": None, "limit": "1 mrad",
+}  # fmt: skip
+QUICK = {"step_s": 1e-3, "storage_step_s": 1e-3}
+
+
+@pytest.fixture(autouse=True)
+def without_pictures(monkeypatch):
+    """They are most of the time, and no part of this."""
+    monkeypatch.setattr(isolation, "draw_comparison", lambda comparison, folder: [])
+
+
+@pytest.fixture
+def required(tmp_path, make_options):
+    """Options of a run of 0.4 s with tables of requirements, each with changes to the entries above."""
+
+    def required(*changes, **options):
+        path = tmp_path / "required.toml"
+        tables = ({**ENTRIES, **GENEROUS, "name": f"number {i}", **change} for i, change in enumerate(changes))
+        path.write_text(to_toml(*tables), encoding="utf-8")
+        return make_options("isolation", 0.4, requirements=path, **{**QUICK, **options})
+
+    return required
+
+
+def read_verdicts(options):
+    return json.loads((options.output / "summary.json").read_text())["verdicts"]
+
+
+def test_verdicts_are_on_the_terminal_in_the_summary_and_at_the_head_of_the_report(required, capsys):
+    options = required({}, {"case": "passive", "signal": "plant.los", "combine": "norm", "limit": "1 mm"})
+    options.scenario.run(options)
+    verdicts = read_verdicts(options)
+    assert [(v["requirement"], v["case"], v["signal"]) for v in verdicts] == [
+        *(("number 0", "active", name) for name in ROTATION), ("number 1", "passive", "|plant.los|"),
+    ]  # fmt: skip
+    assert all(v["met"] is True and v["rows"] == "every step of 0.001 s" for v in verdicts)
+    with netCDF4.Dataset(options.output / "results.nc") as file:
+        for verdict in verdicts[:3]:
+            rms = np.sqrt(np.mean(file["active"][verdict["signal"]][:] ** 2))
+            assert verdict["value"] == pytest.approx(1e3 * rms, rel=1e-9)
+        x, y = (file["passive"][f"plant.los.{axis}"][:] for axis in "xy")
+        assert verdicts[3]["value"] == pytest.approx(1e3 * np.sqrt(np.mean(x**2 + y**2)), rel=1e-9)
+    text = capsys.readouterr().out
+    assert "Requirements: 4 of 4 are met" in text
+    page = (options.output / "report.html").read_text()
+    assert page.index("number 0") < page.index("Four FMUs in co-simulation") < page.index("Jitter of the payload")
+
+
+def test_one_that_is_not_met_fails_the_run_once_its_results_are_written(required, capsys):
+    options = required({}, {"limit": "1e-9 urad"})
+    with pytest.raises(NotMetError, match="requirements: 3 of 6 are met, 3 not met"):
+        options.scenario.run(options)
+    assert [v["verdict"] for v in read_verdicts(options)] == ["met"] * 3 + ["not met"] * 3
+    assert all(v["margin"] < 0.0 for v in read_verdicts(options)[3:])
+    assert "NOT MET" in (options.output / "report.html").read_text()
+    assert "NOT MET" in capsys.readouterr().out
+
+
+def test_one_that_cannot_be_said_fails_the_run_too(required):
+    options = required(
+        {"index": "MPE", "window": "0.1 s", "statistic": "quantile", "probability": 0.95, "interpretation": "temporal"}
+    )
+    with pytest.raises(NotMetError, match="0 of 3 are met, 3 cannot be said"):
+        options.scenario.run(options)
+    verdict = read_verdicts(options)[0]
+    assert (verdict["met"], verdict["bound"], verdict["margin"]) == (False, None, None)
+    assert "45 are needed: run about" in verdict["remark"]
+
+
+def test_thinned_rows_do_not_change_the_verdicts_of_the_run(required):
+    """Every step is judged; ps-fmu judge sees what is stored, and says so."""
+    values = []
+    for storage in (1e-3, 1e-2):
+        options = required({"index": "jitter", "window": "20 ms"}, storage_step_s=storage)
+        options.scenario.run(options)
+        values.append([v["value"] for v in read_verdicts(options)])
+    assert values[0] == values[1]
+    stored = judge_files([options.output / "results.nc"], read_requirements(options.requirements))
+    assert {verdict.rows for verdict in stored} == {"rows 0.01 s apart, filtered to 40 Hz"}
+    assert stored[0].convert(stored[0].statement.value) < 0.9 * values[1][0]
+
+
+def test_judging_all_stored_rows_gives_the_verdicts_of_the_run(required):
+    options = required({"index": "RPE", "at": "end", "window": "50 ms"})
+    options.scenario.run(options)
+    stored = judge_files([options.output / "results.nc"], read_requirements(options.requirements))
+    for during, after in zip(read_verdicts(options), stored, strict=True):
+        assert during["value"] == pytest.approx(after.as_dict()["value"], rel=1e-9)
+        assert during["margin"] == pytest.approx(after.as_dict()["margin"], rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("change", "problem"),
+    [
+        ({"signal": "plant.payload_rotatoin"}, "signal: there is no output 'plant.payload_rotatoin'; did you"),
+        ({"limit": "1 mm"}, "limit: 'mm' does not fit the unit 'rad' of plant.payload_rotation.x"),
+        ({"index": "MPE", "window": "1 s"}, "window: one value of MPE needs 1 s; the run has 0.4 s"),
+        ({"index": "MPE", "window": "1.5 ms"}, "window: 0.0015 s is not a whole number of steps of 0.001 s"),
+        ({"settling": "1 s"}, "settling: 1 s are all of the run of 0.4 s"),
+        ({"case": "aktive"}, "case: there is no run aktive; there are passive, active"),
+        ({"limit": "1"}, "limit: '1' has no unit"),
+    ],
+)
+def test_what_cannot_be_judged_is_refused_before_the_run(required, change, problem):
+    options = required({}, change)
+    with pytest.raises(OptionError) as refused:
+        options.scenario.run(options)
+    place = f"--requirements: {options.requirements}, line 8, requirement 2 (number 1), "
+    assert str(refused.value).startswith(place + problem)
+    assert list(options.output.iterdir()) == []
+
+
+def test_a_file_that_is_not_there(required):
+    with pytest.raises(OptionError, match=r"--requirements: there is no file none\.toml"):
+        replace(required({}), requirements=type(required({}).requirements)("none.toml"))
+
+
+def test_a_scenario_that_does_not_tell_its_runs_beforehand(required):
+    """The verdict then says that no run had the name."""
+    options = required({"case": "aktive"})
+    silent = replace(options.scenario, cases=())
+    with pytest.raises(NotMetError, match="1 cannot be said"):
+        silent.run(replace(options, scenario=silent))
+    assert read_verdicts(options)[0]["remark"] == "there is no run aktive; there are: passive, active"
+
+
+class Stop:
+    """An observer that stops the run as Ctrl-C does."""
+
+    def __init__(self, jitter, at_s):
+        self.observers = [*jitter.observers, self]
+        self._at_s = at_s
+
+    def block(self, first_index, time, values):
+        """Raises once the time is reached."""
+        if time[-1] >= self._at_s:
+            raise KeyboardInterrupt
+
+
+def test_an_interrupted_run_can_be_judged(required, capsys):
+    """Its results have the run that was under way; the exit code says that not all is met."""
+    options = replace(required({}, {"case": "passive"}, step_s=1e-4, storage_step_s=1e-4), duration_s=2.0)
+    jitter = partial(JitterRecord, step_s=options.step_s, steps=options.steps)
+    with pytest.raises(KeyboardInterrupt):
+        run_case(load_system(options), options, Case("passive"), lambda columns: Stop(jitter(columns), 0.5))
+    results = options.output / "results.nc"
+    assert main(["judge", str(results), "--requirements", str(options.requirements)]) == 1
+    text = capsys.readouterr().out
+    assert "Requirements: 3 of 4 are met, 1 cannot be said" in text
+    assert "there is no run active; there are: passive (the run was interrupted at" in text
+    assert "passive: judged from all rows, 0.0001 s apart; the run was interrupted at" in text
+
+
+def test_the_command_judge(required, capsys, tmp_path):
+    options = required({})
+    options.scenario.run(options)
+    results, output = options.output / "results.nc", tmp_path / "verdicts.json"
+
+    def judge(*changes, path=results):
+        capsys.readouterr()
+        required_by = required(*changes).requirements
+        code = main(["judge", str(path), "--requirements", str(required_by), "--output", str(output)])
+        return code, *capsys.readouterr()
+
+    code, text, _ = judge({})
+    assert code == 0 and "3 of 3 are met" in text
+    assert [entry["verdict"] for entry in json.loads(output.read_text())["verdicts"]] == ["met"] * 3
+    code, text, _ = judge({"limit": "1e-9 urad"})
+    assert code == 1 and "NOT MET" in text
+    code, _, error = judge({"limit": "1"})
+    assert code == 2 and error.startswith("ps-fmu judge: --requirements: ") and "has no unit" in error
+    code, _, error = judge({}, path=tmp_path / "none.nc")
+    assert code == 1 and error.startswith("ps-fmu judge: ") and "none.nc: cannot be read: No such file" in error
