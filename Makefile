@@ -18,7 +18,7 @@ run: fmus  ## the default scenario: isolation at the nominal orientation, passiv
 	$(BIN)/python system/run.py $(ARGS)
 
 test: lint fmus  ## what the continuous integration runs, on all processors; ARGS="-n 0 ..." on one
-	$(BIN)/python -m pytest -n auto --dist loadfile $(ARGS)
+	$(BIN)/python -m pytest -n auto --dist loadfile --no-loadscope-reorder $(ARGS)
 
 dist: fmus  ## wheel, sdist and FMUs in dist, with their SHA-256
 	rm -rf dist
