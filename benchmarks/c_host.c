@@ -5,52 +5,11 @@
    RESOURCES is a URI, STEP is in s.  INPUTS are "reference:value:value" with blanks between them, whose two values are
    set by turns; OUTPUTS are references.  Prints the costs of fmi2DoStep, of fmi2SetReal of all inputs and of fmi2GetReal
    of all outputs. */
-#include <dlfcn.h>
-#include <stdarg.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <time.h>
-#include <unistd.h>
-
-#include "fmi2FunctionTypes.h"
-
+#define NAME "c_host"
 #define FUNCTIONS(X)                                                                                                   \
     X(Instantiate) X(SetupExperiment) X(EnterInitializationMode) X(ExitInitializationMode) X(DoStep) X(SetReal) X(GetReal)
 
-#define POINTER(name) static fmi2##name##TYPE *fmi2##name;
-FUNCTIONS(POINTER)
-#undef POINTER
-
-enum { MOST = 64 };
-
-static void fail(const char *what)
-{
-    fprintf(stderr, "c_host: %s\n", what);
-    _exit(1);
-}
-
-#define EXPECT(condition) ((condition) ? (void)0 : fail(#condition))
-
-static void log_message(fmi2ComponentEnvironment environment, fmi2String name, fmi2Status status, fmi2String category,
-                        fmi2String message, ...)
-{
-    (void)environment, (void)status, (void)category;
-    va_list arguments;
-    va_start(arguments, message);
-    fprintf(stderr, "%s: ", name);
-    vfprintf(stderr, message, arguments);
-    fputc('\n', stderr);
-    va_end(arguments);
-}
-
-static const fmi2CallbackFunctions callbacks = {log_message, calloc, free, NULL, NULL};
-
-static double now(void)
-{
-    struct timespec time;
-    clock_gettime(CLOCK_MONOTONIC, &time);
-    return (double)time.tv_sec * 1e6 + (double)time.tv_nsec * 1e-3;
-}
+#include "fmu_host.h"
 
 static int compare(const void *a, const void *b)
 {
@@ -84,17 +43,8 @@ int main(int argc, char **argv)
         n_outputs++;
     }
 
-    void *library = dlopen(argv[1], RTLD_NOW | RTLD_LOCAL);
-    if (library == NULL)
-        fail(dlerror());
-#define LOAD(name) EXPECT((*(void **)&fmi2##name = dlsym(library, "fmi2" #name)) != NULL);
-    FUNCTIONS(LOAD)
-#undef LOAD
-    fmi2Component instance = fmi2Instantiate("c_host", fmi2CoSimulation, argv[3], argv[2], &callbacks, 0, 1);
-    EXPECT(instance != NULL);
-    EXPECT(fmi2SetupExperiment(instance, 0, 0.0, 0.0, 0, 0.0) == fmi2OK);
-    EXPECT(fmi2EnterInitializationMode(instance) == fmi2OK);
-    EXPECT(fmi2ExitInitializationMode(instance) == fmi2OK);
+    fmi2Component instance = instantiate(argv[1], argv[2], argv[3]);
+    initialise(instance);
 
     double *costs[3];
     for (int k = 0; k < 3; k++)

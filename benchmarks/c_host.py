@@ -27,7 +27,7 @@ PROGRAM = Program(
     "c_host",
     HERE,
     ("c_host.c",),
-    (),
+    ("fmu_host.h",),
     {"linux64": Target("x86_64-linux-gnu.2.17", "c_host", ("-D_GNU_SOURCE",), ("-ldl",))},
 )
 STEP = 1e-4  # s

@@ -8,52 +8,11 @@
 
    By the clock on the wall, which adds 0.05 us to a step; that of the thread's processor time is a call of the kernel and
    adds 0.4.  So other processes are in it, and of several runs the least time of each step is its own. */
-#include <dlfcn.h>
-#include <stdarg.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <time.h>
-#include <unistd.h>
-
-#include "fmi2FunctionTypes.h"
-
+#define NAME "step_times"
 #define FUNCTIONS(X)                                                                                                   \
     X(Instantiate) X(SetupExperiment) X(EnterInitializationMode) X(ExitInitializationMode) X(DoStep) X(SetReal)
 
-#define POINTER(name) static fmi2##name##TYPE *fmi2##name;
-FUNCTIONS(POINTER)
-#undef POINTER
-
-enum { MOST = 64 };
-
-static void fail(const char *what)
-{
-    fprintf(stderr, "step_times: %s\n", what);
-    _exit(1);
-}
-
-#define EXPECT(condition) ((condition) ? (void)0 : fail(#condition))
-
-static void log_message(fmi2ComponentEnvironment environment, fmi2String name, fmi2Status status, fmi2String category,
-                        fmi2String message, ...)
-{
-    (void)environment, (void)status, (void)category;
-    va_list arguments;
-    va_start(arguments, message);
-    fprintf(stderr, "%s: ", name);
-    vfprintf(stderr, message, arguments);
-    fputc('\n', stderr);
-    va_end(arguments);
-}
-
-static const fmi2CallbackFunctions callbacks = {log_message, calloc, free, NULL, NULL};
-
-static double now(void)
-{
-    struct timespec time;
-    clock_gettime(CLOCK_MONOTONIC, &time);
-    return (double)time.tv_sec * 1e6 + (double)time.tv_nsec * 1e-3;
-}
+#include "fmu_host.h"
 
 int main(int argc, char **argv)
 {
@@ -65,22 +24,13 @@ int main(int argc, char **argv)
     double first[MOST], slope[MOST], values[MOST], value;
     size_t n = 0;
 
-    void *library = dlopen(argv[1], RTLD_NOW | RTLD_LOCAL);
-    if (library == NULL)
-        fail(dlerror());
-#define LOAD(name) EXPECT((*(void **)&fmi2##name = dlsym(library, "fmi2" #name)) != NULL);
-    FUNCTIONS(LOAD)
-#undef LOAD
-    fmi2Component instance = fmi2Instantiate("step_times", fmi2CoSimulation, argv[3], argv[2], &callbacks, 0, 1);
-    EXPECT(instance != NULL);
+    fmi2Component instance = instantiate(argv[1], argv[2], argv[3]);
     for (const char *text = argv[6]; sscanf(text, "%u:%lf%n", &parameter, &value, &used) == 2; text += used)
         EXPECT(fmi2SetReal(instance, &parameter, 1, &value) == fmi2OK);
     for (const char *text = argv[7];
          n < MOST && sscanf(text, "%u:%lf:%lf%n", &references[n], &first[n], &slope[n], &used) == 3; text += used)
         n++;
-    EXPECT(fmi2SetupExperiment(instance, 0, 0.0, 0.0, 0, 0.0) == fmi2OK);
-    EXPECT(fmi2EnterInitializationMode(instance) == fmi2OK);
-    EXPECT(fmi2ExitInitializationMode(instance) == fmi2OK);
+    initialise(instance);
 
     double *costs = calloc((size_t)steps, sizeof *costs);
     EXPECT(costs != NULL);

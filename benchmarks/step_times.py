@@ -27,7 +27,7 @@ PROGRAM = Program(
     "step_times",
     HERE,
     ("step_times.c",),
-    (),
+    ("fmu_host.h",),
     {"linux64": Target("x86_64-linux-gnu.2.17", "step_times", ("-D_GNU_SOURCE",), ("-ldl",))},
 )
 STEP = 1e-4  # s
