@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from support.bench import step_by_kernel
 
 from ps_fmu.slavekit.author.core import Core, OutputLimits, make_core, store_by_columns
 from ps_fmu.slavekit.author.layout import BufferLayout
@@ -24,14 +25,6 @@ def core_of(n_outputs: int, n_states: int, n_inputs: int) -> tuple[Core, np.ndar
     return make_core(layout, data), data[: layout.clock.start]
 
 
-def by_kernel(instructions: str, core: Core) -> bool:
-    """A plain step; skips the test where the processor cannot make it."""
-    answer = ctypes.CDLL(str(LAUNCHER.path("linux64"))).ps_fmu_step_by(instructions.encode(), ctypes.byref(core))
-    if answer < 0:
-        pytest.skip(f"this processor lacks {instructions}")
-    return bool(answer)
-
-
 @pytest.fixture(params=["sse2", "avx2", "avx512"])
 def instructions(request) -> str:
     return request.param
@@ -48,7 +41,7 @@ def test_products_have_the_same_bits(instructions, n_outputs, n_states, n_inputs
     data[:] = random.standard_normal(data.size)
     data[::5] = -0.0
     before = data.copy()
-    assert by_kernel(instructions, core)
+    assert step_by_kernel(instructions, core)
     found = data.copy()
     data[:] = before
     assert make_plain_step(core)()
@@ -65,7 +58,7 @@ def test_tables_and_limits(instructions):
     core.use_limits(OutputLimits(np.array([0.0, -1.0, -np.inf]), np.array([1.0, 1.0, np.inf]), 2))
     core.block = 7
     expected = [[0.5, 1.0, 1.0], [0.0, -1.0, 1.0], [-0.0, 1.0, 0.0]]
-    for step in (lambda: by_kernel(instructions, core), make_plain_step(core)):
+    for step in (lambda: step_by_kernel(instructions, core), make_plain_step(core)):
         data[:] = 9.0
         for core.count in (6, 10):
             assert not step()
@@ -81,7 +74,7 @@ def test_a_result_that_is_not_finite_changes_nothing(instructions, matrix):
     core, data = core_of(1, 1, 0)
     core.use_map(store_by_columns(np.array(matrix)))
     core.use_limits(OutputLimits(np.array([-1.0]), np.array([1.0]), -1))
-    for step in (lambda: by_kernel(instructions, core), make_plain_step(core)):
+    for step in (lambda: step_by_kernel(instructions, core), make_plain_step(core)):
         data[:] = 5.0, 1e200
         assert not step()
         assert data.tolist() == [5.0, 1e200]
@@ -93,7 +86,7 @@ def test_a_result_that_is_not_finite_changes_nothing(instructions, matrix):
 def test_nothing_to_be_done(instructions):
     core, _ = core_of(1, 1, 0)
     core.use_nothing()
-    assert not by_kernel(instructions, core)
+    assert not step_by_kernel(instructions, core)
 
 
 def test_operands_that_are_zero_change_no_bit(instructions):
@@ -109,7 +102,7 @@ def test_operands_that_are_zero_change_no_bit(instructions):
         sums = [0.0] * 7
         for j, operand in enumerate(before[3:11].tolist()):
             sums = [value + entry * operand for value, entry in zip(sums, columns[:, j].tolist(), strict=True)]
-        assert by_kernel(instructions, core)
+        assert step_by_kernel(instructions, core)
         assert data[:7].tobytes() == np.array(sums).tobytes()
         data[:] = before
         assert make_plain_step(core)()

@@ -33,6 +33,14 @@ H = 0.01  # s
 N_OUTPUTS, N_STATES, N_INPUTS, N_AUXILIARY, N_ROW, N_MEMORY = 5, 4, 3, 3, 2, 60
 
 
+def step_by_kernel(instructions: str, core: Core) -> bool:
+    """A plain step; skips the test where the processor cannot make it."""
+    answer = ctypes.CDLL(str(LAUNCHER.path("linux64"))).ps_fmu_step_by(instructions.encode(), ctypes.byref(core))
+    if answer < 0:
+        pytest.skip(f"this processor lacks {instructions}")
+    return bool(answer)
+
+
 class Bench:
     """A core with room for all kinds of elements, and what takes part of its buffer."""
 
@@ -65,11 +73,7 @@ class Bench:
         self.core.use_elements(compile_elements(self.layout, self.data, before, after))
 
     def by_kernel(self, instructions: str) -> bool:
-        library = ctypes.CDLL(str(LAUNCHER.path("linux64")))
-        answer = library.ps_fmu_step_by(instructions.encode(), ctypes.byref(self.core))
-        if answer < 0:
-            pytest.skip(f"this processor lacks {instructions}")
-        return bool(answer)
+        return step_by_kernel(instructions, self.core)
 
     def random_operand(self, n: int, *, written: bool) -> np.ndarray:
         """A view, or places in any order."""
