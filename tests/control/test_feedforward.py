@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.signal import cheby2, freqs_zpk
+from scipy.signal import cheby2, freqs_zpk, zpk2sos
 from support.mechanics import ORIENTATIONS_DEG, PAPER, dynamics_at, pose_at, rigid
 
-from ps_fmu.control.feedforward import Controller, gains, lowpass
+from ps_fmu.control.feedforward import Controller, design_chebyshev, gains, lowpass
 from ps_fmu.mechanism.rotations import skew
 from ps_fmu.theory.transfer_matrices import Nominal, Practical
 
@@ -57,6 +57,15 @@ def test_lowpass_is_scipys_chebyshev() -> None:
     _, theirs = freqs_zpk(*cheby2(9, 100.0, 2.0 * np.pi * 1000.0, analog=True, output="zpk"), worN=np.abs(s))
     assert np.abs(ours - theirs).max() < 1e-12
     assert low.d == 0.0
+
+
+@pytest.mark.parametrize("attenuation", [3.0, 40.0, 100.0, 200.0])
+@pytest.mark.parametrize("order", [1, 3, 5, 7, 9])
+def test_sections_are_scipys_in_their_order(order: int, attenuation: float) -> None:
+    zeros, poles, gain = cheby2(order, attenuation, 1.0, analog=True, output="zpk")
+    theirs = zpk2sos(zeros, poles, gain, analog=True)
+    theirs[:, :3] *= (theirs[:, 5] / theirs[:, 2])[:, None]  # static gain one in each
+    np.testing.assert_allclose(design_chebyshev(order, attenuation), theirs, rtol=1e-12, atol=1e-14)
 
 
 @pytest.mark.parametrize("order", [1, 3, 5, 7, 9])

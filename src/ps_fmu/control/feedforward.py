@@ -72,19 +72,41 @@ class Lowpass:
 
 def lowpass(filters: FeedforwardFilters) -> Lowpass:
     """The Chebyshev type II low-pass M(s) of the paper's section 4.2 in continuous time."""
-    from scipy.signal import cheby2, zpk2sos  # 0.6 s to import: only when a controller is built
-
     omega = 2.0 * np.pi * filters.lowpass_stop_frequency  # rad/s
-    zeros, poles, gain = cheby2(
-        filters.lowpass_order, filters.lowpass_stop_attenuation, 1.0, analog=True, output="zpk"
-    )  # stop edge at 1 rad/s: sections stay well scaled, time is scaled below
-    sections = zpk2sos(zeros, poles, gain, analog=True)
     A, b, c, d = np.zeros((0, 0)), np.zeros(0), np.zeros(0), 1.0
-    for section in sections:
+    for section in design_chebyshev(filters.lowpass_order, filters.lowpass_stop_attenuation):
         A2, b2, c2, d2 = _section(section)
         A = np.block([[A, np.zeros((len(b), len(b2)))], [np.outer(b2, c), A2]])
         b, c, d = np.concatenate([b, b2 * d]), np.concatenate([d2 * c, c2]), d2 * d
     return Lowpass(A * omega, b * omega, c / (d + _static(A, b, c)), d / (d + _static(A, b, c)))
+
+
+def design_chebyshev(order: int, attenuation: float) -> Array:
+    """Chebyshev type II low-pass of odd order in continuous time, stop-band edge at 1 rad/s, static gain one.
+
+    Poles and zeros in closed form (T. W. Parks and C. S. Burrus, Digital Filter Design, Wiley 1987): those of
+    type I, inverted.  ``scipy.signal.cheby2`` has the same; to import it takes 1.5 s.
+
+    Parameters
+    ----------
+    order: odd.
+    attenuation: least one in the stop band, dB.
+
+    Returns
+    -------
+    Array: sections (b0, b1, b2, a0, a1, a2) of (b0 s^2 + b1 s + b2) / (a0 s^2 + a1 s + a2), ((order + 1) / 2, 6): the
+    real pole, then pairs of poles with those of zeros that are nearest, from the largest damping to the smallest.
+    """
+    width = np.arcsinh(np.sqrt(10.0 ** (0.1 * attenuation) - 1.0)) / order
+    angles = np.pi / (2 * order) * np.arange(2, order, 2)  # of the pairs, from the real axis; rad
+    poles = -1.0 / (np.sinh(width) * np.cos(angles) + 1j * np.cosh(width) * np.sin(angles))
+    real = 1.0 / np.sinh(width)  # rad/s
+    sections = np.zeros((len(poles) + 1, 6))
+    sections[0, [2, 4, 5]] = real, 1.0, real
+    sections[1:, 2] = np.abs(poles) ** 2
+    sections[1:, 0] = sections[1:, 2] * np.sin(angles) ** 2  # zeros at 1 / sin(angle)
+    sections[1:, 3:] = np.column_stack([np.ones(len(poles)), -2.0 * poles.real, np.abs(poles) ** 2])
+    return sections
 
 
 def _static(A: Array, b: Array, c: Array) -> float:
