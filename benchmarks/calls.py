@@ -34,21 +34,20 @@ def measure_each_fmu(system: System, step: float) -> dict[str, dict[str, float]]
     wiring = check_wiring(system, descriptions)
     rows = Rows(make_layout(descriptions), CALLS)
     slaves: dict[str, FmuInstance] = {}
-    with tempfile.TemporaryDirectory(prefix="ps_fmu_bench_") as folder:
-        load(system, descriptions, Path(folder), slaves)
-        initialise(slaves, system, wiring, {}, 0.0)
-        read_first_row(slaves, rows, 0.0)
-        plan = make_plan(slaves, wiring, rows, step, "jacobi", ())
-        (stage,) = plan.stages
-        for gather in stage.gathers:
-            gather.inputs[:] = gather.outputs[gather.sources]
-        loop_itself = _in_loop(plan, rows, ())
-        costs: dict[str, dict[str, float]] = {name: {} for name in slaves}
-        for call in stage.calls:
-            costs[call.instance.name][call.function] = _in_loop(plan, rows, (call,)) - loop_itself
-        for slave in slaves.values():
-            slave.terminate(0.0)
-            slave.free()
+    load(system, descriptions, slaves)
+    initialise(slaves, system, wiring, {}, 0.0)
+    read_first_row(slaves, rows, 0.0)
+    plan = make_plan(slaves, wiring, rows, step, "jacobi", ())
+    (stage,) = plan.stages
+    for gather in stage.gathers:
+        gather.inputs[:] = gather.outputs[gather.sources]
+    loop_itself = _in_loop(plan, rows, ())
+    costs: dict[str, dict[str, float]] = {name: {} for name in slaves}
+    for call in stage.calls:
+        costs[call.instance.name][call.function] = _in_loop(plan, rows, (call,)) - loop_itself
+    for slave in slaves.values():
+        slave.terminate(0.0)
+        slave.free()
     return costs
 
 

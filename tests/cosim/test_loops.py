@@ -72,10 +72,10 @@ def test_warnings_are_counted_the_same_and_cost_no_step(mixed, answer, caplog, f
     assert in_c[2]["spring"] == 200
 
 
-def test_time_that_is_up_ends_between_two_steps(mixed, monkeypatch, tmp_path):
+def test_time_that_is_up_ends_between_two_steps(mixed, monkeypatch):
     descriptions = read_descriptions(mixed)
     wiring, rows, instances = check_wiring(mixed, descriptions), Rows(make_layout(descriptions), 10), {}
-    load(mixed, descriptions, tmp_path, instances)
+    load(mixed, descriptions, instances)
     initialise(instances, mixed, wiring, {}, 0.0)
     loop = loops.make_loop(make_plan(instances, wiring, rows, H, "jacobi", ()), rows, compiled=True)
     times = H * np.arange(5)

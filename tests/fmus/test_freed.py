@@ -78,8 +78,8 @@ def test_a_freed_instance_is_gone(model, built_fmus, tmp_path, no_collection):
     ):
         with pytest.raises(FMICallException):
             mistake()
-    (package,) = (path.name for path in (folder / "resources").glob("ps_fmu_*"))
-    slaves = getattr(sys.modules[f"{package}.{MODELS[model]}"], model).instances
+    (script,) = (folder / "resources").glob(f"ps_fmu_*/{MODELS[model]}_*.py")
+    slaves = getattr(sys.modules[f"{script.parent.name}.{script.stem}"], model).instances
 
     def alive():
         return sorted(slave.instance_name for slave in slaves if slave.instance_name in names)

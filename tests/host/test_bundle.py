@@ -32,8 +32,8 @@ def test_it_runs_where_there_is_no_python(host, bundled, bound, tmp_path):
 def test_it_uses_no_file_of_this_machines_python(host_program, bundled, tmp_path):
     """All libraries and modules come from the FMU, but for those of the C library."""
     folder = unpack(bundled, tmp_path / "alone")
-    package = next((folder / "resources").glob("ps_fmu_*"))
-    with (package / "oscillator.py").open("a") as script:
+    (slave,) = (folder / "resources").glob("ps_fmu_*/oscillator_*.py")
+    with slave.open("a") as script:
         script.write(SPY)
     command = [str(host_program), "run", "1", str(told(folder))]
     run = subprocess.run(command, env=NOWHERE, capture_output=True, text=True)

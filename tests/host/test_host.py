@@ -138,8 +138,7 @@ def test_an_incomplete_fmu_is_told(host, plain):
 
 
 def test_an_error_at_import_comes_with_its_traceback(host, plain):
-    (package,) = (plain / "resources").glob("ps_fmu_*")
-    script = package / "oscillator.py"
+    (script,) = (plain / "resources").glob("ps_fmu_*/oscillator_*.py")
     original = script.read_text()
     script.write_text(original + "\nraise ValueError('100 %n')\n")
     try:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import lzma
 import stat
 import struct
@@ -119,6 +120,12 @@ def check_content(path: Path) -> None:
     with _opened(path, "has a damaged member") as archive:
         if name := archive.testzip():
             raise SystemFileError(path, f"member {name!r} is damaged: its checksum does not fit")
+
+
+def compute_digest(path: Path) -> str:
+    """SHA-256 of an archive in hexadecimal.  Raises :class:`SystemFileError` if it cannot be read."""
+    with _opened(path, "is not a readable ZIP archive"), path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def extract(path: Path, folder: Path) -> None:

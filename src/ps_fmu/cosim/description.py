@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from pathlib import Path
 
 from fmpy import read_model_description
 from fmpy.model_description import ModelDescription, ModelVariable
 
-from .archive import check_archive, read_member
+from .archive import check_archive, compute_digest, read_member
 from .errors import SystemFileError, UsageError
 from .structure import System, Value, suggest_names
 from .xmlfile import MAXIMUM_BYTES, parse_xml
@@ -21,8 +22,14 @@ def read_description(path: Path) -> ModelDescription:
     """Model description of an FMU for co-simulation (FMI 2.0).
 
     Raises :class:`SystemFileError`: not a safe archive, no or a malformed ``modelDescription.xml``, another
-    FMI version, no co-simulation, a variable name that occurs twice.
+    FMI version, no co-simulation, a variable name that occurs twice.  It is for reading only: as long as the file has
+    the same content, it is the same object.
     """
+    return _read_description(path, compute_digest(path))
+
+
+@lru_cache(maxsize=64)  # 13 ms for each of ours
+def _read_description(path: Path, _digest: str) -> ModelDescription:
     check_archive(path)
     root = parse_xml(read_member(path, "modelDescription.xml", MAXIMUM_BYTES), path / "modelDescription.xml")
     if root.attributes.get("fmiVersion") != "2.0":

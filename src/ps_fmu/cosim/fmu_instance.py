@@ -20,11 +20,11 @@ from fmpy.fmi2 import FMU2Slave
 from fmpy.model_description import ModelDescription
 
 from . import pythonfmu
-from .archive import extract
 from .description import convert_value, index_variables
 from .errors import SlaveError, SystemFileError, UsageError, name_status
 from .messages import MessageLog, forget, listen
 from .structure import Component, Value
+from .unpacked import discard_unpacked, provide_unpacked, release_unpacked
 
 _LOADING = threading.Lock()  # the working directory, which FMPy changes, is that of all threads
 
@@ -69,25 +69,32 @@ class FmuInstance:
     call that returns more than fmi2Warning; warnings are shown once and counted in ``warnings``.
     """
 
-    def __init__(self, component: Component, description: ModelDescription, folder: Path) -> None:
+    def __init__(self, component: Component, description: ModelDescription) -> None:
         self.name = component.name
         self.source = component.source
         self.variables = index_variables(description)
         self.runs_python = (description.generationTool or "").startswith("PythonFMU")
         self.messages = MessageLog(self.name)
         self.warnings = 0
-        extract(component.source, folder)
-        # Some FMUs decode no escapes but %20 in the location of their resources, and crash.
-        if "%" in folder.absolute().as_uri().replace("%20", ""):
-            raise SystemFileError(
-                component.source,
-                f"is unpacked in {folder}, which some FMUs cannot read: point TMPDIR to a folder "
-                "whose name has only ASCII letters, digits, and . _ -",
-            )
-        self._fmu = load_library(component, description, folder)
-        if pythonfmu.is_plain(self._fmu.dll) and (problem := pythonfmu.find_missing_in(folder)):
+        # One that may be instantiated only once has its data in the library, and gets one of its own.
+        alone = description.coSimulation.canBeInstantiatedOnlyOncePerProcess
+        self._folder = provide_unpacked(component.source, shared=not alone)
+        try:
+            self._fmu = self._load(component, description)
+            self._callbacks = listen(self.messages)
+            self._instantiate()
+        except BaseException:
+            release_unpacked(self._folder)
+            raise
+
+    def _load(self, component: Component, description: ModelDescription) -> FMU2Slave:
+        fmu = load_library(component, description, self._folder)
+        if pythonfmu.is_plain(fmu.dll) and (problem := pythonfmu.find_missing_in(self._folder)):
             raise SystemFileError(component.source, problem)
-        self._callbacks = listen(self.messages)
+        return fmu
+
+    def _instantiate(self) -> None:
+        """fmi2Instantiate of the library."""
         try:
             self._fmu.instantiate(callbacks=self._callbacks, loggingOn=True)
         except Exception as error:
@@ -134,6 +141,24 @@ class FmuInstance:
             pythonfmu.release_once(self._fmu.dll)
             self._fmu.freeInstance()
             forget(self._callbacks)
+            release_unpacked(self._folder)
+
+    def reset(self) -> None:
+        """fmi2Reset: the instance is as after fmi2Instantiate.
+
+        One that refuses it is freed, and another one of the same library takes its place.
+        """
+        self.messages.show_held()
+        try:
+            self._call("fmi2Reset")
+        except SlaveError:
+            if self.phase is InstancePhase.FATAL:
+                raise
+            self._fmu.fmi2FreeInstance(self._fmu.component)
+            self.phase = InstancePhase.FREED
+            self._instantiate()
+        self.phase = InstancePhase.INSTANTIATED
+        self.warnings = 0
 
     # ---- variables ---------------------------------------------------------------------------------------
 
@@ -182,6 +207,8 @@ class FmuInstance:
             details += self._last_successful_time()
         elif status != DISCARD:
             self.phase = InstancePhase.FATAL if status == FATAL else InstancePhase.ERROR
+            if status == FATAL:  # all instances of the library are corrupt (FMI 2.0.4, section 2.1.3): no more of them
+                discard_unpacked(self._folder)
         messages = self.messages.take()
         raise SlaveError(
             f"{self.name}: {where} returned {name_status(status)}{details}{_quote(messages)}\n  {advice}",

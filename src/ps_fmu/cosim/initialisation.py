@@ -5,7 +5,6 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Collection, Mapping
-from pathlib import Path
 
 from fmpy.model_description import ModelDescription
 
@@ -21,7 +20,7 @@ SETTLED = 1e-9
 
 
 def load(
-    system: System, descriptions: Mapping[str, ModelDescription], folder: Path, instances: dict[str, FmuInstance]
+    system: System, descriptions: Mapping[str, ModelDescription], instances: dict[str, FmuInstance]
 ) -> None:
     """Unpack and instantiate each component; what is loaded is in ``instances`` also when a later one fails.
 
@@ -29,7 +28,7 @@ def load(
     """
     with system.name_members():
         for component in system.components:
-            instances[component.name] = FmuInstance(component, descriptions[component.name], folder / component.name)
+            instances[component.name] = FmuInstance(component, descriptions[component.name])
 
 
 def initialise(

@@ -6,11 +6,9 @@ Fixed step, Jacobi or Gauss-Seidel.  Row 0 holds the outputs after initialisatio
 from __future__ import annotations
 
 import logging
-import tempfile
 import time as wall_clock
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from ctypes import c_int
-from pathlib import Path
 from types import TracebackType
 from typing import Self
 
@@ -81,17 +79,18 @@ class Master:
         if size is None:
             raise UsageError(f"step: not given, and {system.path} states none in its default experiment")
         self.clock = StepClock(system.experiment.start_time if start_time is None else start_time, size)
-        self.system = system
+        self.system = self._system = system
         self.scheme = scheme
         self._descriptions = read_descriptions(system) if descriptions is None else descriptions
         self.wiring = check_wiring(system, self._descriptions)
         self._layout = make_layout(self._descriptions)
+        self._block_rows = block_rows
         self._rows = Rows(self._layout, block_rows)
         self._instances: dict[str, FmuInstance] = {}
         self._compiled = compiled
         self._loop: StepLoop | None = None
         self._set: dict[PortName, Value] = {}
-        self._folder: tempfile.TemporaryDirectory[str] | None = None
+        self._closed = False
         self._index = 0
         self._running = False
 
@@ -146,29 +145,58 @@ class Master:
         variable, not of its type, a fixed parameter after the initialisation.
         """
         port = self._find_port(name)
-        if self._loop is None and self._folder is not None:
+        if self._closed:
             raise UsageError(f"{name}: the system is closed")
         self._apply(port, self._check_value(port, value, running=self._loop is not None))
 
     # ---- life --------------------------------------------------------------------------------------------
 
     def initialise(self) -> None:
-        """Load all FMUs, set start values, pass the initial values round, read the outputs: row 0.
+        """Load all FMUs unless they are, set start values, pass the initial values round, read the outputs: row 0.
 
         Raises :class:`SlaveError` or :class:`SystemFileError`; the FMUs are freed then.
         """
-        if self._folder is not None:
-            raise UsageError("the system is already initialised, or closed: make a new Master")
-        self._folder = tempfile.TemporaryDirectory(prefix="fmus_", ignore_cleanup_errors=True)
+        if self._loop is not None or self._closed:
+            raise UsageError("the system is already initialised, or closed: reset it, or make a new Master")
         start = self.clock.start
         try:
             with note_interrupts() as interrupted:
-                load(self.system, self._descriptions, Path(self._folder.name), self._instances)
+                if not self._instances:
+                    load(self.system, self._descriptions, self._instances)
                 initialise(self._instances, self.system, self.wiring, self._set, start)
                 read_first_row(self._instances, self._rows, start)
                 self._make_plan()
             if interrupted:
                 raise KeyboardInterrupt
+        except BaseException:
+            self._abort()
+            raise
+
+    def reset(self, start_values: Mapping[str, Value] | None = None) -> None:
+        """Back to before the initialisation, without loading anything; :meth:`initialise` follows.
+
+        The results are those of a new Master with ``system.with_parameters(start_values)``, to the last bit.  It is
+        done by fmi2Reset; an FMU that refuses that is instantiated anew.
+
+        Parameters
+        ----------
+        start_values: of parameters and inputs, by ``component.variable``; they replace those of the system.  What was
+            given to an earlier reset, or to :meth:`set`, is forgotten.
+
+        Raises :class:`UsageError` or :class:`WiringError` before anything is done: closed, during a run, no such
+        variable, not of its type.  :class:`SlaveError`: the system is closed then.
+        """
+        self._refuse_while_running("reset")
+        if self._closed:
+            raise UsageError("reset: the system is closed: make a new Master")
+        system = self._system.with_parameters(start_values or {})
+        self.wiring = check_wiring(system, self._descriptions)
+        self.system, self._loop, self._index = system, None, 0
+        self._set.clear()
+        self._rows = Rows(self._layout, self._block_rows)
+        try:
+            for instance in self._instances.values():
+                instance.reset()
         except BaseException:
             self._abort()
             raise
@@ -191,7 +219,7 @@ class Master:
         """
         self._refuse_while_running("run")
         if self._loop is None:
-            raise UsageError("call initialise() first" if self._folder is None else "the system is closed")
+            raise UsageError("the system is closed" if self._closed else "call initialise() first")
         end = self._index + self.clock.steps(duration)
         self.clock.check_end(end)
         schedule = self._make_schedule(events, end)
@@ -211,6 +239,7 @@ class Master:
         """Terminate and free all FMUs; safe to call twice.  Raises the :class:`SlaveError` of a terminate."""
         self._refuse_while_running("close")
         self._loop = None
+        self._closed = True
         failures = []
         self._silence_fatal()
         for instance in self._instances.values():
@@ -221,8 +250,6 @@ class Master:
         self._silence_fatal()
         for instance in self._instances.values():
             instance.free()
-        if self._folder is not None:
-            self._folder.cleanup()
         if failures:
             raise failures[0]
 

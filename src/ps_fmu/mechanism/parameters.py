@@ -260,8 +260,8 @@ def load(path: Path | None = None, bus: str = "OSM") -> Parameters:
     ------
     ParameterError: an entry is missing, unknown or impossible; the text names it.
     """
+    table = _PAPER_TABLE if path is None else read_table(path)
     path = PAPER if path is None else path
-    table = read_table(path)
     buses = _entry(table, "bus", "")
     if not isinstance(buses, dict) or bus not in buses:
         raise ParameterError("bus", f"no table [bus.{bus}] in {path.name}")
@@ -280,6 +280,10 @@ def read_table(path: Path) -> dict[str, Any]:
         raise ParameterError(str(path), f"not a TOML file: {error}") from error
     except RecursionError:
         raise ParameterError(str(path), "not a TOML file to read: its values are nested too deeply") from None
+
+
+# Read when the module is: an FMU's folder goes with its first instance, while others still run its code.
+_PAPER_TABLE = read_table(PAPER)
 
 
 def make_parameters(table: dict[str, Any], bus: Any, bus_name: str) -> Parameters:

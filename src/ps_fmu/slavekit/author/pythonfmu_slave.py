@@ -10,11 +10,11 @@ import builtins
 import functools
 import importlib
 import inspect
+import os
 import sys
 import threading
 from collections.abc import Callable, Collection, Sequence
 from importlib.machinery import ModuleSpec, PathFinder, SourceFileLoader
-from pathlib import Path
 from types import ModuleType
 from typing import Any, ClassVar
 from weakref import WeakValueDictionary
@@ -71,7 +71,7 @@ class _Finder:
         return package if fromlist else sys.modules[f"{self.package}.{top}"]
 
 
-def load_slave(package: str, names: Collection[str], script: str) -> type:
+def load_slave(package: str, names: Collection[str], script: str, folder: str) -> type:
     """The slave's class, protected.
 
     Parameters
@@ -79,12 +79,15 @@ def load_slave(package: str, names: Collection[str], script: str) -> type:
     package: name under which the FMU's modules are kept; made from the FMU's content.
     names: top-level modules and packages in the FMU's resources.
     script: the module among them that has the slave.
+    folder: the FMU's resources.
 
     Raises whatever the author's modules raise.
     """
-    folder = str(Path(__file__).parents[3])  # the resources, see pack.wrap
     root = sys.modules.get(package)
-    if root is None:
+    if root is None or not os.path.isdir(root.__path__[0]):
+        # In a folder that is gone, what the author's modules read later would be missing: they are loaded again.
+        for name in [name for name in sys.modules if (name + ".").startswith(f"{package}.")]:
+            del sys.modules[name]
         root = ModuleType(package)
         root.__path__ = [folder]
         sys.meta_path[:] = [finder for finder in sys.meta_path if getattr(finder, "package", None) != package]

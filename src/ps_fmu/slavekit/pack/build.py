@@ -1,13 +1,17 @@
 """From a folder in ``fmus/`` to an FMU file that stands alone and is reproducible.
 
 pythonfmu's builder contributes native libraries and model description.  What this adds: only the Python
-files that the slave needs, under names made from their content; terminals, icon, documentation and licences; a GUID
-from the content; the same bytes from the same source.  Each FMU has run by itself before it is written.
+files that the slave needs; terminals, icon, documentation and licences; a GUID from the content; the same bytes from
+the same source.  Each FMU has run by itself before it is written.
+
+In an FMU ``ps_fmu`` has a name made from the content of all that the FMUs of one folder need of it.  FMUs of one build
+so have one copy of it in a process, those of two builds have two.
 """
 
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import io
 import re
 import sys
@@ -33,7 +37,7 @@ from .launch import OLDEST_PYTHON, put_launcher_in_front, write_notes
 from .licenses import LicenseError
 from .page import write_page
 from .sources import Files, SourceError, collect_modules, find_imports, find_needed_modules, rename_imports
-from .wrap import PACKAGE, BuildError, check_interpreter
+from .wrap import PACKAGE, BuildError, check_interpreter, name_package
 
 _RESOURCES = PurePosixPath("resources")
 _DESCRIPTION = PurePosixPath("modelDescription.xml")
@@ -134,18 +138,20 @@ def _repackage(
     files = put_launcher_in_front(built, model)
     files[_DESCRIPTION] = _GUID.sub(b'guid=""', built[_DESCRIPTION], count=1)
     sources = _collect_sources(script)
+    package = name_package(_collect_shared_sources(script.parent.parent))
     files |= _write_documentation(script.parent, slave, files[_DESCRIPTION])
-    digest = archive.compute_digest(files | sources)
-
-    package = f"ps_fmu_{digest.hex()[:12]}"
+    digest = archive.compute_digest(files | sources | {_RESOURCES / package: b""})
+    module = f"{script.stem}_{hashlib.sha256(script.read_bytes()).hexdigest()[:12]}"
     names = {"ps_fmu": package, "pythonfmu": f"{package}.pythonfmu"}
     for name, content in sources.items():
         if name.suffix == ".py":
             content = rename_imports(content, str(name), names)
         inside = name.relative_to("ps_fmu") if name.parts[0] == "ps_fmu" else name
+        if name == _place_of(script):
+            inside = inside.with_stem(module)  # FMUs that share the package may have another slave of this name
         files[_RESOURCES / package / inside] = content
     entry = f"{script.stem}_{digest.hex()[:12]}"
-    files[_RESOURCES / f"{entry}.py"] = write_entry(package, script.stem, model)
+    files[_RESOURCES / f"{entry}.py"] = write_entry(package, module, model)
     files[_RESOURCES / "slavemodule.txt"] = entry.encode()
     guid = make_guid(digest)
     files[_DESCRIPTION] = files[_DESCRIPTION].replace(b'guid=""', f'guid="{guid}"'.encode(), 1)
@@ -170,6 +176,28 @@ def _read_model_name(description: bytes) -> str:
     return match[1].decode()
 
 
+def _place_of(script: Path) -> PurePosixPath:
+    return PurePosixPath("ps_fmu", script.name)
+
+
+def _collect_shared_sources(fmus: Path) -> Files:
+    """The modules that any FMU of the folder needs, by their names in the checkout: all have the package in common.
+
+    A folder from which no FMU can be made counts for nothing: its errors are its own.
+    """
+    files: Files = {}
+    for folder in find_folders(fmus):
+        with contextlib.suppress(SourceError):
+            files |= _collect_modules(folder / f"{folder.name}.py")
+    return files
+
+
+def _collect_modules(script: Path) -> Files:
+    """The modules that a script needs."""
+    roots = {"ps_fmu": PACKAGE, "pythonfmu": Path(pythonfmu.__file__).parent}
+    return collect_modules(script, roots, hollow=("pythonfmu",))
+
+
 def _collect_sources(script: Path) -> Files:
     """The script and the modules that it needs, by their names in the checkout."""
     for name in find_imports(script.read_text(encoding="utf-8"), script.name, ""):
@@ -178,9 +206,8 @@ def _collect_sources(script: Path) -> Files:
             raise SourceError(
                 f"{script.name} imports {helper.name} beside it: move that to ps_fmu to have it packaged"
             )
-    roots = {"ps_fmu": PACKAGE, "pythonfmu": Path(pythonfmu.__file__).parent}
-    sources = collect_modules(script, roots, hollow=("pythonfmu",))
-    place = PurePosixPath("ps_fmu", script.name)
+    sources = _collect_modules(script)
+    place = _place_of(script)
     if place in sources or (PACKAGE / script.stem).is_dir():
         raise SourceError(f"{script.name} has the name of a module of ps_fmu: give it another one")
     return sources | {place: script.read_bytes()}

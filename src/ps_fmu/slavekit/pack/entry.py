@@ -16,12 +16,17 @@ import sys
 import traceback
 
 try:
-    _package = sys.modules.get("{package}")
-    if _package is not None and not os.path.isdir(_package.__path__[0]):
-        # The FMU was loaded before, from a folder that is gone: files that are read later would be missing.
-        importlib.invalidate_caches()
-        for _name in [name for name in sys.modules if name.partition(".")[0] in ("{package}", "{private}")]:
-            del sys.modules[_name]
+    for _folder in sys.path:
+        if os.path.isfile(os.path.join(_folder, __name__ + ".py")):
+            break
+    # The name of the package is made from its content: what another FMU has loaded of it is right for this one, too,
+    # and stays so when that one's folder is gone.  Each FMU has only the modules that it needs: the others are here.
+    for _name, _module in list(sys.modules.items()):
+        if (_name + ".").startswith("{package}.") and hasattr(_module, "__path__"):
+            _place = os.path.join(_folder, *_name.split("."))
+            if _place not in _module.__path__:
+                sys.path_importer_cache.pop(_place, None)  # it may remember an earlier folder of this name
+                _module.__path__ = [*filter(os.path.isdir, _module.__path__), _place]
     {model} = {load}
     globals()["{model}"] = {model}  # the library executes this file with locals of their own
     importlib.import_module("{package}.slavekit.author.guard").keep_alive(globals())  # see there
@@ -50,23 +55,19 @@ def write_entry(package: str, module: str, model: str) -> bytes:
     return _fill(package, f"{package}/{module}.py", model, load)
 
 
-def write_loading_entry(package: str, module: str, names: Iterable[str]) -> bytes:
+def write_loading_entry(package: str, private: str, module: str, names: Iterable[str]) -> bytes:
     """The script for a slave in ``module.py`` beside it.
 
     Parameters
     ----------
     package: the part of ps_fmu in the FMU.
+    private: the package that the author's modules are kept in.
     names: modules and packages of the FMU, see :func:`..author.pythonfmu_slave.load_slave`.
     """
-    arguments = f'"{_private(package)}", {tuple(names)!r}, "{module}"'
+    arguments = f'"{private}", {tuple(names)!r}, "{module}", _folder'
     load = f'importlib.import_module("{package}.slavekit.author.pythonfmu_slave").load_slave({arguments})'
     return _fill(package, f"{module}.py", "SlaveOfThisFmu", load)
 
 
 def _fill(package: str, place: str, model: str, load: str) -> bytes:
-    return _SOURCE.format(package=package, private=_private(package), place=place, model=model, load=load).encode()
-
-
-def _private(package: str) -> str:
-    """The package that the author's modules are kept in."""
-    return package.replace("ps_fmu_", "fmu_")
+    return _SOURCE.format(package=package, place=place, model=model, load=load).encode()

@@ -42,6 +42,11 @@ class BuildError(RuntimeError):
     """An FMU that cannot be wrapped; the text says which and why."""
 
 
+def name_package(sources: Files) -> str:
+    """The name that ``ps_fmu`` has in FMUs which share these of its files: they load each module once in a process."""
+    return f"ps_fmu_{archive.compute_digest(sources).hex()[:12]}"
+
+
 def wrap(
     fmu: Path, output: Path, *, interpreter: Path | None = None, bundled: bool = False, source: Path | None = None
 ) -> tuple[Path, list[str]]:
@@ -121,10 +126,11 @@ def _add_launcher(stock: Stock, interpreter: Path | None, bundled: bool = False)
     files[DESCRIPTION] = tostring(stock.description)
     digest = archive.compute_digest(files | kit)
 
-    package = f"ps_fmu_{digest.hex()[:12]}"
+    package = name_package(kit)
     files |= {RESOURCES / package / name.relative_to("ps_fmu"): content for name, content in kit.items()}
-    entry = f"{stock.script}_{digest.hex()[:12]}"
-    files[RESOURCES / f"{entry}.py"] = write_loading_entry(package, stock.script, sorted(_find_private_names(inside)))
+    entry, private = f"{stock.script}_{digest.hex()[:12]}", f"fmu_{digest.hex()[:12]}"
+    names = sorted(_find_private_names(inside))
+    files[RESOURCES / f"{entry}.py"] = write_loading_entry(package, private, stock.script, names)
     files[RESOURCES / "slavemodule.txt"] = entry.encode()
     guid = make_guid(digest)
     stock.description.set("guid", guid)

@@ -1,0 +1,145 @@
+"""The folders that FMUs are unpacked into: one for each content in a process, removed when the process ends.
+
+So a library is loaded from one place only, however many systems use it.  What is in memory and on disk depends on the
+number of different FMUs, not on how often they are instantiated.
+"""
+
+from __future__ import annotations
+
+import atexit
+import itertools
+import os
+import shutil
+import tempfile
+import threading
+from collections import Counter
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from .archive import compute_digest, extract
+from .errors import SystemFileError
+
+_NUMBERS = itertools.count(1)
+
+
+@dataclass
+class _Store:
+    """The folders of one process."""
+
+    process: int
+    above: str
+    """The folder for temporary files."""
+    root: Path
+    folders: dict[str, Path] = field(default_factory=dict)
+    """Those that are handed out again, by SHA-256 of the archive."""
+    sizes: dict[Path, dict[str, int]] = field(default_factory=dict)
+    """Size of each file (bytes), by folder and then by path in it."""
+    users: Counter[Path] = field(default_factory=Counter)
+
+
+_lock = threading.Lock()
+_store: _Store | None = None
+_roots: list[tuple[int, Path]] = []
+"""Process and folder of each store there was."""
+
+
+def provide_unpacked(archive: Path, shared: bool = True) -> Path:
+    """The folder with the content of an archive; it is unpacked if this process has not done so yet.
+
+    Parameters
+    ----------
+    archive: checked and unpacked by :func:`.archive.extract`.
+    shared: False for a folder that nobody else gets.
+
+    Give the folder back by :func:`release_unpacked`.  Raises :class:`SystemFileError` as :func:`.archive.extract`, and
+    if the file changes meanwhile.
+    """
+    with _lock:
+        digest = compute_digest(archive)
+        store = _open_store(archive)
+        folder = store.folders.get(digest) if shared else None
+        if folder is None or not _is_whole(folder, store.sizes[folder]):
+            if folder is not None:
+                _forget(store, folder)
+            folder = _unpack(archive, digest, store.root / str(next(_NUMBERS)))
+            if shared:
+                store.folders[digest] = folder
+                store.sizes[folder] = _list_sizes(folder)
+        store.users[folder] += 1
+        return folder
+
+
+def release_unpacked(folder: Path) -> None:
+    """The instance that runs from a folder is freed.  The folder stays if another instance may get it."""
+    with _lock:
+        if _store is None or folder not in _store.users:
+            return  # of an earlier store
+        _store.users[folder] -= 1
+        if not _store.users[folder]:
+            del _store.users[folder]
+            if folder not in _store.sizes:
+                shutil.rmtree(folder, ignore_errors=True)
+
+
+def discard_unpacked(folder: Path) -> None:
+    """Do not hand out a folder again, for its library cannot be trusted any longer."""
+    with _lock:
+        if _store is not None:
+            _forget(_store, folder)
+
+
+def _forget(store: _Store, folder: Path) -> None:
+    store.folders = {digest: kept for digest, kept in store.folders.items() if kept != folder}
+    store.sizes.pop(folder, None)
+    if folder not in store.users:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def _unpack(archive: Path, digest: str, folder: Path) -> Path:
+    try:
+        extract(archive, folder)
+        if compute_digest(archive) != digest:
+            raise SystemFileError(archive, "was changed while it was unpacked: start again")
+    except BaseException:
+        shutil.rmtree(folder, ignore_errors=True)
+        raise
+    return folder
+
+
+def _open_store(archive: Path) -> _Store:
+    """That of this process and its folder for temporary files: a forked process must not touch those of its parent.
+
+    Raises :class:`SystemFileError`, about ``archive``: an FMU could not be run from there.
+    """
+    global _store
+    above = tempfile.gettempdir()
+    if _store is None or (_store.process, _store.above) != (os.getpid(), above) or not _store.root.is_dir():
+        # Some FMUs decode no escapes but %20 in the location of their resources, and crash.
+        if "%" in Path(above).absolute().as_uri().replace("%20", ""):
+            raise SystemFileError(
+                archive,
+                f"would be unpacked in {above}, which some FMUs cannot read: point TMPDIR to a folder "
+                "whose name has only ASCII letters, digits, and . _ -",
+            )
+        _store = _Store(os.getpid(), above, Path(tempfile.mkdtemp(prefix="fmus_")))
+        _roots.append((_store.process, _store.root))
+    return _store
+
+
+def _list_sizes(folder: Path) -> dict[str, int]:
+    return {str(path.relative_to(folder)): path.stat().st_size for path in folder.rglob("*") if path.is_file()}
+
+
+def _is_whole(folder: Path, sizes: dict[str, int]) -> bool:
+    """Whether all files are as they were unpacked: systems clear old files out of their temporary folders."""
+    try:
+        return all(os.stat(os.path.join(folder, name)).st_size == size for name, size in sizes.items())
+    except OSError:
+        return False
+
+
+@atexit.register
+def _remove_all() -> None:
+    for process, root in _roots:
+        if process == os.getpid():
+            shutil.rmtree(root, ignore_errors=True)
