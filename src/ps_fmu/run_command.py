@@ -70,6 +70,9 @@ def add_arguments(p: argparse.ArgumentParser, found: Mapping[str, Scenario]) -> 
     p.add_argument(
         "--requirements", type=Path, metavar="F.toml", help="pointing requirements; exit code 1 if one is not met"
     )
+    p.add_argument(
+        "--no-figures", dest="figures", action="store_false", help="draw no PNG files; the report keeps its charts"
+    )
 
 
 def read_options(scenario: Scenario, arguments: argparse.Namespace) -> RunOptions:
@@ -89,7 +92,7 @@ def read_options(scenario: Scenario, arguments: argparse.Namespace) -> RunOption
         storage_step_s=arguments.storage_step,
         requirements=arguments.requirements and find_file(arguments.requirements),
         fmus=None if arguments.ssp else find_built_folder(),
-        progress=True,
+        figures=arguments.figures,
     ).claim_output()
 
 

@@ -108,8 +108,11 @@ class _Stage:
 
 
 def _design_filter(factor: int, half: int) -> Array:
-    from scipy.signal import firwin, kaiser_beta
+    """Kaiser's window on the ideal low-pass: ``2 half + 1`` taps, static gain one (J. F. Kaiser, Proc. ISCAS 1974).
 
+    As ``scipy.signal.firwin``, which takes 1.5 s to import.
+    """
     cutoff = 0.5 * (PASS_BAND + 1.0) / factor
-    taps: Array = firwin(2 * half + 1, cutoff, window=("kaiser", kaiser_beta(STOP_BAND_DB)))
-    return taps
+    beta = 0.1102 * (STOP_BAND_DB - 8.7)  # for a stop band of more than 50 dB
+    taps = np.sinc(cutoff * np.arange(-half, half + 1)) * np.kaiser(2 * half + 1, beta)
+    return np.asarray(taps / taps.sum())

@@ -60,6 +60,7 @@ class RunOptions:
     requirements: Path | None = None  # TOML file, see ps_fmu.requirements.reading
     fmus: Path | None = None  # folder of the FMUs; None: beside the system, as it says
     progress: bool = True
+    figures: bool = True  # draw PNG files; the report has its charts without them
 
     def __post_init__(self) -> None:
         if self.scheme not in SCHEMES:

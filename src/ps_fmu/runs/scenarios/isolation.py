@@ -47,7 +47,7 @@ def run(options: RunOptions) -> None:
             title=f"Isolation at {format_angles(found.orientation_deg)} deg",
             text=text,
             tables=[table] if indices is None else [table, indices],
-            pictures=draw_comparison(found, options.output),
+            pictures=draw_comparison(found, options.output) if options.figures else [],
             outcomes=found.outcomes,
             orientation_deg=found.orientation_deg,
             rms_passive_rad=found.rms_passive.tolist(),

@@ -74,7 +74,7 @@ def run(options: RunOptions) -> None:
             title="Pointing: a slew with the line-of-sight loop",
             text=text,
             tables=tables,
-            pictures=draw_all(pointing, options.output),
+            pictures=draw_all(pointing, options.output) if options.figures else [],
             outcomes=outcomes,
             orientation_deg=to_degrees(target),
             rms_passive_rad=None,

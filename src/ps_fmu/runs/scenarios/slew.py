@@ -67,7 +67,7 @@ def run(options: RunOptions) -> None:
             title=f"Slew from (0, 0, 0) to {format_angles(slews.target_deg)} deg",
             text=text,
             tables=tables,
-            pictures=draw_slews(slews, options.output),
+            pictures=draw_slews(slews, options.output) if options.figures else [],
             outcomes=outcomes,
             orientation_deg=slews.orientation_deg,
             rms_passive_rad=passive.tolist() if moved else None,

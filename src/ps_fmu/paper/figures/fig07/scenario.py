@@ -77,7 +77,7 @@ def run(options: RunOptions) -> None:
     ]
     text = [*refused, HOW, algorithm_1_text(results)]
     print(table.to_text(), *text, sep="\n")
-    pictures = path_pictures(options.output, results)
+    pictures = path_pictures(options.output, results) if options.figures else []
     publish(
         options,
         system,

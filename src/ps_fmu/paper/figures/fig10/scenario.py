@@ -54,7 +54,7 @@ def run(options: RunOptions) -> None:
     table = response_table(responses)
     text = [HOW, *verdict(responses), *_unpredicted_text(system)]
     print(table.to_text(), *text[1:], sep="\n")
-    pictures = response_pictures(options.output, responses)
+    pictures = response_pictures(options.output, responses) if options.figures else []
     publish(
         options,
         system,

@@ -90,11 +90,13 @@ def run(options: RunOptions) -> None:
     text = [HOW, *refused, *remarks]
     print(table.to_text(), *text[1:], sep="\n")
 
-    path = options.output / "table2.png"
-    plots.draw_table(path, table.header, table.rows, title="Table 2: published and co-simulated")
-    pictures = [Picture(path, "Published and co-simulated values.")]
-    for comparison in found.values():
-        pictures += draw_comparison(comparison, options.output, _prefix(comparison.target_deg))
+    pictures: list[Picture] = []
+    if options.figures:
+        path = options.output / "table2.png"
+        plots.draw_table(path, table.header, table.rows, title="Table 2: published and co-simulated")
+        pictures.append(Picture(path, "Published and co-simulated values."))
+        for comparison in found.values():
+            pictures += draw_comparison(comparison, options.output, _prefix(comparison.target_deg))
     nominal = found["nominal"]
     publish(
         options,
