@@ -13,14 +13,17 @@ _SHORT = 0.8
 #: Factors of phi(X) = (exp(X) - 1) / X up to X**15, in rows of four (M. Paterson and L. Stockmeyer, SIAM J. Comput. 2,
 #: 1973).
 _FACTORS = np.array([1.0 / factorial(k + 1) for k in range(16)]).reshape(4, 4)
+#: Of the balancing; the plant needs four, at 20 us each.
+_MOST_SWEEPS = 20
 
 
 def zero_order_hold(A: Array, B: Array, h: float) -> tuple[Array, Array]:
     """``x(t + h) = Ad x(t) + Bd u`` for ``x' = A x + B u`` with ``u`` constant over the step.
 
     ``Ad = exp(A h)`` and ``Bd = h phi(A h) B`` need no inverse of A: a free spacecraft has none.  A step that is
-    short against all that A contains has a series for phi: for the plant in half of the time of the exponential.  Else,
-    both come from one exponential of the augmented matrix (C. Van Loan, IEEE Trans. Autom. Control 23(3), 1978).
+    short against all that A contains has a series for phi.  A longer one is halved until it is short, and doubled by
+    ``phi(2 X) = phi(X) (exp(X) + 1) / 2`` (N. J. Higham, Functions of Matrices, SIAM 2008, sections 10.3 and 10.7.4).
+    numpy is enough for that: ``scipy.linalg`` takes as long to import as an FMU to load.
 
     Parameters
     ----------
@@ -28,23 +31,48 @@ def zero_order_hold(A: Array, B: Array, h: float) -> tuple[Array, Array]:
 
     Where the step is far too long for the system, elements of the result are not finite.
     """
-    from scipy.linalg import expm  # here, because an FMU pays for the import only when it builds a model
-    from scipy.linalg.lapack import dgebal
-
-    n, m = B.shape
+    n = len(A)
+    if n == 0:
+        return A.copy(), B.copy()
+    if not (np.isfinite(A).all() and np.isfinite(B).all()):
+        return np.full((n, n), np.nan), np.full(B.shape, np.nan)
     with np.errstate(over="ignore", invalid="ignore"):
-        if n and np.isfinite(A).all():
-            X, _, _, scale, _ = dgebal(A * h, scale=1, permute=0)  # balanced with powers of 2: exactly
-            if np.abs(X).sum(axis=0).max() <= _SHORT:
-                return _sum_series(X, scale, B * h)
-        augmented = np.zeros((n + m, n + m))
-        augmented[:n, :n], augmented[:n, n:] = A * h, B * h
-        exponential = expm(augmented)
-    return exponential[:n, :n], exponential[:n, n:]
+        scale = _balance(A)
+        X = A * h * scale / scale[:, None]
+        size = np.abs(X).sum(axis=0).max(initial=0.0)
+        halvings = max(0, int(np.ceil(np.log2(size / _SHORT)))) if size > _SHORT else 0
+        exponential, phi = _sum_series(X * 0.5**halvings)
+        for _ in range(halvings):
+            phi = 0.5 * (phi @ exponential + phi)
+            exponential = exponential @ exponential
+        return exponential * scale[:, None] / scale, phi @ (B * h / scale[:, None]) * scale[:, None]
 
 
-def _sum_series(X: Array, scale: Array, B: Array) -> tuple[Array, Array]:
-    """(exp(Y), phi(Y) B) for ``Y = S X S**-1`` with the diagonal ``scale`` of S and a small X."""
+def _balance(A: Array) -> Array:
+    """Diagonal ``s`` (n,) for which ``A s / s[:, None]`` has rows and columns of about the same size (E. E. Osborne,
+    J. ACM 7, 1960).
+
+    Powers of two, so that nothing is rounded.  All rows and columns are balanced at once, each by half of what it
+    lacks: with all of it, two that share an element would swap their sizes for ever.
+    """
+    sizes = np.abs(A)
+    np.fill_diagonal(sizes, 0.0)
+    scale = np.ones(len(A))
+    for _ in range(_MOST_SWEEPS):
+        columns, rows = sizes.sum(axis=0), sizes.sum(axis=1)
+        coupled = (columns > 0.0) & (rows > 0.0)
+        steps = np.zeros(len(A))
+        steps[coupled] = np.rint(0.25 * (np.log2(rows[coupled]) - np.log2(columns[coupled])))
+        if not steps.any():
+            break
+        factors = np.exp2(steps)
+        scale *= factors
+        sizes *= factors / factors[:, None]
+    return scale
+
+
+def _sum_series(X: Array) -> tuple[Array, Array]:
+    """exp(X) and phi(X) of a small X."""
     n = len(X)
     powers = np.empty((4, n, n))
     powers[0], powers[1], powers[2] = np.eye(n), X, X @ X
@@ -54,8 +82,7 @@ def _sum_series(X: Array, scale: Array, B: Array) -> tuple[Array, Array]:
     phi = rows[3]
     for row in rows[2::-1]:
         phi = phi @ fourth + row
-    exponential = powers[0] + X @ phi
-    return exponential * scale[:, None] / scale, phi @ (B / scale[:, None]) * scale[:, None]
+    return powers[0] + X @ phi, phi
 
 
 def step_map(A: Array, B: Array, C: Array, D: Array, h: float) -> Array:
