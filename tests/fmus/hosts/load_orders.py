@@ -12,8 +12,6 @@ import tempfile
 from pathlib import Path
 
 import numpy
-import scipy.linalg
-import scipy.signal  # noqa: F401  imported once, before the processes part
 from fmpy import extract, read_model_description
 from fmpy.fmi2 import FMU2Slave
 

@@ -1,0 +1,109 @@
+"""An FMU is unpacked once in a process."""
+
+import os
+import shutil
+import subprocess
+import sys
+import zipfile
+from concurrent.futures import ThreadPoolExecutor
+
+import pytest
+
+from ps_fmu.cosim import SystemFileError, unpacked
+from ps_fmu.cosim.unpacked import discard_unpacked, provide_unpacked, release_unpacked
+
+
+@pytest.fixture
+def archive(tmp_path):
+    def write(name="a.zip", content="1"):
+        path = tmp_path / name
+        with zipfile.ZipFile(path, "w") as file:
+            file.writestr("resources/data.txt", content)
+        return path
+
+    return write
+
+
+def test_the_same_content_has_one_folder(archive):
+    first, again, copy = (provide_unpacked(archive(name)) for name in ("a.zip", "a.zip", "b.zip"))
+    assert first == again == copy
+    assert provide_unpacked(archive("a.zip", "2")) != first
+    for _ in range(3):
+        release_unpacked(first)
+    assert provide_unpacked(archive()) == first
+
+
+def test_threads_get_one_folder(archive):
+    path = archive(content="threads")
+    with ThreadPoolExecutor(8) as pool:
+        assert len(set(pool.map(provide_unpacked, [path] * 40))) == 1
+
+
+def test_a_damaged_folder_is_replaced_when_its_users_are_gone(archive):
+    path = archive(content="damaged")
+    first = provide_unpacked(path)
+    (first / "resources" / "data.txt").unlink()
+    second = provide_unpacked(path)
+    assert second != first
+    assert (second / "resources" / "data.txt").read_text() == "damaged"
+    assert first.is_dir()
+    release_unpacked(first)
+    assert not first.exists()
+
+
+def test_one_that_wants_it_has_a_folder_of_its_own(archive):
+    path = archive(content="alone")
+    shared, own, other = provide_unpacked(path), provide_unpacked(path, False), provide_unpacked(path, False)
+    assert len({shared, own, other}) == 3
+    for folder in (own, other, shared):
+        release_unpacked(folder)
+    assert [folder.is_dir() for folder in (shared, own, other)] == [True, False, False]
+
+
+def test_a_discarded_folder_is_not_handed_out_again(archive):
+    path = archive(content="fatal")
+    folder = provide_unpacked(path)
+    discard_unpacked(folder)
+    assert folder.is_dir()  # its instance may go on to use it
+    assert provide_unpacked(path) != folder
+
+
+def test_a_file_that_changes_meanwhile_is_refused(archive, monkeypatch):
+    path = archive(content="before")
+    monkeypatch.setattr(unpacked, "extract", lambda source, folder: archive(content="after"))
+    with pytest.raises(SystemFileError, match="was changed while it was unpacked"):
+        provide_unpacked(path)
+
+
+def test_a_temporary_folder_that_is_cleared_is_made_again(archive):
+    path = archive(content="cleared")
+    folder = provide_unpacked(path)
+    shutil.rmtree(folder.parent)
+    again = provide_unpacked(path)
+    assert (again / "resources" / "data.txt").read_text() == "cleared"
+    release_unpacked(folder)
+
+
+PROGRAM = """
+import os, sys
+from pathlib import Path
+from ps_fmu.cosim.unpacked import provide_unpacked
+path = Path(sys.argv[1])
+folder = provide_unpacked(path)
+child = os.fork()
+if child == 0:
+    assert provide_unpacked(path) != folder
+    sys.exit(0)
+assert os.waitpid(child, 0)[1] == 0
+assert folder.is_dir(), "the child removed its parent's folder"
+assert len(os.listdir(sys.argv[2])) == 1, "the child left its own"
+"""
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="this system has no fork")
+def test_nothing_stays_behind_and_a_forked_process_leaves_its_parents_folder(archive, tmp_path):
+    place = tmp_path / "place"
+    place.mkdir()
+    environment = {**os.environ, "TMPDIR": str(place)}
+    subprocess.run([sys.executable, "-c", PROGRAM, str(archive()), str(place)], check=True, env=environment)
+    assert os.listdir(place) == []
