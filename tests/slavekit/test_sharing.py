@@ -56,7 +56,7 @@ def build_elsewhere(folder, change, *only):
     text = (folder / name).read_text()
     assert old in text
     (folder / name).write_text(text.replace(old, new))
-    command = [sys.executable, "-m", "ps_fmu.cli", "build", "--output", "out", "--only", *only]
+    command = [sys.executable, "-m", "ps_fmu.cli", "build", "--output", "out", *(f"--only={name}" for name in only)]
     environment = {**os.environ, "PYTHONPATH": str(folder / "src")}
     subprocess.run(command, check=True, cwd=folder, env=environment, capture_output=True)
     return folder / "out"

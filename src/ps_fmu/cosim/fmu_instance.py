@@ -24,7 +24,7 @@ from .description import convert_value, index_variables
 from .errors import SlaveError, SystemFileError, UsageError, name_status
 from .messages import MessageLog, forget, listen
 from .structure import Component, Value
-from .unpacked import discard_unpacked, provide_unpacked, release_unpacked
+from .unpacked import discard_unpacked, leave_no_bytecode, provide_unpacked, release_unpacked
 
 _LOADING = threading.Lock()  # the working directory, which FMPy changes, is that of all threads
 
@@ -96,7 +96,8 @@ class FmuInstance:
     def _instantiate(self) -> None:
         """fmi2Instantiate of the library."""
         try:
-            self._fmu.instantiate(callbacks=self._callbacks, loggingOn=True)
+            with leave_no_bytecode():
+                self._fmu.instantiate(callbacks=self._callbacks, loggingOn=True)
         except Exception as error:
             forget(self._callbacks)
             messages = self.messages.take()

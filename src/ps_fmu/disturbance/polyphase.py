@@ -32,7 +32,6 @@ class Polyphase:
         self.points = _choose_points(total)
         self.phases = total // self.points
         roots = np.exp(2j * np.pi / total * np.arange(total))
-        self._turned = np.zeros(numbers.size, dtype=np.complex128)
         self._turns = roots[np.outer(np.arange(self.phases), numbers) % total]
         # Runs of lines that go to bins side by side: up from 0 to n/2, then down again, and so on.
         runs = 2 * numbers // self.points
@@ -56,12 +55,15 @@ class Polyphase:
         end = shift - last - 1
         return slice(shift - first, end if end >= 0 else None, -1), True
 
-    def fold(self, lines: Complex, phase: int) -> Complex:
-        """The spectrum of a phase, for amplitudes (lines,) that are multiplied by :attr:`gain`."""
-        spectrum = np.zeros(self.points // 2 + 1, dtype=np.complex128)
-        turned = np.multiply(lines, self._turns[phase], out=self._turned)
+    def fold(self, lines: Complex, phase: int, room: Complex | None = None) -> Complex:
+        """The spectrum of a phase (..., bins), for amplitudes (..., lines) that are multiplied by :attr:`gain`.
+
+        ``room``: of the size of ``lines``, to be overwritten.
+        """
+        spectrum = np.zeros((*lines.shape[:-1], self.points // 2 + 1), dtype=np.complex128)
+        turned = np.multiply(lines, self._turns[phase], out=room)
         for part, (bins, mirrored) in self._runs:
-            spectrum[bins] += turned[part].conj() if mirrored else turned[part]
+            spectrum[..., bins] += turned[..., part].conj() if mirrored else turned[..., part]
         return spectrum
 
     def transform(self, spectra: Complex) -> Array:
