@@ -42,7 +42,7 @@ def run(arguments: argparse.Namespace) -> int:
     from .cosim.errors import CosimError
     from .paper.cosimulation import check_sources
     from .runs.options import OptionError, claim_folder
-    from .slavekit.pack.build import BuildError
+    from .slavekit.pack.errors import BuildError
 
     name = arguments.analysis
     analysis = find_analyses()[name]

@@ -125,7 +125,8 @@ def _add_python_options(parser: argparse.ArgumentParser) -> None:
 
 
 def _build(options: argparse.Namespace) -> int:
-    from .slavekit.pack.build import BuildError, build_one, find_folders
+    from .slavekit.pack.build import build_one, find_folders
+    from .slavekit.pack.errors import BuildError
     from .slavekit.pack.from_source import build_script
 
     python = {"interpreter": options.interpreter, "bundled": options.bundle}
@@ -157,7 +158,8 @@ def _add_wrap(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> 
 
 
 def _wrap(options: argparse.Namespace) -> int:
-    from .slavekit.pack.wrap import BuildError, wrap
+    from .slavekit.pack.errors import BuildError
+    from .slavekit.pack.wrap import wrap
 
     try:
         _print_fmu(*wrap(options.fmu, options.output, interpreter=options.interpreter, bundled=options.bundle))
@@ -250,7 +252,7 @@ def _provide(system: Path | None = None) -> Path:
 
 def _ssp(options: argparse.Namespace) -> int:
     from .cosim import CosimError, read_parameters, read_system, write_ssp
-    from .slavekit.pack.build import BuildError
+    from .slavekit.pack.errors import BuildError
 
     try:
         system = read_system(*_find_system(options))
@@ -287,7 +289,7 @@ def _parameters(options: argparse.Namespace) -> int:
     from .cosim.errors import CosimError
     from .interface.instrument_file import list_start_values, write_start_values
     from .mechanism.quantities import ParameterError
-    from .slavekit.pack.build import BuildError
+    from .slavekit.pack.errors import BuildError
 
     if options.list == (options.instrument is not None) or options.list == (options.output is not None):
         options.refuse("expected INSTRUMENT.toml and --output FILE.ssv, or --list without them")
@@ -335,7 +337,7 @@ def _add_crosscheck(commands: argparse._SubParsersAction[argparse.ArgumentParser
 def _crosscheck(options: argparse.Namespace) -> int:
     from .fmucheck import crosscheck
     from .fmucheck.submission import complies, write_submission
-    from .slavekit.pack.build import BuildError
+    from .slavekit.pack.errors import BuildError
 
     failed = False
     try:

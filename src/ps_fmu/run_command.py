@@ -20,7 +20,7 @@ from .runs.built_fmus import find_built_folder, provide_fmus
 from .runs.options import RESULTS, SCHEMES, OptionError, RunOptions, Scenario
 from .runs.output import hold_folder
 from .runs.registry import find_scenarios
-from .slavekit.pack.build import BuildError
+from .slavekit.pack.errors import BuildError
 from .terminal import reason
 
 ABOUT = "Run a scenario of the pointing manipulator: FMUs, wired as a system description (.ssd) says."

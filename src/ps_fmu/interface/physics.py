@@ -17,7 +17,8 @@ from typing import Any
 
 from ..mechanism.parameters import Parameters
 from ..slavekit.author.slave import Slave
-from ..slavekit.pack.build import BuildError, find_folders
+from ..slavekit.pack.build import find_folders
+from ..slavekit.pack.errors import BuildError
 
 Physics = Callable[[Parameters], Any]
 

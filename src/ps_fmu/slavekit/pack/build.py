@@ -32,12 +32,13 @@ from .bundle import BundleError, bundle
 from .bundle import check as check_bundle
 from .dependencies import write_external_dependencies
 from .entry import write_entry
+from .errors import BuildError
 from .files import write_atomically
 from .launch import OLDEST_PYTHON, put_launcher_in_front, write_notes
 from .licenses import LicenseError
 from .page import write_page
 from .sources import Files, SourceError, collect_modules, find_imports, find_needed_modules, rename_imports
-from .wrap import PACKAGE, BuildError, check_interpreter, name_package
+from .wrap import PACKAGE, check_interpreter, name_package
 
 _RESOURCES = PurePosixPath("resources")
 _DESCRIPTION = PurePosixPath("modelDescription.xml")

@@ -12,8 +12,9 @@ from pathlib import Path
 
 from . import pythonfmu_build
 from .build import build_one
+from .errors import BuildError
 from .sources import SourceError, find_beside, find_imports
-from .wrap import BuildError, wrap
+from .wrap import wrap
 
 _TIMEOUT = 600.0  # s; the author's modules may take their time
 _TAKEN = sys.stdlib_module_names | {"pythonfmu"}

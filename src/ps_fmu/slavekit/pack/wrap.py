@@ -24,6 +24,7 @@ from .bundle import BundleError, bundle
 from .bundle import check as check_bundle
 from .dependencies import write_external_dependencies
 from .entry import write_loading_entry
+from .errors import BuildError
 from .files import write_atomically
 from .launch import OLDEST_PYTHON, put_launcher_in_front, write_notes
 from .licenses import LicenseError
@@ -36,10 +37,6 @@ _STATE, _BYTES = "canGetAndSetFMUstate", "canSerializeFMUstate"
 _COMPILED = (".so", ".pyd", ".dylib", ".dll")
 _REQUIREMENT = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]*")
 _ELSEWHERE = re.compile(r"""platform\w*\s*==\s*["'](win32|cygwin|Windows|darwin|Darwin)""")
-
-
-class BuildError(RuntimeError):
-    """An FMU that cannot be wrapped; the text says which and why."""
 
 
 def name_package(sources: Files) -> str:
