@@ -1,6 +1,6 @@
 """What a start costs: four FMUs cold, a new Master and a reset in a process that has them; and what grows with them.
 
-``--against DIR``: another checkout with its FMUs built, measured in turn with this one; the ratios are those of medians.
+``--against DIR``: another checkout with its FMUs built, measured in turn with this one; ratios are those of medians.
 """
 
 from __future__ import annotations
