@@ -47,11 +47,14 @@ class BlockShape:
         channels, sources = self.factor.shape
         chunks = -(-self.layer.numbers.size // _CHUNK)
         clearing = -(-self.layer.points // _ROWS)
-        return 8 + 2 * sources + chunks + channels // 2 + clearing + 2 * self.polyphase.phases * channels
+        return 5 + 2 * sources + chunks + channels // 2 + clearing + self.polyphase.phases * (2 * channels + 1)
 
     def take_workspace(self) -> _Workspace:
         """Room for one block, which has to be given back: fresh memory costs as much time as what is done in it."""
-        return self._spare.pop() if self._spare else _Workspace(len(self.factor), self.factor.shape[1], self.layer)
+        if self._spare:
+            return self._spare.pop()
+        channels, sources = self.factor.shape
+        return _Workspace(channels, sources, self.layer, self.polyphase.points)
 
     def give_back(self, workspace: _Workspace) -> None:
         """Keep room for the next block."""
@@ -72,11 +75,12 @@ class BlockShape:
 class _Workspace:
     """Random numbers, amplitudes and what they are multiplied to, for one block at a time."""
 
-    def __init__(self, channels: int, sources: int, layer: Layer) -> None:
+    def __init__(self, channels: int, sources: int, layer: Layer, points: int) -> None:
         n = layer.numbers.size
         self.draws = np.empty((2, sources, n))
         self.lines = np.empty((channels, n), dtype=np.complex128)
         self.terms = np.empty((channels, _N_TERMS, n), dtype=np.complex128)
+        self.samples = np.empty((channels, points))
 
 
 @dataclass(eq=False)
@@ -118,19 +122,16 @@ class Block:
                 weight = window.times(ramp(self.start + shape.elapsed[phase], shape.rise_time))
             sizes = np.stack([weight.value, 2.0 * weight.rate, weight.curvature])
             for channel, channel_terms in enumerate(terms):
-                slow = phase == channel == 0  # code and numbers are in no cache yet: it takes three times as long
-                spectra = []
-                for term in channel_terms:
-                    spectra.append(shape.polyphase.fold(term, phase))
-                    if slow:
-                        yield
+                spectra = shape.polyphase.fold(channel_terms, phase)
                 yield
-                products = shape.polyphase.transform(np.array(spectra))
-                if slow:
+                products = shape.polyphase.transform(spectra)
+                if phase == channel == 0:  # code and numbers are in no cache yet: it takes three times as long
                     yield
                 products *= sizes
-                rows[phase :: shape.polyphase.phases, channel] = np.add.reduce(products, axis=0)
+                np.add.reduce(products, axis=0, out=workspace.samples[channel])
                 yield
+            rows[phase :: shape.polyphase.phases] = workspace.samples.T  # by channel, each would fetch all rows anew
+            yield
         shape.give_back(workspace)
         self.table = SampleTable(rows, shape.layer.rate, self.start)
 

@@ -32,7 +32,6 @@ class Polyphase:
         self.points = _choose_points(total)
         self.phases = total // self.points
         roots = np.exp(2j * np.pi / total * np.arange(total))
-        self._turned = np.zeros(numbers.size, dtype=np.complex128)
         self._turns = roots[np.outer(np.arange(self.phases), numbers) % total]
         # Runs of lines that go to bins side by side: up from 0 to n/2, then down again, and so on.
         runs = 2 * numbers // self.points
@@ -57,12 +56,13 @@ class Polyphase:
         return slice(shift - first, end if end >= 0 else None, -1), True
 
     def fold(self, lines: Complex, phase: int) -> Complex:
-        """The spectrum of a phase, for amplitudes (lines,) that are multiplied by :attr:`gain`."""
-        spectrum = np.zeros(self.points // 2 + 1, dtype=np.complex128)
-        turned = np.multiply(lines, self._turns[phase], out=self._turned)
-        for part, (bins, mirrored) in self._runs:
-            spectrum[bins] += turned[part].conj() if mirrored else turned[part]
-        return spectrum
+        """Spectra (m, bins) of a phase, for amplitudes (m, lines) that are multiplied by :attr:`gain`."""
+        turned = lines * self._turns[phase]
+        spectra, mirrored = np.zeros((2, len(lines), self.points // 2 + 1), dtype=np.complex128)
+        for part, (bins, is_mirrored) in self._runs:
+            (mirrored if is_mirrored else spectra)[:, bins] += turned[:, part]
+        spectra += mirrored.conj()
+        return spectra
 
     def transform(self, spectra: Complex) -> Array:
         """Samples (m, n) of a phase from its spectra (m, bins)."""
