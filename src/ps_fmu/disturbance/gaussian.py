@@ -21,7 +21,7 @@ class GaussianNoise:
     Block i lives for one period of its lines, fades in over the first half and out over the second (equal
     power); its lines have complex Gaussian amplitudes drawn from (seed, layer, i).  Hence any time can be
     computed on its own, nothing repeats, and a free body of mass m that f pushes from rest is at
-    sum_i W w_i G_i / m: it never drifts.
+    sum_i W w_i G_i / m: it never drifts.  Of fast lines W and w_i are left underived (:mod:`.block` says why).
 
     Parameters
     ----------
