@@ -178,7 +178,7 @@ def test_samples_in_phases_are_those_of_one_transform(period, numbers):
     polyphase = Polyphase(layer)
     random = np.random.default_rng(4)
     lines = random.standard_normal((1, layer.numbers.size)) + 1j * random.standard_normal((1, layer.numbers.size))
-    spectra = np.array([polyphase.fold(lines[0] * polyphase.gain, phase) for phase in range(polyphase.phases)])
+    spectra = np.concatenate([polyphase.fold(lines * polyphase.gain, phase) for phase in range(polyphase.phases)])
     found = polyphase.transform(spectra)
     expected = layer.sample(lines)[:, 0]
     np.testing.assert_allclose(found.T.ravel(), expected, rtol=0.0, atol=1e-14 * np.abs(expected).max() * 10)

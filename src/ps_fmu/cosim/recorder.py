@@ -66,10 +66,12 @@ class Recorder:
         self.path = Path(path)
         self.factor = _count_factor(step, step if storage_step is None else storage_step)
         self._places = _find_places(columns, select)
+        self._takes_all = self._places == list(range(len(columns)))
         self._columns = [columns[place] for place in self._places]
         filtered = np.array([False] + [column.type == "Real" for column in self._columns])
         self._decimator = Decimator(self.factor, filtered)
         self._pending: list[Array] = []
+        self._n_pending = 0
         self._expected: int | None = None
         self._written = 0
         self._last_write = wall_clock.perf_counter()
@@ -89,7 +91,10 @@ class Recorder:
         if self._expected is not None and first_index != self._expected:
             raise UsageError(f"{self.path}: expected row {self._expected} next, got row {first_index}")
         self._expected = first_index + len(values)
-        self._keep(self._decimator.push(np.column_stack([time, values[:, self._places]])))
+        rows = np.empty((len(values), 1 + len(self._places)))
+        rows[:, 0] = time
+        rows[:, 1:] = values if self._takes_all else values[:, self._places]
+        self._keep(self._decimator.push(rows))
 
     def close(self) -> None:
         """Write what is pending and close the file; safe to call twice.  Raises :class:`RecorderError`."""
@@ -146,13 +151,13 @@ class Recorder:
 
     def _keep(self, rows: Array) -> None:
         self._pending.append(rows)
-        late = wall_clock.perf_counter() - self._last_write > WRITE_INTERVAL_S
-        if late or sum(len(block) for block in self._pending) >= CHUNK_ROWS:
+        self._n_pending += len(rows)
+        if self._n_pending >= CHUNK_ROWS or wall_clock.perf_counter() - self._last_write > WRITE_INTERVAL_S:
             self._write()
 
     def _write(self) -> None:
         rows = np.concatenate(self._pending) if self._pending else np.zeros((0, 1))
-        self._pending = []
+        self._pending, self._n_pending = [], 0
         self._last_write = wall_clock.perf_counter()
         if len(rows) == 0:
             return

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import pairwise
 
 import numpy as np
 
 from ..mechanism.quantities import Array
 from .block import Block, BlockShape
-from .sample_table import SampleTable
-from .spectrum import SLOW_RATE, Layer, factor, layers
+from .sample_table import SampleTable, find_places, read_sum
+from .spectrum import Layer, factor, layers
 
 _KEPT = 3  # blocks per layer: two are alive at any time, and one is about to be
 
@@ -20,7 +21,7 @@ class GaussianNoise:
     Block i lives for one period of its lines, fades in over the first half and out over the second (equal
     power); its lines have complex Gaussian amplitudes drawn from (seed, layer, i).  Hence any time can be
     computed on its own, nothing repeats, and a free body of mass m that f pushes from rest is at
-    sum_i W w_i G_i / m: it never drifts.
+    sum_i W w_i G_i / m: it never drifts.  Of fast lines W and w_i are left underived (:mod:`.block` says why).
 
     Parameters
     ----------
@@ -50,7 +51,7 @@ class GaussianNoise:
     @property
     def n_parts(self) -> int:
         """How often :meth:`add` nearly always yields."""
-        return 3
+        return len(self._layers)
 
     def add(self, wrench: Array, time: Array, *, often: bool = True) -> Iterator[None]:
         """Add force and torque at ascending times (n,) in s to ``wrench`` (n, 6), in parts.
@@ -58,25 +59,23 @@ class GaussianNoise:
         Not ``often``: in more parts, since this was not done for a while and its code is in no cache.
         """
         for layer in self._layers:
-            indices = _find_blocks(layer, time)
-            for index in indices:
-                block = self._get(layer, index)
-                part = _find_part(block, time)
-                places = block.find(time[part])
-                # The slow layer has to be interpolated; a third block is used for the first time.
-                if layer.rate == SLOW_RATE or len(indices) > 2 or not often:
-                    yield
-                wrench[part] += self._get(layer, index).read(places)
+            for index, part in _find_stretches(layer, time):
+                places = find_places((time[part] - index * 0.5 * layer.period) * layer.rate)
                 if not often:
                     yield
-        yield
+                blocks = [self._get(layer, i).values for i in (index, index + 1)]
+                wrench[part] += read_sum(blocks, [layer.points // 2, 0], places)
+                yield
 
     def prepare(self, time: Array) -> Iterator[int]:
         """Make the blocks for ascending times (n,) in s in small parts; yields how many parts are still to come.
 
         Makes none where more are needed than are kept.
         """
-        needed = [(layer, _find_blocks(layer, time)) for layer in self._layers]
+        needed = [
+            (layer, sorted({i for index, _ in _find_stretches(layer, time) for i in (index, index + 1)}))
+            for layer in self._layers
+        ]
         missing = [
             (layer, index, self._begin(layer, index))
             for layer, indices in needed
@@ -117,21 +116,14 @@ class GaussianNoise:
         return block.table
 
 
-def _find_part(block: SampleTable, time: Array) -> slice:
-    """The ascending times (n,) for which there is a block."""
-    if time.size and block.start <= time[0] and time[-1] < block.end:  # as nearly always
-        return slice(0, time.size)
-    first, end = np.searchsorted(time, [block.start, block.end]).tolist()
-    return slice(first, end)
-
-
-def _find_blocks(layer: Layer, time: Array) -> list[int]:
-    """The blocks that ascending times fall into: steps of a thousand seconds must not make all in between."""
+def _find_stretches(layer: Layer, time: Array) -> list[tuple[int, slice]]:
+    """The parts of ascending times (n,) in which the same two blocks are alive, and the number of the older one."""
     if not time.size:
         return []
     hop = 0.5 * layer.period
     first, last = int(float(time[0]) // hop), int(float(time[-1]) // hop)
-    if last - first <= 1:  # as nearly always
-        return list(range(first, last + 2))
-    places = np.unique(time // hop).tolist()
-    return sorted({int(place) + later for place in places for later in (0, 1)})
+    if first == last:  # as nearly always
+        return [(first, slice(0, time.size))]
+    hops = time // hop
+    edges = [0, *(np.flatnonzero(np.diff(hops)) + 1).tolist(), time.size]
+    return [(int(hops[start]), slice(start, end)) for start, end in pairwise(edges)]

@@ -60,11 +60,12 @@ class Polyphase:
 
         ``room``: of the size of ``lines``, to be overwritten.
         """
-        spectrum = np.zeros((*lines.shape[:-1], self.points // 2 + 1), dtype=np.complex128)
         turned = np.multiply(lines, self._turns[phase], out=room)
-        for part, (bins, mirrored) in self._runs:
-            spectrum[..., bins] += turned[..., part].conj() if mirrored else turned[..., part]
-        return spectrum
+        spectrum, mirrored = np.zeros((2, *lines.shape[:-1], self.points // 2 + 1), dtype=np.complex128)
+        for part, (bins, is_mirrored) in self._runs:
+            (mirrored if is_mirrored else spectrum)[..., bins] += turned[..., part]
+        spectrum += mirrored.conj()
+        return np.asarray(spectrum)
 
     def transform(self, spectra: Complex) -> Array:
         """Samples (m, n) of a phase from its spectra (m, bins)."""

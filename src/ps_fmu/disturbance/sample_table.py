@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -14,8 +15,9 @@ from ..mechanism.quantities import Array
 # 0.0049 (2 pi r)^6, that is 5e-6 at r = 1/20 and 3e-4 at r = 1/10.
 _NODES = range(-2, 4)
 _COLUMN = np.array(_NODES)[:, np.newaxis]
-_SCALE = np.array([1.0 / np.prod([a - b for b in _NODES if b != a]) for a in _NODES])
+_SCALE = np.array([[1.0 / np.prod([a - b for b in _NODES if b != a])] for a in _NODES])
 _CHUNK = 256  # rows at once: for more, memory would come from the system, page by page, which takes 100 us
+_FEW = 3  # rows a time, up to which tables are added before they are interpolated
 _SNAP = 1e-6  # grid steps; rounding of t = t_0 + k h stays below that for days at 10 kHz
 
 
@@ -51,33 +53,68 @@ class SampleTable:
 
     def find(self, time: Array) -> Places:
         """Where :meth:`read` finds the rows at ascending times (k,): the first half of the work."""
-        position = (time - self.start) * self.rate
-        nearest = np.rint(position)
-        on_grid = np.abs(position - nearest) < _SNAP
-        if on_grid.all():
-            return Places(nearest.astype(np.int64), None)
-        position = np.where(on_grid, nearest, position)
-        below = np.floor(position)
-        weights = np.repeat(_SCALE[:, np.newaxis], time.size, axis=1)
-        for i, distance in enumerate(position - below - _COLUMN):
-            weights[:i] *= distance
-            weights[i + 1 :] *= distance
-        return Places(below.astype(np.int64), weights)
+        return find_places((time - self.start) * self.rate)
 
     def read(self, places: Places) -> Array:
         """The rows (k, m) that :meth:`find` has found the places of."""
-        cell, weights = places
-        if weights is None:
-            return self._rows(cell)
-        found = np.empty((cell.size, self.values.shape[1]))
-        for first in range(0, cell.size, _CHUNK):
-            chunk = slice(first, first + _CHUNK)
-            parts = self._rows(cell[chunk] + _COLUMN)
-            parts *= weights[:, chunk, np.newaxis]
-            np.add.reduce(parts, axis=0, initial=0.0, out=found[chunk])
-        return found
+        return read_sum([self.values], [0], places)
 
-    def _rows(self, places: NDArray[np.int64]) -> Array:
-        if places.size and (places.flat[0] < 0 or places.flat[-1] >= len(self.values)):
-            places = places % len(self.values)  # takes longer than the copy
-        return self.values.take(places, axis=0)
+
+def find_places(position: Array) -> Places:
+    """Places for ascending positions (k,), in grid steps from the first row of a table."""
+    nearest = np.rint(position)
+    on_grid = np.abs(position - nearest) < _SNAP
+    if on_grid.all():
+        return Places(nearest.astype(np.int64), None)
+    position = np.where(on_grid, nearest, position)
+    below = np.floor(position)
+    return Places(below.astype(np.int64), _compute_weights(position - below - _COLUMN))
+
+
+def _compute_weights(distances: Array) -> Array:
+    """Weights of the nodes (6, k) at these distances (6, k) from them: of each, the product of the distances to all
+    others, from those before it and those behind it."""
+    weights = np.empty_like(distances)
+    weights[0], after = 1.0, distances[-1]
+    for i in range(len(distances) - 1):
+        np.multiply(weights[i], distances[i], out=weights[i + 1])
+    for i in reversed(range(len(distances) - 1)):
+        weights[i] *= after
+        after = after * distances[i]
+    weights *= _SCALE
+    return weights
+
+
+def read_sum(tables: Sequence[Array], shifts: Sequence[int], places: Places) -> Array:
+    """The sum of periodic tables (n, m) of one grid at the same places, shape (k, m).
+
+    ``shifts``: by how many rows further each is read.  They are added before they are interpolated: where many times
+    fall between two grid points, there is less to do.
+    """
+    cell, weights = places
+    if weights is None:
+        return _add_rows(tables, shifts, cell)
+    first, last = (int(cell[i]) + node for i, node in ((0, _NODES[0]), (-1, _NODES[-1])))
+    if last - first < _FEW * cell.size:  # each row is added once, not once for each time that needs it
+        rows = _add_rows(tables, shifts, np.arange(first, last + 1))
+        tables, shifts, cell = [rows], [0], cell - first
+    found = np.empty((cell.size, tables[0].shape[1]))
+    for start in range(0, cell.size, _CHUNK):
+        chunk = slice(start, start + _CHUNK)
+        parts = _add_rows(tables, shifts, cell[chunk] + _COLUMN)
+        parts *= weights[:, chunk, np.newaxis]
+        np.add.reduce(parts, axis=0, initial=0.0, out=found[chunk])
+    return found
+
+
+def _add_rows(tables: Sequence[Array], shifts: Sequence[int], places: NDArray[np.int64]) -> Array:
+    rows = [_take(table, places + shift if shift else places) for table, shift in zip(tables, shifts, strict=True)]
+    for more in rows[1:]:
+        rows[0] += more
+    return rows[0]
+
+
+def _take(table: Array, places: NDArray[np.int64]) -> Array:
+    if places.size and (places.flat[0] < 0 or places.flat[-1] >= len(table)):
+        places = places % len(table)  # takes longer than the copy
+    return table.take(places, axis=0)

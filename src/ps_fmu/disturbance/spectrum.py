@@ -71,12 +71,14 @@ def layers(band: Array, period: float, *, half: bool, overlap: bool) -> list[Lay
     Parameters
     ----------
     band: lower and upper edge, Hz.
-    period: slow lines are 1/period apart, s; rounded to the grid of the slow layer.
+    period: slow lines are 1/period apart, s; rounded to the grid of the slow layer, where layers
+        overlap to an even number of points.
     half: lines at (k + 1/2)/period, so that the sum repeats after two periods; else at k/period.
     overlap: both layers have lines from OVERLAP to SPLIT, to be weighted with :func:`share`; else they abut.
     """
     lower, upper = float(band[0]), float(band[1])
-    slow_period = round(period * SLOW_RATE) / SLOW_RATE
+    grid = (2.0 if overlap else 1.0) / SLOW_RATE  # blocks begin half a period apart, on a grid point
+    slow_period = round(period / grid) * grid
     cuts = (
         (SLOW_RATE, slow_period, lower, min(upper, SPLIT)),
         (FAST_RATE, FAST_PERIOD, max(lower, OVERLAP if overlap else SPLIT), upper),
