@@ -12,6 +12,8 @@ STOP_BAND_DB = 80.0
 """Attenuation of everything above the new Nyquist frequency."""
 PASS_BAND = 0.8
 """The pass band, flat within 1e-4 per stage, ends at this fraction of the new Nyquist frequency."""
+CUTOFF = 0.5 * (PASS_BAND + 1.0)
+"""Where the gain is one half, the middle of the transition, at this fraction of the new Nyquist frequency."""
 HALF_LENGTH = 26
 """Half the length of the filter in output samples: Kaiser's estimate for the two numbers above, rounded up."""
 USUAL_STAGE = 100
@@ -39,6 +41,11 @@ class Decimator:
     def __init__(self, factor: int, filtered: NDArray[np.bool_]) -> None:
         self._stages = [_Stage(part, filtered) for part in _split(factor)]
         self._columns = len(filtered)
+
+    @property
+    def filters(self) -> list[tuple[int, Array]]:
+        """Of each stage the factor m and the taps (2 M + 1,), at the rate of the rows that go into it."""
+        return [(stage.factor, stage.taps) for stage in self._stages]
 
     def push(self, values: Array) -> Array:
         """Take the next rows (rows, columns) and return the rows that are complete now."""
@@ -78,7 +85,7 @@ class _Stage:
         self.factor = factor
         self._filtered = filtered
         self._half = HALF_LENGTH * factor
-        self._taps = _design_filter(factor, self._half)
+        self.taps = _design_filter(factor, self._half)
         self._rows: Array | None = None
         """Rows from k m - M on, where k is the number of the next row to come out."""
 
@@ -101,7 +108,7 @@ class _Stage:
         # One product per output row: only what comes out is computed, at the speed of BLAS.
         for number in range(count):
             first = number * self.factor
-            row = self._taps @ rows[first : first + len(self._taps)]
+            row = self.taps @ rows[first : first + len(self.taps)]
             result[number, self._filtered] = row[self._filtered]
         self._rows = rows[count * self.factor :]
         return result
@@ -110,6 +117,5 @@ class _Stage:
 def _design_filter(factor: int, half: int) -> Array:
     from scipy.signal import firwin, kaiser_beta
 
-    cutoff = 0.5 * (PASS_BAND + 1.0) / factor
-    taps: Array = firwin(2 * half + 1, cutoff, window=("kaiser", kaiser_beta(STOP_BAND_DB)))
+    taps: Array = firwin(2 * half + 1, CUTOFF / factor, window=("kaiser", kaiser_beta(STOP_BAND_DB)))
     return taps
