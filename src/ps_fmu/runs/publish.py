@@ -64,7 +64,13 @@ def publish(options: RunOptions, system: RunSystem, findings: Findings) -> None:
         rejection_percent=findings.rejection_percent,
         real_time_factor=findings.real_time_factor,
         fmus=fmus,
-        more={**findings.more, **required, "parameters": parameters, "warnings": system.warnings.texts},
+        more={
+            **findings.more,
+            **required,
+            "indices": system.indices.as_dict(),
+            "parameters": parameters,
+            "warnings": system.warnings.texts,
+        },
     ).write(options.output / SUMMARY)
     Report(
         title=findings.title,
