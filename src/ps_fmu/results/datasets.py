@@ -24,6 +24,8 @@ DIMENSIONS = {
     ("1", "2", "3"): "number",
 }
 """Names of the dimensions along which components of these names lie; of others it is ``<variable>_component``."""
+OF_THE_FILE = ("history", "comment")
+"""Attributes of a file that a run in memory has not: when it was written, where in it is what."""
 _MEMBER = re.compile(r"(?P<vector>.+)(?:\.(?P<name>[a-z]+)|_(?P<number>\d+))")
 
 
@@ -59,7 +61,7 @@ def read_case(path: Path, case: str) -> Dataset:
         if case not in (known := _list_runs(file)):
             raise KeyError(f"{path}: no run {case!r}; there are {', '.join(known) or 'none'}")
         group = file[case]
-        attributes = {name: file.getncattr(name) for name in file.ncattrs()}
+        attributes = {name: file.getncattr(name) for name in file.ncattrs() if name not in OF_THE_FILE}
         attributes |= {name: group.getncattr(name) for name in group.ncattrs()}
         kinds = {name: (variable.dtype, variable.units) for name, variable in group.variables.items() if name != "time"}
         vectors = group_components(kinds)

@@ -30,7 +30,9 @@ from .jitter_record import IMAGE_POINT, ROTATION
 
 Array = NDArray[np.float64]
 
-SIGNALS = (*ROTATION, *IMAGE_POINT)
+VECTORS = {"payload_rotation": ("axis", ROTATION), "los": ("axis_xy", IMAGE_POINT)}
+"""Short name -> dimension of its components, names of these."""
+SIGNALS = tuple(name for _, names in VECTORS.values() for name in names)
 WINDOW_S = 1.0  # an averaging time of a terminal, an exposure of a camera
 PROBABILITIES = (0.6827, 0.95, 0.9973)
 CONFIDENCE = 0.95

@@ -27,9 +27,11 @@ PARAMETERS = "parameters"
 """Name of the group of start values."""
 REFERENCES = "H. Zhang et al., Appl. Sci. 2023, 13(4), 2188, https://doi.org/10.3390/app13042188"
 COMMENT = (
-    "Each group with a coordinate time holds the rows of a run; its group filter says how they were filtered before "
-    "they were thinned. The date of time is nominal: values are seconds since the start of the run. The group "
-    "parameters has the start values, a group for each FMU; what a run sets itself is in its attribute settings."
+    "Each group with a coordinate time holds the rows of a run, for example xarray.open_dataset(path, group='active'); "
+    "its group filter says how they were filtered before they were thinned, its attribute settings what the run sets "
+    "itself. The group parameters has the start values, a group for each FMU. The date of time is nominal: its values "
+    "are seconds since the start of the run. Once all runs are done, the root has tables of their pointing error "
+    "indices."
 )
 
 
@@ -37,27 +39,35 @@ def write_origin(path: Path, options: RunOptions, system: RunSystem) -> None:
     """Make a results.nc without runs.  Raises OSError if it cannot be written."""
     import netCDF4
 
+    path.parent.mkdir(parents=True, exist_ok=True)
     path.unlink(missing_ok=True)  # whoever still reads an older result keeps it
-    with netCDF4.Dataset(path, "w", format="NETCDF4") as file:
-        file.setncatts(_list_attributes(options, system))
-        components, fmus = system.structure.components, identify_fmus(system)
-        _write_texts(file, "component", [component.name for component in components], "name in the system")
-        _write_texts(file, "fmu", [fmu.name for fmu in fmus], "FMU", "component")
-        _write_texts(file, "fmu_sha256", [fmu.sha256 for fmu in fmus], "SHA-256 of the FMU", "component")
-        if options.parameters:
-            files = [FmuFile.of(one) for one in options.parameters]
-            _write_texts(file, "parameter_file", [one.name for one in options.parameters], "later ones win")
-            _write_texts(
-                file, "parameter_file_sha256", [one.sha256 for one in files], "SHA-256 of the file", "parameter_file"
-            )
-        packages = versions()
-        _write_texts(file, "package", list(packages), "software that the results depend on")
-        _write_texts(file, "package_version", list(packages.values()), "version", "package")
-        for component in components:
-            variables = index_variables(system.descriptions[component.name])
-            group = file.createGroup(f"{PARAMETERS}/{component.name}")
-            for variable, value, place in _list_start_values(component, variables):
-                _write_start_value(group, variable, value, place)
+    try:
+        with netCDF4.Dataset(path, "w", format="NETCDF4") as file:
+            _write(file, options, system)
+    except RuntimeError as error:  # of HDF5
+        raise OSError(f"{path}: cannot be written: {error}") from error
+
+
+def _write(file: Any, options: RunOptions, system: RunSystem) -> None:
+    file.setncatts(_list_attributes(options, system))
+    components, fmus = system.structure.components, identify_fmus(system)
+    write_texts(file, "component", [component.name for component in components], "name in the system")
+    write_texts(file, "fmu", [fmu.name for fmu in fmus], "FMU", "component")
+    write_texts(file, "fmu_sha256", [fmu.sha256 for fmu in fmus], "SHA-256 of the FMU", "component")
+    if options.parameters:
+        files = [FmuFile.of(one) for one in options.parameters]
+        write_texts(file, "parameter_file", [one.name for one in options.parameters], "later ones win")
+        write_texts(
+            file, "parameter_file_sha256", [one.sha256 for one in files], "SHA-256 of the file", "parameter_file"
+        )
+    packages = versions()
+    write_texts(file, "package", list(packages), "software that the results depend on")
+    write_texts(file, "package_version", list(packages.values()), "version", "package")
+    for component in components:
+        variables = index_variables(system.descriptions[component.name])
+        group = file.createGroup(f"{PARAMETERS}/{component.name}")
+        for variable, value, place in _list_start_values(component, variables):
+            _write_start_value(group, variable, value, place)
 
 
 def _list_attributes(options: RunOptions, system: RunSystem) -> dict[str, object]:
@@ -109,20 +119,20 @@ def _format(value: Value) -> str:
 def _list_start_values(
     component: Component, variables: Mapping[str, ModelVariable]
 ) -> Iterator[tuple[ModelVariable, Value, str]]:
-    """Parameters of an FMU, and inputs that are given a value: variable, value, where that was set."""
+    """Parameters of an FMU, and inputs that are given a value: variable, value, place where that was set, if any."""
     for name, variable in variables.items():
         entry = component.parameters.get(name)
         if entry is not None:
             yield variable, convert_value(variable, entry.value), Path(entry.origin).name
         elif variable.causality == "parameter":
-            yield variable, read_start(variable), "FMU"
+            yield variable, read_start(variable), ""
 
 
 def _write_start_value(group: Any, variable: ModelVariable, value: Value, place: str) -> None:
     kind: Any = str if variable.type == "String" else STORAGE[variable.type][0]
     stored = group.createVariable(variable.name, kind, ())
     unit = get_unit(variable) or "1"
-    attributes = {"long_name": variable.description or variable.name, "set_by": place}
+    attributes = {"long_name": variable.description or variable.name, **({"set_by": place} if place else {})}
     if variable.type == "Boolean":
         attributes |= {"flag_values": np.array([0, 1], dtype=np.int8), "flag_meanings": "false true"}
     elif variable.type != "String":
@@ -134,8 +144,8 @@ def _write_start_value(group: Any, variable: ModelVariable, value: Value, place:
     stored[...] = np.array(value, dtype=object) if kind is str else value
 
 
-def _write_texts(file: Any, name: str, texts: Sequence[str], about: str, dimension: str = "") -> None:
-    """A variable of texts along a dimension; without the name of one it is the labels of its own."""
+def write_texts(file: Any, name: str, texts: Sequence[str], about: str, dimension: str = "") -> None:
+    """Write a variable of texts along a dimension; without the name of one it makes its own, and labels that."""
     if not dimension:
         file.createDimension(name, len(texts))
     variable = file.createVariable(name, str, (dimension or name,))

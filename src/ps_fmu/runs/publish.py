@@ -12,7 +12,8 @@ from ..results.report import Picture, Report
 from ..results.summary import RunSummary, versions
 from ..results.tables import Table
 from .cases import Outcome
-from .options import REPORT, SUMMARY, RunOptions
+from .finish import finish_file
+from .options import REPORT, RESULTS, SUMMARY, RunOptions
 from .setup import SEED, RunSystem, collect_parameters, identify_fmus
 
 
@@ -48,6 +49,10 @@ def publish(options: RunOptions, system: RunSystem, findings: Findings) -> None:
 
     Raises ``OSError`` if they cannot be written, and after that :class:`NotMetError` for requirements that are not met.
     """
+    try:
+        finish_file(options.output / RESULTS, system.indices)
+    except OSError as error:  # the rows are there; nothing else is to be lost
+        system.warnings.add(str(error))
     verdicts = system.judge.conclude()
     remarks = list_remarks(verdicts)
     required = {"verdicts": [verdict.as_dict() for verdict in verdicts]} if verdicts else {}
