@@ -136,7 +136,8 @@ def _write_start_value(group: Any, variable: ModelVariable, value: Value, place:
     if variable.type == "Boolean":
         attributes |= {"flag_values": np.array([0, 1], dtype=np.int8), "flag_meanings": "false true"}
     elif variable.type != "String":
-        attributes["units"] = UDUNITS.get(unit, unit)
+        # UDUNITS, and so CF, has no roots and no decibels.
+        attributes["unit_text" if "sqrt(" in unit or unit == "dB" else "units"] = UDUNITS.get(unit, unit)
     default = read_start(variable)
     if value != default:
         attributes["value_in_fmu"] = _format(default)
