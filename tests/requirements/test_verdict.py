@@ -11,7 +11,7 @@ from support.required import COLUMNS
 from ps_fmu.pointing import confidence
 from ps_fmu.pointing.interpretation import quantile_of_runs
 from ps_fmu.requirements import decision
-from ps_fmu.requirements.distribution import BINS_PER_OCTAVE
+from ps_fmu.requirements.distribution import BINS_PER_DECADE
 from ps_fmu.requirements.record import RequirementRecord
 from ps_fmu.requirements.verdict import Answer, format_verdicts, judge, make_table, no_run, summarise
 from ps_fmu.results.summary import plain
@@ -141,15 +141,14 @@ def test_a_run_that_ends_before_a_window_is_full(record, white):
 
 @pytest.mark.parametrize("interpretation", ["temporal", "ensemble", "mixed"])
 def test_several_runs_as_the_library_states_them(record, white, interpretation):
-    """Of values in the middle of their bins the histogram rounds up by half a bin at most, and nothing else differs."""
+    """Of values in the middle of their bins the histogram rounds up by half a bin, and nothing else differs."""
     values = [1e-7 * np.abs(white(401, seed)[:, 0]) for seed in range(60)]
-    half = 0.5 / BINS_PER_OCTAVE
-    parts = [np.frexp(run / 0.5e-6) for run in values]  # mantissas from 0.5 to 1: the bins are half as wide
-    values = [np.ldexp((np.floor(share / half) + 0.5) * half, power) * 0.5e-6 for share, power in parts]
+    half = 0.5 / BINS_PER_DECADE
+    values = [10.0 ** (np.floor(np.log10(run / 0.5e-6) / (2.0 * half)) * 2.0 * half + half) * 0.5e-6 for run in values]
     runs = [record(run, **APE, interpretation=interpretation) for run in values]
     stated, expected = decide(*runs).statement, quantile_of_runs(np.array(values), 0.95, 0.9, interpretation)
     for name in ("value", "upper", "bound"):
-        assert 1.0 <= getattr(stated, name) / getattr(expected, name) <= 1.0 + half
+        assert getattr(stated, name) == pytest.approx(getattr(expected, name) * 10.0**half, rel=half * 2.4)
     assert stated.independent == pytest.approx(expected.independent)
     assert stated.ensemble_share == expected.ensemble_share
 

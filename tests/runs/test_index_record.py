@@ -10,10 +10,11 @@ from hypothesis import strategies as st
 
 from ps_fmu.pointing import effective_samples, quantile
 from ps_fmu.pointing.indices import AbsoluteError, DriftError, MeanError, RelativeError
+from ps_fmu.requirements.distribution import BINS_PER_DECADE
 from ps_fmu.runs import index_record
 from ps_fmu.runs.index_record import CONFIDENCE, PROBABILITIES, SIGNALS, IndexLog, IndexRecord
 
-ROUNDING = 1.0 / 1024  # of the histogram
+ROUNDING = 10.0 ** (1.0 / BINS_PER_DECADE) - 1.0  # of the histogram
 
 
 @dataclass(frozen=True)

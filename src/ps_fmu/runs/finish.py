@@ -20,7 +20,7 @@ from .origin import write_texts
 
 Array = NDArray[np.float64]
 
-LEVEL = 1  # of zlib, with shuffled bytes: 4 takes a fifth longer, for files 0.3 % smaller
+LEVEL = 1  # of zlib, with shuffled bytes: 4 takes a sixth longer, for files 0.3 % smaller
 WORTH = 0.6  # compressed over plain size up to which it is done
 _SAMPLE_ROWS = 1000
 _BLOCK_ROWS = 40 * CHUNK_ROWS

@@ -113,8 +113,8 @@ class IndexRecord(ColumnObserver):
             self._evaluated += (MeanError(window), RelativeError(window, "uniform"), DriftError(window, window))
         self._rows = rows
         self._tallies: dict[PointingIndex, _Tally] = {}
-        # The window before, for the PDE, then windows that are evaluated together.  One signal after the other: so
-        # arrays stay in the cache, and steps of 1e-4 s cost 0.15 us; all signals at once 0.45.
+        # The window before, for the PDE, then windows that are evaluated together, one signal after the other: their
+        # arrays are small and stay in the cache.  A step of 1e-4 s costs 0.2 us, a third less than all signals at once.
         self._held = np.empty((len(self.names), self._width * (1 + max(1, BATCH_ROWS // self._width))))
         self._filled = self._width
         self._first = self._width  # of what is held: 0 once there is a window before

@@ -44,8 +44,11 @@ def write_origin(path: Path, options: RunOptions, system: RunSystem) -> None:
     try:
         with netCDF4.Dataset(path, "w", format="NETCDF4") as file:
             _write(file, options, system)
-    except RuntimeError as error:  # of HDF5
-        raise OSError(f"{path}: cannot be written: {error}") from error
+    except BaseException as error:
+        path.unlink(missing_ok=True)  # nobody is to take half of it for results
+        if isinstance(error, RuntimeError):  # of HDF5
+            raise OSError(f"{path}: cannot be written: {error}") from error
+        raise
 
 
 def _write(file: Any, options: RunOptions, system: RunSystem) -> None:
