@@ -15,6 +15,7 @@ import pytest
 import ps_fmu
 from ps_fmu import simulation
 from ps_fmu.cosim import CosimError, read_parameters
+from ps_fmu.pointing import AbsoluteError, DriftError, MeanError, RelativeError, ResidualJitter
 from ps_fmu.runs.options import OptionError
 from ps_fmu.simulation import Result, simulate
 
@@ -113,6 +114,39 @@ def test_a_variable_that_no_case_has(result):
         result.plot("payload_rotatio")
     with pytest.raises(AttributeError, match="there is no case 'idle'; there are passive, active"):
         _ = result.idle
+
+
+def test_indices_of_the_stored_rows(result):
+    """By case, index and axis; of all steps they are those of the summary."""
+    window = MeanError(0.01), RelativeError(0.01, "uniform"), DriftError(0.01, 0.01), ResidualJitter(0.01)
+    found = result.indices(*window)
+    assert found.dims == ("case", "index", "axis")
+    assert list(found["index"].values) == [
+        "MPE over 0.01 s", "RPE over 0.01 s, t uniform", "PDE over 0.01 s, 0.01 s apart", "jitter over 0.01 s"
+    ]  # fmt: skip
+    assert found.attrs["units"] == "rad"
+    values = result.active["payload_rotation"].values
+    for index, text in zip(window, found["index"].values, strict=True):
+        np.testing.assert_array_equal(found.sel(case="active", index=text), index.of_record(values, 1e-3).rms)
+    every = result.indices(AbsoluteError(), cases=["passive"])
+    summary = result.summary["indices"]["passive"]
+    for axis in "xyz":
+        stated = summary[f"plant.payload_rotation.{axis}"]["APE"]["rms"]
+        assert every.sel(case="passive", axis=axis).item() == pytest.approx(stated, rel=1e-12)
+    assert result.indices(AbsoluteError(), name="los").dims[-1] == "axis_xy"
+
+
+def test_indices_that_cannot_be_had(result):
+    with pytest.raises(ValueError, match=r"passive, MPE over 1 s: one value needs 1 s; the run has 0\.05 s"):
+        result.indices()
+    with pytest.raises(ValueError, match=r"MPE over 0\.0015 s: .* not a whole number of steps .* between stored rows"):
+        result.indices(MeanError(0.0015))
+    with pytest.raises(KeyError, match=r"no case has 'payload_rotatio'.*payload_rotation"):
+        result.indices(AbsoluteError(), name="payload_rotatio")
+    with pytest.raises(KeyError, match="no run 'idle'; there are passive, active"):
+        result.indices(AbsoluteError(), cases=["idle"])
+    with pytest.raises(ValueError, match="passive: reachable is no number"):
+        result.indices(AbsoluteError(), name="reachable")
 
 
 def test_a_result_can_be_copied(result):

@@ -27,8 +27,9 @@ from .runs.output import hold_folder
 from .slavekit.pack.files import write_atomically
 
 if TYPE_CHECKING:
-    from xarray import Dataset
+    from xarray import DataArray, Dataset
 
+    from .pointing.index import PointingIndex
     from .results.history_plot import ShownFigure
 
 PARAMETERS = "parameters.ssv"  # in the output folder
@@ -170,12 +171,40 @@ class Result:
         """
         from .results.history_plot import plot_histories
 
+        return plot_histories(self._select(name, cases))
+
+    def indices(
+        self, *indices: PointingIndex, name: str = "payload_rotation", cases: Sequence[str] | None = None
+    ) -> DataArray:
+        """RMS of pointing error indices of a variable, from the stored rows, by case, index and component.
+
+        >>> from ps_fmu.pointing import DriftError, RelativeError
+        >>> result.indices(RelativeError(0.1, "end"), DriftError(1.0, 5.0)).sel(axis="x")  # doctest: +SKIP
+
+        Parameters
+        ----------
+        indices: of :mod:`ps_fmu.pointing`; by default APE, and over 1 s MPE, RPE with t uniform, and residual jitter.
+        name: a variable of the datasets; a vector has a value for each component.
+        cases: by default all that have the variable.
+
+        The rows have the bandwidth of the storage step; ``summary["indices"]`` has APE, MPE, RPE and PDE from every
+        step, with peaks, quantiles and their confidence.
+
+        Raises ``KeyError`` for a variable or a case that is not there, ``ValueError`` for an index that the run is too
+        short for, or whose times are no whole number of storage steps.
+        """
+        from .results.index_table import USUAL, tabulate_indices
+
+        return tabulate_indices(self._select(name, cases), indices or USUAL)
+
+    def _select(self, name: str, cases: Sequence[str] | None) -> dict[str, DataArray]:
+        """The variable in the cases that have it."""
         datasets = {case: self[case] for case in (self.cases if cases is None else cases)}
-        signals = {case: dataset[name] for case, dataset in datasets.items() if name in dataset}
+        signals = {case: dataset[name] for case, dataset in datasets.items() if name in dataset.data_vars}
         if not signals:
             names = sorted({str(known) for dataset in datasets.values() for known in dataset})
             raise KeyError(f"no case has {name!r}{suggest_names(name, names)}")
-        return plot_histories(signals)
+        return signals
 
 
 def _make_values_xml(values: Mapping[str, Value]) -> bytes:

@@ -11,12 +11,12 @@ from ps_fmu.cosim.decimate import EARLY_STOP_BAND_DB, HALF_LENGTH, PASS_BAND, ST
 def test_the_last_stage_is_scipys_kaiser_window(factor):
     half = HALF_LENGTH * factor
     theirs = firwin(2 * half + 1, 0.5 * (PASS_BAND + 1.0) / factor, window=("kaiser", kaiser_beta(STOP_BAND_DB)))
-    np.testing.assert_allclose(_design_filter(factor, 1), theirs, rtol=1e-9, atol=1e-15)
+    np.testing.assert_allclose(_design_filter(factor, 1).taps, theirs, rtol=1e-9, atol=1e-15)
 
 
 @pytest.mark.parametrize(("factor", "later"), [(10, 1), (50, 2), (25, 4), (200, 5)])
 def test_a_stage_stops_what_would_be_folded_into_the_band(factor, later):
-    taps = _design_filter(factor, later)
+    taps = _design_filter(factor, later).taps
     frequency, response = freqz(taps, worN=1 << 16, fs=1.0)
     nyquist = 0.5 / (factor * later)  # the final one
     folded = np.abs(frequency - np.rint(frequency * factor) / factor)  # where a frequency comes out

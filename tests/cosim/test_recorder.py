@@ -9,9 +9,11 @@ import textwrap
 import netCDF4
 import numpy as np
 import pytest
+import xarray
 
 from ps_fmu.cosim import Column, Master, Recorder, RecorderError, UsageError
 from ps_fmu.cosim.decimate import Decimator
+from ps_fmu.cosim.recorder import TIME_UNITS
 
 COLUMNS = [
     Column("plant.los.x", "m", "Real", "Line of sight on the image plane"),
@@ -60,7 +62,7 @@ def test_rows_are_stored_unchanged_with_units(path):
         np.testing.assert_array_equal(group["time"][:], np.arange(2500) * 0.1)
         for place, column in enumerate(COLUMNS):
             np.testing.assert_array_equal(group[column.name][:], values[:, place])
-        assert [v.units for v in group.variables.values()] == ["s", "m", "1", "1", "degree"]
+        assert [v.units for v in group.variables.values()] == [TIME_UNITS, "m", "1", "1", "degree"]
         assert [v.dtype.str[1:] for v in group.variables.values()] == ["f8", "f8", "i1", "i4", "f8"]
         assert group["plant.los.x"].long_name == "Line of sight on the image plane"
         assert group["plant.on"].flag_meanings == "false true"
@@ -68,6 +70,60 @@ def test_rows_are_stored_unchanged_with_units(path):
         assert group.dimensions["time"].isunlimited()
     with pytest.raises(UsageError, match="has a run 'active' already"):
         Recorder(path, "active", columns=COLUMNS, step=0.1, append=True)
+
+
+def test_time_is_that_of_the_cf_conventions(path):
+    """Seconds in the file; xarray makes dates of them, exact to a nanosecond, or leaves them as they are."""
+    step = 1e-4
+    with Recorder(path, "run", columns=COLUMNS, step=step) as recorder:
+        feed(recorder, rows(20_001), step)
+    with netCDF4.Dataset(path) as data:
+        time = data["run"]["time"]
+        assert (time.standard_name, time.axis, time.calendar) == ("time", "T", "standard")
+        assert netCDF4.num2date(time[10_000], time.units, time.calendar).isoformat() == "2000-01-01T00:00:01"
+    with xarray.open_dataset(path, group="run") as data:
+        passed = (data["time"].values - np.datetime64("2000-01-01")) / np.timedelta64(1, "ns")
+        np.testing.assert_allclose(passed, np.arange(20_001) * 1e5, atol=1.0)
+    with xarray.open_dataset(path, group="run", decode_times=False) as data:
+        np.testing.assert_array_equal(data["time"], np.arange(20_001) * step)
+
+
+def test_the_filter_is_stored_and_makes_the_stored_rows(path):
+    """Two stages: the rows in the file are what the coefficients in the file make of all rows."""
+    n, step = 30_000, 1e-3
+    values = rows(n)
+    with Recorder(path, "run", columns=COLUMNS, step=step, storage_step=200 * step) as recorder:
+        feed(recorder, values, step)
+    with netCDF4.Dataset(path) as data:
+        group = data["run/filter"]
+        assert group.kind.startswith("FIR low-pass of linear phase")
+        found, first, rate = values[:, 0], 0, 1.0 / step
+        stages = [group[f"coefficients_{number}"] for number in (1, 2)]
+        assert len(group.variables) == 2 and stages[0].factor * stages[1].factor == 200
+        for taps in stages:
+            factor = taps.factor
+            assert len(taps) == taps.order + 1
+            assert taps.sampling_step_s == pytest.approx(1.0 / rate)
+            gain = np.abs(np.exp(-2j * np.pi * taps.cutoff_hz / rate * np.arange(len(taps))) @ taps[:])
+            assert gain == pytest.approx(0.5, abs=1e-3)
+            far = np.linspace(taps.stopband_hz, 0.5 * rate, 500)
+            stopped = np.abs(np.exp(-2j * np.pi * far[:, None] / rate * np.arange(len(taps))) @ taps[:])
+            assert stopped.max() < 2.0 * 10.0 ** (-taps.stopband_attenuation_db / 20.0)
+            rate /= factor
+            first += taps.order // 2  # "valid" begins where the filter has all its rows
+            found = np.convolve(found, taps[:], "valid")[-first % factor :: factor]
+            first = -(-first // factor)
+        stored = data["run"]["plant.los.x"][first : first + len(found)]
+        np.testing.assert_allclose(stored, found, atol=1e-12)
+        assert len(stored) > 20
+
+
+def test_without_a_filter_the_file_says_so(path):
+    with Recorder(path, "run", columns=COLUMNS, step=1.0) as recorder:
+        feed(recorder, rows(3))
+    with netCDF4.Dataset(path) as data:
+        assert data["run/filter"].kind == "none: every step is stored"
+        assert not data["run/filter"].variables
 
 
 @pytest.mark.parametrize("factor", [2, 10])

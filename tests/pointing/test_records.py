@@ -16,7 +16,6 @@ from ps_fmu.pointing import (
     Smear,
     effective_samples,
 )
-from ps_fmu.results.observers.indices import PerformanceIndices
 
 STEP = 0.01  # s
 WINDOW = 0.5  # s
@@ -122,27 +121,6 @@ def test_long_records_are_taken_in_blocks():
     means = (windows.mean(axis=1) + np.arange(len(windows))) + 49.5
     assert rising.variance[0] == pytest.approx(means.var(), rel=1e-9)
     assert rising.bias[0] == pytest.approx(means.mean(), rel=1e-9)
-
-
-def test_the_observer_of_a_run_has_the_same():
-    class Column:
-        def __init__(self, name):
-            self.name, self.unit = name, "rad"
-
-    columns = [Column("x"), Column("y")]
-    record = np.random.default_rng(9).normal(size=(2000, 2)) + BIAS
-    observer = PerformanceIndices(columns, ["x", "y"], window_s=WINDOW, step_s=STEP, drift_windows=3)
-    observer.block(0, np.arange(2000) * STEP, record)
-    seen = observer.result()
-    for index, rms, peak in (
-        (AbsoluteError(), seen.ape_rms, seen.ape_peak),
-        (MeanError(WINDOW), seen.mpe_rms, seen.mpe_peak),
-        (RelativeError(WINDOW, "uniform"), seen.rpe_rms, seen.rpe_peak),
-        (DriftError(WINDOW, 3.0 * WINDOW), seen.pde_rms, seen.pde_peak),
-    ):
-        found = index.of_record(record, STEP, stride=1 if index.symbol == "APE" else 50)
-        assert found.rms == pytest.approx(rms, rel=1e-12)
-        assert found.peak == pytest.approx(peak, rel=1e-12)
 
 
 def test_records_that_do_not_fit():

@@ -39,7 +39,6 @@ def test_all_results_of_a_run():
     np.testing.assert_allclose(jitter.statistics.rms, np.sqrt((rotation**2).mean(axis=0)), rtol=1e-12)
     assert jitter.scatter.count == 5001
     assert jitter.envelope.names == ROTATION
-    assert jitter.indices.windows == 5
     frequency, psd = jitter.spectrum
     assert frequency[1] == pytest.approx(1.0 / 2.048)
     np.testing.assert_allclose(psd.sum(axis=1) * frequency[1], rotation.var(axis=0), rtol=0.1)
@@ -52,7 +51,7 @@ def test_a_lead_in_is_left_out_of_all_but_the_envelope():
     values[:2001, PLACES] += 1.0
     jitter = observed(values, lead_steps=2000)
     rotation = values[2001:, PLACES]
-    assert (jitter.statistics.count, jitter.scatter.count, jitter.indices.windows) == (3000, 3000, 3)
+    assert (jitter.statistics.count, jitter.scatter.count) == (3000, 3000)
     np.testing.assert_allclose(jitter.statistics.rms, np.sqrt((rotation**2).mean(axis=0)), rtol=1e-12)
     assert jitter.spectrum[1].max() < 1e-6
     assert jitter.envelope.time[0] == 0.0
@@ -76,10 +75,9 @@ def test_flags_of_commander_and_isolator():
 
 
 @pytest.mark.parametrize("steps", [1, 2, 7, 8, 100])
-def test_short_runs_have_no_indices_and_perhaps_no_spectrum(steps):
+def test_short_runs_have_perhaps_no_spectrum(steps):
     jitter = observed(samples(steps))
     assert jitter.statistics.count == steps + 1
-    assert jitter.indices is None
     assert (jitter.spectrum is None) == (steps < 8)
 
 

@@ -38,7 +38,7 @@ def test_cases_are_stored_and_analysed(options):
         assert "isolator.enabled" not in "".join(warnings)
         assert f"{TARGET} is not connected and stays at 0.0 rad" in warnings
     with netCDF4.Dataset(options.output / "results.nc") as file:
-        assert set(file.groups) == {"passive", "active"}
+        assert set(file.groups) == {"parameters", "passive", "active"}
         for name, jitter in results.items():
             group = file[name]
             stored = np.array([group[column][:] for column in ROTATION])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from functools import cache
 from math import ceil, inf
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +26,20 @@ CALL = 150
 """How many products per column and row take as long as it does to call for them, with some 60 columns."""
 HALF_LENGTH = 26
 """Half the length of the filter of the last stage, in rows that come out: Kaiser's estimate, rounded up."""
+
+
+class Filter(NamedTuple):
+    """The low-pass of a stage; frequencies in cycles per row that goes into it."""
+
+    factor: int
+    """Of so many rows that are filtered, one comes out."""
+    taps: Array
+    """(2 M + 1,)"""
+    pass_band: float
+    """Its end."""
+    stop_band: float
+    """Its beginning."""
+    attenuation_db: float
 
 
 class Decimator:
@@ -50,6 +65,11 @@ class Decimator:
             later //= part
             self._stages.append(_Stage(part, later, filtered))
         self._columns = len(filtered)
+
+    @property
+    def filters(self) -> list[Filter]:
+        """Those that the rows go through, the first one first."""
+        return [stage.filter for stage in self._stages]
 
     def push(self, values: Array) -> Array:
         """Take the next rows (rows, columns) and return the rows that are complete now."""
@@ -98,18 +118,17 @@ def _half_length(factor: int, later: int) -> int:
     """Half the length of the filter of a stage, in rows that come in; ``later``: factor of all stages behind it."""
     # J. F. Kaiser, Proc. IEEE Int. Symp. Circuits and Systems, 1974: (dB - 7.95) / (14.36 width)
     longer = (EARLY_STOP_BAND_DB - 7.95) / (STOP_BAND_DB - 7.95) if later > 1 else 1.0
-    return ceil(HALF_LENGTH * longer * (1.0 - PASS_BAND) / 2.0 / _find_edges(factor, later)[1] * (1.0 - 1e-12))
+    begin, end = _find_edges(factor, later)
+    return ceil(HALF_LENGTH * longer * (1.0 - PASS_BAND) / 2.0 / (end - begin) * (1.0 - 1e-12))
 
 
 def _find_edges(factor: int, later: int) -> tuple[float, float]:
-    """Middle and width of the transition band of a stage, in cycles per row that comes in.
+    """End of the pass band and beginning of the stop band of a stage, in cycles per row that comes in.
 
-    It begins at the end of the final pass band, and ends where frequencies are folded to below the final Nyquist
-    frequency.
+    The pass band is the final one, and stopped is what would be folded to below the final Nyquist frequency.
     """
     nyquist = 0.5 / (factor * later)
-    begin, end = PASS_BAND * nyquist, 1.0 / factor - nyquist
-    return 0.5 * (begin + end), end - begin
+    return PASS_BAND * nyquist, 1.0 / factor - nyquist
 
 
 class _Stage:
@@ -123,7 +142,8 @@ class _Stage:
         self.factor = factor
         self._filtered = filtered
         self._half = _half_length(factor, later)
-        taps = _design_filter(factor, later)
+        self.filter = _design_filter(factor, later)
+        taps = self.filter.taps
         self._bank = np.zeros((GROUP, len(taps) + (GROUP - 1) * factor))
         for number, row in enumerate(self._bank):
             row[number * factor : number * factor + len(taps)] = taps
@@ -177,14 +197,14 @@ class _Stage:
         return result
 
 
-def _design_filter(factor: int, later: int) -> Array:
+def _design_filter(factor: int, later: int) -> Filter:
     """Kaiser's window on the ideal low-pass: taps with a static gain of one (J. F. Kaiser, Proc. ISCAS 1974).
 
     As ``scipy.signal.firwin``, which takes 1.5 s to import.
     """
     attenuation = EARLY_STOP_BAND_DB if later > 1 else STOP_BAND_DB
-    middle, _ = _find_edges(factor, later)
+    begin, end = _find_edges(factor, later)
     half = _half_length(factor, later)
     beta = 0.1102 * (attenuation - 8.7)  # for a stop band of more than 50 dB
-    taps = np.sinc(2.0 * middle * np.arange(-half, half + 1)) * np.kaiser(2 * half + 1, beta)
-    return np.asarray(taps / taps.sum())
+    taps = np.sinc((begin + end) * np.arange(-half, half + 1)) * np.kaiser(2 * half + 1, beta)
+    return Filter(factor, np.asarray(taps / taps.sum()), begin, end, attenuation)

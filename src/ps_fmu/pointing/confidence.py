@@ -70,13 +70,16 @@ def bounding_rank(count: int, probability: float, confidence: float) -> int | No
     The quantile P lies below it with a probability of sum_{k<r} binomial(n, k) P^k (1 - P)^(n - k), which is at least
     ``confidence``.  None if there are fewer cases than :func:`samples_needed`.
     """
-    from scipy.stats import binom
+    from scipy.special import bdtr, bdtrik  # scipy.stats takes four times as long to import
 
     _check(probability, "probability")
     _check(confidence, "confidence")
-    chance = binom.cdf(np.arange(count), count, probability)
-    rank = int(np.searchsorted(chance, confidence * (1.0 - 1e-12))) + 1
-    return rank if rank <= count else None
+    level = confidence * (1.0 - 1e-12)
+    if bdtr(0, count, probability) >= level:
+        return 1 if count else None
+    below = math.ceil(bdtrik(level, count, probability))  # real-valued inverse: off by one at most
+    below = next(k for k in (below - 1, below, below + 1) if bdtr(k, count, probability) >= level)
+    return below + 1 if below < count else None
 
 
 def quantile(
@@ -184,7 +187,7 @@ def effective_samples(values: ArrayLike) -> float:
     series = _finite(values)
     deviation = series - series.mean()
     n = len(series)
-    spectrum = np.fft.rfft(deviation, 2 * n)
+    spectrum = np.fft.rfft(deviation, 1 << (2 * n - 1).bit_length())  # a power of two: up to 200 times as fast
     covariance = np.fft.irfft(spectrum.real**2 + spectrum.imag**2)[:n]
     if not covariance[0] > 1e-24 * n * float(np.abs(series).max()) ** 2:  # constant to rounding
         return 1.0

@@ -34,6 +34,18 @@ class PointingIndex(ABC):
     """Whether a constant error remains; if not, the index of a constant is zero."""
 
     @property
+    def about(self) -> str:
+        """In words, for example ``RPE over 1 s, t uniform``."""
+        text = self.symbol
+        if (window := getattr(self, "window", None)) is not None:
+            text += f" over {window:g} s"
+        if (separation := getattr(self, "separation", None)) is not None:
+            text += f", {separation:g} s apart"
+        if (at := getattr(self, "at", None)) is not None:
+            text += ", t uniform" if at == "uniform" else ", t at the end"
+        return text
+
+    @property
     @abstractmethod
     def span(self) -> float:
         """Time from the first to the last sample that the index needs, s; its weight has no faster period in f."""

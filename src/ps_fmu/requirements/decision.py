@@ -95,7 +95,7 @@ def _state_of_time(probability: float | None, confidence: float, runs: Sequence[
     if probability is None:
         each = [gaussian_rms(run.rms, run.effective_squares(), together) for run in runs]
     else:
-        each = [_quantile_of_record(run, probability, together) for run in runs]
+        each = [quantile_of_record(run, probability, together) for run in runs]
     worst = max(each, key=lambda one: one.value)
     return replace(
         worst,
@@ -109,8 +109,8 @@ def _state_of_time(probability: float | None, confidence: float, runs: Sequence[
     )
 
 
-def _quantile_of_record(run: Distribution, probability: float, confidence: float) -> Statement:
-    """As :func:`..pointing.confidence.quantile`, from a histogram."""
+def quantile_of_record(run: Distribution, probability: float, confidence: float) -> Statement:
+    """As :func:`..pointing.confidence.quantile`, from the distribution of the magnitudes over a run."""
     value = run.quantile(probability)
     independent = min(run.effective_share(value), float(run.count))
     cases = math.floor(independent + 1e-9)

@@ -36,9 +36,10 @@ class Distribution:
     ----------
     limit: in the unit of the values.
     expected: how many values there will be; more are counted, but not kept in the series.
+    kept: how many of them the series keeps at most, by default :data:`KEPT`.
     """
 
-    def __init__(self, limit: float, expected: int) -> None:
+    def __init__(self, limit: float, expected: int, kept: int | None = None) -> None:
         self.limit = limit
         self.count = 0
         self.peak = 0.0
@@ -46,7 +47,7 @@ class Distribution:
         self.counts: NDArray[np.int64] = np.zeros(_BINS, dtype=np.int64)
         """Values in each bin."""
         self._squares = 0.0  # sum, of values in limits
-        width = -(-expected // KEPT)
+        width = -(-expected // (kept or KEPT))
         self._chosen = np.arange(-(-expected // width)) * width
         if width > 1:
             self._chosen += np.random.default_rng(_SEED).integers(width, size=len(self._chosen))

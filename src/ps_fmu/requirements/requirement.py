@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from fnmatch import fnmatchcase
 
 from ..pointing.indices import PointingIndex
@@ -87,15 +87,7 @@ class Requirement:
     @property
     def about(self) -> str:
         """Index in words, for example ``RPE over 1 s, t uniform``."""
-        times = {item.name: getattr(self.index, item.name) for item in fields(self.index)}  # type: ignore[arg-type]
-        text = self.index.symbol
-        if "window" in times:
-            text += f" over {times['window']:g} s"
-        if "separation" in times:
-            text += f", {times['separation']:g} s apart"
-        if "at" in times:
-            text += ", t uniform" if times["at"] == "uniform" else ", t at the end"
-        return text
+        return self.index.about
 
     @property
     def level(self) -> str:

@@ -24,6 +24,8 @@ DIMENSIONS = {
     ("1", "2", "3"): "number",
 }
 """Names of the dimensions along which components of these names lie; of others it is ``<variable>_component``."""
+OF_THE_FILE = ("history", "comment")
+"""Attributes of a file that a run in memory has not: when it was written, where in it is what."""
 _MEMBER = re.compile(r"(?P<vector>.+)(?:\.(?P<name>[a-z]+)|_(?P<number>\d+))")
 
 
@@ -32,7 +34,7 @@ def list_cases(path: Path) -> list[str]:
     import netCDF4
 
     with netCDF4.Dataset(path) as file:
-        return list(file.groups)
+        return _list_runs(file)
 
 
 def read_case(path: Path, case: str) -> Dataset:
@@ -56,16 +58,17 @@ def read_case(path: Path, case: str) -> Dataset:
     except ModuleNotFoundError as error:
         raise ModuleNotFoundError(f"{error}: pip install 'ps-fmu[notebook]'", name=error.name) from error
     with netCDF4.Dataset(path) as file:
-        if case not in file.groups:
-            raise KeyError(f"{path}: no run {case!r}; there are {', '.join(file.groups) or 'none'}")
+        if case not in (known := _list_runs(file)):
+            raise KeyError(f"{path}: no run {case!r}; there are {', '.join(known) or 'none'}")
         group = file[case]
-        attributes = {name: file.getncattr(name) for name in file.ncattrs()}
+        attributes = {name: file.getncattr(name) for name in file.ncattrs() if name not in OF_THE_FILE}
         attributes |= {name: group.getncattr(name) for name in group.ncattrs()}
         kinds = {name: (variable.dtype, variable.units) for name, variable in group.variables.items() if name != "time"}
         vectors = group_components(kinds)
         short = shorten(vectors)
-        coordinates: dict[str, Any] = {"time": ("time", *_read(group, ["time"]))}
-        coordinates["time"][-1]["axis"] = "T"  # CF Conventions 1.11, section 4
+        seconds, said = _read(group, ["time"])
+        # The file counts seconds from a nominal date; as numbers they are what one computes and plots with.
+        coordinates: dict[str, Any] = {"time": ("time", seconds, {**said, "units": "s", "axis": "T"})}
         variables: dict[str, Any] = {}
         for vector, members in vectors.items():
             if len(members) == 1:
@@ -76,6 +79,11 @@ def read_case(path: Path, case: str) -> Dataset:
             coordinates[dimension] = np.array([int(label) if label.isdigit() else label for label in labels])
             variables[short[vector]] = (("time", dimension), *_read(group, list(members)))
     return Dataset(variables, coordinates, attributes)
+
+
+def _list_runs(file: Any) -> list[str]:
+    """Names of the groups that hold a run."""
+    return [name for name, group in file.groups.items() if "time" in group.variables]
 
 
 def group_components(kinds: Mapping[str, object]) -> dict[str, dict[str, str]]:

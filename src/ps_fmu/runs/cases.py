@@ -15,6 +15,7 @@ from ..cosim import Column, CosimError, Event, Master, Observer, Recorder, Value
 from ..cosim.terminals import read_terminal_variables
 from .mismatch import list_mismatches
 from .options import RESULTS, RunOptions
+from .origin import format_settings, write_origin
 from .setup import RunSystem
 
 Array = NDArray[np.float64]
@@ -97,10 +98,12 @@ def run_case(
     analyse: Callable[[tuple[Column, ...]], A],
     *,
     duration_s: float | None = None,
+    lead_steps: int = 0,
 ) -> tuple[Outcome, A]:
     """Run one case from its start to ``duration_s`` (by default that of the options) and free the FMUs.
 
-    ``analyse`` makes the analysis of the run once its columns are known.  All outputs are stored in the case's
+    ``analyse`` makes the analysis of the run once its columns are known; ``lead_steps`` at the start are left out of
+    the pointing error indices, which ``system`` collects.  All outputs are stored in the case's
     group of results.nc; what the user should know is added to the warnings of ``system``.
 
     Raises :class:`ps_fmu.cosim.CosimError` (what is wrong, where and when) and KeyboardInterrupt; the analysis and
@@ -126,19 +129,28 @@ def run_case(
             system.warnings.add(text)
         master.initialise()
         analysis = analyse(master.columns)
-        judging = system.judge.observe(case.name, master.columns, options.step_s, round(duration / options.step_s))
+        steps = round(duration / options.step_s)
+        own: tuple[Observer, ...] = (
+            *system.judge.observe(case.name, master.columns, options.step_s, steps),
+            *system.indices.observe(case.name, master.columns, options.step_s, steps, lead_steps),
+        )
         with (
             show_progress(case.name, duration, options.progress) as show,
-            _make_recorder(master, options, case, duration) as recorder,
+            _make_recorder(system, master, options, case, duration) as recorder,
         ):
-            master.run(duration, [Bounds(master.columns), recorder, *analysis.observers, *judging], case.events, note)
+            master.run(duration, [Bounds(master.columns), recorder, *analysis.observers, *own], case.events, note)
         return Outcome(case, duration, wall[0]), analysis
 
 
-def _make_recorder(master: Master, options: RunOptions, case: Case, duration_s: float) -> Recorder:
+def _make_recorder(
+    system: RunSystem, master: Master, options: RunOptions, case: Case, duration_s: float
+) -> Recorder:
     path = options.output / RESULTS
+    if not path.exists():
+        write_origin(path, options, system)
     attributes: dict[str, str | float] = {
         "scenario": options.scenario.name, "scheme": options.scheme, "step_s": options.step_s, "duration_s": duration_s,
+        "settings": format_settings(case.values, case.events),
     }  # fmt: skip
     return Recorder(
         path,
@@ -147,7 +159,7 @@ def _make_recorder(master: Master, options: RunOptions, case: Case, duration_s: 
         step=master.step,
         storage_step=options.storage_stride * master.step,
         attributes=attributes,
-        append=path.exists(),
+        append=True,
     )
 
 

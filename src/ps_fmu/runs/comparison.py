@@ -18,6 +18,7 @@ from ..results import plots
 from ..results.report import Picture
 from ..results.tables import Table, format_angles, format_number
 from .cases import Case, Outcome, run_case
+from .index_record import PROBABILITIES, WINDOW_S, IndexLog
 from .jitter_record import JitterRecord
 from .options import RunOptions
 from .setup import RunSystem
@@ -126,6 +127,7 @@ def compare(
             Case(prefix + name, {**(values or {}), **targets, "isolator.enabled": enabled}),
             judge,
             duration_s=steps * options.step_s,
+            lead_steps=lead_steps,
         )
         for name, enabled in zip(CASES, (False, True), strict=True)
     ]
@@ -172,24 +174,28 @@ def make_rows(comparison: Comparison) -> list[tuple[str, ...]]:
     ]
 
 
-def make_index_table(comparison: Comparison) -> Table | None:
-    """ECSS pointing indices of both runs; None for runs shorter than their window."""
-    passive, active = comparison.passive.indices, comparison.active.indices
-    if passive is None or active is None:
-        return None
-    header = ("axis", "APE passive", "APE active", "RPE passive", "RPE active", "MPE passive", "MPE active")
-    pairs = (
-        (passive.ape_rms, active.ape_rms),
-        (passive.rpe_rms, active.rpe_rms),
-        (passive.mpe_rms, active.mpe_rms),
-    )
-    found = [(axis, *(f"{values[i]:.3e}" for pair in pairs for values in pair)) for i, axis in enumerate(AXES)]
-    return Table(
-        f"ECSS-E-ST-60-10C indices, RMS (rad): absolute (APE), relative to the mean over {passive.window_s:g} s (RPE) "
-        "and that mean (MPE)",
-        header,
-        found,
-    )
+INDEX_HEADER = (
+    "signal", "index", "RMS passive", "RMS active", "95 % passive", "95 % active", "peak passive", "peak active"
+)  # fmt: skip
+
+
+def make_index_table(comparison: Comparison, indices: IndexLog) -> Table:
+    """The indices of both runs: RMS, 95 % quantile of the magnitude, peak, in the unit of the signal."""
+    passive, active = (indices.of(outcome.case.name) for outcome in comparison.outcomes)
+    level = PROBABILITIES.index(0.95)
+    rows = []
+    for place, (name, unit) in enumerate(zip(passive.names, passive.units, strict=True)):
+        for one, other in zip(passive.found, active.found, strict=True):
+            pairs = (
+                *(found.rms[place] for found in (one, other)),
+                *(found.quantiles[place][level].value for found in (one, other)),
+                *(found.peak[place] for found in (one, other)),
+            )
+            rows.append((f"{name} ({unit})", one.index.symbol, *(f"{value:.3e}" for value in pairs)))
+    windows = "" if len(passive.found) == 1 else (
+        f"; relative to the mean over {WINDOW_S:g} s (RPE), that mean (MPE), and its change to the next window (PDE)"
+    )  # fmt: skip
+    return Table(f"ECSS-E-ST-60-10C indices: absolute (APE){windows}. Confidence: summary.json", INDEX_HEADER, rows)
 
 
 def draw_comparison(comparison: Comparison, folder: Path, prefix: str = "") -> list[Picture]:

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from ..results.observers.arrival import LastRow
 from ..results.observers.drift import DriftObserver
 from ..results.observers.envelope import Envelope, EnvelopeObserver
-from ..results.observers.indices import Indices, PerformanceIndices
 from ..results.observers.observer import ColumnObserver, NamedColumn
 from ..results.observers.scatter import Scatter, ScatterObserver
 from ..results.observers.statistics import SignalStatistics, Statistics
@@ -24,19 +23,17 @@ IMAGE_POINT = ("plant.los.x", "plant.los.y")
 ORIENTATION = tuple(f"plant.orientation.{angle}" for angle in ("roll", "pitch", "yaw"))
 REACHABLE = "commander.reachable"
 SATURATED = "isolator.saturated"
-WINDOW_S = 1.0  # of the ECSS indices: an averaging time of a terminal, an exposure of a camera
 PICTURE_BINS = 3000  # of the envelope, at most: more than a figure has pixels
 EXPLORED_BINS = 24_000  # the same where one zooms in: 1.5 MB in a report with two cases
 MAX_SEGMENT_ROWS = 2**18  # 26 s at 1e-4 s; a spectrum from 0.04 Hz in 2 MB per signal
 
 
 class JitterRecord:
-    """Statistics, ECSS indices, spectra, scatter and envelope of one run; ``observers`` goes to the master.
+    """Statistics, spectra, scatter and envelope of one run; ``observers`` goes to the master.
 
-    ``steps`` is the length of the run; ``window_s`` the window of the ECSS indices [s].  With ``lead_steps`` the
-    statistics cover only the steps after those, ``steps - lead_steps`` rows; the envelope shows all.  A run that is
-    too short for a window or a segment simply has no indices (None) or spectrum (None).  With ``explored`` the envelope
-    is kept finer, for a report that one explores.
+    ``steps`` is the length of the run.  With ``lead_steps`` the statistics cover only the steps after those,
+    ``steps - lead_steps`` rows; the envelope shows all.  A run that is too short for a segment simply has no spectrum
+    (None).  With ``explored`` the envelope is kept finer, for a report that one explores.
     """
 
     def __init__(
@@ -46,7 +43,6 @@ class JitterRecord:
         step_s: float,
         steps: int,
         lead_steps: int = 0,
-        window_s: float = WINDOW_S,
         explored: bool = False,
     ) -> None:
         # Between two rows, so that rounding of the times does not matter.
@@ -58,13 +54,7 @@ class JitterRecord:
         self._envelope = EnvelopeObserver(columns, ROTATION, bins=(EXPLORED_BINS if explored else PICTURE_BINS) // 2)
         self._state = LastRow(columns, (*ORIENTATION, REACHABLE))
         self._saturated = Statistics(columns, (SATURATED,))
-        self._indices: PerformanceIndices | None = None
         self._welch: Welch | None = None
-        window_rows = round(window_s / step_s)
-        if 2 <= window_rows <= counted:
-            self._indices = PerformanceIndices(
-                columns, ROTATION, window_s=window_rows * step_s, step_s=step_s, start_s=start_s
-            )
         # Two segments' length at least, so that three are averaged; a power of two for the transform.
         rows = min(2 ** int(math.log2(max(counted, 1)) - 1), MAX_SEGMENT_ROWS)
         if rows >= 4:
@@ -80,7 +70,6 @@ class JitterRecord:
             self._envelope,
             self._state,
             self._saturated,
-            self._indices,
             self._welch,
         )
         return [observer for observer in found if observer is not None]
@@ -109,11 +98,6 @@ class JitterRecord:
     def fine_envelope(self) -> Envelope:
         """The same in as many bins as were kept."""
         return self._envelope.result()
-
-    @property
-    def indices(self) -> Indices | None:
-        """ECSS indices of the payload's rotation [rad]."""
-        return self._indices.result() if self._indices is not None else None
 
     @property
     def spectrum(self) -> tuple[Array, Array] | None:

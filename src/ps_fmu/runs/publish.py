@@ -12,7 +12,8 @@ from ..results.report import Picture, Report
 from ..results.summary import RunSummary, versions
 from ..results.tables import Table
 from .cases import Outcome
-from .options import REPORT, SUMMARY, RunOptions
+from .finish import finish_file
+from .options import REPORT, RESULTS, SUMMARY, RunOptions
 from .setup import SEED, RunSystem, collect_parameters, identify_fmus
 
 
@@ -48,6 +49,10 @@ def publish(options: RunOptions, system: RunSystem, findings: Findings) -> None:
 
     Raises ``OSError`` if they cannot be written, and after that :class:`NotMetError` for requirements that are not met.
     """
+    try:
+        finish_file(options.output / RESULTS, system.indices)
+    except OSError as error:  # the rows are there; nothing else is to be lost
+        system.warnings.add(str(error))
     verdicts = system.judge.conclude()
     remarks = list_remarks(verdicts)
     required = {"verdicts": [verdict.as_dict() for verdict in verdicts]} if verdicts else {}
@@ -64,7 +69,13 @@ def publish(options: RunOptions, system: RunSystem, findings: Findings) -> None:
         rejection_percent=findings.rejection_percent,
         real_time_factor=findings.real_time_factor,
         fmus=fmus,
-        more={**findings.more, **required, "parameters": parameters, "warnings": system.warnings.texts},
+        more={
+            **findings.more,
+            **required,
+            "indices": system.indices.as_dict(),
+            "parameters": parameters,
+            "warnings": system.warnings.texts,
+        },
     ).write(options.output / SUMMARY)
     Report(
         title=findings.title,

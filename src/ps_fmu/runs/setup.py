@@ -12,6 +12,7 @@ from ..cosim.description import convert_value, find_variable, get_unit, index_va
 from ..cosim.rows import make_layout
 from ..cosim.structure import Parameter, parse_port
 from ..results.summary import FmuFile
+from .index_record import IndexLog
 from .judge import RunJudge, read_judge
 from .options import OptionError, RunOptions
 from .warning_log import WarningLog
@@ -38,6 +39,8 @@ class RunSystem:
     """What the user should know about the run."""
     judge: RunJudge = field(default_factory=RunJudge)
     """The requirements, and what is needed for their verdicts."""
+    indices: IndexLog = field(default_factory=IndexLog)
+    """The pointing error indices of the runs."""
 
     def get_start(self, name: str) -> Value:
         """The value that ``component.variable`` will start with: as set in the system, or else as its FMU has it.

@@ -39,14 +39,13 @@ def run(options: RunOptions) -> None:
     refused = explain_refusal(found.target_deg)
     if not found.reachable:
         text.insert(0, refused)
-    indices = make_index_table(found)
     publish(
         options,
         system,
         Findings(
             title=f"Isolation at {format_angles(found.orientation_deg)} deg",
             text=text,
-            tables=[table] if indices is None else [table, indices],
+            tables=[table, make_index_table(found, system.indices)],
             pictures=draw_comparison(found, options.output) if options.figures else [],
             outcomes=found.outcomes,
             orientation_deg=found.orientation_deg,

@@ -1,0 +1,157 @@
+"""Where a run comes from, written into results.nc before its first row: the file stands alone, whatever ends the run.
+
+The root has the attributes of the CF Conventions (section 2.6.2), the options, and tables of FMUs, parameter files and
+packages; the group ``parameters`` the start value of every parameter of every FMU, with its unit and where it was set.
+"""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Iterator, Mapping, Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from fmpy.model_description import ModelVariable
+
+from .. import __version__
+from ..cosim.description import convert_value, get_unit, index_variables, read_start
+from ..cosim.recorder import CONVENTIONS, STORAGE, UDUNITS
+from ..cosim.structure import Component, Value
+from ..results.summary import FmuFile, versions
+from .options import RunOptions
+from .setup import SEED, RunSystem, identify_fmus
+
+PARAMETERS = "parameters"
+"""Name of the group of start values."""
+REFERENCES = "H. Zhang et al., Appl. Sci. 2023, 13(4), 2188, https://doi.org/10.3390/app13042188"
+COMMENT = (
+    "Each group with a coordinate time holds the rows of a run, for example xarray.open_dataset(path, group='active'); "
+    "its group filter says how they were filtered before they were thinned, its attribute settings what the run sets "
+    "itself. The group parameters has the start values, a group for each FMU. The date of time is nominal: its values "
+    "are seconds since the start of the run. Once all runs are done, the root has tables of their pointing error "
+    "indices."
+)
+
+
+def write_origin(path: Path, options: RunOptions, system: RunSystem) -> None:
+    """Make a results.nc without runs.  Raises OSError if it cannot be written."""
+    import netCDF4
+
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.unlink(missing_ok=True)  # whoever still reads an older result keeps it
+    try:
+        with netCDF4.Dataset(path, "w", format="NETCDF4") as file:
+            _write(file, options, system)
+    except BaseException as error:
+        path.unlink(missing_ok=True)  # nobody is to take half of it for results
+        if isinstance(error, RuntimeError):  # of HDF5
+            raise OSError(f"{path}: cannot be written: {error}") from error
+        raise
+
+
+def _write(file: Any, options: RunOptions, system: RunSystem) -> None:
+    file.setncatts(_list_attributes(options, system))
+    components, fmus = system.structure.components, identify_fmus(system)
+    write_texts(file, "component", [component.name for component in components], "name in the system")
+    write_texts(file, "fmu", [fmu.name for fmu in fmus], "FMU", "component")
+    write_texts(file, "fmu_sha256", [fmu.sha256 for fmu in fmus], "SHA-256 of the FMU", "component")
+    if options.parameters:
+        files = [FmuFile.of(one) for one in options.parameters]
+        write_texts(file, "parameter_file", [one.name for one in options.parameters], "later ones win")
+        write_texts(
+            file, "parameter_file_sha256", [one.sha256 for one in files], "SHA-256 of the file", "parameter_file"
+        )
+    packages = versions()
+    write_texts(file, "package", list(packages), "software that the results depend on")
+    write_texts(file, "package_version", list(packages.values()), "version", "package")
+    for component in components:
+        variables = index_variables(system.descriptions[component.name])
+        group = file.createGroup(f"{PARAMETERS}/{component.name}")
+        for variable, value, place in _list_start_values(component, variables):
+            _write_start_value(group, variable, value, place)
+
+
+def _list_attributes(options: RunOptions, system: RunSystem) -> dict[str, object]:
+    """The attributes of the file."""
+    return {
+        "Conventions": CONVENTIONS,
+        "title": f"{options.scenario.name}: {options.scenario.about}",
+        "source": f"ps_fmu {__version__}, FMI 2.0 co-simulation",
+        "history": f"{datetime.now(UTC):%Y-%m-%dT%H:%M:%SZ} {format_command(options)}",
+        "references": REFERENCES,
+        "comment": COMMENT,
+        "scenario": options.scenario.name,
+        "system": options.system.name,
+        "seed": np.int32(int(system.get_start(SEED))),
+        "duration_s": options.duration_s,
+        "step_s": options.step_s,
+        "storage_step_s": options.storage_s,
+        "scheme": options.scheme,
+    }
+
+
+def format_command(options: RunOptions) -> str:
+    """The command that makes such a run, files by their names without folders."""
+    archive = options.system.suffix.lower() == ".ssp"
+    words = [
+        *("ps-fmu", "run", options.scenario.name, "--ssp" if archive else "--system", options.system.name),
+        *("--duration", f"{options.duration_s!r}", "--step", f"{options.step_s!r}", "--seed", str(options.seed)),
+        *("--storage-step", f"{options.storage_s:.15g}", "--scheme", options.scheme),
+    ]
+    for option, values in (
+        ("--parameters", [path.name for path in options.parameters]),
+        ("--apart", options.apart),
+        ("--requirements", [options.requirements.name] if options.requirements else []),
+    ):
+        words += [option, *values] if values else []
+    return shlex.join(words)
+
+
+def format_settings(values: Mapping[str, Value], events: Sequence[tuple[float, str, Value]]) -> str:
+    """What a run sets itself, a line each: start values, then what it changes while it runs."""
+    lines = [f"{name} = {_format(value)}" for name, value in values.items()]
+    return "\n".join([*lines, *(f"{name} = {_format(value)} at {time:.9g} s" for time, name, value in events)])
+
+
+def _format(value: Value) -> str:
+    return str(value).lower() if isinstance(value, bool | np.bool_) else str(value)
+
+
+def _list_start_values(
+    component: Component, variables: Mapping[str, ModelVariable]
+) -> Iterator[tuple[ModelVariable, Value, str]]:
+    """Parameters of an FMU, and inputs that are given a value: variable, value, place where that was set, if any."""
+    for name, variable in variables.items():
+        entry = component.parameters.get(name)
+        if entry is not None:
+            yield variable, convert_value(variable, entry.value), Path(entry.origin).name
+        elif variable.causality == "parameter":
+            yield variable, read_start(variable), ""
+
+
+def _write_start_value(group: Any, variable: ModelVariable, value: Value, place: str) -> None:
+    kind: Any = str if variable.type == "String" else STORAGE[variable.type][0]
+    stored = group.createVariable(variable.name, kind, ())
+    unit = get_unit(variable) or "1"
+    attributes = {"long_name": variable.description or variable.name, **({"set_by": place} if place else {})}
+    if variable.type == "Boolean":
+        attributes |= {"flag_values": np.array([0, 1], dtype=np.int8), "flag_meanings": "false true"}
+    elif variable.type != "String":
+        # UDUNITS, and so CF, has no roots and no decibels.
+        attributes["unit_text" if "sqrt(" in unit or unit == "dB" else "units"] = UDUNITS.get(unit, unit)
+    default = read_start(variable)
+    if value != default:
+        attributes["value_in_fmu"] = _format(default)
+    stored.setncatts(attributes)
+    stored[...] = np.array(value, dtype=object) if kind is str else value
+
+
+def write_texts(file: Any, name: str, texts: Sequence[str], about: str, dimension: str = "") -> None:
+    """Write a variable of texts along a dimension; without the name of one it makes its own, and labels that."""
+    if not dimension:
+        file.createDimension(name, len(texts))
+    variable = file.createVariable(name, str, (dimension or name,))
+    variable.long_name = about
+    variable[:] = np.array(texts, dtype=object)

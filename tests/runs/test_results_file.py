@@ -1,0 +1,248 @@
+"""results.nc stands alone: where it comes from, the start values, tables of indices; complete or interrupted."""
+
+import hashlib
+import json
+import re
+from pathlib import Path
+
+import netCDF4
+import numpy as np
+import pytest
+import xarray
+
+from ps_fmu import __version__
+from ps_fmu.cosim import Column, Recorder
+from ps_fmu.results.datasets import list_cases, read_case
+from ps_fmu.runs import finish, publish
+from ps_fmu.runs.cases import Case, run_case
+from ps_fmu.runs.finish import finish_file
+from ps_fmu.runs.index_record import IndexLog
+from ps_fmu.runs.setup import load_system
+
+VALUES = {"plant.payload.mass": 20.0, "disturbance.seed": 7}
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture(scope="module")
+def done(built_fmus, tmp_path_factory):
+    """The options of a run of the default scenario, with its files."""
+    from ps_fmu.run_command import find_all_scenarios
+    from ps_fmu.runs.options import RunOptions
+
+    folder = tmp_path_factory.mktemp("done")
+    given = folder / "given.ssv"
+    lines = "".join(
+        f'<ssv:Parameter name="{name}"><ssv:{kind} value="{VALUES[name]}"/></ssv:Parameter>'
+        for name, kind in (("plant.payload.mass", "Real"), ("disturbance.seed", "Integer"))
+    )
+    head = 'xmlns:ssv="http://ssp-standard.org/SSP1/SystemStructureParameterValues" version="1.0" name="v"'
+    given.write_text(f"<ssv:ParameterSet {head}><ssv:Parameters>{lines}</ssv:Parameters></ssv:ParameterSet>")
+    scenario = find_all_scenarios()["isolation"]
+    options = RunOptions(
+        scenario, ROOT / "system" / scenario.system, folder / "out", 3.0, step_s=1e-3, storage_step_s=2e-3,
+        parameters=(given,), apart=("isolator.payload",), fmus=built_fmus, progress=False,
+    ).claim_output()  # fmt: skip
+    scenario.run(options)
+    return options
+
+
+def test_without_a_group_xarray_shows_where_the_file_comes_from(done):
+    with xarray.open_dataset(done.output / "results.nc") as data:
+        said = data.attrs
+        assert (said["scenario"], said["seed"], said["scheme"]) == ("isolation", 7, "jacobi")
+        assert (said["duration_s"], said["step_s"], said["storage_step_s"]) == (3.0, 1e-3, 2e-3)
+        assert said["source"].startswith(f"ps_fmu {__version__}")
+        assert "group='active'" in said["comment"]
+        summary = json.loads((done.output / "summary.json").read_text())
+        pairs = zip(data["fmu"].values, data["fmu_sha256"].values, strict=True)
+        assert [{"name": name, "sha256": digest} for name, digest in pairs] == summary["fmus"]
+        assert data["fmu"].sel(component="plant").item() == "ManipulatorPlant"
+        digest = hashlib.sha256(done.parameters[0].read_bytes()).hexdigest()
+        assert data["parameter_file_sha256"].sel(parameter_file="given.ssv").item() == digest
+        assert data["package_version"].sel(package="numpy").item() == np.__version__
+
+
+def test_the_history_is_a_time_and_a_command_without_folders(done):
+    with netCDF4.Dataset(done.output / "results.nc") as file:
+        assert re.fullmatch(
+            r"20\d\d-\d\d-\d\dT\d\d:\d\d:\d\dZ ps-fmu run isolation --system SystemStructure\.ssd --duration 3\.0 "
+            r"--step 0\.001 --seed 1 --storage-step 0\.002 --scheme jacobi --parameters given\.ssv "
+            r"--apart isolator\.payload",
+            file.history,
+        )
+    assert str(done.output.parent).encode() not in (done.output / "results.nc").read_bytes()
+
+
+def test_every_parameter_of_every_fmu_is_there(done):
+    system = load_system(done)
+    with netCDF4.Dataset(done.output / "results.nc") as file:
+        assert set(file["parameters"].groups) == {"plant", "commander", "isolator", "disturbance"}
+        for component, group in file["parameters"].groups.items():
+            named = {v.name for v in system.descriptions[component].modelVariables if v.causality == "parameter"}
+            assert named <= set(group.variables)
+            for name, variable in group.variables.items():
+                stored = variable[...] if variable.dtype is str else variable[...].item()
+                assert stored == system.get_start(f"{component}.{name}"), name
+                without = variable.dtype is str or hasattr(variable, "flag_values")
+                assert hasattr(variable, "units") + hasattr(variable, "unit_text") + without == 1, name
+        mass = file["parameters/plant"]["payload.mass"]
+        assert (mass[...], mass.units, mass.set_by, mass.value_in_fmu) == (20.0, "kg", "given.ssv, line 1", "14.89")
+        assert not hasattr(file["parameters/plant"]["payload.com.x"], "value_in_fmu")
+
+
+def test_a_run_says_what_it_sets_itself(done):
+    with netCDF4.Dataset(done.output / "results.nc") as file:
+        assert file["active"].settings.splitlines()[-1] == "isolator.enabled = true"
+        assert file["passive"].settings.splitlines()[-1] == "isolator.enabled = false"
+        assert file["active"].groups["filter"]["coefficients_1"].factor == 2
+
+
+def test_the_root_has_the_indices_of_the_summary(done):
+    stated = json.loads((done.output / "summary.json").read_text())["indices"]
+    with xarray.open_dataset(done.output / "results.nc") as data:
+        assert list(data["case"].values) == list(stated) == ["passive", "active"]
+        for vector, dimension in (("payload_rotation", "axis"), ("los", "axis_xy")):
+            for axis in data[dimension].values:
+                entry = stated["active"][f"plant.{vector}.{axis}"]
+                for symbol in ("APE", "MPE", "RPE", "PDE"):
+                    place = {"case": "active", "index": symbol, dimension: axis}
+                    for name in ("bias", "rms", "peak"):
+                        assert data[f"{vector}_{name}"].sel(place).item() == entry[symbol][name]
+                    quantiles = data[f"{vector}_quantile"].sel(place).values
+                    assert quantiles.tolist() == [one["value"] for one in entry[symbol]["quantiles"]]
+                    bounds = data[f"{vector}_bound"].sel(place).values.tolist()
+                    assert [b if np.isfinite(b) else None for b in bounds] == [
+                        one["bound"] for one in entry[symbol]["quantiles"]
+                    ]
+                assert data[f"{vector}_rms"].attrs["units"] == entry["unit"]
+
+
+def test_xarray_opens_a_run_by_its_group(done):
+    with xarray.open_dataset(done.output / "results.nc", group="active") as data:
+        assert data["time"].dtype.kind == "M"
+        assert data.sizes == {"time": 1501}
+        own = read_case(done.output / "results.nc", "active")
+        np.testing.assert_array_equal(data["plant.payload_rotation.y"], own["payload_rotation"].sel(axis="y"))
+    assert own["time"].dtype == float and own["time"].values[-1] == pytest.approx(3.0)
+    assert own.attrs["seed"] == 7 and "history" not in own.attrs
+    assert list_cases(done.output / "results.nc") == ["passive", "active"]
+
+
+def test_an_interrupted_run_says_where_it_comes_from(make_options):
+    class Interrupter:
+        @property
+        def observers(self):
+            return [self]
+
+        def block(self, first_index, time, values):
+            raise KeyboardInterrupt
+
+    options = make_options("isolation", 1.0, step_s=1e-3, storage_step_s=1e-3)
+    with pytest.raises(KeyboardInterrupt):
+        run_case(load_system(options), options, Case("passive", {"isolator.enabled": False}), lambda _: Interrupter())
+    with xarray.open_dataset(options.output / "results.nc") as data:
+        assert data.attrs["seed"] == 1 and "case" not in data.dims
+    with netCDF4.Dataset(options.output / "results.nc") as file:
+        assert len(file["passive"]["time"]) > 0
+        assert file["parameters/plant"]["payload.mass"].units == "kg"
+
+
+@pytest.fixture
+def rows(tmp_path):
+    """A file with noise, a constant and a slow column; what is in it."""
+    columns = [Column(f"a.{name}", "m", "Real", "") for name in ("noise", "constant")]
+    columns.append(Column("a.on", "1", "Boolean", ""))
+    values = np.random.default_rng(1).normal(size=(20_000, 3))
+    values[:, 1], values[:, 2] = 0.1, np.arange(20_000) // 5000 % 2
+    path = tmp_path / "results.nc"
+    with Recorder(path, "run", columns=columns, step=1e-3) as recorder:
+        recorder.block(0, np.arange(20_000) * 1e-3, values)
+    return path, values
+
+
+def test_what_shrinks_is_compressed_and_nothing_changes(rows):
+    path, values = rows
+    before = path.stat().st_size
+    plain = read_case(path, "run")
+    finish_file(path, IndexLog())
+    assert read_case(path, "run").identical(plain)
+    np.testing.assert_array_equal(plain["noise"], values[:, 0])
+    assert path.stat().st_size < 0.65 * before
+    with netCDF4.Dataset(path) as file:
+        compressed = [file["run"][f"a.{name}"].filters()["zlib"] for name in ("noise", "constant", "on")]
+        assert compressed == [False, True, True]
+        assert file["run"]["a.constant"].filters()["shuffle"]
+        assert file["run"]["time"].standard_name == "time"
+        assert file["run/filter"].kind.startswith("none")
+    assert [one.name for one in path.parent.iterdir()] == ["results.nc"]
+
+
+def test_a_short_run_takes_no_room_for_chunks(tmp_path):
+    path = tmp_path / "results.nc"
+    columns = [Column(f"a.x{k}", "m", "Real", "") for k in range(50)]
+    with Recorder(path, "run", columns=columns, step=1.0) as recorder:
+        recorder.block(0, np.arange(3.0), np.ones((3, 50)))
+    assert path.stat().st_size > 1e6
+    finish_file(path, IndexLog())
+    assert path.stat().st_size < 3e5
+    assert read_case(path, "run").sizes["time"] == 3
+
+
+@pytest.mark.parametrize("how", ["interrupted", "failed", "full"])
+def test_an_end_that_fails_leaves_the_file_as_it_was(rows, monkeypatch, how):
+    path, _ = rows
+    before = path.read_bytes()
+    if how == "full":
+        monkeypatch.setattr(finish.shutil, "disk_usage", lambda folder: type("Usage", (), {"free": 1000})())
+    else:
+        error = KeyboardInterrupt if how == "interrupted" else RuntimeError("HDF error")
+
+        def stop(*_):
+            raise error
+
+        monkeypatch.setattr(finish, "_write_tables", stop)
+    with pytest.raises(KeyboardInterrupt if how == "interrupted" else OSError) as caught:
+        finish_file(path, IndexLog())
+    assert {"interrupted": "", "failed": "HDF error", "full": "MB needed"}[how] in str(caught.value)
+    assert path.read_bytes() == before
+    assert [one.name for one in path.parent.iterdir()] == ["results.nc"]
+
+
+def test_a_file_that_cannot_be_compressed_costs_no_other_result(make_options, monkeypatch, capsys):
+    def refuse(*_):
+        raise OSError("results.nc: stays as it is: 8 MB needed")
+
+    monkeypatch.setattr(publish, "finish_file", refuse)
+    options = make_options("isolation", 0.02, step_s=2e-4)
+    options.scenario.run(options)
+    summary = json.loads((options.output / "summary.json").read_text())
+    assert summary["warnings"] == ["results.nc: stays as it is: 8 MB needed"]
+    assert "stays as it is" in capsys.readouterr().err
+
+
+CF_ATTRIBUTES = ("Conventions", "title", "source", "history", "references", "comment")
+
+
+@pytest.mark.parametrize("group", ["", "passive", "active", "active/filter", "parameters/plant", "parameters/isolator"])
+def test_the_rules_of_cf_that_are_claimed(done, group):
+    """CF 1.11: 2.6.2 attributes, 3.1 units, 3.3 names, 3.5 flags, 4.4 time."""
+    with netCDF4.Dataset(done.output / "results.nc") as file:
+        assert file.Conventions == "CF-1.11"
+        assert all(isinstance(file.getncattr(name), str) and file.getncattr(name) for name in CF_ATTRIBUTES)
+        for name, variable in (file[group] if group else file).variables.items():
+            assert variable.long_name, name
+            if variable.dtype is str:
+                continue
+            if hasattr(variable, "flag_meanings"):
+                assert variable.dtype == variable.flag_values.dtype
+                assert len(variable.flag_values) == len(variable.flag_meanings.split())
+            elif not hasattr(variable, "unit_text"):
+                assert isinstance(variable.units, str) and variable.units
+                assert variable.units not in ("deg", "%", "-", "") and "sqrt" not in variable.units
+        if group in ("passive", "active"):
+            time = file[group]["time"]
+            assert re.fullmatch(r"seconds since \d{4}-\d\d-\d\d \d\d:\d\d:\d\d", time.units)
+            assert (time.standard_name, time.axis, time.calendar, time.dimensions) == (
+                "time", "T", "standard", ("time",)
+            )  # fmt: skip
+            assert (np.diff(time[:]) > 0.0).all()
