@@ -6,7 +6,8 @@ import math
 import re
 from dataclasses import dataclass
 
-from ..slavekit.author.units import parse_unit
+from ..cosim.structure import suggest_names
+from ..slavekit.author.units import SYMBOLS, parse_unit
 
 SMALLEST, LARGEST = 1e-50, 1e50
 """Magnitudes whose squares and ratios are finite numbers, in any unit."""
@@ -49,7 +50,8 @@ def parse_quantity(text: object) -> Quantity:
         raise ValueError(f"{text!r} has no unit: write for example '{found[1]} urad', or '{found[1]} 1' for none")
     unit = parse_unit(found[2])
     if unit is None or unit.offset:
-        raise ValueError(f"the unit {found[2]!r} is not known; known are SI units, urad, arcsec, um, ms, % and others")
+        hint = suggest_names(found[2], SYMBOLS) or "; known are SI units, deg, arcsec, mas, urad, um, ms, % and others"
+        raise ValueError(f"the unit {found[2]!r} is not known{hint}")
     value = float(found[1])
     if not (math.isfinite(value) and SMALLEST <= value * unit.scale <= LARGEST):
         raise ValueError(f"expected a number above 0 that can be computed with, got {text!r}")

@@ -91,11 +91,11 @@ def _record(requirement: Requirement, group: Any, path: Path) -> tuple[Requireme
     step = float(time[-1] - time[0]) / (len(time) - 1)
     if not step > 0.0:
         raise ResultsError(f"{path}: the times of the run {group.name} do not ascend")
-    seen = "; ".join([_describe_rows(group, step), *_explain_interruption(group)])
-    whole = _read_number(group, "duration_s", float(time[-1]))
-    requirement.check_times(step, max(whole, float(time[-1])), f" between stored rows ({path})")
+    whole, lead_s = _read_number(group, "duration_s", float(time[-1])), _read_number(group, "lead_in_s", 0.0)
+    requirement.check_times(step, max(whole, float(time[-1])) - lead_s, f" between stored rows ({path})")
     needed = [columns[place] for target in find_targets(requirement, columns) for place in target.places]
-    record = RequirementRecord(requirement, needed, step, max(len(time), round(whole / step) + 1))
+    record = RequirementRecord(requirement, needed, step, max(len(time), round(whole / step) + 1), lead_s)
+    seen = "; ".join([_describe_rows(group, step) + record.after, *_explain_interruption(group)])
     for first in range(0, len(time), CHUNK_ROWS):
         rows = slice(first, first + CHUNK_ROWS)
         values = np.column_stack([np.asarray(group[column.name][rows], dtype=float) for column in needed])

@@ -34,6 +34,8 @@ class Case:
     name: str
     values: Mapping[str, Value] = field(default_factory=dict)
     events: Sequence[Event] = ()
+    lead_s: float = 0.0
+    """Lead-in, s: it is stored, but is in no statistics, and requirements count their time from its end."""
 
     @property
     def changed(self) -> set[str]:
@@ -126,7 +128,8 @@ def run_case(
             system.warnings.add(text)
         master.initialise()
         analysis = analyse(master.columns)
-        judging = system.judge.observe(case.name, master.columns, options.step_s, round(duration / options.step_s))
+        steps = round(duration / options.step_s)
+        judging = system.judge.observe(case.name, master.columns, options.step_s, steps, case.lead_s)
         with (
             show_progress(case.name, duration, options.progress) as show,
             _make_recorder(master, options, case, duration) as recorder,
@@ -140,6 +143,8 @@ def _make_recorder(master: Master, options: RunOptions, case: Case, duration_s: 
     attributes: dict[str, str | float] = {
         "scenario": options.scenario.name, "scheme": options.scheme, "step_s": options.step_s, "duration_s": duration_s,
     }  # fmt: skip
+    if case.lead_s:
+        attributes["lead_in_s"] = case.lead_s
     return Recorder(
         path,
         case.name,
