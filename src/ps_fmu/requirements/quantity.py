@@ -36,18 +36,21 @@ class Quantity:
         return f"{self.value:g} {self.unit}"
 
 
-def parse_quantity(text: object) -> Quantity:
+def parse_quantity(text: object, example: str = "0.5 urad") -> Quantity:
     """A quantity from a text such as ``0.5 urad``; one without dimension has the unit ``1`` or ``%``.
+
+    ``example`` is what messages show.
 
     Raises ``ValueError`` for anything else: no text, no unit, an unknown one, a number that is not above 0.
     """
     if not isinstance(text, str):
-        raise ValueError(f"expected a number with its unit as a text, such as '0.5 urad', got {text!r}")
+        raise ValueError(f"expected a number with its unit as a text, such as '{example}', got {text!r}")
     found = _QUANTITY.fullmatch(text)
     if found is None:
-        raise ValueError(f"expected a number with its unit, such as '0.5 urad', got {text!r}")
+        raise ValueError(f"expected a number with its unit, such as '{example}', got {text!r}")
     if found[2] is None:
-        raise ValueError(f"{text!r} has no unit: write for example '{found[1]} urad', or '{found[1]} 1' for none")
+        none = f", or '{found[1]} 1' for none" if example.endswith("rad") else ""
+        raise ValueError(f"{text!r} has no unit: write for example '{found[1]} {example.split()[1]}'{none}")
     unit = parse_unit(found[2])
     if unit is None or unit.offset:
         hint = suggest_names(found[2], SYMBOLS) or "; known are SI units, deg, arcsec, mas, urad, um, ms, % and others"
