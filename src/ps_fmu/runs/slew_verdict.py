@@ -1,8 +1,8 @@
 """What a slew has to meet, and apart from that what conservation of momentum makes of it.
 
-The orientation that the coarse legs set has to be the target, and so has the orientation of the platform on the bus
-with the isolator off.  With the isolator on the latter cannot be the target: the bus has turned, and the payload has
-not.  That is a finding, with its closed form beside it (:mod:`..mechanism.reaction`).
+The nominal orientation, which the coarse legs set, has to be the target, and with the isolator off so has the relative
+orientation, of the platform on the bus.  With the isolator on the latter cannot be the target: the bus has turned, and
+the payload has not.  That is a finding, with its closed form beside it (:mod:`..mechanism.reaction`).
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ Array = NDArray[np.float64]
 
 REQUIRED_DEG = 1e-8
 REQUIRED = (("nominal orientation", ORIENTATION, "off"), ("nominal orientation", ORIENTATION, "on"),
-            ("orientation on the bus", RELATIVE, "off"))  # fmt: skip
+            ("relative orientation", RELATIVE, "off"))  # fmt: skip
 PLANT = "ManipulatorPlant"
 AGREES = 0.01  # of the reaction: beyond that something else has moved the bus
 
@@ -96,7 +96,7 @@ def tabulate_requirements(found: list[Requirement]) -> Table:
 
 @dataclass(frozen=True, eq=False)
 class Reaction:
-    """Rotation of the bus and orientation on the bus less target, in closed form and in the run.
+    """Rotation of the bus, and relative orientation less target, in closed form and in the run.
 
     Arrays (3,), rad: roll, pitch and yaw that the small rotations make at the target.
     """
@@ -110,7 +110,7 @@ class Reaction:
 
     @property
     def relative(self) -> Array:
-        """Orientation on the bus less target: the rotation of the payload less that of the bus."""
+        """Relative orientation less target: the rotation of the payload less that of the bus."""
         return self.payload - self.bus
 
     @property
@@ -160,8 +160,8 @@ def tabulate_reactions(found: list[Reaction]) -> Table:
         for what, values in (
             ("rotation of the bus, closed form", one.bus),
             ("rotation of the bus, run", one.bus_in_run),
-            ("orientation on the bus less target, closed form", one.relative),
-            ("orientation on the bus less target, run", one.relative_in_run),
+            ("relative orientation less target, closed form", one.relative),
+            ("relative orientation less target, run", one.relative_in_run),
         ):
             if one.isolator == "on" or what.startswith("rotation"):
                 rows.append((what, one.isolator, *(format_number(value, ".4e") for value in np.degrees(values))))
@@ -170,23 +170,18 @@ def tabulate_reactions(found: list[Reaction]) -> Table:
 
 
 def describe_reactions(found: list[Reaction]) -> list[str]:
-    """What the finding says, as a sentence."""
-    said = []
-    for one in found:
-        off = one.difference_percent
-        if off <= 100.0 * AGREES:
-            said.append(f"isolator {one.isolator}: the run is {off:.1g} % of it off")
-        else:
-            said.append(
-                f"isolator {one.isolator}: the run is {off:.3g} % of it off, so that outer forces or a motion before "
-                "the slew have turned the bus, too"
-            )
-    if not said:
+    """What the finding says, as a paragraph; nothing without a finding."""
+    if not found:
         return []
-    return [
-        "No requirement: by conservation of momentum the slew turns the bus, and with the isolator on the orientation "
-        f"on the bus cannot be the target. Rotation of the bus in closed form; {'; '.join(said)}."
-    ]
+    differences = " and ".join(f"{one.difference_percent:.2g} % (isolator {one.isolator})" for one in found)
+    said = (
+        "A finding, no requirement: by conservation of momentum the slew turns the bus, so that with the isolator on "
+        "the relative orientation cannot be the target. The rotation of the bus in the run differs from its closed "
+        f"form by {differences}."
+    )
+    if max(one.difference_percent for one in found) > 100.0 * AGREES:
+        said += " So outer forces, or a motion before the slew, have turned the bus, too."
+    return [said]
 
 
 def list_verdicts(requirements: list[Requirement], reactions: list[Reaction]) -> dict[str, object]:

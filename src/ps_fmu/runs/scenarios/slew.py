@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 
 from ...pointing.rejection import rejection_percent
-from ...results.tables import format_angles
+from ...results.tables import Table, format_angles
 from ..cases import Case, run_case
 from ..comparison import TARGET, TargetError, explain_refusal, read_target
 from ..jitter_record import ROTATION
@@ -68,10 +68,10 @@ def run(options: RunOptions) -> None:
     if reactions:
         tables.insert(0, tabulate_reactions(reactions))
     if required:
-        tables.insert(0, tabulate_requirements(required))
         text += [*describe_reactions(reactions), DIRECTION]
+        _show(tabulate_requirements(required))  # in the report they are the verdicts
     for part in tables:
-        print(f"{part.caption}\n{part.to_text()}\n")
+        _show(part)
     print(*text, sep="\n")
     moved = slews.on.arrival.during is not None
     passive, active = (slew.during(ROTATION, "rms") for slew in (slews.off, slews.on))
@@ -95,6 +95,10 @@ def run(options: RunOptions) -> None:
     )
     if not slews.on.reachable:
         raise TargetError(explain_refusal(slews.target_deg))
+
+
+def _show(table: Table) -> None:
+    print(f"{table.caption}\n{table.to_text()}\n")
 
 
 SCENARIO = Scenario(
