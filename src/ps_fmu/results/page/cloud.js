@@ -1,9 +1,8 @@
 // Points of a plane with their hulls, x and y to the same scale.
 
 const CLOUD_MARGIN = 46;
-/** The smallest part of the plane that is shown, over all of it: float32 has some 100 places left there. */
-const CLOUD_CLOSEST = 1e-4;
-const CLOUD_DIGITS = 4;
+/** The smallest part of the plane that is shown, over all of it: labels of the axes have room for its digits. */
+const CLOUD_CLOSEST = 1e-3;
 /** A press that moves less, px, is a click. */
 const SHORTEST_DRAG = 5;
 
@@ -121,6 +120,8 @@ class CloudView {
     const scaled = engineering(this.unit, this.reach);
     const step = roundStep((2 * this.reach * scaled.factor) / 5);
     const end = this.size - CLOUD_MARGIN;
+    const farthest = (Math.max(Math.abs(this.x), Math.abs(this.y)) + this.reach) * scaled.factor;
+    const digits = Math.max(3, Math.ceil(Math.log10(farthest / step)) + 1); // so that neighbours differ
     context.font = "12px system-ui";
     context.textAlign = "center";
     for (const value of listTicks(this.x, this.reach, scaled.factor, step)) {
@@ -128,14 +129,14 @@ class CloudView {
       context.fillStyle = theme.colour("grid");
       context.fillRect(at, CLOUD_MARGIN, 1, this.inner);
       context.fillStyle = theme.colour("text");
-      context.fillText(formatNumber(value, CLOUD_DIGITS), at, end + 16);
+      context.fillText(formatNumber(value, digits), at, end + 16);
     }
     for (const value of listTicks(this.y, this.reach, scaled.factor, step)) {
       const at = this.down(value / scaled.factor);
       context.fillStyle = theme.colour("grid");
       context.fillRect(CLOUD_MARGIN, at, this.inner, 1);
       context.fillStyle = theme.colour("text");
-      context.fillText(formatNumber(value, CLOUD_DIGITS), CLOUD_MARGIN - 22, at + 4);
+      context.fillText(formatNumber(value, digits), CLOUD_MARGIN - 22, at + 4);
     }
     context.fillText(`x (${scaled.unit})`, this.size / 2, this.size - 8);
     context.fillText(`y (${scaled.unit})`, CLOUD_MARGIN, CLOUD_MARGIN - 10);
