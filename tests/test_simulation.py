@@ -17,6 +17,7 @@ from ps_fmu import simulation
 from ps_fmu.cosim import CosimError, read_parameters
 from ps_fmu.pointing import AbsoluteError, DriftError, MeanError, RelativeError, ResidualJitter
 from ps_fmu.runs.options import OptionError
+from ps_fmu.runs.publish import NotMetError
 from ps_fmu.simulation import Result, simulate
 
 ROOT = Path(__file__).parents[1]
@@ -46,6 +47,19 @@ def taken(monkeypatch):
     options = []
     monkeypatch.setattr(simulation, "build_and_run", options.append)
     return options
+
+
+def test_results_that_miss_a_requirement_are_results(temporary, monkeypatch):
+    """The scenario raises once all is written; for a script that is no failure of the run."""
+    run = simulation.build_and_run
+
+    def miss(options):
+        run(options)
+        raise NotMetError("1 of 3 requirements of the scenario are not met")
+
+    monkeypatch.setattr(simulation, "build_and_run", miss)
+    found = simulate("isolation", **SHORT)
+    assert found.cases == ["passive", "active"] and found.summary["scenario"] == "isolation"
 
 
 def test_importing_the_package_loads_nothing_else():

@@ -17,7 +17,7 @@ from .paper import figures
 from .product.files import find_file, find_product, list_system_files
 from .runs import scenarios
 from .runs.built_fmus import find_built_folder, provide_fmus
-from .runs.options import RESULTS, SCHEMES, OptionError, RunOptions, Scenario
+from .runs.options import REPORT, RESULTS, SCHEMES, OptionError, RunOptions, Scenario
 from .runs.output import hold_folder
 from .runs.registry import find_scenarios
 from .slavekit.pack.errors import BuildError
@@ -143,8 +143,10 @@ def run(arguments: argparse.Namespace, command_line: argparse.ArgumentParser) ->
 
 
 def report_end(program: str, why: str, output: Path, code: int) -> int:
-    """Say why a run ended early and where its results are; returns the exit code."""
+    """Say why a run failed and where its results are; returns the exit code."""
     results = output / RESULTS
     kept = f"results so far: {results}" if results.is_file() else "nothing was stored"
+    if (output / REPORT).is_file():  # the last that is written: the run is complete, and what it found is the failure
+        kept = f"all results are written: {output}"
     print(f"{program}: {why}\n{program}: {kept}", file=sys.stderr)
     return code

@@ -8,7 +8,7 @@ import shutil
 import tempfile
 import weakref
 from collections.abc import Mapping, Sequence
-from contextlib import redirect_stdout
+from contextlib import redirect_stdout, suppress
 from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
@@ -24,6 +24,7 @@ from .run_command import build_and_run, find_all_scenarios
 from .runs.built_fmus import find_built_folder
 from .runs.options import REPORT, RESULTS, SCHEMES, SUMMARY, OptionError, RunOptions, claim_folder
 from .runs.output import hold_folder
+from .runs.publish import NotMetError
 from .slavekit.pack.files import write_atomically
 
 if TYPE_CHECKING:
@@ -50,7 +51,7 @@ def simulate(
     output: str | PathLike[str] | None = None,
     progress: bool = True,
 ) -> Result:
-    """Run a scenario as ``ps-fmu run`` does; its results.
+    """Run a scenario as ``ps-fmu run`` does; its results, whether they meet the scenario's own requirements or not.
 
     >>> import ps_fmu
     >>> result = ps_fmu.simulate("isolation", duration=20, parameters={"plant.payload.mass": 60.0})  # doctest: +SKIP
@@ -104,7 +105,7 @@ def simulate(
                 fmus=None if own is not None and own.suffix.lower() == ".ssp" else find_built_folder(),
                 progress=progress,
             )
-            with redirect_stdout(io.StringIO()) as printed:
+            with redirect_stdout(io.StringIO()) as printed, suppress(NotMetError):
                 build_and_run(options)
     except BaseException:
         if output is None:

@@ -89,7 +89,14 @@ def test_the_indices_are_all_that_the_library_has():
         ({"statistic": "mean"}, "statistic: expected one of quantile, rms, peak"),
         ({"statistic": "peak", "probability": None, "interpretation": None}, "confidence: unknown for RPE as peak"),
         ({"combine": "sum"}, "combine: expected one of each, norm"),
-        ({"settling": "5"}, "settling: '5' has no unit"),
+        ({"settling": "5"}, "settling: '5' has no unit: write for example '5 s'"),
+        ({"settling": 5}, "settling: expected a number with its unit as a text, such as '5 s', got 5"),
+        ({"settling": "-1 s"}, "settling: expected a number above 0"),
+        ({"settling": "inf s"}, "settling: expected a number with its unit, such as '5 s', got 'inf s'"),
+        ({"settling": "0 rad"}, "settling: expected a number above 0"),
+        ({"name": "x" * 201}, "name: expected 200 characters at most, got 201"),
+        ({"limit": "inf urad"}, "limit: expected a number with its unit, such as '0.5 urad', got 'inf urad'"),
+        ({"limit": "-1 urad"}, "limit: expected a number above 0"),
     ],
 )
 def test_what_is_refused_by_file_line_requirement_and_key(write, change, problem):
@@ -126,6 +133,15 @@ def test_a_file_that_cannot_be_read(tmp_path):
     (tmp_path / "binary.toml").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(RequirementError, match="not a TOML file"):
         read_requirements(tmp_path / "binary.toml")
+
+
+@pytest.mark.parametrize("text", ["0 s", "0s", "0.0 ms", " 0 min "])
+def test_no_settling_in_any_unit_of_time(require, text):
+    assert require(settling=text).settling_s == 0.0
+
+
+def test_names_in_any_script(require):
+    assert require(name="Gr\u00f6\u00dfe der Unsch\u00e4rfe \u2603").name.endswith("\u2603")
 
 
 def test_names_tell_requirements_apart(write):

@@ -104,6 +104,20 @@ def test_requirements_that_do_not_fit_the_run(require, change, problem):
     assert f"requirement 1 (blur), {problem}" in str(refused.value)
 
 
+def test_the_settling_begins_where_the_lead_in_ends(require, white):
+    """A disturbance that rises is no part of what is judged, and no part of the settling."""
+    rows = white(1001)
+    rows[:400] = 1e9
+    rows[400:500] = 1e6
+    requirement = require(index="APE", at=None, window=None, settling="1 s")
+    record = RequirementRecord(requirement, COLUMNS, STEP, len(rows), lead_s=4.0)
+    record.block(0, np.arange(1001) * STEP, rows)
+    assert record.distributions[0].count == record.rows == 501
+    assert record.distributions[0].peak == np.abs(rows[500:, 0]).max()
+    with pytest.raises(RequirementError, match=r"window: .* needs 6 s after 1 s of settling; the run has 6"):
+        RequirementRecord(require(settling="1 s", window="6 s"), COLUMNS, STEP, 1001, lead_s=4.0)
+
+
 def test_a_window_of_the_whole_run(require, white):
     (found,) = observe(require(window="10 s"), white(1001)).distributions
     assert found.count == 1000

@@ -179,6 +179,50 @@ def test_groups_of_other_programs(store, require):
         judge_files([path], [require(signal="plant.rotation.z")])
 
 
+def test_a_text_beside_the_signals_is_no_signal(store, require):
+    """As other programs leave it in a group; so is a unit that is no text."""
+    path, _ = store()
+    with netCDF4.Dataset(path, "a") as file:
+        file["active"].createVariable("plant.note", str, ("time",))[0] = "begun"
+        file["active"].createVariable("plant.odd", "f8", ("time",)).units = 5
+    assert judge_one(path, [require()]).answer is Answer.MET
+    with pytest.raises(RequirementError, match=r"signal: plant\.note is of the type String: expected a Real"):
+        judge_files([path], [require(signal="plant.note")])
+    with pytest.raises(RequirementError, match=r"limit: nothing can be converted to the unit '5' of plant\.odd"):
+        judge_files([path], [require(signal="plant.odd")])
+
+
+def test_a_file_that_was_cut_off_or_damaged_says_so(tmp_path, store, require):
+    path, _ = store()
+    whole = path.read_bytes()
+    cut = tmp_path / "cut.nc"
+    cut.write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(ResultsError, match=r"cut\.nc: cannot be read: .*it is damaged or was cut off"):
+        judge_files([cut], [require()])
+    (tmp_path / "empty.nc").write_bytes(b"")
+    with pytest.raises(ResultsError, match=r"empty\.nc: cannot be read: .*it is no netCDF file"):
+        judge_files([tmp_path / "empty.nc"], [require()])
+    with pytest.raises(ResultsError, match=r"it is a folder; its results\.nc is meant"):
+        judge_files([tmp_path], [require()])
+
+
+def test_rows_that_cannot_be_unpacked(tmp_path, require):
+    """Damage among the values of a file that opens: a checksum that does not agree."""
+    path = tmp_path / "results.nc"
+    values = np.random.default_rng(1).normal(0.0, 1e-7, 2001)
+    with netCDF4.Dataset(path, "w") as file:
+        group = file.createGroup("active")
+        group.createDimension("time", None)
+        group.createVariable("time", "f8", ("time",))[:] = STEP * np.arange(2001)
+        signal = group.createVariable("plant.rotation.x", "f8", ("time",), fletcher32=True)
+        signal.units, signal[:] = "rad", values
+    content = bytearray(path.read_bytes())
+    content[content.index(values[1000].tobytes())] ^= 0xFF
+    path.write_bytes(content)
+    with pytest.raises(ResultsError, match=r"results\.nc: the run active is damaged, rows from 0 s on cannot be read"):
+        judge_files([path], [require()])
+
+
 def test_times_that_do_not_ascend(store, require):
     path, _ = store()
     with netCDF4.Dataset(path, "a") as file:

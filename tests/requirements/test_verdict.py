@@ -90,6 +90,18 @@ def test_too_few_independent_samples_say_how_long_to_run(record, white):
     assert enough.answer is Answer.MET
 
 
+@pytest.mark.parametrize("value", [0.0, 1e-7])
+def test_what_does_not_vary_is_not_asked_to_run_longer(record, value):
+    """No time makes samples of a constant independent; its peak can be judged."""
+    verdict = decide(record(np.full(1001, value), **APE))
+    assert verdict.answer is Answer.OPEN
+    assert verdict.remark == "the value is the same at all times, and no run is long enough for its quantile: " + (
+        "require its peak"
+    )
+    peak = {"statistic": "peak", "probability": None, "interpretation": None, "confidence": None}
+    assert decide(record(np.full(1001, value), **APE, **peak)).answer is Answer.MET
+
+
 @pytest.mark.parametrize(("count", "said"), [(151, True), (2001, False)])
 def test_a_bound_that_rests_on_few_samples_is_named(record, white, count, said):
     """Half of the white samples count as such: pairs of equal ones."""

@@ -10,6 +10,7 @@ import pytest
 from support.required import ENTRIES, to_toml
 
 from ps_fmu.cli import main
+from ps_fmu.paper.figures.table2 import scenario as table2
 from ps_fmu.requirements.reading import read_requirements
 from ps_fmu.requirements.stored import judge_files
 from ps_fmu.runs.cases import Case, run_case
@@ -145,6 +146,39 @@ def test_a_scenario_that_does_not_tell_its_runs_beforehand(required):
     with pytest.raises(NotMetError, match="1 cannot be said"):
         silent.run(replace(options, scenario=silent))
     assert read_verdicts(options)[0]["remark"] == "there is no run aktive; there are: passive, active"
+
+
+@pytest.mark.parametrize("scenario", ["isolation", "slew", "pointing", "trajectories", "stability", "table2"])
+def test_every_scenario_refuses_a_run_that_it_has_not(required, make_options, scenario):
+    """Before anything runs, with the names that there are; and it takes those."""
+    path = required({"case": "aktive"}).requirements
+    options = make_options(scenario, 5.0, step_s=1e-3, requirements=path)
+    last = options.scenario.find_cases()[-1]
+    with pytest.raises(OptionError, match=rf"case: there is no run aktive; there are .*{last}"):
+        load_system(options)
+    required({"case": list(options.scenario.find_cases())})
+    assert len(load_system(options).judge.requirements) == 1
+
+
+def test_the_lead_in_of_a_run_is_not_judged(required, make_options, ssv, monkeypatch):
+    """The settling counts from where the statistics begin, during the run and from its rows; the verdict says so."""
+    monkeypatch.setattr(table2, "draw_comparison", lambda *_: [])
+    monkeypatch.setattr(table2, "ORIENTATIONS", {"nominal": (0.0, 0.0, 0.0)})
+    monkeypatch.setattr(table2, "SETTLING_S", 0.0)
+    change = {"case": "*_passive", "statistic": "peak", "confidence": None, "settling": "0.1 s"}
+    path, rises = required(change).requirements, ssv({"disturbance.rise_time": 0.3})
+    options = make_options("table2", 0.4, requirements=path, parameters=(rises,), **QUICK)
+    options.scenario.run(options)
+    results = options.output / "results.nc"
+    stored = judge_files([results], read_requirements(options.requirements))
+    with netCDF4.Dataset(results) as file:
+        group = file["roll0_pitch0_yaw0_passive"]
+        late = np.asarray(group["time"]) > 0.3995
+        peaks = [1e3 * np.abs(np.asarray(group[name])[late]).max() for name in ROTATION]
+    assert [v["value"] for v in read_verdicts(options)] == pytest.approx(peaks, rel=1e-9)
+    assert [v.as_dict()["value"] for v in stored] == pytest.approx(peaks, rel=1e-9)
+    assert read_verdicts(options)[0]["rows"] == "every step of 0.001 s, after a lead-in of 0.3 s"
+    assert stored[0].rows == "all rows, 0.001 s apart, after a lead-in of 0.3 s"
 
 
 class Stop:

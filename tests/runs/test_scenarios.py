@@ -16,6 +16,7 @@ from ps_fmu.paper.figures.table2 import scenario as table2
 from ps_fmu.runs import setup
 from ps_fmu.runs.comparison import TargetError
 from ps_fmu.runs.options import OptionError
+from ps_fmu.runs.publish import NotMetError
 from ps_fmu.runs.setup import load_system
 
 SYSTEM = Path(__file__).parents[2] / "system" / "SystemStructure.ssd"
@@ -39,6 +40,7 @@ def run(options, fmus=4):
 def check_files(options, groups, rows):
     """results.nc has the groups with as many rows, all with units; the report is complete."""
     with netCDF4.Dataset(options.output / "results.nc") as file:
+        assert groups == list(options.scenario.find_cases())
         assert list(file.groups) == ["parameters", *groups]
         for name in groups:
             group = file[name]
@@ -236,6 +238,45 @@ def test_slew(make_options, ssv):
     assert summary["rms_active_rad"] == on["payload_rotation_rms_rad"]
 
 
+def test_momentum_says_how_the_bus_turns_by_a_slew(make_options, ssv, capsys):
+    """What cannot be on target is a finding; its closed form is what the FMUs do.  Requirements alone have verdicts."""
+    half_a_degree = {"commander.target.roll": math.radians(0.5)}
+    options = make_options("slew", 73.0, step_s=2e-3, parameters=(ssv(half_a_degree),))
+    slew = run(options)["slew"]
+    assert [(one["what"], one["isolator"], one["met"]) for one in slew["requirements"]] == [
+        ("nominal orientation", "off", True),
+        ("nominal orientation", "on", True),
+        ("relative orientation", "off", True),
+    ]
+    # With the isolator on the payload follows the bus by a few percent, which the closed form leaves out.
+    for case, tolerance in (("isolator_off", 2e-6), ("isolator_on", 5e-4)):
+        found = slew["reaction"][case]
+        closed, measured = (np.array(found[f"bus_rotation_{name}deg"]) for name in ("closed_form_", ""))
+        assert np.linalg.norm(measured) > 1e-4
+        np.testing.assert_allclose(measured, closed, rtol=0.0, atol=tolerance * np.linalg.norm(closed))
+        assert found["difference_percent"] < 100.0 * tolerance
+    on = slew["reaction"]["isolator_on"]
+    closed, measured = (np.array(on[f"relative_error_{name}deg"]) for name in ("closed_form_", ""))
+    np.testing.assert_allclose(measured, closed, rtol=0.0, atol=1e-3 * np.linalg.norm(closed))
+    text = capsys.readouterr().out
+    assert "Requirements on the slew: 3 of 3 are met" in text and "NOT MET" not in text
+    assert "A finding, no requirement" in text and "outer forces" not in text
+    assert "NOT MET" not in (options.output / "report.html").read_text()
+
+
+def test_a_slew_under_forces_misses_its_requirement(make_options, ssv, capsys):
+    """All is written before the error that makes the exit code, and the finding says what the momentum lacks."""
+    values = {**QUICK_SLEW, "disturbance.noise.enabled": True, "disturbance.noise.band.max": 20.0}
+    options = make_options("slew", 73.0, step_s=0.02, parameters=(ssv(values),))
+    with pytest.raises(NotMetError, match=r"1 of 3 requirements of the scenario are not met: relative orientation"):
+        run(options)
+    slew = json.loads((options.output / "summary.json").read_text())["slew"]
+    assert [one["met"] for one in slew["requirements"]] == [True, True, False]
+    assert "NOT MET" in (options.output / "report.html").read_text()
+    text = capsys.readouterr().out
+    assert "2 of 3 are met" in text and "So outer forces, or a motion before the slew" in text
+
+
 @pytest.mark.parametrize(
     ("duration_s", "profile_end_s", "text"),
     [(20.0, 11.0, "leaves less than 60 s"), (4.0, None, "the run ends at 4.0000 s, before the profile does")],
@@ -246,6 +287,8 @@ def test_slew_that_ends_early_is_judged_at_its_end(make_options, ssv, capsys, du
     assert slew["settled_60_s"] is False
     assert slew["profile_end_s"] == pytest.approx(profile_end_s, abs=0.05)
     assert slew["judged_s"] == pytest.approx(duration_s)
+    assert {one["verdict"] for one in slew["requirements"]} == {"cannot be said"}
+    assert bool(slew["reaction"]) == (profile_end_s is not None)
     assert text in capsys.readouterr().out
 
 

@@ -123,13 +123,16 @@ def test_a_failed_run_ends_with_1_and_says_why(run, scenario, capsys):
 
 def test_a_requirement_that_is_not_met_ends_with_1(run, scenario, capsys):
     def judge(options):
-        (options.output / "results.nc").write_text("")
+        for name in ("results.nc", "summary.json", "report.html"):
+            (options.output / name).write_text("")
         raise NotMetError("requirements: 0 of 1 are met, 1 not met")
 
     scenario(judge)
     assert run.main(["--output", "out"]) == 1
-    message = capsys.readouterr().err
-    assert message.startswith("run.py: requirements: 0 of 1 are met, 1 not met\nrun.py: results so far: ")
+    message, folder = capsys.readouterr().err, Path("out").resolve()
+    assert message == (
+        f"run.py: requirements: 0 of 1 are met, 1 not met\nrun.py: all results are written: {folder}\n"
+    )
 
 
 def test_ctrl_c_ends_with_130_and_says_what_is_there(run, scenario, capsys):

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
-from ..results.report import Picture, Report
+from ..results.report import Picture, Report, Section
 from ..results.summary import plain, versions
 from ..results.tables import Table
 from ..slavekit.pack.files import write_atomically
@@ -30,6 +30,8 @@ class AnalysisResult:
     findings: Sequence[Finding] = ()
     tables: Sequence[Table] = ()
     pictures: Sequence[Picture] = ()
+    parts: Sequence[AnalysisResult] = ()
+    """Results that this one puts together, with files of their own beside; ``pictures`` has all of theirs."""
     data: Mapping[str, object] = field(default_factory=dict)
     """Further entries of the JSON file, in SI units."""
 
@@ -39,7 +41,8 @@ class AnalysisResult:
 
     def to_markdown(self) -> str:
         """Text and tables as Markdown."""
-        parts = [f"# {self.title}", *self.text, *(table.to_markdown() for table in self.all_tables())]
+        more = [f"{part.title}: more in [{part.name}.md]({part.name}.md)." for part in self.parts]
+        parts = [f"# {self.title}", *self.text, *more, *(table.to_markdown() for table in self.all_tables())]
         parts += [f"![{picture.caption}]({picture.path.name})" for picture in self.pictures]
         return "\n\n".join(parts) + "\n"
 
@@ -50,7 +53,8 @@ class AnalysisResult:
         file has all of it.
         """
         width = width or min(max(shutil.get_terminal_size((USUAL, 24)).columns, NARROWEST), WIDEST)
-        parts = [self.title, *(textwrap.fill(paragraph, width) for paragraph in self.text)]
+        more = [f"{part.title}: more in {part.name}.md." for part in self.parts]
+        parts = [self.title, *(textwrap.fill(paragraph, width) for paragraph in (*self.text, *more))]
         left_out = []
         if self.findings:
             table = short_findings_table(self.findings)
@@ -93,7 +97,19 @@ class AnalysisResult:
         Report(
             title=self.title,
             text=self.text,
-            tables=self.all_tables(),
-            pictures=self.pictures,
+            sections=self._list_sections(),
             versions=versions(),
         ).write(output / f"{self.name}.html")
+
+    def _list_sections(self) -> list[Section]:
+        """What the page shows under headings: numbers, other tables, figures, by analysis where there are several."""
+        sections = []
+        if self.findings:
+            sections.append(Section("The paper's numbers", tables=[findings_table(self.findings)]))
+        sections += [Section(table.caption.partition(";")[0], tables=[table]) for table in self.tables]
+        for part in self.parts:
+            link = f"{part.name}.html", f"All of this analysis: {part.name}.html"
+            sections.append(Section(part.title, pictures=part.pictures, link=link))
+        if self.pictures and not self.parts:
+            sections.append(Section("Figures", pictures=self.pictures))
+        return sections

@@ -29,21 +29,21 @@ def analyse(options: AnalysisOptions) -> AnalysisResult:
     return AnalysisResult(
         name="paper",
         title="The paper's numbers, and ours",
-        text=paragraphs(findings, parts, entries),
+        text=paragraphs(findings, entries),
         findings=findings,
         tables=[errata_table(entries)],
         pictures=[picture for part in parts for picture in part.pictures],
+        parts=parts,
         data={"not_computed": find_missing(findings), "errata": [asdict(erratum) for erratum in entries]},
     )
 
 
-def paragraphs(findings: Sequence[Finding], parts: Iterable[AnalysisResult], errata: Sequence[Erratum]) -> list[str]:
-    """What the tables hold, and which files have more."""
+def paragraphs(findings: Sequence[Finding], errata: Sequence[Erratum]) -> list[str]:
+    """What the tables hold."""
     numeric = sum(erratum.error_printed is not None for erratum in errata)
     return [
         count_text(findings),
         knowledge_text(),
-        *(f"{part.title}: more in {part.name}.md." for part in parts),
         f"The errata have {len(errata)} entries. For {numeric} of them the error of the printed form is a number; "
         "all of these are computed anew with this report.",
     ]

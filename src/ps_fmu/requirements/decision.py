@@ -61,7 +61,7 @@ def explain_lack(requirement: Requirement, statement: Statement, runs: int, judg
     needed = samples_needed(requirement.probability, _share_out(confidence, runs))
     length = judged_s * needed / statement.independent
     return (
-        f"{statement.independent:.3g} independent samples in {judged_s:.4g} s; {needed} are needed: run about "
+        f"{_count_samples(statement.independent)} in {judged_s:.4g} s; {needed} are needed: run about "
         f"{_round_up(length + requirement.settling_s):g} s"
     )
 
@@ -71,7 +71,7 @@ def qualify(requirement: Requirement, statement: Statement) -> str:
     known = requirement.confidence is None or requirement.interpretation is not Interpretation.TEMPORAL
     if known or statement.independent >= FEW:
         return ""
-    number = f"{statement.independent:.3g} independent samples"
+    number = _count_samples(statement.independent)
     return f"the bound rests on {number}: so few that their number is uncertain, and the bound with it"
 
 
@@ -165,6 +165,11 @@ def _state_of_all(probability: float, confidence: float, runs: Sequence[Distribu
 
 def _count(runs: int) -> str:
     return "is one" if runs == 1 else f"are {runs}"
+
+
+def _count_samples(independent: float) -> str:
+    number = f"{independent:.3g}"
+    return f"{number} independent sample{'' if number == '1' else 's'}"
 
 
 def _round_up(seconds: float) -> float:

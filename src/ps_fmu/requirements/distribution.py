@@ -77,6 +77,11 @@ class Distribution:
         return self.limit * math.sqrt(self._squares / self.count)
 
     @property
+    def is_constant(self) -> bool:
+        """All values are one."""
+        return math.isclose(self.rms, self.peak, rel_tol=1e-12)
+
+    @property
     def identity(self) -> tuple[int, float, float]:
         """What two different runs do not have in common."""
         return self.count, self.peak, self._squares

@@ -54,6 +54,8 @@ INDICES: dict[str, type[PointingIndex]] = {
 COMMON = ("name", "signal", "combine", "case", "settling", "index", "statistic", "limit")
 OF_STATISTIC = {QUANTILE: ("probability", "confidence", "interpretation"), RMS: ("confidence",), PEAK: ()}
 DEFAULT_CASE = "active"
+LONGEST_NAME = 200  # characters; a name is repeated in each line of a table
+_NO_TIME = re.compile(r"\s*0+\.?0*\s*(s|ms|us|min|h)\s*")
 _HEADER = re.compile(r"\s*\[\[\s*requirement\s*\]\]")
 
 
@@ -96,6 +98,8 @@ class _Reader:
 
     def read(self) -> Requirement:
         name = self._text("name")
+        if len(name) > LONGEST_NAME:
+            raise self._error("name", f"expected {LONGEST_NAME} characters at most, got {len(name)}")
         self.place += f" ({name})"
         kind = INDICES[self._choice("index", tuple(INDICES))]
         statistic = self._choice("statistic", STATISTICS) if "statistic" in self.table else QUANTILE
@@ -158,22 +162,25 @@ class _Reader:
             raise self._error(key, f"expected a number between 0 and 1, got {value!r}")
         return float(value)
 
-    def _quantity(self, key: str) -> Quantity:
+    def _quantity(self, key: str, *example: str) -> Quantity:
         value = self._get(key)
         try:
-            return parse_quantity(value)
+            return parse_quantity(value, *example)
         except ValueError as error:
             raise self._error(key, str(error)) from error
 
     def _time(self, key: str) -> float:
-        time = self._quantity(key)
+        time = self._quantity(key, "5 s")
         try:
             return time.to("s")
         except ValueError as error:
             raise self._error(key, f"expected a time: {error}") from error
 
     def _settling(self) -> float:
-        return 0.0 if self.table.get("settling", "0 s") == "0 s" else self._time("settling")
+        value = self.table.get("settling", "0 s")
+        if isinstance(value, str) and _NO_TIME.fullmatch(value):
+            return 0.0
+        return self._time("settling")
 
     def _index(self, kind: type[PointingIndex]) -> PointingIndex:
         values: dict[str, Any] = {}

@@ -26,18 +26,23 @@ class RequirementRecord:
     columns: all columns of the run, in the order of the blocks.
     step: between rows, s.
     rows: how many there will be.
+    lead_s: lead-in of the run, s: left out, and the settling begins where it ends.
 
     Raises :class:`.requirement.RequirementError` for a requirement that does not fit the run.
     """
 
-    def __init__(self, requirement: Requirement, columns: Sequence[NamedColumn], step: float, rows: int) -> None:
-        requirement.check_times(step, (rows - 1) * step)
+    def __init__(
+        self, requirement: Requirement, columns: Sequence[NamedColumn], step: float, rows: int, lead_s: float = 0.0
+    ) -> None:
+        requirement.check_times(step, (rows - 1) * step - lead_s)
         self.requirement = requirement
         self.targets: tuple[Target, ...] = find_targets(requirement, columns)
         self.step = step
         self.distributions: list[Distribution] = []
         """One for each target; none before the first window is full."""
-        self._first = math.ceil(requirement.settling_s / step - 1e-6)
+        self._first = math.ceil((lead_s + requirement.settling_s) / step - 1e-6)
+        self.after = f", after a lead-in of {lead_s:g} s" if lead_s else ""
+        """What is to be said of the rows that are left out, besides the settling."""
         self._count, self._stride = requirement.index.count(step), requirement.stride(step)
         self._windows = (rows - self._first - self._count) // self._stride + 1
         self._places = [place for target in self.targets for place in target.places]

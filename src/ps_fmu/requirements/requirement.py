@@ -42,7 +42,7 @@ class Requirement:
     cases: tuple[str, ...]
     """Names of the scenario's runs that are judged; ``*`` stands for any characters."""
     settling_s: float
-    """Rows before this time from the start of the run are left out, s."""
+    """Rows before this time from the start of the run are left out, s; from the end of its lead-in, if it has one."""
 
     def error(self, key: str, problem: str) -> RequirementError:
         """The error that names file, requirement and key."""

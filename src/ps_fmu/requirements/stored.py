@@ -47,7 +47,7 @@ def judge_files(paths: Sequence[Path], requirements: Sequence[Requirement]) -> l
             try:
                 datasets.append(netCDF4.Dataset(path))
             except OSError as error:
-                raise ResultsError(f"{path}: cannot be read: {error.strerror or error}") from error
+                raise ResultsError(f"{path}: cannot be read: {_explain(path, error)}") from error
             datasets[-1].set_auto_maskandscale(False)
             if not _find_runs(datasets[-1]):
                 raise ResultsError(f"{path}: holds no run")
@@ -91,18 +91,32 @@ def _record(requirement: Requirement, group: Any, path: Path) -> tuple[Requireme
     step = float(time[-1] - time[0]) / (len(time) - 1)
     if not step > 0.0:
         raise ResultsError(f"{path}: the times of the run {group.name} do not ascend")
-    seen = "; ".join([_describe_rows(group, step), *_explain_interruption(group)])
-    whole = _read_number(group, "duration_s", float(time[-1]))
-    requirement.check_times(step, max(whole, float(time[-1])), f" between stored rows ({path})")
+    whole, lead_s = _read_number(group, "duration_s", float(time[-1])), _read_number(group, "lead_in_s", 0.0)
+    requirement.check_times(step, max(whole, float(time[-1])) - lead_s, f" between stored rows ({path})")
     needed = [columns[place] for target in find_targets(requirement, columns) for place in target.places]
-    record = RequirementRecord(requirement, needed, step, max(len(time), round(whole / step) + 1))
+    record = RequirementRecord(requirement, needed, step, max(len(time), round(whole / step) + 1), lead_s)
+    seen = "; ".join([_describe_rows(group, step) + record.after, *_explain_interruption(group)])
     for first in range(0, len(time), CHUNK_ROWS):
         rows = slice(first, first + CHUNK_ROWS)
-        values = np.column_stack([np.asarray(group[column.name][rows], dtype=float) for column in needed])
+        try:
+            values = np.column_stack([np.asarray(group[column.name][rows], dtype=float) for column in needed])
+        except RuntimeError as error:  # what netCDF4 raises for rows that cannot be unpacked
+            at = f"rows from {time[first]:g} s on"
+            raise ResultsError(f"{path}: the run {group.name} is damaged, {at} cannot be read: {error}") from error
         if not np.isfinite(values).all():
             raise ResultsError(f"{path}: the run {group.name} has values that are not finite")
         record.block(first, time[rows], values)
     return record, seen
+
+
+def _explain(path: Path, error: OSError) -> str:
+    """The reason in words; the library of netCDF tells a file that was cut off by "HDF error" alone."""
+    said = str(error.strerror or error)
+    if path.is_dir():
+        return "it is a folder; its results.nc is meant"
+    if "HDF error" in said:
+        return f"{said}; it is damaged or was cut off, as by a full disk or a broken copy"
+    return f"{said}; it is no netCDF file" if "Unknown file format" in said else said
 
 
 def _explain_interruption(group: Any) -> list[str]:
@@ -140,8 +154,9 @@ def _name(case: str, datasets: Sequence[Any]) -> str:
 
 
 def _describe(variable: Any) -> _Column:
-    kind = "Boolean" if hasattr(variable, "flag_meanings") else _TYPES.get(variable.dtype.kind, "String")
-    unit = getattr(variable, "units", "1")
+    stored_as = getattr(variable.dtype, "kind", "")  # texts have the type str, which has none
+    kind = "Boolean" if hasattr(variable, "flag_meanings") else _TYPES.get(stored_as, "String")
+    unit = str(getattr(variable, "units", "1"))
     return _Column(variable.name, _FMI_UNITS.get(unit, unit), kind)
 
 

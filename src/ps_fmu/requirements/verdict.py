@@ -101,6 +101,7 @@ class Verdict:
         )
 
 
+CONSTANT = "the value is the same at all times, and no run is long enough for its quantile: require its peak"
 HEADER = ("requirement", "verdict", "signal", "run", "value", "bound", "limit", "margin")
 
 
@@ -121,6 +122,8 @@ def judge(requirement: Requirement, case: str, runs: Sequence[RequirementRecord]
         answer, why = Answer.MET if stated.bound <= target.limit else Answer.NOT_MET, ""
         if math.isinf(stated.bound) and stated.lower > target.limit:  # for which few samples may be enough
             why = "the limit lies below all of the value's interval"
+        elif math.isinf(stated.bound) and all(found[place].is_constant for found in filled):
+            answer, why = Answer.OPEN, CONSTANT
         elif math.isinf(stated.bound):
             answer, why = Answer.OPEN, explain_lack(requirement, stated, len(runs), judged_s)
         elif stated.value <= target.limit < stated.bound:

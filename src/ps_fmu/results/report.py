@@ -28,6 +28,17 @@ class Picture:
     caption: str
 
 
+@dataclass(frozen=True)
+class Section:
+    """A part of a report under a heading of its own; reports with sections have a table of contents."""
+
+    title: str
+    text: Sequence[str] = ()
+    tables: Sequence[Table] = ()
+    pictures: Sequence[Picture] = ()
+    link: tuple[str, str] | None = None  # address, relative to the report, and what it says
+
+
 def draw_pictures(
     folder: Path, prefix: str, figures: Iterable[tuple[str, str, Callable[[Path], None]]]
 ) -> list[Picture]:
@@ -54,6 +65,7 @@ class Report:
     tables: Sequence[Table] = ()
     explored: Exploration = Exploration()  # charts, clouds of points, the mechanism
     pictures: Sequence[Picture] = ()
+    sections: Sequence[Section] = ()
     parameters: Mapping[str, object] = field(default_factory=dict)  # options and changed parameters
     fmus: Sequence[FmuFile] = ()
     versions: Mapping[str, str] = field(default_factory=dict)
@@ -64,6 +76,7 @@ class Report:
             "report": self,
             "tables": [Markup(table.to_html()) for table in self.tables],
             "pictures": [_embed(picture) for picture in self.pictures],
+            "sections": [_show_section(k, section) for k, section in enumerate(self.sections, 1)],
             "origin": [Markup(table.to_html()) for table in self._tabulate_origin()],
             "written": datetime.now(UTC).isoformat(sep=" ", timespec="seconds"),
         }
@@ -81,6 +94,17 @@ class Report:
             yield Table("FMUs", ("FMU", "SHA-256"), [(fmu.name, fmu.sha256) for fmu in self.fmus])
         if self.versions:
             yield Table("Versions", ("package", "version"), list(self.versions.items()))
+
+
+def _show_section(number: int, section: Section) -> dict[str, object]:
+    return {
+        "id": f"section-{number}",
+        "title": section.title,
+        "text": section.text,
+        "link": section.link,
+        "tables": [Markup(table.to_html()) for table in section.tables],
+        "pictures": [_embed(picture) for picture in section.pictures],
+    }
 
 
 def _embed(picture: Picture) -> dict[str, str]:

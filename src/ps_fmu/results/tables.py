@@ -11,6 +11,7 @@ from html import escape
 GAP = 2  # characters between columns
 LONGEST_CELLS = range(60, 16, -4)  # characters, tried in turn; a longer cell is broken into lines
 NUMBER_WIDTH = 24  # characters; a column with longer texts is left-aligned in HTML and may break lines
+MOST_SIDE_BY_SIDE = 5  # columns; of more, long texts in one of them leave no room on a narrow screen
 WORDS = ' class="words"'
 
 
@@ -56,12 +57,17 @@ class Table:
         return f"**{self.caption}**\n\n" + "\n".join(rows)
 
     def to_html(self) -> str:
-        """The table with its caption; all text is escaped."""
+        """The table with its caption; all text is escaped.
+
+        Where one of many columns has long texts, each cell names its column: on narrow screens a row is a list.
+        """
         wordy = [any(len(cell) > NUMBER_WIDTH for cell in column) for column in zip(*self.rows, strict=True)]
         wordy = wordy or [False] * len(self.header)
-        rows = "\n".join(f"<tr>{_join_cells('td', row, wordy)}</tr>" for row in self.rows)
+        wide = len(self.header) > MOST_SIDE_BY_SIDE and any(wordy[1:])
+        names = self.header if wide else None
+        rows = "\n".join(f"<tr>{_join_cells('td', row, wordy, names)}</tr>" for row in self.rows)
         return (
-            f'<div class="table"><table><caption>{escape(self.caption)}</caption>\n'
+            f'<div class="table{" wide" if wide else ""}"><table><caption>{escape(self.caption)}</caption>\n'
             f"<thead><tr>{_join_cells('th', self.header, wordy)}</tr></thead>\n<tbody>\n{rows}\n</tbody></table></div>"
         )
 
@@ -92,7 +98,9 @@ def _break_row(row: Sequence[str], widths: Sequence[int]) -> list[str]:
     ]
 
 
-def _join_cells(tag: str, texts: Iterable[str], wordy: Iterable[bool]) -> str:
+def _join_cells(tag: str, texts: Sequence[str], wordy: Iterable[bool], names: Sequence[str] | None = None) -> str:
+    labels = [""] * len(texts) if names is None else [f' data-column="{escape(name)}"' for name in names]
     return "".join(
-        f"<{tag}{WORDS if words else ''}>{escape(text)}</{tag}>" for text, words in zip(texts, wordy, strict=True)
+        f"<{tag}{WORDS if words else ''}{label}>{escape(text)}</{tag}>"
+        for text, words, label in zip(texts, wordy, labels, strict=True)
     )

@@ -35,6 +35,8 @@ class Case:
     name: str
     values: Mapping[str, Value] = field(default_factory=dict)
     events: Sequence[Event] = ()
+    lead_s: float = 0.0
+    """Lead-in, s: it is stored, but is in no statistics, and requirements count their time from its end."""
 
     @property
     def changed(self) -> set[str]:
@@ -98,13 +100,12 @@ def run_case(
     analyse: Callable[[tuple[Column, ...]], A],
     *,
     duration_s: float | None = None,
-    lead_steps: int = 0,
 ) -> tuple[Outcome, A]:
     """Run one case from its start to ``duration_s`` (by default that of the options) and free the FMUs.
 
-    ``analyse`` makes the analysis of the run once its columns are known; ``lead_steps`` at the start are left out of
-    the pointing error indices, which ``system`` collects.  All outputs are stored in the case's
-    group of results.nc; what the user should know is added to the warnings of ``system``.
+    ``analyse`` makes the analysis of the run once its columns are known; the lead-in of the case is left out of the
+    pointing error indices, which ``system`` collects.  All outputs are stored in the case's group of results.nc; what
+    the user should know is added to the warnings of ``system``.
 
     Raises :class:`ps_fmu.cosim.CosimError` (what is wrong, where and when) and KeyboardInterrupt; the analysis and
     the file have then all complete rows.
@@ -130,8 +131,9 @@ def run_case(
         master.initialise()
         analysis = analyse(master.columns)
         steps = round(duration / options.step_s)
+        lead_steps = round(case.lead_s / options.step_s)
         own: tuple[Observer, ...] = (
-            *system.judge.observe(case.name, master.columns, options.step_s, steps),
+            *system.judge.observe(case.name, master.columns, options.step_s, steps, case.lead_s),
             *system.indices.observe(case.name, master.columns, options.step_s, steps, lead_steps),
         )
         with (
@@ -152,6 +154,8 @@ def _make_recorder(
         "scenario": options.scenario.name, "scheme": options.scheme, "step_s": options.step_s, "duration_s": duration_s,
         "settings": format_settings(case.values, case.events),
     }  # fmt: skip
+    if case.lead_s:
+        attributes["lead_in_s"] = case.lead_s
     return Recorder(
         path,
         case.name,

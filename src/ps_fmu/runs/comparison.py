@@ -124,10 +124,13 @@ def compare(
         run_case(
             system,
             options,
-            Case(prefix + name, {**(values or {}), **targets, "isolator.enabled": enabled}),
+            Case(
+                prefix + name,
+                {**(values or {}), **targets, "isolator.enabled": enabled},
+                lead_s=lead_steps * options.step_s,
+            ),
             judge,
             duration_s=steps * options.step_s,
-            lead_steps=lead_steps,
         )
         for name, enabled in zip(CASES, (False, True), strict=True)
     ]

@@ -12,19 +12,18 @@ from numpy.typing import NDArray
 from ..mechanism.geometry import Geometry
 from ..mechanism.inverse_kinematics import trilaterate
 from ..mechanism.rotations import rotation_matrix
-from ..pointing.spectra import cumulative_rms, log_bands
 from ..results.observers.envelope import Envelope
 from ..results.observers.means import MeanObserver, Means
 from ..results.observers.scatter import Scatter
 from ..results.page.content import Axis, Chart, ChartGroup, Cloud, CloudGroup, Curve, Exploration, Mechanism, Motion
-from ..results.plots import DECADES, shorten_name
+from ..results.plots import shorten_name
 from .comparison import Comparison, caption_spectra
 from .jitter_record import ORIENTATION, ROTATION
 from .setup import RunSystem
+from .spectra_charts import AVERAGED, Spectrum, chart_spectra
 
 Array = NDArray[np.float64]
 
-BANDS_PER_DECADE = 2000  # 0.12 %: a line is read to 0.1 Hz at 100 Hz
 TURNS_RAD = 1e-9  # a nominal orientation that changes less than this is drawn as one that stays
 BASE_POSITION, BASE_ROTATION, PAYLOAD_POSITION = (
     tuple(f"plant.{quantity}.{axis}" for axis in "xyz")
@@ -71,7 +70,7 @@ def explore_comparison(comparison: Comparison, system: RunSystem, results: Path)
     ]
     clouds = CloudGroup(
         "Image point of the boresight",
-        "The points about their mean and their convex hulls; on the right the active ones alone.",
+        f"The points about their mean and their convex hulls; on the right the active ones alone. {HOW_TO_ZOOM}",
         passive.scatter.unit,
         [_make_cloud("passive", passive.scatter), _make_cloud("active", active.scatter)],
     )
@@ -182,35 +181,12 @@ def _chart_spectra(comparison: Comparison) -> Iterator[ChartGroup]:
     passive, active = comparison.passive.spectrum, comparison.active.spectrum
     if passive is None or active is None:
         return
-    frequency = passive[0]
-    both = (("passive", passive[1]), ("active", active[1]))
-    cases = [(case, psd, cumulative_rms(frequency, psd)) for case, psd in both]
-    floor = max(float(psd[:, 1:].max()) for _, psd, _ in cases) * 10.0**-DECADES  # what is lower is rounding
-    shown = np.any([(psd > floor).any(axis=0) for _, psd, _ in cases], axis=0)
-    end = int(np.flatnonzero(shown)[-1]) + 1 if shown.any() else len(frequency)
-    names = [shorten_name(name) for name in comparison.passive.statistics.names]
-    middle = log_bands(frequency[:end], passive[1][:, :end], per_decade=BANDS_PER_DECADE)[0]
-    densities, sums = [], []
-    for row, name in enumerate(names):
-        means = [log_bands(frequency[:end], psd[row, :end], per_decade=BANDS_PER_DECADE)[1] for _, psd, _ in cases]
-        densities.append(
-            Chart(
-                f"{name}, PSD",
-                "rad2/Hz",
-                [
-                    Curve(case, case, np.where(mean > floor, mean, np.nan))
-                    for (case, _, _), mean in zip(cases, means, strict=True)
-                ],
-                logarithmic=True,
-            )
-        )
-        below = [Curve(case, case, np.interp(middle, frequency, rms[row])) for case, _, rms in cases]
-        sums.append(Chart(f"{name}, RMS below frequency", "rad", below, logarithmic=True))
-    yield ChartGroup(
+    yield chart_spectra(
         "Spectra of the payload's rotation",
-        caption_spectra(frequency, f"a {BANDS_PER_DECADE}th of a decade"),
-        Axis("frequency", "Hz", middle, logarithmic=True),
-        [*densities, *sums],
+        caption_spectra(passive[0], AVERAGED),
+        [shorten_name(name) for name in comparison.passive.statistics.names],
+        passive[0],
+        [Spectrum("passive", "passive", passive[1]), Spectrum("active", "active", active[1])],
     )
 
 

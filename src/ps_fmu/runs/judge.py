@@ -22,14 +22,16 @@ class RunJudge:
     _records: list[tuple[str, RequirementRecord]] = field(default_factory=list)
     _cases: list[str] = field(default_factory=list)
 
-    def observe(self, case: str, columns: Sequence[Column], step_s: float, steps: int) -> list[RequirementRecord]:
-        """The observers of a case, for each requirement that judges it.
+    def observe(
+        self, case: str, columns: Sequence[Column], step_s: float, steps: int, lead_s: float = 0.0
+    ) -> list[RequirementRecord]:
+        """The observers of a case, for each requirement that judges it; ``lead_s`` of its ``steps`` are its lead-in.
 
         Raises :class:`..requirements.requirement.RequirementError` if the case is too short for one.
         """
         self._cases.append(case)
         wanted = [requirement for requirement in self.requirements if requirement.judges(case)]
-        records = [RequirementRecord(requirement, columns, step_s, steps + 1) for requirement in wanted]
+        records = [RequirementRecord(requirement, columns, step_s, steps + 1, lead_s) for requirement in wanted]
         self._records.extend((case, record) for record in records)
         return records
 
@@ -39,7 +41,7 @@ class RunJudge:
         for requirement in self.requirements:
             own = [(case, record) for case, record in self._records if record.requirement is requirement]
             for case, record in own:
-                found += judge(requirement, case, [record], f"every step of {record.step:g} s")
+                found += judge(requirement, case, [record], f"every step of {record.step:g} s{record.after}")
             if not own:
                 found.append(no_run(requirement, self._cases))
         return found
@@ -53,12 +55,12 @@ def read_judge(options: RunOptions, columns: Sequence[Column]) -> RunJudge:
     if options.requirements is None:
         return RunJudge()
     try:
-        requirements = read_requirements(options.requirements)
+        requirements, cases = read_requirements(options.requirements), options.scenario.find_cases()
         for requirement in requirements:
             find_targets(requirement, columns)
             requirement.check_times(options.step_s, options.duration_s)
-            if options.scenario.cases:
-                requirement.check_cases(options.scenario.cases)
+            if cases:
+                requirement.check_cases(cases)
     except RequirementError as error:
         raise OptionError(f"--requirements: {error}") from error
     return RunJudge(requirements)

@@ -35,8 +35,12 @@ class Scenario:
     step_s: float = 1e-4  # communication step
     storage_step_s: float = 1e-2  # between stored rows; a run of 100 s stored at each step of 1e-4 s takes 0.5 GB
     system: str = "SystemStructure.ssd"  # name of the product's system description
-    cases: tuple[str, ...] = ()
-    """Names of its runs, for requirements to name; empty where only the running scenario knows them."""
+    cases: tuple[str, ...] | Callable[[], tuple[str, ...]] = ()
+    """Names of its runs, for requirements to name, or what finds them; empty where only the run itself knows them."""
+
+    def find_cases(self) -> tuple[str, ...]:
+        """:attr:`cases`, found if need be."""
+        return self.cases() if callable(self.cases) else self.cases
 
 
 @dataclass(frozen=True)

@@ -35,7 +35,7 @@ class Findings:
     rms_active_rad: Sequence[float] | None
     rejection_percent: Sequence[float] | None
     more: Mapping[str, object] = field(default_factory=dict)
-    verdicts: Sequence[Verdict] = ()  # at the head of the report
+    verdicts: Sequence[Verdict] = ()  # on the scenario's own requirements; one that cannot be said is no failure
     explored: Exploration = Exploration()  # charts and motion of the report
 
     @property
@@ -47,7 +47,8 @@ class Findings:
 def publish(options: RunOptions, system: RunSystem, findings: Findings) -> None:
     """Write summary.json and report.html; say on the terminal what was required, how fast it went and where they are.
 
-    Raises ``OSError`` if they cannot be written, and after that :class:`NotMetError` for requirements that are not met.
+    Raises ``OSError`` if they cannot be written, and after that :class:`NotMetError` for requirements that are not met,
+    of the user or of the scenario.
     """
     try:
         finish_file(options.output / RESULTS, system.indices)
@@ -92,8 +93,12 @@ def publish(options: RunOptions, system: RunSystem, findings: Findings) -> None:
     if verdicts:
         print(format_verdicts(verdicts))
     print(f"{findings.real_time_factor:.1f} x real time; results in {options.output}")
-    if not all(verdict.met for verdict in verdicts):
-        raise NotMetError(f"requirements: {summarise(verdicts)}")
+    missed = [] if all(verdict.met for verdict in verdicts) else [f"requirements: {summarise(verdicts)}"]
+    if own := [verdict for verdict in findings.verdicts if verdict.met is False]:
+        count = f"{len(own)} of {len(findings.verdicts)}"
+        missed.append(f"{count} requirements of the scenario are not met: {own[0].requirement}")
+    if missed:
+        raise NotMetError("; ".join(missed))
 
 
 def show_verdict(found: Judgement) -> Verdict:

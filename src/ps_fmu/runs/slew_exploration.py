@@ -6,13 +6,16 @@ from pathlib import Path
 
 import numpy as np
 
+from ..cosim.decimate import PASS_BAND
 from ..results.observers.envelope import Envelope
 from ..results.page.content import Axis, Chart, ChartGroup, Curve, Exploration
 from ..results.plots import shorten_name
 from .exploration import HOW_TO_ZOOM, show_mechanism
+from .jitter_record import ROTATION
 from .setup import RunSystem
 from .slew_report import CASES as GROUPS
 from .slew_report import Slews
+from .spectra_charts import FEWEST_ROWS, MOST_ROWS, chart_settled
 
 CASES = (("isolator off", "passive"), ("isolator on", "active"))
 
@@ -36,8 +39,31 @@ def explore_slews(slews: Slews, system: RunSystem, results: Path) -> Exploration
         Axis("time", "s", on.relative.time),
         charts,
     )
+    settled = _chart_settled(slews, results)
     runs = [(case, name) for (case, _), name in zip(CASES, GROUPS, strict=True)]
-    return Exploration([group], mechanism=show_mechanism(system, results, runs))
+    return Exploration([group, *settled], mechanism=show_mechanism(system, results, runs))
+
+
+def _chart_settled(slews: Slews, results: Path) -> list[ChartGroup]:
+    """Rotation of the payload after the profile, from the stored rows; none if the run ends before."""
+    import netCDF4
+
+    began_s = slews.on.arrival.ended_s
+    if slews.on.arrival.after is None or began_s is None:
+        return []
+    rows, span, step_s, highest = [], (began_s, began_s), 1.0, None
+    with netCDF4.Dataset(results) as file:
+        for (label, colour), name in zip(CASES, GROUPS, strict=True):
+            group = file[name]
+            time = np.asarray(group["time"])
+            first = max(int(np.searchsorted(time, began_s, side="right")), len(time) - MOST_ROWS)
+            if len(time) - first < FEWEST_ROWS:
+                return []
+            rows.append((label, colour, np.column_stack([np.asarray(group[axis][first:]) for axis in ROTATION])))
+            span, step_s = (float(time[first]), float(time[-1])), float(time[-1] - time[0]) / (len(time) - 1)
+            highest = 0.5 * PASS_BAND / step_s if step_s > 1.5 * float(group.step_s) else None
+    names = [shorten_name(name) for name in ROTATION]
+    return chart_settled("rotation of the payload by vibration, axes of P", names, span, rows, step_s, highest)
 
 
 def _chart(

@@ -31,7 +31,6 @@ Array = NDArray[np.float64]
 Row = tuple[str, ...]
 
 CASES = ("isolator_off", "isolator_on")
-REQUIRED_DEG = 1e-8
 ORIENTATIONS = (("nominal", ORIENTATION), ("relative", RELATIVE))
 
 
@@ -82,17 +81,6 @@ def describe_run(slews: Slews) -> list[str]:
         f"{ended} The run leaves less than {SETTLE_S:g} s after that: the orientation is judged at its end, at "
         f"{arrival.final_s:.4f} s. Run longer for what the requirement asks."
     ]
-
-
-def judge(slews: Slews) -> list[str]:
-    """Which orientations meet the requirement, as a sentence."""
-    found = []
-    for what, names in ORIENTATIONS:
-        for case, slew in slews.both:
-            worst = float(np.abs(slews.error_deg(slew, names)).max())
-            met = "met" if worst <= REQUIRED_DEG else "not met"
-            found.append(f"{what} orientation, isolator {case}: {worst:.1e} deg ({met})")
-    return [f"Largest error, {REQUIRED_DEG:g} deg being required: {'; '.join(found)}."]
 
 
 def make_tables(slews: Slews) -> list[Table]:
@@ -189,7 +177,6 @@ def list_results(slews: Slews) -> dict[str, object]:
         "profile_end_s": arrival.ended_s if arrival.after is not None else None,
         "judged_s": arrival.final_s,
         "settled_60_s": arrival.settled,
-        "required_deg": REQUIRED_DEG,
         **{name: _list_case(slews, slew) for name, slew in zip(CASES, (slews.off, slews.on), strict=True)},
     }
 

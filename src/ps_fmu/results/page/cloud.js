@@ -1,6 +1,10 @@
 // Points of a plane with their hulls, x and y to the same scale.
 
 const CLOUD_MARGIN = 46;
+/** The smallest part of the plane that is shown, over all of it: labels of the axes have room for its digits. */
+const CLOUD_CLOSEST = 1e-3;
+/** A press that moves less, px, is a click. */
+const SHORTEST_DRAG = 5;
 
 /** A canvas fitted to its place and the screen's pixels; returns its context, scaled to CSS pixels. */
 function fitCanvas(canvas, width, height) {
@@ -17,13 +21,17 @@ function fitCanvas(canvas, width, height) {
 class CloudView {
   /** `clouds` are decoded; `readout` takes the place under the pointer. */
   constructor(clouds, unit, stage, readout) {
-    Object.assign(this, { clouds, unit, readout, stage, printWidth: null });
-    this.canvas = make("canvas", { role: "img", "aria-label": `Points: ${clouds.map((each) => each.label).join(", ")}` });
+    Object.assign(this, { clouds, unit, readout, stage, selected: null, pending: false });
+    this.canvas = make("canvas", {
+      role: "img", tabindex: "0", "aria-label": `Points: ${clouds.map((each) => each.label).join(", ")}`,
+    });
     stage.append(this.canvas);
     const hulls = clouds.flatMap((cloud) => [...cloud.hull].map(Math.abs));
-    this.reach = 1.08 * hulls.reduce((most, value) => Math.max(most, value), 0) || 1;
+    this.whole = 1.08 * hulls.reduce((most, value) => Math.max(most, value), 0) || 1;
+    Object.assign(this, { x: 0, y: 0, reach: this.whole });
     this.canvas.addEventListener("pointermove", (event) => this.read(event));
     this.canvas.addEventListener("pointerleave", () => { readout.textContent = ""; });
+    listenOnCloud(this.canvas, this);
     this.resize(null);
   }
 
@@ -35,7 +43,48 @@ class CloudView {
   }
 
   get inner() { return this.size - 2 * CLOUD_MARGIN; }
-  place(value) { return this.size / 2 + (value / this.reach) * (this.inner / 2); }
+  across(x) { return this.size / 2 + ((x - this.x) / this.reach) * (this.inner / 2); }
+  down(y) { return this.size / 2 - ((y - this.y) / this.reach) * (this.inner / 2); }
+
+  /** The point of the plane under a place of the window. */
+  under(clientX, clientY) {
+    const box = this.canvas.getBoundingClientRect();
+    const back = (pixels) => ((pixels - this.size / 2) / (this.inner / 2)) * this.reach;
+    return [this.x + back(clientX - box.left), this.y - back(clientY - box.top)];
+  }
+
+  /** Show so much about a point, within what there is. */
+  set(x, y, reach) {
+    this.reach = Math.min(Math.max(reach, this.whole * CLOUD_CLOSEST), this.whole);
+    const most = this.whole - this.reach;
+    [this.x, this.y] = [x, y].map((value) => Math.min(Math.max(value, -most), most));
+    this.drawSoon();
+  }
+
+  reset() { this.set(0, 0, this.whole); }
+
+  /** Show `factor` times as much, keeping a point where it is. */
+  zoom(factor, [x, y] = [this.x, this.y]) {
+    const reach = Math.min(Math.max(this.reach * factor, this.whole * CLOUD_CLOSEST), this.whole);
+    this.set(x + (this.x - x) * (reach / this.reach), y + (this.y - y) * (reach / this.reach), reach);
+  }
+
+  /** Move by shares of what is shown, to the right and up. */
+  move(right, up = 0) { this.set(this.x + 2 * right * this.reach, this.y + 2 * up * this.reach, this.reach); }
+
+  /** Show the square about two corners. */
+  show([x1, y1], [x2, y2]) {
+    this.set((x1 + x2) / 2, (y1 + y2) / 2, Math.max(Math.abs(x2 - x1), Math.abs(y2 - y1)) / 2);
+  }
+
+  drawSoon() {
+    if (this.pending) return;
+    this.pending = true;
+    requestAnimationFrame(() => {
+      this.pending = false;
+      this.draw();
+    });
+  }
 
   draw() {
     const context = fitCanvas(this.canvas, this.size, this.size);
@@ -45,18 +94,24 @@ class CloudView {
     context.rect(CLOUD_MARGIN, CLOUD_MARGIN, this.inner, this.inner);
     context.clip();
     for (const cloud of this.clouds) this.drawCloud(context, cloud);
+    if (this.selected) this.drawSelected(context, ...this.selected);
     context.restore();
+  }
+
+  drawSelected(context, [x1, y1], [x2, y2]) {
+    context.fillStyle = theme.faded("active", 0.2);
+    context.fillRect(this.across(x1), this.down(y1), this.across(x2) - this.across(x1), this.down(y2) - this.down(y1));
   }
 
   drawCloud(context, { points, hull, colour }) {
     context.fillStyle = theme.faded(colour, 0.45);
     for (let i = 0; i < points.length; i += 2) {
-      context.fillRect(this.place(points[i]) - 1, this.place(-points[i + 1]) - 1, 2, 2);
+      context.fillRect(this.across(points[i]) - 1, this.down(points[i + 1]) - 1, 2, 2);
     }
     context.strokeStyle = theme.colour(colour);
     context.lineWidth = 1.5;
     context.beginPath();
-    for (let i = 0; i < hull.length; i += 2) context.lineTo(this.place(hull[i]), this.place(-hull[i + 1]));
+    for (let i = 0; i < hull.length; i += 2) context.lineTo(this.across(hull[i]), this.down(hull[i + 1]));
     context.closePath();
     context.stroke();
   }
@@ -65,28 +120,87 @@ class CloudView {
     const scaled = engineering(this.unit, this.reach);
     const step = roundStep((2 * this.reach * scaled.factor) / 5);
     const end = this.size - CLOUD_MARGIN;
+    const farthest = (Math.max(Math.abs(this.x), Math.abs(this.y)) + this.reach) * scaled.factor;
+    const digits = Math.max(3, Math.ceil(Math.log10(farthest / step)) + 1); // so that neighbours differ
     context.font = "12px system-ui";
     context.textAlign = "center";
-    for (let k = -10; k <= 10; k++) {
-      const at = this.place((k * step) / scaled.factor);
-      if (at < CLOUD_MARGIN || at > end) continue;
+    for (const value of listTicks(this.x, this.reach, scaled.factor, step)) {
+      const at = this.across(value / scaled.factor);
       context.fillStyle = theme.colour("grid");
       context.fillRect(at, CLOUD_MARGIN, 1, this.inner);
+      context.fillStyle = theme.colour("text");
+      context.fillText(formatNumber(value, digits), at, end + 16);
+    }
+    for (const value of listTicks(this.y, this.reach, scaled.factor, step)) {
+      const at = this.down(value / scaled.factor);
+      context.fillStyle = theme.colour("grid");
       context.fillRect(CLOUD_MARGIN, at, this.inner, 1);
       context.fillStyle = theme.colour("text");
-      context.fillText(formatNumber(k * step, 3), at, end + 16);
-      context.fillText(formatNumber(-k * step, 3), CLOUD_MARGIN - 20, at + 4);
+      context.fillText(formatNumber(value, digits), CLOUD_MARGIN - 22, at + 4);
     }
     context.fillText(`x (${scaled.unit})`, this.size / 2, this.size - 8);
     context.fillText(`y (${scaled.unit})`, CLOUD_MARGIN, CLOUD_MARGIN - 10);
   }
 
   read(event) {
-    const box = this.canvas.getBoundingClientRect();
-    const back = (pixels) => ((pixels - this.size / 2) / (this.inner / 2)) * this.reach;
-    const [x, y] = [back(event.clientX - box.left), -back(event.clientY - box.top)];
+    const [x, y] = this.under(event.clientX, event.clientY);
     const texts = [["x", x], ["y", y], ["distance", Math.hypot(x, y)]];
     this.readout.textContent = texts.map(([name, value]) => `${name} ${formatQuantity(value, this.unit, 3)}`).join("   ");
+  }
+}
+
+/** Multiples of `step` within what is shown, all in the scaled unit. */
+function listTicks(centre, reach, factor, step) {
+  const first = Math.ceil(((centre - reach) * factor) / step - 1e-9);
+  const last = Math.floor(((centre + reach) * factor) / step + 1e-9);
+  return Array.from({ length: last - first + 1 }, (_, k) => (first + k) * step);
+}
+
+/** Wheel, drag, fingers, double click and keys on the canvas of a cloud, as on the charts. */
+function listenOnCloud(canvas, view) {
+  canvas.addEventListener("wheel", (event) => {
+    if (!event.ctrlKey && !event.metaKey) return;
+    event.preventDefault();
+    view.zoom(event.deltaY > 0 ? WHEEL_ZOOM : 1 / WHEEL_ZOOM, view.under(event.clientX, event.clientY));
+  }, { passive: false });
+  canvas.addEventListener("dblclick", () => view.reset());
+  listenToKeys(canvas, view);
+  canvas.addEventListener("keydown", (event) => {
+    const up = { ArrowUp: 0.25, ArrowDown: -0.25 }[event.key];
+    if (!up || event.ctrlKey || event.metaKey || event.altKey) return;
+    event.preventDefault();
+    view.move(0, up);
+  });
+  listenToFingers(canvas, {
+    move: (dx, dy) => view.move(-dx / view.inner, dy / view.inner),
+    pinch: (ratio) => view.zoom(1 / ratio),
+  });
+  listenToSelection(canvas, view);
+}
+
+/** A drag with mouse or pen selects what to show. */
+function listenToSelection(canvas, view) {
+  let start = null;
+  canvas.addEventListener("pointerdown", (event) => {
+    if (event.pointerType === "touch" || event.button !== 0) return;
+    start = { x: event.clientX, y: event.clientY };
+    canvas.setPointerCapture(event.pointerId);
+  });
+  canvas.addEventListener("pointermove", (event) => {
+    if (!start) return;
+    view.selected = [view.under(start.x, start.y), view.under(event.clientX, event.clientY)];
+    view.drawSoon();
+  });
+  canvas.addEventListener("pointerup", (event) => {
+    if (!start) return;
+    const long = Math.hypot(event.clientX - start.x, event.clientY - start.y) > SHORTEST_DRAG;
+    if (long) view.show(view.under(start.x, start.y), view.under(event.clientX, event.clientY));
+  });
+  for (const end of ["pointerup", "pointercancel"]) {
+    canvas.addEventListener(end, () => {
+      start = view.selected = null;
+      view.drawSoon();
+    });
   }
 }
 
@@ -101,9 +215,15 @@ function makeClouds(packed, section) {
   const clouds = packed.clouds.map((cloud) => ({ ...cloud, points: decode(cloud.points), hull: decode(cloud.hull) }));
   const readout = make("span", { class: "span" });
   const legend = clouds.map((cloud) => make("span", { class: "span" }, swatch(cloud.colour), cloud.label));
-  section.querySelector(".bar").append(...legend, readout);
   const stage = section.querySelector(".stage");
   const views = [new CloudView(clouds, packed.unit, stage, readout)];
   if (clouds.length > 1) views.push(new CloudView(clouds.slice(-1), packed.unit, stage, readout));
+  section.querySelector(".bar").append(
+    ...legend,
+    makeButton("+", "Zoom in (+; also: drag across the points, Ctrl and wheel, two fingers)", () => views.forEach((view) => view.zoom(0.5))),
+    makeButton("\u2212", "Zoom out (-)", () => views.forEach((view) => view.zoom(2))),
+    makeButton("All", "Show everything (0, or double click)", () => views.forEach((view) => view.reset())),
+    readout,
+  );
   return views;
 }

@@ -11,6 +11,7 @@ from ...results.page.content import Axis, Chart, ChartGroup, Curve, Exploration
 from ..exploration import HOW_TO_ZOOM, show_mechanism
 from ..jitter_record import EXPLORED_BINS
 from ..setup import RunSystem
+from ..spectra_charts import chart_settled
 from .record import PointingRecord
 from .report import CASES as GROUPS
 from .report import Pointing
@@ -44,8 +45,22 @@ def explore_pointing(pointing: Pointing, system: RunSystem, results: Path) -> Ex
         Axis("time", "s", envelopes[0].time),
         charts,
     )
+    settled = _chart_settled(pointing)
     runs = [(case, name) for (case, _), name in zip(CASES, GROUPS, strict=True)]
-    return Exploration([group], mechanism=show_mechanism(system, results, runs))
+    return Exploration([group, *settled], mechanism=show_mechanism(system, results, runs))
+
+
+def _chart_settled(pointing: Pointing) -> list[ChartGroup]:
+    """The error while the loop is locked and has settled, in both runs; none if it does not get there."""
+    span = pointing.on.phases().get("locked")
+    if span is None:
+        return []
+    rows = [
+        (case, colour, record.error[record.span(*span)])
+        for (case, colour), record in zip(CASES, (pointing.off, pointing.on), strict=True)
+    ]
+    step_s = float(pointing.on.time[1] - pointing.on.time[0])
+    return chart_settled("error while the loop is locked, axes of P", NAMES[1:], span, rows, step_s)
 
 
 def _envelope(record: PointingRecord) -> Envelope:

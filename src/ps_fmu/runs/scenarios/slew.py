@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 
 from ...pointing.rejection import rejection_percent
-from ...results.tables import format_angles
+from ...results.tables import Table, format_angles
 from ..cases import Case, run_case
 from ..comparison import TARGET, TargetError, explain_refusal, read_target
 from ..jitter_record import ROTATION
@@ -17,7 +17,15 @@ from ..publish import Findings, publish
 from ..setup import load_system
 from ..slew_exploration import explore_slews
 from ..slew_record import SlewRecord
-from ..slew_report import CASES, Slews, describe_run, draw_slews, judge, list_results, make_tables
+from ..slew_report import CASES, Slews, describe_run, draw_slews, list_results, make_tables
+from ..slew_verdict import (
+    describe_reactions,
+    find_reactions,
+    list_requirements,
+    list_verdicts,
+    tabulate_reactions,
+    tabulate_requirements,
+)
 
 DEFAULT_TARGET = (math.radians(8.5), 0.0, 0.0)
 START_S = 1.0  # the target changes
@@ -35,7 +43,8 @@ DIRECTION = (
 def run(options: RunOptions) -> None:
     """Run the scenario; writes results.nc, summary.json, figures and report.html, prints the tables.
 
-    Raises :class:`TargetError` after that if the target is out of reach.
+    Raises after that :class:`TargetError` if the target is out of reach, and :class:`..publish.NotMetError` for
+    requirements that are not met.
     """
     start_s = math.ceil(START_S / options.step_s - 1e-6) * options.step_s
     if options.duration_s <= start_s:
@@ -53,10 +62,16 @@ def run(options: RunOptions) -> None:
         found.append(record.result())
     slews = Slews(target, start_s, *found)
 
-    tables = make_tables(slews)
-    text = [*describe_run(slews), *judge(slews), DIRECTION] if slews.on.reachable else describe_run(slews)
+    required = list_requirements(slews) if slews.on.reachable else []
+    reactions = find_reactions(system, slews)
+    tables, text = make_tables(slews), describe_run(slews)
+    if reactions:
+        tables.insert(0, tabulate_reactions(reactions))
+    if required:
+        text += [*describe_reactions(reactions), DIRECTION]
+        _show(tabulate_requirements(required))  # in the report they are the verdicts
     for part in tables:
-        print(f"{part.caption}\n{part.to_text()}\n")
+        _show(part)
     print(*text, sep="\n")
     moved = slews.on.arrival.during is not None
     passive, active = (slew.during(ROTATION, "rms") for slew in (slews.off, slews.on))
@@ -73,12 +88,17 @@ def run(options: RunOptions) -> None:
             rms_passive_rad=passive.tolist() if moved else None,
             rms_active_rad=active.tolist() if moved else None,
             rejection_percent=rejection_percent(passive, active).tolist() if moved else None,
-            more={"slew": list_results(slews)},
+            more={"slew": {**list_results(slews), **list_verdicts(required, reactions)}},
+            verdicts=[one.show() for one in required],
             explored=explore_slews(slews, system, options.output / RESULTS),
         ),
     )
     if not slews.on.reachable:
         raise TargetError(explain_refusal(slews.target_deg))
+
+
+def _show(table: Table) -> None:
+    print(f"{table.caption}\n{table.to_text()}\n")
 
 
 SCENARIO = Scenario(

@@ -46,10 +46,14 @@ _DEGREE = math.radians(1.0)
 _SYMBOLS = {prefix + name: (scale, si) for prefix, scale in _PREFIXES.items() for name, si in _WITH_PREFIX.items()} | {
     "1": (1.0, _NONE), "%": (1e-2, _NONE), "kg": (1.0, _si(kg=1)), "cd": (1.0, _si(cd=1)), "cm": (1e-2, _si(m=1)),
     "deg": (_DEGREE, _si(rad=1)), "\u00b0": (_DEGREE, _si(rad=1)), "arcmin": (_DEGREE / 60.0, _si(rad=1)),
-    "arcsec": (_DEGREE / 3600.0, _si(rad=1)), "rev": (math.tau, _si(rad=1)), "rpm": (math.tau / 60.0, _SPEED),
+    "arcsec": (_DEGREE / 3600.0, _si(rad=1)), "mas": (_DEGREE / 3.6e6, _si(rad=1)),
+    "uas": (_DEGREE / 3.6e9, _si(rad=1)), "\u00b5as": (_DEGREE / 3.6e9, _si(rad=1)),
+    "rev": (math.tau, _si(rad=1)), "rpm": (math.tau / 60.0, _SPEED),
     "Hz": (math.tau, _SPEED), "kHz": (1e3 * math.tau, _SPEED), "MHz": (1e6 * math.tau, _SPEED),
     "min": (60.0, _si(s=1)), "h": (3600.0, _si(s=1)), "bar": (1e5, _PASCAL),
 }  # fmt: skip
+SYMBOLS = (*_SYMBOLS,)
+"""Names of the units that :func:`parse_unit` knows as factors, those of temperatures apart."""
 _EVENTS = _SYMBOLS | {"Hz": (1.0, _PER_SECOND), "kHz": (1e3, _PER_SECOND), "MHz": (1e6, _PER_SECOND)}
 _CELSIUS = Unit(1.0, _si(K=1), 273.15)
 _FAHRENHEIT = Unit(5.0 / 9.0, _si(K=1), 273.15 - 32.0 * 5.0 / 9.0)

@@ -11,6 +11,7 @@ SCENARIO = Scenario(
     partial(import_and_call, f"{__name__}.scenario", "run"),
     duration_s=60.0,  # up to 25 targets of a path
     step_s=0.001,
+    cases=partial(import_and_call, f"{__name__}.scenario", "list_cases"),
 )
 ANALYSIS = Analysis(
     "trajectories",

@@ -98,6 +98,11 @@ def run(options: RunOptions) -> None:
         raise TargetError("\n".join(refused))
 
 
+def list_cases() -> tuple[str, ...]:
+    """Names of the runs."""
+    return tuple(_name_case(path, method) for path in (*PLANES, WALK) for method in METHODS)
+
+
 def path_pictures(folder: Path, results: Sequence[PathResult]) -> list[Picture]:
     """Draw each path, by all methods, into a folder."""
     figures = [
@@ -221,12 +226,12 @@ def _follow(
         for k in range(1, len(targets))
         for port, angle in zip(TARGET, targets[k], strict=True)
     ]
-    name = re.sub(r"[^a-z0-9]+", "_", f"{path} {method}".lower())
     steps = len(targets) * dwell_steps
     ends = range(dwell_steps, steps + 1, dwell_steps)
     along_the_way = range(0, steps + 1, max(dwell_steps // 50, 1))
     record = SampleRecord(((*ORIENTATION, RESIDUAL, REACHABLE), ends), (ORIENTATION, along_the_way))
-    outcome, _ = run_case(system, options, Case(name, values, events), record, duration_s=steps * options.step_s)
+    case = Case(_name_case(path, method), values, events)
+    outcome, _ = run_case(system, options, case, record, duration_s=steps * options.step_s)
     at_rest, motion = record.observers
     return PathResult(
         path,
@@ -238,6 +243,10 @@ def _follow(
         motion.values(*ORIENTATION),
         at_rest.values(REACHABLE)[:, 0] < 0.5,
     )
+
+
+def _name_case(path: str, method: str) -> str:
+    return re.sub(r"[^a-z0-9]+", "_", f"{path} {method}".lower())
 
 
 def _entry(result: PathResult) -> dict[str, object]:

@@ -10,6 +10,7 @@ SCENARIO = Scenario(
     "Fig 10 of the paper: what follows a pulse on the bus, with delay in the loop",
     partial(import_and_call, f"{__name__}.scenario", "run"),
     duration_s=10.0,  # after the pulse, for each case
+    cases=partial(import_and_call, f"{__name__}.scenario", "list_cases"),
 )
 ANALYSIS = Analysis(
     "stability",

@@ -75,9 +75,12 @@ def run(options: RunOptions) -> None:
 
 def measure(system: RunSystem, options: RunOptions) -> list[PulseResponse]:
     """Run each case without and with the isolator, and the lighter module with a delay beyond its limit."""
-    delay_s = paper_delay_s()
-    wanted = [(case, delay_s, enabled) for case in CASES for enabled in (False, True)]
-    return [_respond(system, options, *each) for each in [*wanted, ("LSM", BEYOND_S, True)]]
+    return [_respond(system, options, *each) for each in _list_wanted()]
+
+
+def list_cases() -> tuple[str, ...]:
+    """Names of the runs."""
+    return tuple(_name_case(*each) for each in _list_wanted())
 
 
 def load_shaken_system(options: RunOptions) -> RunSystem:
@@ -100,13 +103,23 @@ def pulse(time: Array) -> Array:
     return np.asarray(sine**6 * (8.0 * sine**2 - 7.0))
 
 
+def _list_wanted() -> list[tuple[str, float, bool]]:
+    """Case of the bus, delay in s, isolator enabled."""
+    delay_s = paper_delay_s()
+    return [*((case, delay_s, enabled) for case in CASES for enabled in (False, True)), ("LSM", BEYOND_S, True)]
+
+
+def _name_case(case: str, delay_s: float, enabled: bool) -> str:
+    return f"{case}_{1e3 * delay_s:g}ms_active" if enabled else f"{case}_passive"
+
+
 def _respond(system: RunSystem, options: RunOptions, case: str, delay_s: float, enabled: bool) -> PulseResponse:
     stride = max(round(SAMPLE_S / options.step_s), 1)
     rows = np.arange(0, options.steps + 1, stride)
-    name = f"{case}_{1e3 * delay_s:g}ms_active" if enabled else f"{case}_passive"
     values = {**case_start_values(case), "isolator.enabled": enabled, "isolator.delay": delay_s if enabled else 0.0}
     names = (*FINE, *ROTATION, *ORIENTATION)
-    outcome, record = run_case(system, options, Case(name, values), SampleRecord((names, rows.tolist())))
+    run = Case(_name_case(case, delay_s, enabled), values)
+    outcome, record = run_case(system, options, run, SampleRecord((names, rows.tolist())))
     (samples,) = record.observers
     plant, isolator = build_plant_and_isolator(system.structure.with_parameters(values))
     loop = loop_of(plant, isolator, samples.values(*ORIENTATION)[0], delay_s + options.step_s)

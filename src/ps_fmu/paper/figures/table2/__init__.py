@@ -10,6 +10,7 @@ SCENARIO = Scenario(
     "Table 2 of the paper: four orientations, passive and active",
     partial(import_and_call, f"{__name__}.scenario", "run"),
     duration_s=100.0,  # window of the statistics, at each orientation
+    cases=partial(import_and_call, f"{__name__}.scenario", "list_cases"),
 )
 ANALYSIS = Analysis(
     "jitter",

@@ -19,7 +19,16 @@ from ....mechanism.parameters import Array
 from ....results import plots
 from ....results.report import Picture
 from ....results.tables import Table, format_number
-from ....runs.comparison import HEADER, Comparison, TargetError, compare, draw_comparison, explain_refusal, make_rows
+from ....runs.comparison import (
+    CASES,
+    HEADER,
+    Comparison,
+    TargetError,
+    compare,
+    draw_comparison,
+    explain_refusal,
+    make_rows,
+)
 from ....runs.options import RunOptions
 from ....runs.publish import Findings, publish
 from ....runs.setup import RunSystem, load_system
@@ -120,6 +129,11 @@ def run(options: RunOptions) -> None:
     )
     if refused:
         raise TargetError("\n".join(refused))
+
+
+def list_cases() -> tuple[str, ...]:
+    """Names of the runs."""
+    return tuple(_prefix(target_deg) + name for target_deg in ORIENTATIONS.values() for name in CASES)
 
 
 def published_remarks() -> list[str]:
