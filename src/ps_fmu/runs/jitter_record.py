@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ..results.observers.arrival import LastRow
 from ..results.observers.drift import DriftObserver
 from ..results.observers.envelope import Envelope, EnvelopeObserver
+from ..results.observers.history import HistoryObserver
 from ..results.observers.indices import Indices, PerformanceIndices
 from ..results.observers.observer import ColumnObserver, NamedColumn
 from ..results.observers.scatter import Scatter, ScatterObserver
@@ -36,7 +37,7 @@ class JitterRecord:
     ``steps`` is the length of the run; ``window_s`` the window of the ECSS indices [s].  With ``lead_steps`` the
     statistics cover only the steps after those, ``steps - lead_steps`` rows; the envelope shows all.  A run that is
     too short for a window or a segment simply has no indices (None) or spectrum (None).  With ``explored`` the envelope
-    is kept finer, for a report that one explores.
+    is kept finer, for a report that one explores; with ``history`` every row of the rotation is kept.
     """
 
     def __init__(
@@ -48,6 +49,7 @@ class JitterRecord:
         lead_steps: int = 0,
         window_s: float = WINDOW_S,
         explored: bool = False,
+        history: bool = False,
     ) -> None:
         # Between two rows, so that rounding of the times does not matter.
         start_s = (lead_steps + 0.5) * step_s if lead_steps else -math.inf
@@ -56,6 +58,7 @@ class JitterRecord:
         self._drift = DriftObserver(columns, ROTATION, start_s=lead_steps * step_s, end_s=steps * step_s)
         self._scatter = ScatterObserver(columns, IMAGE_POINT, start_s=start_s)
         self._envelope = EnvelopeObserver(columns, ROTATION, bins=(EXPLORED_BINS if explored else PICTURE_BINS) // 2)
+        self._history = HistoryObserver(columns, ROTATION) if history else None
         self._state = LastRow(columns, (*ORIENTATION, REACHABLE))
         self._saturated = Statistics(columns, (SATURATED,))
         self._indices: PerformanceIndices | None = None
@@ -78,6 +81,7 @@ class JitterRecord:
             self._drift,
             self._scatter,
             self._envelope,
+            self._history,
             self._state,
             self._saturated,
             self._indices,
@@ -109,6 +113,13 @@ class JitterRecord:
     def fine_envelope(self) -> Envelope:
         """The same in as many bins as were kept."""
         return self._envelope.result()
+
+    @property
+    def rotation(self) -> Array:
+        """The payload's rotation at each step, the start included, (3, steps + 1), rad; asks for ``history``."""
+        if self._history is None:
+            raise ValueError("the history was not kept")
+        return self._history.result()
 
     @property
     def indices(self) -> Indices | None:

@@ -98,7 +98,7 @@ class WheelSource:
         torque: Harmonics | None = None,
     ) -> None:
         force, torque = force or FORCE, torque or TORQUE
-        self._profile = profile
+        self.profile = profile
         self._rise_time = rise_time
         self._orders = np.concatenate([force.orders, torque.orders])
         random = np.random.Generator(np.random.Philox(np.random.SeedSequence(seed)))
@@ -134,14 +134,14 @@ class WheelSource:
 
     def __call__(self, time: Array) -> Array:
         """Force (N) and torque (N.m) in B at its origin at the times (n,) in s, shape (n, 6)."""
-        angles = np.multiply.outer(self._profile.angle(time), self._orders) + self._phases
+        angles = np.multiply.outer(self.profile.angle(time), self._orders) + self._phases
         cosine, sine = np.cos(angles), np.sin(angles)
-        speed, faded = self._profile.speed(time)[:, None], ramp(time, self._rise_time)
+        speed, faded = self.profile.speed(time)[:, None], ramp(time, self._rise_time)
         value, rate, curvature = (part[:, None] for part in faded)
         # With e = (cos, sin) and d = (-sin, cos): -(R e/h^2)'' = R W^2 e - (R W' + 2 R' W) d/h - R'' e/h^2.
         turning = np.concatenate([cosine, sine], axis=1)
         wrench = value * speed**2 * (turning @ self._along)
-        changing = value * self._profile.acceleration(time)[:, None] + 2.0 * rate * speed
+        changing = value * self.profile.acceleration(time)[:, None] + 2.0 * rate * speed
         if changing.any():
             wrench -= changing * (np.concatenate([-sine, cosine], axis=1) @ self._along_1)
         if curvature.any():
