@@ -90,6 +90,12 @@ class Waterfall:
         """The largest amplitude; 1 where nothing moves."""
         return max((float(panel.amplitude.max(initial=0.0)) for panel in self.panels), default=0.0) or 1.0
 
+    @property
+    def shown(self) -> float:
+        """How far pictures go, Hz: a third above the highest mode; what is further moves the payload little."""
+        highest = max([mode.frequency for mode in self.modes], default=np.inf)
+        return min(SHOWN * highest, float(self.frequency[-1]))
+
     def levels(self, panel: Panel) -> Array:
         """Of a panel in dB of the largest amplitude, not below ``-RANGE_DB``, (rows, bins)."""
         floor = self.largest * 10.0 ** (-RANGE_DB / 20.0)
@@ -98,8 +104,7 @@ class Waterfall:
 
 def draw_waterfall(path: Path, shown: Waterfall) -> None:
     """The panels beside each other up to a third above the highest mode, colours in dB, lines and modes drawn in."""
-    highest = max([mode.frequency for mode in shown.modes], default=shown.frequency[-1] / SHOWN)
-    end = min(SHOWN * highest, float(shown.frequency[-1]))
+    end = shown.shown
 
     def paint(figure: Figure) -> None:
         grid = figure.subplots(1, len(shown.panels), sharex=True, sharey=True, squeeze=False)[0]

@@ -6,6 +6,7 @@ By default one wheel runs up from 0 to 6000 rpm over the whole run.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -84,7 +85,9 @@ def run(options: RunOptions) -> None:
             rms_active_rad=found.rms_active.tolist(),
             rejection_percent=found.rejection.tolist(),
             more={**found.entry, "worst_crossing": list_worst(cases)},
-            explored=explore_comparison(found, system, options.output / RESULTS),
+            explored=replace(
+                explore_comparison(found, system, options.output / RESULTS), waterfalls=[waterfall]
+            ),
         ),
     )
     if not found.reachable:
