@@ -70,6 +70,10 @@ def add_arguments(p: argparse.ArgumentParser, found: Mapping[str, Scenario]) -> 
     p.add_argument(
         "--requirements", type=Path, metavar="F.toml", help="pointing requirements; exit code 1 if one is not met"
     )
+    p.add_argument(
+        "--disturbance", type=Path, metavar="FILE",
+        help="recorded force and torque on the bus, CSV or netCDF, in place of the noise",
+    )  # fmt: skip
 
 
 def read_options(scenario: Scenario, arguments: argparse.Namespace) -> RunOptions:
@@ -88,6 +92,7 @@ def read_options(scenario: Scenario, arguments: argparse.Namespace) -> RunOption
         scheme=arguments.scheme,
         storage_step_s=arguments.storage_step,
         requirements=arguments.requirements and find_file(arguments.requirements),
+        disturbance=arguments.disturbance,
         fmus=None if arguments.ssp else find_built_folder(),
         progress=True,
     ).claim_output()
