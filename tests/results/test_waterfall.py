@@ -33,9 +33,9 @@ def test_panels_that_do_not_fit_are_refused():
 
 
 def test_neighbours_share_a_label():
-    assert name_group([Mode("truss mode 1", 208.16)]) == "truss mode 1, 208.2 Hz"
+    assert name_group([Mode("truss mode 1", 208.16)]) == "truss mode 1"
     several = [Mode("bus mode 4", 0.452), Mode("bus mode 1", 0.461), Mode("fine legs a", 5.14)]
-    assert name_group(several) == "bus modes, fine legs, 0.452 to 5.14 Hz"
+    assert name_group(several) == "bus modes, fine legs"
 
 
 def test_the_picture(tmp_path):

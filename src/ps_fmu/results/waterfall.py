@@ -132,7 +132,7 @@ def draw_waterfall(path: Path, shown: Waterfall) -> None:
         bar.set_label(f"amplitude (dB, 0 dB = {factor * shown.largest:.3g} {unit})")
         figure.suptitle(shown.title)
 
-    draw(path, 1.5 + 7.5 * len(shown.panels), 9.5, paint)
+    draw(path, 1.5 + 7.0 * len(shown.panels), 8.0, paint)
 
 
 def _draw_lines(axes: Axes, shown: Waterfall, end: float) -> None:
@@ -168,18 +168,17 @@ def _name_modes(axes: Axes, modes: Sequence[Mode], end: float) -> None:
     for group in groups:
         axes.annotate(
             name_group(group), (float(np.mean([mode.frequency for mode in group])), 1.0),
-            xycoords=("data", "axes fraction"), xytext=(0, 4), textcoords="offset points", rotation=90.0, fontsize=10,
-            ha="center", va="bottom", annotation_clip=False,
+            xycoords=("data", "axes fraction"), xytext=(0, 4), textcoords="offset points", rotation=35.0, fontsize=10,
+            ha="left", va="bottom", rotation_mode="anchor", annotation_clip=False,
         )  # fmt: skip
 
 
 def name_group(modes: Sequence[Mode]) -> str:
-    """One label for modes beside each other: their kinds, and the span of their frequencies."""
+    """One label for modes beside each other: the name of a single one, or the kinds of several."""
     if len(modes) == 1:
-        return f"{modes[0].name}, {modes[0].frequency:.4g} Hz"
+        return modes[0].name
     kinds = dict.fromkeys(mode.name.rsplit(" ", 1)[0] for mode in modes)
-    names = [kind + ("s" if kind.endswith("mode") else "") for kind in kinds]
-    return f"{', '.join(names)}, {modes[0].frequency:.3g} to {modes[-1].frequency:.3g} Hz"
+    return ", ".join(kind + ("s" if kind.endswith("mode") else "") for kind in kinds)
 
 
 def _point_out(axes: Axes, mark: Mark, end: float) -> None:

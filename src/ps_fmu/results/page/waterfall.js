@@ -114,18 +114,31 @@ class WaterfallView {
   drawModes(context) {
     context.font = "11px system-ui";
     context.textAlign = "left";
-    let free = EDGE.left;
-    for (const { name, frequency } of this.shared.modes) {
-      const x = this.x(frequency);
-      if (x < EDGE.left || x > this.width - EDGE.right) continue;
-      context.fillStyle = MODE_COLOUR;
-      context.fillRect(x - 0.5, EDGE.top, 1, this.inner.height);
-      const begin = Math.max(Math.min(x, this.width - context.measureText(name).width - 2), 2);
-      if (x < free) continue; // its name is in the readout
-      context.fillStyle = theme.colour("text");
+    const inside = this.shared.modes.filter(({ frequency }) => frequency >= this.link.min && frequency <= this.link.max);
+    context.fillStyle = MODE_COLOUR;
+    for (const { frequency } of inside) context.fillRect(this.x(frequency) - 0.5, EDGE.top, 1, this.inner.height);
+    context.fillStyle = theme.colour("text");
+    let free = 2;
+    for (const group of this.groupModes(inside)) {
+      const name = nameGroup(group);
+      const width = context.measureText(name).width;
+      const begin = Math.min(Math.max(this.x(group[0].frequency), free), this.width - width - 2);
+      // Where there is no room the name is in the readout alone.
+      if (begin < free || begin > this.x(group[0].frequency) + 3 * CLOSE_LABELS) continue;
       context.fillText(name, begin, EDGE.top - 8);
-      free = begin + context.measureText(name).width + 8;
+      free = begin + width + 8;
     }
+  }
+
+  /** Neighbours share a name. */
+  groupModes(modes) {
+    const groups = [];
+    for (const mode of modes) {
+      const last = groups.at(-1);
+      if (last && this.x(mode.frequency) - this.x(last[0].frequency) < CLOSE_LABELS) last.push(mode);
+      else groups.push([mode]);
+    }
+    return groups;
   }
 
   drawMark(context) {
@@ -201,8 +214,15 @@ class WaterfallView {
     if (mode && Math.abs(mode.frequency - frequency) < reach) names.push(`${mode.name} (${formatNumber(mode.frequency)} Hz)`);
     this.readout.textContent = [
       `${formatNumber(frequency, 4)} Hz, ${formatNumber(value, 4)} ${ordinate.unit}: ${this.panel.case} ${least}${amplitude}`, ...names,
-    ].join("   ");
+    ].join("; ");
   }
+}
+
+/** The name of a single mode, or the kinds of several: "bus modes, fine legs". */
+function nameGroup(modes) {
+  if (modes.length === 1) return modes[0].name;
+  const kinds = new Set(modes.map(({ name }) => name.replace(/ [^ ]*$/, "")));
+  return [...kinds].map((kind) => (kind.endsWith("mode") ? `${kind}s` : kind)).join(", ");
 }
 
 /** Round values from first to last, about so many. */

@@ -27,7 +27,7 @@ from ..comparison import (
     read_target,
 )
 from ..exploration import explore_comparison
-from ..options import RESULTS, RunOptions, Scenario
+from ..options import RESULTS, OptionError, RunOptions, Scenario
 from ..publish import Findings, publish
 from ..setup import NOISE, RunSystem, load_system
 from ..wheels.crossings import Wheel, find_crossings, measure_crossings
@@ -40,7 +40,7 @@ from ..wheels.report import (
     tabulate_crossings,
 )
 from ..wheels.setup import build_loop, list_modes, make_response, read_wheels
-from ..wheels.spectrogram import make_spectrogram
+from ..wheels.spectrogram import FEWEST_ROWS, make_spectrogram
 
 TOP_SPEED = 6000.0 * 2.0 * np.pi / 60.0  # rad/s
 MARGIN = 1.05  # of the waterfall above the highest line
@@ -59,6 +59,8 @@ def run(options: RunOptions) -> None:
 
     Raises :class:`TargetError` after that if the target is out of reach.
     """
+    if options.steps < FEWEST_ROWS:
+        raise OptionError(f"--duration: expected {FEWEST_ROWS} steps at least, got {options.steps}")
     system = load_system(options, make_defaults(options.duration_s))
     wheels = read_wheels(system)
     found = compare(system, options, read_target(system), explored=True, history=True)
@@ -117,7 +119,7 @@ def analyse(
         )
         spectrogram = make_spectrogram(record.rotation, step, MARGIN * highest)
         cases[name] = CaseLines(spectrogram, measure_crossings(crossings, record.rotation, step))
-    return cases, make_waterfall(cases, wheels, modes, "Payload rotation")
+    return cases, make_waterfall(cases, wheels, modes, "Waterfall: rotation of the payload")
 
 
 SCENARIO = Scenario(

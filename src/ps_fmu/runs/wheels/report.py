@@ -33,7 +33,7 @@ class CaseLines:
 def describe_worst(case: str, crossings: Sequence[Crossing]) -> str:
     """A sentence on the worst crossing of a case."""
     if not crossings:
-        return f"Worst crossing, {case}: none; no harmonic crosses a mode in this run."
+        return f"Worst crossing, {case}: none; no harmonic crosses a mode slowly enough to be seen."
     worst = crossings[0]
     return (
         f"Worst crossing, {case}: {worst.wheel.name}, harmonic {worst.order:g} at {worst.speed / RPM:.0f} rpm crosses "

@@ -11,7 +11,7 @@ from ...disturbance import DisturbanceSettings, default_settings
 from ...disturbance.kinds.wheels import WheelSource
 from ...interface.parameter_sets import build_plant_and_isolator
 from ...mechanism.parameters import load
-from ...mechanism.quantities import Array, Complex, list_entries, take_values
+from ...mechanism.quantities import Array, Complex, ParameterError, list_entries, take_values
 from ...theory.loop import Loop, loop_of
 from ...theory.natural_modes import NaturalMode, find_natural_modes
 from ...theory.sampled_lines import from_wrench_stepped
@@ -23,11 +23,17 @@ COMPONENT = "disturbance"
 
 
 def read_wheels(system: RunSystem) -> list[Wheel]:
-    """The wheels that are on.  Raises OptionError if none is, or the system's disturbance source has no wheels."""
+    """The wheels that are on.
+
+    Raises OptionError if none is, if a file of speeds cannot be used, or the disturbance source has no wheels.
+    """
     settings = _read_settings(system)
     found = []
     for name, number, kind in settings.list_disturbances():
-        source = kind.make_source(settings, number) if name.startswith("wheel_") else None
+        try:
+            source = kind.make_source(settings, number)
+        except ParameterError as error:
+            raise OptionError(f"--parameters: {COMPONENT}.{name}.{error}") from error
         if isinstance(source, WheelSource):
             found.append(Wheel(name, source.profile, source))
     if not found:

@@ -14,6 +14,7 @@ from ...mechanism.quantities import Array, Complex
 
 WINDOW_S = 0.4
 """Length of a segment: a line that moves by 6 Hz/s stays in its bin of 2.4 Hz."""
+FEWEST_ROWS = 16
 ROWS = 400  # of a spectrogram: as many as a picture shows
 PERIODS = 3.0  # of the lowest frequency in a window: from there on a line is told apart from its mirror image
 _PLACES = 16  # of a window while a line is tracked across a mode
@@ -33,14 +34,14 @@ def make_spectrogram(signals: Array, step_s: float, highest: float) -> Spectrogr
 
     Blackman's windows: with Hann's the strongest line hides what is 70 dB below it 30 Hz away.
 
-    Raises ``ValueError`` for a run of less than 16 steps.
+    Raises ``ValueError`` for fewer rows than :data:`FEWEST_ROWS`.
     """
     from scipy.signal import ShortTimeFFT
     from scipy.signal.windows import blackman
 
     count = signals.shape[1]
-    if count < 16:
-        raise ValueError(f"expected 16 rows at least, got {count}")
+    if count < FEWEST_ROWS:
+        raise ValueError(f"expected {FEWEST_ROWS} rows at least, got {count}")
     length = min(2 ** round(np.log2(max(WINDOW_S / step_s, 8.0))), 2 ** int(np.log2(count / 2)))
     hop = max(1, (count - length) // (ROWS - 1))
     window = blackman(length, sym=False)
