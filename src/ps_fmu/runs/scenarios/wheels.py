@@ -43,8 +43,7 @@ from ..wheels.setup import build_loop, list_modes, make_response, read_wheels
 from ..wheels.spectrogram import FEWEST_ROWS, make_spectrogram
 
 TOP_SPEED = 6000.0 * 2.0 * np.pi / 60.0  # rad/s
-MARGIN = 1.05  # of the waterfall above the highest line
-
+BEYOND = 2.0  # times the highest mode: how far the waterfall goes; higher lines move the payload little
 
 ABOUT = (
     "Each harmonic of a wheel shakes the bus with an amplitude that grows with the square of the speed. Where its "
@@ -111,13 +110,14 @@ def analyse(
     step = options.step_s
     loop = build_loop(system, np.radians(found.orientation_deg).tolist())
     modes = list_modes(loop, step)
-    highest = max([*(wheel.highest for wheel in wheels), *(mode.frequency for mode in modes)])
+    lines = max(wheel.highest for wheel in wheels)
+    highest = BEYOND * max((mode.frequency for mode in modes), default=lines)
     cases = {}
     for name, record in zip(CASES, (found.passive, found.active), strict=True):
         crossings = find_crossings(
             wheels, modes, options.duration_s, make_response(loop, step, active=name == "active")
         )
-        spectrogram = make_spectrogram(record.rotation, step, MARGIN * highest)
+        spectrogram = make_spectrogram(record.rotation, step, highest)
         cases[name] = CaseLines(spectrogram, measure_crossings(crossings, record.rotation, step))
     return cases, make_waterfall(cases, wheels, modes, "Waterfall: rotation of the payload")
 
