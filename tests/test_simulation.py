@@ -214,8 +214,13 @@ def test_files_and_systems_of_the_product_by_name(taken, built_fmus):
 
 def test_all_arguments_arrive(taken, tmp_path):
     named = {"duration": 2.0, "step": 1e-3, "seed": 5, "storage_step": 0.01, "scheme": "gauss-seidel"}
-    simulate("slew", **named, apart=["isolator"], system=tmp_path / "other.ssp", progress=False)
+    recorded = tmp_path / "recorded.csv"
+    recorded.write_text("")
+    simulate(
+        "slew", **named, apart=["isolator"], system=tmp_path / "other.ssp", disturbance=str(recorded), progress=False
+    )
     (options,) = taken
+    assert options.disturbance == recorded
     assert (options.duration_s, options.step_s, options.seed, options.storage_step_s) == (2.0, 1e-3, 5, 0.01)
     assert (options.scheme, options.apart, options.progress) == ("gauss-seidel", ("isolator",), False)
     assert (options.system, options.fmus) == (tmp_path / "other.ssp", None)  # the archive has its own
@@ -230,6 +235,7 @@ def test_all_arguments_arrive(taken, tmp_path):
         ({"parameters": {"plant.payload.weight": 1.0}}, CosimError, r"plant.payload.weight \(.*parameters.ssv, line"),
         ({"parameters": {"plant.payload.mass": float("nan")}}, CosimError, "expected a finite number"),
         ({"parameter_files": ["none.ssv"]}, OptionError, "--parameters: there is no file none.ssv"),
+        ({"disturbance": "none.csv"}, OptionError, "--disturbance: there is no file none.csv"),
         ({"system": "none.ssd"}, CosimError, "none.ssd: there is no system description"),
     ],
 )

@@ -73,6 +73,10 @@ def add_arguments(p: argparse.ArgumentParser, found: Mapping[str, Scenario]) -> 
     p.add_argument(
         "--no-figures", dest="figures", action="store_false", help="draw no PNG files; the report keeps its charts"
     )
+    p.add_argument(
+        "--disturbance", type=Path, metavar="FILE",
+        help="recorded force and torque on the bus, CSV or netCDF, in place of the noise",
+    )  # fmt: skip
 
 
 def read_options(scenario: Scenario, arguments: argparse.Namespace) -> RunOptions:
@@ -91,6 +95,7 @@ def read_options(scenario: Scenario, arguments: argparse.Namespace) -> RunOption
         scheme=arguments.scheme,
         storage_step_s=arguments.storage_step,
         requirements=arguments.requirements and find_file(arguments.requirements),
+        disturbance=arguments.disturbance,
         fmus=None if arguments.ssp else find_built_folder(),
         figures=arguments.figures,
     ).claim_output()

@@ -45,6 +45,7 @@ def simulate(
     parameters: Mapping[str, Value] | None = None,
     parameter_files: Sequence[str | PathLike[str]] = (),
     apart: Sequence[str] = (),
+    disturbance: str | PathLike[str] | None = None,
     system: str | PathLike[str] | None = None,
     scheme: str = SCHEMES[0],
     storage_step: float | None = None,
@@ -67,6 +68,7 @@ def simulate(
         ``parameter_files``.  They are kept as ``parameters.ssv`` in the output folder.
     parameter_files: ``.ssv`` files, own ones or those of ps_fmu by their names; later ones win.
     apart: beginnings of names of parameters that differ from the plant's on purpose: no warning.
+    disturbance: recorded force and torque on the bus, a CSV or netCDF file, in place of the noise.
     system: another system than that of the scenario: an ``.ssd`` file, own or of ps_fmu, or an ``.ssp`` archive, which
         has its FMUs in it.
     scheme: order of exchange, ``"jacobi"`` or ``"gauss-seidel"``.
@@ -101,6 +103,7 @@ def simulate(
                 parameters=tuple(files),
                 apart=tuple(apart),
                 scheme=scheme,
+                disturbance=None if disturbance is None else Path(disturbance),
                 storage_step_s=storage_step,
                 fmus=None if own is not None and own.suffix.lower() == ".ssp" else find_built_folder(),
                 progress=progress,

@@ -112,6 +112,14 @@ def test_a_run_up_to_6000_rpm_leaves_no_momentum(initial):
     assert np.abs(velocity[-10_000:].mean(axis=0)).max() < 0.01 * np.abs(velocity).max()
 
 
+def test_amplitudes_at_constant_speed_are_those_of_the_wrench():
+    axis, position = np.array([1.0, 2.0, 0.5]), np.array([0.1, 0.0, -1.0])
+    wheel = WheelSource(SpeedProfile(-150.0, -150.0, 0.0, 0.0), axis, position, (3,))
+    times = 5.0 + np.arange(200) * STEP
+    turning = np.exp(1j * np.multiply.outer(-150.0 * times, wheel.orders))
+    np.testing.assert_allclose((turning @ wheel.amplitudes(-150.0)).real, wheel(times), atol=1e-12)
+
+
 def test_the_packaged_harmonics():
     force, torque = read_harmonics(FORCE_HARMONICS), read_harmonics(TORQUE_HARMONICS)
     assert force.orders.size == torque.orders.size == 12

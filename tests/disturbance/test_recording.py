@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ps_fmu.disturbance import Disturbance, default_settings
+from ps_fmu.disturbance import Disturbance, csv_table, default_settings
 from ps_fmu.disturbance.kinds import recording
 from ps_fmu.mechanism.parameters import ParameterError, load
 from ps_fmu.mechanism.quantities import replace_values
@@ -105,9 +105,9 @@ def test_no_file_a_folder_no_text(tmp_path):
 
 def test_limits_of_size(write, monkeypatch):
     path = write(*(f"{i},0,0,0,0,0,0" for i in range(20)))
-    monkeypatch.setattr(recording, "MAX_ROWS", 10)
+    monkeypatch.setattr(csv_table, "MAX_ROWS", 10)
     with pytest.raises(ParameterError, match="line 12: more than 10 lines"):
         recording.Recording(path)
-    monkeypatch.setattr(recording, "MAX_BYTES", 100)
+    monkeypatch.setattr(csv_table, "MAX_BYTES", 100)
     with pytest.raises(ParameterError, match="at most 100 are read"):
         recording.Recording(path)

@@ -78,6 +78,11 @@ CASES: dict[str, tuple[str, dict[str, Any], Inputs]] = {
     "isolator, sampled": ("isolator", {"sample_time": 10 * STEP}, turned),
     "commander": ("commander", {}, aimed),
     "disturbance": ("disturbance", {"rise_time": 0.1, "wheel_1.enabled": True}, nothing),
+    "disturbance, speed from a file": (
+        "disturbance",
+        {"rise_time": 0.1, "wheel_1.enabled": True, "wheel_1.speed_profile": str(ROOT / "tests/data/wheel_speed.csv")},
+        nothing,
+    ),
 }
 
 

@@ -88,3 +88,10 @@ def test_an_explored_run_keeps_a_finer_envelope_and_the_same_figure():
     assert len(plain.envelope.time) < 3001
     for name in ("time", "low", "high"):
         np.testing.assert_array_equal(getattr(explored.envelope, name), getattr(plain.envelope, name))
+
+
+def test_the_whole_history_where_it_is_asked_for():
+    values = samples(2500)
+    np.testing.assert_array_equal(observed(values, history=True).rotation, values[:, PLACES].T)
+    with pytest.raises(ValueError, match="the history was not kept"):
+        _ = observed(values).rotation

@@ -36,7 +36,7 @@ def test_a_file_in_a_package_is_a_scenario(tmp_path, monkeypatch):
     monkeypatch.syspath_prepend(tmp_path)
     studies = importlib.import_module("studies")
     found = find_scenarios(scenarios, studies)
-    assert list(found) == ["isolation", "pointing", "slew", "spin"]
+    assert list(found) == ["isolation", "pointing", "slew", "wheels", "spin"]
     assert found["spin"] == Scenario("spin", "a spin", print, 5.0, step_s=1e-4, storage_step_s=1e-2)
     (tmp_path / "studies" / "b_spin.py").write_text(declared)
     with pytest.raises(ValueError, match=r"studies\.b_spin: there is another scenario with the name 'spin'"):

@@ -46,7 +46,7 @@ class InFmpy:
         self.fmu.exitInitializationMode()
 
     def set(self, values: Mapping[str, Any]) -> None:
-        for kind in ("Real", "Integer", "Boolean"):
+        for kind in ("Real", "Integer", "Boolean", "String"):
             names = [name for name in values if self.variables[name].type == kind]
             if names:
                 references = [self.variables[name].valueReference for name in names]
@@ -99,7 +99,7 @@ class InPython:
         self.slave.exit_initialization_mode()
 
     def set(self, values: Mapping[str, Any]) -> None:
-        for kind in ("Real", "Integer", "Boolean"):
+        for kind in ("Real", "Integer", "Boolean", "String"):
             names = [n for n in values if self.slave.layout.by_reference[self.slave.layout.find(n)].type == kind]
             if names:
                 references = [self.slave.layout.find(name) for name in names]

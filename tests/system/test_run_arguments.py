@@ -58,15 +58,16 @@ def test_defaults(run, scenario, tmp_path):
 
 def test_all_arguments_arrive(run, scenario, tmp_path):
     called = scenario(lambda options: None)
-    for name in ("a.ssv", "b.ssv", "c.toml"):
+    for name in ("a.ssv", "b.ssv", "c.toml", "d.nc"):
         (tmp_path / name).write_text("")
     arguments = "table2 --duration 2 --step 1e-3 --seed 5 --parameters a.ssv b.ssv --output out --system other.ssd"
-    more = "--scheme gauss-seidel --storage-step 0.01 --requirements c.toml"
+    more = "--scheme gauss-seidel --storage-step 0.01 --requirements c.toml --disturbance d.nc"
     assert run.main([*arguments.split(), *more.split()]) == 0
     (options,) = called
     assert (options.scenario.name, options.duration_s, options.step_s, options.seed) == ("table2", 2.0, 1e-3, 5)
     assert options.parameters == (Path("a.ssv"), Path("b.ssv"))
     assert (options.system, options.requirements) == (Path("other.ssd"), Path("c.toml"))
+    assert options.disturbance == Path("d.nc")
     assert (options.output, options.scheme, options.storage_stride) == (tmp_path / "out", "gauss-seidel", 10)
 
 
@@ -83,6 +84,7 @@ def test_all_arguments_arrive(run, scenario, tmp_path):
         ("--seed 1.5", "invalid int value: '1.5'"),
         ("--parameters none.ssv", "--parameters: there is no file none.ssv"),
         ("--requirements none.toml", "--requirements: there is no file none.toml"),
+        ("--disturbance none.nc", "--disturbance: there is no file none.nc"),
         ("--output /proc/results", "--output: cannot write in /proc/results"),
         ("--ssp a.ssp --system a.ssd", "--system: not allowed with argument --ssp"),
         ("--scheme newton", "invalid choice: 'newton'"),

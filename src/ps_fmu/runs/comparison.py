@@ -105,6 +105,7 @@ def compare(
     lead_steps: int = 0,
     prefix: str = "",
     explored: bool = False,
+    history: bool = False,
 ) -> Comparison:
     """Run the system passive, then active, with the commander's target from the start.
 
@@ -114,12 +115,19 @@ def compare(
     values: further start values of both runs, by ``component.variable``.
     lead_steps: steps to run before the duration of the options, left out of the statistics.
     prefix: of the two groups in results.nc, for scenarios with several orientations.
-    explored: keep what a report to explore shows, see :class:`JitterRecord`.
+    explored, history: keep what a report to explore shows, and the whole history, see :class:`JitterRecord`.
     """
     roll, pitch, yaw = map(float, target)
     targets = dict(zip(TARGET, (roll, pitch, yaw), strict=True))
     steps = lead_steps + options.steps
-    judge = partial(JitterRecord, step_s=options.step_s, steps=steps, lead_steps=lead_steps, explored=explored)
+    judge = partial(
+        JitterRecord,
+        step_s=options.step_s,
+        steps=steps,
+        lead_steps=lead_steps,
+        explored=explored,
+        history=history,
+    )
     found = [
         run_case(
             system,

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ..results.observers.arrival import LastRow
 from ..results.observers.drift import DriftObserver
 from ..results.observers.envelope import Envelope, EnvelopeObserver
+from ..results.observers.history import HistoryObserver
 from ..results.observers.observer import ColumnObserver, NamedColumn
 from ..results.observers.scatter import Scatter, ScatterObserver
 from ..results.observers.statistics import SignalStatistics, Statistics
@@ -33,7 +34,8 @@ class JitterRecord:
 
     ``steps`` is the length of the run.  With ``lead_steps`` the statistics cover only the steps after those,
     ``steps - lead_steps`` rows; the envelope shows all.  A run that is too short for a segment simply has no spectrum
-    (None).  With ``explored`` the envelope is kept finer, for a report that one explores.
+    (None).  With ``explored`` the envelope is kept finer, for a report that one explores; with ``history`` every row of
+    the rotation is kept.
     """
 
     def __init__(
@@ -44,6 +46,7 @@ class JitterRecord:
         steps: int,
         lead_steps: int = 0,
         explored: bool = False,
+        history: bool = False,
     ) -> None:
         # Between two rows, so that rounding of the times does not matter.
         start_s = (lead_steps + 0.5) * step_s if lead_steps else -math.inf
@@ -52,6 +55,7 @@ class JitterRecord:
         self._drift = DriftObserver(columns, ROTATION, start_s=lead_steps * step_s, end_s=steps * step_s)
         self._scatter = ScatterObserver(columns, IMAGE_POINT, start_s=start_s)
         self._envelope = EnvelopeObserver(columns, ROTATION, bins=(EXPLORED_BINS if explored else PICTURE_BINS) // 2)
+        self._history = HistoryObserver(columns, ROTATION) if history else None
         self._state = LastRow(columns, (*ORIENTATION, REACHABLE))
         self._saturated = Statistics(columns, (SATURATED,))
         self._welch: Welch | None = None
@@ -68,6 +72,7 @@ class JitterRecord:
             self._drift,
             self._scatter,
             self._envelope,
+            self._history,
             self._state,
             self._saturated,
             self._welch,
@@ -98,6 +103,13 @@ class JitterRecord:
     def fine_envelope(self) -> Envelope:
         """The same in as many bins as were kept."""
         return self._envelope.result()
+
+    @property
+    def rotation(self) -> Array:
+        """The payload's rotation at each step, the start included, (3, steps + 1), rad; asks for ``history``."""
+        if self._history is None:
+            raise ValueError("the history was not kept")
+        return self._history.result()
 
     @property
     def spectrum(self) -> tuple[Array, Array] | None:

@@ -62,6 +62,7 @@ class RunOptions:
     scheme: str = "jacobi"
     storage_step_s: float | None = None  # time between stored rows; None: that of the scenario
     requirements: Path | None = None  # TOML file, see ps_fmu.requirements.reading
+    disturbance: Path | None = None  # recorded wrench, CSV or netCDF, see ps_fmu.runs.recorded
     fmus: Path | None = None  # folder of the FMUs; None: beside the system, as it says
     progress: bool = True
     figures: bool = True  # draw PNG files; the report has its charts without them
@@ -88,6 +89,8 @@ class RunOptions:
                 raise OptionError(f"--parameters: there is no file {path}")
         if self.requirements is not None and not self.requirements.is_file():
             raise OptionError(f"--requirements: there is no file {self.requirements}")
+        if self.disturbance is not None and not self.disturbance.is_file():
+            raise OptionError(f"--disturbance: there is no file {self.disturbance}")
 
     @property
     def steps(self) -> int:

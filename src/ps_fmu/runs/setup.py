@@ -15,6 +15,7 @@ from ..results.summary import FmuFile
 from .index_record import IndexLog
 from .judge import RunJudge, read_judge
 from .options import OptionError, RunOptions
+from .recorded import PATH, provide_recording
 from .warning_log import WarningLog
 
 SEED = "disturbance.seed"
@@ -75,17 +76,23 @@ class RunSystem:
 def load_system(options: RunOptions, defaults: Mapping[str, Value] | None = None) -> RunSystem:
     """The system of the options, with the scenario's ``defaults``, the seed, and then the user's parameter files.
 
+    A recorded disturbance takes the place of the noise; a parameter file may switch the noise on again.
     Where the step is too long for the band of the noise, and no parameter file sets that band, the band is lowered,
     with a warning.
 
-    Raises :class:`OptionError` for a step that is too long for any noise, and for requirements that cannot be used;
+    Raises :class:`OptionError` for a step that is too long for any noise, and for requirements or a recorded
+    disturbance that cannot be used;
     :class:`ps_fmu.cosim.SystemFileError` or :class:`ps_fmu.cosim.UsageError` naming the file and line.
     """
     given: dict[str, Parameter] = {}
     for path in options.parameters:
         given |= read_parameters(path).entries()
+    if options.disturbance is not None and PATH in given:
+        raise OptionError(f"--disturbance: {given[PATH].origin} sets {PATH}, too; expected one of both")
+    recorded = provide_recording(options)
     structure = read_system(options.system, options.fmus)
-    structure = structure.with_parameters({**(defaults or {}), SEED: options.seed}).with_parameters(given)
+    first = {**(defaults or {}), SEED: options.seed, **({NOISE: False} if recorded else {}), **recorded}
+    structure = structure.with_parameters(first).with_parameters(given)
     descriptions = read_descriptions(structure)
     system = RunSystem(structure, descriptions, given, judge=read_judge(options, make_layout(descriptions).columns))
     return system if HIGHEST_NOISE in given else _limit_noise(system, options.step_s)

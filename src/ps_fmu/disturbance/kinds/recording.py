@@ -1,17 +1,16 @@
-"""A recorded wrench from a CSV file, which is hostile until it has been checked."""
+"""A recorded wrench from a CSV file."""
 
 from __future__ import annotations
 
-import csv
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import ClassVar, TextIO
+from typing import ClassVar
 
 import numpy as np
 
 from ...mechanism.parameters import Parameters
 from ...mechanism.quantities import Array, ParameterError, quantity
+from ..csv_table import read_columns
 from ..kind import Kind, SharedSettings, Source
 
 HEADER = (
@@ -19,12 +18,6 @@ HEADER = (
     "force.x [N]", "force.y [N]", "force.z [N]",
     "torque.x [N.m]", "torque.y [N.m]", "torque.z [N.m]",
 )  # fmt: skip
-MAX_BYTES = 512 * 1024**2
-MAX_ROWS = 2_000_000  # 112 MB in memory
-MAX_LINE = 4096  # characters
-
-NAME = "path"
-
 _DIED_AWAY = 1e-9  # of the largest value
 
 
@@ -46,7 +39,7 @@ class Recording:
     """
 
     def __init__(self, path: Path, repeat: bool = False, scale: float = 1.0) -> None:
-        table = read(path)
+        table = read_columns(path, HEADER, "path")
         self._time, self._wrench = table[:, 0].copy(), scale * table[:, 1:]
         self._repeat = repeat
 
@@ -69,96 +62,6 @@ class Recording:
             slack = 1e-9 * (last - first)
             wrench[(time < first - slack) | (time > last + slack)] = 0.0
         return np.asarray(wrench)
-
-
-def read(path: Path) -> Array:
-    """The columns of :data:`HEADER` of a file, shape (lines, 7).
-
-    Raises
-    ------
-    ParameterError: see :class:`Recording`.
-    """
-    try:
-        if not path.is_file():
-            raise ParameterError(NAME, f"no file {str(path)!r} (relative paths start at {Path.cwd()})")
-        size = path.stat().st_size
-        if size > MAX_BYTES:
-            raise ParameterError(NAME, f"{path.name} has {size} bytes; at most {MAX_BYTES} are read")
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            return _parse(path, file)
-    except OSError as error:
-        raise ParameterError(NAME, f"cannot read {str(path)!r}: {error.strerror}") from error
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise ParameterError(NAME, f"{path.name} is not a CSV file in UTF-8: {error}") from error
-
-
-def _parse(path: Path, file: TextIO) -> Array:
-    lines = csv.reader(_bounded(path, file), strict=True)
-    columns = _columns(path, next(lines, []))
-    rows = np.empty((1024, len(HEADER)))
-    count, last = 0, -np.inf
-    for fields in lines:
-        if not fields:
-            continue  # an empty line
-        row = _numbers(path, lines.line_num, fields, columns)
-        if not row[0] > last:
-            raise _bad(path, lines.line_num, f"the time {row[0]:g} s does not come after {last:g} s")
-        if count == MAX_ROWS:
-            raise _bad(path, lines.line_num, f"more than {MAX_ROWS} lines; thin the recording out or cut it")
-        if count == len(rows):
-            rows = np.resize(rows, (min(2 * count, MAX_ROWS), len(HEADER)))
-        rows[count] = row
-        last, count = row[0], count + 1
-    if count < 2:
-        raise ParameterError(NAME, f"{path.name} has {count} lines of numbers; interpolation needs two")
-    return rows[:count].copy()
-
-
-def _bounded(path: Path, file: TextIO) -> Iterator[str]:
-    """Lines of bounded length: one without an end must not fill the memory."""
-    number = 0
-    while line := file.readline(MAX_LINE + 1):
-        number += 1
-        if len(line) > MAX_LINE:
-            raise _bad(path, number, f"longer than {MAX_LINE} characters")
-        yield line
-
-
-def _columns(path: Path, header: list[str]) -> list[int]:
-    names = [" ".join(field.split()) for field in header]
-    columns = []
-    for wanted in HEADER:
-        if names.count(wanted) == 1:
-            columns.append(names.index(wanted))
-            continue
-        others = [name for name in names if name.split(" ")[0] == wanted.split(" ")[0]]
-        if names.count(wanted) > 1:
-            problem = f"two columns {wanted!r}"
-        elif others:
-            problem = f"column {others[0]!r} must be {wanted!r}: convert the values to this unit"
-        else:
-            problem = f"no column {wanted!r}; expected {', '.join(HEADER)}"
-        raise _bad(path, 1, problem)
-    return columns
-
-
-def _numbers(path: Path, line: int, fields: list[str], columns: list[int]) -> list[float]:
-    row = []
-    for name, column in zip(HEADER, columns, strict=True):
-        try:
-            value = float(fields[column])
-        except IndexError:
-            raise _bad(path, line, f"{len(fields)} fields, but {name!r} is in column {column + 1}") from None
-        except ValueError:
-            raise _bad(path, line, f"{name!r}: expected a number, got {fields[column][:40]!r}") from None
-        if not np.isfinite(value):
-            raise _bad(path, line, f"{name!r}: must be finite, got {value}")
-        row.append(value)
-    return row
-
-
-def _bad(path: Path, line: int, problem: str) -> ParameterError:
-    return ParameterError(NAME, f"{path.name}, line {line}: {problem}")
 
 
 @dataclass(frozen=True)

@@ -20,15 +20,17 @@ from __future__ import annotations
 
 import csv
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
 
 from ...mechanism.parameters import Parameters
-from ...mechanism.quantities import Array, ParameterError, quantity
+from ...mechanism.quantities import Array, Complex, ParameterError, quantity
 from ..kind import Kind, SharedSettings, Source, explain_folding
 from ..smooth import ramp
+from ..speed import Speed, SpeedProfile, SpeedTable
 
 FORCE_HARMONICS = Path(__file__).with_name("wheel-radial-force-harmonics.csv")
 TORQUE_HARMONICS = Path(__file__).with_name("wheel-radial-torque-harmonics.csv")
@@ -70,37 +72,6 @@ def read_harmonics(path: Path) -> Harmonics:
 FORCE, TORQUE = read_harmonics(FORCE_HARMONICS), read_harmonics(TORQUE_HARMONICS)
 
 
-@dataclass(frozen=True)
-class SpeedProfile:
-    """Constant speed, a ramp, constant speed; speeds in rad/s, times in s."""
-
-    initial: float
-    final: float
-    start: float
-    duration: float
-
-    def acceleration(self, time: Array) -> Array:
-        """Rate of change of the speed at the times (n,), rad/s2; a jump has none."""
-        if self.duration == 0.0:
-            return np.zeros(time.size)
-        during = (time >= self.start) & (time < self.start + self.duration)
-        return np.where(during, (self.final - self.initial) / self.duration, 0.0)
-
-    def speed(self, time: Array) -> Array:
-        """Speed at the times (n,), rad/s."""
-        if self.duration == 0.0:
-            return np.where(time < self.start, self.initial, self.final)
-        part = np.clip((time - self.start) / self.duration, 0.0, 1.0)
-        return np.asarray(self.initial + (self.final - self.initial) * part)
-
-    def angle(self, time: Array) -> Array:
-        """Angle turned since t = 0, rad: the exact integral of the speed."""
-        within = np.clip(time - self.start, 0.0, self.duration)
-        after = np.maximum(time - self.start - self.duration, 0.0)
-        slope = within**2 / (2.0 * self.duration) if self.duration > 0.0 else 0.0
-        return np.asarray(self.initial * time + (self.final - self.initial) * (slope + after))
-
-
 class WheelSource:
     """Wrench of one wheel on the bus, faded in from rest over the rise time.
 
@@ -117,7 +88,7 @@ class WheelSource:
 
     def __init__(
         self,
-        profile: SpeedProfile,
+        profile: Speed,
         spin_axis_B: Array,
         position_B: Array,
         seed: tuple[int, ...],
@@ -127,7 +98,7 @@ class WheelSource:
         torque: Harmonics | None = None,
     ) -> None:
         force, torque = force or FORCE, torque or TORQUE
-        self._profile = profile
+        self.profile = profile
         self._rise_time = rise_time
         self._orders = np.concatenate([force.orders, torque.orders])
         random = np.random.Generator(np.random.Philox(np.random.SeedSequence(seed)))
@@ -138,6 +109,19 @@ class WheelSource:
         self._along = scale * along
         per_order = np.tile(1.0 / self._orders, 2)[:, None]
         self._along_1, self._along_2 = per_order * self._along, per_order**2 * self._along
+
+    @property
+    def orders(self) -> Array:
+        """Harmonics h (n,), those of the force before those of the torque."""
+        return self._orders
+
+    def amplitudes(self, speed: float) -> Complex:
+        """Complex amplitudes a (n, 6), N and N.m in B at its origin, of the harmonics at a constant speed, rad/s.
+
+        After the fade-in the wrench is the real part of the sum of ``a_i exp(j h_i angle)``.
+        """
+        cosine, sine = np.split(self._along, 2)
+        return np.asarray(speed**2 * np.exp(1j * self._phases)[:, None] * (cosine - 1j * sine))
 
     @staticmethod
     def _wrenches(force: Harmonics, torque: Harmonics, direction_B: Array, position_B: Array) -> Array:
@@ -150,14 +134,14 @@ class WheelSource:
 
     def __call__(self, time: Array) -> Array:
         """Force (N) and torque (N.m) in B at its origin at the times (n,) in s, shape (n, 6)."""
-        angles = np.multiply.outer(self._profile.angle(time), self._orders) + self._phases
+        angles = np.multiply.outer(self.profile.angle(time), self._orders) + self._phases
         cosine, sine = np.cos(angles), np.sin(angles)
-        speed, faded = self._profile.speed(time)[:, None], ramp(time, self._rise_time)
+        speed, faded = self.profile.speed(time)[:, None], ramp(time, self._rise_time)
         value, rate, curvature = (part[:, None] for part in faded)
         # With e = (cos, sin) and d = (-sin, cos): -(R e/h^2)'' = R W^2 e - (R W' + 2 R' W) d/h - R'' e/h^2.
         turning = np.concatenate([cosine, sine], axis=1)
         wrench = value * speed**2 * (turning @ self._along)
-        changing = value * self._profile.acceleration(time)[:, None] + 2.0 * rate * speed
+        changing = value * self.profile.acceleration(time)[:, None] + 2.0 * rate * speed
         if changing.any():
             wrench -= changing * (np.concatenate([-sine, cosine], axis=1) @ self._along_1)
         if curvature.any():
@@ -189,11 +173,21 @@ class WheelSettings(Kind):
     final_speed: float = quantity("rad/s", "Speed after the ramp", display="rpm")
     ramp_start: float = quantity("s", "Time at which the speed begins to change")
     ramp_duration: float = quantity("s", "Time that the change of speed takes", at_least=0.0)
+    speed_profile: str = quantity("", "CSV file with time [s] and speed [rpm] in place of the ramp; empty: none")
 
     def __post_init__(self) -> None:
         super().__post_init__()
         if np.linalg.norm(self.spin_axis_B) < 1e-9:
             raise ParameterError("spin_axis", "must not be the zero vector")
+        if not isinstance(self.speed_profile, str):
+            raise ParameterError("speed_profile", f"expected text, got {self.speed_profile!r}")
+
+    @cached_property
+    def profile(self) -> Speed:
+        """How the speed goes.  Raises ParameterError: the file cannot be used."""
+        if self.speed_profile:
+            return SpeedTable.read(Path(self.speed_profile), "speed_profile")
+        return SpeedProfile(self.initial_speed, self.final_speed, self.ramp_start, self.ramp_duration)
 
     @classmethod
     def make_defaults(cls, p: Parameters) -> tuple[WheelSettings, ...]:
@@ -208,22 +202,22 @@ class WheelSettings(Kind):
                 final_speed=200.0,  # rad/s
                 ramp_start=0.0,  # s
                 ramp_duration=0.0,  # s
+                speed_profile="",
             )
             for axis in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (1.0, 1.0, 1.0))
         )
 
     def make_source(self, shared: SharedSettings, number: int) -> Source | None:
-        """The wheel; its initial phases depend on seed and number."""
+        """The wheel; its initial phases depend on seed and number.  Raises ParameterError for an unusable profile."""
         if not self.enabled:
             return None
-        profile = SpeedProfile(self.initial_speed, self.final_speed, self.ramp_start, self.ramp_duration)
         seed = (shared.seed, 100 + number)
-        return WheelSource(profile, self.spin_axis_B, self.position_B, seed, self.scale, shared.rise_time)
+        return WheelSource(self.profile, self.spin_axis_B, self.position_B, seed, self.scale, shared.rise_time)
 
     def explain_aliasing(self, h: float) -> str | None:
         """That the steps fold the highest harmonic at the highest speed."""
         if not self.enabled:
             return None
-        speed = max(abs(self.initial_speed), abs(self.final_speed))
+        speed = self.profile.highest
         order = max(FORCE.orders.max(), TORQUE.orders.max())
         return explain_folding(f"harmonic {order:g} of {speed:g} rad/s", order * speed / (2.0 * np.pi), h)

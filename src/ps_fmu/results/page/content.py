@@ -6,12 +6,14 @@ tenth of the time of a list of numbers to read, half its size, and 7 digits are 
 
 from __future__ import annotations
 
-import base64
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+
+from ..waterfall import RANGE_DB, Waterfall
+from .packing import encode, encode_levels
 
 Array = NDArray[np.float64]
 Entry = dict[str, object]
@@ -200,18 +202,41 @@ class Exploration:
     charts: Sequence[ChartGroup] = ()
     clouds: Sequence[CloudGroup] = ()
     mechanism: Mechanism | None = None
+    waterfalls: Sequence[Waterfall] = ()
 
     def pack(self) -> Entry:
         """As the page reads it; empty if there is nothing.  Raises ``ValueError`` for arrays that do not fit."""
-        if not (self.charts or self.clouds or self.mechanism):
+        if not (self.charts or self.clouds or self.mechanism or self.waterfalls):
             return {}
         return {
             "groups": [group.pack() for group in self.charts],
             "clouds": [group.pack() for group in self.clouds],
             "mechanism": self.mechanism.pack() if self.mechanism else None,
+            "waterfalls": [_pack_waterfall(shown) for shown in self.waterfalls],
         }
 
 
-def encode(values: Array) -> str:
-    """Base64 of the values as little-endian float32, row by row."""
-    return base64.b64encode(np.ascontiguousarray(values, dtype="<f4").tobytes()).decode("ascii")
+def _pack_waterfall(shown: Waterfall) -> Entry:
+    ordinate = Axis(shown.label, shown.ordinate_unit, shown.ordinate).pack()
+    return {
+        "unit": shown.unit,
+        "largest": shown.largest,
+        "rangeDb": RANGE_DB,
+        "frequency": Axis("frequency", "Hz", shown.frequency).pack(),
+        "ordinate": ordinate,
+        "shown": shown.shown,
+        "panels": [
+            {
+                "case": panel.case,
+                "levels": encode_levels(shown.levels(panel), -RANGE_DB),
+                "mark": None
+                if panel.mark is None
+                else {"frequency": panel.mark.frequency, "ordinate": panel.mark.ordinate},
+            }
+            for panel in shown.panels
+        ],
+        "lines": [
+            {"wheel": line.wheel, "order": line.order, "frequency": encode(line.frequency)} for line in shown.lines
+        ],
+        "modes": [{"name": mode.name, "frequency": mode.frequency} for mode in shown.modes],
+    }

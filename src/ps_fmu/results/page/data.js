@@ -1,11 +1,16 @@
 // Reads the data of the page: a JSON element whose arrays are base64 of little-endian float32.
 
-/** The numbers behind a base64 text. */
-function decode(text) {
+/** The bytes behind a base64 text. */
+function decodeBytes(text) {
   const bytes = atob(text);
   const buffer = new Uint8Array(bytes.length);
   for (let i = 0; i < bytes.length; i++) buffer[i] = bytes.charCodeAt(i);
-  return new Float32Array(buffer.buffer);
+  return buffer;
+}
+
+/** The numbers behind a base64 text. */
+function decode(text) {
+  return new Float32Array(decodeBytes(text).buffer);
 }
 
 /** A horizontal axis: values by place, and places by value. Equally spaced ones are computed in double precision. */

@@ -49,6 +49,7 @@ function makeToggles(packed, link) {
 function start() {
   const data = readData();
   const drawings = [
+    ...data.waterfalls.flatMap((each, k) => makeWaterfall(each, document.querySelector(`[data-waterfall="${k}"]`))),
     ...data.groups.flatMap((group, k) => makeGroup(group, document.querySelector(`[data-group="${k}"]`), `group-${k}`)),
     ...data.clouds.flatMap((group, k) => makeClouds(group, document.querySelector(`[data-cloud="${k}"]`))),
   ];

@@ -1,0 +1,129 @@
+"""``--disturbance FILE``: a recorded wrench on the bus, from a CSV or netCDF file, in place of the noise.
+
+The disturbance source reads CSV.  A netCDF file is written again as CSV into the output folder.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from ..cosim import Value
+from ..disturbance.csv_table import MAX_ROWS, read_columns
+from ..disturbance.kinds.recording import HEADER
+from ..mechanism.quantities import Array, ParameterError
+from ..slavekit.author.units import parse_unit
+from .options import OptionError, RunOptions
+
+PATH = "disturbance.recording.path"
+CONVERTED = "disturbance.csv"  # in the output folder
+_NETCDF = (b"CDF", b"\x89HDF")  # first bytes: classic, and netCDF-4
+_TIMES = {"second": "s", "sec": "s", "millisecond": "ms", "minute": "min", "hour": "h"}
+
+
+def provide_recording(options: RunOptions) -> dict[str, Value]:
+    """Start values that make the disturbance source a recording of the options' file; none without one.
+
+    Raises :class:`OptionError` for a file that cannot be used: with its name, and the line or variable.
+    """
+    path = options.disturbance
+    if path is None:
+        return {}
+    try:
+        with path.open("rb") as file:
+            first = file.read(4)
+        if first.startswith(_NETCDF):
+            table = read_netcdf(path)
+            path = options.output / CONVERTED
+            np.savetxt(path, table, fmt="%.17g", delimiter=",", header=",".join(HEADER), comments="")
+        else:
+            table = read_columns(path, HEADER, "")
+    except ParameterError as error:
+        raise OptionError(f"--disturbance: {error.problem}") from error
+    except OSError as error:
+        raise OptionError(f"--disturbance: {path}: {error.strerror or error}") from error
+    begin, end = table[0, 0], table[-1, 0]
+    if begin >= options.duration_s or end <= 0.0:
+        raise OptionError(
+            f"--disturbance: {options.disturbance} holds {begin:g} to {end:g} s, the run lasts from 0 to "
+            f"{options.duration_s:g} s"
+        )
+    return {PATH: str(path.absolute())}
+
+
+def read_netcdf(path: Path) -> Array:
+    """Time, force and torque of a netCDF file in the columns of :data:`..recording.HEADER`, (rows, 7).
+
+    Variables are ``time`` and, over it, ``force.x`` or ``force_x`` and so on, or ``force`` and ``torque`` with a second
+    dimension of three, all also as ``base_force`` and ``base_torque``.  Each has its attribute ``units``.
+
+    Raises
+    ------
+    ParameterError: the file cannot be used; the text names the variable.
+    OSError: it cannot be read.
+    """
+    import netCDF4
+
+    with netCDF4.Dataset(path) as file:
+        time = _read(path, file, ("time",), "s")
+        if time.ndim != 1 or not 2 <= len(time) <= MAX_ROWS:
+            raise _bad(path, "time", f"expected 2 to {MAX_ROWS} values, got the shape {time.shape}")
+        columns = [time]
+        for kind, unit in (("force", "N"), ("torque", "N.m")):
+            both = kind, f"base_{kind}"
+            if vector := next((name for name in both if name in file.variables), None):
+                values = _read(path, file, (vector,), unit)
+                if values.shape != (len(time), 3):
+                    raise _bad(path, vector, f"expected the shape ({len(time)}, 3), got {values.shape}")
+                columns += list(values.T)
+                continue
+            for axis in "xyz":
+                names = tuple(f"{name}{joint}{axis}" for name in both for joint in "._")
+                values = _read(path, file, names, unit)
+                if values.shape != time.shape:
+                    raise _bad(path, names[0], f"expected the shape {time.shape}, as of time, got {values.shape}")
+                columns.append(values)
+    late = np.flatnonzero(~(np.diff(time) > 0.0))
+    if late.size:
+        row = int(late[0]) + 1
+        raise _bad(path, "time", f"{time[row]:g} s, its value {row + 1}, does not come after {time[row - 1]:g} s")
+    return np.column_stack(columns)
+
+
+def _read(path: Path, file: object, names: tuple[str, ...], unit: str) -> Array:
+    """The first variable of these names that there is, in a unit."""
+    variables = file.variables  # type: ignore[attr-defined]  # a netCDF4.Dataset, which is imported when it is needed
+    found = next((name for name in names if name in variables), None)
+    if found is None:
+        known = ", ".join(variables) or "none"
+        raise _bad(path, names[0], f"no such variable, nor {' or '.join(names[1:]) or 'another'}; there are: {known}")
+    variable = variables[found]
+    factor = _find_factor(path, found, getattr(variable, "units", None), unit)
+    if variable.dtype is str or variable.dtype.kind not in "fiu":
+        raise _bad(path, found, f"expected numbers, got {variable.dtype}")
+    if variable.size > 3 * MAX_ROWS:
+        raise _bad(path, found, f"{variable.size} values; at most {MAX_ROWS} rows are read")
+    values = np.atleast_1d(np.ma.filled(np.ma.asarray(variable[...], dtype=float), np.nan) * factor)
+    wrong = np.argwhere(~np.isfinite(values))
+    if wrong.size:
+        raise _bad(path, found, f"value {int(wrong[0][0]) + 1} is missing or not finite")
+    return np.asarray(values, dtype=float)
+
+
+def _find_factor(path: Path, name: str, units: object, wanted: str) -> float:
+    if not isinstance(units, str) or not units.strip():
+        raise _bad(path, name, f"has no attribute units; expected {wanted} or a unit that can be converted")
+    text = units.strip()
+    if wanted == "s":  # CF: seconds since 2000-01-01; the run begins at zero
+        text = text.split(" since ")[0].strip()
+        text = _TIMES.get(text.removesuffix("s"), text)
+    unit, target = parse_unit(text.replace(" ", ".").replace("*", ".")), parse_unit(wanted)
+    assert target is not None  # one of ours
+    if unit is None or unit.offset or unit.exponents != target.exponents:
+        raise _bad(path, name, f"cannot convert the units {units!r} to {wanted}")
+    return unit.scale / target.scale
+
+
+def _bad(path: Path, variable: str, problem: str) -> ParameterError:
+    return ParameterError("", f"{path.name}, variable {variable!r}: {problem}")

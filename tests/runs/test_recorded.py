@@ -1,0 +1,148 @@
+"""--disturbance: recorded wrenches from CSV and netCDF, in place of the noise."""
+
+import json
+from pathlib import Path
+
+import netCDF4
+import numpy as np
+import pytest
+
+from ps_fmu.disturbance.kinds.recording import HEADER
+from ps_fmu.mechanism.quantities import ParameterError
+from ps_fmu.runs.options import OptionError
+from ps_fmu.runs.recorded import read_netcdf
+from ps_fmu.runs.setup import load_system
+
+TIME = np.linspace(0.0, 1.0, 101)
+WRENCH = np.outer(np.sin(2.0 * np.pi * TIME), np.arange(1.0, 7.0))
+STEP = 1e-3  # s
+CSV_HEADER = ",".join(HEADER)
+
+
+@pytest.fixture
+def write_netcdf(tmp_path):
+    """Writes variables, name to (values, units), over ``time`` into a netCDF file."""
+
+    def write(variables, time=TIME, units="s", form="NETCDF4"):
+        path = tmp_path / "recorded.nc"
+        with netCDF4.Dataset(path, "w", format=form) as file:
+            file.createDimension("time", len(time))
+            file.createDimension("axis", 3)
+            for name, (values, unit) in {"time": (time, units), **variables}.items():
+                dimensions = ("time", "axis")[: np.ndim(values)]
+                variable = file.createVariable(name, np.asarray(values).dtype, dimensions)
+                if unit is not None:
+                    variable.units = unit
+                variable[...] = values
+        return path
+
+    return write
+
+
+def vectors(force="N", torque="N.m", factor=1.0):
+    return {"force": (factor * WRENCH[:, :3], force), "torque": (factor * WRENCH[:, 3:], torque)}
+
+
+def components(prefix="", joint="."):
+    units = ["N"] * 3 + ["N.m"] * 3
+    names = [f"{prefix}{kind}{joint}{axis}" for kind in ("force", "torque") for axis in "xyz"]
+    return {name: (WRENCH[:, k], units[k]) for k, name in enumerate(names)}
+
+
+@pytest.mark.parametrize(
+    ("variables", "more"),
+    [
+        (vectors(), {}),
+        (vectors("mN", "mN.m", 1e3), {}),
+        (vectors("N", "N m"), {"units": "seconds since 2024-01-01 00:00:00"}),
+        (vectors(), {"time": 1e3 * TIME, "units": "milliseconds"}),
+        (vectors(), {"form": "NETCDF3_CLASSIC"}),
+        (components(), {}),
+        (components("base_", "_"), {}),
+        ({**components(), "temperature": (TIME, None)}, {}),
+    ],
+)
+def test_a_netcdf_file_in_si(write_netcdf, variables, more):
+    found = read_netcdf(write_netcdf(variables, **more))
+    np.testing.assert_allclose(found, np.column_stack([TIME, WRENCH]), rtol=1e-12, atol=1e-12)
+
+
+def replaced(name, values, units):
+    return {**vectors(), name: (values, units)}
+
+
+@pytest.mark.parametrize(
+    ("variables", "more", "problem"),
+    [
+        (replaced("force", WRENCH[:, :3], "kg"), {}, "variable 'force': cannot convert the units 'kg' to N"),
+        (replaced("torque", WRENCH[:, 3:], None), {}, "variable 'torque': has no attribute units; expected N.m"),
+        ({"force": (WRENCH[:, :3], "N")}, {}, "variable 'torque.x': no such variable, nor torque_x or base_torque.x"),
+        (vectors(), {"units": "m"}, "variable 'time': cannot convert the units 'm' to s"),
+        (vectors(), {"time": np.r_[TIME[:50], TIME[49], TIME[51:]]}, "0.49 s, its value 51, does not come after 0.49"),
+        (replaced("force", np.where(WRENCH[:, :3] > 2.0, np.nan, 1.0), "N"), {}, "'force': value 13 is missing or not"),
+        (replaced("force", WRENCH[:, 0], "N"), {}, r"'force': expected the shape \(101, 3\), got \(101,\)"),
+    ],
+)  # fmt: skip
+def test_netcdf_files_that_cannot_be_used(write_netcdf, variables, more, problem):
+    with pytest.raises(ParameterError, match=problem) as refusal:
+        read_netcdf(write_netcdf(variables, **more))
+    assert "recorded.nc, variable" in str(refusal.value)
+
+
+def write_csv(folder: Path, header=CSV_HEADER, rows=None):
+    path = folder / "recorded.csv"
+    rows = np.column_stack([TIME, WRENCH]) if rows is None else rows
+    np.savetxt(path, rows, fmt="%.17g", delimiter=",", header=header, comments="")
+    return path
+
+
+def run(options):
+    """Runs the scenario; what the disturbance did in the active run, (rows, 6), and summary.json."""
+    options.scenario.run(options)
+    names = [f"disturbance.base_{kind}.{axis}" for kind in ("force", "torque") for axis in "xyz"]
+    with netCDF4.Dataset(options.output / "results.nc") as file:
+        found = np.column_stack([file["active"][name][:] for name in names])
+    return found, json.loads((options.output / "summary.json").read_text())
+
+
+def test_csv_and_netcdf_act_alike_and_the_noise_does_not(make_options, write_netcdf, tmp_path):
+    more = {"step_s": STEP, "storage_step_s": STEP}
+    by_csv, summary = run(make_options("isolation", 0.1, disturbance=write_csv(tmp_path), **more))
+    options = make_options("isolation", 0.1, disturbance=write_netcdf(vectors()), **more)
+    by_netcdf, other = run(options)
+    np.testing.assert_array_equal(by_csv, by_netcdf)
+    rows = np.arange(0, 101, 10)
+    np.testing.assert_allclose(by_csv[rows], WRENCH[: len(rows)], rtol=1e-9, atol=1e-12)
+    assert summary["parameters"]["disturbance.noise.enabled"] is False
+    assert summary["parameters"]["disturbance.recording.path"] == str(tmp_path / "recorded.csv")
+    assert other["parameters"]["disturbance.recording.path"] == str(options.output / "disturbance.csv")
+
+
+@pytest.mark.parametrize(
+    ("change", "problem"),
+    [
+        ({"header": CSV_HEADER.replace("force.y [N]", "force.y [kN]")}, "recorded.csv, line 1: column 'force.y"),
+        ({"rows": np.column_stack([TIME[::-1], WRENCH])}, "recorded.csv, line 3: the time 0.99 s does not come"),
+        ({"rows": np.column_stack([TIME + 5.0, WRENCH])}, r"holds 5 to 6 s, the run lasts from 0 to 0.1 s"),
+    ],
+)  # fmt: skip
+def test_csv_files_that_cannot_be_used(make_options, tmp_path, change, problem):
+    options = make_options("isolation", 0.1, step_s=STEP, disturbance=write_csv(tmp_path, **change))
+    with pytest.raises(OptionError, match=problem) as refusal:
+        load_system(options)
+    assert str(refusal.value).startswith("--disturbance: ")
+
+
+def test_a_file_that_is_not_there_and_one_that_is_set_twice(make_options, ssv, tmp_path):
+    with pytest.raises(OptionError, match="--disturbance: there is no file"):
+        make_options("isolation", 0.1, disturbance=tmp_path / "missing.csv")
+    twice = ssv({"disturbance.recording.path": "other.csv"})
+    options = make_options("isolation", 0.1, step_s=STEP, disturbance=write_csv(tmp_path), parameters=(twice,))
+    with pytest.raises(OptionError, match=r"given\.ssv, line 4 sets disturbance\.recording\.path, too"):
+        load_system(options)
+
+
+def test_a_parameter_file_switches_the_noise_on_again(make_options, ssv, tmp_path):
+    noisy = ssv({"disturbance.noise.enabled": True})
+    options = make_options("isolation", 0.1, disturbance=write_csv(tmp_path), parameters=(noisy,))
+    assert load_system(options).get_start("disturbance.noise.enabled") is True
