@@ -1,4 +1,4 @@
-"""ps-fmu analyse indices: the FMUs beside the closed form, within the stated intervals and under lines without scatter."""
+"""ps-fmu analyse indices: the FMUs beside the closed form, within stated intervals and under lines without scatter."""
 
 import json
 from pathlib import Path
@@ -19,9 +19,9 @@ SAMPLE = STEP * STRIDE
 
 @pytest.fixture(scope="module")
 def found(built_fmus, tmp_path_factory):
-    """The analysis with runs of 60 s, and what it has written."""
+    """The analysis with runs of 100 s, and what it has written."""
     output = tmp_path_factory.mktemp("indices")
-    result = analysis.analyse(AnalysisOptions(output, built_fmus, SYSTEM, progress=False), 60.0, points=1000)
+    result = analysis.analyse(AnalysisOptions(output, built_fmus, SYSTEM, progress=False), 100.0, points=2000)
     result.write(output)
     return result, json.loads((output / "indices.json").read_text()), output
 
@@ -39,16 +39,12 @@ def test_all_indices_are_within_their_stated_confidence(found):
     assert np.mean(usual) > 0.8
 
 
-def test_the_intervals_are_worth_something(found):
-    """Fast indices are known to some percent after a minute, so that 10 % more disturbance would be seen."""
-    fast = [
-        each
-        for each in found[1]["comparisons"]
-        if each["index"] in ("jitter 20 ms", "jitter 100 ms") and each["signal"] == "plant.payload_rotation.x"
-    ]
-    assert len(fast) == 16
-    widths = [each["interval_joint_rad"][1] / each["interval_joint_rad"][0] - 1.0 for each in fast]
-    assert min(widths) < 0.1
+def test_all_indices_are_within_what_their_spectra_allow(found):
+    """The same with the scatter in closed form: no record has to say how sure it is."""
+    compared = found[1]["comparisons"]
+    assert [each for each in compared if not each["known_holds"]] == []
+    widths = [np.divide(*each["interval_joint_closed_form_rad"][::-1]) - 1.0 for each in compared]
+    assert min(widths) < 0.1  # the fastest are known to some percent, so that 10 % more disturbance would be seen
 
 
 def test_files(found):
@@ -62,11 +58,11 @@ def test_files(found):
     ("orientation", "active"), [("nominal", False), ("pitch", True), ("yaw", False), ("roll", True)]
 )
 def test_lines_without_scatter(built_fmus, orientation: str, active: bool):
-    """Under the multisine each index is that of its lines to 0.5 %: what is left after 110 s of how it began.
+    """Under the multisine each index is that of its lines to 0.5 %: what is left after 85 s of how it began.
 
     A mode at 1.1 Hz dies away with 45 s, whence the long wait.  Windows slide over the 40 s after which lines repeat.
     """
-    period, wait = 20.0, 110.0
+    period, wait = 20.0, 85.0
     values = {"disturbance.noise.multisine": True, "disturbance.noise.period": period}
     system = read_system(SYSTEM, built_fmus)
     rows = measured.record(system, (orientation, active), wait + 2.0 * period + 2.0 - measured.SETTLING, 5, values)

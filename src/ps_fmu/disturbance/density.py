@@ -1,9 +1,9 @@
 """The density that Gaussian noise has on average over time, exactly, over the density it is asked for.
 
 A block of :class:`.gaussian.GaussianNoise` is f = d2/dt2 (w g) with the window w of :func:`.smooth.crossfade` and
-lines g at k / T.  In the spectrum of w g each line is as wide as that of w; f has (2 pi f)^4 of it.  Lines are 1/T apart
-and the autocorrelation of w ends at T, so by Poisson's formula their sum is flat.  Only at the edges of the band one
-sees how wide a line is: some 2/T.  There a free body has most of its motion.
+lines g at k / T.  In the spectrum of w g each line is as wide as that of w; f has (2 pi f)^4 of it.  Lines are 1/T
+apart and the autocorrelation of w ends at T, so by Poisson's formula their sum is flat.  Only at the edges of the band
+one sees how wide a line is: some 2/T.  There a free body has most of its motion.
 """
 
 from __future__ import annotations

@@ -99,7 +99,7 @@ class Distribution:
         return effective_samples(np.square(np.concatenate(self._series)))
 
     def independent_squares(self) -> float:
-        """As :meth:`effective_squares`, but rather too few than too many: :func:`..pointing.confidence.least_samples`."""
+        """As :meth:`effective_squares`, but rather too few than too many, by ``least_samples``."""
         return least_samples(np.square(np.concatenate(self._series)))
 
 

@@ -30,7 +30,10 @@ _FORCE, _WRENCH, _ACCELERATION = slice(0, 3), slice(3, N_LOADS), slice(0, 6)
 
 @dataclass(frozen=True, eq=False)
 class SteppedLoop:
-    """X(k+1) = A X(k) + B w(k), y(k+1) = L X(k) + E w(k); w (6,) is the wrench on the base, N, N.m, in B at its origin."""
+    """X(k+1) = A X(k) + B w(k), y(k+1) = L X(k) + E w(k).
+
+    w (6,) is the wrench on the base, N, N.m, in B at its origin.
+    """
 
     A: Array
     """(n, n)."""

@@ -91,6 +91,16 @@ class ClosedForm:
         """RMS (signals,), rad, of an index of the samples."""
         return index.rms(self.frequency, self.density, step=STRIDE * STEP)
 
+    def independent(self, index: PointingIndex, duration: float) -> Array:
+        """Independent samples (signals,) that the mean square of an index over a record, s, is worth.
+
+        2 (mean square)^2 over its variance, which is the integral of (W S)^2 over the duration (J. S. Bendat, A. G.
+        Piersol, Random Data, 8.2), for Gaussian noise and windows that slide.
+        """
+        weighted = index.weight(self.frequency, STRIDE * STEP)[:, None] * self.density
+        square, variance = (np.trapezoid(weighted**power, self.frequency, axis=0) for power in (1, 2))
+        return np.asarray(2.0 * duration * square**2 / variance)
+
     def rms_of_lines(self, index: PointingIndex, seed: int, period: float) -> Array:
         """The same under the multisine of a seed, over whole periods, s: without any scatter."""
         noise = self.parameters.noise

@@ -11,8 +11,7 @@ import numpy as np
 
 from ...cosim import Master, System, Value
 from ...mechanism.parameters import Array, load
-from ...pointing import PointingIndex
-from ...pointing.confidence import Statement, windows_rms
+from ...pointing import PointingIndex, Statement, gaussian_rms, windows_rms
 from ...results.observers.sampler import SampleObserver
 from .closed_form import ORIENTATIONS, SIGNALS, STEP, STRIDE, ClosedForm, solve
 
@@ -36,6 +35,13 @@ class Comparison:
     """The same with an interval of 95 %."""
     expected: float
     """In closed form."""
+    known: Statement
+    """At the confidence of all comparisons together, too, but with the number of independent samples in closed form."""
+
+    @property
+    def known_holds(self) -> bool:
+        """The interval of :attr:`known` has the closed form in it."""
+        return self.known.lower <= self.expected <= self.known.upper
 
     @property
     def holds(self) -> bool:
@@ -53,9 +59,7 @@ def list_cases() -> list[Case]:
     return [(name, active) for name in ORIENTATIONS for active in (False, True)]
 
 
-def record(
-    system: System, case: Case, duration: float, seed: int, values: Mapping[str, Value] | None = None
-) -> Array:
+def record(system: System, case: Case, duration: float, seed: int, values: Mapping[str, Value] | None = None) -> Array:
     """Samples (n, signals), rad, of a run of ``duration``, s, after the settling.  Raises CosimError."""
     name, active = case
     angles = np.radians(ORIENTATIONS[name]).tolist()
@@ -106,11 +110,15 @@ def _compare(
     """
     found = found - found.mean(axis=0)
     for name, index in indices.items():
-        values, expected = index.values(found, STRIDE * STEP), theory.rms(index)
+        window = getattr(index, "window", None)
+        values = index.values(found, STRIDE * STEP, stride=round(window / (STRIDE * STEP)) if window else 1)
+        expected, independent = theory.rms(index), theory.independent(index, len(found) * STRIDE * STEP)
+        if values.shape[1] == 1:  # one value of a window: the sum of two variances is on the safe side
+            independent = 1.0 / (1.0 / independent + 1.0 / len(values))
         for k, signal in enumerate(SIGNALS):
-            one = values[:, :, k]
-            stated, usual = (windows_rms(one, level) for level in (confidence, 0.95))
-            yield Comparison(case[0], case[1], name, signal, stated, usual, float(expected[k]))
+            stated, usual = (windows_rms(values[:, :, k], level) for level in (confidence, 0.95))
+            known = gaussian_rms(stated.value, float(independent[k]), confidence)
+            yield Comparison(case[0], case[1], name, signal, stated, usual, float(expected[k]), known)
 
 
 def share_held(compared: Sequence[Comparison]) -> float:
