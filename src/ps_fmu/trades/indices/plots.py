@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 _SHOWN = dict(zip(SIGNALS[:3], zip(AXES, (-0.22, 0.0, 0.22), strict=True), strict=True))  # colour and place in a row
 
+_RANGE = (0.6, 1.6)  # of the ratio: intervals of slow indices go on beyond it
+
 
 def draw_comparisons(path: Path, compared: Sequence[Comparison]) -> None:
     """A panel for each orientation, passive above and active below; x, y, z of the payload side by side."""
@@ -33,6 +35,7 @@ def draw_comparisons(path: Path, compared: Sequence[Comparison]) -> None:
                 axes.set_title("{}: ({:g}, {:g}, {:g})\N{DEGREE SIGN}".format(mode, *angles))
         panels[0, 0].set_yticks(np.arange(len(names)), names)
         panels[0, 0].invert_yaxis()
+        panels[0, 0].set_xlim(*_RANGE)
         for axes in panels[1]:
             axes.set_xlabel("RMS on the FMUs over closed form")
         handles = panels[0, 0].get_legend_handles_labels()
