@@ -161,29 +161,51 @@ def windows_rms(values: ArrayLike, confidence: float = 0.95) -> Statement:
     """RMS of an index over the windows of one record, whatever its distribution and correlation.
 
     ``values`` of one signal, (windows, r, 1) as :meth:`.index.PointingIndex.values` has them, or (windows, r), or
-    (windows,).  The mean squares of the windows are worth :func:`effective_samples`; the interval is that of the
-    chi-square distribution with the same mean and variance as their mean.  For independent Gaussian values that is
-    :func:`gaussian_rms`.
+    (windows,).  The mean squares of the windows are worth :func:`least_samples`; the interval is that of the chi-square
+    distribution with the same mean and variance as their mean.  For independent Gaussian values that is
+    :func:`gaussian_rms`.  Of 200 records of 60 s each, noise of a resonance at 1 Hz with 2 % of damping, 80 to 96 % of
+    the intervals of 90 % held the true value (by index; with :func:`effective_samples` 63 to 90 %).
     """
     squares = np.asarray(values, dtype=float) ** 2
     if squares.ndim > 3 or squares.shape[2:] not in ((), (1,)):
         raise ValueError(f"values: expected those of one signal, got the shape {squares.shape}")
+    alone = squares.size == len(squares)  # one value in each window
     squares = _finite(squares if squares.ndim == 1 else squares.reshape(len(squares), -1).mean(axis=1))
-    mean, number = float(squares.mean()), effective_samples(squares)
-    spread = float(squares.var()) / number
+    mean, number = float(squares.mean()), least_samples(squares)
+    spread = float(squares.var(ddof=1)) / number if len(squares) > 1 else 0.0
     if not spread > 0.0:
         raise ValueError("values: their squares do not vary, which says nothing of how sure their mean is")
-    return replace(gaussian_rms(math.sqrt(mean), 2.0 * mean**2 / spread, confidence), independent=number)
+    freedom = 2.0 * mean**2 / spread
+    if alone:
+        # A few squares without a large one among them vary too little: they are worth no more than Gaussian ones.
+        freedom = min(freedom, number)
+    return replace(gaussian_rms(math.sqrt(mean), freedom, confidence), independent=number)
 
 
 def effective_samples(values: ArrayLike) -> float:
     """Number of independent samples whose mean is as sure as that of a correlated record (n,); 1 to n.
 
-    n over the integrated correlation time tau = 1 + 2 sum rho_m, summed up to the first lag of at least 5 tau
-    (A. D. Sokal, Monte Carlo methods in statistical mechanics, in: Functional Integration, Plenum 1997, 131-192).  For
-    the variance of a record give its squares, for a quantile ``values <= quantile``: these are the means in question.
-    A record of fewer than some 50 tau says little about its own tau.
+    n over the integrated correlation time tau = 1 + 2 sum rho_m, summed up to the first lag m of at least 5 tau
+    (A. D. Sokal, Monte Carlo methods in statistical mechanics, in: Functional Integration, Plenum 1997, 131-192).  The
+    record's own mean in place of the true one makes tau too small by a share (2 m + 1) / n, which is made up for (U.
+    Wolff, Monte Carlo errors with less errors, Comput. Phys. Comm. 156 (2004) 143-153).  For the variance of a record
+    give its squares, for a quantile ``values <= quantile``: these are the means in question.  A record of fewer than
+    some 50 tau says little about its own tau: :func:`least_samples` allows for it.
     """
+    return _effective_samples(values, 0.0)
+
+
+def least_samples(values: ArrayLike) -> float:
+    """As :func:`effective_samples`, but rather too few than too many; 1 to n.
+
+    The estimate of tau has the standard deviation sqrt(2 (2 m + 1) / n) of itself (Wolff, as above); here it is added.
+    It is small for long records.  Of 200 records worth 210 samples, 146 were worth as many as it says or more.
+    """
+    return _effective_samples(values, 1.0)
+
+
+def _effective_samples(values: ArrayLike, deviations: float) -> float:
+    """With so many standard deviations of the correlation time added to its estimate."""
     series = _finite(values)
     deviation = series - series.mean()
     n = len(series)
@@ -191,9 +213,12 @@ def effective_samples(values: ArrayLike) -> float:
     covariance = np.fft.irfft(spectrum.real**2 + spectrum.imag**2)[:n]
     if not covariance[0] > 1e-24 * n * float(np.abs(series).max()) ** 2:  # constant to rounding
         return 1.0
-    tau = 2.0 * np.cumsum(covariance / covariance[0]) - 1.0
+    share = (2.0 * np.arange(n) + 1.0) / n
+    tau = (2.0 * np.cumsum(covariance / covariance[0]) - 1.0) * (1.0 + share)
     enough = np.flatnonzero(np.arange(n) >= WINDOW_FACTOR * tau)
-    return float(min(n, max(1.0, n / max(float(tau[enough[0] if enough.size else -1]), 1e-12))))
+    last = int(enough[0]) if enough.size else n - 1
+    longest = float(tau[last]) * (1.0 + deviations * math.sqrt(2.0 * float(share[last])))
+    return float(min(n, max(1.0, n / max(longest, 1e-12))))
 
 
 def bootstrap(

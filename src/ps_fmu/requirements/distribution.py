@@ -16,7 +16,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from ..pointing.confidence import effective_samples
+from ..pointing.confidence import effective_samples, least_samples
 
 Array = NDArray[np.float64]
 
@@ -103,6 +103,10 @@ class Distribution:
     def effective_squares(self) -> float:
         """Number of independent samples for the mean square."""
         return effective_samples(np.square(np.concatenate(self._series)))
+
+    def independent_squares(self) -> float:
+        """As :meth:`effective_squares`, but rather too few than too many, by ``least_samples``."""
+        return least_samples(np.square(np.concatenate(self._series)))
 
 
 def find_rank(count: int, share: float) -> int:

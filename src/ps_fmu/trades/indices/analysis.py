@@ -1,0 +1,140 @@
+"""Pointing indices at four orientations, passive and active: the FMUs beside the closed form."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import partial
+
+import numpy as np
+from tqdm import tqdm
+
+from ...paper.analysis import AnalysisOptions
+from ...paper.analysis_result import AnalysisResult
+from ...paper.cosimulation import load_built_system
+from ...pointing import PointingIndex
+from ...results.report import draw_pictures
+from ...results.tables import Table
+from .closed_form import APART, ORIENTATIONS, SIGNALS, list_indices
+from .measured import JOINT, SETTLING, Comparison, list_cases, measure, share_held
+from .plots import draw_comparisons
+
+DURATION = 400.0  # s, of each run after the settling
+MICRO = 1e6  # urad in a rad
+
+
+def analyse(
+    options: AnalysisOptions,
+    duration: float = DURATION,
+    indices: Mapping[str, PointingIndex] | None = None,
+    points: int = 4000,
+) -> AnalysisResult:
+    """Run the FMUs for ``duration``, s, in each case, and compare the indices, by default those of the closed form.
+
+    ``points``: frequencies of the closed form, see :class:`.closed_form.ClosedForm`.
+    """
+    indices = list_indices() if indices is None else indices
+    system = load_built_system(options)
+    with tqdm(total=len(list_cases()), unit="run", desc="indices", disable=not options.progress) as bar:
+        compared = measure(system, indices, duration, options.seed, points, bar.update)
+    figure = (
+        "intervals",
+        "RMS of each index on the FMUs over closed form, with intervals of 95 % (thick) and of all together (thin).",
+        partial(draw_comparisons, compared=compared),
+    )
+    return AnalysisResult(
+        name="indices",
+        title="Pointing indices: the FMUs beside the closed form",
+        text=describe(compared, duration),
+        tables=[_make_summary(compared), *(_make_table(compared, *case) for case in list_cases())],
+        pictures=draw_pictures(options.output, "indices", (figure,)),
+        data=_make_entry(compared, duration),
+    )
+
+
+def describe(compared: Sequence[Comparison], duration: float) -> list[str]:
+    """What was compared, and what came of it."""
+    outside = [each for each in compared if not each.holds]
+    far = max(compared, key=lambda each: abs(each.stated.value / each.expected - 1.0))
+    worst = "; ".join(_name(each) for each in outside[:5]) or "none"
+    return [
+        f"The default system with its Gaussian disturbance, {duration:g} s at each of four orientations after "
+        f"{SETTLING:g} s of settling, without and with the isolator. Rotation of the payload and of its line of sight. "
+        f"The windows of the drift error (PDE) lie {APART} windows apart from start to start.",
+        "Closed form: plant, isolator, holds and the exchange of a step as a discrete linear system, exactly; the "
+        "density of the noise as its generator makes it; the weights of sampled data. Nothing is fitted. The noise has "
+        "sharp band edges, hence no state space of finite order: the integral runs over frequencies.",
+        "Interval: that which ps_fmu.pointing.windows_rms states for the record, from chi-square with the effective "
+        f"number of samples; at {100.0 * JOINT:g} % for all {len(compared)} comparisons together (Bonferroni).",
+        f"Intervals that do not hold the closed form: {len(outside)} of {len(compared)} ({worst}). Of the intervals of "
+        f"95 % each, {100.0 * share_held(compared):.1f} % hold it; they are not independent of each other. The largest "
+        f"difference is {100.0 * (far.stated.value / far.expected - 1.0):+.1f} % ({_name(far)}), with "
+        f"{far.stated.independent:.0f} independent samples. With the number of independent samples in closed form, by "
+        f"the spectrum, {sum(not each.known_holds for each in compared)} intervals do not hold it.",
+    ]
+
+
+def _name(each: Comparison) -> str:
+    return f"{each.index} of {each.signal}, {each.orientation}, {_mode(each.active)}"
+
+
+def _mode(active: bool) -> str:
+    return "active" if active else "passive"
+
+
+def _make_summary(compared: Sequence[Comparison]) -> Table:
+    rows = []
+    for name, active in list_cases():
+        own = [each for each in compared if (each.orientation, each.active) == (name, active)]
+        ratios = np.array([each.stated.value / each.expected - 1.0 for each in own])
+        angles = "({:g}, {:g}, {:g})".format(*ORIENTATIONS[name])
+        rows.append(
+            (
+                angles, _mode(active), str(sum(each.holds for each in own)), str(len(own)),
+                f"{100.0 * share_held(own):.1f}", f"{100.0 * ratios.min():+.1f}", f"{100.0 * ratios.max():+.1f}",
+            )
+        )  # fmt: skip
+    header = (
+        "roll, pitch, yaw (deg)", "isolator", "hold", "of", "95 % intervals hold (%)", "lowest (%)", "highest (%)",
+    )  # fmt: skip
+    return Table("Intervals that hold the closed form, and differences of the RMS from it", header, rows)
+
+
+def _make_table(compared: Sequence[Comparison], orientation: str, active: bool) -> Table:
+    """One case: the closed form, the estimate and its interval of 95 % for x, y and z of the payload."""
+    shown = SIGNALS[:3]
+    found = {
+        (each.index, each.signal): each for each in compared if (each.orientation, each.active) == (orientation, active)
+    }
+    rows = []
+    for index in dict.fromkeys(index for index, _ in found):
+        row = [index]
+        for signal in shown:
+            each = found[index, signal]
+            low, high = (_micro(value) for value in (each.usual.lower, each.usual.upper))
+            row += [_micro(each.expected), f"{_micro(each.usual.value)} ({low} to {high})"]
+        rows.append(tuple(row))
+    header = ("index", *(text for axis in "xyz" for text in (f"{axis}, closed form", f"{axis}, FMUs (95 %)")))
+    return Table(f"Payload rotation, RMS (urad): {orientation}, {_mode(active)}", header, rows)
+
+
+def _micro(value: float) -> str:
+    return f"{MICRO * value:.4g}"
+
+
+def _make_entry(compared: Sequence[Comparison], duration: float) -> dict[str, object]:
+    return {
+        "duration_s": duration,
+        "joint_probability": JOINT,
+        "comparisons": [
+            {
+                "orientation": each.orientation, "isolator": each.active, "index": each.index, "signal": each.signal,
+                "closed_form_rad": each.expected, "fmus_rad": each.stated.value,
+                "independent_samples": each.stated.independent, "interval_95_rad": [each.usual.lower, each.usual.upper],
+                "interval_joint_rad": [each.stated.lower, each.stated.upper], "holds": each.holds,
+                "independent_samples_closed_form": each.known.independent,
+                "interval_joint_closed_form_rad": [each.known.lower, each.known.upper],
+                "known_holds": each.known_holds,
+            }
+            for each in compared
+        ],
+    }  # fmt: skip
