@@ -29,7 +29,7 @@ Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 REST = "rest"
-_BLOCK = 20_000  # columns that are solved at a time: 40 MB with 120 states
+_BLOCK = 64  # frequencies that are solved at a time: 15 MB with 120 states
 
 
 @dataclass(frozen=True)
@@ -100,17 +100,17 @@ class StateSpace:
 
         Raises ``ValueError`` for frequencies that are not within 0 Hz and half the sampling rate, or not a vector.
         """
-        from scipy.linalg import schur
+        from scipy.linalg import matrix_balance
 
         point = self._points(frequency)
-        # One decomposition for all frequencies, and then a triangular solution, row by row from the last.
-        T, Q = schur(self.A.astype(complex), output="complex")
-        drive, read = Q.conj().T @ self.B, self.C @ Q
+        # Balanced, and solved anew at each frequency: one Schur decomposition for all is no faster below 100 states, and
+        # loses seven digits of a rigid motion at a thousandth of the fastest pole's frequency.
+        A, (scale, _) = matrix_balance(self.A, permute=False, separate=True)
+        drive, read = (self.B / scale[:, None]).astype(complex), self.C * scale
         found = np.empty((len(point), len(self.C), self.B.shape[1]), dtype=complex)
-        block = max(1, _BLOCK // max(self.B.shape[1], 1))
-        for first in range(0, len(point), block):
-            part = slice(first, first + block)
-            found[part] = np.moveaxis(_solve(T, drive, read, point[part]), -1, 0)
+        for first in range(0, len(point), _BLOCK):
+            part = slice(first, first + _BLOCK)
+            found[part] = read @ np.linalg.solve(point[part, None, None] * np.eye(len(A)) - A, drive)
         return found + self.direct
 
     def modal_response(
@@ -156,18 +156,9 @@ class StateSpace:
     def _to_continuous(self, values: Complex) -> Complex:
         if not self.step:
             return values
-        with np.errstate(divide="ignore"):
-            return np.asarray(np.log1p(self.step * values) / self.step)
-
-
-def _solve(T: Complex, drive: Complex, read: Complex, point: Complex) -> Complex:
-    """read (d E - T)^-1 drive for d in point (n,): (signals, inputs, n)."""
-    states = np.empty((len(T), drive.shape[1] * len(point)), dtype=complex)
-    shape = (drive.shape[1], len(point))
-    for row in range(len(T) - 1, -1, -1):
-        right = (T[row, row + 1 :] @ states[row + 1 :]).reshape(shape) + drive[row][:, None]
-        states[row] = (right / (point - T[row, row])).reshape(-1)
-    return np.asarray((read @ states).reshape(len(read), *shape))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            found = np.log1p(self.step * values) / self.step
+        return np.where(np.isnan(found), -np.inf, found)
 
 
 def _group(s: Complex, order: NDArray[np.intp], apart: float) -> list[list[int]]:
