@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -59,7 +60,8 @@ class Source:
             shape = self.response.shape
             raise ValueError(f"{self.name}, response: expected ({n}, signals, {k}), by mode or not, got {shape}")
         if self.spectrum.shape not in ((n, k, k), (k, k)):
-            raise ValueError(f"{self.name}, spectrum: expected ({n}, {k}, {k}) or ({k}, {k}), got {self.spectrum.shape}")
+            shape = self.spectrum.shape
+            raise ValueError(f"{self.name}, spectrum: expected ({n}, {k}, {k}) or ({k}, {k}), got {shape}")
         size = float(np.abs(self.spectrum).max(initial=0.0))
         if not np.isfinite(size) or not np.isfinite(self.response).all():
             raise ValueError(f"{self.name}: response and spectrum must be finite")
@@ -226,7 +228,7 @@ def _weigh_density(
     low, high = frequency[0], frequency[-1]
     cuts = np.unique(np.concatenate([edges, factors.limits]))
     cuts = np.concatenate([[low], cuts[(cuts > low) & (cuts < high)], [high]])
-    for start, stop in zip(cuts[:-1], cuts[1:], strict=True):
+    for start, stop in pairwise(cuts):
         inside = np.flatnonzero((frequency > start) & (frequency < stop))
         grid = np.concatenate([[start], frequency[inside], [stop]])
         coefficients = index.quadrature(grid, step=step) * float(factors.at(start)) ** 2

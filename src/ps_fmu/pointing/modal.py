@@ -92,8 +92,8 @@ class StateSpace:
 
     @cached_property
     def poles(self) -> Complex:
-        """(n,), rad/s, those of continuous time; a state that forgets within a step has -inf."""
-        return self._to_continuous(np.linalg.eigvals(self.A).astype(complex))
+        """(n,), rad/s, those of continuous time; a state that forgets within a step has -inf, but for rounding."""
+        return self._to_continuous(np.asarray(np.linalg.eigvals(self.A), dtype=complex))
 
     def response(self, frequency: ArrayLike) -> Complex:
         """(n, signals, inputs) at frequencies (n,), Hz; inputs are of the exponent +2 pi i f t.
@@ -103,15 +103,15 @@ class StateSpace:
         from scipy.linalg import matrix_balance
 
         point = self._points(frequency)
-        # Balanced, and solved anew at each frequency: one Schur decomposition for all is no faster below 100 states, and
-        # loses seven digits of a rigid motion at a thousandth of the fastest pole's frequency.
+        # Balanced, and solved anew at each frequency.  One Schur decomposition for all is no faster for 91 states (1 s
+        # against 0.7 s, 3000 frequencies), and keeps 7 digits, not 12, of an isolated payload's rotation at 0.1 Hz.
         A, (scale, _) = matrix_balance(self.A, permute=False, separate=True)
         drive, read = (self.B / scale[:, None]).astype(complex), self.C * scale
         found = np.empty((len(point), len(self.C), self.B.shape[1]), dtype=complex)
         for first in range(0, len(point), _BLOCK):
             part = slice(first, first + _BLOCK)
             found[part] = read @ np.linalg.solve(point[part, None, None] * np.eye(len(A)) - A, drive)
-        return found + self.direct
+        return np.asarray(found + self.direct, dtype=complex)
 
     def modal_response(
         self, frequency: ArrayLike, *, largest_damping: float = 0.5, apart: float = 1e-3
@@ -157,8 +157,9 @@ class StateSpace:
         if not self.step:
             return values
         with np.errstate(divide="ignore", invalid="ignore"):
-            found = np.log1p(self.step * values) / self.step
-        return np.where(np.isnan(found), -np.inf, found)
+            found: Complex = np.asarray(np.log1p(self.step * values) / self.step, dtype=complex)
+        found[np.isnan(found)] = -np.inf
+        return found
 
 
 def _group(s: Complex, order: NDArray[np.intp], apart: float) -> list[list[int]]:

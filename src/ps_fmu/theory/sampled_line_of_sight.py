@@ -36,7 +36,7 @@ class SampledPointing:
     def response(self, frequency: Array) -> Complex:
         """K, from the rotation that is to be taken away (3, rad, P) to forces (3, N), (n, 3, 3), at frequencies, Hz."""
         t, h = self.timing, self.timing.step
-        s = 2j * np.pi * np.asarray(frequency)
+        s: Complex = np.asarray(2j * np.pi * np.asarray(frequency))
         Ad, Bd = self.control.hold(h)
         # In increments: for slow errors the states of the two integrators change by little in a step.
         A, B = (Ad - np.eye(len(Ad))) / h, (Bd[:, :3] / h).astype(complex)
@@ -44,7 +44,7 @@ class SampledPointing:
         K = self.control.output_map() @ np.linalg.solve(point[:, None, None] * np.eye(len(A)) - A, B)
         late = np.exp(-s * (t.latency + t.control_sample_time + t.control_delay))
         for time in (t.sample_time, t.control_sample_time):
-            late = late * _held(s * h, max(round(time / h), 1))
+            late = late * _held(np.asarray(s * h), max(round(time / h), 1))
         return np.asarray(K * late[:, None, None] * np.array([1.0, 1.0, float(self.roll_measured)]))
 
 

@@ -65,9 +65,9 @@ def _explain(factors: UncertaintyFactors) -> Iterator[str]:
     yield (
         "Closed form of what the FMUs step: the share of each source, frequency band and mode in the variance of each "
         "index. Passive: isolator and line-of-sight loop off; active: both on, where the system has them. Cross terms "
-        "of correlated sources and of modes are shared half and half, so that contributions add up; one may be negative, "
-        "and then another is above 100 %. Lines of wheels are averaged over their phases. The rest, among the modes, is rigid motion, filters "
-        "and delays."
+        "of correlated sources and of modes are shared half and half, so that contributions add up; one may be "
+        "negative, and then another is above 100 %. Lines of wheels are averaged over their phases. The rest, among "
+        "the modes, is rigid motion, filters and delays."
     )
     if factors.limits or factors.factors != (1.0,):
         edges = [0.0, *factors.limits, np.inf]

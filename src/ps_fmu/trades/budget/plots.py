@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,6 +13,7 @@ from ...results.style import ACTIVE, PASSIVE, REFERENCE, draw
 from .results import Entry
 
 if TYPE_CHECKING:
+    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -37,10 +39,12 @@ def draw_bands(path: Path, entries: Sequence[Entry]) -> None:
             axes.set_ylabel("share of the variance (%)")
         for axes in panels[-1]:
             axes.set_xlabel("frequency band (Hz)")
-        found: dict[str, object] = {}
+        found: dict[str, Artist] = {}
         for axes in panels.flat:
-            found |= dict(zip(*axes.get_legend_handles_labels()[::-1], strict=True))
-        figure.legend(found.values(), found.keys(), loc="outside lower center", ncols=4, fontsize=11)
+            bars, labels = axes.get_legend_handles_labels()
+            found |= dict(zip(labels, bars, strict=True))
+        order = [name for name in (*named, "others") if name in found]
+        figure.legend([found[name] for name in order], order, loc="outside lower center", ncols=4, fontsize=11)
         figure.suptitle(entries[0].wanted.title)
 
     draw(path, 13.0, 3.9 * len(_list_systems(entries)) + 1.6, paint)
@@ -102,15 +106,11 @@ def _stack(axes: Axes, entry: Entry, named: Sequence[str]) -> None:
         height = shares[chosen].sum(axis=0)
         axes.bar(places, height, bottom=np.where(height < 0.0, below, above), color=colour, label=name, width=0.8)
         above, below = above + np.maximum(height, 0.0), below + np.minimum(height, 0.0)
-    labels = [f"<{high:g}" if low == 0.0 else f"{low:g}-{high:g}" for low, high in _pair(budget.edges)]
+    labels = [f"<{high:g}" if low == 0.0 else f"{low:g}-{high:g}" for low, high in pairwise(budget.edges)]
     axes.set_xticks(places, labels, rotation=60, ha="right", fontsize=10)
     axes.axhline(0.0, color="black", lw=0.8)
     unit = entry.wanted.requirement.limit.unit.replace("u", "\N{MICRO SIGN}", 1)
     axes.set_title(f"{entry.model.name}, {entry.case}: RMS {entry.rms:.3g} {unit}")
-
-
-def _pair(edges: np.ndarray) -> list[tuple[float, float]]:
-    return list(zip(edges[:-1], edges[1:], strict=True))
 
 
 def _mark_modes(axes: Axes, entries: Sequence[Entry]) -> None:
@@ -127,6 +127,6 @@ def _mark_modes(axes: Axes, entries: Sequence[Entry]) -> None:
         if not shown or frequency > 1.1 * shown[-1]:
             shown.append(frequency)
             axes.annotate(
-                f"{frequency:.3g} Hz", (frequency, 0.99), xycoords=("data", "axes fraction"), rotation=90, fontsize=10,
-                ha="right", va="top", color=REFERENCE,
+                f" {frequency:.3g} Hz", (frequency, 0.01), xycoords=("data", "axes fraction"), rotation=90, fontsize=10,
+                ha="right", va="bottom", color=REFERENCE,
             )  # fmt: skip

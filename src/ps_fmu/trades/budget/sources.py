@@ -94,7 +94,8 @@ def _list_harmonics(wheel: WheelSettings, number: int, where: str) -> Iterator[L
         for order, coefficient in zip(harmonics.orders, harmonics.coefficients, strict=True):
             wrench = np.zeros(6, dtype=complex)
             wrench[place : place + 3] = wheel.scale * coefficient * speed**2 * turning
-            yield Line(f"wheel {number} {kind} {order:g}", order * speed / (2.0 * np.pi), at_origin @ wrench)
+            frequency = order * speed / (2.0 * np.pi)
+            yield Line(f"wheel {number} {kind} {order:g}", frequency, np.asarray(at_origin @ wrench))
 
 
 def _make_lines(
@@ -147,12 +148,12 @@ def _list_inner(circuit: Circuit, signals: Sequence[str], grid: Array) -> Iterat
 
 def _place(circuit: Circuit, low: float, high: float, points: int) -> Array:
     """Frequencies, Hz, from low to high, dense around the poles."""
-    poles = circuit.state_space.poles
-    grid = place_frequencies(poles[np.isfinite(poles)], low, high, points, PER_POLE)
+    grid = place_frequencies(circuit.poles, low, high, points, PER_POLE)
     grid[0], grid[-1] = low, high  # of a geometric series, but for rounding
     return grid
 
 
 def _check_rate(name: str, frequency: float, highest: float) -> None:
     if frequency > highest:
-        raise BudgetError(f"{name}: {frequency:.5g} Hz is above {highest:g} Hz, half the rate of the steps, and folds down")
+        limit = f"{highest:g} Hz, half the rate of the steps"
+        raise BudgetError(f"{name}: {frequency:.5g} Hz is above {limit}, and folds down")

@@ -122,37 +122,36 @@ class Circuit:
         return found
 
     @cached_property
-    def state_space(self) -> StateSpace:
-        """From all channels to all outputs of the plant, a line-of-sight loop open."""
-        inputs = [name for names in self.channels.values() for name in names]
-        outputs = [f"{self.model.component(PLANT)}.{name}" for name in OUTPUT_NAMES]
-        wires = [(str(wire.source), str(wire.target)) for wire in self.model.system.connections]
-        found = connect(self.blocks, wires, inputs, outputs, self.model.step)
-        return StateSpace(found.A, found.B, found.C, found.step)
+    def poles(self) -> Complex:
+        """(n,), rad/s, a line-of-sight loop open."""
+        found = self._connect([], []).poles
+        return np.asarray(found[np.isfinite(found)])
 
     def respond(self, frequency: Array, signals: Sequence[str], sources: Sequence[str]) -> ModalResponse:
         """By mode, from the channels of some sources (FMUs, in the order of :attr:`channels`) to outputs of the plant.
 
         Modes are those without a line-of-sight loop; where it is closed, they are what it acts against.
         """
-        whole = self.state_space
-        places = self._places(sources)
-        rows = [OUTPUT_NAMES.index(name) for name in signals]
+        sources = [fmu for fmu in self.channels if fmu in sources]
         if not self.closed:
-            return StateSpace(whole.A, whole.B[:, places], whole.C[rows], whole.step).modal_response(frequency)
+            return self._connect(self._list_inputs(sources), signals).modal_response(frequency)
         assert self.model.pointing is not None
-        forces = self._places([TRACKER])
-        inputs = [*(k for k in places if k not in forces), *forces]
-        seen = [OUTPUT_NAMES.index(name) for name in SEEN]
-        found = StateSpace(whole.A, whole.B[:, inputs], whole.C[[*rows, *seen]], whole.step).modal_response(frequency)
-        answers, errors = found.parts[:, :, : len(rows)], found.parts[:, :, len(rows) :].sum(axis=0)
+        inputs = self._list_inputs([*(fmu for fmu in sources if fmu != TRACKER), TRACKER])
+        found = self._connect(inputs, [*signals, *SEEN]).modal_response(frequency)
+        answers, errors = found.parts[:, :, : len(signals)], found.parts[:, :, len(signals) :].sum(axis=0)
         K = self.model.pointing.response(frequency)
-        parts = close_loop(K, errors, answers, slice(len(inputs) - len(forces), None))
-        return ModalResponse(found.modes, parts[..., [inputs.index(k) for k in places]])
+        parts = close_loop(K, errors, answers, slice(len(inputs) - 3, None))
+        return ModalResponse(found.modes, parts if TRACKER in sources else parts[..., :-3])
 
-    def _places(self, sources: Sequence[str]) -> list[int]:
-        names = [(fmu, name) for fmu, names in self.channels.items() for name in names]
-        return [k for k, (fmu, _) in enumerate(names) if fmu in sources]
+    def _list_inputs(self, sources: Sequence[str]) -> list[str]:
+        return [name for fmu in sources for name in self.channels[fmu]]
+
+    def _connect(self, inputs: Sequence[str], signals: Sequence[str]) -> StateSpace:
+        """From inputs ``component.input`` to outputs of the plant; a state for no other output than is needed."""
+        outputs = [f"{self.model.component(PLANT)}.{name}" for name in signals]
+        wires = [(str(wire.source), str(wire.target)) for wire in self.model.system.connections]
+        found = connect(self.blocks, wires, inputs, outputs, self.model.step)
+        return StateSpace(found.A, found.B, found.C, found.step)
 
     def _find_target(self, output: str) -> str:
         """The input that an output is connected with."""
@@ -171,7 +170,8 @@ def read_model(system: System, step: float | None = None) -> SystemModel:
     components = {component.source.stem: component.name for component in system.components}
     for fmu in components:
         if fmu not in KNOWN:
-            raise BudgetError(f"{components[fmu]}: there is no closed form of the FMU {fmu}; there is of {', '.join(KNOWN)}")
+            known = ", ".join(KNOWN)
+            raise BudgetError(f"{components[fmu]}: there is no closed form of the FMU {fmu}; there is of {known}")
     if missing := [fmu for fmu in NEEDED if fmu not in components]:
         raise BudgetError(f"{system.path.name}: a budget needs the FMU {missing[0]}")
     h = step or system.experiment.step or STEP
