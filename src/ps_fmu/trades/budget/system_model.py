@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from ...disturbance import default_settings
 from ...disturbance.total import DisturbanceSettings
 from ...mechanism.linear_model import Plant
 from ...mechanism.parameters import load
-from ...mechanism.quantities import Array, Complex, take_values
+from ...mechanism.quantities import Array, Complex, ParameterError, take_values
 from ...mechanism.signals import OUTPUTS
 from ...pointing.modal import ModalResponse, StateSpace
 from ...sensors.defaults import default_sensors
@@ -179,19 +179,20 @@ def read_model(system: System, step: float | None = None) -> SystemModel:
     orientation = np.array([float(commander.get(f"target.{angle}", 0.0)) for angle in ("roll", "pitch", "yaw")])
     if isolator.get("sample_time"):
         raise BudgetError(f"{components[ISOLATOR]}.sample_time: there is no closed form of a digital isolator; set 0 s")
-    plant = take_values(Plant.from_parameters(p), _given(system, components[PLANT]))
-    controller = take_values(Isolator.from_parameters(p), isolator)
-    tracker = _take(system, components, TRACKER, DEFAULT_TRACKER) if POINTING in components else None
+    plant = _take(system, components[PLANT], Plant.from_parameters(p))
+    controller = _take(system, components[ISOLATOR], Isolator.from_parameters(p))
+    looped = TRACKER in components and POINTING in components
+    tracker = _take(system, components[TRACKER], DEFAULT_TRACKER) if looped else None
     return SystemModel(
         system,
         components,
         loop_of(plant, controller, orientation, 0.0),
         float(isolator.get("delay", 0.0)),
-        take_values(default_settings(p), _given(system, components[SOURCE])),
-        _take(system, components, SENSORS, default_sensors()),
-        _take(system, components, COILS, Coils.from_parameters(p)),
+        _take(system, components[SOURCE], default_settings(p)),
+        _take(system, components[SENSORS], default_sensors()) if SENSORS in components else None,
+        _take(system, components[COILS], Coils.from_parameters(p)) if COILS in components else None,
         tracker,
-        None if tracker is None else _make_pointing(_given(system, components[POINTING]), tracker, orientation, h),
+        None if tracker is None else _make_pointing(system, components[POINTING], tracker, orientation, h),
         h,
     )
 
@@ -201,17 +202,21 @@ def limit_response(found: ModalResponse) -> Complex:
     return np.concatenate([found.parts[:, :1], found.parts], axis=1)
 
 
-def _make_pointing(given: Mapping[str, Any], tracker: Tracker, orientation: Array, h: float) -> SampledPointing:
-    law = take_values(PointingLaw.from_parameters(load()), given)
-    timing = Timing(
-        tracker.sample_time, tracker.latency, h, float(given.get("sample_time", 0.0)), float(given.get("delay", 0.0))
-    )
+def _make_pointing(
+    system: System, component: str, tracker: Tracker, orientation: Array, h: float
+) -> SampledPointing:
+    law, given = _take(system, component, PointingLaw.from_parameters(load())), _given(system, component)
+    own = [float(given.get(name, 0.0)) for name in ("sample_time", "delay")]
+    timing = Timing(tracker.sample_time, tracker.latency, h, *own)
     return SampledPointing(law.controller(orientation), timing, tracker.roll_measured)
 
 
-def _take(system: System, components: Mapping[str, str], fmu: str, default: T) -> T | None:
-    """The physics of a component with its start values; None: there is no such component."""
-    return take_values(default, _given(system, components[fmu])) if fmu in components else None
+def _take(system: System, component: str, default: T) -> T:
+    """The physics of a component with its start values.  Raises ParameterError, naming the component, too."""
+    try:
+        return take_values(default, _given(system, component))
+    except ParameterError as error:
+        raise ParameterError(f"{component}.{error.name}", error.problem) from None
 
 
 def _given(system: System, component: str) -> dict[str, Value]:
