@@ -28,7 +28,7 @@ def found(built_fmus, tmp_path_factory):
 
 def test_it_is_found_beside_the_figures():
     assert find_analyses()["sensors"] is ANALYSIS
-    assert list(find_analyses())[-2:] == ["paper", "sensors"]
+    assert list(find_analyses())[-3:] == ["paper", "budget", "sensors"]
 
 
 def test_the_fmus_are_within_the_scatter_of_the_closed_form(found):

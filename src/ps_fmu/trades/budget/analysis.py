@@ -111,22 +111,26 @@ def _tabulate_totals(system: str, entries: Sequence[Entry]) -> Table:
     rows = []
     for entry in entries:
         limit, expected = entry.wanted.requirement.limit, entry.expected
-        largest, part = "-", 0.0
-        if entry.budget.channels:
+        largest = "-"
+        if entry.budget.variance:
             channel, low, high, part = entry.budget.dominant()
-            largest = f"{channel}, {low:g}-{high:g} Hz"
+            largest = f"{100.0 * part:.0f} % {channel}, {low:g}-{high:g} Hz"
         rows.append(
             (
-                entry.case, entry.wanted.requirement.name, entry.wanted.target.label, f"{entry.rms:.3g} {limit.unit}",
-                "-" if expected is None else f"{100.0 * expected / limit.value:.3g}", largest, f"{100.0 * part:.0f}",
+                entry.case, entry.wanted.requirement.name, entry.wanted.short, f"{entry.rms:.3g} {limit.unit}",
+                "-" if expected is None else _percent(expected / limit.value), largest,
             )
         )  # fmt: skip
-    header = ("case", "requirement", "signal", "RMS", "of limit (%)", "most by", "share (%)")
+    header = ("case", "requirement", "signal", "RMS", "of limit (%)", "most by")
     caption = (
         f"{system}: RMS, what a Gaussian error takes of the limit (no confidence in it), and the largest contribution "
         "of a source in a band"
     )
     return Table(caption, header, rows)
+
+
+def _percent(share: float) -> str:
+    return f"{100.0 * share:.0f}" if share >= 1.0 else f"{100.0 * share:.3g}"
 
 
 def _tabulate_channels(system: str, entries: Sequence[Entry]) -> Table:
@@ -135,12 +139,13 @@ def _tabulate_channels(system: str, entries: Sequence[Entry]) -> Table:
         budget = entry.budget
         for k in np.argsort(-np.abs(budget.by_channel))[:_LARGEST]:
             bands = budget.contribution[k].sum(axis=1)
-            low, high = budget.edges[[bands.argmax(), bands.argmax() + 1]]
+            band = int(np.abs(bands).argmax())
+            low, high = budget.edges[band : band + 2]
             rows.append(
                 (
-                    entry.wanted.requirement.name, entry.wanted.target.label, budget.channels[k],
+                    entry.wanted.requirement.name, entry.wanted.short, budget.channels[k],
                     f"{100.0 * budget.share(budget.by_channel[k]):.1f}", f"{low:g}-{high:g}",
-                    f"{100.0 * budget.share(bands.max()):.1f}",
+                    f"{100.0 * budget.share(bands[band]):.1f}",
                 )
             )  # fmt: skip
     header = ("requirement", "signal", "source", "share (%)", "largest band (Hz)", "share there (%)")
@@ -153,7 +158,7 @@ def _tabulate_modes(system: str, entries: Sequence[Entry]) -> Table:
         shares = [entry.budget.share(part) for part in entry.budget.by_mode]
         order = np.argsort(-np.abs(shares))[:_LARGEST]
         text = ", ".join(f"{entry.budget.modes[k]}: {100.0 * shares[k]:.1f} %" for k in order)
-        rows.append((entry.wanted.requirement.name, entry.wanted.target.label, text))
+        rows.append((entry.wanted.requirement.name, entry.wanted.short, text))
     header = ("requirement", "signal", "modes and their shares")
     return Table(f"{system}: the largest modes of the same budgets", header, rows)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from statistics import NormalDist
@@ -36,6 +36,13 @@ class Wanted:
     target: Target
     signals: tuple[str, ...]
     """Outputs of the plant, whose variances add up."""
+    plant: str
+    """Name of the component."""
+
+    @property
+    def short(self) -> str:
+        """The target without the name of the plant's component."""
+        return self.target.label.replace(f"{self.plant}.", "")
 
     @property
     def scale(self) -> float:
@@ -91,16 +98,22 @@ class Entry:
         if not self.budget.variance:
             return f"{text}, nothing acts on it"
         channel, low, high, share = self.budget.dominant()
-        return f"{text}, {100.0 * share:.0f} % from {channel} {describe_band(low, high)}"
+        text += f", {100.0 * share:.0f} % from {channel} {describe_band(low, high)}"
+        return f"{text}, of which others take away" if share > 1.0 else text
 
     @cached_property
     def cumulative(self) -> tuple[Array, Array]:
         """Frequencies (n,), Hz, and RMS of all below them (n,), in the unit of the limit."""
         highest = 0.5 / self.model.step
         edges = np.concatenate([[0.0], np.geomspace(max(LOWEST, 1e-3), highest, _FINE)])
-        found = make_budget(
-            self.budget.index, self.sources, edges, step=self.model.step, modes=self.budget.modes, factors=self.factors
-        )
+        densities = [
+            replace(
+                source, channels=(source.name,), response=np.ones((len(source.frequency), 1, 1), dtype=complex),
+                spectrum=source.density()[:, None, None],
+            )
+            for source in self.sources
+        ]  # fmt: skip
+        found = make_budget(self.budget.index, densities, edges, step=self.model.step, factors=self.factors)
         return edges[1:], np.sqrt(np.maximum(np.cumsum(found.by_band), 0.0)) * self.wanted.scale
 
 
@@ -135,7 +148,7 @@ def list_wanted(path: Path, system: System, step: float) -> list[Wanted]:
             signals = tuple(name.removeprefix(f"{plant}.") for name in names)
             if any(name not in OUTPUT_NAMES for name in signals):
                 raise requirement.error("signal", f"{target.label}: a budget is of outputs of {plant}")
-            found.append(Wanted(requirement, target, signals))
+            found.append(Wanted(requirement, target, signals, plant))
     return found
 
 
