@@ -181,7 +181,7 @@ def test_with_sensors_it_is_the_isolation_of_its_own_theory(loop):
 def test_what_has_no_closed_form_is_refused(loop):
     with pytest.raises(ParameterError, match=r"delay: expected a multiple of the step of 0\.0001 s, got 0\.00015 s"):
         make_isolator_block(loop.controller, STEP, 1.5e-4)
-    with pytest.raises(ParameterError, match="delay: expected at most 200 steps in closed form, got 300"):
+    with pytest.raises(ParameterError, match="delay: expected at most 40 steps in closed form, got 300"):
         make_isolator_block(loop.controller, STEP, 0.03)
     block = Block(("u",), ("y",), np.array([[1.0]]))
     with pytest.raises(KeyError, match=r"a\.v"):

@@ -24,7 +24,7 @@ from ..sensors.inertial import ACCELEROMETERS, InertialSensors
 FORCES = tuple(f"fine_force_{i}" for i in (1, 2, 3))  # N
 WRENCH = tuple(f"base_{kind}.{axis}" for kind in ("force", "torque") for axis in "xyz")  # N, N.m; B at its origin
 ACCELERATION = tuple(f"base_{kind}.{axis}" for kind in ("acceleration", "angular_acceleration") for axis in "xyz")
-LONGEST_DELAY = 200  # steps that a delay line has states for
+LONGEST_DELAY = 40  # steps that a delay line has states for; the time to solve grows with the third power of all states
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,12 +180,13 @@ def _join(blocks: Mapping[str, Block], part: str) -> Array:
     """One of the four parts of all maps: from states or inputs (second letter) to outputs or states (first)."""
     from scipy.linalg import block_diag
 
-    cut = {
-        name: (len(block.outputs), block.n_states) for name, block in blocks.items()
-    }
-    rows = {"y": lambda k: slice(0, k[0]), "x": lambda k: slice(k[0], None)}[part[0]]
-    columns = {"x": lambda k: slice(0, k[1]), "u": lambda k: slice(k[1], None)}[part[1]]
-    return np.asarray(block_diag(*(block.map[rows(cut[name]), columns(cut[name])] for name, block in blocks.items())))
+    found = []
+    for block in blocks.values():
+        outputs, states = len(block.outputs), block.n_states
+        rows = {"y": slice(0, outputs), "x": slice(outputs, None)}[part[0]]
+        columns = {"x": slice(0, states), "u": slice(states, None)}[part[1]]
+        found.append(block.map[rows, columns])
+    return np.asarray(block_diag(*found))
 
 
 def _count(time: float, h: float, name: str) -> int:

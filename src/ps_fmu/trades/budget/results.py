@@ -20,12 +20,12 @@ from ...requirements.reading import read_requirements
 from ...requirements.requirement import PEAK, RMS, Requirement
 from ...requirements.targets import Target, find_targets
 from ...runs.setup import RunSystem
-from .sources import LOWEST, POINTS, list_sources, select_signals
+from .sources import POINTS, list_sources, select_signals
 from .system_model import OUTPUT_NAMES, PLANT, Circuit, SystemModel, read_model
 
 CASES = {"passive": False, "active": True}
 BANDS = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0, 1000.0)  # Hz, edges between bands
-_FINE = 300  # bands of a cumulative curve
+_FINE, _LOWEST_DRAWN = 300, 1e-3  # bands of a cumulative curve, and where they begin, Hz
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +77,6 @@ class Entry:
     wanted: Wanted
     budget: Budget
     sources: tuple[Source, ...]
-    factors: UncertaintyFactors
 
     @property
     def rms(self) -> float:
@@ -105,7 +104,7 @@ class Entry:
     def cumulative(self) -> tuple[Array, Array]:
         """Frequencies (n,), Hz, and RMS of all below them (n,), in the unit of the limit."""
         highest = 0.5 / self.model.step
-        edges = np.concatenate([[0.0], np.geomspace(max(LOWEST, 1e-3), highest, _FINE)])
+        edges = np.concatenate([[0.0], np.geomspace(_LOWEST_DRAWN, highest, _FINE)])
         densities = [
             replace(
                 source, channels=(source.name,), response=np.ones((len(source.frequency), 1, 1), dtype=complex),
@@ -113,7 +112,7 @@ class Entry:
             )
             for source in self.sources
         ]  # fmt: skip
-        found = make_budget(self.budget.index, densities, edges, step=self.model.step, factors=self.factors)
+        found = make_budget(self.budget.index, densities, edges, step=self.model.step, factors=self.budget.factors)
         return edges[1:], np.sqrt(np.maximum(np.cumsum(found.by_band), 0.0)) * self.wanted.scale
 
 
@@ -169,7 +168,7 @@ def compute_budgets(
             own = tuple(select_signals(source, rows) for source in sources)
             index = each.requirement.index
             budget = make_budget(index, own, edges, step=model.step, modes=modes, factors=factors)
-            yield Entry(model, case, each, budget, own, factors)
+            yield Entry(model, case, each, budget, own)
 
 
 def find_edges(highest: float) -> Array:
