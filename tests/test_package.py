@@ -30,7 +30,9 @@ MAY_IMPORT = {
     "requirements": {"cosim", "pointing", "results", "slavekit"},
     "runs": {*PHYSICS, "theory", "interface", "cosim", "pointing", "results", "requirements", "slavekit", "product"},
     "paper": {*PHYSICS, "theory", "interface", "cosim", "pointing", "results", "runs", "slavekit", "product"},
-    "trades": {*PHYSICS, "theory", "interface", "cosim", "pointing", "results", "runs", "paper", "product"},
+    "trades": {
+        *PHYSICS, "theory", "interface", "cosim", "pointing", "requirements", "results", "runs", "paper", "product",
+    },
 }
 
 # The calls of FMI 2.0: the standard says what they do.

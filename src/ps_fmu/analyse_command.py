@@ -6,12 +6,25 @@ import argparse
 import sys
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from . import trades
 from .paper.analysis import Analysis, AnalysisOptions, find_analyses_in, find_figure_analyses, import_and_call
 from .product.files import find_file, find_product
 from .runs.built_fmus import find_built_folder
 from .terminal import reason
+
+_OPTIONS: dict[str, dict[str, Any]] = {
+    "parameters": {
+        "type": Path, "nargs": "+", "default": [], "metavar": "F.ssv",
+        "help": "files with start values, own ones or those of ps_fmu; later ones win",
+    },
+    "requirements": {"type": Path, "metavar": "F.toml", "help": "default: requirements.toml of ps_fmu"},
+    "uncertainty": {
+        "type": float, "nargs": "+", "default": [], "metavar": "X",
+        "help": "factors on the amplitude and between them the limits of their bands in Hz: 2 10 1.5 50 1.2",
+    },
+}  # fmt: skip
 
 
 def find_analyses() -> dict[str, Analysis]:
@@ -34,6 +47,8 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         parser.add_argument("--fmus", type=Path, metavar="DIR", help=fmus)
         parser.add_argument("--system", type=Path, metavar="F.ssd", help=f"default: {analysis.system} of ps_fmu")
         parser.add_argument("--seed", type=int, default=AnalysisOptions.seed, metavar="N", help=default)
+        for option in analysis.takes:
+            parser.add_argument(f"--{option}", **_OPTIONS[option])
         parser.set_defaults(run=run)
 
 
@@ -55,7 +70,7 @@ def run(arguments: argparse.Namespace) -> int:
             check_sources(system)
         claim_folder(output)
         progress = sys.stderr is not None and sys.stderr.isatty()
-        result = analysis.analyse(AnalysisOptions(output, fmus, system, arguments.seed, progress))
+        result = analysis.analyse(_read_options(arguments, output, fmus, system, progress))
         result.write(output)
     except OptionError as error:
         print(f"ps-fmu analyse {name}: {error}", file=sys.stderr)
@@ -65,3 +80,19 @@ def run(arguments: argparse.Namespace) -> int:
         return 1
     print(result.to_text(), f"results in {output}", sep="\n")
     return 0
+
+
+def _read_options(
+    arguments: argparse.Namespace, output: Path, fmus: Path, system: Path, progress: bool
+) -> AnalysisOptions:
+    requirements = getattr(arguments, "requirements", None)
+    return AnalysisOptions(
+        output,
+        fmus,
+        system,
+        arguments.seed,
+        progress,
+        parameters=tuple(find_file(path) for path in getattr(arguments, "parameters", ())),
+        requirements=None if requirements is None else find_file(requirements),
+        uncertainty=tuple(getattr(arguments, "uncertainty", ())),
+    )

@@ -38,6 +38,12 @@ class AnalysisOptions:
     """Seed of the disturbance."""
     progress: bool = True
     """Show progress bars on stderr."""
+    parameters: tuple[Path, ...] = ()
+    """Files with start values; later ones win."""
+    requirements: Path | None = None
+    """TOML file; None: that of the product."""
+    uncertainty: tuple[float, ...] = ()
+    """Factors on the amplitude and between them the limits of their bands, Hz: factor, limit, factor ..."""
 
 
 @dataclass(frozen=True)
@@ -54,6 +60,8 @@ class Analysis:
     """False: it needs neither FMUs nor a system description."""
     system: str = SYSTEM
     """Name of the product's system structure description that it runs, unless told otherwise."""
+    takes: tuple[str, ...] = ()
+    """Options that it takes besides those of every analysis: ``parameters``, ``requirements``, ``uncertainty``."""
 
 
 def import_and_call(module: str, function: str, *args: Any, **options: Any) -> Any:

@@ -1,0 +1,210 @@
+"""ps-fmu analyse budget: numbers that add up, the answers, the files, and what it refuses."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ps_fmu.analyse_command import find_analyses
+from ps_fmu.cli import main
+from ps_fmu.cosim import read_system
+from ps_fmu.paper.analysis import AnalysisOptions
+from ps_fmu.pointing import RelativeError
+from ps_fmu.pointing.budget import UncertaintyFactors, make_budget
+from ps_fmu.trades.budget import ANALYSIS, analysis
+from ps_fmu.trades.budget.results import compute_budgets, find_edges, list_wanted, read_factors
+from ps_fmu.trades.budget.sources import list_sources, select_signals
+from ps_fmu.trades.budget.system_model import BudgetError, Circuit, read_model
+
+SYSTEM = Path(__file__).parents[2] / "system"
+ROTATION = tuple(f"payload_rotation.{axis}" for axis in "xyz")
+INDEX = RelativeError(1.0, "uniform")
+
+
+@pytest.fixture(scope="module")
+def systems(built_fmus):
+    return {path.stem: read_system(path, built_fmus) for path in SYSTEM.glob("*.ssd")}
+
+
+@pytest.fixture(scope="module")
+def found(built_fmus, tmp_path_factory):
+    """The analysis with few frequencies, and what it has written."""
+    output = tmp_path_factory.mktemp("budget")
+    options = AnalysisOptions(output, built_fmus, SYSTEM / "SystemStructure.ssd", progress=False)
+    result = analysis.analyse(options, points=200)
+    result.write(output)
+    return result, json.loads((output / "budget.json").read_text())["budgets"], output
+
+
+def budget(system, axis, active=True, **options):
+    modes, sources = list_sources(Circuit(read_model(system), active), ROTATION, points=200)
+    own = [select_signals(source, [axis]) for source in sources]
+    return make_budget(INDEX, own, find_edges(5000.0), step=1e-4, modes=modes, **options)
+
+
+def test_it_is_found_beside_the_other_trade():
+    assert find_analyses()["budget"] is ANALYSIS
+
+
+def test_all_budgets_add_up(found):
+    """To 1e-9, by source, band and mode."""
+    assert len(found[1]) == 28  # two systems, passive and active, seven signals of three requirements
+    for entry in found[1]:
+        assert entry["variance"] == pytest.approx(entry["rms"] ** 2, rel=1e-12)
+        for parts in ("by_source", "by_band", "by_mode", "by_source_and_band"):
+            assert np.sum(entry[parts]) == pytest.approx(entry["variance"], rel=1e-9)
+
+
+def test_the_answers(found):
+    """Of the default system and of the instrument, whose corner leaves what it does not measure."""
+    entries = {(e["system"], e["case"], e["requirement"], e["signal"]): e for e in found[1]}
+    x = "plant.payload_rotation.x"
+    ideal = entries["SystemStructure", "active", "blur of an exposure", x]
+    assert ideal["rms"] == pytest.approx(1.108e-7, rel=0.01)
+    assert ideal["sentence"] == (
+        "RPE over 1 s, t uniform, of plant.payload_rotation.x, active: 0.111 urad, 63 % from noise force x between 5 "
+        "and 10 Hz"
+    )
+    real = entries["Instrument", "active", "blur of an exposure", x]
+    passive = entries["Instrument", "passive", "blur of an exposure", x]
+    assert ideal["rms"] < 0.1 * real["rms"] < 0.1 * passive["rms"]
+    image = entries["Instrument", "active", "image point", "|plant.los|"]
+    shares = dict(zip(image["sources"], image["by_source"], strict=True))
+    accelerometers = sum(part for name, part in shares.items() if name.startswith("accelerometer"))
+    assert 0.1 < accelerometers / image["variance"] < 0.5
+    assert 0.0 < sum(part for name, part in shares.items() if name.startswith("coil")) < 1e-3 * image["variance"]
+    assert not any(name.startswith("accelerometer") for name in passive["sources"])
+    jitter = entries["SystemStructure", "active", "residual jitter", x]
+    modes = dict(zip(jitter["modes"], jitter["by_mode"], strict=True))
+    assert max(modes, key=modes.get) == "153 Hz"
+
+
+def test_files_and_text(found):
+    result, _, output = found
+    for name in ("bands", "cumulative"):
+        for number in (1, 2, 3):
+            assert (output / f"budget_{name}_{number}.png").stat().st_size > 20_000
+    text = result.to_text(100)
+    assert "active: 0.111 urad" not in text  # about z it takes more of its limit
+    assert "Instrument: APE, of |plant.los|, active:" in text
+    assert "| active | image point | los |" not in (output / "budget.md").read_text()
+    assert "noise torque x" in (output / "budget.md").read_text()
+
+
+def test_uncertainty_factors_scale_as_squares(systems):
+    plain = budget(systems["SystemStructure"], 0)
+    factors = read_factors([2.0, 10.0, 1.5])
+    assert factors == UncertaintyFactors((10.0,), (2.0, 1.5))
+    found = budget(systems["SystemStructure"], 0, factors=factors)
+    scale = np.where(plain.edges[:-1] < 10.0, 4.0, 2.25)
+    assert found.by_band == pytest.approx(scale * plain.by_band, rel=1e-12)
+    assert read_factors([]) == UncertaintyFactors()
+    with pytest.raises(ValueError, match=r"--uncertainty: expected factors and between them limits in Hz, got 2"):
+        read_factors([2.0, 10.0])
+    with pytest.raises(ValueError, match=r"--uncertainty, limits: expected ascending"):
+        read_factors([2.0, -10.0, 1.0])
+
+
+def test_wheels_by_harmonic(systems):
+    """Lines grow with the fourth power of the speed in the mean square, but for the response; scale as a square."""
+    speed = {f"disturbance.wheel_2.{name}_speed": 30.0 for name in ("initial", "final")}
+    values = {"disturbance.noise.enabled": False, "disturbance.wheel_2.enabled": True, **speed}
+    one = budget(systems["SystemStructure"].with_parameters(values), 1)
+    assert len(one.channels) == 24
+    assert one.dominant()[:3] in (("wheel 2 force 1.01", 2.0, 5.0), ("wheel 2 torque 1.01", 2.0, 5.0))
+    ten = budget(systems["SystemStructure"].with_parameters({**values, "disturbance.wheel_2.scale": 10.0}), 1)
+    assert ten.contribution == pytest.approx(100.0 * one.contribution, rel=1e-9)
+    sine = {"disturbance.noise.enabled": False, "disturbance.tone_1.torque.y": 1.0, "disturbance.tone_1.frequency": 0.2}
+    line = budget(systems["SystemStructure"].with_parameters(sine), 1, active=False)
+    assert line.channels == ("sine 1",)
+    assert line.by_band[2] == pytest.approx(line.variance)
+    assert line.variance > 0.0
+
+
+def test_a_line_of_sight_loop_brings_the_noise_of_its_tracker(systems):
+    """And takes away what is slow: the sum is still that of the parts."""
+    split, looped = (budget(systems[name], 0) for name in ("InertialSensors", "LineOfSight"))
+    assert looped.channels[-3:] == ("tracker x", "tracker y", "tracker z")
+    assert looped.contribution.sum() == pytest.approx(looped.variance, rel=1e-9)
+    shares = looped.by_channel / looped.variance
+    assert 0.1 < shares[-3] < 0.5
+    assert shares[-2:].max() < 0.05
+    slow = looped.edges[1:] <= 0.5
+    assert looped.by_band[slow].sum() < split.by_band[slow].sum()
+    passive = [budget(systems[name], 0, active=False).variance for name in ("SystemStructure", "LineOfSight")]
+    assert passive[0] == pytest.approx(passive[1], rel=1e-9)
+
+
+def test_nothing_but_coils_acts_on_a_quiet_passive_system(systems):
+    quiet = {"disturbance.noise.enabled": False}
+    assert budget(systems["SystemStructure"].with_parameters(quiet), 0).variance == 0.0
+    found = budget(systems["VoiceCoils"].with_parameters(quiet), 0, active=False)
+    assert found.channels == ("coil 1", "coil 2", "coil 3")
+    louder = budget(systems["VoiceCoils"].with_parameters({**quiet, "coils.driver.noise": 2e-6}), 0, active=False)
+    assert louder.variance == pytest.approx(4.0 * found.variance, rel=1e-9)
+
+
+def test_a_quiet_system_has_a_sentence_of_its_own(systems, tmp_path):
+    quiet = systems["SystemStructure"].with_parameters({"disturbance.noise.enabled": False})
+    wanted = list_wanted(SYSTEM / "requirements.toml", quiet, 1e-4)
+    sentences = {entry.sentence for entry in compute_budgets(quiet, wanted[:1], UncertaintyFactors())}
+    assert sentences == {
+        f"RPE over 1 s, t uniform, of plant.payload_rotation.x, {case}: 0 urad, nothing acts on it"
+        for case in ("passive", "active")
+    }
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"disturbance.wheel_1.enabled": True, "disturbance.wheel_1.final_speed": 300.0}, "wheel_1: its speed goes"),
+        ({"disturbance.noise.band.max": 4000.0, "disturbance.wheel_1.enabled": True,
+          "disturbance.wheel_1.initial_speed": 3000.0, "disturbance.wheel_1.final_speed": 3000.0},
+         r"wheel 1 force 14\.5: 6923\.2 Hz is above 5000 Hz"),
+        ({"disturbance.chirp.force.x": 1.0}, r"disturbance\.chirp: it is not stationary"),
+        ({"isolator.sample_time": 1e-3}, r"isolator\.sample_time: there is no closed form"),
+        ({"isolator.delay": 1.0}, "expected at most 40 steps"),
+        ({"plant.payload.mass": -1.0}, r"plant\.payload\.mass: must be greater than 0"),
+    ],
+)  # fmt: skip
+def test_what_has_no_budget_is_refused(systems, values, message):
+    with pytest.raises(ValueError, match=message):
+        budget(systems["SystemStructure"].with_parameters(values), 0)
+
+
+def test_other_components_are_refused(systems, tmp_path):
+    system = systems["SystemStructure"]
+    components = system.components[:1] + system.components[2:]
+    with pytest.raises(BudgetError, match="a budget needs the FMU PointingCommander"):
+        read_model(replace(system, components=components))
+    other = replace(system.components[0], source=tmp_path / "Pump.fmu")
+    with pytest.raises(BudgetError, match="disturbance: there is no closed form of the FMU Pump"):
+        read_model(replace(system, components=(other, *system.components[1:])))
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ('signal = "isolator.fine_force"\nindex = "APE"\nlimit = "1 N"', "a budget is of outputs of plant"),
+        ('signal = "plant.los"\nindex = "MPE"\nwindow = "0.15 ms"\nlimit = "1 um"', "whole number of steps"),
+        ('signal = "plant.lose"\nindex = "APE"\nlimit = "1 um"', "there is no output 'plant.lose'"),
+    ],
+)
+def test_requirements_that_cannot_be_budgeted_are_refused(built_fmus, tmp_path, capsys, text, message):
+    path = tmp_path / "mine.toml"
+    path.write_text(f'[[requirement]]\nname = "one"\nstatistic = "rms"\nconfidence = 0.9\n{text}\n')
+    assert main(["analyse", "budget", "--output", str(tmp_path / "out"), "--fmus", str(built_fmus),
+                 "--requirements", str(path)]) == 1  # fmt: skip
+    assert message in capsys.readouterr().err
+
+
+def test_start_values_of_what_is_not_there_are_refused(built_fmus, ssv, tmp_path, capsys):
+    for values, message in (
+        ({"pump.speed": 1.0}, "pump.speed"),
+        ({"plant.payload.mas": 1.0}, "no variable 'payload.mas'; did you mean payload.mass"),
+    ):
+        arguments = ["--output", str(tmp_path / "out"), "--fmus", str(built_fmus), "--parameters", str(ssv(values))]
+        assert main(["analyse", "budget", *arguments]) == 1
+        assert message in capsys.readouterr().err
