@@ -96,6 +96,7 @@ html_theme_options = {
 # --- Links ---------------------------------------------------------------------------------
 
 nitpicky = True
+nitpick_ignore = [("py:class", "Array"), ("py:class", "collections.abc.Mapping[str")]  # types of aliases, cut by Sphinx
 linkcheck_timeout = 20
 linkcheck_anchors = False
 linkcheck_ignore = [re.escape("https://doi.org/") + ".*"]  # publishers refuse programs

@@ -3,7 +3,8 @@ A requirement from start to verdict
 ===================================
 
 "The relative pointing error over 1 s stays below 0.5 urad for 95 % of the time, with 90 % confidence." This tutorial writes
-that down, runs the system, and reads the verdict and its margin. Then it fails a second requirement and asks why.
+that down, runs the system for 45 s, and reads the verdict and its margin. Then it asks which frequencies the error comes
+from, and where the limit would be too tight.
 """
 
 # %%
@@ -13,8 +14,6 @@ that down, runs the system, and reads the verdict and its margin. Then it fails 
 # A requirement names a signal, an index of ECSS-E-ST-60-10C with its window, a statement on its distribution, and a limit
 # with its unit. ``docs/requirements.md`` explains each key.
 
-import contextlib
-import io
 import tempfile
 from pathlib import Path
 
@@ -23,7 +22,7 @@ REQUIREMENTS = """
 name = "blur of an exposure"
 signal = "plant.payload_rotation"
 case = "active"
-settling = "2 s"
+settling = "5 s"
 index = "RPE"
 at = "uniform"
 window = "1 s"
@@ -35,7 +34,7 @@ limit = "0.5 urad"
 [[requirement]]
 name = "residual jitter"
 signal = "plant.payload_rotation"
-settling = "2 s"
+settling = "5 s"
 index = "jitter"
 window = "100 ms"
 statistic = "rms"
@@ -57,15 +56,27 @@ import ps_fmu
 from ps_fmu.requirements.reading import read_requirements
 from ps_fmu.requirements.stored import judge_files
 
-result = ps_fmu.simulate("isolation", duration=20, progress=False, output=Path(folder.name) / "run")
+result = ps_fmu.simulate("isolation", duration=45, progress=False, output=Path(folder.name) / "run")
 results = Path(result.output) / "results.nc"
+
+
+def show(verdicts):
+    for verdict in verdicts:
+        value, bound, limit = (1e6 * n for n in (verdict.statement.value, verdict.statement.bound, verdict.limit))
+        print(
+            f"{verdict.requirement.name:<20} {verdict.signal[-1]}  {verdict.answer:<9}"
+            f"{value:.3f}, at most {bound:.3f} of {limit:.2f} urad: margin {verdict.margin_percent:+3.0f} %"
+        )
+
+
 verdicts = judge_files([results], read_requirements(requirements))
-for verdict in verdicts:
-    value, bound, limit = (1e6 * number for number in (verdict.statement.value, verdict.statement.bound, verdict.limit))
-    print(
-        f"{verdict.requirement.name:<20} {verdict.signal[-1]}  {verdict.answer:<8}"
-        f"{value:7.3f}, at most {bound:.3f} of {limit:.2f} urad: margin {verdict.margin_percent:+.0f} %"
-    )
+show(verdicts)
+
+# %%
+# The remarks say what the numbers do not tell:
+
+for remark in dict.fromkeys(verdict.remark for verdict in verdicts if verdict.remark):
+    print(remark)
 
 # %%
 # **Value** is the best estimate from this run. **At most** is what the true value stays below with 90 % confidence: that is
@@ -83,8 +94,8 @@ from scipy.signal import welch
 
 from ps_fmu.pointing import RelativeError, ResidualJitter
 
-record = result.active["payload_rotation"].sel(axis="z").sel(time=slice(2.0, None)).values
-frequency, density = welch(record, fs=1000.0, nperseg=4096)
+record = result.active["payload_rotation"].sel(axis="z").sel(time=slice(5.0, None)).values
+frequency, density = welch(record, fs=1000.0, nperseg=8192)
 indices = {"RPE, 1 s": RelativeError(1.0, at="uniform"), "jitter, 100 ms": ResidualJitter(0.1)}
 figure, (above, below) = plt.subplots(2, 1, figsize=(8, 6), sharex=True, layout="constrained")
 for label, index in indices.items():
@@ -98,18 +109,21 @@ for panel in (above, below):
     panel.legend()
 
 # %%
-# Both grow at 5 Hz, where the suspension resonates and the isolator's delay leaves a part of the disturbance. The relative
-# error takes all of it.
+# Both grow most near 5 Hz, where the suspension resonates and the isolator's delay leaves a part of the disturbance. The
+# relative error takes nearly all of it.
 #
-# Change something
-# ----------------
+# Tighten the limit
+# -----------------
 #
-# The default isolator takes the centre of mass of the payload 9.5 mm away from where it is. One that knows it exactly:
+# The same results can be judged again. With half the limit the verdict depends on the axis: the best estimate about z lies
+# below 0.25 urad, but its bound does not.
 
-with contextlib.redirect_stderr(io.StringIO()):
-    exact = ps_fmu.simulate("isolation", duration=20, parameter_files=["exact_payload.ssv"], progress=False)
-after = judge_files([Path(exact.output) / "results.nc"], read_requirements(requirements))
-for old, new in zip(verdicts, after, strict=True):
-    bounds = f"{1e6 * old.statement.bound:.3f} -> {1e6 * new.statement.bound:.3f} urad"
-    print(f"{new.requirement.name:<20} {new.signal[-1]}  {bounds}: {old.answer} -> {new.answer}")
+requirements.write_text(REQUIREMENTS.replace("0.5 urad", "0.25 urad"))
+tighter = judge_files([results], read_requirements(requirements))
+show(tighter[:3])
 folder.cleanup()
+
+# %%
+# ``ps-fmu judge`` ends with exit code 1 then, so a script or a continuous integration notices. A longer run lowers the
+# bound, not the value; a better isolator lowers both. ``--parameters exact_payload.ssv`` gives one that knows the payload's
+# centre of mass.

@@ -57,7 +57,7 @@ class Polyphase:
         return slice(shift - first, end if end >= 0 else None, -1), True
 
     def fold(self, lines: Complex, phase: int) -> Complex:
-        """The spectrum of a phase, for amplitudes (lines,) that are multiplied by :attr:`gain`."""
+        """The spectrum of a phase, for amplitudes (lines,) that are multiplied by ``gain``."""
         spectrum = np.zeros(self.points // 2 + 1, dtype=np.complex128)
         turned = np.multiply(lines, self._turns[phase], out=self._turned)
         for part, (bins, mirrored) in self._runs:
