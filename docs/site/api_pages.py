@@ -29,8 +29,8 @@ ROOMS = {
 HEAD = """Python API
 ==========
 
-``import ps_fmu`` loads nothing but what is used.  Docstrings give shapes, units, frames, errors and sources.  Arrays are
-numpy's, values are in SI units unless a name or text says otherwise.
+``import ps_fmu`` loads nothing but what is used.  Docstrings give shapes, units, frames, errors and sources.  Arrays
+are numpy's, values are in SI units unless a name or text says otherwise.
 
 ``ps_fmu.simulate`` and ``ps_fmu.Result`` are described with :mod:`ps_fmu.simulation`.  ``ps_fmu.pointing`` and
 ``ps_fmu.cosim`` offer what their tables list first under their own names: ``from ps_fmu.cosim import Master``.

@@ -1,8 +1,8 @@
 """Build the documentation site: ``make docs``, or ``python docs/site/build.py [--output DIR] [--builder linkcheck]``.
 
-Sources lie where readers of the repository look for them: in docs, beside the FMUs, beside the parameter files.  They are
-copied into one folder with the same paths between them, so that their links work in both places; what is generated is
-written into that copy.  The FMUs must be built before.
+Sources lie where readers of the repository look for them: in docs, beside the FMUs, beside the parameter files.  They
+are copied into one folder with the same paths between them, so that their links work in both places; what is generated
+is written into that copy.  The FMUs must be built before.
 """
 
 from __future__ import annotations
@@ -23,9 +23,16 @@ from ps_fmu.runs.built_fmus import list_models
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
 DOCUMENTS = (
-    "docs/**/*.md", "docs/*.svg", "docs/tutorials/*.py", "docs/tutorials/*.rst", "fmus/README.md", "system/parameters/README.md", "examples/*/README.md",
-    "CHANGELOG.md", "SECURITY.md",
-)  # fmt: skip
+    "docs/**/*.md",
+    "docs/*.svg",
+    "docs/tutorials/*.py",
+    "docs/tutorials/*.rst",
+    "fmus/README.md",
+    "system/parameters/README.md",
+    "examples/*/README.md",
+    "CHANGELOG.md",
+    "SECURITY.md",
+)
 LINK = re.compile(r"\]\(([^)#\s]+)(?:#[^)\s]*)?\)")
 
 

@@ -46,6 +46,7 @@ autodoc_member_order = "bysource"
 autodoc_typehints = "signature"
 autodoc_typehints_format = "short"
 autodoc_preserve_defaults = True
+autodoc_type_aliases = {name: name for name in ("Array", "BoolArray", "Complex", "ComplexArray", "Lags", "Places")}
 autodoc_default_options = {"members": True, "show-inheritance": True}
 add_module_names = False
 toc_object_entries_show_parents = "hide"

@@ -59,8 +59,8 @@ def describe(description: Element, terminals: Element | None) -> Iterator[str]:
     yield "## Variables"
     yield ""
     yield (
-        "Parameters are fixed: they are set before the initialisation ends. Numbers are rounded to six digits; all digits "
-        "are in `modelDescription.xml`."
+        "Parameters are fixed: they are set before the initialisation ends. Numbers are rounded to six digits; all "
+        "digits are in `modelDescription.xml`."
     )
     yield ""
     variables = [_read_variable(variable) for variable in description.iterfind("ModelVariables/ScalarVariable")]

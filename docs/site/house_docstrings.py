@@ -8,8 +8,8 @@ Lists of parameters stand under an underlined word, an entry on a line of its ow
     psd, step: unit^2/Hz, and so on,
         which may go on in indented lines.
 
-They become definition lists.  A comment behind a field of a dataclass, ``mass: float  # kg``, becomes its text.  A bar, as
-in |x|, is a bar.
+They become definition lists.  A comment behind a field of a dataclass, ``mass: float  # kg``, becomes its text.  A bar,
+as in |x|, is a bar.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ def _process(_app: Sphinx, what: str, name: str, found: Any, _options: Any, line
 
 
 def escape_bars(lines: list[str]) -> list[str]:
-    """The lines with bars escaped, but not in literal blocks and literals: reStructuredText has a use of its own for them."""
+    """The lines with bars escaped, where they are not in code: reStructuredText has a use of its own for them."""
     made, block = [], None  # indentation of the paragraph that a literal block belongs to
     for line in lines:
         indent = len(line) - len(line.lstrip())

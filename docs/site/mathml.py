@@ -1,11 +1,12 @@
 """Equations as MathML, which browsers draw by themselves: the pages need no script and no network for them.
 
-A renderer for Sphinx's ``html_math_renderer``.  It shares the conversion with the documentation within the FMUs, so that
-an equation of a README is shown by both, or refused by both.
+A renderer for Sphinx's ``html_math_renderer``.  It shares the conversion with the documentation within the FMUs, so
+that an equation of a README is shown by both, or refused by both.
 """
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 from docutils import nodes
@@ -13,6 +14,9 @@ from sphinx.application import Sphinx
 from sphinx.errors import SphinxError
 
 from ps_fmu.slavekit.pack.equations import convert_to_mathml
+
+# Brackets stretch only where the reader has a font for mathematics; site.css draws those of matrices.
+_BRACKETED = re.compile("<mo>&#x0005B;</mo><mtable>(.*?)</mtable><mo>&#x0005D;</mo>")
 
 
 def setup(app: Sphinx) -> dict[str, Any]:
@@ -33,6 +37,6 @@ def _visit_block(translator: Any, node: nodes.math_block) -> None:
 
 def _convert(node: nodes.Element, display: str) -> str:
     try:
-        return convert_to_mathml(node.astext(), display)
+        return _BRACKETED.sub(r'<mtable class="bracketed">\1</mtable>', convert_to_mathml(node.astext(), display))
     except ValueError as error:
         raise SphinxError(f"{node.source}: {error}") from error

@@ -1,8 +1,8 @@
 """References to Python names, resolved as Python resolves them: in the module where the docstring stands.
 
-A docstring says ``:class:`Master``` of what its module imports, or ``:mod:`.rows``` of a neighbour.  Sphinx would look for
-these in the module that it describes, or anywhere.  A name that exists without a page (of a private base, of another
-package) becomes plain text.  One that does not exist stays as it is, and Sphinx warns.
+A docstring says ``:class:`Master``` of what its module imports, or ``:mod:`.rows``` of a neighbour.  Sphinx would look
+for these in the module that it describes, or anywhere.  A name that exists without a page (of a private base, of
+another package) becomes plain text.  One that does not exist stays as it is, and Sphinx warns.
 """
 
 from __future__ import annotations

@@ -2,8 +2,8 @@
 Your own payload and bus
 ========================
 
-The default instrument is that of the published paper. Yours has another mass and flies on another bus. You write down what
-differs, and one function turns it into start values of all FMUs.
+The default instrument is that of the published paper. Yours has another mass and flies on another bus. You write down
+what differs, and one function turns it into start values of all FMUs.
 """
 
 # %%
@@ -11,8 +11,8 @@ differs, and one function turns it into start values of all FMUs.
 # -----------
 #
 # A TOML file with what differs from the paper's instrument; the units are SI. This one is a telescope of 45 kg on a
-# satellite of 300 kg with a solar array whose first mode lies at 0.8 Hz. B is the frame of the base of the manipulator on
-# the bus, P that of the payload platform.
+# satellite of 300 kg with a solar array whose first mode lies at 0.8 Hz. B is the frame of the base of the
+# manipulator on the bus, P that of the payload platform.
 
 import tempfile
 from pathlib import Path
@@ -77,8 +77,8 @@ for axis, passive, rejection in zip(
 # What if the isolator is wrong about the payload?
 # ------------------------------------------------
 #
-# Plant and isolator have their own copies of the mechanism. Set them apart on purpose: the isolator takes the centre of
-# mass 10 mm aside. ``apart`` says that this is meant; otherwise the run warns.
+# Plant and isolator have their own copies of the mechanism. Set them apart on purpose: the isolator takes the centre
+# of mass 10 mm aside. ``apart`` says that this is meant; otherwise the run warns.
 
 wrong = ps_fmu.simulate(
     "isolation",
@@ -113,5 +113,5 @@ for axis, exact, off in zip("xyz", result.summary["rms_active_rad"], wrong.summa
 folder.cleanup()
 
 # %%
-# ``system/parameters/README.md`` explains the whole form: hinges about several axes, the scale of the mechanism, inherited
-# buses, and systems with more FMUs.
+# ``system/parameters/README.md`` explains the whole form: hinges about several axes, the scale of the mechanism,
+# inherited buses, and systems with more FMUs.

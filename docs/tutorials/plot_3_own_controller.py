@@ -2,8 +2,9 @@
 Your own controller against the plant FMU
 =========================================
 
-The plant is an FMU like any other. Here FMPy steps it together with the disturbance source, and a controller of twenty
-lines of numpy closes a loop between them: it measures the rotation of the payload and turns it back with the fine legs.
+The plant is an FMU like any other. Here FMPy steps it together with the disturbance source, and a controller of
+twenty lines of numpy closes a loop between them: it measures the rotation of the payload and turns it back with the
+fine legs.
 """
 
 # %%
@@ -62,8 +63,8 @@ class Component:
 # Know the plant
 # --------------
 #
-# Names of FMU variables are dotted: ``payload_rotation.x``. What does 1 N in each fine leg do to the rotation of the payload?
-# A run for each leg tells, with well damped legs that settle within a second.
+# Names of FMU variables are dotted: ``payload_rotation.x``. What does 1 N in each fine leg do to the rotation of the
+# payload? A run for each leg tells, with well damped legs that settle within a second.
 
 WRENCH = [f"base_{kind}.{axis}" for kind in ("force", "torque") for axis in "xyz"]
 ROTATION = [f"payload_rotation.{axis}" for axis in "xyz"]
@@ -92,15 +93,16 @@ print(1e6 * gain.round(8))
 # The controller
 # --------------
 #
-# Two parts. The legs' suspension at 5.35 Hz has hardly any damping, so a force against the speed of each leg comes first.
-# On top of it a loop turns the payload back:
+# Two parts. The legs' suspension at 5.35 Hz has hardly any damping, so a force against the speed of each leg comes
+# first. On top of it a loop turns the payload back:
 #
 # .. math::
 #
 #    f = - c \, \dot{d}_\text{f} - G^{-1} w , \qquad
 #    w(s) = \omega_\text{c} \frac{s + \omega_\text{i}}{s^2} \, \theta(s)
 #
-# with :math:`G` the gain from above, :math:`\theta` the rotation, a crossover of 1 Hz, and integration twice below 0.2 Hz.
+# with :math:`G` the gain from above, :math:`\theta` the rotation, a crossover of 1 Hz, and integration twice below
+# 0.2 Hz.
 
 
 class Controller:
@@ -123,9 +125,9 @@ class Controller:
 # Close the loop
 # --------------
 #
-# Each step: read the plant, compute the force, step all. Outputs of these FMUs are latched at the end of a step, so the
-# order within a step does not matter, and there is no algebraic loop. A step of 1 ms samples at 1 kHz: the noise has to end
-# below 400 Hz, otherwise it folds to low frequencies, of which the FMU would warn.
+# Each step: read the plant, compute the force, step all. Outputs of these FMUs are latched at the end of a step, so
+# the order within a step does not matter, and there is no algebraic loop. A step of 1 ms samples at 1 kHz: the noise
+# has to end below 400 Hz, otherwise it folds to low frequencies, of which the FMU would warn.
 
 
 def simulate(controller, seconds=12.0):
@@ -169,7 +171,7 @@ rows[0].set_title("Payload rotation")
 rows[-1].set_xlabel("time (s)")
 
 # %%
-# The loop takes away the slow motion of the bus. Above its crossover it can do little; there the feedforward isolator, which
-# measures the acceleration of the base, is the better half: connect ``FeedforwardIsolator.fmu`` beside it, and give your
-# force to the plant's ``added_fine_force_1`` to ``_3``. To share the frequencies between the two, see the page of
-# ``PointingController``.
+# The loop takes away the slow motion of the bus. Above its crossover it can do little; there the feedforward
+# isolator, which measures the acceleration of the base, is the better half: connect ``FeedforwardIsolator.fmu``
+# beside it, and give your force to the plant's ``added_fine_force_1`` to ``_3``. To share the frequencies between the
+# two, see the page of ``PointingController``.

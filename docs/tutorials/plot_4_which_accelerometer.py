@@ -2,17 +2,18 @@
 Which accelerometer?
 ====================
 
-The isolator integrates the measured acceleration of the base twice. Noise of the accelerometers is integrated as well. So
-each class of parts has a best corner of the isolator's high-pass, and a jitter that it cannot go below. The closed form
-gives both in seconds, without any run.
+The isolator integrates the measured acceleration of the base twice. Noise of the accelerometers is integrated as
+well. So each class of parts has a best corner of the isolator's high-pass, and a jitter that it cannot go below. The
+closed form gives both in seconds, without any run.
 """
 
 # %%
 # Compute the trade
 # -----------------
 #
-# Four classes of real parts, each with a parameter file that names its figures and their sources. The disturbance and the
-# mechanism are the default ones. (``ps-fmu analyse sensors`` computes this on a finer grid and runs the FMUs beside it.)
+# Four classes of real parts, each with a parameter file that names its figures and their sources. The disturbance and
+# the mechanism are the default ones. (``ps-fmu analyse sensors`` computes this on a finer grid and runs the FMUs
+# beside it.)
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -30,8 +31,8 @@ for crossover, rms in trade.loops_alone.items():
 # Jitter over the corner
 # ----------------------
 #
-# Below its best corner a part's noise takes over, above it the disturbance. A line-of-sight loop, with a fine guidance
-# sensor or the tracker of a beacon, holds the payload below its crossover and moves the best corner up.
+# Below its best corner a part's noise takes over, above it the disturbance. A line-of-sight loop, with a fine
+# guidance sensor or the tracker of a beacon, holds the payload below its crossover and moves the best corner up.
 
 figure, axes = plt.subplots(1, 2, figsize=(9, 4.2), sharey=True, layout="constrained")
 for panel, crossover, title in ((axes[0], None, "no line-of-sight loop"), (axes[1], 1.25, "loop of 1.25 Hz")):
@@ -64,5 +65,5 @@ print(f"at most {needed / MICRO_G:.1f} ug/sqrt(Hz)")
 # Then run it
 # -----------
 #
-# ``ps-fmu run isolation --system system/InertialSensors.ssd --parameters sensors_navigation.ssv`` puts a class into the
-# running system, sampling, range and drift included.
+# ``ps-fmu run isolation --system system/InertialSensors.ssd --parameters sensors_navigation.ssv`` puts a class into
+# the running system, sampling, range and drift included.

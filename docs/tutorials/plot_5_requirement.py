@@ -2,17 +2,17 @@
 A requirement from start to verdict
 ===================================
 
-"The relative pointing error over 1 s stays below 0.5 urad for 95 % of the time, with 90 % confidence." This tutorial writes
-that down, runs the system for 45 s, and reads the verdict and its margin. Then it asks which frequencies the error comes
-from, and where the limit would be too tight.
+"The relative pointing error over 1 s stays below 0.5 urad for 95 % of the time, with 90 % confidence." This tutorial
+writes that down, runs the system for 45 s, and reads the verdict and its margin. Then it asks which frequencies the
+error comes from, and where the limit would be too tight.
 """
 
 # %%
 # Write it down
 # -------------
 #
-# A requirement names a signal, an index of ECSS-E-ST-60-10C with its window, a statement on its distribution, and a limit
-# with its unit. ``docs/requirements.md`` explains each key.
+# A requirement names a signal, an index of ECSS-E-ST-60-10C with its window, a statement on its distribution, and a
+# limit with its unit. ``docs/requirements.md`` explains each key.
 
 import tempfile
 from pathlib import Path
@@ -49,8 +49,8 @@ requirements.write_text(REQUIREMENTS)
 # Run and judge
 # -------------
 #
-# ``ps-fmu run isolation --requirements requirements.toml`` judges every step while it runs. Here the stored rows of a run
-# are judged, as ``ps-fmu judge results.nc --requirements requirements.toml`` does.
+# ``ps-fmu run isolation --requirements requirements.toml`` judges every step while it runs. Here the stored rows of a
+# run are judged, as ``ps-fmu judge results.nc --requirements requirements.toml`` does.
 
 import ps_fmu
 from ps_fmu.requirements.reading import read_requirements
@@ -79,14 +79,14 @@ for remark in dict.fromkeys(verdict.remark for verdict in verdicts if verdict.re
     print(remark)
 
 # %%
-# **Value** is the best estimate from this run. **At most** is what the true value stays below with 90 % confidence: that is
-# compared with the limit. A longer run knows better, so its bound is lower.
+# **Value** is the best estimate from this run. **At most** is what the true value stays below with 90 % confidence:
+# that is compared with the limit. A longer run knows better, so its bound is lower.
 #
 # Where does the error come from?
 # -------------------------------
 #
-# The weight of an index says which frequencies count. The relative error over 1 s forgives what is slower than a second;
-# the residual jitter over 100 ms forgives drifts in the exposure as well.
+# The weight of an index says which frequencies count. The relative error over 1 s forgives what is slower than a
+# second; the residual jitter over 100 ms forgives drifts in the exposure as well.
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -109,14 +109,14 @@ for panel in (above, below):
     panel.legend()
 
 # %%
-# Both grow most near 5 Hz, where the suspension resonates and the isolator's delay leaves a part of the disturbance. The
-# relative error takes nearly all of it.
+# Both grow most near 5 Hz, where the suspension resonates and the isolator's delay leaves a part of the disturbance.
+# The relative error takes nearly all of it.
 #
 # Tighten the limit
 # -----------------
 #
-# The same results can be judged again. With half the limit the verdict depends on the axis: the best estimate about z lies
-# below 0.25 urad, but its bound does not.
+# The same results can be judged again. With half the limit the verdict depends on the axis: the best estimate about z
+# lies below 0.25 urad, but its bound does not.
 
 requirements.write_text(REQUIREMENTS.replace("0.5 urad", "0.25 urad"))
 tighter = judge_files([results], read_requirements(requirements))
@@ -124,6 +124,6 @@ show(tighter[:3])
 folder.cleanup()
 
 # %%
-# ``ps-fmu judge`` ends with exit code 1 then, so a script or a continuous integration notices. A longer run lowers the
-# bound, not the value; a better isolator lowers both. ``--parameters exact_payload.ssv`` gives one that knows the payload's
-# centre of mass.
+# ``ps-fmu judge`` ends with exit code 1 then, so a script or a continuous integration notices. A longer run lowers
+# the bound, not the value; a better isolator lowers both. ``--parameters exact_payload.ssv`` gives one that knows the
+# payload's centre of mass.

@@ -2,16 +2,16 @@
 The FMUs in OMSimulator and other masters
 =========================================
 
-One file carries the whole system: FMUs, wiring, start values (SSP 1.0). OMSimulator, libcosim, Ecos and FMPy read it. This
-tutorial writes the file, runs it in what is installed, and compares the results with those of our own master.
+One file carries the whole system: FMUs, wiring, start values (SSP 1.0). OMSimulator, libcosim, Ecos and FMPy read it.
+This tutorial writes the file, runs it in what is installed, and compares the results with those of our own master.
 """
 
 # %%
 # Export the system
 # -----------------
 #
-# On the command line: ``ps-fmu ssp --output pointing.ssp``. ``--parameters my.ssv`` puts other start values in, ``--system``
-# takes another system description.
+# On the command line: ``ps-fmu ssp --output pointing.ssp``. ``--parameters my.ssv`` puts other start values in,
+# ``--system`` takes another system description.
 
 import os
 import shutil
@@ -55,8 +55,8 @@ def compare(tool, value):
 # OMSimulator
 # -----------
 #
-# OMSimulator takes the step from the file. It runs no Python itself: ``PS_FMU_PYTHON`` names one that has numpy and scipy,
-# and ``ps-fmu build --bundle`` would put one into the FMUs instead::
+# OMSimulator takes the step from the file. It runs no Python itself: ``PS_FMU_PYTHON`` names one that has numpy and
+# scipy, and ``ps-fmu build --bundle`` would put one into the FMUs instead::
 #
 #     PS_FMU_PYTHON=$(which python3) OMSimulator --stopTime=0.2 --resultFile=results.csv pointing.ssp
 #
@@ -82,8 +82,8 @@ else:
 # libcosim
 # --------
 #
-# libcosim is the engine of the Open Simulation Platform; ``pip install libcosimpy``. Its result agrees with ours to about
-# 1e-9: it adds up times with rounding of its own.
+# libcosim is the engine of the Open Simulation Platform; ``pip install libcosimpy``. Its result agrees with ours to
+# about 1e-9: it adds up times with rounding of its own.
 
 try:
     from libcosimpy.CosimExecution import CosimExecution
@@ -115,5 +115,5 @@ compare("FMPy", rows["plant.base_acceleration.x"][-2])
 folder.cleanup()
 
 # %%
-# ``fmus/README.md`` has recipes for Ecos, FMU containers, PathSim, CoFMUPy, Simulink and Dymola, and the table of what was
-# run in which version.
+# ``fmus/README.md`` has recipes for Ecos, FMU containers, PathSim, CoFMUPy, Simulink and Dymola, and the table of
+# what was run in which version.

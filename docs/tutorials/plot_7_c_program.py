@@ -2,16 +2,17 @@
 The FMUs in a C program
 =======================
 
-A simulator written in C loads an FMU as a shared library. It needs nothing of Python but an interpreter on the machine, which
-the FMU finds by itself. This tutorial writes such a program, compiles and runs it, and compares with FMPy.
+A simulator written in C loads an FMU as a shared library. It needs nothing of Python but an interpreter on the
+machine, which the FMU finds by itself. This tutorial writes such a program, compiles and runs it, and compares with
+FMPy.
 """
 
 # %%
 # The program
 # -----------
 #
-# Some fifty lines: load the library, look up the functions, initialise, push the bus with 10 N for 0.1 s, print the rotation
-# of the payload. ``fmi2Functions.h`` is the header of the FMI standard; FMPy brings a copy.
+# Some fifty lines: load the library, look up the functions, initialise, push the bus with 10 N for 0.1 s, print the
+# rotation of the payload. ``fmi2Functions.h`` is the header of the FMI standard; FMPy brings a copy.
 
 PROGRAM = r"""
 #include "fmi2Functions.h"
@@ -90,9 +91,9 @@ print("compiled:", host.stat().st_size // 1000, "kB")
 # Run it
 # ------
 #
-# An FMU is a zip archive. The program needs the library in it, the URI of its resources, its GUID, and the value references
-# of the variables, which stand in ``modelDescription.xml``. ``PS_FMU_PYTHON`` says which Python the FMU takes; without it the
-# FMU looks for one on ``PATH``.
+# An FMU is a zip archive. The program needs the library in it, the URI of its resources, its GUID, and the value
+# references of the variables, which stand in ``modelDescription.xml``. ``PS_FMU_PYTHON`` says which Python the FMU
+# takes; without it the FMU looks for one on ``PATH``.
 
 from ps_fmu.runs.built_fmus import find_built_folder
 
@@ -136,6 +137,6 @@ folder.cleanup()
 # %%
 # The difference is rounding: FMPy forms each step as a difference of times, so steps differ in their last bit.
 #
-# A step of the plant costs 0.2 us in a C program: between events a launcher in the FMU makes it without Python. For a machine
-# without Python, ``ps-fmu build --bundle`` puts one into the FMU. ``tests/host`` has larger hosts: several FMUs, threads,
-# reloading, faults.
+# A step of the plant costs 0.2 us in a C program: between events a launcher in the FMU makes it without Python. For a
+# machine without Python, ``ps-fmu build --bundle`` puts one into the FMU. ``tests/host`` has larger hosts: several
+# FMUs, threads, reloading, faults.

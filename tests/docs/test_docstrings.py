@@ -19,7 +19,17 @@ def load():
 
 
 def test_lists_of_parameters_become_definitions(load):
-    lines = ["Do it.", "", "Parameters", "----------", "a, b: m, of both,", "    and more.", "*rest: others", "", "Then this."]
+    lines = [
+        "Do it.",
+        "",
+        "Parameters",
+        "----------",
+        "a, b: m, of both,",
+        "    and more.",
+        "*rest: others",
+        "",
+        "Then this.",
+    ]
     assert load("house_docstrings").convert(lines) == [
         "Do it.", "", ".. rubric:: Parameters", "",
         "``a``, ``b``", "    m, of both,", "    and more.", "``*rest``", "    others", "", "", "Then this.",

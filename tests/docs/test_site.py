@@ -34,14 +34,20 @@ def test_all_documents_are_pages(site):
 
 
 def test_nothing_is_loaded_from_elsewhere(site):
-    loaded = re.compile(r"<(?:script|img|iframe|source)[^>]*\ssrc=\"(?:https?:)?//|<link(?![^>]*canonical)[^>]*\shref=\"(?:https?:)?//")
+    loaded = re.compile(
+        r"<(?:script|img|iframe|source)[^>]*\ssrc=\"(?:https?:)?//|<link(?![^>]*canonical)[^>]*\shref=\"(?:https?:)?//"
+    )
     assert [name for name, page in site.pages.items() if loaded.search(page.text)] == []
-    assert not [path for path in site.folder.rglob("*.css") if re.search(r"url\(['\"]?(?:https?:)?//", path.read_text())]
+    assert not [
+        path for path in site.folder.rglob("*.css") if re.search(r"url\(['\"]?(?:https?:)?//", path.read_text())
+    ]
 
 
 def test_nothing_tells_of_the_machine(site):
     told = [str(ROOT), str(Path.home()), str(site.folder.parents[1]), sys.prefix, "site-packages", "/tmp/"]
-    files = [path for path in site.folder.rglob("*") if path.suffix in {".html", ".js", ".txt", ".json", ".py", ".ipynb"}]
+    files = [
+        path for path in site.folder.rglob("*") if path.suffix in {".html", ".js", ".txt", ".json", ".py", ".ipynb"}
+    ]
     files = [path for path in files if "_static" not in path.parts]
     assert len(files) > 100
     found = {path.name: [word for word in told if word in path.read_text(encoding="utf-8")] for path in files}
@@ -160,7 +166,7 @@ def test_no_page_is_wider_than_the_window(site, browser, name, size):
 def test_the_search_finds_a_page(site, browser):
     browser.open(site.folder / "search.html")
     found = browser.evaluate(
-        "(async () => { for (let k = 0; k < 100 && !window.Search?._index; k++) await new Promise(f => setTimeout(f, 50));"
-        " return Boolean(window.Search?._index); })()"
+        "(async () => { for (let k = 0; k < 100 && !window.Search?._index; k++)"
+        " await new Promise(f => setTimeout(f, 50)); return Boolean(window.Search?._index); })()"
     )
     assert found
