@@ -16,6 +16,7 @@ project = "ps_fmu"
 author = "The ps_fmu developers"
 project_copyright = author
 release = version = ps_fmu.__version__
+smartquotes = False  # names and options of commands stay as they are typed
 html_title = f"ps_fmu {version}"
 
 extensions = [
@@ -68,7 +69,8 @@ sphinx_gallery_conf = {
     "download_all_examples": False,
     "remove_config_comments": True,
     "matplotlib_animations": False,
-    "image_scrapers": ("matplotlib",),
+    "image_scrapers": ("matplotlib", "shown_figures.save_figures"),
+    "capture_repr": (),  # what is printed is enough
     "reset_modules": ("matplotlib",),
     "write_computation_times": False,
 }
@@ -82,6 +84,7 @@ html_css_files = ["site.css"]
 html_show_sourcelink = False
 html_copy_source = False
 html_last_updated_fmt = None
+html_context = {"default_mode": "auto"}
 html_theme_options = {
     "logo": {"text": html_title},
     "navigation_with_keys": False,
@@ -90,7 +93,7 @@ html_theme_options = {
     "header_links_before_dropdown": 7,
     "footer_start": ["copyright"],
     "footer_end": [],
-    "secondary_sidebar_items": ["page-toc"],
+    "secondary_sidebar_items": {"**": ["page-toc"], "docs/tutorials/made/*": []},  # code wants the width
     "back_to_top_button": True,
 }
 

@@ -2,17 +2,18 @@
 Your own payload and bus
 ========================
 
-The default instrument is that of the published paper. Yours has another mass and flies on another bus. You write down
-what differs, and one function turns it into start values of all FMUs.
+The default instrument is that of the published paper. Yours has another mass and flies on
+another bus. You write down what differs, and one function turns it into start values of all
+FMUs.
 """
 
 # %%
 # Describe it
 # -----------
 #
-# A TOML file with what differs from the paper's instrument; the units are SI. This one is a telescope of 45 kg on a
-# satellite of 300 kg with a solar array whose first mode lies at 0.8 Hz. B is the frame of the base of the
-# manipulator on the bus, P that of the payload platform.
+# A TOML file with what differs from the paper's instrument; the units are SI. This one is a
+# telescope of 45 kg on a satellite of 300 kg with a solar array whose first mode lies at 0.8
+# Hz. B is the frame of the base of the manipulator on the bus, P that of the payload platform.
 
 import tempfile
 from pathlib import Path
@@ -47,7 +48,8 @@ file = Path(folder.name) / "instrument.toml"
 file.write_text(INSTRUMENT)
 
 # %%
-# On the command line: ``ps-fmu parameters instrument.toml --output instrument.ssv``. The same in Python:
+# On the command line: ``ps-fmu parameters instrument.toml --output instrument.ssv``. The same
+# in Python:
 
 from ps_fmu.interface.instrument_file import write_start_values
 from ps_fmu.product.files import find_product
@@ -69,7 +71,9 @@ result = ps_fmu.simulate("isolation", duration=6, parameter_files=[values], prog
 for axis, passive, rejection in zip(
     "xyz", result.summary["rms_passive_rad"], result.summary["rejection_percent"], strict=True
 ):
-    print(f"{axis}: {1e6 * passive:6.1f} urad without the isolator, {rejection:.1f} % less with it")
+    print(
+        f"{axis}: {1e6 * passive:6.1f} urad without the isolator, {rejection:.1f} % less with it"
+    )
 
 # %%
 # The isolator knows this payload exactly, since the file says nothing else.
@@ -77,8 +81,9 @@ for axis, passive, rejection in zip(
 # What if the isolator is wrong about the payload?
 # ------------------------------------------------
 #
-# Plant and isolator have their own copies of the mechanism. Set them apart on purpose: the isolator takes the centre
-# of mass 10 mm aside. ``apart`` says that this is meant; otherwise the run warns.
+# Plant and isolator have their own copies of the mechanism. Set them apart on purpose: the
+# isolator takes the centre of mass 10 mm aside. ``apart`` says that this is meant; otherwise
+# the run warns.
 
 wrong = ps_fmu.simulate(
     "isolation",
@@ -108,10 +113,12 @@ rows[-1].set_xlabel("time (s)")
 # %%
 # The error lies across z: translation of the bus along y now turns the payload about z.
 
-for axis, exact, off in zip("xyz", result.summary["rms_active_rad"], wrong.summary["rms_active_rad"], strict=True):
+for axis, exact, off in zip(
+    "xyz", result.summary["rms_active_rad"], wrong.summary["rms_active_rad"], strict=True
+):
     print(f"{axis}: {1e6 * exact:.3f} urad when known, {1e6 * off:.3f} urad when 10 mm off")
 folder.cleanup()
 
 # %%
-# ``system/parameters/README.md`` explains the whole form: hinges about several axes, the scale of the mechanism,
-# inherited buses, and systems with more FMUs.
+# ``system/parameters/README.md`` explains the whole form: hinges about several axes, the scale
+# of the mechanism, inherited buses, and systems with more FMUs.

@@ -2,16 +2,17 @@
 Your own controller against the plant FMU
 =========================================
 
-The plant is an FMU like any other. Here FMPy steps it together with the disturbance source, and a controller of
-twenty lines of numpy closes a loop between them: it measures the rotation of the payload and turns it back with the
-fine legs.
+The plant is an FMU like any other. Here FMPy steps it together with the disturbance source, and
+a controller of twenty lines of numpy closes a loop between them: it measures the rotation of
+the payload and turns it back with the fine legs.
 """
 
 # %%
 # Load two FMUs
 # -------------
 #
-# FMPy's ``FMU2Slave`` is the plain FMI interface. A small class keeps instance and value references together.
+# FMPy's ``FMU2Slave`` is the plain FMI interface. A small class keeps instance and value
+# references together.
 
 import shutil
 
@@ -31,7 +32,9 @@ class Component:
         path = find_built_folder() / f"{name}.fmu"
         self.folder = extract(path)
         description = read_model_description(path)
-        self.places = {variable.name: variable.valueReference for variable in description.modelVariables}
+        self.places = {
+            variable.name: variable.valueReference for variable in description.modelVariables
+        }
         self.fmu = FMU2Slave(
             guid=description.guid,
             unzipDirectory=self.folder,
@@ -63,8 +66,9 @@ class Component:
 # Know the plant
 # --------------
 #
-# Names of FMU variables are dotted: ``payload_rotation.x``. What does 1 N in each fine leg do to the rotation of the
-# payload? A run for each leg tells, with well damped legs that settle within a second.
+# Names of FMU variables are dotted: ``payload_rotation.x``. What does 1 N in each fine leg do
+# to the rotation of the payload? A run for each leg tells, with well damped legs that settle
+# within a second.
 
 WRENCH = [f"base_{kind}.{axis}" for kind in ("force", "torque") for axis in "xyz"]
 ROTATION = [f"payload_rotation.{axis}" for axis in "xyz"]
@@ -76,7 +80,9 @@ def measure_gain():
     """Rotation of the payload (x, y, z in P) by each fine force, (3, 3), rad/N."""
     columns = []
     for force in FORCES:
-        plant = Component("ManipulatorPlant", {f"fine_leg_{leg}.damping": 900.0 for leg in (1, 2, 3)})
+        plant = Component(
+            "ManipulatorPlant", {f"fine_leg_{leg}.damping": 900.0 for leg in (1, 2, 3)}
+        )
         plant.set({force: 1.0})
         for k in range(1000):
             plant.step(k * STEP)
@@ -93,16 +99,16 @@ print(1e6 * gain.round(8))
 # The controller
 # --------------
 #
-# Two parts. The legs' suspension at 5.35 Hz has hardly any damping, so a force against the speed of each leg comes
-# first. On top of it a loop turns the payload back:
+# Two parts. The legs' suspension at 5.35 Hz has hardly any damping, so a force against the
+# speed of each leg comes first. On top of it a loop turns the payload back:
 #
 # .. math::
 #
 #    f = - c \, \dot{d}_\text{f} - G^{-1} w , \qquad
 #    w(s) = \omega_\text{c} \frac{s + \omega_\text{i}}{s^2} \, \theta(s)
 #
-# with :math:`G` the gain from above, :math:`\theta` the rotation, a crossover of 1 Hz, and integration twice below
-# 0.2 Hz.
+# with :math:`G` the gain from above, :math:`\theta` the rotation, a crossover of 1 Hz, and
+# integration twice below 0.2 Hz.
 
 
 class Controller:
@@ -110,7 +116,11 @@ class Controller:
 
     def __init__(self, gain, crossover=1.0, corner=0.2, damping=900.0):  # rad/N, Hz, Hz, N.s/m
         self.inverse = np.linalg.inv(gain)
-        self.crossover, self.corner, self.damping = 2 * np.pi * crossover, 2 * np.pi * corner, damping
+        self.crossover, self.corner, self.damping = (
+            2 * np.pi * crossover,
+            2 * np.pi * corner,
+            damping,
+        )
         self.first, self.second = np.zeros(3), np.zeros(3)
 
     def force(self, rotation, velocity):
@@ -125,9 +135,10 @@ class Controller:
 # Close the loop
 # --------------
 #
-# Each step: read the plant, compute the force, step all. Outputs of these FMUs are latched at the end of a step, so
-# the order within a step does not matter, and there is no algebraic loop. A step of 1 ms samples at 1 kHz: the noise
-# has to end below 400 Hz, otherwise it folds to low frequencies, of which the FMU would warn.
+# Each step: read the plant, compute the force, step all. Outputs of these FMUs are latched at
+# the end of a step, so the order within a step does not matter, and there is no algebraic loop.
+# A step of 1 ms samples at 1 kHz: the noise has to end below 400 Hz, otherwise it folds to low
+# frequencies, of which the FMU would warn.
 
 
 def simulate(controller, seconds=12.0):
@@ -153,7 +164,9 @@ held = simulate(Controller(gain))
 settled = round(2.0 / STEP)
 rms = {name: record[settled:].std(axis=0) for name, record in (("free", free), ("held", held))}
 for k, axis in enumerate("xyz"):
-    print(f"{axis}: {1e6 * rms['free'][k]:6.2f} urad without, {1e6 * rms['held'][k]:5.2f} urad with the controller")
+    print(
+        f"{axis}: {1e6 * rms['free'][k]:6.2f} urad without, {1e6 * rms['held'][k]:5.2f} urad with the controller"
+    )
 
 # %%
 
@@ -171,7 +184,8 @@ rows[0].set_title("Payload rotation")
 rows[-1].set_xlabel("time (s)")
 
 # %%
-# The loop takes away the slow motion of the bus. Above its crossover it can do little; there the feedforward
-# isolator, which measures the acceleration of the base, is the better half: connect ``FeedforwardIsolator.fmu``
-# beside it, and give your force to the plant's ``added_fine_force_1`` to ``_3``. To share the frequencies between the
-# two, see the page of ``PointingController``.
+# The loop takes away the slow motion of the bus. Above its crossover it can do little; there
+# the feedforward isolator, which measures the acceleration of the base, is the better half:
+# connect ``FeedforwardIsolator.fmu`` beside it, and give your force to the plant's
+# ``added_fine_force_1`` to ``_3``. To share the frequencies between the two, see the page of
+# ``PointingController``.

@@ -2,18 +2,18 @@
 Which accelerometer?
 ====================
 
-The isolator integrates the measured acceleration of the base twice. Noise of the accelerometers is integrated as
-well. So each class of parts has a best corner of the isolator's high-pass, and a jitter that it cannot go below. The
-closed form gives both in seconds, without any run.
+The isolator integrates the measured acceleration of the base twice. Noise of the accelerometers
+is integrated as well. So each class of parts has a best corner of the isolator's high-pass, and
+a jitter that it cannot go below. The closed form gives both in seconds, without any run.
 """
 
 # %%
 # Compute the trade
 # -----------------
 #
-# Four classes of real parts, each with a parameter file that names its figures and their sources. The disturbance and
-# the mechanism are the default ones. (``ps-fmu analyse sensors`` computes this on a finer grid and runs the FMUs
-# beside it.)
+# Four classes of real parts, each with a parameter file that names its figures and their
+# sources. The disturbance and the mechanism are the default ones. (``ps-fmu analyse sensors``
+# computes this on a finer grid and runs the FMUs beside it.)
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -31,13 +31,23 @@ for crossover, rms in trade.loops_alone.items():
 # Jitter over the corner
 # ----------------------
 #
-# Below its best corner a part's noise takes over, above it the disturbance. A line-of-sight loop, with a fine
-# guidance sensor or the tracker of a beacon, holds the payload below its crossover and moves the best corner up.
+# Below its best corner a part's noise takes over, above it the disturbance. A line-of-sight
+# loop, with a fine guidance sensor or the tracker of a beacon, holds the payload below its
+# crossover and moves the best corner up.
 
 figure, axes = plt.subplots(1, 2, figsize=(9, 4.2), sharey=True, layout="constrained")
-for panel, crossover, title in ((axes[0], None, "no line-of-sight loop"), (axes[1], 1.25, "loop of 1.25 Hz")):
+for panel, crossover, title in (
+    (axes[0], None, "no line-of-sight loop"),
+    (axes[1], 1.25, "loop of 1.25 Hz"),
+):
     for name, found in trade.classes.items():
-        panel.loglog(trade.corners, 1e6 * found.sweeps[crossover].rms, marker="o", markersize=3, label=name)
+        panel.loglog(
+            trade.corners,
+            1e6 * found.sweeps[crossover].rms,
+            marker="o",
+            markersize=3,
+            label=name,
+        )
     without = trade.passive if crossover is None else trade.loops_alone[crossover]
     panel.axhline(1e6 * without, color="0.4", linestyle="--", label="isolator off")
     panel.set(xlabel="corner of the isolator's high-pass (Hz)", title=title)
@@ -56,7 +66,8 @@ for name, found in trade.classes.items():
     print(f"{name:<12}{density:>12.3g}{alone:>10.2f}{looped:>12.2f}")
 
 # %%
-# And the other way round: how quiet does the accelerometer have to be for a jitter of 1 urad beside the faster loop?
+# And the other way round: how quiet does the accelerometer have to be for a jitter of 1 urad
+# beside the faster loop?
 
 needed = needed_density(trade, 1.25, 1e-6)
 print(f"at most {needed / MICRO_G:.1f} ug/sqrt(Hz)")
@@ -65,5 +76,6 @@ print(f"at most {needed / MICRO_G:.1f} ug/sqrt(Hz)")
 # Then run it
 # -----------
 #
-# ``ps-fmu run isolation --system system/InertialSensors.ssd --parameters sensors_navigation.ssv`` puts a class into
-# the running system, sampling, range and drift included.
+# ``ps-fmu run isolation --system system/InertialSensors.ssd --parameters
+# sensors_navigation.ssv`` puts a class into the running system, sampling, range and drift
+# included.

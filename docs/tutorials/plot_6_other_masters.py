@@ -2,16 +2,19 @@
 The FMUs in OMSimulator and other masters
 =========================================
 
-One file carries the whole system: FMUs, wiring, start values (SSP 1.0). OMSimulator, libcosim, Ecos and FMPy read it.
-This tutorial writes the file, runs it in what is installed, and compares the results with those of our own master.
+One file carries the whole system: FMUs, wiring, start values (SSP 1.0). OMSimulator, libcosim,
+Ecos and FMPy read it. This tutorial writes the file, runs it in what is installed, and compares
+the results with those of our own master.
 """
+
+# sphinx_gallery_thumbnail_path = "docs/loop.svg"
 
 # %%
 # Export the system
 # -----------------
 #
-# On the command line: ``ps-fmu ssp --output pointing.ssp``. ``--parameters my.ssv`` puts other start values in,
-# ``--system`` takes another system description.
+# On the command line: ``ps-fmu ssp --output pointing.ssp``. ``--parameters my.ssv`` puts other
+# start values in, ``--system`` takes another system description.
 
 import os
 import shutil
@@ -28,7 +31,9 @@ from ps_fmu.runs.built_fmus import find_built_folder
 STEP, STEPS = 1e-4, 2000  # s
 folder = tempfile.TemporaryDirectory()
 archive = Path(folder.name) / "pointing.ssp"
-write_ssp(read_system(find_product().system / "SystemStructure.ssd", find_built_folder()), archive)
+write_ssp(
+    read_system(find_product().system / "SystemStructure.ssd", find_built_folder()), archive
+)
 with zipfile.ZipFile(archive) as opened:
     for entry in opened.infolist():
         print(f"{entry.file_size / 1e3:8.0f} kB  {entry.filename}")
@@ -37,7 +42,8 @@ with zipfile.ZipFile(archive) as opened:
 # Our own master
 # --------------
 #
-# It is the reference for the others. ``base_acceleration.x`` of the plant is an input of the isolator, in m/s2.
+# It is the reference for the others. ``base_acceleration.x`` of the plant is an input of the
+# isolator, in m/s2.
 
 with Master(read_system(archive), step=STEP) as master:
     master.initialise()
@@ -55,8 +61,9 @@ def compare(tool, value):
 # OMSimulator
 # -----------
 #
-# OMSimulator takes the step from the file. It runs no Python itself: ``PS_FMU_PYTHON`` names one that has numpy and
-# scipy, and ``ps-fmu build --bundle`` would put one into the FMUs instead::
+# OMSimulator takes the step from the file. It runs no Python itself: ``PS_FMU_PYTHON`` names
+# one that has numpy and scipy, and ``ps-fmu build --bundle`` would put one into the FMUs
+# instead::
 #
 #     PS_FMU_PYTHON=$(which python3) OMSimulator --stopTime=0.2 --resultFile=results.csv pointing.ssp
 #
@@ -74,16 +81,20 @@ else:
         env=os.environ | {"PS_FMU_PYTHON": sys.executable},
         capture_output=True,
     )
-    header, *rows = [line.replace('"', "").split(",") for line in table.read_text().splitlines()]
-    place = next(k for k, name in enumerate(header) if name.endswith("plant.base_acceleration.x"))
+    header, *rows = [
+        line.replace('"', "").split(",") for line in table.read_text().splitlines()
+    ]
+    place = next(
+        k for k, name in enumerate(header) if name.endswith("plant.base_acceleration.x")
+    )
     compare("OMSimulator", float(rows[-1][place]))
 
 # %%
 # libcosim
 # --------
 #
-# libcosim is the engine of the Open Simulation Platform; ``pip install libcosimpy``. Its result agrees with ours to
-# about 1e-9: it adds up times with rounding of its own.
+# libcosim is the engine of the Open Simulation Platform; ``pip install libcosimpy``. Its result
+# agrees with ours to about 1e-9: it adds up times with rounding of its own.
 
 try:
     from libcosimpy.CosimExecution import CosimExecution
@@ -99,7 +110,9 @@ else:
     execution.step(STEPS)
     plant = execution.slave_index_from_instance_name("plant")
     variables = execution.slave_variables(plant)
-    wanted = next(variable.reference for variable in variables if variable.name == b"base_acceleration.x")
+    wanted = next(
+        variable.reference for variable in variables if variable.name == b"base_acceleration.x"
+    )
     compare("libcosim", observer.last_real_values(plant, [wanted])[0])
 
 # %%
@@ -115,5 +128,5 @@ compare("FMPy", rows["plant.base_acceleration.x"][-2])
 folder.cleanup()
 
 # %%
-# ``fmus/README.md`` has recipes for Ecos, FMU containers, PathSim, CoFMUPy, Simulink and Dymola, and the table of
-# what was run in which version.
+# ``fmus/README.md`` has recipes for Ecos, FMU containers, PathSim, CoFMUPy, Simulink and
+# Dymola, and the table of what was run in which version.

@@ -2,17 +2,20 @@
 The FMUs in a C program
 =======================
 
-A simulator written in C loads an FMU as a shared library. It needs nothing of Python but an interpreter on the
-machine, which the FMU finds by itself. This tutorial writes such a program, compiles and runs it, and compares with
-FMPy.
+A simulator written in C loads an FMU as a shared library. It needs nothing of Python but an
+interpreter on the machine, which the FMU finds by itself. This tutorial writes such a program,
+compiles and runs it, and compares with FMPy.
 """
+
+# sphinx_gallery_thumbnail_path = "docs/step.svg"
 
 # %%
 # The program
 # -----------
 #
-# Some fifty lines: load the library, look up the functions, initialise, push the bus with 10 N for 0.1 s, print the
-# rotation of the payload. ``fmi2Functions.h`` is the header of the FMI standard; FMPy brings a copy.
+# Some fifty lines: load the library, look up the functions, initialise, push the bus with 10 N
+# for 0.1 s, print the rotation of the payload. ``fmi2Functions.h`` is the header of the FMI
+# standard; FMPy brings a copy.
 
 PROGRAM = r"""
 #include "fmi2Functions.h"
@@ -84,16 +87,19 @@ source.write_text(PROGRAM)
 headers = Path(fmpy.__file__).parent / "c-code"
 compiler = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
 command = [compiler] if compiler else [sys.executable, "-m", "ziglang", "cc"]
-subprocess.run([*command, "-O1", f"-I{headers}", "-o", str(host), str(source), "-ldl"], check=True)
+subprocess.run(
+    [*command, "-O1", f"-I{headers}", "-o", str(host), str(source), "-ldl"], check=True
+)
 print("compiled:", host.stat().st_size // 1000, "kB")
 
 # %%
 # Run it
 # ------
 #
-# An FMU is a zip archive. The program needs the library in it, the URI of its resources, its GUID, and the value
-# references of the variables, which stand in ``modelDescription.xml``. ``PS_FMU_PYTHON`` says which Python the FMU
-# takes; without it the FMU looks for one on ``PATH``.
+# An FMU is a zip archive. The program needs the library in it, the URI of its resources, its
+# GUID, and the value references of the variables, which stand in ``modelDescription.xml``.
+# ``PS_FMU_PYTHON`` says which Python the FMU takes; without it the FMU looks for one on
+# ``PATH``.
 
 from ps_fmu.runs.built_fmus import find_built_folder
 
@@ -135,8 +141,9 @@ print(f"relative difference: {abs(in_c / in_fmpy - 1.0):.0e}")
 folder.cleanup()
 
 # %%
-# The difference is rounding: FMPy forms each step as a difference of times, so steps differ in their last bit.
+# The difference is rounding: FMPy forms each step as a difference of times, so steps differ in
+# their last bit.
 #
-# A step of the plant costs 0.2 us in a C program: between events a launcher in the FMU makes it without Python. For a
-# machine without Python, ``ps-fmu build --bundle`` puts one into the FMU. ``tests/host`` has larger hosts: several
-# FMUs, threads, reloading, faults.
+# A step of the plant costs 0.2 us in a C program: between events a launcher in the FMU makes it
+# without Python. For a machine without Python, ``ps-fmu build --bundle`` puts one into the FMU.
+# ``tests/host`` has larger hosts: several FMUs, threads, reloading, faults.

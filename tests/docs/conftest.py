@@ -59,7 +59,7 @@ class Site:
     @cached_property
     def pages(self):
         """All pages by their paths in the site."""
-        paths = sorted(self.folder.rglob("*.html"))
+        paths = sorted(path for path in self.folder.rglob("*.html") if "_static" not in path.parts)
         return {path.relative_to(self.folder).as_posix(): Page(path) for path in paths}
 
     def outputs(self, tutorial):
