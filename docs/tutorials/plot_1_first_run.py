@@ -84,9 +84,8 @@ axes.legend()
 # What a run leaves
 # -----------------
 #
-# ``ps_fmu.simulate(..., output="my-run")`` keeps a folder; the command line does the same with
-# ``ps-fmu run isolation
-# --duration 8 --output my-run``. ``report.html`` in it opens without a network: zoom, read off a line, turn the
-# mechanism and play the run.
+# ``ps_fmu.simulate(..., output="my-run")`` keeps a folder; on the command line it is
+# ``ps-fmu run isolation --duration 8 --output my-run``. ``report.html`` in it opens without a
+# network: zoom, read off a line, turn the mechanism and play the run.
 
 print(result.report().name, "has", round(result.report().stat().st_size / 1e6, 1), "MB")
