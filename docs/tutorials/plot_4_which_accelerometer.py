@@ -31,9 +31,9 @@ for crossover, rms in trade.loops_alone.items():
 # Jitter over the corner
 # ----------------------
 #
-# Below its best corner a part's noise takes over, above it the disturbance. A line-of-sight
-# loop, with a fine guidance sensor or the tracker of a beacon, holds the payload below its
-# crossover and moves the best corner up.
+# Below its best corner a part's noise takes over, above it the disturbance. A line-of-sight loop,
+# with a fine guidance sensor or the tracker of a beacon, holds the payload below its crossover.
+# There the noise of the accelerometers counts less, so the best corner moves down.
 
 figure, axes = plt.subplots(1, 2, figsize=(9, 4.2), sharey=True, layout="constrained")
 for panel, crossover, title in (
