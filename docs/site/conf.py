@@ -7,6 +7,7 @@ from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
+TUTORIALS = [f"docs/tutorials/made/{path.stem}" for path in ROOT.glob("docs/tutorials/plot_*.py")]
 sys.path.insert(0, str(HERE))  # the extensions beside this file
 os.environ.setdefault("MPLBACKEND", "Agg")
 
@@ -47,7 +48,6 @@ autodoc_member_order = "bysource"
 autodoc_typehints = "signature"
 autodoc_typehints_format = "short"
 autodoc_preserve_defaults = True
-autodoc_type_aliases = {name: name for name in ("Array", "BoolArray", "Complex", "ComplexArray", "Lags", "Places")}
 autodoc_default_options = {"members": True, "show-inheritance": True}
 add_module_names = False
 toc_object_entries_show_parents = "hide"
@@ -93,7 +93,7 @@ html_theme_options = {
     "header_links_before_dropdown": 7,
     "footer_start": ["copyright"],
     "footer_end": [],
-    "secondary_sidebar_items": {"**": ["page-toc"], "docs/tutorials/made/*": []},  # code wants the width
+    "secondary_sidebar_items": {"**": ["page-toc"], **{page: [] for page in TUTORIALS}},  # code wants the width
     "back_to_top_button": True,
 }
 
