@@ -33,6 +33,7 @@ DOCUMENTS = (
     "CHANGELOG.md",
     "SECURITY.md",
 )
+MARK = ".made-by-build.py"  # in folders that the next build may empty
 LINK = re.compile(r"\]\(([^)#\s]+)(?:#[^)\s]*)?\)")
 
 
@@ -73,15 +74,27 @@ def _copy_linked(document: Path, folder: Path) -> None:
 
 
 def build(output: Path, fmus: Path, builder: str = "html", *options: str) -> int:
-    """Stage the sources beside ``output`` and run Sphinx with warnings as errors; its exit code."""
+    """Stage the sources beside ``output`` and run Sphinx with warnings as errors; its exit code.
+
+    Raises FileExistsError if one of the two folders holds something else than an earlier build.
+    """
     source = output.with_name(f"{output.name}-source")
     for path in (source, output):
-        shutil.rmtree(path, ignore_errors=True)
-    source.mkdir(parents=True)
+        _empty(path)
     stage(source, fmus)
     command = [sys.executable, "-m", "sphinx", "-b", builder, "-c", str(HERE), "-d", str(source / ".doctrees")]
     command += ["--fail-on-warning", "--keep-going", "--quiet", *options, str(source), str(output)]
     return subprocess.run(command, cwd=source, check=False).returncode
+
+
+def _empty(folder: Path) -> None:
+    """Make an empty folder in place of one that an earlier build made."""
+    if folder.exists():
+        if any(folder.iterdir()) and not (folder / MARK).exists():
+            raise FileExistsError(f"{folder} holds other files than those of an earlier build: name another folder")
+        shutil.rmtree(folder)
+    folder.mkdir(parents=True)
+    (folder / MARK).touch()
 
 
 def main() -> int:

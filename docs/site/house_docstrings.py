@@ -22,8 +22,7 @@ from sphinx.application import Sphinx
 
 _WORDS = {"Parameters", "Attributes", "Returns", "Raises"}
 _ENTRY = re.compile(r"^(\*{0,2}[A-Za-z_][\w.]*(?:, \*{0,2}[A-Za-z_][\w.]*)*): (.*)$")
-_FIELD = re.compile(r"^ {4}(\w+): [^#]*#:? *(\S.*)$")
-
+_FIELD = re.compile(r"^ {4}(\w+): [^#]*#:? *((?!fmt:|noqa|type:)\S.*)$")
 _ARRAY = re.compile(r"(~?)numpy\.ndarray\[~?tuple\[~?(?:typing\.)?Any, \.\.\.\], ~?numpy\.dtype\[(~?numpy\.\w+)\]\]")
 
 
@@ -45,14 +44,17 @@ def _process_signature(
     _app: Sphinx, _what: str, _name: str, _found: Any, _options: Any, arguments: str | None, result: str | None
 ) -> tuple[str | None, str | None]:
     """Arguments and result with short names of array types."""
-    short = (text and _ARRAY.sub(r"\1numpy.typing.NDArray[\2]", text) for text in (arguments, result))
-    return next(short), next(short)
+    return _shorten(arguments), _shorten(result)
 
 
-def _process(_app: Sphinx, what: str, name: str, found: Any, _options: Any, lines: list[str]) -> None:
+def _shorten(text: str | None) -> str | None:
+    return text and _ARRAY.sub(r"\1numpy.typing.NDArray[\2]", text)
+
+
+def _process(_app: Sphinx, what: str, _name: str, found: Any, _options: Any, lines: list[str]) -> None:
     lines[:] = escape_bars(convert(lines))
     if what == "class" and inspect.isclass(found):
-        lines += describe_fields(found, name)
+        lines += describe_fields(found)
 
 
 def escape_bars(lines: list[str]) -> list[str]:
@@ -97,7 +99,7 @@ def _convert_list(rest: list[str]) -> list[str]:
     return made
 
 
-def describe_fields(found: type, name: str) -> list[str]:
+def describe_fields(found: type) -> list[str]:
     """A list of the fields of a class that have a comment in their line, with it."""
     try:
         source = inspect.getsource(found)

@@ -46,7 +46,7 @@ def test_bars_are_bars_but_stay_in_code(load):
 def test_comments_of_fields_are_their_text(load):
     from ps_fmu.mechanism.dynamics import Pose
 
-    assert load("house_docstrings").describe_fields(Pose, "Pose")[3:-1] == [
+    assert load("house_docstrings").describe_fields(Pose)[3:-1] == [
         "``translation_B``", "    (3,), origin of P in B, m",
         "``rotation_BP``", "    (3, 3), maps components in P to components in B",
     ]  # fmt: skip
@@ -67,6 +67,13 @@ def test_comments_of_fields_are_their_text(load):
 )
 def test_names_are_those_of_python(load, target, scope, full):
     assert load("python_names").resolve(target, scope) == full
+
+
+def test_folders_with_other_files_are_not_emptied(load, tmp_path, built_fmus):
+    (tmp_path / "mine.txt").touch()
+    with pytest.raises(FileExistsError, match="name another folder"):
+        load("build").build(tmp_path, built_fmus)
+    assert (tmp_path / "mine.txt").exists()
 
 
 def test_what_a_package_offers_is_where_it_is_defined(load):
