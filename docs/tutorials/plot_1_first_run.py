@@ -31,7 +31,8 @@ for axis, passive, active, rejection in zip(
     strict=True,
 ):
     print(
-        f"{axis}: {1e6 * passive:6.2f} urad without, {1e6 * active:6.3f} urad with the isolator: {rejection:.1f} % less"
+        f"{axis}: {1e6 * passive:6.2f} urad without, {1e6 * active:6.3f} urad with the isolator:"
+        f" {rejection:.1f} % less"
     )
 
 # %%
@@ -62,12 +63,15 @@ import matplotlib.pyplot as plt
 from scipy.signal import welch
 
 figure, axes = plt.subplots(figsize=(8, 4.5), layout="constrained")
-for case, label in (("passive", "without isolator"), ("active", "with isolator")):
+for case, label, color in (
+    ("passive", "without isolator", "C1"),
+    ("active", "with isolator", "C0"),
+):
     record = result[case]["payload_rotation"].sel(axis="x")
     record = record.sel(time=slice(2.0, None)).values
     frequency, density = welch(record, fs=1000.0, nperseg=2048)
     inside = (frequency > 0.4) & (frequency < 400.0)
-    axes.loglog(frequency[inside], 1e6 * np.sqrt(density[inside]), label=label)
+    axes.loglog(frequency[inside], 1e6 * np.sqrt(density[inside]), color, label=label)
 axes.set(
     xlabel="frequency (Hz)",
     ylabel="rotation about x (urad/sqrt(Hz))",
