@@ -11,7 +11,7 @@ export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 export MPLBACKEND := Agg
 
-.PHONY: run test dist fmus launcher pythons importers basilisk verify bench lint clean
+.PHONY: run test docs docs-links dist fmus launcher pythons importers basilisk verify bench lint clean
 .DELETE_ON_ERROR:
 
 run: fmus  ## the default scenario: isolation at the nominal orientation, passive then active
@@ -19,6 +19,12 @@ run: fmus  ## the default scenario: isolation at the nominal orientation, passiv
 
 test: lint fmus  ## what the continuous integration runs, on all processors; ARGS="-n 0 ..." on one
 	$(BIN)/python -m pytest -n auto --dist loadfile --no-loadscope-reorder $(ARGS)
+
+docs: fmus  ## the documentation as a site in build/docs; opens without a network
+	$(BIN)/python docs/site/build.py $(ARGS)
+
+docs-links: fmus  ## are the links of the documentation to other sites alive? needs a network
+	$(BIN)/python docs/site/build.py --builder linkcheck --output build/docs-links -D plot_gallery=False $(ARGS)
 
 dist: fmus  ## wheel, sdist and FMUs in dist, with their SHA-256
 	rm -rf dist

@@ -10,7 +10,7 @@ from matplotlib import image
 from support.models import MODELS
 
 ROOT = Path(__file__).parents[1]
-PLACES = "*.md", "fmus/**/*.md", "docs/*.md", "system/**/*.md"
+PLACES = "*.md", "fmus/**/*.md", "docs/**/*.md", "system/**/*.md"
 DOCUMENTS = sorted(path for place in PLACES for path in ROOT.glob(place))
 
 

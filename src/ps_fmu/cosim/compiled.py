@@ -75,7 +75,7 @@ class CompiledLoop:
         self._loop = _Loop(operations, len(operations), rows.latest.ctypes.data, rows.latest.size, plan.step)
 
     def advance(self, times: Array, interrupted: c_int) -> None:
-        """As :meth:`PythonLoop.advance`; ends early after :data:`BUDGET_S`, too."""
+        """As :meth:`.loops.PythonLoop.advance`; ends early after :data:`BUDGET_S`, too."""
         loop, first = self._loop, self._rows.filled
         loop.rows_done = loop.next_operation = 0
         goal = self._rows.block[first:].ctypes.data, times.ctypes.data, len(times)

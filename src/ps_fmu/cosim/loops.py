@@ -48,7 +48,7 @@ class PythonLoop:
         ]
 
     def advance(self, times: Array, interrupted: c_int) -> None:
-        """See :class:`Loop`."""
+        """See :class:`StepLoop`."""
         plan, rows, stages = self._plan, self._rows, self._stages
         now, latest, done = plan.now, rows.latest_row, rows.filled
         try:

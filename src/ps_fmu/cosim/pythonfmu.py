@@ -33,7 +33,7 @@ def is_plain(library: ctypes.CDLL) -> bool:
 
 
 def find_missing_in(folder: Path) -> str | None:
-    """As :func:`missing`, of an FMU that is unpacked in ``folder``."""
+    """As :func:`find_missing`, of an FMU that is unpacked in ``folder``."""
     file = folder / MODULE_FILE
     files = {path.relative_to(folder).as_posix() for path in (folder / "resources").glob("*.py")}
     return find_missing(file.read_bytes() if file.is_file() else None, files)

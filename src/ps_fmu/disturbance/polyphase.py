@@ -56,7 +56,7 @@ class Polyphase:
         return slice(shift - first, end if end >= 0 else None, -1), True
 
     def fold(self, lines: Complex, phase: int, room: Complex | None = None) -> Complex:
-        """The spectrum of a phase (..., bins), for amplitudes (..., lines) that are multiplied by :attr:`gain`.
+        """The spectrum of a phase (..., bins), for amplitudes (..., lines) that are multiplied by ``gain``.
 
         ``room``: of the size of ``lines``, to be overwritten.
         """

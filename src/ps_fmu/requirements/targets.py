@@ -41,8 +41,8 @@ class Target:
 def find_targets(requirement: Requirement, columns: Sequence[NamedColumn]) -> tuple[Target, ...]:
     """The targets of a requirement among the columns of a run.
 
-    Raises :class:`RequirementError`: an unknown signal (with near names), one that is no Real, a limit that does not
-    fit its unit, a magnitude of signals with different units.
+    Raises :class:`.requirement.RequirementError`: an unknown signal (with near names), one that is no Real, a limit
+    that does not fit its unit, a magnitude of signals with different units.
     """
     places = {column.name: place for place, column in enumerate(columns)}
     found: dict[str, int] = {}

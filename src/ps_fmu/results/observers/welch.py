@@ -80,7 +80,7 @@ class Welch(ColumnObserver):
                 self._filled = self._overlap
 
     def psd(self) -> Array:
-        """One-sided densities (signals, frequencies) in unit^2/Hz at :attr:`frequency`.
+        """One-sided densities (signals, frequencies) in unit^2/Hz at ``frequency``.
 
         Raises ``ValueError`` while no segment has been filled.
         """

@@ -24,7 +24,7 @@ _MOST_MAPS = 8  # step sizes remembered: enough for hosts that alternate a few
 
 
 class Stepper(Tables):
-    """Makes steps: plain ones by :func:`.plain_step`, and all else by :meth:`_step_carefully`.
+    """Makes steps: plain ones by :func:`.plain.make_plain_step`, and all else by :meth:`_step_carefully`.
 
     A step is a plain one as long as the host goes on at the expected time with the same step size and nothing is due.
     The launcher makes those by itself, from the words in ``_core``; where there is none, and before ``finish_step``,

@@ -1,0 +1,115 @@
+"""Docstrings as this project writes them, made into what Sphinx reads.
+
+Lists of parameters stand under an underlined word, an entry on a line of its own with its text behind a colon::
+
+    Parameters
+    ----------
+    frequency: (n,), Hz, ascending.
+    psd, step: unit^2/Hz, and so on,
+        which may go on in indented lines.
+
+They become definition lists.  Array types, which autodoc writes out, become ``NDArray[float64]``.  A comment behind a
+field of a dataclass, ``mass: float  # kg``, becomes its text.  A bar, as in |x|, is a bar.
+"""
+
+from __future__ import annotations
+
+import inspect
+import re
+from typing import Any
+
+from sphinx.application import Sphinx
+
+_WORDS = {"Parameters", "Attributes", "Returns", "Raises"}
+_ENTRY = re.compile(r"^(\*{0,2}[A-Za-z_][\w.]*(?:, \*{0,2}[A-Za-z_][\w.]*)*): (.*)$")
+_FIELD = re.compile(r"^ {4}(\w+): [^#]*#:? *((?!fmt:|noqa|type:)\S.*)$")
+_ARRAY = re.compile(r"(~?)numpy\.ndarray\[~?tuple\[~?(?:typing\.)?Any, \.\.\.\], ~?numpy\.dtype\[(~?numpy\.\w+)\]\]")
+
+
+def setup(app: Sphinx) -> dict[str, Any]:
+    """Register the conversion; called by Sphinx."""
+    app.connect("autodoc-process-docstring", _process)
+    app.connect("autodoc-process-signature", _process_signature)
+    app.connect("autodoc-skip-member", _skip)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}
+
+
+def _skip(_app: Sphinx, _what: str, _name: str, found: Any, skip: bool, _options: Any) -> bool | None:
+    """Leave out what another package has made, as matplotlib does in classes that derive from its own."""
+    module = getattr(found, "__module__", None) or "ps_fmu"
+    return None if isinstance(module, str) and module.partition(".")[0] in ("ps_fmu", "builtins") else True
+
+
+def _process_signature(
+    _app: Sphinx, _what: str, _name: str, _found: Any, _options: Any, arguments: str | None, result: str | None
+) -> tuple[str | None, str | None]:
+    """Arguments and result with short names of array types."""
+    return _shorten(arguments), _shorten(result)
+
+
+def _shorten(text: str | None) -> str | None:
+    return text and _ARRAY.sub(r"\1numpy.typing.NDArray[\2]", text)
+
+
+def _process(_app: Sphinx, what: str, _name: str, found: Any, _options: Any, lines: list[str]) -> None:
+    lines[:] = escape_bars(convert(lines))
+    if what == "class" and inspect.isclass(found):
+        lines += describe_fields(found)
+
+
+def escape_bars(lines: list[str]) -> list[str]:
+    """The lines with bars escaped, where they are not in code: reStructuredText has a use of its own for them."""
+    made, block = [], None  # indentation of the paragraph that a literal block belongs to
+    for line in lines:
+        indent = len(line) - len(line.lstrip())
+        if block is not None and line.strip() and indent <= block:
+            block = None
+        if block is None:
+            parts = re.split("(``.*?``)", line)
+            line = "".join(part if part.startswith("``") else part.replace("|", "\\|") for part in parts)
+            block = indent if line.rstrip().endswith("::") else None
+        made.append(line)
+    return made
+
+
+def convert(lines: list[str]) -> list[str]:
+    """The lines of a docstring with its lists of parameters made into definition lists."""
+    made: list[str] = []
+    rest = list(lines)
+    while rest:
+        line = rest.pop(0)
+        if line in _WORDS and rest and re.fullmatch("-{3,}", rest[0]):
+            rest.pop(0)
+            made += [f".. rubric:: {line}", "", *_convert_list(rest), ""]
+        else:
+            made.append(line)
+    return made
+
+
+def _convert_list(rest: list[str]) -> list[str]:
+    """Take the entries of a list from the front of ``rest``, up to a blank line; the list."""
+    made: list[str] = []
+    while rest and rest[0]:
+        line = rest.pop(0)
+        if entry := _ENTRY.match(line):
+            terms = ", ".join(f"``{term}``" for term in entry[1].split(", "))
+            made += [terms, f"    {entry[2]}"]
+        else:  # goes on, indented or not
+            made.append(f"    {line.strip()}" if made else line)
+    return made
+
+
+def describe_fields(found: type) -> list[str]:
+    """A list of the fields of a class that have a comment in their line, with it."""
+    try:
+        source = inspect.getsource(found)
+    except (OSError, TypeError):
+        return []
+    fields = [match for line in source.splitlines() if (match := _FIELD.match(line))]
+    if not fields:
+        return []
+    made = ["", ".. rubric:: Fields", ""]
+    for field in fields:
+        text = field[2].replace("\\", "\\\\").replace("*", "\\*").replace("|", "\\|")
+        made += [f"``{field[1]}``", f"    {text}"]
+    return [*made, ""]

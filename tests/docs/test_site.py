@@ -1,0 +1,174 @@
+"""The built site: links, FMU pages, tutorials; it opens without a network, on a phone as well."""
+
+import re
+import sys
+import zipfile
+from pathlib import Path
+from xml.etree.ElementTree import fromstring
+
+import pytest
+from support.browser import DESKTOP, PHONE, Browser, find_browser
+from support.models import MODELS
+
+ROOT = Path(__file__).parents[2]
+TUTORIALS = sorted(path.stem for path in (ROOT / "docs" / "tutorials").glob("plot_*.py"))
+THEORY = sorted(path.stem for path in (ROOT / "docs" / "theory").glob("*.md"))
+OPENED = ("index.html", "docs/tutorials/made/plot_1_first_run.html", "fmus/manipulator_plant/README.html",
+          "docs/theory/dynamics.html", "docs/api/ps_fmu.pointing.indices.html")  # fmt: skip
+
+
+def test_it_is_built_without_a_warning(site):
+    assert "WARNING" not in site.messages
+    assert len(site.pages) > 100
+
+
+def test_all_links_within_the_site_lead_somewhere(site):
+    broken = {name: links for name, page in site.pages.items() if (links := site.find_broken(page))}
+    assert broken == {}
+
+
+def test_all_documents_are_pages(site):
+    documents = [*ROOT.glob("docs/**/*.md"), *ROOT.glob("fmus/**/README.md")]
+    names = {path.relative_to(ROOT).with_suffix(".html").as_posix() for path in documents} - {"docs/index.html"}
+    assert names <= site.pages.keys()
+
+
+def test_nothing_is_loaded_from_elsewhere(site):
+    loaded = re.compile(
+        r"<(?:script|img|iframe|source)[^>]*\ssrc=\"(?:https?:)?//|<link(?![^>]*canonical)[^>]*\shref=\"(?:https?:)?//"
+    )
+    assert [name for name, page in site.pages.items() if loaded.search(page.text)] == []
+    assert not [
+        path for path in site.folder.rglob("*.css") if re.search(r"url\(['\"]?(?:https?:)?//", path.read_text())
+    ]
+
+
+def test_nothing_tells_of_the_machine(site):
+    told = [str(ROOT), str(Path.home()), str(site.folder.parents[1]), sys.prefix, "site-packages", "/tmp/"]
+    files = [
+        path for path in site.folder.rglob("*") if path.suffix in {".html", ".js", ".txt", ".json", ".py", ".ipynb"}
+    ]
+    files = [path for path in files if "_static" not in path.parts]
+    assert len(files) > 100
+    found = {path.name: [word for word in told if word in path.read_text(encoding="utf-8")] for path in files}
+    assert {name: words for name, words in found.items() if words} == {}
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_the_page_of_an_fmu_has_what_its_description_says(site, built_fmus, model):
+    with zipfile.ZipFile(built_fmus / f"{model}.fmu") as archive:
+        description = fromstring(archive.read("modelDescription.xml"))
+        icon = archive.read("model.png")
+    page = site.pages[f"fmus/{MODELS[model]}/README.html"]
+    rows = [dict(zip(header, row, strict=True)) for header, row in headed(page.rows) if header[0] == "Name"]
+    shown = {row["Name"]: row for row in rows if "Type" in row}
+    variables = {variable.get("name"): variable for variable in description.iter("ScalarVariable")}
+    assert shown.keys() == variables.keys()
+    for name, variable in variables.items():
+        row, kind = shown[name], variable[0]
+        assert row["Type"] == kind.tag
+        assert row["Variability"] == variable.get("variability")
+        assert row["Description"] == variable.get("description")
+        assert row.get("Unit", "") == kind.get("unit", "")
+        if kind.tag == "Real" and kind.get("start"):
+            assert float(row["Start"]) == pytest.approx(float(kind.get("start")), rel=5e-6)
+        else:
+            assert row.get("Start", "") == kind.get("start", "").strip()
+    facts = dict(row for row in page.rows if len(row) == 2)
+    assert facts.items() >= description.find("CoSimulation").attrib.items()
+    assert facts["fmiVersion"] == "2.0"
+    pictures = [link for link in page.links if link.endswith(".png")]
+    assert icon in [(page.path.parent / picture).read_bytes() for picture in pictures]
+
+
+def headed(rows):
+    """Each row of tables with the header of its table: a row that begins with a word of headers."""
+    header = None
+    for row in rows:
+        if row and row[0] in ("Name", "Attribute"):
+            header = row
+        elif header is not None and len(row) == len(header):
+            yield header, row
+
+
+@pytest.mark.parametrize("name", THEORY)
+def test_equations_are_drawn_by_the_browser_itself(site, name):
+    source = (ROOT / "docs" / "theory" / f"{name}.md").read_text(encoding="utf-8")
+    page = site.pages[f"docs/theory/{name}.html"]
+    blocks = source.count("```math")
+    assert len(re.findall(r'<math[^>]*display="block"', page.text)) == blocks
+    assert not [link for link in page.links if "mathjax" in link.lower()]
+    assert blocks > 0 or name == "index"
+
+
+@pytest.mark.parametrize("name", TUTORIALS)
+def test_tutorials_were_run(site, name):
+    """Each prints; its pictures are there, and not those that stand for a missing one."""
+    script = (ROOT / "docs" / "tutorials" / f"{name}.py").read_text(encoding="utf-8")
+    page = site.pages[f"docs/tutorials/made/{name}.html"]
+    assert site.outputs(name).strip()
+    pictures = {link for link in page.links if f"sphx_glr_{name}_0" in link}
+    assert len(pictures) == script.count("plt.subplots(") + script.count("result.plot(")
+    assert all((page.path.parent / picture).stat().st_size > 10_000 for picture in pictures)
+
+
+def numbers(pattern, text):
+    """The numbers that a pattern with one group finds."""
+    return [float(found) for found in re.findall(pattern, text)]
+
+
+def test_what_the_tutorials_say_is_true(site):
+    """The sentences beside the numbers: isolators isolate, the controller helps, other masters agree."""
+    assert min(numbers(r"([\d.]+) % less", site.outputs("plot_1_first_run"))) > 97.0
+    own = site.outputs("plot_2_own_payload")
+    assert min(numbers(r"([\d.]+) % less", own)) > 95.0
+    known, off = (numbers(pattern, own) for pattern in (r"([\d.]+) urad when known", r"([\d.]+) urad when 10 mm"))
+    assert off[2] > 3.0 * known[2] and off[0] < 1.1 * known[0]
+    loop = site.outputs("plot_3_own_controller")
+    free, held = (numbers(pattern, loop) for pattern in (r"([\d.]+) urad without", r"([\d.]+) urad with the"))
+    assert len(held) == 3 and all(4.0 * after < before for before, after in zip(free, held, strict=True))
+    verdicts = site.outputs("plot_5_requirement")
+    assert len(re.findall(r"  met +", verdicts)) == 8 and len(re.findall("not met", verdicts)) == 1
+    assert re.search(r"exposure +z  not met", verdicts)
+    for name, count in (("plot_6_other_masters", 2), ("plot_7_c_program", 1)):
+        differences = numbers(r"difference:? ([\de.+-]+)", site.outputs(name))
+        assert len(differences) >= count and max(differences) < 1e-9
+
+
+@pytest.fixture(scope="module")
+def browser():
+    if find_browser() is None:
+        pytest.skip("Chromium is not installed")
+    with Browser() as opened:
+        yield opened
+
+
+@pytest.mark.parametrize("name", OPENED)
+def test_pages_open_without_a_network(site, browser, name):
+    browser.errors.clear()
+    browser.requests.clear()
+    browser.open(site.folder / name)
+    assert browser.errors == []
+    assert browser.requests
+    assert [address for address in browser.requests if not address.startswith(site.folder.as_uri())] == []
+
+
+@pytest.mark.parametrize("size", [DESKTOP, PHONE], ids=["desktop", "phone"])
+@pytest.mark.parametrize("name", OPENED)
+def test_no_page_is_wider_than_the_window(site, browser, name, size):
+    browser.resize(*size, mobile=size == PHONE)
+    browser.open(site.folder / name)
+    wide = browser.evaluate("document.scrollingElement.scrollWidth - document.documentElement.clientWidth")
+    browser.resize(*DESKTOP)
+    assert wide <= 0
+
+
+def test_the_search_finds_a_page(site, browser):
+    browser.open(site.folder / "search.html")
+    listed = browser.evaluate(
+        "(async () => { Search.performSearch('trilateration');"
+        " for (let k = 0; k < 200 && !document.querySelector('#search-results li a'); k++)"
+        " await new Promise(f => setTimeout(f, 50));"
+        " return [...document.querySelectorAll('#search-results li a')].map(a => a.textContent); })()"
+    )
+    assert "Kinematics" in listed
