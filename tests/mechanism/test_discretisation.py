@@ -70,3 +70,12 @@ def test_a_system_without_states():
 def test_what_has_no_finite_answer_has_none(A):
     Ad, _ = zero_order_hold(A, np.ones((1, 1)), 1.0)
     assert not np.isfinite(Ad).all()
+
+
+def test_a_step_far_too_long_for_the_fast_part_is_not_guessed():
+    """A slow part beside a fast one: with 1e20 rad/s, nothing would be left of its digits."""
+    for fast, is_finite in ((-1e6, True), (-1e20, False)):
+        Ad, _ = zero_order_hold(np.diag([-1.0, fast]), np.ones((2, 1)), 1e-2)
+        assert np.isfinite(Ad).all() == is_finite
+    Ad, _ = zero_order_hold(np.diag([-1.0, -1e6]), np.ones((2, 1)), 1e-2)
+    assert abs(Ad[0, 0] - np.exp(-1e-2)) < 1e-11

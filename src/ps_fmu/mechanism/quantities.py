@@ -248,9 +248,18 @@ def replace_values(obj: T, values: Mapping[str, Any], prefix: str = "") -> T:
 
 
 def take_values(obj: T, values: Mapping[str, Any], prefix: str = "") -> T:
-    """As :func:`replace_values`, but for a mapping that also holds other things' values: they are passed over."""
-    known = [e.name for e in list_entries(obj, prefix)]
-    return replace_values(obj, {name: values[name] for name in known if name in values}, prefix)
+    """As :func:`replace_values`, but for a mapping that also holds other things' values: they are passed over.
+
+    Parts of which no value changes are not copied.
+    """
+    entries = [e for e in list_entries(obj, prefix) if e.name in values]
+    changed = {e.name: values[e.name] for e in entries if not _is_same(values[e.name], e.value)}
+    result: T = _replaced(obj, changed, prefix) if changed else obj
+    return result
+
+
+def _is_same(value: Any, other: Any) -> bool:
+    return type(value) is type(other) and value == other and (value != 0.0 or str(value) == str(other))  # -0.0
 
 
 def _replaced(obj: Any, values: Mapping[str, Any], prefix: str) -> Any:
@@ -262,6 +271,8 @@ def _replaced(obj: Any, values: Mapping[str, Any], prefix: str) -> Any:
 
 
 def _replaced_value(value: Any, values: Mapping[str, Any], name: str) -> Any:
+    if is_dataclass(value) and not any(f"{key}.".startswith(f"{name}." if name else "") for key in values):
+        return value
     if is_dataclass(value):
         return _replaced(value, values, name)
     if isinstance(value, tuple):
