@@ -164,6 +164,10 @@ def test_a_quiet_system_has_a_sentence_of_its_own(systems, tmp_path):
           "disturbance.wheel_1.initial_speed": 3000.0, "disturbance.wheel_1.final_speed": 3000.0},
          r"wheel 1 force 14\.5: 6923\.2 Hz is above 5000 Hz"),
         ({"disturbance.chirp.force.x": 1.0}, r"disturbance\.chirp: it is not stationary"),
+        (
+            {"disturbance.wheel_1.enabled": True, "disturbance.wheel_1.speed_profile": "speed.csv"},
+            r"wheel_1: its speed comes from speed\.csv; a budget needs a constant one",
+        ),
         ({"isolator.sample_time": 1e-3}, r"isolator\.sample_time: there is no closed form"),
         ({"isolator.delay": 1.0}, "expected at most 40 steps"),
         ({"plant.payload.mass": -1.0}, r"plant\.payload\.mass: must be greater than 0"),
