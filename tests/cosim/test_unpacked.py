@@ -107,3 +107,25 @@ def test_nothing_stays_behind_and_a_forked_process_leaves_its_parents_folder(arc
     environment = {**os.environ, "TMPDIR": str(place)}
     subprocess.run([sys.executable, "-c", PROGRAM, str(archive()), str(place)], check=True, env=environment)
     assert os.listdir(place) == []
+
+
+WORKER = """
+import multiprocessing, os, sys
+from pathlib import Path
+from ps_fmu.cosim.unpacked import provide_unpacked
+worker = multiprocessing.get_context("fork").Process(target=provide_unpacked, args=(Path(sys.argv[1]),))
+worker.start()
+worker.join()
+assert worker.exitcode == 0
+assert os.listdir(sys.argv[2]) == [], "the worker left its own"
+"""
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="this system has no fork")
+def test_a_forked_worker_of_multiprocessing_leaves_no_folder_behind(archive, tmp_path):
+    """It calls no functions of atexit."""
+    place = tmp_path / "place"
+    place.mkdir()
+    environment = {**os.environ, "TMPDIR": str(place)}
+    command = [sys.executable, "-c", WORKER, str(archive()), str(place)]
+    subprocess.run(command, check=True, env=environment, timeout=60.0)

@@ -17,12 +17,14 @@ from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from multiprocessing.util import Finalize
 from pathlib import Path
 
 from .archive import compute_digest, extract
 from .errors import SystemFileError
 
 _NUMBERS = itertools.count(1)
+_LAST = -100  # of multiprocessing's finalizers: after its child processes have been joined
 
 
 @dataclass
@@ -141,6 +143,8 @@ def _open_store(archive: Path) -> _Store:
             )
         _store = _Store(os.getpid(), above, Path(tempfile.mkdtemp(prefix="fmus_")))
         _roots.append((_store.process, _store.root))
+        # Processes that multiprocessing forks call no functions of atexit.
+        Finalize(None, _remove_all, exitpriority=_LAST)
     return _store
 
 

@@ -143,3 +143,16 @@ def test_the_library_is_the_one_that_was_published():
     assert "Permission is hereby granted" in (vendor / "uPlot.license").read_text()
     found = {path.name for path in vendor.iterdir()}
     assert found == {*stated["sha256"], "uPlot.json", "uPlot.license"}
+
+
+def test_no_two_scripts_declare_the_same_name():
+    """They are joined into one scope, where a second function silently takes the place of the first."""
+    names = re.compile(r"^(?:async )?(?:function\*?|class|const|let|var) +(\w+)", re.MULTILINE)
+    found = [
+        (name, script)
+        for script in writer.SCRIPTS
+        for name in names.findall(PAGE.joinpath(script).read_text(encoding="utf-8"))
+    ]
+    declared = [name for name, _ in found]
+    assert len(declared) > 50
+    assert [each for each in found if declared.count(each[0]) > 1] == []

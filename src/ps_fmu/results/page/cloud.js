@@ -124,14 +124,14 @@ class CloudView {
     const digits = Math.max(3, Math.ceil(Math.log10(farthest / step)) + 1); // so that neighbours differ
     context.font = "12px system-ui";
     context.textAlign = "center";
-    for (const value of listTicks(this.x, this.reach, scaled.factor, step)) {
+    for (const value of listMultiples(this.x, this.reach, scaled.factor, step)) {
       const at = this.across(value / scaled.factor);
       context.fillStyle = theme.colour("grid");
       context.fillRect(at, CLOUD_MARGIN, 1, this.inner);
       context.fillStyle = theme.colour("text");
       context.fillText(formatNumber(value, digits), at, end + 16);
     }
-    for (const value of listTicks(this.y, this.reach, scaled.factor, step)) {
+    for (const value of listMultiples(this.y, this.reach, scaled.factor, step)) {
       const at = this.down(value / scaled.factor);
       context.fillStyle = theme.colour("grid");
       context.fillRect(CLOUD_MARGIN, at, this.inner, 1);
@@ -150,7 +150,7 @@ class CloudView {
 }
 
 /** Multiples of `step` within what is shown, all in the scaled unit. */
-function listTicks(centre, reach, factor, step) {
+function listMultiples(centre, reach, factor, step) {
   const first = Math.ceil(((centre - reach) * factor) / step - 1e-9);
   const last = Math.floor(((centre + reach) * factor) / step + 1e-9);
   return Array.from({ length: last - first + 1 }, (_, k) => (first + k) * step);
