@@ -94,6 +94,7 @@ def test_the_files_of_a_run_are_read_once(make_options, ssv, monkeypatch):
         function = getattr(module, name)
         monkeypatch.setattr(module, name, lambda path: read.append(path.name) or function(path))
 
+    description._read_description.cache_clear()
     count(description, "read_model_description")
     count(setup, "read_parameters")
     run(make_options("isolation", 1e-4, parameters=(ssv({"commander.target.roll": 0.1}),)))
