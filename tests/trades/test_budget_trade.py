@@ -195,6 +195,9 @@ def test_other_components_are_refused(systems, tmp_path):
     components = system.components[:1] + system.components[2:]
     with pytest.raises(BudgetError, match="a budget needs the FMU PointingCommander"):
         read_model(replace(system, components=components))
+    second = replace(system.components[0], name="second")
+    with pytest.raises(BudgetError, match="a budget is of one DisturbanceSource, there are 2"):
+        read_model(replace(system, components=(*system.components, second)))
     other = replace(system.components[0], source=tmp_path / "Pump.fmu")
     with pytest.raises(BudgetError, match="disturbance: there is no closed form of the FMU Pump"):
         read_model(replace(system, components=(other, *system.components[1:])))
