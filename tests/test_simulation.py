@@ -146,7 +146,7 @@ def test_indices_of_the_stored_rows(result):
     summary = result.summary["indices"]["passive"]
     for axis in "xyz":
         stated = summary[f"plant.payload_rotation.{axis}"]["APE"]["rms"]
-        assert every.sel(case="passive", axis=axis).item() == pytest.approx(stated, rel=1e-12)
+        assert every.sel(case="passive", axis=axis).item() == pytest.approx(stated, rel=1e-12, abs=0.0)
     assert result.indices(AbsoluteError(), name="los").dims[-1] == "axis_xy"
 
 
@@ -176,7 +176,8 @@ def test_the_same_call_gives_the_same_numbers_and_a_named_folder_stays(
     del again
     assert {"results.nc", "summary.json", "report.html"} < set(os.listdir(tmp_path / "mine"))
     assert Result("mine").passive.identical(result.passive)
-    assert list(temporary.iterdir()) == []
+    # Unpacked FMUs stay as long as the process: tests/cosim/test_unpacked.py.
+    assert [path for path in temporary.iterdir() if not path.name.startswith("fmus_")] == []
     assert capsys.readouterr().out == ""
 
 

@@ -50,6 +50,13 @@ def test_modes_rigid_motion_and_filters():
     assert found.parts.sum(axis=0) == pytest.approx(whole, rel=1e-14)
 
 
+def test_modes_of_nearly_one_frequency_have_names_of_their_own():
+    """Four that three digits do not tell apart, of which four digits tell apart two."""
+    model = StateSpace(*blocks(*(oscillator(f, 0.02) for f in (486.12, 486.98, 485.5, 485.53, 12.345))))
+    names = StateSpace(model.A, model.B, model.C).modal_response([1.0], apart=1e-6).names
+    assert names == ("12.3 Hz", "485.5 Hz", "485.53 Hz", "486.1 Hz", "487 Hz", REST)
+
+
 def test_modes_that_cannot_be_told_apart_are_one():
     A, B, C = blocks(oscillator(5.0, 0.02), oscillator(5.0001, 0.02), oscillator(6.0, 0.02))
     A[3, 0] = 1.0  # one drives the other: together they are nearly a multiple pole

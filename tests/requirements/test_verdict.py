@@ -102,6 +102,13 @@ def test_what_does_not_vary_is_not_asked_to_run_longer(record, value):
     assert decide(record(np.full(1001, value), **APE, **peak)).answer is Answer.MET
 
 
+@pytest.mark.parametrize(("interpretation", "said"), [("ensemble", "runs with different seeds"), ("mixed", "5 runs")])
+def test_what_does_not_vary_within_a_run_may_need_more_runs(record, interpretation, said):
+    verdict = decide(record(np.full(1001, 1e-7), **APE, interpretation=interpretation))
+    assert verdict.answer is Answer.OPEN
+    assert said in verdict.remark
+
+
 @pytest.mark.parametrize(("count", "said"), [(151, True), (2001, False)])
 def test_a_bound_that_rests_on_few_samples_is_named(record, white, count, said):
     """Half of the white samples count as such: pairs of equal ones."""

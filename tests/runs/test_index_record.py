@@ -74,10 +74,10 @@ def test_quantiles_are_stated_as_the_library_does(monkeypatch):
     for one, probability in zip(stated, PROBABILITIES, strict=True):
         independent = effective_samples(magnitude <= one.value)
         expected = quantile(magnitude, probability, CONFIDENCE, independent=independent)
-        assert one.independent == pytest.approx(independent, rel=1e-12)
-        assert one.value == pytest.approx(expected.value, rel=ROUNDING)
+        assert one.independent == pytest.approx(independent, rel=1e-12, abs=0.0)
+        assert one.value == pytest.approx(expected.value, rel=ROUNDING, abs=0.0)
         if np.isfinite(expected.bound):
-            assert one.bound == pytest.approx(expected.bound, rel=ROUNDING)
+            assert one.bound == pytest.approx(expected.bound, rel=ROUNDING, abs=0.0)
     assert np.isfinite(stated[0].bound)
     assert 200.0 < stated[0].independent < 2000.0  # 10 000 samples with a correlation over 30
 
@@ -133,7 +133,7 @@ def test_the_indices_of_all_runs_of_a_scenario():
     whole, later = (found[case][SIGNALS[1]] for case in found)
     assert whole["unit"] == "rad"
     assert (whole["APE"]["values"], later["APE"]["values"]) == (501, 300)
-    assert later["APE"]["rms"] == pytest.approx(np.sqrt((values[201:, 2] ** 2).mean()), rel=1e-12)
+    assert later["APE"]["rms"] == pytest.approx(np.sqrt((values[201:, 2] ** 2).mean()), rel=1e-12, abs=0.0)
     assert (later["MPE"]["values"], later["RPE"]["at"], later["PDE"]["separation"]) == (3, "uniform", 1.0)
     assert [one["probability"] for one in later["RPE"]["quantiles"]] == list(PROBABILITIES)
     assert log.of("active").of("MPE").count == 3

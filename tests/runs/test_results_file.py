@@ -3,6 +3,7 @@
 import hashlib
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import netCDF4
@@ -17,6 +18,7 @@ from ps_fmu.runs import finish, publish
 from ps_fmu.runs.cases import Case, run_case
 from ps_fmu.runs.finish import finish_file
 from ps_fmu.runs.index_record import IndexLog
+from ps_fmu.runs.origin import format_command
 from ps_fmu.runs.setup import load_system
 
 VALUES = {"plant.payload.mass": 20.0, "disturbance.seed": 7}
@@ -71,6 +73,12 @@ def test_the_history_is_a_time_and_a_command_without_folders(done):
             file.history,
         )
     assert str(done.output.parent).encode() not in (done.output / "results.nc").read_bytes()
+
+
+def test_the_command_names_a_recorded_disturbance(done, tmp_path):
+    recorded = tmp_path / "shaken.csv"
+    recorded.touch()
+    assert format_command(replace(done, disturbance=recorded)).endswith("--disturbance shaken.csv")
 
 
 def test_every_parameter_of_every_fmu_is_there(done):

@@ -160,7 +160,7 @@ def test_parts_of_a_response_add_up_in_the_closed_loop():
     parts, K = (random.normal(size=shape) + 1j * random.normal(size=shape) for shape in ((4, 5, 3, 8), (5, 3, 3)))
     closed = close_loop(K, parts.sum(axis=0), parts, slice(5, 8))
     whole = close_loop(K, parts.sum(axis=0), parts.sum(axis=0), slice(5, 8))
-    assert closed.sum(axis=0) == pytest.approx(whole, rel=1e-9)
+    assert closed.sum(axis=0) == pytest.approx(whole, rel=1e-9, abs=0.0)
 
 
 def test_with_sensors_it_is_the_isolation_of_its_own_theory(loop):

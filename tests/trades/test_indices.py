@@ -76,4 +76,4 @@ def test_lines_without_scatter(built_fmus, orientation: str, active: bool):
         squares = np.square(index.values(rows[: whole + index.count(SAMPLE) - 1], SAMPLE, stride=stride))
         expected = theory.rms_of_lines(index, 5, period)
         assert expected.shape == (len(SIGNALS),)
-        assert np.sqrt(squares.mean(axis=(0, 1))) == pytest.approx(expected, rel=5e-3), name
+        assert np.sqrt(squares.mean(axis=(0, 1))) == pytest.approx(expected, rel=5e-3, abs=0.0), name

@@ -19,6 +19,7 @@ whole response, so that the parts add up to it, and multiple poles, which have n
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -29,6 +30,7 @@ Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 REST = "rest"
+_MOST_DIGITS = 17  # tell any two frequencies apart
 _BLOCK = 64  # frequencies that are solved at a time: 15 MB with 120 states
 
 
@@ -44,7 +46,7 @@ class Mode:
     @property
     def name(self) -> str:
         """For example ``5.02 Hz``."""
-        return f"{self.frequency:.3g} Hz"
+        return _name(self, 3)
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,8 +60,13 @@ class ModalResponse:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the parts."""
-        return (*(mode.name for mode in self.modes), REST)
+        """Of the parts; frequencies of three digits, or of as many more as tell modes apart."""
+        names = [mode.name for mode in self.modes]
+        for digits in range(4, _MOST_DIGITS + 1):
+            count = Counter(names)
+            pairs = zip(self.modes, names, strict=True)
+            names = [_name(mode, digits) if count[name] > 1 else name for mode, name in pairs]
+        return (*names, REST)
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,3 +178,7 @@ def _group(s: Complex, order: NDArray[np.intp], apart: float) -> list[list[int]]
         else:
             groups.append([int(k)])
     return groups
+
+
+def _name(mode: Mode, digits: int) -> str:
+    return f"{mode.frequency:.{digits}g} Hz"

@@ -8,6 +8,7 @@ from dataclasses import dataclass, fields
 from enum import StrEnum
 
 from ..pointing.confidence import Statement
+from ..pointing.interpretation import Interpretation
 from ..results.tables import Table
 from .decision import explain_lack, qualify, state
 from .record import RequirementRecord
@@ -122,10 +123,11 @@ def judge(requirement: Requirement, case: str, runs: Sequence[RequirementRecord]
         answer, why = Answer.MET if stated.bound <= target.limit else Answer.NOT_MET, ""
         if math.isinf(stated.bound) and stated.lower > target.limit:  # for which few samples may be enough
             why = "the limit lies below all of the value's interval"
-        elif math.isinf(stated.bound) and all(found[place].is_constant for found in filled):
-            answer, why = Answer.OPEN, CONSTANT
         elif math.isinf(stated.bound):
-            answer, why = Answer.OPEN, explain_lack(requirement, stated, len(runs), judged_s)
+            constant = all(found[place].is_constant for found in filled)
+            hopeless = constant and requirement.interpretation is Interpretation.TEMPORAL  # others want more runs
+            why = CONSTANT if hopeless else explain_lack(requirement, stated, len(runs), judged_s)
+            answer = Answer.OPEN
         elif stated.value <= target.limit < stated.bound:
             why = "the value is below the limit, its bound is not: a longer run narrows it"
         else:

@@ -104,6 +104,7 @@ def format_command(options: RunOptions) -> str:
         ("--parameters", [path.name for path in options.parameters]),
         ("--apart", options.apart),
         ("--requirements", [options.requirements.name] if options.requirements else []),
+        ("--disturbance", [options.disturbance.name] if options.disturbance else []),
     ):
         words += [option, *values] if values else []
     return shlex.join(words)

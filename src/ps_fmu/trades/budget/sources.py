@@ -91,7 +91,8 @@ def _list_harmonics(wheel: WheelSettings, number: int, where: str) -> Iterator[L
         raise BudgetError(f"{where}: its speed goes from {speeds}; a budget needs a constant one: set both alike")
     speed = abs(wheel.initial_speed)
     one_B, other_B = wheel_plane(wheel.spin_axis_B)
-    turning = one_B - 1j * other_B  # the real part of turning exp(i angle) turns
+    # The real part of turning exp(i speed t) turns; the other way round for a negative speed.
+    turning = one_B - 1j * np.copysign(1.0, wheel.initial_speed) * other_B
     at_origin = to_origin(wheel.position_B)
     for place, kind, harmonics in ((0, "force", FORCE), (3, "torque", TORQUE)):
         for order, coefficient in zip(harmonics.orders, harmonics.coefficients, strict=True):

@@ -172,6 +172,10 @@ def read_model(system: System, step: float | None = None) -> SystemModel:
         if fmu not in KNOWN:
             known = ", ".join(KNOWN)
             raise BudgetError(f"{components[fmu]}: there is no closed form of the FMU {fmu}; there is of {known}")
+    if len(components) < len(system.components):
+        names = [component.source.stem for component in system.components]
+        twice = next(fmu for fmu in names if names.count(fmu) > 1)
+        raise BudgetError(f"{system.path.name}: a budget is of one {twice}, there are {names.count(twice)}")
     if missing := [fmu for fmu in NEEDED if fmu not in components]:
         raise BudgetError(f"{system.path.name}: a budget needs the FMU {missing[0]}")
     h = step or system.experiment.step or STEP
