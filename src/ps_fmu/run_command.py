@@ -71,8 +71,9 @@ def add_arguments(p: argparse.ArgumentParser, found: Mapping[str, Scenario]) -> 
         "--requirements", type=Path, metavar="F.toml", help="pointing requirements; exit code 1 if one is not met"
     )
     p.add_argument(
-        "--no-figures", dest="figures", action="store_false", help="draw no PNG files; the report keeps its charts"
-    )
+        "--no-figures", dest="figures", action="store_false",
+        help="draw no PNG files; the report keeps its charts, and has no pictures",
+    )  # fmt: skip
     p.add_argument(
         "--disturbance", type=Path, metavar="FILE",
         help="recorded force and torque on the bus, CSV or netCDF, in place of the noise",
