@@ -42,7 +42,7 @@ def add_arguments(p: argparse.ArgumentParser, found: Mapping[str, Scenario]) -> 
     p.description = ABOUT
     p.epilog = (
         f"scenarios and their defaults:\n{listing}\n\n"
-        "files of ps_fmu that --system and --parameters take by name, where no file of yours has it:\n"
+        "files of ps_fmu that --system, --parameters and --requirements take by name, where no file of yours has it:\n"
         + "\n".join(f"  {name}" for name in list_system_files())
     )
     p.add_argument("scenario", nargs="?", default="isolation", choices=list(found))
