@@ -109,6 +109,27 @@ def test_the_report_is_a_file(result):
     assert result.report().read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
 
 
+def test_an_interrupted_run_has_no_report(tmp_path):
+    with pytest.raises(FileNotFoundError, match=r"report\.html: no report: it is written when all runs"):
+        Result(tmp_path).report()
+
+
+def test_requirements_and_figures_reach_a_run(tmp_path):
+    """Missed requirements are in the summary; they are no error."""
+    required = tmp_path / "required.toml"
+    required.write_text(
+        '[[requirement]]\nname = "tight"\nsignal = "plant.payload_rotation.x"\ncase = "passive"\nindex = "APE"\n'
+        'statistic = "peak"\nlimit = "1e-30 rad"\n'
+    )
+    result = ps_fmu.simulate(
+        duration=0.1, requirements=required, figures=False, output=tmp_path / "run", progress=False
+    )
+    assert [one["verdict"] for one in result.summary["verdicts"]] == ["not met"]
+    assert list(result.output.glob("*.png")) == []
+    with pytest.raises(OptionError, match="--requirements: there is no file"):
+        ps_fmu.simulate(duration=0.1, requirements=tmp_path / "missing.toml")
+
+
 def test_a_plot_has_a_row_for_each_component_and_a_line_for_each_case(result):
     figure = result.plot()
     assert len(figure.axes) == 3

@@ -29,7 +29,9 @@ verdict=0
 stage "runs without and with the isolator, and the verdict" \
     .venv/bin/python system/run.py isolation --duration "$duration" --parameters "$output/my_payload.ssv" \
     --requirements "$here/my_requirements.toml" --output "$output/run" || verdict=$?
-[ -e "$output/run/report.html" ] || { echo "There is no report: the run has failed." >&2; exit 1; }
+# A run that failed before it began leaves the report of an earlier one, which is older than the start values.
+[ "$output/run/report.html" -nt "$output/my_payload.ssv" ] ||
+    { echo "There is no report: the run has failed." >&2; exit 1; }
 
 printf '\n== Times\n'
 printf '%s\n' "${times[@]}"

@@ -21,13 +21,16 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         "cannot be said.",
     )
     parser.add_argument("results", type=Path, nargs="+", metavar="RESULTS.nc")
-    parser.add_argument("--requirements", type=Path, required=True, metavar="F.toml")
+    parser.add_argument(
+        "--requirements", type=Path, required=True, metavar="F.toml", help="own file, or one of ps_fmu by its name"
+    )
     parser.add_argument("--output", type=Path, metavar="F.json", help="write the verdicts into this file, too")
     parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Judge the files that the arguments name and print the verdicts; returns the exit code."""
+    from .product.files import find_file
     from .requirements.reading import read_requirements
     from .requirements.requirement import RequirementError
     from .requirements.stored import ResultsError, judge_files
@@ -36,7 +39,7 @@ def run(arguments: argparse.Namespace) -> int:
     from .slavekit.pack.files import write_atomically
 
     try:
-        verdicts = judge_files(arguments.results, read_requirements(arguments.requirements))
+        verdicts = judge_files(arguments.results, read_requirements(find_file(arguments.requirements)))
         print(format_verdicts(verdicts))
         if arguments.output is not None:
             content = {"verdicts": plain([verdict.as_dict() for verdict in verdicts], "verdicts")}

@@ -42,7 +42,7 @@ def add_arguments(p: argparse.ArgumentParser, found: Mapping[str, Scenario]) -> 
     p.description = ABOUT
     p.epilog = (
         f"scenarios and their defaults:\n{listing}\n\n"
-        "files of ps_fmu that --system and --parameters take by name, where no file of yours has it:\n"
+        "files of ps_fmu that --system, --parameters and --requirements take by name, where no file of yours has it:\n"
         + "\n".join(f"  {name}" for name in list_system_files())
     )
     p.add_argument("scenario", nargs="?", default="isolation", choices=list(found))
@@ -71,8 +71,9 @@ def add_arguments(p: argparse.ArgumentParser, found: Mapping[str, Scenario]) -> 
         "--requirements", type=Path, metavar="F.toml", help="pointing requirements; exit code 1 if one is not met"
     )
     p.add_argument(
-        "--no-figures", dest="figures", action="store_false", help="draw no PNG files; the report keeps its charts"
-    )
+        "--no-figures", dest="figures", action="store_false",
+        help="draw no PNG files; the report keeps its charts, and has no pictures",
+    )  # fmt: skip
     p.add_argument(
         "--disturbance", type=Path, metavar="FILE",
         help="recorded force and torque on the bus, CSV or netCDF, in place of the noise",

@@ -49,10 +49,12 @@ def simulate(
     system: str | PathLike[str] | None = None,
     scheme: str = SCHEMES[0],
     storage_step: float | None = None,
+    requirements: str | PathLike[str] | None = None,
+    figures: bool = True,
     output: str | PathLike[str] | None = None,
     progress: bool = True,
 ) -> Result:
-    """Run a scenario as ``ps-fmu run`` does; its results, whether they meet the scenario's own requirements or not.
+    """Run a scenario as ``ps-fmu run`` does; its results, whether they meet requirements or not.
 
     >>> import ps_fmu
     >>> result = ps_fmu.simulate("isolation", duration=20, parameters={"plant.payload.mass": 60.0})  # doctest: +SKIP
@@ -72,6 +74,8 @@ def simulate(
     system: another system than that of the scenario: an ``.ssd`` file, own or of ps_fmu, or an ``.ssp`` archive, which
         has its FMUs in it.
     scheme: order of exchange, ``"jacobi"`` or ``"gauss-seidel"``.
+    requirements: a TOML file, own or of ps_fmu; the verdicts are ``summary["verdicts"]``.
+    figures: draw PNG files.
     output: folder to write into, and to keep.  By default one for temporary files, removed with the result.
     progress: show a progress bar on the error stream.
 
@@ -105,8 +109,10 @@ def simulate(
                 scheme=scheme,
                 disturbance=None if disturbance is None else Path(disturbance),
                 storage_step_s=storage_step,
+                requirements=None if requirements is None else find_file(Path(requirements)),
                 fmus=None if own is not None and own.suffix.lower() == ".ssp" else find_built_folder(),
                 progress=progress,
+                figures=figures,
             )
             with redirect_stdout(io.StringIO()) as printed, suppress(NotMetError):
                 build_and_run(options)
@@ -165,8 +171,14 @@ class Result:
         return found
 
     def report(self) -> Path:
-        """Path of the report, an HTML file that needs nothing else."""
-        return Path(self.output, REPORT)
+        """Path of the report, an HTML file that needs nothing else.
+
+        Raises ``FileNotFoundError`` if there is none, as of a run that was interrupted.
+        """
+        path = Path(self.output, REPORT)
+        if not path.is_file():
+            raise FileNotFoundError(f"{path}: no report: it is written when all runs of the scenario are done")
+        return path
 
     def plot(self, name: str = "payload_rotation", cases: Sequence[str] | None = None) -> ShownFigure:
         """Draw a variable of some cases, by default of all that have it, over time, a row per component.

@@ -228,3 +228,11 @@ def test_the_command_judge(required, capsys, tmp_path):
     assert code == 2 and error.startswith("ps-fmu judge: --requirements: ") and "has no unit" in error
     code, _, error = judge({}, path=tmp_path / "none.nc")
     assert code == 1 and error.startswith("ps-fmu judge: ") and "none.nc: cannot be read: No such file" in error
+
+
+def test_the_command_judge_takes_requirements_of_the_product_by_name(required, capsys):
+    """As ``run`` does: what it finds there are the lines of requirements.toml."""
+    options = required({})
+    options.scenario.run(options)
+    assert main(["judge", str(options.output / "results.nc"), "--requirements", "requirements.toml"]) == 2
+    assert "system/requirements.toml, line 4, requirement 1 (blur of an exposure)" in capsys.readouterr().err

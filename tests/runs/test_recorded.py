@@ -142,6 +142,14 @@ def test_a_file_that_is_not_there_and_one_that_is_set_twice(make_options, ssv, t
         load_system(options)
 
 
+@pytest.mark.parametrize("name", ["stability", "table2"])
+def test_a_scenario_with_a_disturbance_of_its_own_takes_no_other(make_options, tmp_path, name):
+    """Its poles, or its comparison with the paper, would be those of something else."""
+    options = make_options(name, 4.0, disturbance=write_csv(tmp_path))
+    with pytest.raises(OptionError, match=f"--disturbance: the scenario {name} has a disturbance of its own"):
+        options.scenario.run(options)
+
+
 def test_a_parameter_file_switches_the_noise_on_again(make_options, ssv, tmp_path):
     noisy = ssv({"disturbance.noise.enabled": True})
     options = make_options("isolation", 0.1, disturbance=write_csv(tmp_path), parameters=(noisy,))

@@ -265,6 +265,12 @@ def test_momentum_says_how_the_bus_turns_by_a_slew(make_options, ssv, capsys):
     assert "NOT MET" not in (options.output / "report.html").read_text()
 
 
+def test_a_slew_that_is_too_short_says_that_it_cannot_be_said(make_options, ssv, capsys):
+    options = make_options("slew", 2.0, step_s=2e-3, parameters=(ssv({"commander.target.roll": 0.01}),))
+    run(options)
+    assert "Requirements on the slew: 0 of 3 are met, 3 cannot be said" in capsys.readouterr().out
+
+
 def test_a_slew_under_forces_misses_its_requirement(make_options, ssv, capsys):
     """All is written before the error that makes the exit code, and the finding says what the momentum lacks."""
     values = {**QUICK_SLEW, "disturbance.noise.enabled": True, "disturbance.noise.band.max": 20.0}

@@ -169,7 +169,12 @@ def format_verdicts(verdicts: Sequence[Verdict]) -> str:
 
 def summarise(verdicts: Sequence[Verdict]) -> str:
     """How many are met, for example ``2 of 3 are met, 1 cannot be said``."""
-    counts = {answer: sum(verdict.answer is answer for verdict in verdicts) for answer in Answer}
-    text = f"{counts[Answer.MET]} of {len(verdicts)} are met"
+    return count_answers([verdict.answer for verdict in verdicts])
+
+
+def count_answers(found: Sequence[Answer]) -> str:
+    """How many answers are which, in the words of :func:`summarise`."""
+    counts = {answer: found.count(answer) for answer in Answer}
+    text = f"{counts[Answer.MET]} of {len(found)} are met"
     missed = [f"{counts[answer]} {answer}" for answer in (Answer.NOT_MET, Answer.OPEN) if counts[answer]]
     return ", ".join([text, *missed])

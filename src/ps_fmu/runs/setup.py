@@ -19,7 +19,7 @@ from .recorded import PATH, provide_recording
 from .warning_log import WarningLog
 
 SEED = "disturbance.seed"
-NOISE = "disturbance.noise.enabled"
+NOISE, MULTISINE = "disturbance.noise.enabled", "disturbance.noise.multisine"
 LOWEST_NOISE, HIGHEST_NOISE = "disturbance.noise.band.min", "disturbance.noise.band.max"  # Hz
 #: Highest frequency of the noise over the rate of the steps.  What is above half that rate would fold down to low
 #: frequencies, where the same force moves the bus a thousand times more.
@@ -80,8 +80,8 @@ def load_system(options: RunOptions, defaults: Mapping[str, Value] | None = None
     Where the step is too long for the band of the noise, and no parameter file sets that band, the band is lowered,
     with a warning.
 
-    Raises :class:`OptionError` for a step that is too long for any noise, and for requirements or a recorded
-    disturbance that cannot be used;
+    Raises :class:`OptionError` for a step that is too long for any noise, for requirements or a recorded disturbance
+    that cannot be used, and for a recorded one in a scenario whose defaults are a recording or a multisine;
     :class:`ps_fmu.cosim.SystemFileError` or :class:`ps_fmu.cosim.UsageError` naming the file and line.
     """
     given: dict[str, Parameter] = {}
@@ -89,6 +89,10 @@ def load_system(options: RunOptions, defaults: Mapping[str, Value] | None = None
         given |= read_parameters(path).entries()
     if options.disturbance is not None and PATH in given:
         raise OptionError(f"--disturbance: {given[PATH].origin} sets {PATH}, too; expected one of both")
+    if options.disturbance is not None and {PATH, MULTISINE} & set(defaults or {}):
+        raise OptionError(
+            f"--disturbance: the scenario {options.scenario.name} has a disturbance of its own, and its results need it"
+        )
     recorded = provide_recording(options)
     structure = read_system(options.system, options.fmus)
     first = {**(defaults or {}), SEED: options.seed, **({NOISE: False} if recorded else {}), **recorded}

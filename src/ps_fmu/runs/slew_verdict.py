@@ -17,7 +17,7 @@ from ..mechanism.kinematics import KinematicsError
 from ..mechanism.parameters import ParameterError
 from ..mechanism.reaction import find_reaction
 from ..mechanism.rotations import orientation_rate_map
-from ..requirements.verdict import Answer
+from ..requirements.verdict import Answer, count_answers
 from ..results.page.content import Verdict
 from ..results.tables import Table, format_number
 from .jitter_record import ORIENTATION
@@ -86,9 +86,8 @@ def list_requirements(slews: Slews) -> list[Requirement]:
 
 def tabulate_requirements(found: list[Requirement]) -> Table:
     """All requirements with their verdicts."""
-    met = sum(one.answer is Answer.MET for one in found)
     return Table(
-        f"Requirements on the slew: {met} of {len(found)} are met",
+        f"Requirements on the slew: {count_answers([one.answer for one in found])}",
         ("orientation less target", "isolator", "verdict", "largest error (deg)", "limit (deg)", "margin"),
         [one.as_row() for one in found],
     )

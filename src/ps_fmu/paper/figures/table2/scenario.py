@@ -31,7 +31,7 @@ from ....runs.comparison import (
 )
 from ....runs.options import RunOptions
 from ....runs.publish import Findings, publish
-from ....runs.setup import RunSystem, load_system
+from ....runs.setup import MULTISINE, RunSystem, load_system
 from ...published import published_numbers
 from .closed_form import ORIENTATIONS, published_value, rejection, second_axis_text
 
@@ -73,7 +73,7 @@ class Measurement:
 
 def measure(options: RunOptions) -> Measurement:
     """Run the four orientations, each passive and active; the runs are stored in results.nc."""
-    settings = {"disturbance.noise.multisine": True, PERIOD: period_s(options.duration_s)}
+    settings = {MULTISINE: True, PERIOD: period_s(options.duration_s)}
     system = load_system(options, settings)
     lead_s = system.get_number("disturbance.rise_time") + SETTLING_S
     lead_steps = math.ceil(lead_s / options.step_s - 1e-6)
