@@ -82,10 +82,12 @@ def load_system(options: RunOptions, defaults: Mapping[str, Value] | None = None
     for path in options.parameters:
         given |= read_parameters(path).entries()
     structure = read_system(options.system, options.fmus)
-    structure = structure.with_parameters({**(defaults or {}), SEED: options.seed}).with_parameters(given)
+    disturbed = parse_port(SEED).component in {component.name for component in structure.components}
+    seed = {SEED: options.seed} if disturbed else {}  # a system of somebody's own may have no disturbance source
+    structure = structure.with_parameters({**(defaults or {}), **seed}).with_parameters(given)
     descriptions = read_descriptions(structure)
     system = RunSystem(structure, descriptions, given, judge=read_judge(options, make_layout(descriptions).columns))
-    return system if HIGHEST_NOISE in given else _limit_noise(system, options.step_s)
+    return system if HIGHEST_NOISE in given or not disturbed else _limit_noise(system, options.step_s)
 
 
 def collect_parameters(options: RunOptions, system: RunSystem) -> dict[str, object]:
