@@ -7,7 +7,6 @@ import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 from ..cosim import Column, SlaveError, Value, read_system
 from ..cosim.rows import make_layout
@@ -16,26 +15,19 @@ from ..requirements.verdict import Verdict
 from ..runs.cases import Bounds
 from ..runs.judge import RunJudge
 from ..terminal import reason
-from .bundle import REQUIREMENTS, SYSTEM, TASK, Task
+from .bundle import REQUIREMENTS, SYSTEM, TASK
 from .indices import IndexRecord, SwitchRecord
-from .plan import result_versions
+from .rows import ANSWER, DONE, FAILED, LONGEST_TEXT, Row, VersionError
+from .task import Task, result_versions
 from .warm import WarmSystem
 
-Row = dict[str, Any]
-DONE, FAILED, KILLED, LATE = "done", "failed", "killed its process", "took too long"
-"""Values of ``status``."""
 FATAL_STATUS = 4  # fmi2Fatal
-LONGEST_TEXT = 2000  # of an error or of warnings
-
-
-class VersionError(ValueError):
-    """A worker has other releases of the packages that a row depends on."""
 
 
 class CaseRunner:
     """The cases of a study, from the folder of its files.
 
-    Raises :class:`VersionError` where this process has other packages than the study was planned with, and
+    Raises :class:`.rows.VersionError` where this process has other packages than the study was planned with, and
     :class:`..cosim.CosimError` for a system that cannot be read.
     """
 
@@ -92,14 +84,14 @@ def describe_verdict(verdict: Verdict) -> Row:
     place = f"verdict/{verdict.requirement.name}/{verdict.case}/{verdict.signal}"
     stated = verdict.statement
     return {
-        f"{place}/answer": verdict.answer.value,
+        f"{place}{ANSWER}": verdict.answer.value,
         f"{place}/value": None if stated is None else verdict.convert(stated.value),
         f"{place}/bound": None if stated is None else verdict.convert(stated.bound),
     }
 
 
 def check_versions(expected: Mapping[str, str]) -> None:
-    """Raises :class:`VersionError` where packages are others than ``expected``, by name."""
+    """Raises :class:`.rows.VersionError` where packages are others than ``expected``, by name."""
     own = result_versions()
     others = [f"{name} {own[name]} instead of {version}" for name, version in expected.items() if own[name] != version]
     if others:

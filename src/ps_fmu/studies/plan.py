@@ -15,19 +15,16 @@ from fmpy.model_description import ModelDescription
 from numpy.typing import NDArray
 
 from ..cosim import UsageError, Value
-from ..cosim.description import convert_value, index_variables
+from ..cosim.description import convert_value, find_variable, index_variables
 from ..cosim.graph import check_wiring
 from ..cosim.structure import parse_port
-from ..results.summary import versions
 from ..runs.setup import RunSystem
 from .factors import Factor, find_factor
 from .sampling import draw_cases
 from .study import COMMON, GRID, LIST, MOST_CASES, Study, StudyError
+from .task import result_versions
 
 Array = NDArray[np.float64]
-
-RESULT_PACKAGES = ("python", "ps_fmu", "numpy", "scipy", "fmpy", "pythonfmu")
-"""Packages whose release may change a result."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,13 +124,6 @@ def hash_plan(plan: Plan, fmus: Mapping[str, str], system_sha256: str, requireme
     return hashlib.sha256(json.dumps(stated, sort_keys=True).encode()).hexdigest()
 
 
-def result_versions() -> dict[str, str]:
-    """Versions of Python and of the packages that a row depends on; of Python without its patch level."""
-    found = {name: version for name, version in versions().items() if name in RESULT_PACKAGES}
-    found["python"] = ".".join(found["python"].split(".")[:2])
-    return found
-
-
 def _check_targets(study: Study, factors: Sequence[Factor]) -> None:
     owner: dict[str, Factor] = {}
     for factor in factors:
@@ -172,7 +162,5 @@ def _check_values(plan: Plan, descriptions: Mapping[str, ModelDescription]) -> N
 
 
 def _convert(descriptions: Mapping[str, ModelDescription], name: str, value: Value) -> Value:
-    from ..cosim.description import find_variable
-
     port = parse_port(name)
     return convert_value(find_variable(descriptions[port.component], port.variable), value)
