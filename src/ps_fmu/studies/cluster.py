@@ -13,7 +13,7 @@ from .bundle import Bundle
 from .case_process import ONE_THREAD
 from .parts import write_part
 from .plan import Plan
-from .rows import KILLED
+from .rows import KILLED, ClusterError
 from .worker import Done, Order, keep, run_batch
 
 BATCH_S = 10.0
@@ -24,15 +24,11 @@ ALLOWED_FAILURES = 20
 """Deaths of workers that a batch may see; with dask's 3 a few random ones would break innocent batches."""
 
 
-class ClusterError(RuntimeError):
-    """The cluster is lost, or cannot be had; the parts so far are kept."""
-
-
 @contextmanager
 def connect(address: str | None, workers: int | None) -> Iterator[Any]:
     """A dask client: of the scheduler at ``address``, or of a new cluster on this machine, for the body.
 
-    ``workers``: how many on this machine; None: one for each processor.  Raises :class:`ClusterError`.
+    ``workers``: how many on this machine; None: one for each processor.  Raises :class:`.rows.ClusterError`.
     """
     try:
         import dask
@@ -92,7 +88,7 @@ class Dispatcher:
     def run(self, cases: Sequence[int]) -> None:
         """Run these cases, ascending.
 
-        Raises :class:`ClusterError`, and what :func:`.worker.run_batch` raises.
+        Raises :class:`.rows.ClusterError`, and what :func:`.worker.run_batch` raises.
         """
         from distributed import as_completed
 

@@ -23,3 +23,7 @@ class VersionError(ValueError):
 
 class StartError(RuntimeError):
     """The process for the cases did not get ready; the text has what it printed."""
+
+
+class ClusterError(RuntimeError):
+    """The cluster is lost, or cannot be had; the parts so far are kept."""

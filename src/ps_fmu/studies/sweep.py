@@ -15,6 +15,7 @@ from ..runs.options import claim_folder
 from ..runs.output import lock_folder
 from ..runs.setup import RunSystem
 from .bundle import Bundle
+from .control_variate import check_closed_form
 from .plan import Plan, make_plan
 from .preparation import complete_observed, load_study_system, make_bundle
 from .reading import read_study
@@ -73,6 +74,11 @@ def prepare(options: SweepOptions) -> Prepared:
             provide_fmus(folder, study.system)
         study = replace(study, fmus=folder)
     system = load_study_system(study)
+    if study.control_variates:
+        try:
+            check_closed_form(system, study.plan)
+        except ValueError as error:
+            raise study.error("control_variates", str(error)) from error
     plan = make_plan(complete_observed(study, system), system)
     bundle = make_bundle(plan.study, system)
     return Prepared(plan, system, bundle, Identity.of(plan, system, bundle))
@@ -97,7 +103,7 @@ def hold(folder: Path) -> Iterator[Path]:
 def compute(options: SweepOptions, prepared: Prepared, folder: Path) -> None:
     """Run the cases that no part has.
 
-    Raises :class:`.cluster.ClusterError`, :class:`.rows.StartError`, :class:`.rows.VersionError`, OSError and
+    Raises :class:`.rows.ClusterError`, :class:`.rows.StartError`, :class:`.rows.VersionError`, OSError and
     KeyboardInterrupt; the parts so far are kept.
     """
     from .cluster import Dispatcher, connect, find_dashboard
