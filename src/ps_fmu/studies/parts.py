@@ -103,17 +103,6 @@ def list_missing(folder: Path, plan_hash: str, cases: int) -> list[int]:
     return [index for index in range(cases) if index not in done]
 
 
-def group_neighbours(cases: Iterable[int], most: int) -> list[list[int]]:
-    """Ascending cases as batches of neighbours, of ``most`` at most."""
-    batches: list[list[int]] = []
-    for case in cases:
-        if batches and len(batches[-1]) < most and case == batches[-1][-1] + 1:
-            batches[-1].append(case)
-        else:
-            batches.append([case])
-    return batches
-
-
 def _read(path: Path, columns: list[str] | None = None) -> Any:
     import pyarrow as pa
     import pyarrow.parquet as pq

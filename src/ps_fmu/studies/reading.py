@@ -94,6 +94,7 @@ def read_study(path: Path) -> Study:
     table = TableReader(f"{path}, [study]", content["study"])
     table.refuse_others(STUDY_KEYS)
     plan = table.choice("plan", PLANS)
+    cases = _read_cases(table, plan)
     system = _find(path, table.text("system", "SystemStructure.ssd"), "system", table)
     requirements = table.text("requirements", None)
     varied = tuple(_read_varied(path, content, plan))
@@ -108,7 +109,7 @@ def read_study(path: Path) -> Study:
         parameters=tuple(_find(path, name, "parameters", table) for name in table.names("parameters", ())),
         requirements=None if requirements is None else _find(path, requirements, "requirements", table),
         plan=plan,
-        cases=_read_cases(table, plan),
+        cases=cases,
         seed=table.whole("seed", 0, 2**63 - 1),
         seeds=table.choice(
             "seeds", (INDEPENDENT, COMMON), COMMON if plan in (SOBOL_INDICES, MORRIS) else INDEPENDENT

@@ -50,16 +50,16 @@ def make_shares(study: Study, factors: int, rng: np.random.Generator) -> Array:
     if study.plan == LATIN:
         return np.asarray(qmc.LatinHypercube(factors, rng=rng).random(cases))
     if study.plan == SOBOL:
-        return _draw_sobol(study, cases, factors, rng)
+        return _draw_sobol(_count_points(study, cases, 1, powers=True), factors, rng)
     if study.plan == SOBOL_INDICES:
-        both = _draw_sobol(study, _divide(study, cases, factors + 2), 2 * factors, rng)
+        both = _draw_sobol(_count_points(study, cases, factors + 2, powers=True), 2 * factors, rng)
         A, B = both[:, :factors], both[:, factors:]
         mixed = np.tile(A, (factors, 1, 1))
         for i in range(factors):
             mixed[i, :, i] = B[:, i]
         return np.concatenate([A, B, *mixed])
     assert study.plan == MORRIS
-    return _draw_trajectories(study, _divide(study, cases, factors + 1), factors, rng)
+    return _draw_trajectories(study, _count_points(study, cases, factors + 1, powers=False), factors, rng)
 
 
 def join_correlations(study: Study, names: Sequence[str]) -> Array | None:
@@ -132,21 +132,23 @@ def _combine_levels(study: Study, factors: Sequence[Factor]) -> Array:
     return np.stack(np.meshgrid(*levels, indexing="ij"), axis=-1).reshape(-1, len(levels))
 
 
-def _draw_sobol(study: Study, cases: int, dimensions: int, rng: np.random.Generator) -> Array:
+def _draw_sobol(cases: int, dimensions: int, rng: np.random.Generator) -> Array:
     from scipy.stats import qmc
 
-    if cases & (cases - 1):
-        times = 1 if study.plan == SOBOL else dimensions // 2 + 2
-        below, above = (times * 2 ** (cases.bit_length() - 1 + more) for more in (0, 1))
-        raise study.error("cases", f"Sobol' points come by powers of 2: expected {below} or {above}, not {study.cases}")
     return np.asarray(qmc.Sobol(dimensions, rng=rng).random(cases))
 
 
-def _divide(study: Study, cases: int, by: int) -> int:
-    if cases % by or cases < 2 * by:
-        lower, upper = max(2, cases // by) * by, (max(2, cases // by) + 1) * by
-        raise study.error("cases", f"the plan {study.plan!r} takes {by} cases a point: expected {lower} or {upper}")
-    return cases // by
+def _count_points(study: Study, cases: int, each: int, *, powers: bool) -> int:
+    """Points of which each takes ``each`` cases; ``powers``: Sobol' points come by powers of 2."""
+    least = 1 if each == 1 else 2
+    points = max(least, cases // each)
+    lower = 2 ** (points.bit_length() - 1) if powers else points
+    if lower * each != cases:
+        upper = 2 * lower if powers else lower + 1
+        why = f"the plan {study.plan!r} takes {each} cases a point" if each > 1 else "Sobol' points"
+        by = " and points come by powers of 2" if powers and each > 1 else " come by powers of 2" if powers else ""
+        raise study.error("cases", f"{why}{by}: expected {lower * each} or {upper * each}, not {cases}")
+    return lower
 
 
 def _draw_trajectories(study: Study, trajectories: int, factors: int, rng: np.random.Generator) -> Array:
