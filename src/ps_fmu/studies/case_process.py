@@ -21,11 +21,6 @@ ONE_THREAD = {
     name: "1" for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 }
 """The matrices are small: threads in BLAS cost more than they bring, and the other workers need the processors."""
-MOST_CASES = 100
-"""Cases after which a process is replaced.
-
-A Master leaves 6 MB and 42 memory mappings behind: after 100 cases of two runs 1.2 GB.  A new process takes some 2 s.
-"""
 START_LIMIT_S = 300.0  # FMUs may be on a slow disk; longer is no start
 MEMORY_CHECK_S = 0.5
 
@@ -38,7 +33,7 @@ class CaseProcess:
     folder: where the study's files are unpacked; the process keeps its temporary files there, too.
     timeout_s: of a case, s; None: none.
     memory_bytes: resident memory at which a case is ended; None: no limit.
-    most_cases: after which the process is replaced.
+    most_cases: after which the process is replaced; None: as it says itself.
     """
 
     def __init__(
@@ -46,14 +41,14 @@ class CaseProcess:
         folder: Path,
         timeout_s: float | None = None,
         memory_bytes: int | None = None,
-        most_cases: int = MOST_CASES,
+        most_cases: int | None = None,
     ) -> None:
         self._folder, self._timeout, self._memory = folder, timeout_s, memory_bytes
-        self._most_cases = most_cases
+        self._wanted = most_cases
+        self._left: int | None = None
         self._process: subprocess.Popen[bytes] | None = None
         self._printed: IO[bytes] | None = None
         self._buffer = b""
-        self._cases = 0
 
     @property
     def pid(self) -> int | None:
@@ -85,18 +80,22 @@ class CaseProcess:
             self._printed = None
 
     def _run_one(self, index: int, values: Mapping[str, Any]) -> Row:
-        if self._cases >= self._most_cases:
+        if self._left == 0:
             self.close()
         if self._process is None:
             self._start()
-        self._cases += 1
+        if self._left is not None:
+            self._left -= 1
         began = time.perf_counter()
         status = KILLED
         try:
             self._send({"case": index, "values": dict(values)})
             line = self._read_line(self._timeout)
             if line:
-                row: Row = json.loads(line)
+                answer = json.loads(line)
+                if answer["last"]:
+                    self.close()
+                row: Row = answer["row"]
                 return row
             error = self._explain_end()
         except TimeoutError:
@@ -111,7 +110,7 @@ class CaseProcess:
 
     def _start(self) -> None:
         self._printed = tempfile.TemporaryFile(dir=self._folder)  # noqa: SIM115
-        self._buffer, self._cases = b"", 0
+        self._buffer = b""
         self._process = subprocess.Popen(
             [sys.executable, "-I", "-m", "ps_fmu.studies.child", str(self._folder)],
             stdin=subprocess.PIPE,
@@ -126,6 +125,7 @@ class CaseProcess:
             line = b""
         answer = json.loads(line) if line else {}
         if "ready" in answer:
+            self._left = answer["most_cases"] if self._wanted is None else self._wanted
             return
         printed = self._explain_end()
         self.close()

@@ -21,7 +21,7 @@ PARENT_CHECK_S = 1.0
 
 
 def main() -> int:
-    """Answer jobs until the input ends, or an FMU has failed so that nothing more should run here."""
+    """Answer jobs until the input ends."""
     rows = _take_output()
     _end_with_parent()
     try:
@@ -29,12 +29,12 @@ def main() -> int:
     except VersionError as error:
         _say(rows, {"refused": str(error)})
         return 1
-    _say(rows, {"ready": os.getpid()})
+    most_runs = runner.warm.most_runs
+    most_cases = None if most_runs is None else max(1, most_runs // len(runner.task.runs))
+    _say(rows, {"ready": os.getpid(), "most_cases": most_cases})
     for line in sys.stdin:
         job = json.loads(line)
-        _say(rows, runner.run(job["case"], job["values"]))
-        if runner.must_end:
-            break
+        _say(rows, {"row": runner.run(job["case"], job["values"]), "last": runner.must_end})
     return 0
 
 
