@@ -11,6 +11,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from .product.files import find_file
 from .terminal import reason
 
 if TYPE_CHECKING:
@@ -51,7 +52,7 @@ def run(arguments: argparse.Namespace) -> int:
     from .studies.sweep import SweepOptions
 
     options = SweepOptions(
-        arguments.study,
+        find_file(arguments.study),
         arguments.output or Path("results", arguments.study.stem),
         scheduler=arguments.scheduler,
         workers=arguments.workers,

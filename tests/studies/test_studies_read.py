@@ -127,3 +127,22 @@ def test_all_components_that_have_a_parameter_get_it(built_fmus, tmp_path):
     assert set(targets) == {f"{c}.fine_leg_{i}.stiffness" for c in ("plant", "isolator") for i in (1, 2)}
     assert len({plan.values(0)[name] for name in targets}) == 1
     assert plan.seed_names == ("disturbance.seed",)
+
+
+def test_the_example_runs_and_meets_what_the_document_says(built_fmus, tmp_path, monkeypatch):
+    from pathlib import Path
+
+    from ps_fmu.product.files import find_file
+    from ps_fmu.studies.case_runner import CaseRunner
+    from ps_fmu.studies.sweep import SweepOptions, prepare
+
+    monkeypatch.chdir(tmp_path)  # from any folder
+    prepared = prepare(SweepOptions(find_file(Path("system/studies/payload_as_built.toml")), tmp_path / "out"))
+    assert len(prepared.plan) == 200
+    assert all(name.startswith("plant.") for name in prepared.plan.targets)
+    row = CaseRunner(prepared.bundle.unpack(tmp_path)).run(0, prepared.plan.values(0))
+    assert row["status"] == "done", row["error"]
+    rms = [row[f"{run}.plant.payload_rotation.x.RPE_1s.rms"] for run in ("passive", "active")]
+    assert rms[1] < 0.1 * rms[0]
+    assert row["verdict/blur of an exposure/active/plant.payload_rotation.x/value"] < 0.5
+    assert "verdict/blur of an exposure/passive/plant.payload_rotation.x/value" not in row
