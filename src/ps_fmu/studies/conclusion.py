@@ -64,13 +64,13 @@ def conclude(options: SweepOptions, prepared: Prepared, folder: Path) -> str:
         control(outcome, prepared.system),
     )
     tables = make_tables(found, options)
-    remarks = [*list_remarks(found), *prepared.system.warnings.texts]
+    notes, warnings = list_notes(found), [*list_warnings(found), *prepared.system.warnings.texts]
     content = plain(summarise(found, prepared, options), "summary")
     write_atomically(folder / SUMMARY, json.dumps(content, indent=2, allow_nan=False) + "\n")
     Report(
         title=study.name,
-        text=[describe_study(found)],
-        warnings=remarks,
+        text=[describe_study(found), *notes],
+        warnings=warnings,
         tables=tables,
         pictures=draw_all(outcome, folder, found.percentiles, found.influences),
         parameters=describe_parameters(outcome),
@@ -78,7 +78,7 @@ def conclude(options: SweepOptions, prepared: Prepared, folder: Path) -> str:
         versions=versions(),
     ).write(folder / REPORT)
     shown = [f"{table.caption}\n{table.to_text()}" for table in tables]
-    return "\n\n".join([describe_study(found), *shown, *remarks, f"results in {folder}"])
+    return "\n\n".join([describe_study(found), *shown, *notes, *warnings, f"results in {folder}"])
 
 
 def command_of_case(options: SweepOptions, case: int) -> str:
@@ -101,23 +101,26 @@ def describe_study(found: Conclusion) -> str:
     )
 
 
-def list_remarks(found: Conclusion) -> list[str]:
-    """What the tables do not tell."""
-    study = found.outcome.plan.study
-    remarks = []
-    if study.plan not in SAMPLES:
-        remarks.append(
-            f"The plan {study.plan!r} is no sample of the dispersed system: percentiles and shares are those of its "
-            "points, not probabilities."
-        )
-    elif study.plan in (LATIN, SOBOL):
-        remarks.append(
+def list_notes(found: Conclusion) -> list[str]:
+    """How to read the tables."""
+    plan = found.outcome.plan.study.plan
+    if plan not in SAMPLES:
+        return [
+            f"The plan {plan!r} is no sample of the dispersed system: percentiles and shares are those of its points, "
+            "not probabilities."
+        ]
+    if plan in (LATIN, SOBOL):
+        return [
             "Intervals are those of independent cases. The points of this plan are spread more evenly, so the "
             "intervals are rather too wide."
-        )
-    if failed := len(found.outcome.table) - int(found.outcome.done.sum()):
-        remarks.append(f"{failed} cases have no result: they count as not meeting any requirement.")
-    return remarks
+        ]
+    return []
+
+
+def list_warnings(found: Conclusion) -> list[str]:
+    """What should make the reader careful."""
+    failed = len(found.outcome.table) - int(found.outcome.done.sum())
+    return [f"{failed} cases have no result: they count as not meeting any requirement."] if failed else []
 
 
 def make_tables(found: Conclusion, options: SweepOptions) -> list[Table]:
