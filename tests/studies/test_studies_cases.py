@@ -13,7 +13,7 @@ from ps_fmu.pointing.indices import AbsoluteError, RelativeError
 from ps_fmu.studies.case_process import CaseProcess
 from ps_fmu.studies.case_runner import CaseRunner
 from ps_fmu.studies.indices import IndexRecord
-from ps_fmu.studies.rows import DONE, FAILED, KILLED, LATE, VersionError
+from ps_fmu.studies.rows import DONE, FAILED, KILLED, LATE, StartError, VersionError
 from ps_fmu.studies.study import Observed
 
 GAIN = {"toy.gain": 1.5}
@@ -144,6 +144,12 @@ def test_the_process_ends_with_the_one_that_started_it(folder):
     process.close()
     with pytest.raises(ProcessLookupError):
         os.kill(pid, 0)
+
+
+def test_a_process_that_does_not_start_says_why(folder):
+    (folder / "system.ssp").write_bytes(b"no archive")
+    with pytest.raises(StartError, match=r"(?s)does not start: exit code 1; it printed: .*system.ssp"):
+        next(CaseProcess(folder).run([(0, GAIN)]))
 
 
 def test_a_worker_with_other_packages_is_refused(folder):

@@ -272,6 +272,27 @@ def test_no_scheduler_is_said(write_study, sweep):
     assert "--scheduler tcp://127.0.0.1:1" in errors
 
 
+def test_a_scheduler_without_workers_is_said(make_prepared, tmp_path, monkeypatch):
+    from ps_fmu.studies import cluster
+    from ps_fmu.studies.rows import ClusterError
+
+    monkeypatch.setattr(cluster, "WATCH_S", 0.2)
+    monkeypatch.setattr(cluster, "NO_WORKER_S", 1.0)
+    file = tmp_path / "scheduler.json"
+    scheduler = start_dask("scheduler", "--port", "0", "--scheduler-file", str(file))
+    try:
+        wait_until(lambda: file.is_file() and file.read_text().strip())
+        prepared = make_prepared()
+        with cluster.connect(json.loads(file.read_text())["address"], None) as client:
+            dispatcher = cluster.Dispatcher(
+                client, prepared.plan, prepared.identity.plan_sha256, prepared.bundle, tmp_path, lambda *_: None
+            )
+            with pytest.raises(ClusterError, match="has had no worker for 1 s"):
+                dispatcher.run([0])
+    finally:
+        end_with_children(scheduler)
+
+
 def test_a_worker_that_does_not_see_the_folder_sends_its_part(make_prepared, tmp_path):
     import io
 

@@ -21,6 +21,7 @@ ONE_THREAD = {
     name: "1" for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 }
 """The matrices are small: threads in BLAS cost more than they bring, and the other workers need the processors."""
+STARTS = 3  # tried before there is said to be none: somebody may end a process while it starts, too
 START_LIMIT_S = 300.0  # FMUs may be on a slow disk; longer is no start
 MEMORY_CHECK_S = 0.5
 
@@ -109,6 +110,18 @@ class CaseProcess:
                 "wall_s": time.perf_counter() - began}  # fmt: skip
 
     def _start(self) -> None:
+        for _ in range(STARTS):
+            answer, printed = self._try_to_start()
+            if "ready" in answer:
+                self._left = answer["most_cases"] if self._wanted is None else self._wanted
+                return
+            self.close()
+            if "refused" in answer:
+                raise VersionError(answer["refused"])
+        raise StartError(f"the process for the cases does not start: {printed}")
+
+    def _try_to_start(self) -> tuple[dict[str, Any], str]:
+        """The first answer of a new process; without one, how it ended."""
         self._printed = tempfile.TemporaryFile(dir=self._folder)  # noqa: SIM115
         self._buffer = b""
         self._process = subprocess.Popen(
@@ -122,16 +135,8 @@ class CaseProcess:
         try:
             line = self._read_line(START_LIMIT_S)
         except TimeoutError:
-            line = b""
-        answer = json.loads(line) if line else {}
-        if "ready" in answer:
-            self._left = answer["most_cases"] if self._wanted is None else self._wanted
-            return
-        printed = self._explain_end()
-        self.close()
-        if "refused" in answer:
-            raise VersionError(answer["refused"])
-        raise StartError(f"the process for the cases does not start: {printed}")
+            return {}, f"it is not ready after {START_LIMIT_S:g} s"
+        return (json.loads(line), "") if line else ({}, self._explain_end())
 
     def _send(self, job: Mapping[str, Any]) -> None:
         assert self._process is not None and self._process.stdin is not None

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import time
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from importlib.util import find_spec
 from pathlib import Path
@@ -20,6 +21,8 @@ BATCH_S = 10.0
 """Wanted time of a batch: much longer than dask's overhead of some 10 ms, short enough that little is lost."""
 BATCHES_PER_THREAD = 2  # in flight: one runs, one waits at the worker
 MOST_IN_BATCH = 200
+WATCH_S = 10.0  # between looks at whether there are workers at all
+NO_WORKER_S = 60.0  # that workers may take to come, or to come back
 ALLOWED_FAILURES = 20
 """Deaths of workers that a batch may see; with dask's 3 a few random ones would break innocent batches."""
 
@@ -84,36 +87,49 @@ class Dispatcher:
         self._alone = False
         self._flights: dict[Any, list[int]] = {}
         self._finished, self._spent_s = 0, 0.0
+        self._seen = time.monotonic()
+        """When there was a worker."""
 
     def run(self, cases: Sequence[int]) -> None:
         """Run these cases, ascending.
 
         Raises :class:`.rows.ClusterError`, and what :func:`.worker.run_batch` raises.
         """
-        from distributed import as_completed
-
         self._todo.extend(cases)
-        self._wait_for_workers()
-        arrivals = as_completed(loop=self._client.loop)
         try:
-            self._fill(arrivals)
-            for future in arrivals:
-                self._land(future, self._flights.pop(future))
+            self._fill()
+            while self._flights:
+                for future in self._wait():
+                    self._land(future, self._flights.pop(future))
+                    future.release()
                 self._alone = self._alone and bool(self._flights)
-                future.release()
-                self._fill(arrivals)
+                self._fill()
         finally:
             self._client.cancel(list(self._flights))
-        if self._todo or self._suspects:
-            raise ClusterError("the cluster has no workers left")
 
-    def _wait_for_workers(self) -> None:
+    def _wait(self) -> Collection[Any]:
+        """The batches that have come in; none after a while without any."""
+        from distributed import CancelledError, wait
+
         try:
-            self._client.wait_for_workers(1, timeout=60.0)
-        except TimeoutError as error:
-            raise ClusterError("no worker has come to the scheduler within 60 s") from error
+            with self._client.as_current():
+                arrived: Collection[Any] = wait(list(self._flights), WATCH_S, "FIRST_COMPLETED").done
+                return arrived
+        except CancelledError as error:
+            raise ClusterError(f"the scheduler {self._client.scheduler.address} is lost") from error
+        except TimeoutError:
+            self._check_workers()
+            return ()
 
-    def _fill(self, arrivals: Any) -> None:
+    def _check_workers(self) -> None:
+        """Batches wait for ever at a scheduler without workers."""
+        if self._client.nthreads():
+            self._seen = time.monotonic()
+        elif time.monotonic() - self._seen > NO_WORKER_S:
+            address = self._client.scheduler.address
+            raise ClusterError(f"the scheduler {address} has had no worker for {NO_WORKER_S:g} s")
+
+    def _fill(self) -> None:
         threads = max(1, sum(self._client.nthreads().values()))
         most = 1 if self._suspects or self._alone else BATCHES_PER_THREAD * threads
         while len(self._flights) < most and (self._suspects or self._todo):
@@ -122,7 +138,6 @@ class Dispatcher:
             jobs = [(index, self._plan.values(index)) for index in cases]
             future = self._client.submit(run_batch, self._bundle, jobs, self._order, pure=False)
             self._flights[future] = cases
-            arrivals.add(future)
 
     def _take(self, threads: int) -> list[int]:
         """Neighbours from the queue: some ten seconds' worth, and fewer when it ends, so that all workers have some."""
@@ -143,7 +158,7 @@ class Dispatcher:
             self._isolate(cases, future.exception())
         elif future.status == "error":
             raise future.exception()
-        else:
+        else:  # cancelled, or forgotten by a scheduler that was started again
             raise ClusterError(f"the scheduler {self._client.scheduler.address} is lost")
 
     def _keep(self, done: Done, cases: list[int]) -> None:

@@ -114,20 +114,19 @@ def encode_plan(plan: Plan) -> bytes:
     import pyarrow.parquet as pq
 
     content = io.BytesIO()
-    values = [plan.values(index) for index in range(len(plan))]
     fields = [pa.field("case", pa.int64())]
     columns: list[Any] = [pa.array(range(len(plan)))]
     for factor, draws in zip(plan.factors, plan.draws.T, strict=True):
-        if factor.name not in values[0]:
+        if factor.name not in plan.targets:
             fields.append(pa.field(factor.name, pa.float64(), metadata={"unit": factor.unit}))
             columns.append(pa.array(draws))
         for name in factor.targets:
-            column = pa.array([own[name] for own in values])
+            column = pa.array([factor.values(draw)[name] for draw in draws.tolist()])
             fields.append(pa.field(name, column.type, metadata={"unit": factor.unit}))
             columns.append(column)
     for name in plan.seed_names:
         fields.append(pa.field(name, pa.int64()))
-        columns.append(pa.array([own[name] for own in values], pa.int64()))
+        columns.append(pa.array([plan.seeds(index)[name] for index in range(len(plan))], pa.int64()))
     pq.write_table(pa.table(columns, schema=pa.schema(fields)), content)
     return content.getvalue()
 
