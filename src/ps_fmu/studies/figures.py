@@ -138,7 +138,7 @@ def _draw_sobol(axes: Axes, influence: Influence, order: NDArray[np.intp], place
         label = "total" if name == "sobol_total" else "first order"
         axes.barh(places + shift, value, height=0.38, xerr=errors, color=color, label=label, ecolor=REFERENCE)
     axes.set_xlabel("Sobol' index")
-    axes.legend(fontsize=9)
+    axes.legend(fontsize=9, loc="lower right")  # beside the weakest
 
 
 def _caption_influences(influence: Influence) -> str:

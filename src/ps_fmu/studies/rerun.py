@@ -95,7 +95,9 @@ def compare_rows(row: Row, stored: Row | None) -> str:
 
 def _run(options: SweepOptions, prepared: Prepared, case: int, folder: Path) -> tuple[Row, str]:
     study = prepared.plan.study
-    run_options = replace(make_options(study, folder), progress=options.progress)
+    varied = [name.partition(".")[2] for name in prepared.plan.targets]
+    apart = tuple(f"{component}.{name}" for component in prepared.system.descriptions for name in varied)
+    run_options = replace(make_options(study, folder), progress=options.progress, apart=apart)
     (folder / RESULTS).unlink(missing_ok=True)
     system = prepared.system
     task = Task(study.step_s, study.duration_s, study.scheme, study.runs, study.observed, {})
