@@ -18,6 +18,7 @@ from .indices import find_signals, label_index
 from .parts import list_parts, read_rows, write_durably
 from .plan import Plan
 from .rows import DONE
+from .study_folder import PLAN
 
 Array = NDArray[np.float64]
 
@@ -78,8 +79,6 @@ def collect(folder: Path, plan: Plan, plan_hash: str, columns: Sequence[Column],
     """Join plan and parts, and write them as ``study.parquet``; all cases are there.  Raises ``OSError``."""
     import pyarrow as pa
     import pyarrow.parquet as pq
-
-    from .study_folder import PLAN
 
     planned = pq.read_table(folder / PLAN)
     rows = read_rows(list_parts(folder, plan_hash))

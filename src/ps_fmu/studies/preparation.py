@@ -10,6 +10,7 @@ from typing import Any
 from ..cosim import write_ssp
 from ..cosim.rows import make_layout
 from ..cosim.structure import Experiment
+from ..pointing.indices import AbsoluteError, MeanError, PointingIndex, RelativeError, ResidualJitter
 from ..runs.options import OptionError, RunOptions, Scenario
 from ..runs.setup import RunSystem, load_system
 from .bundle import REQUIREMENTS, SYSTEM, TASK, Bundle
@@ -63,8 +64,6 @@ def complete_observed(study: Study, system: RunSystem) -> Study:
     """The study; where it observes nothing, with the indices of the payload's rotation over 1 s."""
     if study.observed:
         return study
-    from ..pointing.indices import AbsoluteError, MeanError, PointingIndex, RelativeError, ResidualJitter
-
     indices: list[PointingIndex] = [AbsoluteError()]
     if study.duration_s >= DEFAULT_WINDOW_S:
         window = DEFAULT_WINDOW_S

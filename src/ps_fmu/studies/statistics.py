@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..pointing.confidence import Statement, quantile
 from ..pointing.interpretation import Interpretation
 from ..requirements.verdict import Answer
 from .outcome import Outcome, Output
 from .rows import ANSWER
+
+Array = NDArray[np.float64]
 
 PROBABILITIES = (0.05, 0.5, 0.95, 0.99)
 CONFIDENCE = 0.9
@@ -138,8 +140,8 @@ def count_statuses(outcome: Outcome) -> dict[str, int]:
     return {str(status): int(count) for status, count in outcome.table["status"].value_counts().items()}
 
 
-def _scale(outcome: Outcome, output: Output) -> Sequence[float]:
+def _scale(outcome: Outcome, output: Output) -> Array:
     values = outcome.values(output)
     finite = values[np.isfinite(values)]
     unit = output.limit if output.limit is not None else float(np.median(finite)) if len(finite) else 1.0
-    return np.asarray(values / (unit or 1.0))  # type: ignore[return-value]
+    return np.asarray(values / (unit or 1.0))
