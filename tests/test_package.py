@@ -30,6 +30,9 @@ MAY_IMPORT = {
     "requirements": {"cosim", "pointing", "results", "slavekit"},
     "runs": {*PHYSICS, "theory", "interface", "cosim", "pointing", "results", "requirements", "slavekit", "product"},
     "paper": {*PHYSICS, "theory", "interface", "cosim", "pointing", "results", "runs", "slavekit", "product"},
+    "studies": {
+        *PHYSICS, "theory", "interface", "cosim", "pointing", "results", "requirements", "runs", "slavekit", "product"
+    },
     "trades": {
         *PHYSICS, "theory", "interface", "cosim", "pointing", "requirements", "results", "runs", "paper", "product",
     },

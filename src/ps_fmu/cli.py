@@ -18,6 +18,7 @@ from .judge_command import add_parser as add_judge
 from .paper.identification.identify_command import add_parser as add_identify
 from .product.files import find_file, find_product
 from .runs.built_fmus import find_built_folder, provide_fmus
+from .sweep_command import add_parser as add_sweep
 from .terminal import reason, run_command
 
 EXIT_OK = 0
@@ -59,6 +60,7 @@ def parser() -> argparse.ArgumentParser:
     add_analyse(commands)
     add_identify(commands)
     add_judge(commands)
+    add_sweep(commands)
     return top
 
 

@@ -59,7 +59,7 @@ def find_file(path: Path) -> Path:
         product = find_product()
     except FileNotFoundError:
         return path
-    places = product.root, product.system, product.system / "parameters"
+    places = product.root, product.system, product.system / "parameters", product.system / "studies"
     return next((place / path for place in places if (place / path).is_file()), path)
 
 

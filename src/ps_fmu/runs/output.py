@@ -17,7 +17,7 @@ def hold_folder(folder: Path) -> Iterator[None]:
     Nobody can take them for the results of a run that stops early.  They are removed once new results are stored, and
     put back if none are, as after a misspelt parameter.  Raises :class:`OptionError` if another run uses the folder.
     """
-    lock = _lock(folder)
+    lock = lock_folder(folder)
     aside = {folder / name: folder / f"{name}.earlier" for name in (RESULTS, SUMMARY, REPORT)}
     try:
         for path, earlier in aside.items():
@@ -38,8 +38,11 @@ def hold_folder(folder: Path) -> Iterator[None]:
             os.close(lock)
 
 
-def _lock(folder: Path) -> int | None:
-    """A handle that locks the folder until it or the process ends; None where the system has no such locks."""
+def lock_folder(folder: Path) -> int | None:
+    """A handle that locks the folder until it or the process ends; None where the system has no such locks.
+
+    Raises :class:`OptionError` if another run uses the folder.
+    """
     try:
         import fcntl
     except ImportError:  # not on Windows

@@ -95,11 +95,13 @@ def load_system(options: RunOptions, defaults: Mapping[str, Value] | None = None
         )
     recorded = provide_recording(options)
     structure = read_system(options.system, options.fmus)
-    first = {**(defaults or {}), SEED: options.seed, **({NOISE: False} if recorded else {}), **recorded}
+    disturbed = parse_port(SEED).component in {component.name for component in structure.components}
+    own = {SEED: options.seed} if disturbed else {}  # a system of somebody's own may have no disturbance source
+    first = {**(defaults or {}), **own, **({NOISE: False} if recorded else {}), **recorded}
     structure = structure.with_parameters(first).with_parameters(given)
     descriptions = read_descriptions(structure)
     system = RunSystem(structure, descriptions, given, judge=read_judge(options, make_layout(descriptions).columns))
-    return system if HIGHEST_NOISE in given else _limit_noise(system, options.step_s)
+    return system if HIGHEST_NOISE in given or not disturbed else _limit_noise(system, options.step_s)
 
 
 def collect_parameters(options: RunOptions, system: RunSystem) -> dict[str, object]:

@@ -1,0 +1,51 @@
+"""What a worker needs of a study, as files: the system with its FMUs, what to run and to observe, the requirements."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import tempfile
+import zipfile
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+
+from ..slavekit.pack import zip_writer
+
+SYSTEM, TASK, REQUIREMENTS = "system.ssp", "task.json", "requirements.toml"
+
+
+@dataclass(frozen=True)
+class Bundle:
+    """Files by name, and the SHA-256 of all."""
+
+    files: Mapping[str, bytes]
+    sha256: str
+
+    @classmethod
+    def of(cls, files: Mapping[str, bytes]) -> Bundle:
+        """The bundle of these files."""
+        return cls(files, _digest(files))
+
+    def unpack(self, folder: Path) -> Path:
+        """Write the files into a new folder in ``folder``, named by their content; its path.
+
+        Raises ``ValueError`` if the content is not what its SHA-256 says, ``OSError`` if it cannot be written.
+        """
+        if _digest(self.files) != self.sha256:
+            raise ValueError(f"the study's files arrived damaged: their SHA-256 is not {self.sha256}")
+        place = Path(tempfile.mkdtemp(prefix=f"study_{self.sha256[:16]}_", dir=folder))
+        for name, content in self.files.items():
+            (place / name).write_bytes(content)
+        return place
+
+    def get_system_sha256(self) -> str:
+        """SHA-256 of the content of the archive with wiring, start values and FMUs; not of its compression."""
+        with zipfile.ZipFile(io.BytesIO(self.files[SYSTEM])) as archive:
+            found = {PurePosixPath(item.filename): archive.read(item) for item in archive.infolist()}
+        return zip_writer.compute_digest(found).hex()
+
+
+def _digest(files: Mapping[str, bytes]) -> str:
+    named = {PurePosixPath(name): hashlib.sha256(content).digest() for name, content in files.items()}
+    return zip_writer.compute_digest(named).hex()

@@ -1,0 +1,113 @@
+"""Run cases one after another in this process: each becomes a row of numbers and verdicts."""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+
+from ..cosim import Column, SlaveError, Value, read_system
+from ..cosim.rows import make_layout
+from ..requirements.reading import read_requirements
+from ..requirements.verdict import Verdict
+from ..runs.cases import Bounds
+from ..runs.judge import RunJudge
+from ..terminal import reason
+from .bundle import REQUIREMENTS, SYSTEM, TASK
+from .indices import IndexRecord, SwitchRecord
+from .rows import ANSWER, DONE, FAILED, LONGEST_TEXT, Row, VersionError
+from .task import Task, result_versions
+from .warm import WarmSystem
+
+FATAL_STATUS = 4  # fmi2Fatal
+
+
+class CaseRunner:
+    """The cases of a study, from the folder of its files.
+
+    Raises :class:`.rows.VersionError` where this process has other packages than the study was planned with, and
+    :class:`..cosim.CosimError` for a system that cannot be read.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.task = Task.from_json((folder / TASK).read_bytes())
+        check_versions(self.task.versions)
+        self.warm = WarmSystem(read_system(folder / SYSTEM), self.task.step_s, self.task.scheme)
+        self.columns = make_layout(self.warm.descriptions).columns
+        path = folder / REQUIREMENTS
+        self.requirements = read_requirements(path) if path.is_file() else ()
+        self.must_end = False
+        """An FMU has returned fmi2Fatal: nothing more should run in this process (FMI 2.0.4, section 2.1.3)."""
+
+    def run(self, index: int, values: Mapping[str, Value]) -> Row:
+        """The row of a case; one that fails has its error in it."""
+        row: Row = {"case": index, "status": DONE, "error": None}
+        began = time.perf_counter()
+        with _collect_warnings() as warnings:
+            try:
+                row |= self._run_all(values)
+            except Exception as error:  # whatever is wrong with this case: the study goes on
+                row |= {"status": FAILED, "error": f"{type(error).__name__}: {reason(error)}"[:LONGEST_TEXT]}
+                self.must_end = isinstance(error, SlaveError) and error.status == FATAL_STATUS
+        row["warnings"] = "\n".join(warnings)[:LONGEST_TEXT] or None
+        row["wall_s"] = time.perf_counter() - began
+        return row
+
+    def _run_all(self, values: Mapping[str, Value]) -> Row:
+        judge = RunJudge(self.requirements)
+        row: Row = {}
+        for name, own in self.task.runs.items():
+            with self.warm.prepare({**values, **own}) as master:
+                records = make_records(self.task, master.columns)
+                judging = judge.observe(
+                    name, master.columns, self.task.step_s, round(self.task.duration_s / self.task.step_s)
+                )
+                master.run(self.task.duration_s, [Bounds(master.columns), *records, *judging])
+            row |= {f"{name}.{key}": value for record in records for key, value in record.metrics().items()}
+        for verdict in judge.conclude():
+            row |= describe_verdict(verdict)
+        return row
+
+
+def make_records(task: Task, columns: tuple[Column, ...]) -> list[IndexRecord | SwitchRecord]:
+    """The observers of a run whose metrics go into a row."""
+    return [*(IndexRecord(observed, columns, task.step_s) for observed in task.observed), SwitchRecord(columns)]
+
+
+def describe_verdict(verdict: Verdict) -> Row:
+    """The columns of a verdict: ``verdict/REQUIREMENT/RUN/SIGNAL/...`` with answer, value and bound.
+
+    Numbers are in the unit of the limit; the bound is infinite where there are too few samples for one.
+    """
+    place = f"verdict/{verdict.requirement.name}/{verdict.case}/{verdict.signal}"
+    stated = verdict.statement
+    return {
+        f"{place}{ANSWER}": verdict.answer.value,
+        f"{place}/value": None if stated is None else verdict.convert(stated.value),
+        f"{place}/bound": None if stated is None else verdict.convert(stated.bound),
+    }
+
+
+def check_versions(expected: Mapping[str, str]) -> None:
+    """Raises :class:`.rows.VersionError` where packages are others than ``expected``, by name."""
+    own = result_versions()
+    others = [f"{name} {own[name]} instead of {version}" for name, version in expected.items() if own[name] != version]
+    if others:
+        raise VersionError(f"this worker has {', '.join(others)}: rows would not be those of one study")
+
+
+@contextmanager
+def _collect_warnings() -> Iterator[list[str]]:
+    """What the co-simulation logs as a warning during the body, each text once."""
+    found: list[str] = []
+    handler = logging.Handler(logging.WARNING)
+    handler.emit = lambda record: found.append(record.getMessage())  # type: ignore[method-assign]
+    logger = logging.getLogger("ps_fmu.cosim")
+    logger.addHandler(handler)
+    try:
+        yield found
+    finally:
+        logger.removeHandler(handler)
+        found[:] = dict.fromkeys(found)

@@ -1,0 +1,179 @@
+"""Batches of cases on dask.distributed: a bounded number in flight, isolation of what kills workers."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Callable, Collection, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+from .bundle import Bundle
+from .case_process import ONE_THREAD
+from .parts import write_part
+from .plan import Plan
+from .rows import KILLED, ClusterError
+from .worker import Done, Order, keep, run_batch
+
+BATCH_S = 10.0
+"""Wanted time of a batch: much longer than dask's overhead of some 10 ms, short enough that little is lost."""
+BATCHES_PER_THREAD = 2  # in flight: one runs, one waits at the worker
+MOST_IN_BATCH = 200
+WATCH_S = 10.0  # between looks at whether there are workers at all
+NO_WORKER_S = 60.0  # that workers may take to come, or to come back
+ALLOWED_FAILURES = 20
+"""Deaths of workers that a batch may see; with dask's 3 a few random ones would break innocent batches."""
+
+
+@contextmanager
+def connect(address: str | None, workers: int | None) -> Iterator[Any]:
+    """A dask client: of the scheduler at ``address``, or of a new cluster on this machine, for the body.
+
+    ``workers``: how many on this machine; None: one for each processor.  Raises :class:`.rows.ClusterError`.
+    """
+    try:
+        import dask
+        from distributed import Client, LocalCluster
+    except ImportError as error:
+        raise ClusterError("a study needs dask: pip install 'ps-fmu[sweep]'") from error
+    settings = {
+        "distributed.scheduler.allowed-failures": ALLOWED_FAILURES,
+        "distributed.nanny.pre-spawn-environ": {**dask.config.get("distributed.nanny.pre-spawn-environ", {}),
+                                                **ONE_THREAD},
+        "distributed.admin.large-graph-warning-threshold": "100MB",  # the FMUs travel as a task
+    }  # fmt: skip
+    with dask.config.set(settings), ExitStack() as stack:
+        try:
+            if address is None:
+                cluster = LocalCluster(
+                    n_workers=workers, threads_per_worker=1, processes=True, dashboard_address="127.0.0.1:0",
+                    silence_logs=50,
+                )  # fmt: skip
+                address = stack.enter_context(cluster)
+            client = stack.enter_context(Client(address, set_as_default=False))
+        except (OSError, ValueError) as error:  # no scheduler there, it did not answer, no address
+            raise ClusterError(f"--scheduler {address}: {error}") from error
+        yield client
+
+
+def find_dashboard(client: Any) -> str | None:
+    """Address of dask's dashboard; None where bokeh, which draws it, is not installed (of a remote one: not known)."""
+    local = client.cluster is not None
+    return None if local and find_spec("bokeh") is None else str(client.dashboard_link)
+
+
+
+class Dispatcher:
+    """Sends the missing cases of a plan to the workers of a client until all have rows.
+
+    Parameters
+    ----------
+    report: called after each batch with the number of cases that it had, and how many of these are not done.
+    """
+
+    def __init__(
+        self, client: Any, plan: Plan, plan_hash: str, bundle: Bundle, output: Path, report: Callable[[int, int], None]
+    ) -> None:
+        self._client, self._plan, self._hash = client, plan, plan_hash
+        self._output, self._report = output, report
+        self._order = Order(str(output), plan_hash, plan.study.timeout_s)
+        self._bundle = client.submit(keep, bundle, key=f"ps-fmu-study-{bundle.sha256}", pure=False)
+        self._todo: deque[int] = deque()
+        self._suspects: deque[list[int]] = deque()
+        """Halves of batches whose workers have died again and again.  Each runs with nothing beside it: dask suspects
+        all that a dying worker had."""
+        self._alone = False
+        self._flights: dict[Any, list[int]] = {}
+        self._finished, self._spent_s = 0, 0.0
+        self._seen = time.monotonic()
+        """When there was a worker."""
+
+    def run(self, cases: Sequence[int]) -> None:
+        """Run these cases, ascending.
+
+        Raises :class:`.rows.ClusterError`, and what :func:`.worker.run_batch` raises.
+        """
+        self._todo.extend(cases)
+        try:
+            self._fill()
+            while self._flights:
+                for future in self._wait():
+                    self._land(future, self._flights.pop(future))
+                    future.release()
+                self._alone = self._alone and bool(self._flights)
+                self._fill()
+        finally:
+            self._client.cancel(list(self._flights))
+
+    def _wait(self) -> Collection[Any]:
+        """The batches that have come in; none after a while without any."""
+        from distributed import CancelledError, wait
+
+        try:
+            with self._client.as_current():
+                arrived: Collection[Any] = wait(list(self._flights), WATCH_S, "FIRST_COMPLETED").done
+                return arrived
+        except CancelledError as error:
+            raise ClusterError(f"the scheduler {self._client.scheduler.address} is lost") from error
+        except TimeoutError:
+            self._check_workers()
+            return ()
+
+    def _check_workers(self) -> None:
+        """Batches wait for ever at a scheduler without workers."""
+        if self._client.nthreads():
+            self._seen = time.monotonic()
+        elif time.monotonic() - self._seen > NO_WORKER_S:
+            address = self._client.scheduler.address
+            raise ClusterError(f"the scheduler {address} has had no worker for {NO_WORKER_S:g} s")
+
+    def _fill(self) -> None:
+        threads = max(1, sum(self._client.nthreads().values()))
+        most = 1 if self._suspects or self._alone else BATCHES_PER_THREAD * threads
+        while len(self._flights) < most and (self._suspects or self._todo):
+            self._alone = bool(self._suspects)
+            cases = self._suspects.popleft() if self._suspects else self._take(threads)
+            jobs = [(index, self._plan.values(index)) for index in cases]
+            future = self._client.submit(run_batch, self._bundle, jobs, self._order, pure=False)
+            self._flights[future] = cases
+
+    def _take(self, threads: int) -> list[int]:
+        """Neighbours from the queue: some ten seconds' worth, and fewer when it ends, so that all workers have some."""
+        each = self._spent_s / self._finished if self._finished else BATCH_S
+        share = -(-len(self._todo) // (BATCHES_PER_THREAD * threads))
+        most = max(1, min(MOST_IN_BATCH, round(BATCH_S / max(each, 1e-3)), share))
+        cases = [self._todo.popleft()]
+        while self._todo and len(cases) < most and self._todo[0] == cases[-1] + 1:
+            cases.append(self._todo.popleft())
+        return cases
+
+    def _land(self, future: Any, cases: list[int]) -> None:
+        from distributed.scheduler import KilledWorker
+
+        if future.status == "finished":
+            self._keep(future.result(), cases)
+        elif future.status == "error" and isinstance(future.exception(), KilledWorker):
+            self._isolate(cases, future.exception())
+        elif future.status == "error":
+            raise future.exception()
+        else:  # cancelled, or forgotten by a scheduler that was started again
+            raise ClusterError(f"the scheduler {self._client.scheduler.address} is lost")
+
+    def _keep(self, done: Done, cases: list[int]) -> None:
+        if done.content is not None:
+            write_part(self._output, self._hash, [{"case": cases[0]}, {"case": cases[-1]}], done.content)
+        self._finished += done.cases
+        self._spent_s += done.wall_s
+        self._report(done.cases, done.not_done)
+
+    def _isolate(self, cases: list[int], error: Any) -> None:
+        """Bisection: of a batch that its workers did not survive, each half by itself."""
+        if len(cases) > 1:
+            middle = len(cases) // 2
+            self._suspects.extend((cases[:middle], cases[middle:]))
+            return
+        text = f"its workers ended as often as the scheduler allows: {error}"
+        write_part(self._output, self._hash, [{"case": cases[0], "status": KILLED, "error": text}])
+        self._report(1, 1)

@@ -1,0 +1,299 @@
+"""What a finished study says, on the terminal, in summary.json and in study.html."""
+
+from __future__ import annotations
+
+import json
+import math
+import shlex
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from ..cosim.rows import make_layout
+from ..pointing.confidence import Statement
+from ..requirements.reading import read_requirements
+from ..results.report import Report
+from ..results.summary import FmuFile, plain, versions
+from ..results.tables import Table
+from ..slavekit.pack.files import write_atomically
+from .control_variate import Controlled, control
+from .figures import draw_all
+from .outcome import Outcome, collect
+from .sensitivity import Influence, find_influences
+from .statistics import (
+    CONFIDENCE,
+    PROBABILITIES,
+    Compliance,
+    Percentiles,
+    count_statuses,
+    find_compliance,
+    find_failed,
+    find_percentiles,
+    find_worst,
+)
+from .study import LATIN, SAMPLES, SOBOL
+from .sweep import Prepared, SweepOptions
+
+SUMMARY, REPORT = "summary.json", "study.html"
+MOST_ROWS = 40  # of a table on the page; all are in summary.json
+STRONGEST = 5  # factors in a row of the ranking
+
+
+@dataclass(frozen=True, eq=False)
+class Conclusion:
+    """The statistics of a study."""
+
+    outcome: Outcome
+    percentiles: Sequence[Percentiles]
+    compliance: Sequence[Compliance]
+    influences: Sequence[Influence]
+    controlled: Sequence[Controlled]
+
+
+def conclude(options: SweepOptions, prepared: Prepared, folder: Path) -> str:
+    """Write ``study.parquet``, summary.json, figures and study.html; the text for the terminal.  Raises ``OSError``."""
+    study = prepared.plan.study
+    requirements = () if study.requirements is None else read_requirements(study.requirements)
+    columns = make_layout(prepared.system.descriptions).columns
+    outcome = collect(folder, prepared.plan, prepared.identity.plan_sha256, columns, requirements)
+    found = Conclusion(
+        outcome,
+        find_percentiles(outcome),
+        find_compliance(outcome),
+        find_influences(outcome),
+        control(outcome, prepared.system),
+    )
+    tables = make_tables(found, options)
+    notes, warnings = list_notes(found), [*list_warnings(found), *prepared.system.warnings.texts]
+    content = plain(summarise(found, prepared, options), "summary")
+    write_atomically(folder / SUMMARY, json.dumps(content, indent=2, allow_nan=False) + "\n")
+    Report(
+        title=study.name,
+        text=[describe_study(found), *notes],
+        warnings=warnings,
+        tables=tables,
+        pictures=draw_all(outcome, folder, found.percentiles, found.influences),
+        parameters=describe_parameters(outcome),
+        fmus=[FmuFile(name, sha256) for name, sha256 in prepared.identity.fmus.items()],
+        versions=versions(),
+    ).write(folder / REPORT)
+    shown = [f"{table.caption}\n{table.to_text()}" for table in tables]
+    return "\n\n".join([describe_study(found), *shown, *notes, *warnings, f"results in {folder}"])
+
+
+def command_of_case(options: SweepOptions, case: int) -> str:
+    """The command that runs a case again, with all signals and a report."""
+    words = ["ps-fmu", "sweep", str(options.study), "--case", str(case), "--output", str(options.output)]
+    if options.fmus is not None:
+        words += ["--fmus", str(options.fmus)]
+    return shlex.join(words)
+
+
+def describe_study(found: Conclusion) -> str:
+    """What was done, in a sentence or two."""
+    plan, study = found.outcome.plan, found.outcome.plan.study
+    counts = count_statuses(found.outcome)
+    states = ", ".join(f"{count} {status}" for status, count in counts.items())
+    runs = f" of {len(study.runs)} runs ({', '.join(study.runs)})" if len(study.runs) > 1 else ""
+    return (
+        f"{len(plan)} cases{runs} of {study.duration_s:g} s, plan {study.plan!r}, {len(plan.factors)} varied, "
+        f"seed {study.seed}: {states}."
+    )
+
+
+def list_notes(found: Conclusion) -> list[str]:
+    """How to read the tables."""
+    plan = found.outcome.plan.study.plan
+    if plan not in SAMPLES:
+        return [
+            f"The plan {plan!r} is no sample of the dispersed system: percentiles and shares are those of its points, "
+            "not probabilities."
+        ]
+    if plan in (LATIN, SOBOL):
+        return [
+            "Intervals are those of independent cases. The points of this plan are spread more evenly, so the "
+            "intervals are rather too wide."
+        ]
+    return []
+
+
+def list_warnings(found: Conclusion) -> list[str]:
+    """What should make the reader careful."""
+    failed = len(found.outcome.table) - int(found.outcome.done.sum())
+    return [f"{failed} cases have no result: they count as not meeting any requirement."] if failed else []
+
+
+def make_tables(found: Conclusion, options: SweepOptions) -> list[Table]:
+    """The tables of terminal and page; empty ones are left out."""
+    tables = [
+        _tabulate_compliance(found.compliance),
+        _tabulate_worst(found.outcome, options),
+        _tabulate_failed(found.outcome, options),
+        _tabulate_percentiles(found),
+        _tabulate_ranking(found),
+        _tabulate_controlled(found.controlled),
+    ]
+    return [table for table in tables if table.rows]
+
+
+def _tabulate_compliance(compliance: Sequence[Compliance]) -> Table:
+    rows = []
+    for one in compliance:
+        low, high = one.below.interval()
+        ensemble = "-"
+        if one.ensemble is not None and one.output.limit is not None:
+            met = one.ensemble.bound <= one.output.limit
+            ensemble = f"{'met' if met else 'NOT MET'}: {one.ensemble}"
+        rows.append((
+            one.output.title, f"{one.output.limit:g} {one.output.unit}",
+            f"{one.below.true} of {one.below.cases}", f"{one.below.value:.4g}", f"{low:.4g} to {high:.4g}",
+            f"{one.sure.true} of {one.sure.cases}", ensemble,
+        ))  # fmt: skip
+    header = ("requirement", "limit", "met", "probability", f"{100 * CONFIDENCE:g} % interval",
+              "met with its confidence", "ensemble")  # fmt: skip
+    if all(row[-1] == "-" for row in rows):
+        header, rows = header[:-1], [row[:-1] for row in rows]  # type: ignore[assignment, misc]
+    return Table("Probability of meeting each requirement (Clopper-Pearson)", header, rows)
+
+
+def _tabulate_worst(outcome: Outcome, options: SweepOptions) -> Table:
+    rows = [
+        (str(case), f"{value:.4g} {output.unit}", output.title, command_of_case(options, case))
+        for case, value, output in find_worst(outcome)
+    ]
+    return Table("Worst cases", ("case", "value", "output", "run it again"), rows)
+
+
+def _tabulate_failed(outcome: Outcome, options: SweepOptions) -> Table:
+    rows = [
+        (str(case), status, error.splitlines()[0] if error else "", command_of_case(options, case))
+        for case, status, error in find_failed(outcome)[:MOST_ROWS]
+    ]
+    return Table("Cases without a result", ("case", "status", "error", "run it again"), rows)
+
+
+def _tabulate_percentiles(found: Conclusion) -> Table:
+    shown = {output.name for output in found.outcome.headlines}
+    rows: list[tuple[str, ...]] = []
+    for one in found.percentiles:
+        if one.output.name in shown and len(rows) < MOST_ROWS:
+            cells = [
+                f"{stated.value:.4g}" + (f" ({stated.lower:.4g} to {stated.upper:.4g})" if _is_bounded(stated) else "")
+                for stated in one.stated
+            ]
+            rows.append((one.output.title, one.output.unit, f"{one.mean:.4g}", f"{one.std:.3g}", *cells,
+                         f"{one.largest:.4g}"))  # fmt: skip
+    header = ("output", "unit", "mean", "std", *(f"{100 * p:g} %" for p in PROBABILITIES), "largest")
+    return Table(f"Percentiles over the cases, with {100 * CONFIDENCE:g} % intervals", header, rows)
+
+
+def _tabulate_ranking(found: Conclusion) -> Table:
+    shown = {output.name for output in found.outcome.headlines}
+    names = [factor.name for factor in found.outcome.plan.factors]
+    rows: list[tuple[str, ...]] = []
+    for influence in found.influences:
+        if influence.output.name in shown and len(rows) < MOST_ROWS:
+            order = influence.strength.argsort()[::-1][:STRONGEST]
+            rows.append((influence.output.title, ", ".join(_describe_influence(influence, names, i) for i in order)))
+    return Table("What the outputs depend on, the strongest first", ("output", _name_measure(found)), rows)
+
+
+def _tabulate_controlled(controlled: Sequence[Controlled]) -> Table:
+    rows = [
+        (one.output.name, f"{math.sqrt(one.mean):.4g}", f"{50 * one.error / one.mean:.2g} %",
+         f"{math.sqrt(max(one.controlled_mean, 0.0)):.4g}", f"{50 * one.controlled_error / one.mean:.2g} %",
+         f"{one.correlation:.3f}", f"{one.gain:.3g}")
+        for one in controlled
+    ]  # fmt: skip
+    header = ("RMS over all cases (rad)", "plain", "its error", "controlled", "its error", "correlation", "gain")
+    return Table("Closed form as a control variate: the gain is that in variance, or in cases", header, rows)
+
+
+def summarise(found: Conclusion, prepared: Prepared, options: SweepOptions) -> dict[str, object]:
+    """The content of summary.json."""
+    names = [factor.name for factor in found.outcome.plan.factors]
+    return {
+        "study": found.outcome.plan.study.name,
+        "identity": asdict(prepared.identity),
+        "statuses": count_statuses(found.outcome),
+        "confidence": CONFIDENCE,
+        "requirements": [
+            {
+                "requirement": one.output.requirement and one.output.requirement.name, "run": one.output.run,
+                "signal": one.output.signal, "limit": one.output.limit, "unit": one.output.unit,
+                "cases": one.below.cases, "met": one.below.true, "probability": one.below.value,
+                "interval": one.below.interval(), "met_with_confidence": one.sure.true,
+                "ensemble": None if one.ensemble is None else asdict(one.ensemble),
+            }
+            for one in found.compliance
+        ],
+        "outputs": {
+            one.output.name: {
+                "unit": one.output.unit, "cases": one.cases, "mean": one.mean, "std": one.std, "least": one.least,
+                "largest": one.largest,
+                "percentiles": [
+                    {"probability": s.probability, "value": s.value, "lower": s.lower, "upper": s.upper,
+                     "bound": s.bound} for s in one.stated
+                ],
+            }
+            for one in found.percentiles
+        },
+        "worst": [
+            {"case": case, "output": output.name, "value": value, "command": command_of_case(options, case)}
+            for case, value, output in find_worst(found.outcome)
+        ],
+        "failed": [
+            {"case": case, "status": status, "error": error} for case, status, error in find_failed(found.outcome)
+        ],
+        "sensitivity": {
+            influence.output.name: {
+                "rank_correlation": dict(zip(names, influence.rank_correlation.tolist(), strict=True)),
+                **{name: dict(zip(names, values.tolist(), strict=True)) for name, values in influence.measures.items()},
+            }
+            for influence in found.influences
+        },
+        "control_variates": [
+            {"output": one.output.name, "mean_square": one.mean, "error": one.error,
+             "controlled_mean_square": one.controlled_mean, "controlled_error": one.controlled_error,
+             "correlation": one.correlation, "gain": one.gain}
+            for one in found.controlled
+        ],
+        "versions": versions(),
+    }  # fmt: skip
+
+
+def describe_parameters(outcome: Outcome) -> dict[str, object]:
+    """What the page says of the plan."""
+    found: dict[str, object] = {}
+    for factor in outcome.plan.factors:
+        spread = factor.spread
+        if spread is None:
+            text = ", ".join(map(str, factor.levels[:10])) + (" ..." if len(factor.levels) > 10 else "")
+        elif spread.sigma:
+            text = f"normal, mean {spread.mean:g}, sigma {spread.sigma:g}"
+            if math.isfinite(spread.low) or math.isfinite(spread.high):
+                text += f", from {spread.low:g} to {spread.high:g}"
+        else:
+            text = f"uniform, from {spread.low:g} to {spread.high:g}"
+        found[factor.name] = f"{text} {factor.unit}; sets {', '.join(factor.targets)}"
+    return found
+
+
+def _is_bounded(stated: Statement) -> bool:
+    return math.isfinite(stated.lower) and math.isfinite(stated.upper)
+
+
+def _name_measure(found: Conclusion) -> str:
+    measures = found.influences[0].measures if found.influences else {}
+    if "sobol_total" in measures:
+        return "total Sobol' index (first order)"
+    return "Morris' mean magnitude" if "morris_mu_star" in measures else "rank correlation"
+
+
+def _describe_influence(influence: Influence, names: Sequence[str], i: int) -> str:
+    if "sobol_total" in influence.measures:
+        total, first = (influence.measures[name][i] for name in ("sobol_total", "sobol_first"))
+        return f"{names[i]} {total:.2f} ({first:.2f})"
+    if "morris_mu_star" in influence.measures:
+        return f"{names[i]} {influence.measures['morris_mu_star'][i]:.3g}"
+    return f"{names[i]} {influence.rank_correlation[i]:+.2f}"

@@ -1,0 +1,228 @@
+"""What is varied, resolved against a system: which start values it sets, and how its values are distributed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from fmpy.model_description import ModelDescription, ModelVariable
+from numpy.typing import ArrayLike, NDArray
+
+from ..cosim import UsageError, Value
+from ..cosim.description import convert_value, explain_unsettable, get_unit, index_variables
+from ..cosim.graph import Wiring
+from ..cosim.structure import suggest_names
+from ..runs.setup import RunSystem
+from .numbers import Number, parse_number
+from .study import NORMAL, STEPS, UNIFORM, VALUES, Vary
+
+Array = NDArray[np.float64]
+
+LEAST_SHARE = 1e-9
+"""Probability that a normal distribution must have between its limits."""
+
+
+@dataclass(frozen=True)
+class Spread:
+    """A continuous distribution: uniform, or normal, truncated at ``low`` and ``high``; in the unit of the factor."""
+
+    low: float
+    high: float
+    mean: float = 0.0
+    sigma: float = 0.0
+    """0: uniform."""
+
+    def quantile(self, share: ArrayLike) -> Array:
+        """Values below which ``share`` (n,), between 0 and 1, of the distribution lies."""
+        u = np.clip(np.asarray(share, dtype=float), 2.0**-53, 1.0 - 2.0**-53)  # a sample may have 0: no end of a normal
+        if not self.sigma:
+            return np.asarray(self.low + u * (self.high - self.low))
+        from scipy.stats import truncnorm
+
+        ends = (self.low - self.mean) / self.sigma, (self.high - self.mean) / self.sigma
+        return np.asarray(truncnorm.ppf(u, *ends, loc=self.mean, scale=self.sigma))
+
+
+@dataclass(frozen=True)
+class Factor:
+    """One degree of freedom of a plan.  It has a draw in each case: a number in the unit of its first target."""
+
+    vary: Vary
+    unit: str
+    targets: tuple[str, ...]
+    """``component.parameter`` of each start value that it sets."""
+    ratios: tuple[float, ...]
+    """Value of each target over the draw: 1, or the ratio of what they start with where the spread is relative."""
+    levels: tuple[Value, ...]
+    """The values there are; empty for a continuous distribution."""
+    spread: Spread | None
+    """None where there are levels."""
+
+    @property
+    def name(self) -> str:
+        """As the study calls it."""
+        return self.vary.name
+
+    def draw(self, share: Array) -> Array:
+        """Draws (n,) for shares (n,) between 0 and 1; levels have equal shares."""
+        if self.spread is not None:
+            return self.spread.quantile(share)
+        places = np.minimum((share * len(self.levels)).astype(int), len(self.levels) - 1)
+        return self.numbers[places]
+
+    @property
+    def numbers(self) -> Array:
+        """Draws (levels,) that stand for the levels: their values, or their places where they are texts."""
+        texts = any(isinstance(level, str) for level in self.levels)
+        return np.array([place if texts else float(level) for place, level in enumerate(self.levels)], dtype=float)
+
+    def values(self, draw: float) -> dict[str, Value]:
+        """Start values by target."""
+        if self.spread is None:
+            level = self.levels[int(np.flatnonzero(self.numbers == draw)[0])]
+            return dict.fromkeys(self.targets, level)
+        return {name: draw * ratio for name, ratio in zip(self.targets, self.ratios, strict=True)}
+
+
+def find_factor(vary: Vary, system: RunSystem, wiring: Wiring) -> Factor:
+    """The factor of a ``[[vary]]`` in a system.
+
+    Raises :class:`.study.StudyError`: an unknown parameter (with near names), one that cannot be set or is connected,
+    targets of different units, an impossible distribution.
+    """
+    targets = find_targets(vary, system.descriptions)
+    connected = {str(connection.target): connection.source for connection in wiring.connections}
+    variables = []
+    for name in targets:
+        if name in connected:
+            raise vary.error("parameter", f"{name} is connected to {connected[name]}: nothing can be set")
+        component, _, variable = name.partition(".")
+        variables.append(index_variables(system.descriptions[component])[variable])
+        if why := explain_unsettable(variables[-1], running=False):
+            raise vary.error("parameter", f"{name} {why}")
+    units = {get_unit(variable) or "1" for variable in variables}
+    kinds = {variable.type for variable in variables}
+    if len(units | kinds) > 2:
+        raise vary.error("parameter", f"{', '.join(targets)} have different types or units: use a [[vary]] for each")
+    unit = units.pop()
+    if vary.distribution in (VALUES, STEPS):
+        levels = _find_levels(vary, variables, unit)
+        return Factor(vary, unit, targets, (1.0,) * len(targets), levels, None)
+    if kinds != {"Real"}:
+        raise vary.error("distribution", f"{targets[0]} is of the type {kinds.pop()}: give a list of values")
+    starts = [system.get_number(name) for name in targets]
+    return Factor(vary, unit, targets, _find_ratios(vary, targets, starts), (), _find_spread(vary, starts[0], unit))
+
+
+def find_targets(vary: Vary, descriptions: Mapping[str, ModelDescription]) -> tuple[str, ...]:
+    """``component.parameter`` of each start value that a ``[[vary]]`` sets.
+
+    A name that begins with that of a component is exact; others are sought in all components, or in those of ``only``.
+    """
+    for component in vary.only:
+        if component not in descriptions:
+            hint = suggest_names(component, descriptions) or f"; the system has {', '.join(descriptions)}"
+            raise vary.error("only", f"there is no component {component!r}{hint}")
+    settable = {
+        component: [name for name, found in index_variables(description).items() if _is_settable(found)]
+        for component, description in descriptions.items()
+    }
+    found: dict[str, None] = {}
+    for name in vary.parameters:
+        first, _, rest = name.partition(".")
+        if first in settable and rest in settable[first]:
+            if vary.only:
+                raise vary.error("only", f"{name!r} names its component already")
+            found[name] = None
+            continue
+        wanted = vary.only or tuple(settable)
+        own = [f"{component}.{name}" for component in wanted if name in settable[component]]
+        if not own:
+            exact = [f"{component}.{other}" for component, others in settable.items() for other in others]
+            known = exact if first in settable else dict.fromkeys(n for c in wanted for n in settable[c])
+            near = suggest_names(name, known)
+            where = f"the components {', '.join(vary.only)} have" if vary.only else "the system has"
+            raise vary.error("parameter", f"{where} no parameter or input {name!r}{near}")
+        found |= dict.fromkeys(own)
+    return tuple(found)
+
+
+def _is_settable(variable: ModelVariable) -> bool:
+    return explain_unsettable(variable, running=False) is None
+
+
+def _find_levels(vary: Vary, variables: Sequence[ModelVariable], unit: str) -> tuple[Value, ...]:
+    if vary.distribution == STEPS:
+        low, high = _convert(vary, "low", unit), _convert(vary, "high", unit)
+        if vary.count > 1 and low >= high:
+            raise vary.error("low", f"{vary.numbers['low']} is not below high, {vary.numbers['high']}")
+        if vary.logarithmic and low <= 0.0:
+            raise vary.error("low", "steps of a constant ratio need a low end above 0")
+        steps = np.geomspace(low, high, vary.count) if vary.logarithmic else np.linspace(low, high, vary.count)
+        given: list[object] = steps.tolist()
+    else:
+        given = [_read_level(vary, level, variables[0].type, unit) for level in vary.levels]
+    found = []
+    for level in given:
+        for variable in variables:
+            try:
+                value = convert_value(variable, level)  # type: ignore[arg-type]
+            except (UsageError, OverflowError) as error:
+                raise vary.error("values" if vary.levels else "low", f"{variable.name}: {error}") from None
+        found.append(value)
+    return tuple(found)
+
+
+def _read_level(vary: Vary, level: object, kind: str, unit: str) -> object:
+    if kind != "Real":
+        return level
+    try:
+        return parse_number(level).to(unit)
+    except ValueError as error:
+        raise vary.error("values", str(error)) from None
+
+
+def _convert(vary: Vary, key: str, unit: str) -> float:
+    try:
+        return vary.numbers[key].to(unit)
+    except ValueError as error:
+        raise vary.error(key, str(error)) from None
+
+
+def _find_ratios(vary: Vary, targets: Sequence[str], starts: Sequence[float]) -> tuple[float, ...]:
+    if "relative" not in vary.numbers or "mean" in vary.numbers:
+        return (1.0,) * len(targets)
+    for name, start in zip(targets, starts, strict=True):
+        if start == 0.0:
+            raise vary.error("relative", f"{name} starts with 0: say in its unit how far it spreads")
+    return tuple(start / starts[0] for start in starts)
+
+
+def _find_spread(vary: Vary, start: float, unit: str) -> Spread:
+    number: Mapping[str, Number] = vary.numbers
+    centre = _convert(vary, "mean", unit) if "mean" in number else start
+    width = 0.0
+    if "relative" in number or "sigma" in number:
+        key = "relative" if "relative" in number else "sigma"
+        width = abs(centre) * _convert(vary, key, "1") if key == "relative" else _convert(vary, key, unit)
+        if not width > 0.0:
+            raise vary.error(key, f"expected a spread above 0, got {number[key]}")
+    if vary.distribution == UNIFORM and "relative" in number:
+        return Spread(centre - width, centre + width)
+    low = _convert(vary, "low", unit) if "low" in number else -math.inf
+    high = _convert(vary, "high", unit) if "high" in number else math.inf
+    if low >= high:
+        raise vary.error("low", f"{number['low']} is not below high, {number['high']}")
+    if vary.distribution == UNIFORM:
+        return Spread(low, high)
+    assert vary.distribution == NORMAL
+    from scipy.stats import norm
+
+    if norm.cdf(high, centre, width) - norm.cdf(low, centre, width) < LEAST_SHARE:
+        raise vary.error(
+            "low", f"a normal distribution about {centre:g} {unit} with a sigma of {width:g} has nothing between "
+            f"{low:g} and {high:g}"
+        )  # fmt: skip
+    return Spread(low, high, centre, width)

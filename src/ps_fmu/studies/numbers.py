@@ -1,0 +1,60 @@
+"""A number with its unit as a study states it, of either sign or zero: ``-1.5 mm``, ``0 m``, ``2 %``."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+
+from ..slavekit.author.units import parse_unit
+
+_NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(\S.*?)?\s*")
+
+
+@dataclass(frozen=True)
+class Number:
+    """A finite number; ``unit`` is "" where none is given."""
+
+    value: float
+    unit: str
+
+    def to(self, unit: str) -> float:
+        """The number in another unit; "1" and "" are those of numbers without dimension.
+
+        Raises ``ValueError`` where the two do not fit; a number without unit fits only a variable without one.
+        """
+        if unit in ("", "-"):
+            unit = "1"
+        own, other = parse_unit(self.unit or "1"), parse_unit(unit)
+        assert own is not None  # parse_number takes no other
+        if self.unit == unit:  # also for units that are not read here
+            return self.value
+        if other is None or other.offset:
+            raise ValueError(f"nothing can be converted to the unit {unit!r}")
+        if own.exponents != other.exponents:
+            given = repr(self.unit) if self.unit else "a number without unit"
+            raise ValueError(f"{given} does not fit the unit {unit!r}: write for example '{self.value:g} {unit}'")
+        return self.value * own.scale / other.scale
+
+    def __str__(self) -> str:
+        return f"{self.value:g} {self.unit}".rstrip()
+
+
+def parse_number(given: object) -> Number:
+    """A number from a text with its unit, or a plain number for what has no unit.
+
+    Raises ``ValueError`` for anything else: no number, an unknown unit, a number that is not finite.
+    """
+    if isinstance(given, int | float) and not isinstance(given, bool):
+        value, unit = float(given), ""
+    else:
+        found = _NUMBER.fullmatch(given) if isinstance(given, str) else None
+        if found is None:
+            raise ValueError(f"expected a number with its unit, such as '0.5 kg', got {given!r}")
+        value, unit = float(found[1]), found[2] or ""
+    known = parse_unit(unit or "1")
+    if known is None or known.offset:
+        raise ValueError(f"the unit {unit!r} is not known; known are SI units, urad, um, deg, rpm, % and others")
+    if not math.isfinite(value):
+        raise ValueError(f"expected a finite number, got {given!r}")
+    return Number(value, unit)

@@ -1,0 +1,121 @@
+"""Rows on disk: part files that are complete or not there, and what is still missing.
+
+A part is named by the plan's hash and its first and last case.  Which cases are done is read from the parts alone: no
+scheduler is asked.  Two parts may have the same case, as when a worker goes on while its study is resumed elsewhere:
+the rows are equal but for the time they took, and one is taken.
+"""
+
+from __future__ import annotations
+
+import io
+import os
+import re
+import tempfile
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+from .rows import ANSWER, TEXTS, Row
+
+FOLDER = "parts"
+HASH_DIGITS = 16  # of the plan's hash in a name
+_NAME = re.compile(r"(?P<plan>[0-9a-f]{16})-(?P<first>\d+)-(?P<last>\d+)\.parquet")
+
+
+def encode_part(rows: Sequence[Row]) -> bytes:
+    """A Parquet file of rows; a metric that a row has not is null."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    names = dict.fromkeys(name for row in rows for name in row)
+    columns = {name: [row.get(name) for row in rows] for name in names}
+    table = pa.table({name: pa.array(values, _find_type(name)) for name, values in columns.items()})
+    content = io.BytesIO()
+    pq.write_table(table, content)
+    return content.getvalue()
+
+
+def write_part(folder: Path, plan_hash: str, rows: Sequence[Row], content: bytes | None = None) -> Path:
+    """Write rows of neighbouring cases into the output folder ``folder``; the path.
+
+    They are on the disk before the file has its name.  Raises ``OSError``; nothing is left behind then.
+    """
+    first, last = rows[0]["case"], rows[-1]["case"]
+    path = folder / FOLDER / f"{plan_hash[:HASH_DIGITS]}-{first:07d}-{last:07d}.parquet"
+    write_durably(path, encode_part(rows) if content is None else content)
+    return path
+
+
+def write_durably(path: Path, content: bytes) -> None:
+    """Write a file that is complete or not there, also after a loss of power.  Raises ``OSError`` with the path."""
+    try:
+        handle, name = tempfile.mkstemp(dir=path.parent, prefix=".", suffix=".part")
+        try:
+            with os.fdopen(handle, "wb") as file:
+                file.write(content)
+                file.flush()
+                os.fsync(file.fileno())  # before the rename: else the name may be there without the content
+            os.replace(name, path)
+        except BaseException:
+            Path(name).unlink(missing_ok=True)
+            raise
+        folder = os.open(path.parent, os.O_RDONLY)
+        try:
+            os.fsync(folder)
+        finally:
+            os.close(folder)
+    except OSError as error:
+        raise OSError(error.errno, error.strerror or str(error), str(path)) from error
+
+
+def list_parts(folder: Path, plan_hash: str) -> list[Path]:
+    """The parts of a plan in the output folder ``folder``, by their first case."""
+    return [
+        path
+        for path in sorted((folder / FOLDER).glob("*.parquet"))
+        if (found := _NAME.fullmatch(path.name)) and found["plan"] == plan_hash[:HASH_DIGITS]
+    ]
+
+
+def read_rows(parts: Iterable[Path]) -> Any:
+    """The rows of all parts in the order of their cases, each case once, as a ``pyarrow.Table``; None without parts.
+
+    Raises ``OSError`` for a part that cannot be read: delete it, and resume.
+    """
+    import pyarrow as pa
+
+    tables = [_read(path) for path in parts]
+    if not tables:
+        return None
+    joined = pa.concat_tables(tables, promote_options="permissive")
+    cases = joined["case"].to_numpy()
+    seen: dict[int, int] = {}
+    for place, case in enumerate(cases.tolist()):
+        seen.setdefault(case, place)
+    return joined.take(pa.array([seen[case] for case in sorted(seen)]))
+
+
+def list_missing(folder: Path, plan_hash: str, cases: int) -> list[int]:
+    """The cases of a plan that no part has, in order."""
+    done: set[int] = set()
+    for path in list_parts(folder, plan_hash):
+        done.update(_read(path, ["case"])["case"].to_pylist())
+    return [index for index in range(cases) if index not in done]
+
+
+def _read(path: Path, columns: list[str] | None = None) -> Any:
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    try:
+        return pq.read_table(path, columns=columns, partitioning=None)
+    except (OSError, pa.ArrowInvalid) as error:
+        raise OSError(f"{path}: {error}: delete this part, and resume the study") from error
+
+
+def _find_type(name: str) -> Any:
+    import pyarrow as pa
+
+    if name == "case":
+        return pa.int64()
+    return pa.string() if name in TEXTS or name.endswith(ANSWER) else pa.float64()

@@ -1,0 +1,166 @@
+"""All cases of a study before any is run: draws, start values, seeds; and the hash that names them."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from fmpy.model_description import ModelDescription
+from numpy.typing import NDArray
+
+from ..cosim import UsageError, Value
+from ..cosim.description import convert_value, find_variable, index_variables
+from ..cosim.graph import check_wiring
+from ..cosim.structure import parse_port
+from ..runs.setup import RunSystem
+from .factors import Factor, find_factor
+from .sampling import draw_cases
+from .study import COMMON, GRID, LIST, MOST_CASES, Study, StudyError
+from .task import result_versions
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """The cases of a study, in order."""
+
+    study: Study
+    factors: tuple[Factor, ...]
+    draws: Array
+    """(cases, factors), in the units of the factors."""
+    seed_names: tuple[str, ...]
+    """``component.parameter`` of each seed."""
+
+    def __len__(self) -> int:
+        return len(self.draws)
+
+    def values(self, index: int) -> dict[str, Value]:
+        """What case ``index`` sets, by ``component.parameter``: what is varied, and the seeds."""
+        found: dict[str, Value] = {}
+        for factor, draw in zip(self.factors, self.draws[index].tolist(), strict=True):
+            found |= factor.values(draw)
+        return found | self.seeds(index)
+
+    def seeds(self, index: int) -> dict[str, int]:
+        """Seeds of a case, from 0 to 2^31 - 1, by ``component.parameter``.
+
+        Those of different cases come from different children of the study's ``SeedSequence``.
+        """
+        child = 0 if self.study.seeds == COMMON else index
+        sequence = np.random.SeedSequence(self.study.seed, spawn_key=(1, child))
+        states = sequence.generate_state(len(self.seed_names), np.uint32) if self.seed_names else ()
+        return {name: int(state) % 2**31 for name, state in zip(self.seed_names, states, strict=True)}
+
+    @cached_property
+    def targets(self) -> tuple[str, ...]:
+        """All start values that a case sets, but for the seeds."""
+        return tuple(name for factor in self.factors for name in factor.targets)
+
+
+def make_plan(study: Study, system: RunSystem) -> Plan:
+    """The plan of a study for a system.
+
+    Raises :class:`.study.StudyError`: what cannot be varied in this system, too many cases, two ``[[vary]]`` or a run
+    that set the same, a value outside the bounds of its FMU.
+    """
+    wiring = check_wiring(system.structure, system.descriptions)
+    factors = tuple(find_factor(vary, system, wiring) for vary in study.varied)
+    _check_targets(study, factors)
+    _check_runs(study, system.descriptions)
+    if study.plan in (GRID, LIST):
+        counts = [len(factor.levels) for factor in factors]
+        total = math.prod(counts) if study.plan == GRID else max(counts)
+        if total > MOST_CASES:
+            raise study.error("plan", f"{total} cases are too many: expected at most {MOST_CASES}")
+    plan = Plan(study, factors, draw_cases(study, factors), find_seeds(study, system.descriptions, factors))
+    _check_values(plan, system.descriptions)
+    return plan
+
+
+def find_seeds(
+    study: Study, descriptions: Mapping[str, ModelDescription], factors: Sequence[Factor]
+) -> tuple[str, ...]:
+    """``component.parameter`` of all seeds: Integer parameters of this name that the study does not set itself."""
+    own = {name for factor in factors for name in factor.targets} | {n for run in study.runs.values() for n in run}
+    found = [
+        f"{component}.{name}"
+        for component, description in descriptions.items()
+        for name, variable in index_variables(description).items()
+        if variable.causality == "parameter" and variable.type == "Integer" and name.split(".")[-1] == "seed"
+    ]
+    return tuple(name for name in found if name not in own)
+
+
+def hash_plan(plan: Plan, fmus: Mapping[str, str], system_sha256: str, requirements: bytes) -> str:
+    """SHA-256, hexadecimal, of all that decides the rows of the study.
+
+    Parameters
+    ----------
+    fmus: SHA-256 of each FMU by its name.
+    system_sha256: of wiring and start values, which the FMUs share.
+    requirements: content of the file, empty without one.
+    """
+    study = plan.study
+    stated: dict[str, Any] = {
+        "factors": [(factor.name, factor.unit, factor.targets, factor.ratios) for factor in plan.factors],
+        "draws": hashlib.sha256(plan.draws.astype("<f8").tobytes()).hexdigest(),
+        "levels": [factor.levels for factor in plan.factors],
+        "seed": (study.seed, study.seeds, plan.seed_names),
+        "runs": study.runs,
+        "times": (study.duration_s, study.step_s, study.scheme),
+        "observed": [{**observed.as_dict(), "place": ""} for observed in study.observed],
+        "requirements": hashlib.sha256(requirements).hexdigest(),
+        "system": system_sha256,
+        "fmus": fmus,
+        "versions": result_versions(),
+    }
+    return hashlib.sha256(json.dumps(stated, sort_keys=True).encode()).hexdigest()
+
+
+def _check_targets(study: Study, factors: Sequence[Factor]) -> None:
+    owner: dict[str, Factor] = {}
+    for factor in factors:
+        for name in factor.targets:
+            if name in owner:
+                raise factor.vary.error("parameter", f"{name} is varied by [[vary]] {owner[name].name!r}, too")
+            owner[name] = factor
+    for run, values in study.runs.items():
+        for name in values:
+            if name in owner:
+                raise StudyError(f"{study.path}, [runs.{run}], {name}: is varied by [[vary]] {owner[name].name!r}")
+
+
+def _check_runs(study: Study, descriptions: Mapping[str, ModelDescription]) -> None:
+    for run, values in study.runs.items():
+        for name, value in values.items():
+            try:
+                port = parse_port(name)
+                if port.component not in descriptions:
+                    raise UsageError(f"there is no component {port.component!r}; there are {', '.join(descriptions)}")
+                _convert(descriptions, name, value)
+            except UsageError as error:
+                raise StudyError(f"{study.path}, [runs.{run}], {name}: {error}") from None
+
+
+def _check_values(plan: Plan, descriptions: Mapping[str, ModelDescription]) -> None:
+    """Bounds of the FMUs, by the smallest and the largest draw: whatever lies between is inside, too."""
+    for place, factor in enumerate(plan.factors):
+        for index in (int(plan.draws[:, place].argmin()), int(plan.draws[:, place].argmax())):
+            for name, value in factor.values(float(plan.draws[index, place])).items():
+                try:
+                    _convert(descriptions, name, value)
+                except UsageError as error:
+                    key = "values" if factor.spread is None else "low"
+                    raise factor.vary.error(key, f"case {index}, {name}: {error}; truncate with low and high") from None
+
+
+def _convert(descriptions: Mapping[str, ModelDescription], name: str, value: Value) -> Value:
+    port = parse_port(name)
+    return convert_value(find_variable(descriptions[port.component], port.variable), value)

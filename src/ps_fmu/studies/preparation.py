@@ -1,0 +1,92 @@
+"""From a study to what is run: its system, checked against all that the study names, and the files for the workers."""
+
+from __future__ import annotations
+
+import tempfile
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from ..cosim import write_ssp
+from ..cosim.rows import make_layout
+from ..cosim.structure import Experiment
+from ..pointing.indices import AbsoluteError, MeanError, PointingIndex, RelativeError, ResidualJitter
+from ..runs.options import OptionError, RunOptions, Scenario
+from ..runs.setup import RunSystem, load_system
+from .bundle import REQUIREMENTS, SYSTEM, TASK, Bundle
+from .indices import check_windows, find_signals
+from .study import Observed, Study, StudyError
+from .task import Task, result_versions
+
+DEFAULT_SIGNAL = "plant.payload_rotation"
+DEFAULT_WINDOW_S = 1.0
+
+
+def make_options(study: Study, output: Path, run: Any = None) -> RunOptions:
+    """The study as options of a run.  ``run``: runs them, for a case that is run again.
+
+    Raises :class:`..runs.options.OptionError`.
+    """
+    scenario = Scenario(
+        study.name, study.name, run, study.duration_s, study.step_s, cases=tuple(study.runs), system=study.system.name
+    )
+    return RunOptions(
+        scenario,
+        system=study.system,
+        output=output,
+        duration_s=study.duration_s,
+        step_s=study.step_s,
+        parameters=study.parameters,
+        scheme=study.scheme,
+        requirements=study.requirements,
+        fmus=study.fmus,
+        progress=False,
+    )
+
+
+def load_study_system(study: Study) -> RunSystem:
+    """The system of a study; requirements, signals and windows are checked against it.
+
+    Raises :class:`.study.StudyError`, and :class:`..cosim.CosimError` for a system that cannot be read.
+    """
+    try:
+        system = load_system(make_options(study, Path()))
+    except OptionError as error:
+        raise StudyError(f"{study.path}, [study], {_as_key(str(error))}") from error
+    columns = make_layout(system.descriptions).columns
+    for observed in study.observed:
+        find_signals(observed, columns)
+        check_windows(observed, study.step_s, study.duration_s)
+    return system
+
+
+def complete_observed(study: Study, system: RunSystem) -> Study:
+    """The study; where it observes nothing, with the indices of the payload's rotation over 1 s."""
+    if study.observed:
+        return study
+    indices: list[PointingIndex] = [AbsoluteError()]
+    if study.duration_s >= DEFAULT_WINDOW_S:
+        window = DEFAULT_WINDOW_S
+        indices += [MeanError(window), RelativeError(window, "uniform"), ResidualJitter(window)]
+    observed = Observed(f"{study.path}, [[observe]]", (DEFAULT_SIGNAL,), tuple(indices))
+    find_signals(observed, make_layout(system.descriptions).columns)
+    return replace(study, observed=(observed,))
+
+
+def make_bundle(study: Study, system: RunSystem) -> Bundle:
+    """The files of a study.  Raises as :func:`..cosim.write_ssp`."""
+    experiment = Experiment(0.0, study.duration_s, study.step_s)
+    with tempfile.TemporaryDirectory(prefix="study_") as folder:
+        path = Path(folder, SYSTEM)
+        write_ssp(replace(system.structure, experiment=experiment), path)
+        archive = path.read_bytes()
+    task = Task(study.step_s, study.duration_s, study.scheme, study.runs, study.observed, result_versions())
+    files = {SYSTEM: archive, TASK: task.as_json()}
+    if study.requirements is not None:
+        files[REQUIREMENTS] = study.requirements.read_bytes()
+    return Bundle.of(files)
+
+
+def _as_key(problem: str) -> str:
+    """The text of an option's error with the key of the study instead of the option."""
+    return problem.removeprefix("--")

@@ -1,0 +1,147 @@
+"""What the cases of a study say: percentiles, probability of meeting a requirement, the worst cases."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..pointing.confidence import Statement, quantile
+from ..pointing.interpretation import Interpretation
+from ..requirements.verdict import Answer
+from .outcome import Outcome, Output
+from .rows import ANSWER
+
+Array = NDArray[np.float64]
+
+PROBABILITIES = (0.05, 0.5, 0.95, 0.99)
+CONFIDENCE = 0.9
+"""Of the interval of each percentile and probability."""
+WORST = 5
+
+
+@dataclass(frozen=True)
+class Percentiles:
+    """Of an output over the cases, in its unit."""
+
+    output: Output
+    cases: int
+    """That have a value."""
+    mean: float
+    std: float
+    least: float
+    largest: float
+    stated: tuple[Statement, ...]
+    """One for each of :data:`PROBABILITIES`, by order statistics of independent cases."""
+
+
+@dataclass(frozen=True)
+class Share:
+    """Cases of which something is true: the share with its exact interval (C. J. Clopper, E. S. Pearson, 1934)."""
+
+    true: int
+    cases: int
+
+    @property
+    def value(self) -> float:
+        """Share of the cases."""
+        return self.true / self.cases
+
+    def interval(self, confidence: float = CONFIDENCE) -> tuple[float, float]:
+        """Two-sided, conservative: it holds the true probability with ``confidence`` at least."""
+        from scipy.stats import binomtest
+
+        found = binomtest(self.true, self.cases).proportion_ci(confidence, method="exact")
+        return float(found.low), float(found.high)
+
+
+@dataclass(frozen=True)
+class Compliance:
+    """How probable it is that a case meets a requirement.  A case without result counts as not met."""
+
+    output: Output
+    below: Share
+    """The value of the case, its best estimate, is not above the limit."""
+    sure: Share
+    """The verdict of the case is "met": so is the bound of that one run, with the requirement's own confidence."""
+    ensemble: Statement | None
+    """Quantile of the largest values of the cases, for a requirement that holds for a share of the ensemble."""
+
+
+def find_percentiles(outcome: Outcome) -> list[Percentiles]:
+    """Of all outputs that some case has."""
+    found = []
+    for output in outcome.outputs:
+        values = outcome.values(output)
+        values = values[np.isfinite(values)]
+        if len(values):
+            found.append(
+                Percentiles(
+                    output,
+                    len(values),
+                    float(values.mean()),
+                    float(values.std(ddof=1)) if len(values) > 1 else math.nan,
+                    float(values.min()),
+                    float(values.max()),
+                    tuple(quantile(values, probability, CONFIDENCE) for probability in PROBABILITIES),
+                )
+            )
+    return found
+
+
+def find_compliance(outcome: Outcome) -> list[Compliance]:
+    """Of each requirement, signal and run."""
+    found = []
+    cases = len(outcome.table)
+    for output in outcome.outputs:
+        requirement = output.requirement
+        if requirement is None or output.limit is None:
+            continue
+        values = outcome.values(output)
+        column = output.name.removesuffix("/value") + ANSWER
+        met = int((outcome.table[column] == Answer.MET.value).sum()) if column in outcome.table else 0
+        ensemble = None
+        if requirement.interpretation is Interpretation.ENSEMBLE and np.isfinite(values).all():
+            assert requirement.probability is not None and requirement.confidence is not None  # of such a quantile
+            ensemble = quantile(values, requirement.probability, requirement.confidence)
+        below = int((values <= output.limit).sum())  # NaN is not
+        found.append(Compliance(output, Share(below, cases), Share(met, cases), ensemble))
+    return found
+
+
+def find_worst(outcome: Outcome, most: int = WORST) -> list[tuple[int, float, Output]]:
+    """Cases that are worst: case, its value, and the output that it is worst in; the worst first.
+
+    By the value over the limit, the largest of all requirements; without requirements by the first headline output
+    over its median.
+    """
+    outputs = [output for output in outcome.headlines if output.limit is not None] or list(outcome.headlines[:1])
+    if not outputs:
+        return []
+    scaled = np.column_stack([_scale(outcome, output) for output in outputs])
+    scaled = np.where(np.isfinite(scaled), scaled, -math.inf)
+    place = scaled.argmax(axis=1)
+    score = scaled[np.arange(len(scaled)), place]
+    order = [int(case) for case in np.argsort(-score, kind="stable") if math.isfinite(score[case])][:most]
+    return [(case, float(outcome.values(outputs[place[case]])[case]), outputs[place[case]]) for case in order]
+
+
+def find_failed(outcome: Outcome) -> list[tuple[int, str, str]]:
+    """Case, status and error of all that are not done."""
+    table = outcome.table[~outcome.done]
+    return [(int(case), str(status), str(error)) for case, status, error in
+            zip(table["case"], table["status"], table["error"], strict=True)]  # fmt: skip
+
+
+def count_statuses(outcome: Outcome) -> dict[str, int]:
+    """Cases by status."""
+    return {str(status): int(count) for status, count in outcome.table["status"].value_counts().items()}
+
+
+def _scale(outcome: Outcome, output: Output) -> Array:
+    values = outcome.values(output)
+    finite = values[np.isfinite(values)]
+    unit = output.limit if output.limit is not None else float(np.median(finite)) if len(finite) else 1.0
+    return np.asarray(values / (unit or 1.0))

@@ -1,0 +1,124 @@
+"""A study as its file states it, checked in itself; whether the names exist is seen when the system is read."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+from ..cosim import Value
+from ..pointing.indices import PointingIndex
+from ..requirements.reading import INDICES
+from .numbers import Number
+
+GRID, LIST, RANDOM, LATIN, SOBOL = "grid", "list", "random", "latin-hypercube", "sobol"
+SOBOL_INDICES, MORRIS = "sobol-indices", "morris"
+PLANS = (GRID, LIST, RANDOM, LATIN, SOBOL, SOBOL_INDICES, MORRIS)
+SAMPLES = (RANDOM, LATIN, SOBOL)
+"""Plans whose cases are a sample of the dispersed system: percentiles and probabilities mean something."""
+INDEPENDENT, COMMON = "independent", "common"
+VALUES, STEPS, UNIFORM, NORMAL = "values", "steps", "uniform", "normal"
+DISTRIBUTIONS = (STEPS, UNIFORM, NORMAL)
+MOST_CASES = 1_000_000
+
+
+class StudyError(ValueError):
+    """A study that cannot be run; the text names the file, the table and the key."""
+
+
+@dataclass(frozen=True)
+class Vary:
+    """What is varied: a table ``[[vary]]``."""
+
+    place: str
+    """File, line and name, for error messages."""
+    name: str
+    parameters: tuple[str, ...]
+    """``component.parameter``, or a parameter of all components that have it."""
+    only: tuple[str, ...]
+    """Components that get the value; empty: all that have the parameter."""
+    distribution: str
+    """One of :data:`DISTRIBUTIONS`, or :data:`VALUES`."""
+    numbers: Mapping[str, Number]
+    """``low``, ``high``, ``mean``, ``sigma``, ``relative``: those that are given."""
+    levels: tuple[object, ...] = ()
+    """The values, as the file has them."""
+    count: int = 0
+    """Of the steps."""
+    logarithmic: bool = False
+    """The steps have a constant ratio."""
+
+    def error(self, key: str, problem: str) -> StudyError:
+        """The error that names file, table and key."""
+        return StudyError(f"{self.place}, {key}: {problem}")
+
+
+@dataclass(frozen=True)
+class Correlation:
+    """Rank correlations (Spearman) between some of what is varied: a table ``[[correlate]]``."""
+
+    place: str
+    names: tuple[str, ...]
+    matrix: tuple[tuple[float, ...], ...]
+
+
+@dataclass(frozen=True)
+class Observed:
+    """Signals and the indices that each case states of them: a table ``[[observe]]``."""
+
+    place: str
+    signals: tuple[str, ...]
+    indices: tuple[PointingIndex, ...]
+    settling_s: float = 0.0
+
+    def as_dict(self) -> dict[str, Any]:
+        """As JSON knows it; :meth:`from_dict` reads it."""
+        indices = [
+            {"symbol": index.symbol, **{item.name: getattr(index, item.name) for item in fields(index)}}  # type: ignore[arg-type]
+            for index in self.indices
+        ]
+        return {"place": self.place, "signals": self.signals, "indices": indices, "settling_s": self.settling_s}
+
+    @classmethod
+    def from_dict(cls, found: Mapping[str, Any]) -> Observed:
+        """What :meth:`as_dict` has written."""
+        indices = [dict(index) for index in found["indices"]]
+        made = tuple(INDICES[index.pop("symbol")](**index) for index in indices)
+        return cls(found["place"], tuple(found["signals"]), made, found["settling_s"])
+
+
+@dataclass(frozen=True)
+class Study:
+    """All that a file states; paths are as they can be opened."""
+
+    path: Path
+    name: str
+    system: Path
+    fmus: Path | None
+    """Folder of the FMUs; None: beside the system, as it says."""
+    duration_s: float
+    step_s: float
+    scheme: str
+    parameters: tuple[Path, ...]
+    requirements: Path | None
+    plan: str
+    cases: int | None
+    """None where the plan says how many there are."""
+    seed: int
+    """Root of all random numbers of the study."""
+    seeds: str
+    """:data:`INDEPENDENT`: each case has its own; :data:`COMMON`: all have the same disturbance."""
+    runs: Mapping[str, Mapping[str, Value]]
+    """Start values of each run of a case, by the name of the run."""
+    varied: tuple[Vary, ...]
+    correlations: tuple[Correlation, ...] = ()
+    observed: tuple[Observed, ...] = ()
+    timeout_s: float | None = None
+    """Of a case; None: it may take as long as it takes."""
+    control_variates: int = 0
+    """Cases of the closed form; 0: no control variate."""
+
+    def error(self, key: str, problem: str) -> StudyError:
+        """The error that names the file and a key of [study]."""
+        return StudyError(f"{self.path}, [study], {key}: {problem}")

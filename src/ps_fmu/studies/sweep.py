@@ -1,0 +1,143 @@
+"""A whole study: plan, run what is missing, say what it says."""
+
+from __future__ import annotations
+
+import os
+import shlex
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from ..runs.built_fmus import find_built_folder, provide_fmus
+from ..runs.options import claim_folder
+from ..runs.output import lock_folder
+from ..runs.setup import RunSystem
+from .bundle import Bundle
+from .control_variate import check_closed_form
+from .plan import Plan, make_plan
+from .preparation import complete_observed, load_study_system, make_bundle
+from .reading import read_study
+from .study_folder import Identity
+
+Report = Callable[[int, int], None]
+"""Takes the number of cases of a batch, and how many of these are not done."""
+
+QUIET_INTERVAL_S = 10.0  # between the lines of the progress bar in a log file
+
+
+@dataclass(frozen=True)
+class SweepOptions:
+    """The command line of ``ps-fmu sweep``."""
+
+    study: Path
+    output: Path
+    scheduler: str | None = None
+    """Address of a dask scheduler; None: a cluster on this machine."""
+    workers: int | None = None
+    """Of a cluster on this machine; None: one for each processor."""
+    resume: bool = False
+    fmus: Path | None = None
+    """Folder of the FMUs; None: those of ps_fmu, built if they are not."""
+    progress: bool = True
+
+    @property
+    def command(self) -> str:
+        """The command that resumes the study."""
+        words = ["ps-fmu", "sweep", str(self.study), "--output", str(self.output)]
+        for name in ("scheduler", "workers", "fmus"):
+            if (value := getattr(self, name)) is not None:
+                words += [f"--{name}", str(value)]
+        return shlex.join([*words, "--resume"])
+
+
+@dataclass(frozen=True, eq=False)
+class Prepared:
+    """A study that can be run."""
+
+    plan: Plan
+    system: RunSystem
+    bundle: Bundle
+    identity: Identity
+
+
+def prepare(options: SweepOptions) -> Prepared:
+    """Read a study, its system and FMUs; plan all cases.
+
+    Raises :class:`.study.StudyError`, :class:`..cosim.CosimError`, BuildError, OSError.
+    """
+    study = read_study(options.study)
+    if study.system.suffix.lower() != ".ssp":
+        folder = options.fmus or find_built_folder()
+        if options.fmus is None:
+            provide_fmus(folder, study.system)
+        study = replace(study, fmus=folder)
+    system = load_study_system(study)
+    if study.control_variates:
+        try:
+            check_closed_form(system, study.plan)
+        except ValueError as error:
+            raise study.error("control_variates", str(error)) from error
+    plan = make_plan(complete_observed(study, system), system)
+    bundle = make_bundle(plan.study, system)
+    return Prepared(plan, system, bundle, Identity.of(plan, system, bundle))
+
+
+@contextmanager
+def hold(folder: Path) -> Iterator[Path]:
+    """Make the output folder and lock it for the body; its absolute path.
+
+    Raises :class:`..runs.options.OptionError` if it cannot be used, or another study is running in it.
+    """
+    folder = folder.absolute()
+    claim_folder(folder)
+    lock = lock_folder(folder)
+    try:
+        yield folder
+    finally:
+        if lock is not None:
+            os.close(lock)
+
+
+def compute(options: SweepOptions, prepared: Prepared, folder: Path) -> None:
+    """Run the cases that no part has.
+
+    Raises :class:`.rows.ClusterError`, :class:`.rows.StartError`, :class:`.rows.VersionError`, OSError and
+    KeyboardInterrupt; the parts so far are kept.
+    """
+    from .cluster import Dispatcher, connect, find_dashboard
+    from .parts import list_missing
+
+    plan, name = prepared.plan, prepared.identity.plan_sha256
+    missing = list_missing(folder, name, len(plan))
+    if not missing:
+        return
+    kept = len(plan) - len(missing)
+    print(f"{plan.study.name}: {len(plan)} cases" + (f", {kept} of them done before" if kept else ""), file=sys.stderr)
+    with connect(options.scheduler, options.workers) as client, _show_progress(options, len(plan), kept) as report:
+        if dashboard := find_dashboard(client):
+            print(f"dask's dashboard: {dashboard}", file=sys.stderr)
+        Dispatcher(client, plan, name, prepared.bundle, folder, report).run(missing)
+
+
+@contextmanager
+def _show_progress(options: SweepOptions, cases: int, done: int) -> Iterator[Report]:
+    """A bar on the error stream with the time that is left; it counts what comes in from now on."""
+    from tqdm import tqdm
+
+    quiet = sys.stderr is None or not sys.stderr.isatty()
+    with tqdm(
+        total=cases, initial=done, desc="cases", unit="case", disable=not options.progress or sys.stderr is None,
+        file=sys.stderr, mininterval=QUIET_INTERVAL_S if quiet else 0.5,
+    ) as bar:  # fmt: skip
+        not_done = 0
+
+        def report(cases: int, others: int) -> None:
+            nonlocal not_done
+            not_done += others
+            if not_done:
+                bar.set_postfix_str(f"{not_done} not done", refresh=False)
+            bar.update(cases)
+
+        yield report

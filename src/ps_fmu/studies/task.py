@@ -1,0 +1,47 @@
+"""What is done with each case of a study, as the processes that run them are told."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from ..cosim import Value
+from ..results.summary import versions
+from .study import Observed
+
+RESULT_PACKAGES = ("python", "ps_fmu", "numpy", "scipy", "fmpy", "pythonfmu")
+"""Packages whose release may change a result."""
+
+
+@dataclass(frozen=True)
+class Task:
+    """What is done with each case."""
+
+    step_s: float
+    duration_s: float
+    scheme: str
+    runs: Mapping[str, Mapping[str, Value]]
+    """Start values of each run, by its name."""
+    observed: tuple[Observed, ...]
+    versions: Mapping[str, str]
+    """Of the packages that a row depends on, where the study was planned."""
+
+    def as_json(self) -> bytes:
+        """The content of the file; :meth:`from_json` reads it."""
+        found = {**vars(self), "observed": [observed.as_dict() for observed in self.observed]}
+        return json.dumps(found).encode()
+
+    @classmethod
+    def from_json(cls, text: bytes) -> Task:
+        """What :meth:`as_json` has written."""
+        found: dict[str, Any] = json.loads(text)
+        return cls(**{**found, "observed": tuple(map(Observed.from_dict, found["observed"]))})
+
+
+def result_versions() -> dict[str, str]:
+    """Versions of Python and of the packages that a row depends on; of Python without its patch level."""
+    found = {name: version for name, version in versions().items() if name in RESULT_PACKAGES}
+    found["python"] = ".".join(found["python"].split(".")[:2])
+    return found

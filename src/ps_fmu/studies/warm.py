@@ -1,0 +1,53 @@
+"""A system that is run again and again with other start values, in one process."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+
+from ..cosim import CosimError, Master, System, Value
+from ..cosim.description import read_descriptions
+
+
+class WarmSystem:
+    """Keeps what does not change from run to run: the system, model descriptions, and the FMUs in memory.
+
+    Parameters
+    ----------
+    step_s: communication step, s.
+    scheme: order of exchange, as :class:`..cosim.Master` has it.
+    """
+
+    def __init__(self, system: System, step_s: float, scheme: str) -> None:
+        self.system = system
+        self.descriptions = read_descriptions(system)
+        self._step_s, self._scheme = step_s, scheme
+        self._master: Master | None = None
+
+    @contextmanager
+    def prepare(self, values: Mapping[str, Value]) -> Iterator[Master]:
+        """The system at its start with other start values, by ``component.variable``, ready to run in the body.
+
+        After an error the FMUs are loaded anew.  Raises :class:`..cosim.CosimError`.
+        """
+        try:
+            master = self._start(values)
+            master.initialise()
+            yield master
+        except BaseException:
+            with suppress(CosimError):  # the first error is the one that counts
+                self.close()
+            raise
+
+    def close(self) -> None:
+        """Free the FMUs; safe to call twice."""
+        master, self._master = self._master, None
+        if master is not None:
+            master.close()
+
+    def _start(self, values: Mapping[str, Value]) -> Master:
+        """The Master before its initialisation, with these values in place of those of the run before."""
+        if self._master is None:
+            self._master = Master(self.system, self._step_s, self._scheme, descriptions=self.descriptions)
+        self._master.reset(values)
+        return self._master

@@ -1,0 +1,101 @@
+"""``ps-fmu sweep STUDY.toml``: a study of many cases, on this machine or on a cluster; or one of its cases again.
+
+Exit codes: 0 all cases have a row, 1 the study cannot go on, 2 study or argument cannot be used, 130 interrupted.
+Rows so far are kept in any case.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from .product.files import find_file
+from .terminal import reason
+
+if TYPE_CHECKING:
+    from .studies.sweep import SweepOptions
+
+EXIT_FAILED, EXIT_REFUSED, EXIT_INTERRUPTED = 1, 2, 130
+
+
+def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the subcommand ``sweep``."""
+    parser = commands.add_parser(
+        "sweep",
+        help="run a study of many cases",
+        description="Run the cases of a study, each with other parameters, and say what they say: percentiles, "
+        "probability of meeting each requirement, worst cases, sensitivities.  docs/studies.md explains STUDY.toml, "
+        "docs/cluster.md how to use more than one machine.  Needs the extra: pip install 'ps-fmu[sweep]'.",
+    )
+    parser.add_argument("study", type=Path, metavar="STUDY.toml")
+    parser.add_argument("--output", type=Path, metavar="DIR", help="folder of the results (results/STUDY)")
+    parser.add_argument("--resume", action="store_true", help="compute what a study in DIR lacks")
+    parser.add_argument("--case", type=int, metavar="N", help="run case N alone, with all signals and a report")
+    where = parser.add_mutually_exclusive_group()
+    where.add_argument("--scheduler", metavar="ADDRESS", help="of a dask scheduler, such as tcp://node1:8786")
+    where.add_argument("--workers", type=int, metavar="N", help="processes on this machine (one a processor)")
+    parser.add_argument("--fmus", type=Path, metavar="DIR", help="the FMUs (those of ps_fmu, built if they are not)")
+    parser.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run the study, or one case of it; returns the exit code."""
+    from .cosim.errors import CosimError
+    from .mechanism.quantities import ParameterError
+    from .requirements.requirement import RequirementError
+    from .runs.options import OptionError
+    from .slavekit.pack.build import BuildError
+    from .studies.rows import StartError, VersionError
+    from .studies.study import StudyError
+    from .studies.sweep import SweepOptions
+
+    options = SweepOptions(
+        find_file(arguments.study),
+        arguments.output or Path("results", arguments.study.stem),
+        scheduler=arguments.scheduler,
+        workers=arguments.workers,
+        resume=arguments.resume,
+        fmus=arguments.fmus,
+    )
+    try:
+        if arguments.workers is not None and arguments.workers < 1:
+            raise StudyError(f"--workers: expected 1 or more, got {arguments.workers}")
+        return _rerun(options, arguments.case) if arguments.case is not None else _sweep(options)
+    except (StudyError, OptionError, RequirementError, ParameterError) as error:
+        return _report(reason(error), EXIT_REFUSED)
+    except (BuildError, CosimError, StartError, VersionError, OSError) as error:
+        return _report(reason(error), EXIT_FAILED)
+
+
+def _sweep(options: SweepOptions) -> int:
+    from .studies.conclusion import conclude
+    from .studies.rows import ClusterError, StartError, VersionError
+    from .studies.study_folder import open_folder
+    from .studies.sweep import compute, hold, prepare
+
+    prepared = prepare(options)
+    with hold(options.output) as folder:
+        open_folder(folder, prepared.plan, prepared.identity, resume=options.resume)
+        try:
+            compute(options, prepared, folder)
+        except KeyboardInterrupt:
+            return _report(f"interrupted; rows so far are kept, go on with\n  {options.command}", EXIT_INTERRUPTED)
+        except (ClusterError, StartError, VersionError, OSError) as error:
+            text = f"{reason(error)}\nRows so far are kept; go on with\n  {options.command}"
+            return _report(text, EXIT_FAILED)
+        print(conclude(options, prepared, folder))
+    return 0
+
+
+def _rerun(options: SweepOptions, case: int) -> int:
+    from .studies.rerun import rerun
+
+    print(rerun(options, case))
+    return 0
+
+
+def _report(text: str, code: int) -> int:
+    print(f"ps-fmu sweep: {text}", file=sys.stderr)
+    return code

@@ -1,0 +1,84 @@
+"""A system of one toy FMU, and studies of it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from pythonfmu.builder import FmuBuilder
+from support.cosim import HEAD
+
+from ps_fmu.studies.reading import read_study
+from ps_fmu.studies.sweep import SweepOptions, prepare
+
+TOY = Path(__file__).parent / "toys" / "toy_study.py"
+SSD = HEAD + (
+    '<ssd:Elements><ssd:Component name="toy" type="application/x-fmu-sharedlibrary" source="resources/ToyStudy.fmu">'
+    '<ssd:Connectors><ssd:Connector name="error.x" kind="output"><ssc:Real/></ssd:Connector></ssd:Connectors>'
+    "</ssd:Component></ssd:Elements></ssd:System></ssd:SystemStructureDescription>\n"
+)
+OBSERVE = """
+[[observe]]
+signal = "toy.error"
+index = ["APE", "RPE"]
+window = "0.02 s"
+at = "uniform"
+settling = "0.01 s"
+"""
+STUDY = """
+[study]
+name = "toy"
+system = "toy.ssd"
+duration = "0.1 s"
+step = "1 ms"
+plan = "random"
+cases = 6
+seed = 7
+
+[[vary]]
+parameter = "gain"
+distribution = "uniform"
+low = "1"
+high = "2"
+"""
+
+
+@pytest.fixture(scope="session")
+def toy_fmus(tmp_path_factory) -> Path:
+    """Folder with ToyStudy.fmu."""
+    folder = tmp_path_factory.mktemp("toy_study")
+    FmuBuilder.build_FMU(TOY, dest=folder)
+    return folder
+
+
+@pytest.fixture
+def write_study(tmp_path, toy_fmus):
+    """Writes a study of the toy; its path.  ``changes``: texts of the study and what they are replaced by."""
+
+    def write(text=STUDY + OBSERVE, changes=None, name="study.toml"):
+        (tmp_path / "toy.ssd").write_text(SSD)
+        for old, new in (changes or {}).items():
+            assert old in text
+            text = text.replace(old, new)
+        path = tmp_path / name
+        path.write_text(text, encoding="utf-8")
+        return path
+
+    return write
+
+
+@pytest.fixture
+def make_prepared(write_study, toy_fmus, tmp_path):
+    """Prepares a study of the toy, see ``write_study``."""
+
+    def make(*arguments, **named):
+        return prepare(SweepOptions(write_study(*arguments, **named), tmp_path / "out", fmus=toy_fmus))
+
+    return make
+
+
+@pytest.fixture
+def read(write_study, toy_fmus):
+    """Reads a study of the toy, see ``write_study``."""
+    return lambda *arguments, **named: replace(read_study(write_study(*arguments, **named)), fmus=toy_fmus)

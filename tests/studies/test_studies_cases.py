@@ -1,0 +1,169 @@
+"""Rows of cases: the numbers are those of the signals, and whatever a case does, its neighbours are computed."""
+
+import json
+import os
+import time
+
+import numpy as np
+import pytest
+from support.cosim import Collect
+
+from ps_fmu.cosim import Master
+from ps_fmu.pointing.indices import AbsoluteError, RelativeError
+from ps_fmu.studies.case_process import CaseProcess
+from ps_fmu.studies.case_runner import CaseRunner
+from ps_fmu.studies.indices import IndexRecord
+from ps_fmu.studies.rows import DONE, FAILED, KILLED, LATE, StartError, VersionError
+from ps_fmu.studies.study import Observed
+
+GAIN = {"toy.gain": 1.5}
+
+
+@pytest.fixture
+def folder(make_prepared, tmp_path):
+    """The unpacked files of a study of the toy."""
+    return make_prepared().bundle.unpack(tmp_path)
+
+
+@pytest.fixture
+def run_cases(folder):
+    """Runs cases in a process; closes it."""
+    made = []
+
+    def run(values, **options):
+        process = CaseProcess(folder, **options)
+        made.append(process)
+        return list(process.run(enumerate(values)))
+
+    yield run
+    for process in made:
+        process.close()
+
+
+def without_time(rows):
+    return [{name: value for name, value in row.items() if name != "wall_s"} for row in rows]
+
+
+def test_the_numbers_of_a_row_are_those_of_the_signals(make_prepared, tmp_path):
+    prepared = make_prepared()
+    runner = CaseRunner(prepared.bundle.unpack(tmp_path))
+    row = runner.run(0, {**GAIN, "toy.seed": 5})
+    seen = Collect()
+    with Master(prepared.system.structure.with_parameters({**GAIN, "toy.seed": 5}), 1e-3) as master:
+        master.initialise()
+        master.run(0.1, [seen])
+        places = [[column.name for column in master.columns].index(f"toy.error.{axis}") for axis in "xy"]
+        large = [column.name for column in master.columns].index("toy.large")
+    record = seen.values[10:, places]  # after the settling
+    for name, index in (("APE", AbsoluteError()), ("RPE_0.02s", RelativeError(0.02, "uniform"))):
+        values = index.values(record, 1e-3, stride=1 if name == "APE" else None).reshape(-1, 2)
+        for place, axis in enumerate("xy"):
+            rms = float(np.sqrt(np.mean(values[:, place] ** 2)))
+            assert row[f"active.toy.error.{axis}.{name}.rms"] == pytest.approx(rms, rel=1e-12)
+            assert row[f"active.toy.error.{axis}.{name}.peak"] == np.abs(values[:, place]).max()
+    assert row["active.toy.large.share"] == pytest.approx(seen.values[:, large].mean(), rel=1e-12)
+    assert 0.0 < row["active.toy.large.share"] < 1.0
+
+
+def test_how_the_rows_are_cut_into_blocks_does_not_matter():
+    columns = [type("Column", (), {"name": f"a.e.{axis}", "type": "Real", "unit": "rad"}) for axis in "xy"]
+    values = np.random.default_rng(3).standard_normal((103, 2))
+    observed = Observed("", ("a.e",), (AbsoluteError(), RelativeError(0.01, "end")), settling_s=0.005)
+    found = []
+    for block in (1, 7, 103):
+        record = IndexRecord(observed, columns, 1e-3)
+        for first in range(0, 103, block):
+            record.block(first, np.zeros(block), values[first : first + block])
+        found.append(record.metrics())
+    for other in found[1:]:
+        assert other == pytest.approx(found[0], rel=1e-13)
+    assert found[0]["a.e.x.APE.peak"] == np.abs(values[5:, 0]).max()
+
+
+def test_a_process_gives_the_rows_that_this_process_computes(folder, run_cases):
+    values = [{**GAIN, "toy.seed": seed} for seed in (1, 2)]
+    runner = CaseRunner(folder)
+    assert without_time(run_cases(values)) == without_time([runner.run(i, own) for i, own in enumerate(values)])
+
+
+@pytest.mark.parametrize(
+    ("mode", "status", "error"),
+    [
+        ("raise", FAILED, "the model broke"),
+        ("nan", FAILED, "not a finite number"),
+        ("exit", KILLED, "exit code 3; it printed: about to leave"),
+        ("crash", KILLED, "signal SIGSEGV"),
+    ],
+)
+def test_a_case_that_breaks_has_a_row_and_its_neighbours_are_computed(run_cases, mode, status, error):
+    good = run_cases([GAIN, GAIN, GAIN])
+    rows = run_cases([GAIN, {**GAIN, "toy.mode": mode}, GAIN])
+    assert [row["status"] for row in rows] == [DONE, status, DONE]
+    assert error in rows[1]["error"]
+    assert without_time([rows[0], rows[2]]) == without_time([good[0], good[2]])
+
+
+def test_a_case_that_hangs_is_ended(run_cases):
+    rows = run_cases([GAIN, {**GAIN, "toy.mode": "hang"}, GAIN], timeout_s=5.0)
+    assert [row["status"] for row in rows] == [DONE, LATE, DONE]
+
+
+def test_a_case_that_takes_all_memory_is_ended(run_cases):
+    rows = run_cases([GAIN, {**GAIN, "toy.mode": "eat"}, GAIN], memory_bytes=1_000_000_000)
+    assert [row["status"] for row in rows] == [DONE, KILLED, DONE]
+    assert "1000000000 bytes of memory" in rows[1]["error"]
+
+
+def test_a_process_that_somebody_else_ends_does_not_cost_the_case(folder, run_cases, tmp_path):
+    mark = tmp_path / "was_here"
+    rows = run_cases([{**GAIN, "toy.once": str(mark)}])
+    assert mark.exists()  # it has been ended once
+    assert rows[0]["status"] == DONE
+    assert without_time(rows) == without_time(run_cases([GAIN]))
+
+
+def test_the_process_is_replaced_after_a_number_of_cases(folder):
+    process = CaseProcess(folder, most_cases=2)
+    pids = []
+    for _ in process.run(enumerate([GAIN] * 5)):
+        pids.append(process.pid)
+    process.close()
+    assert [pids.index(pid) for pid in pids] == [0, 0, 2, 2, 4]
+
+
+def test_the_process_ends_with_the_one_that_started_it(folder):
+    process = CaseProcess(folder)
+    next(process.run([(0, GAIN)]))
+    pid = process.pid
+    process._process.stdin.close()  # as when its other end is gone
+    for _ in range(100):
+        if process._process.poll() is not None:
+            break
+        time.sleep(0.1)
+    assert process._process.returncode == 0
+    process.close()
+    with pytest.raises(ProcessLookupError):
+        os.kill(pid, 0)
+
+
+def test_a_process_that_does_not_start_says_why(folder):
+    (folder / "system.ssp").write_bytes(b"no archive")
+    with pytest.raises(StartError, match=r"(?s)does not start: exit code 1; it printed: .*system.ssp"):
+        next(CaseProcess(folder).run([(0, GAIN)]))
+
+
+def test_a_worker_with_other_packages_is_refused(folder):
+    task = json.loads((folder / "task.json").read_text())
+    task["versions"]["numpy"] = "1.0"
+    (folder / "task.json").write_text(json.dumps(task))
+    process = CaseProcess(folder)
+    with pytest.raises(VersionError, match=r"numpy \S+ instead of 1.0"):
+        next(process.run([(0, GAIN)]))
+
+
+def test_damaged_files_are_refused(make_prepared, tmp_path):
+    from dataclasses import replace
+
+    bundle = make_prepared().bundle
+    with pytest.raises(ValueError, match="damaged"):
+        replace(bundle, files={**bundle.files, "task.json": b"{}"}).unpack(tmp_path)

@@ -1,0 +1,72 @@
+"""Part files: complete or not there; what is missing; nothing twice."""
+
+import errno
+import os
+
+import pytest
+
+from ps_fmu.studies.parts import FOLDER, list_missing, list_parts, read_rows, write_part
+
+PLAN, OTHER = "ab" * 32, "cd" * 32
+
+
+@pytest.fixture
+def folder(tmp_path):
+    (tmp_path / FOLDER).mkdir()
+    return tmp_path
+
+
+def rows(first, last, **more):
+    cases = range(first, last + 1)
+    return [{"case": case, "status": "done", "error": None, "value": case / 3.0, **more} for case in cases]
+
+
+def test_what_is_written_is_read_to_the_last_bit_and_the_rest_is_missing(folder):
+    write_part(folder, PLAN, rows(4, 6))
+    write_part(folder, PLAN, rows(0, 1))
+    write_part(folder, OTHER, rows(2, 3))
+    found = read_rows(list_parts(folder, PLAN))
+    assert found["case"].to_pylist() == [0, 1, 4, 5, 6]
+    assert found["value"].to_pylist() == [case / 3.0 for case in (0, 1, 4, 5, 6)]
+    assert list_missing(folder, PLAN, 9) == [2, 3, 7, 8]
+    assert read_rows(list_parts(folder, "ef" * 32)) is None
+
+
+def test_a_case_in_two_parts_counts_once(folder):
+    write_part(folder, PLAN, rows(0, 5, worker="one"))
+    write_part(folder, PLAN, rows(3, 8, worker="two"))
+    assert read_rows(list_parts(folder, PLAN))["case"].to_pylist() == list(range(9))
+    assert list_missing(folder, PLAN, 9) == []
+
+
+def test_a_part_without_numbers_joins_one_with_numbers(folder):
+    write_part(folder, PLAN, [{"case": 0, "status": "failed", "error": "why", "v/answer": None}])
+    write_part(folder, PLAN, [{"case": 1, "status": "done", "error": None, "v/answer": "met", "value": 1.0}])
+    found = read_rows(list_parts(folder, PLAN))
+    assert found["value"].to_pylist() == [None, 1.0]
+    assert found["v/answer"].to_pylist() == [None, "met"]
+
+
+@pytest.mark.parametrize("call", ["fsync", "replace"])
+def test_a_full_disk_leaves_what_was_there(folder, monkeypatch, call):
+    path = write_part(folder, PLAN, rows(0, 1))
+    before = path.read_bytes()
+
+    def fail(*_):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(os, call, fail)
+    with pytest.raises(OSError, match="No space left on device") as caught:
+        write_part(folder, PLAN, rows(0, 1, value=7.0))
+    assert caught.value.filename == str(path)
+    monkeypatch.undo()
+    assert [one.name for one in (folder / FOLDER).iterdir()] == [path.name]
+    assert path.read_bytes() == before
+
+
+def test_a_part_that_cannot_be_read_is_named(folder):
+    path = write_part(folder, PLAN, rows(0, 1))
+    path.write_bytes(path.read_bytes()[:-20])
+    for read in (lambda: list_missing(folder, PLAN, 2), lambda: read_rows([path])):
+        with pytest.raises(OSError, match="delete this part, and resume"):
+            read()

@@ -1,0 +1,149 @@
+"""What a study may state, and what is refused, with file, table and key."""
+
+import numpy as np
+import pytest
+
+from ps_fmu.studies.numbers import parse_number
+from ps_fmu.studies.study import StudyError
+
+from .conftest import OBSERVE, STUDY
+
+SECOND = '[[vary]]\nparameter = "offset"\ndistribution = "normal"\nmean = "0"\nsigma = "1"\n'
+PAIR = '[[correlate]]\nparameters = ["gain", "offset"]\nrank = 0.5\n'
+SKEW = "matrix = [[1, 0.1], [0.2, 1]]"
+
+
+@pytest.mark.parametrize(
+    ("given", "unit", "value"),
+    [("-1.5 mm", "m", -1.5e-3), ("0 m", "m", 0.0), ("90 deg", "rad", np.pi / 2), ("2 %", "1", 0.02), (3, "1", 3.0)],
+)
+def test_a_number_is_converted(given, unit, value):
+    assert parse_number(given).to(unit) == pytest.approx(value, rel=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("given", "problem"),
+    [("5", "does not fit the unit 'm'"), ("5 kg", "does not fit"), ("5 furlong", "not known"), ("nan", "number"),
+     ("1e999 m", "finite"), (True, "number"), ([], "number")],
+)  # fmt: skip
+def test_what_is_no_number_of_metres_is_refused(given, problem):
+    with pytest.raises(ValueError, match=problem):
+        parse_number(given).to("m")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "problem"),
+    [
+        ("seed = 7", "seeed = 7", r"\[study\], seeed: unknown; did you mean seed"),
+        ("seed = 7", "", r"seed: is missing"),
+        ("cases = 6", "cases = 0", "zero cases"),
+        ("cases = 6", "cases = 1000001", "too many"),
+        ("cases = 6", "cases = 2.5", "whole number"),
+        ('plan = "random"', 'plan = "rondom"', "did you mean random"),
+        ('plan = "random"\ncases = 6', 'plan = "sobol"\ncases = 6', "expected 4 or 8, not 6"),
+        ('plan = "random"\ncases = 6', 'plan = "sobol-indices"\ncases = 7', "3 cases a point"),
+        ('plan = "random"\ncases = 6', 'plan = "morris"\ncases = 7', "expected 6 or 8, not 7"),
+        ('plan = "random"\ncases = 6', 'plan = "sobol-indices"\ncases = 9', "expected 6 or 12, not 9"),
+        ('plan = "random"', 'plan = "grid"', "cases: unknown"),
+        ('plan = "random"\ncases = 6', 'plan = "grid"', "needs values"),
+        ('duration = "0.1 s"', 'duration = "0.1"', "expected a time"),
+        ('duration = "0.1 s"', 'duration = "0.1005 s"', "duration: .* not a whole number of steps"),
+        ('system = "toy.ssd"', 'system = "none.ssd"', "there is no file"),
+        ('parameter = "gain"', 'parameter = "gian"', "no parameter or input 'gian'; did you mean gain"),
+        ('parameter = "gain"', 'parameter = "toy.gian"', "did you mean toy.gain"),
+        ('parameter = "gain"', 'parameter = "gain"\nonly = ["toi"]', "no component 'toi'; did you mean toy"),
+        ('parameter = "gain"', 'parameter = "error.x"', "no parameter or input"),
+        ('low = "1"', 'low = "3"', "3 is not below high, 2"),
+        ('low = "1"', "", "low: is missing"),
+        ('low = "1"', 'low = "1 kg"', "does not fit"),
+        ('distribution = "uniform"', 'distribution = "normal"', "either sigma or relative"),
+        ('distribution = "uniform"', 'distribution = "normal"\nsigma = "-1"', "above 0"),
+        ('distribution = "uniform"', 'distribution = "normal"\nmean = "99"\nsigma = "0.1"', "nothing between"),
+        ('low = "1"\nhigh = "2"', 'values = [1]\n', "distribution: unknown for values"),
+        ("[[vary]]", "[vary]", "two brackets"),
+        ("[[vary]]", '[[vary]]\nparameter = "toy.gain"\nvalues = [1]\n[[vary]]', "is varied by"),
+        ("[[vary]]", "[runs.active]\n\"toy.gain\" = 3.0\n[[vary]]", r"\[runs.active\], toy.gain: is varied"),
+        ("[[vary]]", "[runs.active]\n\"toy.gian\" = 3.0\n[[vary]]", "did you mean gain"),
+        ("[[vary]]", "[runs.active]\ntoy.offset = 3.0\n[[vary]]", "in quotes"),
+        ("[[vary]]", "[runs.active]\n\"toy.offset\" = true\n[[vary]]", "expected a value of type Real"),
+        ('signal = "toy.error"', 'signal = "toy.eror"', "did you mean toy.error"),
+        ('signal = "toy.error"', 'signal = "toy.large"', "of the type Boolean"),
+        ('window = "0.02 s"', 'window = "0.2 s"', "needs 0.2 s"),
+        ('window = "0.02 s"', 'window = "0.0205 s"', "whole number of steps"),
+        ('settling = "0.01 s"', 'settling = "1 s"', "all of the run"),
+        ('index = ["APE", "RPE"]', 'index = ["APE", "RPA"]', "got 'RPA'"),
+        ('index = ["APE", "RPE"]', 'index = "APE"', "none of APE has one"),
+        ("[[observe]]", f"{SECOND}{PAIR}rnk = 1\n[[observe]]", "unknown; did you mean rank"),
+        ("[[observe]]", f'{SECOND}{PAIR.replace("offset", "ofset")}\n[[observe]]', "no \\[\\[vary\\]\\]"),
+        ("[[observe]]", f"{SECOND}{PAIR.replace('0.5', '1.0')}\n[[observe]]", "not positive definite"),
+        ("[[observe]]", f"{SECOND}{PAIR.replace('0.5', '1.5')}\n[[observe]]", "from -1 to 1"),
+        ("[[observe]]", f"{SECOND}{PAIR}{PAIR}\n[[observe]]", "stated twice"),
+        ("[[observe]]", f"{SECOND}{PAIR.replace('rank = 0.5', SKEW)}\n[[observe]]", "symmetric"),
+        ("[study]", "[studi]", "studi: unknown"),
+        ("[study]", "[study", "not a TOML file"),
+        ("seed = 7", "seed = 7\ncontrol_variates = 10", "not that of the closed form"),
+        ("seed = 7", 'seed = 7\nrequirements = "none.toml"', "requirements: there is no file"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_used_is_named(make_prepared, old, new, problem):
+    with pytest.raises(StudyError, match=problem) as caught:
+        make_prepared(changes={old: new})
+    assert "study.toml" in str(caught.value)
+
+
+def test_relative_spreads_need_something_to_be_relative_to(make_prepared):
+    vary = '[[vary]]\nparameter = "offset"\ndistribution = "uniform"\nrelative = "10 %"\n[[observe]]'
+    with pytest.raises(StudyError, match="starts with 0"):
+        make_prepared(changes={"[[observe]]": vary})
+
+
+def test_values_outside_the_bounds_of_the_fmu_are_refused_before_anything_runs(built_fmus, tmp_path):
+    from ps_fmu.studies.sweep import SweepOptions, prepare
+
+    path = tmp_path / "far.toml"
+    path.write_text(STUDY.replace('system = "toy.ssd"\n', "").replace('"gain"', '"disturbance.noise.scale"')
+                    .replace('low = "1"', 'low = "-1"'))  # fmt: skip
+    with pytest.raises(StudyError, match=r"case \d, disturbance.noise.scale: .* is outside"):
+        prepare(SweepOptions(path, tmp_path / "out"))
+
+
+def test_a_system_that_is_not_observed_needs_a_table(make_prepared):
+    with pytest.raises(StudyError, match=r"\[\[observe\]\], signal: there is no output 'plant.payload_rotation'"):
+        make_prepared(changes={OBSERVE: ""})
+
+
+def test_all_components_that_have_a_parameter_get_it(built_fmus, tmp_path):
+    from ps_fmu.studies.sweep import SweepOptions, prepare
+
+    path = tmp_path / "both.toml"
+    vary = '[[vary]]\nparameter = "payload.mass"\nonly = ["plant"]\ndistribution = "normal"\nrelative = "2 %"\n'
+    legs = '["fine_leg_1.stiffness", "fine_leg_2.stiffness"]'
+    text = STUDY.replace('system = "toy.ssd"\n', "").replace('"gain"', legs)
+    path.write_text(text.replace('low = "1"\nhigh = "2"', 'relative = "10 %"') + vary)
+    plan = prepare(SweepOptions(path, tmp_path / "out")).plan
+    assert plan.factors[1].targets == ("plant.payload.mass",)
+    assert plan.factors[1].unit == "kg"
+    targets = plan.factors[0].targets
+    assert set(targets) == {f"{c}.fine_leg_{i}.stiffness" for c in ("plant", "isolator") for i in (1, 2)}
+    assert len({plan.values(0)[name] for name in targets}) == 1
+    assert plan.seed_names == ("disturbance.seed",)
+
+
+def test_the_example_runs_and_meets_what_the_document_says(built_fmus, tmp_path, monkeypatch):
+    from pathlib import Path
+
+    from ps_fmu.product.files import find_file
+    from ps_fmu.studies.case_runner import CaseRunner
+    from ps_fmu.studies.sweep import SweepOptions, prepare
+
+    monkeypatch.chdir(tmp_path)  # from any folder
+    prepared = prepare(SweepOptions(find_file(Path("system/studies/payload_as_built.toml")), tmp_path / "out"))
+    assert len(prepared.plan) == 200
+    assert all(name.startswith("plant.") for name in prepared.plan.targets)
+    row = CaseRunner(prepared.bundle.unpack(tmp_path)).run(0, prepared.plan.values(0))
+    assert row["status"] == "done", row["error"]
+    rms = [row[f"{run}.plant.payload_rotation.x.RPE_1s.rms"] for run in ("passive", "active")]
+    assert rms[1] < 0.1 * rms[0]
+    quantile = 1e-6 * row["verdict/blur of an exposure/active/plant.payload_rotation.x/value"]  # of 95 %, from urad
+    assert rms[1] < quantile < row["active.plant.payload_rotation.x.RPE_1s.peak"]
+    assert "verdict/blur of an exposure/passive/plant.payload_rotation.x/value" not in row

@@ -1,0 +1,163 @@
+"""What a study says: percentiles, probabilities, sensitivities and control variates against what is known."""
+
+import math
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.stats import norm
+
+from ps_fmu.studies.control_variate import compute_variance, estimate
+from ps_fmu.studies.factors import Factor, Spread
+from ps_fmu.studies.outcome import Outcome, Output
+from ps_fmu.studies.plan import Plan
+from ps_fmu.studies.sampling import study_shares
+from ps_fmu.studies.sensitivity import find_influences
+from ps_fmu.studies.statistics import PROBABILITIES, Share, find_compliance, find_percentiles, find_worst
+from ps_fmu.studies.study import Vary
+
+from .conftest import OBSERVE, STUDY
+
+OUTPUT = Output("active.toy.error.x.APE.rms", "rad")
+
+
+@pytest.fixture
+def make_outcome(read):
+    """An outcome of a plan over the unit cube, whose one output is a function of the draws."""
+
+    def make(plan, cases, factors, function, outputs=(OUTPUT,), seed=7):
+        changes = {'plan = "random"\ncases = 6': f'plan = "{plan}"\ncases = {cases}', "seed = 7": f"seed = {seed}"}
+        study = read(changes=changes)
+        spread = Spread(0.0, 1.0)
+        names = [f"x{i}" for i in range(factors)]
+        made = tuple(Factor(Vary("", n, (n,), (), "uniform", {}), "1", (n,), (1.0,), (), spread) for n in names)
+        draws = study_shares(study, factors)
+        table = pd.DataFrame({"case": range(cases), "status": "done", "error": None, OUTPUT.name: function(draws)})
+        return Outcome(Plan(study, made, draws, ()), table, outputs)
+
+    return make
+
+
+def ishigami(shares):
+    x = (2.0 * shares - 1.0) * math.pi
+    return np.sin(x[:, 0]) + 7.0 * np.sin(x[:, 1]) ** 2 + 0.1 * x[:, 2] ** 4 * np.sin(x[:, 0])
+
+
+def test_sobol_indices_of_ishigamis_function_are_the_known_ones(make_outcome):
+    """T. Ishigami, T. Homma (1990); S = 0.3139, 0.4424, 0; total 0.5576, 0.4424, 0.2437."""
+    (found,) = find_influences(make_outcome("sobol-indices", 1024 * 5, 3, ishigami))
+    for name, known in (("sobol_first", [0.3139, 0.4424, 0.0]), ("sobol_total", [0.5576, 0.4424, 0.2437])):
+        assert found.measures[name] == pytest.approx(known, abs=0.02)
+        assert (found.measures[f"{name}_low"] < found.measures[name]).all()
+        assert (found.measures[f"{name}_high"] > found.measures[name]).all()
+    assert np.argsort(found.strength).tolist() == [2, 1, 0]
+
+
+def test_morris_effects_of_a_linear_function_are_its_slopes(make_outcome):
+    (found,) = find_influences(make_outcome("morris", 20 * 4, 3, lambda shares: shares @ np.array([3.0, -2.0, 0.0])))
+    assert found.measures["morris_mu_star"] == pytest.approx([3.0, 2.0, 0.0], abs=1e-12)
+    assert found.measures["morris_sigma"] == pytest.approx([0.0, 0.0, 0.0], abs=1e-12)
+
+
+def test_rank_correlations_see_through_a_monotonic_function(make_outcome):
+    outcome = make_outcome("random", 200, 2, lambda shares: np.exp(-9.0 * shares[:, 1]))
+    (found,) = find_influences(outcome)
+    assert found.rank_correlation[1] == pytest.approx(-1.0, abs=1e-12)
+    assert abs(found.rank_correlation[0]) < 4.0 / math.sqrt(200)
+
+
+def test_cases_without_a_result_are_left_out_of_a_ranking(make_outcome):
+    outcome = make_outcome("random", 50, 1, lambda shares: shares[:, 0])
+    outcome.table.loc[3, OUTPUT.name] = np.nan
+    outcome.table.loc[3, "status"] = "failed"
+    (found,) = find_influences(outcome)
+    assert found.rank_correlation[0] == pytest.approx(1.0, abs=1e-12)
+
+
+def test_intervals_of_percentiles_hold_the_true_ones_as_often_as_they_say(make_outcome):
+    held = np.zeros(len(PROBABILITIES))
+    studies = 200
+    for seed in range(studies):
+        (found,) = find_percentiles(make_outcome("random", 120, 1, lambda s: norm.ppf(s[:, 0]), seed=seed))
+        held += [stated.lower <= norm.ppf(stated.probability) <= stated.upper for stated in found.stated]
+    # 90 % at least, less three standard deviations of 200 trials; the intervals of order statistics are conservative.
+    # 120 cases say nothing of an upper bound of the 99th percentile: it is infinite, and the interval holds always.
+    assert (held / studies >= 0.9 - 3.0 * math.sqrt(0.09 / studies)).all()
+
+
+@pytest.mark.parametrize(
+    ("true", "cases", "low", "high"),
+    [(10, 10, 0.05 ** (1 / 10), 1.0), (0, 10, 0.0, 1.0 - 0.05 ** (1 / 10)), (9, 10, 0.6058, 0.9949)],
+)
+def test_the_interval_of_a_share_is_that_of_clopper_and_pearson(true, cases, low, high):
+    assert Share(true, cases).interval(0.9) == pytest.approx((low, high), abs=1e-4)
+
+
+@pytest.fixture
+def required(make_outcome, tmp_path):
+    """An outcome with a requirement: values 0 to 9 urad, limit 6.5, the last case without a result."""
+    from ps_fmu.requirements.reading import read_requirements
+
+    path = tmp_path / "r.toml"
+    path.write_text(
+        '[[requirement]]\nname = "r"\nsignal = "toy.error.x"\nindex = "APE"\nprobability = 0.5\nconfidence = 0.9\n'
+        'interpretation = "ensemble"\nlimit = "6.5 urad"\n'
+    )
+    (requirement,) = read_requirements(path)
+    name = "verdict/r/active/toy.error.x"
+    output = Output(f"{name}/value", "urad", 6.5, requirement, "active", "toy.error.x")
+    outcome = make_outcome("random", 10, 1, lambda shares: shares[:, 0], (output, OUTPUT))
+    outcome.table[output.name] = np.arange(10.0)
+    outcome.table[f"{name}/answer"] = ["met"] * 5 + ["cannot be said"] * 5
+    return outcome
+
+
+def test_a_case_without_a_result_does_not_meet_a_requirement(required):
+    required.table.loc[2, required.outputs[0].name] = np.nan
+    (found,) = find_compliance(required)
+    assert (found.below.true, found.below.cases, found.sure.true) == (6, 10, 5)
+    assert found.ensemble is None  # what the failed case would have had is not known
+
+
+def test_a_requirement_on_the_ensemble_is_judged_by_all_cases(required):
+    (found,) = find_compliance(required)
+    assert found.ensemble.value == 4.0
+    assert found.ensemble.bound == 7.0  # the 8th of 10 is the first with 90 %: P(binomial(10, 0.5) < 8) = 0.945
+    assert find_worst(required, 2) == [(9, 9.0, required.outputs[0]), (8, 8.0, required.outputs[0])]
+
+
+def test_a_control_variate_gains_what_the_correlation_allows():
+    """The spread of many estimates against the stated error, and the gain 1 / (1 - rho^2)."""
+    rng = np.random.default_rng(1)
+    rho, n, m, plain, controlled, errors, gains = 0.9, 100, 5000, [], [], [], []
+    for _ in range(400):
+        controls = rng.standard_normal(n)
+        values = 5.0 + 2.0 * (rho * controls + math.sqrt(1.0 - rho**2) * rng.standard_normal(n))
+        found = estimate(OUTPUT, values, controls, rng.standard_normal(m))
+        plain.append(found.mean)
+        controlled.append(found.controlled_mean)
+        errors.append(found.controlled_error)
+        gains.append(found.gain)
+    assert np.mean(controlled) == pytest.approx(5.0, abs=4.0 * np.std(controlled) / 20.0)
+    assert np.std(controlled) == pytest.approx(np.mean(errors), rel=4.0 / math.sqrt(2.0 * 400))
+    seen = np.var(plain) / np.var(controlled)
+    assert np.mean(gains) == pytest.approx(seen, rel=4.0 * math.sqrt(4.0 / 400))
+    assert np.mean(gains) == pytest.approx(1.0 / (1.0 - rho**2 * (1.0 - n / m)), rel=0.1)
+
+
+def test_the_closed_form_of_a_case_is_that_of_theory(built_fmus, tmp_path):
+    from ps_fmu.mechanism.parameters import load
+    from ps_fmu.studies.sweep import SweepOptions, prepare
+    from ps_fmu.theory.jitter import jitter
+    from ps_fmu.theory.loop import loop_at
+
+    path = tmp_path / "s.toml"
+    path.write_text(STUDY.replace('system = "toy.ssd"\n', "").replace('"gain"', '"disturbance.noise.scale"')
+                    .replace(OBSERVE, ""))  # fmt: skip
+    system = prepare(SweepOptions(path, tmp_path / "out")).system
+    p = load()
+    loop = loop_at(p, delay=1.5e-3)
+    for active in (False, True):
+        known = np.diag(jitter(loop, p.bus, p.noise, p.optics.focal_length, active=active).covariance)
+        found = compute_variance(system, {"isolator.enabled": active, "disturbance.noise.scale": 2.0}, 1e-3)
+        assert found == pytest.approx(4.0 * known, rel=0.01)

@@ -1,0 +1,334 @@
+"""Whole studies by the command: on this machine, on workers started by hand, disturbed and resumed, refused.
+
+``PS_FMU_KILLS=10`` disturbs as many studies in each way as that says, instead of one.
+"""
+
+import json
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+
+import psutil
+import pyarrow.parquet as pq
+import pytest
+
+from ps_fmu.studies.case_runner import CaseRunner
+from ps_fmu.studies.parts import list_missing, list_parts, read_rows
+from ps_fmu.studies.rows import DONE, KILLED, MEASURED
+
+from .conftest import OBSERVE, STUDY
+
+KILLS = int(os.environ.get("PS_FMU_KILLS", "1"))
+PATIENCE_S = 300.0
+SLOW = '[[vary]]\nparameter = "slowness"\ndistribution = "uniform"\nlow = "1e-3"\nhigh = "2e-3"\n'
+MANY = {"cases = 6": "cases = 40", "[[observe]]": SLOW + "[[observe]]"}
+
+
+@pytest.fixture
+def start(tmp_path, toy_fmus):
+    """Starts ``ps-fmu sweep`` with more arguments; ends it and its workers."""
+    started = []
+
+    def launch(study, *arguments, output="out"):
+        command = [sys.executable, "-I", "-m", "ps_fmu.cli", "sweep", str(study), "--output", str(tmp_path / output)]
+        if "--scheduler" not in arguments and "--case" not in arguments:
+            command += ["--workers", "2"]
+        process = subprocess.Popen(
+            [*command, "--fmus", str(toy_fmus), *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        )
+        started.append(process)
+        return process
+
+    yield launch
+    for process in started:
+        end_with_children(process)
+
+
+@pytest.fixture
+def sweep(start):
+    """Runs ``ps-fmu sweep`` to its end: exit code, standard output, error stream."""
+
+    def run(study, *arguments, output="out"):
+        process = start(study, *arguments, output=output)
+        printed, errors = process.communicate(timeout=PATIENCE_S)
+        return process.returncode, printed, errors
+
+    return run
+
+
+@pytest.fixture
+def hand_started(tmp_path):
+    """Address of a scheduler with two workers, each started by its command."""
+    file = tmp_path / "scheduler.json"
+    scheduler = start_dask("scheduler", "--port", "0", "--scheduler-file", str(file))
+    processes = [scheduler]
+    try:
+        wait_until(lambda: file.is_file() and file.read_text().strip())
+        for number in (1, 2):
+            folder = tmp_path / f"node{number}"
+            folder.mkdir()
+            processes.append(
+                start_dask("worker", "--scheduler-file", str(file), "--nthreads", "1", "--name", f"node{number}",
+                           "--local-directory", str(folder))
+            )  # fmt: skip
+        yield json.loads(file.read_text())["address"], processes
+    finally:
+        for process in processes:
+            end_with_children(process)
+
+
+def start_dask(what, *arguments):
+    command = [sys.executable, "-I", "-m", f"distributed.cli.dask_{what}", "--no-dashboard", *arguments]
+    return subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+
+
+def end_with_children(process):
+    if psutil.pid_exists(process.pid):
+        children = psutil.Process(process.pid).children(recursive=True)
+        for one in (process, *children):
+            if one.is_running() if isinstance(one, psutil.Process) else one.poll() is None:
+                one.kill()
+    process.wait()
+
+
+def wait_until(condition, patience_s=PATIENCE_S):
+    end = time.monotonic() + patience_s
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.02)
+
+
+def plan_hash(folder):
+    return json.loads((folder / "manifest.json").read_text())["plan_sha256"]
+
+
+def read(folder):
+    """Rows of a study but for what was measured, and the cases of all parts."""
+    parts = list_parts(folder, plan_hash(folder))
+    cases = [case for part in parts for case in pq.read_table(part, columns=["case"])["case"].to_pylist()]
+    return read_rows(parts).drop_columns(list(MEASURED)).to_pylist(), cases
+
+
+@pytest.fixture(scope="session")
+def undisturbed():
+    """Rows that this process computes, by study."""
+    known = {}
+
+    def compute(prepared, folder):
+        name = prepared.identity.plan_sha256
+        if name not in known:
+            runner = CaseRunner(prepared.bundle.unpack(folder))
+            rows = [runner.run(i, prepared.plan.values(i)) for i in range(len(prepared.plan))]
+            known[name] = [{k: v for k, v in row.items() if k not in MEASURED} for row in rows]
+        return known[name]
+
+    return compute
+
+
+def test_a_study_on_this_machine_says_what_it_says(write_study, make_prepared, sweep, undisturbed, tmp_path):
+    study = write_study()
+    code, printed, errors = sweep(study)
+    assert code == 0, errors
+    rows, cases = read(tmp_path / "out")
+    assert rows == undisturbed(make_prepared(), tmp_path)
+    assert sorted(cases) == list(range(6))
+    assert "6 done" in printed
+    assert "--case" in printed
+    for name in ("study.parquet", "study.html", "summary.json", "plan.parquet", "distribution.png"):
+        assert (tmp_path / "out" / name).is_file()
+    table = pq.read_table(tmp_path / "out" / "study.parquet")
+    assert table.schema.field("toy.gain").metadata == {b"unit": b"1"}
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert summary["statuses"] == {"done": 6}
+    assert summary["outputs"]["active.toy.error.x.APE.rms"]["cases"] == 6
+
+    code, _, errors = sweep(study)
+    assert code == 2
+    assert "has this study already: --resume" in errors
+    before = (tmp_path / "out" / "study.parquet").read_bytes()
+    code, _, errors = sweep(study, "--resume")  # nothing is missing: no worker is started
+    assert code == 0, errors
+    assert (tmp_path / "out" / "study.parquet").read_bytes() == before
+
+
+def test_a_case_again_has_the_same_bits_and_all_signals(write_study, sweep, tmp_path):
+    study = write_study()
+    assert sweep(study)[0] == 0
+    code, printed, errors = sweep(study, "--case", "4")
+    assert code == 0, errors
+    assert "all numbers are those of the study, to the last bit" in printed
+    for name in ("results.nc", "report.html", "summary.json"):
+        assert (tmp_path / "out" / "case-4" / name).is_file()
+    code, _, errors = sweep(study, "--case", "6")
+    assert code == 2
+    assert "has the cases 0 to 5, got 6" in errors
+
+
+def test_workers_started_by_hand_give_identical_rows(
+    write_study, make_prepared, sweep, undisturbed, hand_started, tmp_path
+):
+    address, _ = hand_started
+    code, _, errors = sweep(write_study(changes=MANY), "--scheduler", address)
+    assert code == 0, errors
+    rows, cases = read(tmp_path / "out")
+    assert rows == undisturbed(make_prepared(changes=MANY), tmp_path)
+    assert sorted(cases) == list(range(40))
+    workers = set(pq.read_table(tmp_path / "out" / "study.parquet")["worker"].to_pylist())
+    assert {worker.split("@")[0] for worker in workers} == {"node1", "node2"}
+
+
+def test_cases_that_kill_their_process_do_not_take_others_along(write_study, sweep, tmp_path):
+    modes = ["none", "exit", "none", "crash", "raise", "none", "none"]
+    text = STUDY.replace('plan = "random"\ncases = 6', 'plan = "list"')
+    text = text[: text.index("[[vary]]")] + f'[[vary]]\nparameter = "mode"\nvalues = {json.dumps(modes)}\n' + OBSERVE
+    code, printed, errors = sweep(write_study(text))
+    assert code == 0, errors
+    rows, _ = read(tmp_path / "out")
+    expected = {"none": DONE, "exit": KILLED, "crash": KILLED, "raise": "failed"}
+    assert [row["status"] for row in rows] == [expected[mode] for mode in modes]
+    assert "3 cases have no result" in printed
+    assert "signal SIGSEGV" in printed
+
+
+@pytest.mark.parametrize("kill", range(KILLS))
+@pytest.mark.parametrize("victim", ["worker", "case", "client", "interrupt"])
+def test_a_disturbed_study_ends_with_the_rows_of_an_undisturbed_one(
+    write_study, make_prepared, start, sweep, undisturbed, tmp_path, victim, kill
+):
+    rng = random.Random(f"{victim} {kill}")
+    study, folder = write_study(changes=MANY), tmp_path / "out"
+    process = start(study)
+    after = rng.randint(1, 8)
+    wait_until(lambda: len(list((folder / "parts").glob("*.parquet"))) >= after or process.poll() is not None)
+    time.sleep(rng.random())
+    assert process.poll() is None, process.communicate()
+    children = psutil.Process(process.pid).children(recursive=True)
+    cases = [one for one in children if "ps_fmu.studies.child" in one.cmdline()]
+    workers = [one for one in children if any("spawn_main" in word for word in one.cmdline())]
+    if victim in ("case", "worker"):
+        rng.choice(cases if victim == "case" else workers).kill()
+    else:
+        process.send_signal(signal.SIGKILL if victim == "client" else signal.SIGINT)
+    _, errors = process.communicate(timeout=PATIENCE_S)
+    if victim == "interrupt":
+        assert process.returncode == 130, errors
+        assert "--resume" in errors
+    if victim in ("client", "interrupt"):
+        assert list_missing(folder, plan_hash(folder), 40)  # it was in the middle
+        wait_until(lambda: not any(one.is_running() and one.status() != "zombie" for one in cases), 30.0)
+        code, _, errors = sweep(study, "--resume")
+        assert code == 0, errors
+    else:
+        assert process.returncode == 0, errors
+    rows, _ = read(folder)
+    assert rows == undisturbed(make_prepared(changes=MANY), tmp_path)
+
+
+@pytest.mark.parametrize("kill", range(KILLS))
+def test_a_study_that_loses_its_scheduler_is_resumed_elsewhere(
+    write_study, make_prepared, start, sweep, undisturbed, hand_started, tmp_path, kill
+):
+    address, processes = hand_started
+    study, folder = write_study(changes=MANY), tmp_path / "out"
+    process = start(study, "--scheduler", address)
+    wait_until(lambda: len(list((folder / "parts").glob("*.parquet"))) > kill or process.poll() is not None)
+    assert process.poll() is None, process.communicate()
+    end_with_children(processes[0])
+    _, errors = process.communicate(timeout=PATIENCE_S)
+    assert process.returncode == 1
+    assert "--resume" in errors
+    code, _, errors = sweep(study, "--resume")
+    assert code == 0, errors
+    rows, _ = read(folder)
+    assert rows == undisturbed(make_prepared(changes=MANY), tmp_path)
+
+
+def test_another_plan_or_another_fmu_is_not_resumed(write_study, toy_fmus, start, sweep, tmp_path):
+    import zipfile
+
+    assert sweep(write_study(changes={"cases = 6": "cases = 2"}))[0] == 0
+    kept = sorted((tmp_path / "out" / "parts").iterdir())
+    code, _, errors = sweep(write_study(), "--resume")
+    assert code == 2
+    assert "6 cases, there 2" in errors
+    folder = tmp_path / "other"
+    folder.mkdir()
+    with zipfile.ZipFile(toy_fmus / "ToyStudy.fmu") as source, zipfile.ZipFile(folder / "ToyStudy.fmu", "w") as target:
+        for name in source.namelist():
+            target.writestr(name, source.read(name))
+        target.writestr("resources/more.txt", "another FMU behind the same name")
+    code, _, errors = sweep(write_study(changes={"cases = 6": "cases = 2"}), "--resume", "--fmus", str(folder))
+    assert code == 2
+    assert "other FMUs: ToyStudy" in errors
+    assert sorted((tmp_path / "out" / "parts").iterdir()) == kept
+
+
+def test_no_scheduler_is_said(write_study, sweep):
+    code, _, errors = sweep(write_study(), "--scheduler", "tcp://127.0.0.1:1")
+    assert code == 1
+    assert "--scheduler tcp://127.0.0.1:1" in errors
+
+
+def test_a_scheduler_without_workers_is_said(make_prepared, tmp_path, monkeypatch):
+    from ps_fmu.studies import cluster
+    from ps_fmu.studies.rows import ClusterError
+
+    monkeypatch.setattr(cluster, "WATCH_S", 0.2)
+    monkeypatch.setattr(cluster, "NO_WORKER_S", 1.0)
+    file = tmp_path / "scheduler.json"
+    scheduler = start_dask("scheduler", "--port", "0", "--scheduler-file", str(file))
+    try:
+        wait_until(lambda: file.is_file() and file.read_text().strip())
+        prepared = make_prepared()
+        with cluster.connect(json.loads(file.read_text())["address"], None) as client:
+            dispatcher = cluster.Dispatcher(
+                client, prepared.plan, prepared.identity.plan_sha256, prepared.bundle, tmp_path, lambda *_: None
+            )
+            with pytest.raises(ClusterError, match="has had no worker for 1 s"):
+                dispatcher.run([0])
+    finally:
+        end_with_children(scheduler)
+
+
+def test_a_worker_that_does_not_see_the_folder_sends_its_part(make_prepared, tmp_path):
+    import io
+
+    from ps_fmu.studies.worker import Order, run_batch
+
+    prepared = make_prepared()
+    order = Order(str(tmp_path / "elsewhere"), prepared.identity.plan_sha256, None)
+    done = run_batch(prepared.bundle, [(1, prepared.plan.values(1))], order)
+    assert (done.cases, done.not_done) == (1, 0)
+    assert pq.read_table(io.BytesIO(done.content))["case"].to_pylist() == [1]
+
+
+def test_batches_that_kill_workers_are_halved_until_one_case_is_left(make_prepared, tmp_path, monkeypatch):
+    from ps_fmu.studies import cluster
+    from ps_fmu.studies.study_folder import open_folder
+
+    def die(bundle, jobs, order):  # of the worker itself, which no process for the cases prevents
+        if any(index == 4 for index, _ in jobs):
+            os._exit(1)
+        return run_batch(bundle, jobs, order)
+
+    run_batch = cluster.run_batch
+    monkeypatch.setattr(cluster, "run_batch", die)
+    monkeypatch.setattr(cluster, "ALLOWED_FAILURES", 0)
+    prepared, folder = make_prepared(), tmp_path / "out"
+    folder.mkdir()
+    open_folder(folder, prepared.plan, prepared.identity, resume=False)
+    seen = []
+    with cluster.connect(None, 2) as client:
+        name = prepared.identity.plan_sha256
+        dispatcher = cluster.Dispatcher(
+            client, prepared.plan, name, prepared.bundle, folder, lambda *found: seen.append(found)
+        )
+        dispatcher._suspects.append([2, 3, 4, 5])
+        dispatcher.run([0, 1])
+    rows, cases = read(folder)
+    assert [row["status"] for row in rows] == [DONE] * 4 + [KILLED, DONE]
+    assert sorted(cases) == list(range(6))
+    assert [sum(column) for column in zip(*seen, strict=True)] == [6, 1]
