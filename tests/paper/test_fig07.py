@@ -70,7 +70,7 @@ def test_targets_out_of_reach_are_counted(make_options, ssv, capsys, monkeypatch
         trajectories.run(options)
     assert "targets are out of reach" in capsys.readouterr().out
     with netCDF4.Dataset(options.output / "results.nc") as file:
-        assert list(file.groups) == list(options.scenario.find_cases())
+        assert list(file.groups) == ["parameters", *options.scenario.find_cases()]
     for path in json.loads((options.output / "summary.json").read_text())["paths"]:
         error = np.abs(np.subtract(path["response_deg"], path["targets_deg"])).max(axis=1)
         assert 0 < path["refused"] == np.count_nonzero(error > 0.1)

@@ -59,6 +59,7 @@ def rebuilt(content):
         findings=[finding_of(entry) for entry in content["findings"]],
         tables=[Table(**table) for table in content["tables"]],
         pictures=[Picture(Path(picture["file"]), picture["caption"]) for picture in content["pictures"]],
+        parts=[rebuilt(content_of(name)) for name in PARTS] if content["analysis"] == "paper" else (),
     )
 
 
@@ -272,11 +273,8 @@ def test_remarks_of_table_2_are_those_of_today(stored, jitter_results):
 
 def test_text_of_the_whole():
     content = content_of("paper")
-    parts = [content_of(name) for name in PARTS]
     expected = overview.paragraphs(
-        [finding_of(entry) for entry in content["findings"]],
-        [AnalysisResult(part["analysis"], part["title"], part["text"]) for part in parts],
-        [Erratum(**entry) for entry in content["errata"]],
+        [finding_of(entry) for entry in content["findings"]], [Erratum(**entry) for entry in content["errata"]]
     )
     assert content["text"] == expected
 
