@@ -3,19 +3,13 @@
 import re
 
 import pytest
-from support.browser import DESKTOP, INSTALL, PHONE, Browser, find_browser
+from support.browser import DESKTOP, INSTALL, PHONE, find_browser
 from support.reports import make_report
 
 if find_browser() is None:
     pytest.skip(f"Chromium is not installed: {INSTALL}", allow_module_level=True)
 
 CANVAS = ".cloud canvas"
-
-
-@pytest.fixture(scope="module")
-def chromium():
-    with Browser() as browser:
-        yield browser
 
 
 @pytest.fixture(scope="module")

@@ -7,7 +7,7 @@ from importlib.resources import files
 
 import numpy as np
 import pytest
-from support.browser import DESKTOP, INSTALL, PHONE, Browser, find_browser
+from support.browser import INSTALL, PHONE, find_browser
 from support.reports import LINE_HZ, PEAK_S, make_dull_report, make_report
 
 from ps_fmu.results.page import content
@@ -22,30 +22,10 @@ DARK, LIGHT = "rgb(21, 24, 28)", "rgb(255, 255, 255)"
 
 
 @pytest.fixture(scope="module")
-def chromium():
-    with Browser() as browser:
-        yield browser
-
-
-@pytest.fixture(scope="module")
 def report(tmp_path_factory):
     path = tmp_path_factory.mktemp("page") / "report.html"
     make_report().write(path)
     return path
-
-
-@pytest.fixture
-def page(chromium, report):
-    """The report, newly opened on a desktop with light colours."""
-    chromium.resize(*DESKTOP)
-    chromium.prefer("light")
-    chromium.errors.clear()
-    chromium.requests.clear()
-    chromium.open(report)
-    chromium.wait_frames()
-    yield chromium
-    assert chromium.errors == []
-    assert chromium.requests == []
 
 
 def span(page, group=HISTORIES):

@@ -4,7 +4,7 @@ import re
 from dataclasses import replace
 
 import pytest
-from support.browser import DESKTOP, INSTALL, PHONE, Browser, find_browser
+from support.browser import DESKTOP, INSTALL, PHONE, find_browser
 from support.waterfalls import MODE_HZ, ORDER, TOP_RPM, make_waterfall
 
 from ps_fmu.results.page.content import Exploration
@@ -19,30 +19,10 @@ SHOWN_HZ = 1.35 * 141.0  # at first: a third above the highest mode
 
 
 @pytest.fixture(scope="module")
-def chromium():
-    with Browser() as browser:
-        yield browser
-
-
-@pytest.fixture(scope="module")
 def report(tmp_path_factory):
     path = tmp_path_factory.mktemp("waterfall") / "report.html"
     Report(title="Wheels", explored=Exploration(waterfalls=[make_waterfall()])).write(path)
     return path
-
-
-@pytest.fixture
-def page(chromium, report):
-    """The report, newly opened on a desktop with light colours."""
-    chromium.resize(*DESKTOP)
-    chromium.prefer("light")
-    chromium.errors.clear()
-    chromium.requests.clear()
-    chromium.open(report)
-    chromium.wait_frames()
-    yield chromium
-    assert chromium.errors == []
-    assert chromium.requests == []
 
 
 def point(page, frequency, rpm, place=0, shown=(0.0, SHOWN_HZ)):
