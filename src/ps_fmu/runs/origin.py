@@ -18,7 +18,7 @@ from fmpy.model_description import ModelVariable
 from .. import __version__
 from ..cosim.description import convert_value, get_unit, index_variables, read_start
 from ..cosim.recorder import CONVENTIONS, STORAGE, UDUNITS
-from ..cosim.structure import Component, Value
+from ..cosim.structure import Component, Value, parse_port
 from ..results.summary import FmuFile, versions
 from .options import RunOptions
 from .setup import SEED, RunSystem, identify_fmus
@@ -74,7 +74,8 @@ def _write(file: Any, options: RunOptions, system: RunSystem) -> None:
 
 
 def _list_attributes(options: RunOptions, system: RunSystem) -> dict[str, object]:
-    """The attributes of the file."""
+    """The attributes of the file; a system without a disturbance source has no seed."""
+    has_seed = parse_port(SEED).component in system.descriptions
     return {
         "Conventions": CONVENTIONS,
         "title": f"{options.scenario.name}: {options.scenario.about}",
@@ -84,7 +85,7 @@ def _list_attributes(options: RunOptions, system: RunSystem) -> dict[str, object
         "comment": COMMENT,
         "scenario": options.scenario.name,
         "system": options.system.name,
-        "seed": np.int32(int(system.get_start(SEED))),
+        **({"seed": np.int32(int(system.get_start(SEED)))} if has_seed else {}),
         "duration_s": options.duration_s,
         "step_s": options.step_s,
         "storage_step_s": options.storage_s,
