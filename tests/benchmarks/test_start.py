@@ -6,12 +6,9 @@ import subprocess
 import sys
 from pathlib import Path
 
-import pytest
-
 ROOT = Path(__file__).parents[2]
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="resources are read from /proc")
 def test_starts_leave_nothing_behind(built_fmus, tmp_path):
     command = [sys.executable, str(ROOT / "benchmarks" / "start.py"), "--child", "growth", str(ROOT), "40", "15"]
     environment = {**os.environ, "TMPDIR": str(tmp_path)}

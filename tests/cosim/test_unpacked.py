@@ -100,12 +100,11 @@ assert len(os.listdir(sys.argv[2])) == 1, "the child left its own"
 """
 
 
-@pytest.mark.skipif(not hasattr(os, "fork"), reason="this system has no fork")
 def test_nothing_stays_behind_and_a_forked_process_leaves_its_parents_folder(archive, tmp_path):
     place = tmp_path / "place"
     place.mkdir()
     environment = {**os.environ, "TMPDIR": str(place)}
-    subprocess.run([sys.executable, "-c", PROGRAM, str(archive()), str(place)], check=True, env=environment)
+    subprocess.run([sys.executable, "-I", "-c", PROGRAM, str(archive()), str(place)], check=True, env=environment)
     assert os.listdir(place) == []
 
 
@@ -121,11 +120,10 @@ assert os.listdir(sys.argv[2]) == [], "the worker left its own"
 """
 
 
-@pytest.mark.skipif(not hasattr(os, "fork"), reason="this system has no fork")
 def test_a_forked_worker_of_multiprocessing_leaves_no_folder_behind(archive, tmp_path):
     """It calls no functions of atexit."""
     place = tmp_path / "place"
     place.mkdir()
     environment = {**os.environ, "TMPDIR": str(place)}
-    command = [sys.executable, "-c", WORKER, str(archive()), str(place)]
+    command = [sys.executable, "-I", "-c", WORKER, str(archive()), str(place)]
     subprocess.run(command, check=True, env=environment, timeout=60.0)

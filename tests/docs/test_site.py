@@ -7,7 +7,7 @@ from pathlib import Path
 from xml.etree.ElementTree import fromstring
 
 import pytest
-from support.browser import DESKTOP, PHONE, Browser, find_browser
+from support.browser import DESKTOP, INSTALL, PHONE, Browser, find_browser
 from support.models import MODELS
 
 ROOT = Path(__file__).parents[2]
@@ -138,7 +138,7 @@ def test_what_the_tutorials_say_is_true(site):
 @pytest.fixture(scope="module")
 def browser():
     if find_browser() is None:
-        pytest.skip("Chromium is not installed")
+        pytest.skip(f"Chromium is not installed: {INSTALL}")
     with Browser() as opened:
         yield opened
 
