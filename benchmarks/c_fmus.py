@@ -1,7 +1,8 @@
 """FMUs written in C to compare with: the models of ours at their first step, around the launcher's own kernel.
 
-They do nothing but what a linear step takes: no events, no checks but that of a value reference.  The tables of
-disturbance and commander are as long as the run.
+They do nothing but what a linear step takes: no events, no elements, no checks but that of a value reference.  The
+tables of disturbance and commander are as long as the run.  Maps are dense, as one writes them by hand, or have the
+structure of ours.
 """
 
 from __future__ import annotations
@@ -16,7 +17,8 @@ from c_host import slave_class
 from ps_fmu.cosim import System
 from ps_fmu.cosim.structure import Component
 from ps_fmu.slavekit.author.ahead import finish
-from ps_fmu.slavekit.author.core import store_by_columns
+from ps_fmu.slavekit.author.blocks import make_dense, store_by_columns
+from ps_fmu.slavekit.author.core import Map
 from ps_fmu.slavekit.author.slave import Slave
 from ps_fmu.slavekit.launcher.c_program import Program, Target
 from ps_fmu.slavekit.launcher.compile import LAUNCHER
@@ -38,7 +40,9 @@ MODEL = Program(
 )
 
 
-def build_c_fmus(system: System, initial: Mapping[str, float], step: float, rows: int, output: Path) -> None:
+def build_c_fmus(
+    system: System, initial: Mapping[str, float], step: float, rows: int, output: Path, structured: bool = False
+) -> None:
     """Build the FMUs of a system again in C, under the same names.
 
     Parameters
@@ -47,6 +51,7 @@ def build_c_fmus(system: System, initial: Mapping[str, float], step: float, rows
     step: communication step [s]
     rows: the longest run [steps]
     output: folder of the FMUs
+    structured: maps in the blocks of ours; else dense
     """
     library = MODEL.compiled(PLATFORM)
     for component in system.components:
@@ -55,7 +60,7 @@ def build_c_fmus(system: System, initial: Mapping[str, float], step: float, rows
             fmu.writestr("modelDescription.xml", ours.read("modelDescription.xml"))
             fmu.writestr(f"binaries/{PLATFORM}/{model}.so", library)
             slave = _at_start(slave_class(model), component, system, initial)
-            fmu.writestr("resources/model.bin", _numbers(slave, step, rows))
+            fmu.writestr("resources/model.bin", _numbers(slave, step, rows, structured))
 
 
 def _at_start(slave_class: type[Slave], component: Component, system: System, initial: Mapping[str, float]) -> Slave:
@@ -71,16 +76,28 @@ def _at_start(slave_class: type[Slave], component: Component, system: System, in
     return slave
 
 
-def _numbers(slave: Slave, step: float, rows: int) -> bytes:
+def _numbers(slave: Slave, step: float, rows: int, structured: bool) -> bytes:
     """The content of model.bin."""
     layout = slave.layout
     data = slave._buffer.data.copy()
     slave.do_step(0.0, step)
     data[layout.a] = slave.a  # what an event before the first step may have set
     target = data[layout.target]
+    table, maps = np.zeros((0, target.size)), list(slave._core.maps)
     if slave.block_rows:
-        table, matrix = finish(slave.rows(0.0, step, rows)), np.zeros((0, 8 * -(-target.size // 8)))
-    else:
-        table, matrix = np.zeros((0, target.size)), store_by_columns(slave.step_map(step))
-    sizes = [data.size, layout.source.start, len(matrix), layout.target.start, target.size, matrix.shape[1], len(table)]
-    return np.array(sizes, dtype=np.int64).tobytes() + data.tobytes() + matrix.tobytes() + table.tobytes()
+        table = finish(slave.rows(0.0, step, rows))
+    elif not structured:
+        matrix = make_dense(store_by_columns(slave.step_map(step)))
+        maps = [Map.make(matrix, slave._source, slave._target)]
+    sizes = [data.size, layout.target.start, target.size, len(table), len(maps)]
+    parts = [np.array(sizes, dtype=np.int64).tobytes(), data.tobytes(), table.tobytes()]
+    return b"".join([*parts, *(_write_map(slave, found) for found in maps)])
+
+
+def _write_map(slave: Slave, found: Map) -> bytes:
+    matrix, pattern = found.matrix, found.matrix.pattern
+    places = [slave._find_place(view) for view in (found.source, found.target)]
+    columns = np.zeros(0, dtype=np.int32) if pattern.columns is None else pattern.columns
+    sizes = [*places, found.target.size, found.work.size, len(pattern.words), columns.size, matrix.numbers.size]
+    head = np.array(sizes, dtype=np.int64).tobytes()
+    return head + bytes(pattern.words) + columns.tobytes() + matrix.numbers.tobytes()

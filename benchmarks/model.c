@@ -10,37 +10,63 @@
 enum { ALIGNMENT = 64 /* bytes */, LONGEST_PATH = 4096 };
 
 typedef struct {
-    int64_t n_data, source, n_source, target, n_target, stride, n_rows;
+    int64_t n_data, target, n_target, n_rows, n_maps;
 } Sizes;
 
-/* The next n numbers of the file, on a cache line; NULL if they are not there. */
-static double *numbers(FILE *file, int64_t n)
+typedef struct {
+    int64_t source, target, n_target, n_work, n_blocks, n_columns, n_numbers;
+} MapSizes;
+
+/* Memory for n things, on a cache line; NULL if there is none. */
+static void *make_room(int64_t n, size_t size)
 {
     void *memory = NULL;
-    if (posix_memalign(&memory, ALIGNMENT, (size_t)(n + 1) * sizeof(double)) != 0)
-        return NULL;
-    return fread(memory, sizeof(double), (size_t)n, file) == (size_t)n ? memory : NULL;
+    return posix_memalign(&memory, ALIGNMENT, (size_t)(n + 1) * size) == 0 ? memory : NULL;
+}
+
+/* The next n things of the file; NULL if they are not there. */
+static void *take(FILE *file, int64_t n, size_t size)
+{
+    void *memory = make_room(n, size);
+    return memory != NULL && fread(memory, size, (size_t)n, file) == (size_t)n ? memory : NULL;
+}
+
+static bool fill_map(Core *core, Map *map, FILE *file)
+{
+    MapSizes s;
+    if (fread(&s, sizeof s, 1, file) != 1)
+        return false;
+    map->source = core->data + s.source;
+    map->target = core->data + s.target;
+    map->n_target = s.n_target;
+    map->work = make_room(s.n_work, sizeof(double));
+    map->n_blocks = s.n_blocks;
+    map->blocks = take(file, s.n_blocks, sizeof(Block));
+    map->columns = s.n_columns > 0 ? take(file, s.n_columns, sizeof(int32_t)) : NULL;
+    map->numbers = take(file, s.n_numbers, sizeof(double));
+    return map->work != NULL && map->blocks != NULL && map->numbers != NULL &&
+           (s.n_columns == 0 || map->columns != NULL);
 }
 
 static bool fill(Core *core, FILE *file)
 {
     Sizes s;
-    if (fread(&s, sizeof s, 1, file) != 1)
+    if (fread(&s, sizeof s, 1, file) != 1 || s.n_maps > MOST_MAPS)
         return false;
     core->n_references = s.n_data;
-    core->n_source = s.n_source;
     core->n_target = s.n_target;
-    core->stride = s.stride;
     core->n_rows = s.n_rows;
-    core->plain = s.n_rows > 0 ? CORE_TABLE : CORE_MAP;
-    core->data = numbers(file, s.n_data);
-    core->matrix = numbers(file, s.n_rows > 0 ? 0 : s.n_source * s.stride);
-    core->table = numbers(file, s.n_rows * s.n_target);
-    if (core->data == NULL || posix_memalign((void **)&core->work, ALIGNMENT, (size_t)s.stride * sizeof(double)) != 0)
+    core->plain = s.n_maps > 0 ? CORE_MAP : CORE_TABLE;
+    core->data = take(file, s.n_data, sizeof(double));
+    core->table = take(file, s.n_rows * s.n_target, sizeof(double));
+    core->kept = make_room(s.n_target, sizeof(double));
+    if (core->data == NULL || core->table == NULL || core->kept == NULL)
         return false;
-    core->source = core->data + s.source;
     core->target = core->data + s.target;
-    return core->matrix != NULL && core->table != NULL;
+    for (core->n_maps = 0; core->n_maps < s.n_maps; core->n_maps++)
+        if (!fill_map(core, &core->maps[core->n_maps], file))
+            return false;
+    return true;
 }
 
 fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, fmi2String resources,
@@ -60,10 +86,15 @@ fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, f
 void fmi2FreeInstance(fmi2Component c)
 {
     Core *core = c;
+    for (Map *map = core->maps; map < core->maps + core->n_maps; map++) {
+        free(map->work);
+        free((void *)map->blocks);
+        free((void *)map->columns);
+        free((void *)map->numbers);
+    }
     free(core->data);
-    free((void *)core->matrix);
     free((void *)core->table);
-    free(core->work);
+    free(core->kept);
     free(core);
 }
 

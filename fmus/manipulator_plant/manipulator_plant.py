@@ -162,6 +162,11 @@ class ManipulatorPlant(Slave):
         """[y; x] at the end of a step from [x; u; a] at its start."""
         return self._with_command(self.maps.step_map(h))
 
+    def split_map(self, h: float) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+        """x at the end of a step, then y from it."""
+        split = self.maps.split_map(h)
+        return None if split is None else (self._with_command(split[0]), self._with_command(split[1]))
+
     def before_map(self, h: float) -> Sequence[Element]:
         """The reference of the coarse servos goes to the command, within the stroke and limited in rate."""
         return self._keep("before", (h, self.half > 0.0), self._list_before)

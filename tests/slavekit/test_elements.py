@@ -4,9 +4,9 @@ import math
 
 import numpy as np
 import pytest
-from support.bench import Bench, H, make_quiet_bench, run
+from support.bench import Bench, H, make_quiet_bench, run, use_matrix
 
-from ps_fmu.slavekit.author.core import MAP, Elements, store_by_columns
+from ps_fmu.slavekit.author.core import MAP, Elements
 from ps_fmu.slavekit.author.elements import (
     Clip,
     Count,
@@ -69,7 +69,7 @@ def test_ramp(bench):
     bench.use([Ramp(bench.u[0:2], bench.x[0:2], bench.a[0:2], [2.0, math.inf])], [])
     matrix = np.zeros((bench.layout.target.stop, 10))
     matrix[6, [0, 7]] = matrix[7, [1, 8]] = 1.0, H
-    bench.core.use_map(store_by_columns(matrix))
+    use_matrix(bench.core, matrix)
     bench.u[:] = 0.05, -3.0, 0.0
     found = []
     for _ in range(4):

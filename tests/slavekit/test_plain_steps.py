@@ -6,9 +6,9 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from support.bench import step_by_kernel
+from support.bench import step_by_kernel, use_matrix
 
-from ps_fmu.slavekit.author.core import Core, OutputLimits, make_core, store_by_columns
+from ps_fmu.slavekit.author.core import Core, OutputLimits, make_core
 from ps_fmu.slavekit.author.layout import BufferLayout
 from ps_fmu.slavekit.author.plain import make_plain_step
 from ps_fmu.slavekit.author.slave import Port, Slave
@@ -30,14 +30,19 @@ def instructions(request) -> str:
     return request.param
 
 
+@pytest.fixture(params=[True, False], ids=["dense", "blocks"])
+def dense(request) -> bool:
+    return request.param
+
+
 @pytest.mark.parametrize("n_outputs", [1, 2, 7, 38])
 @pytest.mark.parametrize("n_states", [0, 1, 6, 49, 100])
 @pytest.mark.parametrize("n_inputs", [1, 2, 19])
-def test_products_have_the_same_bits(instructions, n_outputs, n_states, n_inputs):
+def test_products_have_the_same_bits(instructions, dense, n_outputs, n_states, n_inputs):
     core, data = core_of(n_outputs, n_states, n_inputs)
     random = np.random.default_rng(n_outputs + 100 * n_states + 10_000 * n_inputs)
     m, n = n_outputs + n_states, n_states + n_inputs
-    core.use_map(store_by_columns(random.standard_normal((m, n)) * 10.0 ** random.integers(-12, 12, (m, n))))
+    use_matrix(core, random.standard_normal((m, n)) * 10.0 ** random.integers(-12, 12, (m, n)), dense=dense)
     data[:] = random.standard_normal(data.size)
     data[::5] = -0.0
     before = data.copy()
@@ -47,8 +52,8 @@ def test_products_have_the_same_bits(instructions, n_outputs, n_states, n_inputs
     assert make_plain_step(core)()
     assert found.tobytes() == data.tobytes()
     operand = before[n_outputs : n_outputs + n]
-    exact = [math.fsum(core.arrays["matrix"][:, i] * operand) for i in range(m)]
-    scale = np.abs(core.arrays["matrix"][:, :m].T * operand).sum(axis=1)
+    exact = [math.fsum(core.maps[0].matrix.by_columns[:, i] * operand) for i in range(m)]
+    scale = np.abs(core.maps[0].matrix.by_columns[:, :m].T * operand).sum(axis=1)
     assert (np.abs(found[:m] - exact) <= 1e-14 * scale).all()
 
 
@@ -70,9 +75,9 @@ def test_tables_and_limits(instructions):
 
 @pytest.mark.filterwarnings("error::RuntimeWarning")
 @pytest.mark.parametrize("matrix", [[[1e200], [1.0]], [[1.0], [1e200]]])
-def test_a_result_that_is_not_finite_changes_nothing(instructions, matrix):
+def test_a_result_that_is_not_finite_changes_nothing(instructions, dense, matrix):
     core, data = core_of(1, 1, 0)
-    core.use_map(store_by_columns(np.array(matrix)))
+    use_matrix(core, np.array(matrix), dense=dense)
     core.use_limits(OutputLimits(np.array([-1.0]), np.array([1.0]), -1))
     for step in (lambda: step_by_kernel(instructions, core), make_plain_step(core)):
         data[:] = 5.0, 1e200
@@ -89,12 +94,12 @@ def test_nothing_to_be_done(instructions):
     assert not step_by_kernel(instructions, core)
 
 
-def test_operands_that_are_zero_change_no_bit(instructions):
+def test_operands_that_are_zero_change_no_bit(instructions, dense):
     """Whatever is multiplied by 0 or -0, all partial sums among them: negative, below the smallest normal number."""
     core, data = core_of(3, 4, 4)
     tiny = 5e-324
     columns = np.array([[-tiny, tiny, 1.0, -1.0, 1e307, -tiny, -1e307]] * 8).T
-    core.use_map(store_by_columns(columns))
+    use_matrix(core, columns, dense=dense)
     random = np.random.default_rng(5)
     for _ in range(50):
         data[:] = random.choice([0.0, -0.0, tiny, -tiny, 0.25, -0.25, 1.0, -1.0], data.size)

@@ -183,7 +183,7 @@ def test_groups_of_names():
 def test_arrays_start_on_cache_lines(make):
     slave = make("oscillator")
     slave.do_step(0.0, 0.01)
-    for array in (slave._buffer.data, slave._core.arrays["work"], slave._maps[0][1]):
+    for array in (slave._buffer.data, slave._core.maps[0].work, slave._core.maps[0].matrix.numbers):
         assert array.ctypes.data % 64 == 0
         assert array.flags.c_contiguous
     assert np.shares_memory(slave.x, slave._source)

@@ -6,7 +6,8 @@ import math
 import numpy as np
 import pytest
 
-from ps_fmu.slavekit.author.core import Core, make_core, store_by_columns
+from ps_fmu.slavekit.author.blocks import make_blocks, make_dense, store_by_columns
+from ps_fmu.slavekit.author.core import Core, Map, make_core
 from ps_fmu.slavekit.author.elements import (
     Clip,
     Count,
@@ -41,6 +42,12 @@ def step_by_kernel(instructions: str, core: Core) -> bool:
     return bool(answer)
 
 
+def use_matrix(core: Core, matrix: np.ndarray, *, dense: bool = False) -> None:
+    """A plain step is the product with this matrix, in blocks or as a whole."""
+    make = make_dense if dense else make_blocks
+    core.use_maps(Map.make(make(store_by_columns(matrix)), core.source, core.arrays["target"]))
+
+
 class Bench:
     """A core with room for all kinds of elements, and what takes part of its buffer."""
 
@@ -60,7 +67,7 @@ class Bench:
         self.core.use_rows(self.random.standard_normal((self.rows, N_ROW)))
         shape = self.layout.target.stop, self.layout.source.stop - self.layout.source.start
         matrix = self.random.standard_normal(shape) * self.random.choice([0.0, 0.3], shape)
-        self.core.use_map(store_by_columns(matrix))
+        use_matrix(self.core, matrix)
         self.core.watching = 0
 
     def keep(self, n: int) -> np.ndarray:
@@ -143,5 +150,5 @@ def make_quiet_bench() -> Bench:
     found = Bench()
     matrix = np.zeros((found.layout.target.stop, 7))
     matrix[:3, 4:7] = np.eye(3)  # u after the four states; the columns of a and r are left out
-    found.core.use_map(store_by_columns(matrix))
+    use_matrix(found.core, matrix)
     return found

@@ -160,6 +160,18 @@ class PlantModel:
 
     def step_map(self, h: float) -> Array:
         """[y; x](t + h) from [x; u](t), see :func:`.discretisation.make_held_step_map`."""
+        return make_held_step_map(*self.hold(h))
+
+    def split_map(self, h: float) -> tuple[Array, Array]:
+        """As :meth:`step_map`: x(t + h) from [x; u](t), then y(t + h) from [x(t + h); u(t)].
+
+        The outputs take few of the states each, where in :meth:`step_map` they take nearly all.
+        """
+        Ad, Bd, C, D = self.hold(h)
+        return np.hstack([Ad, Bd]), np.hstack([C, D])
+
+    def hold(self, h: float) -> tuple[Array, Array, Array, Array]:
+        """Ad, Bd, C, D of a step of h (s): ``x(t + h) = Ad x(t) + Bd u(t)``, ``y(t + h) = C x(t + h) + D u(t)``."""
         A, B, C, D = self.matrices()
         # Added fine forces act as the others do, and the constant often moves nothing: less columns to the exponential.
         own = np.flatnonzero(B.any(axis=0) & _NOT_ADDED)
@@ -172,7 +184,7 @@ class PlantModel:
             D = D.copy()
             D[:, _ONE.start] += D[:, TIME] @ [h / 2.0, h**2 / 6.0]
             D[:, TIME.start] += h * D[:, TIME.start + 1]
-        return make_held_step_map(Ad, Bd, C, D)
+        return Ad, Bd, C, D
 
 
 @dataclass(frozen=True, eq=False)

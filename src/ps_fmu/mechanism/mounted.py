@@ -116,12 +116,12 @@ class HostedModel:
     def output_map(self) -> Array:
         """[C D], (N_OUTPUTS + 16, ...), see :meth:`.linear_model.PlantModel.output_map`; no wrench on the bus yet."""
         C, D = self._matrices[2:] if self.prescribed else self.model.matrices()[2:]
-        return self._with_locked(self._widened(np.hstack([C, D])))
+        return self._with_host(self._widened(np.hstack([C, D])))
 
     def step_map(self, h: float) -> Array:
         """``[y; host's; x](t + h)`` from ``[x; inputs](t)``."""
         if not self.prescribed:
-            return self._with_locked(self._widened(self.model.step_map(h)))
+            return self._with_host(self._widened(self.model.step_map(h)))
         A, B, C, D = self._matrices
         Ad, Bd = zero_order_hold(A, B, h)
         step = make_held_step_map(Ad, Bd, C, D)
@@ -146,6 +146,13 @@ class HostedModel:
         states[rate, self._rate_columns] = np.eye(3)
         return self._with_locked(result)
 
+    def split_map(self, h: float) -> tuple[Array, Array] | None:
+        """As :meth:`step_map`, see :meth:`.linear_model.PlantModel.split_map`; None where the motion is prescribed."""
+        if self.prescribed:
+            return None
+        states, outputs = self.model.split_map(h)
+        return self._widened(states), self._with_host(self._widened(outputs))
+
     @property
     def rate_places(self) -> slice:
         """Places of the base's angular velocity in the state."""
@@ -163,18 +170,17 @@ class HostedModel:
         return matrix
 
     def _widened(self, matrix: Array) -> Array:
-        """A map of PlantModel with rows for the host's outputs, zero, and where needed columns for the motion, zero."""
-        n, rows = self.model.n_states, len(matrix)
-        missing = n + N_INPUTS + N_MOTION - matrix.shape[1]
-        at = n + N_EXTERNAL
-        wide = np.zeros((rows + N_HOST_OUTPUTS, n + N_INPUTS + N_MOTION))
-        for target, source in (
-            (slice(0, N_OUTPUTS), slice(0, N_OUTPUTS)),
-            (slice(N_OUTPUTS + N_HOST_OUTPUTS, None), slice(N_OUTPUTS, None)),
-        ):
-            wide[target, :at] = matrix[source, :at]
-            wide[target, at + missing :] = matrix[source, at:]
+        """A map of PlantModel with columns for the motion, zero, where it has none."""
+        at, n_columns = self.model.n_states + N_EXTERNAL, self.model.n_states + N_INPUTS + N_MOTION
+        wide = np.zeros((len(matrix), n_columns))
+        wide[:, :at], wide[:, at + n_columns - matrix.shape[1] :] = matrix[:, :at], matrix[:, at:]
         return wide
+
+    def _with_host(self, matrix: Array) -> Array:
+        """A map whose rows begin with the outputs, with rows for the host's behind them: the locked mass, else zero."""
+        result = np.zeros((len(matrix) + N_HOST_OUTPUTS, matrix.shape[1]))
+        result[:N_OUTPUTS], result[N_OUTPUTS + N_HOST_OUTPUTS :] = matrix[:N_OUTPUTS], matrix[N_OUTPUTS:]
+        return self._with_locked(result)
 
     @cached_property
     def _own(self) -> tuple[Array, Array, Array]:

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .blocks import Matrix
 from .buffer import Array, allocate_aligned
 from .instructions import Instruction, find_address, write_words
 from .layout import BufferLayout
@@ -42,12 +43,46 @@ class Elements:
         self.words = write_words(self.before), write_words(self.after)
 
 
-_MAGIC = 0x32302D65726F63  # "core-02"
+_MAGIC = 0x33302D65726F63  # "core-03"
 NOTHING, MAP, TABLE = range(3)
 FOUND_DUE = 2
 """Value of ``pending`` if an element has found, before the map, that an event is due before this step."""
 
-_LANES = 8  # doubles in the widest vector register
+_MOST_MAPS = 2
+
+
+class MapWords(ctypes.Structure):
+    """The structure ``Map`` in ``launcher/core.h``."""
+
+    _fields_ = (
+        ("source", c_void_p), ("target", c_void_p), ("work", c_void_p), ("n_target", c_int64), ("n_blocks", c_int64),
+        ("blocks", c_void_p), ("columns", c_void_p), ("numbers", c_void_p),
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class Map:
+    """``target <- matrix @ source``; both are views of the buffer."""
+
+    matrix: Matrix
+    source: Array
+    target: Array
+    work: Array
+    """Where the result comes to first, padded."""
+
+    @classmethod
+    def make(cls, matrix: Matrix, source: Array, target: Array) -> Map:
+        """With the operands that there are columns for, from the first one of ``source`` on."""
+        n, stride = matrix.by_columns.shape
+        return cls(matrix, source[:n], target, allocate_aligned(stride))
+
+    def write_words(self) -> MapWords:
+        """For the kernel; the arrays have to be kept as long."""
+        matrix, pattern = self.matrix, self.matrix.pattern
+        return MapWords(
+            *map(find_address, (self.source, self.target, self.work)), self.target.size, len(pattern.words),
+            ctypes.addressof(pattern.words), find_address(pattern.columns), find_address(matrix.numbers),
+        )  # fmt: skip
 
 
 class Core(ctypes.Structure):
@@ -59,9 +94,8 @@ class Core(ctypes.Structure):
     _fields_ = (
         ("magic", c_uint64), ("size", c_uint64),
         ("data", c_void_p), ("kinds", c_void_p), ("low", c_void_p), ("high", c_void_p), ("n_references", c_int64),
-        ("plain", c_int64), ("source", c_void_p), ("target", c_void_p), ("work", c_void_p),
-        ("n_source", c_int64), ("n_target", c_int64),
-        ("matrix", c_void_p), ("stride", c_int64), ("table", c_void_p), ("n_rows", c_int64),
+        ("plain", c_int64), ("target", c_void_p), ("n_target", c_int64), ("map_words", MapWords * _MOST_MAPS),
+        ("n_maps", c_int64), ("table", c_void_p), ("n_rows", c_int64),
         ("row", c_void_p), ("n_row", c_int64),
         ("before", c_void_p), ("after", c_void_p), ("n_before", c_int64), ("n_after", c_int64),
         ("undo_places", c_void_p), ("undo_values", c_void_p), ("scratch", c_void_p), ("kept", c_void_p),
@@ -74,11 +108,10 @@ class Core(ctypes.Structure):
     )  # fmt: skip
 
     plain: int
-    n_source: int
     n_target: int
+    n_maps: int
     n_row: int
     n_rows: int
-    stride: int
     stepping: int
     pending: int
     watching: int
@@ -96,18 +129,19 @@ class Core(ctypes.Structure):
 
     arrays: dict[str, NDArray[Any]]
     """By the name of their word."""
-    all_sources: Array
+    source: Array
     """States, inputs, auxiliary inputs and the row of the table."""
     limits: OutputLimits | None = None
     elements: Elements
+    maps: tuple[Map, ...] = ()
 
-    def use_map(self, matrix: Array, source: Array | None = None) -> None:
-        """A plain step is ``target <- matrix.T @ source``; see :func:`store_by_columns`.
-
-        ``source``: the part of the operands that the matrix is for, from their first one on unless stated.
-        """
-        self._point(matrix=matrix, source=self.all_sources if source is None else source)
-        self.n_source = len(matrix)
+    def use_maps(self, *maps: Map) -> None:
+        """A plain step is these maps, one after the other: each reads what those before it have written."""
+        if self.maps != maps:
+            self.maps = maps
+            for place, found in enumerate(maps):
+                self.map_words[place] = found.write_words()
+            self.n_maps = len(maps)
         self.plain = MAP
 
     def use_table(self, table: Array) -> None:
@@ -156,28 +190,15 @@ def make_core(layout: BufferLayout, data: Array) -> Core:
     core = Core.from_buffer(memory.data)
     core.magic, core.size = _MAGIC, ctypes.sizeof(Core)
     source, target = data[layout.source], data[layout.target]
-    core.n_references, core.n_source, core.n_target = data.size, source.size, target.size
-    core.stride = -(-target.size // _LANES) * _LANES
+    core.n_references, core.n_target = data.size, target.size
     core.step_slack = -1.0
     core.n_row = data[layout.r].size
     core.n_rows = 2**62  # without tables, they do not end
     core.watching = 1
-    core.arrays, core.all_sources = {}, source
+    core.arrays, core.source = {}, source
     core._point(
         data=data, kinds=layout.kinds, low=layout.low, high=layout.high,
-        source=source, target=target, work=allocate_aligned(core.stride), row=data[layout.r],
-        kept=np.empty_like(target),
+        target=target, row=data[layout.r], kept=np.empty_like(target),
     )  # fmt: skip
     core.use_elements(Elements())
     return core
-
-
-def store_by_columns(matrix: Array) -> Array:
-    """A matrix (m, n) as (n, stride): column by column, each on a cache line and padded with zeros.
-
-    The kernel reads it so; numpy in the same order gives the same bits.
-    """
-    rows, columns = matrix.shape
-    copy = allocate_aligned(columns, -(-rows // _LANES) * _LANES)
-    copy[:, :rows] = matrix.T
-    return copy

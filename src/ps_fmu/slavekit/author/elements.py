@@ -16,8 +16,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from .blocks import store_by_columns
 from .buffer import Array
-from .core import store_by_columns
 from .guard import ModelError
 from .instructions import (
     CLIP,

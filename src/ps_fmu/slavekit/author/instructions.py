@@ -35,7 +35,7 @@ class Instruction:
     low: Array | None = None
     high: Array | None = None
     matrix: Array | None = None
-    """By columns, see :func:`.core.store_by_columns`."""
+    """By columns, see :func:`.blocks.store_by_columns`."""
     n: int = 0
     n_source: int = 0
     clock: int = -1

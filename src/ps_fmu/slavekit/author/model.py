@@ -86,6 +86,14 @@ class Model(Fmi2Slave):
         """
         raise NotImplementedError(f"{type(self).__name__} has neither step_map nor block_rows")
 
+    def split_map(self, h: float) -> tuple[Array, Array] | None:
+        """The same step as two matrices with more zeros, which cost nothing; None: ``step_map`` is used.
+
+        First x <- states @ [x; u; a; r], then y <- outputs @ [x; u; a; r] from the new x.  Shapes as the parts of
+        ``step_map``.  Asked for in its place, and with it equal but for rounding.
+        """
+        return None
+
     def before_map(self, h: float) -> Sequence[Element]:
         """What a step of size h (s) does before the map, in this order; see :mod:`.elements`.
 

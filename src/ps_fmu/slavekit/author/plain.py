@@ -13,7 +13,7 @@ from math import isfinite
 import numpy as np
 
 from .buffer import Array
-from .core import FOUND_DUE, TABLE, Core, OutputLimits
+from .core import FOUND_DUE, TABLE, Core, Map, OutputLimits
 from .plain_elements import NotFiniteError, make_runs
 
 Step = Callable[[], bool]
@@ -28,22 +28,9 @@ def make_plain_step(core: Core) -> Step:
     if core.kernel:
         kernel, address = _KERNEL(core.kernel), ctypes.addressof(core)
         return lambda: kernel(address)
-    compute = _make_row_step(core) if core.plain == TABLE else _make_product_step(core)
+    compute = _make_row_step(core) if core.plain == TABLE else _make_product_steps(core)
     hold = None if core.limits is None else make_holder(core.limits)
-    if core.n_row or core.elements.before or core.elements.after:
-        return _make_full_step(core, compute, hold)
-    work = core.arrays["work"]
-    target, result = core.arrays["target"].data, work[: core.n_target].data  # memory views are copied most quickly
-
-    def step() -> bool:
-        if not compute():
-            return False
-        if hold is not None:
-            hold(work)
-        target[:] = result
-        return True
-
-    return step
+    return _make_step(core, compute, hold)
 
 
 def make_holder(limits: OutputLimits) -> Callable[[Array], None]:
@@ -62,8 +49,8 @@ def make_holder(limits: OutputLimits) -> Callable[[Array], None]:
     return hold
 
 
-def _make_full_step(core: Core, compute: Step, hold: Callable[[Array], None] | None) -> Step:
-    data, target, work, row = (core.arrays[name] for name in ("data", "target", "work", "row"))
+def _make_step(core: Core, compute: Step, hold: Callable[[Array], None] | None) -> Step:
+    data, target, row = (core.arrays[name] for name in ("data", "target", "row"))
     before, after = (make_runs(part, data, core.step) for part in (core.elements.before, core.elements.after))
     kept = np.empty_like(data)
 
@@ -78,7 +65,6 @@ def _make_full_step(core: Core, compute: Step, hold: Callable[[Array], None] | N
             return False
         if not compute():
             return False
-        target[:] = work[: core.n_target]
         due = any([run() for run in after])
         if hold is not None:
             hold(target)
@@ -98,29 +84,38 @@ def _make_full_step(core: Core, compute: Step, hold: Callable[[Array], None] | N
     return step
 
 
-def _make_product_step(core: Core) -> Step:
-    matrix, work = core.arrays["matrix"], core.arrays["work"]
-    source = core.arrays["source"][: core.n_source]
-    operand, products = source[:, np.newaxis], np.empty_like(matrix)
+def _make_product_steps(core: Core) -> Step:
+    steps = [_make_product_step(found) for found in core.maps]
+    return lambda: all(step() for step in steps)
+
+
+def _make_product_step(found: Map) -> Step:
+    """``target <- matrix @ source``; zeros that the kernel leaves out change no bit."""
+    matrix, work = found.matrix.by_columns, found.work
+    operand, products = found.source[:, np.newaxis], np.empty_like(matrix)
+    target, result = found.target.data, work[: found.target.size].data  # memory views are copied most quickly
     multiply, add, square = np.multiply, np.add.reduce, work.dot
 
     def compute() -> bool:
         with np.errstate(over="ignore", invalid="ignore"):  # 0.7 us; what overflows is refused, with names
             multiply(matrix, operand, products)
             add(products, axis=0, out=work, initial=0.0)
-            return isfinite(square(work)) or bool(np.isfinite(work).all())  # the square overflows above 1e154
+            if not (isfinite(square(work)) or bool(np.isfinite(work).all())):  # the square overflows above 1e154
+                return False
+        target[:] = result
+        return True
 
     return compute
 
 
 def _make_row_step(core: Core) -> Step:
-    table, work = core.arrays["table"], core.arrays["work"][: core.n_target]
+    table, target = core.arrays["table"], core.arrays["target"]
 
     def compute() -> bool:
         row = core.count - core.block
         if not 0 <= row < core.n_rows:
             return False
-        work[:] = table[row]
+        target[:] = table[row]
         return True
 
     return compute

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .buffer import Array
-from .core import Elements
+from .core import Elements, Map
 from .elements import Element
 from .guard import ModelError
 from .instructions import DELAY, HOLD, SAMPLE, Finder, Instruction
@@ -20,10 +20,8 @@ class StepMap(NamedTuple):
 
     step: float
     """s."""
-    matrix: Array | None
-    """By columns, see :func:`.core.store_by_columns`; None: rows are the outputs."""
-    source: Array | None
-    """The operands that it is for."""
+    maps: tuple[Map, ...]
+    """One after the other; none: rows are the outputs."""
     elements: Elements
 
 

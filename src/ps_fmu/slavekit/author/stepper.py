@@ -8,8 +8,9 @@ from math import inf, isfinite
 
 import numpy as np
 
+from .blocks import make_blocks, store_by_columns
 from .buffer import Array, allocate_aligned
-from .core import FOUND_DUE, Elements, OutputLimits, store_by_columns
+from .core import FOUND_DUE, Elements, Map, OutputLimits
 from .elements import Element
 from .far import blame
 from .guard import ModelError, Refused, escape, report
@@ -37,7 +38,7 @@ class Stepper(Tables):
     def _allocate(self) -> None:
         super()._allocate()
         layout = self.layout
-        self._source = self._buffer.data[layout.source]
+        self._source = self._core.source
         self._target = self._buffer.data[layout.target]
         self._kept = np.empty_like(self._buffer.data)
         self._plain_step: Step | None = None  # None: out of date
@@ -119,12 +120,18 @@ class Stepper(Tables):
 
     def _describe_not_finite(self) -> str:
         """The outputs and states that are not finite after a map, and how large what they come from is."""
-        if np.isfinite(self._core.arrays["work"]).all():
-            return f"in an element before or after the map; largest operand {np.abs(self._source).max():g}"
-        bad = np.flatnonzero(~np.isfinite(self._core.arrays["work"])).tolist()
-        names = [self.layout.describe(place) for place in bad[:5]]
-        more = " ..." if len(bad) > 5 else ""
-        return f"{', '.join(names)}{more}; largest operand {np.abs(self._source).max():g}"
+        largest = f"largest operand {np.abs(self._source).max():g}"
+        for found in self._core.maps:
+            bad = np.flatnonzero(~np.isfinite(found.work)).tolist()
+            if bad:
+                names = [self.layout.describe(self._find_place(found.target) + place) for place in bad[:5]]
+                more = " ..." if len(bad) > 5 else ""
+                return f"{', '.join(names)}{more}; {largest}"
+        return f"in an element before or after the map; {largest}"
+
+    def _find_place(self, view: Array) -> int:
+        """Where a view of the buffer begins in it."""
+        return (view.ctypes.data - self._buffer.data.ctypes.data) // 8
 
     def _step_carefully(self, t: float, h: float) -> None:
         """A step that checks all.  All or nothing."""
@@ -223,11 +230,11 @@ class Stepper(Tables):
         if self._is_used_up():
             self._fill_table()
         step_map = self._find_map(core.step)
-        if step_map.matrix is None:
-            core.use_table(self._table)
-        else:
-            core.use_map(step_map.matrix, step_map.source)
+        if step_map.maps:
+            core.use_maps(*step_map.maps)
             core.use_rows(self._table)
+        else:
+            core.use_table(self._table)
         if self.block_rows:
             core.n_rows = self._shown
             if self._is_at_end_of_rows():
@@ -277,17 +284,27 @@ class Stepper(Tables):
         for found in self._maps:
             if found.step == h:
                 return found
-        matrix = source = None
-        if self.n_row or not self.block_rows:
-            given = self._check_matrix("step_map", self.step_map(h), self._target.size)
-            used = np.flatnonzero(given.any(axis=0))
-            taken = slice(int(used[0]), int(used[-1]) + 1) if used.size else slice(0, 0)
-            matrix, source = store_by_columns(given[:, taken]), self._source[taken]
+        maps = self._make_maps(h) if self.n_row or not self.block_rows else ()
         elements = self._compile_elements(self.before_map(h), self.after_map(h))
         if len(self._maps) >= _MOST_MAPS:
             del self._maps[0]
-        self._maps.append(StepMap(h, matrix, source, elements))
+        self._maps.append(StepMap(h, maps, elements))
         return self._maps[-1]
+
+    def _make_maps(self, h: float) -> tuple[Map, ...]:
+        split = self.split_map(h)
+        if split is None:
+            return (self._make_map("step_map", self.step_map(h), self._target),)
+        return (
+            self._make_map("split_map: states", split[0], self.x),
+            self._make_map("split_map: outputs", split[1], self.y),
+        )
+
+    def _make_map(self, what: str, matrix: Array, target: Array) -> Map:
+        given = self._check_matrix(what, matrix, target.size)
+        used = np.flatnonzero(given.any(axis=0))
+        taken = slice(int(used[0]), int(used[-1]) + 1) if used.size else slice(0, 0)
+        return Map.make(make_blocks(store_by_columns(given[:, taken])), self._source[taken], target)
 
     def _compile_elements(self, before: Sequence[Element], after: Sequence[Element]) -> Elements:
         lists, elements = self._compiled

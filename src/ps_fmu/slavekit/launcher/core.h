@@ -4,7 +4,7 @@
 
 #include <stdint.h>
 
-#define CORE_MAGIC 0x32302d65726f63ull /* "core-02" */
+#define CORE_MAGIC 0x33302d65726f63ull /* "core-03" */
 
 /* Asked for the String variable of this value reference, a slave answers with the address of its core, in decimal; 0: it
    wants none.  No model description lists it. */
@@ -46,6 +46,25 @@ typedef struct Element {
     int64_t steps;
 } Element;
 
+/* Rows of a matrix, from `row` on, with the columns in which any of them is not zero.  blocks.py chooses them. */
+typedef struct Block {
+    int64_t row, n_rows;       /* n_rows: a multiple of 8; those beyond the matrix are zero */
+    int64_t column, n_columns; /* its part of the map's `columns` */
+    int64_t number;            /* its part of the map's `numbers`: column by column, n_rows each */
+} Block;
+
+/* target <- matrix source.  The blocks cover all rows, once. */
+typedef struct Map {
+    const double *source;
+    double *target, *work;     /* work: (n_target), padded as the blocks are */
+    int64_t n_target, n_blocks;
+    const Block *blocks;
+    const int32_t *columns;    /* places in `source`; NULL: all of them in order, in every block */
+    const double *numbers;     /* on a cache line */
+} Map;
+
+enum { MOST_MAPS = 2 };
+
 /* The same as the class Core in core.py; all arrays belong to the slave.  Between two calls of the host each word has
    one writer: who makes the call. */
 typedef struct Core {
@@ -58,15 +77,14 @@ typedef struct Core {
     const double *low, *high; /* what may be set, both finite */
     int64_t n_references;
 
-    /* A plain step: the next row of the table goes to `row`; the elements before the map; target <- matrix source, or
-       the next row; the elements after it; then the limits, on all or none. */
+    /* A plain step: the next row of the table goes to `row`; the elements before the map; the maps, one after the other
+       (each reads what those before it have written), or target <- the next row; the elements after it; then the
+       limits, on all or none. */
     int64_t plain;
-    const double *source;
     double *target;
-    double *work;             /* (stride) */
-    int64_t n_source, n_target;
-    const double *matrix;     /* column by column; each padded with zeros to `stride` and on a cache line */
-    int64_t stride;           /* a multiple of 8 */
+    int64_t n_target;
+    Map maps[MOST_MAPS];
+    int64_t n_maps;
     const double *table;      /* n_rows x n_target; n_rows x n_row where there is a map */
     int64_t n_rows;
     double *row;

@@ -81,7 +81,7 @@ static bool linear(Run *run, const Element *e)
     double *data = run->core->data, *w = run->core->scratch, *x = w + e->stride;
     for (int64_t j = 0; j < e->n_source; j++)
         x[j] = data[e->source[j]];
-    if (!run->product(e->matrix, e->stride, x, e->n_source, w))
+    if (!run->by->product(e->matrix, e->stride, x, e->n_source, w))
         return false;
     FOR_EACH(e->n, put(run, e->target[k], w[k]));
     return true;

@@ -9,10 +9,20 @@
 /* w <- M x; false if a result is not finite.  See product.h. */
 typedef bool Product(const double *matrix, int64_t stride, const double *x, int64_t n_x, double *w);
 
+/* The result of a map, into its `work`; false if one is not finite. */
+typedef bool MapProduct(const Map *map);
+
+/* Products by one set of instructions. */
+typedef struct {
+    const char *name;
+    Product *product;
+    MapProduct *map;
+} Arithmetic;
+
 /* One step under way. */
 typedef struct {
     Core *core;
-    Product *product;
+    const Arithmetic *by;
     int64_t n_undo; /* writes so far */
     bool due;       /* a WATCH has found that an event is due */
 } Run;

@@ -13,30 +13,24 @@
 #endif
 
 #define INSTRUCTIONS
-#define PRODUCT product_sse2
 #define WIDTH 2
 #include "product.h"
 
 #ifdef __x86_64__ /* elsewhere, the vectors of two that every processor has */
 #define INSTRUCTIONS __attribute__((target("avx2")))
-#define PRODUCT product_avx2
 #define WIDTH 4
 #include "product.h"
 
 #define INSTRUCTIONS __attribute__((target("avx512f")))
-#define PRODUCT product_avx512
 #define WIDTH 8
 #include "product.h"
 #endif
 
-static const struct {
-    const char *name;
-    Product *product;
-} products[] = {
-    {"sse2", product_sse2},
+static const Arithmetic arithmetics[] = {
+    {"sse2", product2, map2},
 #ifdef __x86_64__
-    {"avx2", product_avx2},
-    {"avx512", product_avx512},
+    {"avx2", product4, map4},
+    {"avx512", product8, map8},
 #endif
 };
 
@@ -61,8 +55,9 @@ __attribute__((constructor)) static void look_at_processor(void)
 #endif
 
 /* Clamp results to their limits. */
-static void hold(const Core *core, double *results)
+static void hold(Core *core)
 {
+    double *results = core->target;
     bool met = false;
     for (int64_t i = 0; i < core->n_limited; i++) {
         double w = results[i];
@@ -82,29 +77,31 @@ static const double *next_row(const Core *core, int64_t width)
     return row < 0 || row >= core->n_rows ? NULL : core->table + row * width;
 }
 
-/* The results, into `work`. */
-static bool compute(Core *core, Product *product)
+static void copy(double *target, const double *source, int64_t n)
 {
-    if (core->plain == CORE_MAP)
-        return product(core->matrix, core->stride, core->source, core->n_source, core->work);
-    const double *row = core->plain == CORE_TABLE ? next_row(core, core->n_target) : NULL;
-    if (row == NULL)
-        return false;
-    memcpy(core->work, row, (size_t)core->n_target * sizeof(double));
-    return true;
+    memcpy(target, source, (size_t)n * sizeof(double));
 }
 
-static bool simple_step(Core *core, Product *product)
+/* The results, into `target`.  False: a map is not finite, and those before it have written theirs. */
+static bool compute(Core *core, const Arithmetic *by)
 {
-    if (!compute(core, product))
-        return false;
-    if (core->n_limited > 0)
-        hold(core, core->work);
-    memcpy(core->target, core->work, (size_t)core->n_target * sizeof(double));
-    return true;
+    if (core->plain == CORE_TABLE) {
+        const double *row = next_row(core, core->n_target);
+        if (row == NULL)
+            return false;
+        copy(core->target, row, core->n_target);
+        return true;
+    }
+    for (const Map *map = core->maps; map < core->maps + core->n_maps; map++) {
+        if (!by->map(map))
+            return false;
+        copy(map->target, map->work, map->n_target);
+    }
+    return core->plain == CORE_MAP;
 }
 
-static bool before_and_map(Run *run)
+/* The row of the table and the elements before the map. */
+static bool prepare(Run *run)
 {
     Core *core = run->core;
     if (core->n_row > 0) {
@@ -120,49 +117,51 @@ static bool before_and_map(Run *run)
         core->pending = CORE_FOUND_DUE;
         return false;
     }
-    return compute(core, run->product);
+    run->due = false;
+    return true;
 }
 
-static bool full_step(Core *core, Product *product)
+/* The maps and the elements after them. */
+static bool finish(Run *run)
 {
-    const size_t size = (size_t)core->n_target * sizeof(double);
-    Run run = {core, product, 0, false};
-    if (!before_and_map(&run)) {
-        run_undo(&run, 0);
+    Core *core = run->core;
+    const int64_t before = run->n_undo;
+    const bool keep = core->n_maps > 1 || core->n_after > 0; /* else a map that is not finite has written nothing */
+    if (keep)
+        copy(core->kept, core->target, core->n_target);
+    if (compute(core, run->by) && run_elements(run, core->after, core->n_after))
+        return true;
+    run_undo(run, before);
+    if (keep)
+        copy(core->target, core->kept, core->n_target);
+    return false;
+}
+
+static bool step(Core *core, const Arithmetic *by)
+{
+    if (core->plain == CORE_NOTHING)
         return false;
-    }
-    const int64_t before = run.n_undo;
-    memcpy(core->kept, core->target, size);
-    memcpy(core->target, core->work, size);
-    run.due = false;
-    if (!run_elements(&run, core->after, core->n_after)) {
-        run_undo(&run, before);
-        memcpy(core->target, core->kept, size);
+    Run run = {core, by, 0, false};
+    if (!prepare(&run) || !finish(&run)) {
         run_undo(&run, 0);
         return false;
     }
     if (core->n_limited > 0)
-        hold(core, core->target);
+        hold(core);
     if (run.due)
         core->pending = CORE_DUE;
     return true;
 }
 
-static bool step(Core *core, Product *product)
-{
-    return core->n_before + core->n_after + core->n_row > 0 && core->plain != CORE_NOTHING ? full_step(core, product)
-                                                                                          : simple_step(core, product);
-}
-
 bool kernel_step(Core *core)
 {
-    return step(core, products[best].product);
+    return step(core, &arithmetics[best]);
 }
 
 int ps_fmu_step_by(const char *instructions, Core *core)
 {
     for (int i = 0; i <= best; i++)
-        if (strcmp(instructions, products[i].name) == 0)
-            return step(core, products[i].product);
+        if (strcmp(instructions, arithmetics[i].name) == 0)
+            return step(core, &arithmetics[i]);
     return -1;
 }
