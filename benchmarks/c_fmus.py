@@ -97,7 +97,6 @@ def _numbers(slave: Slave, step: float, rows: int, structured: bool) -> bytes:
 def _write_map(slave: Slave, found: Map) -> bytes:
     matrix, pattern = found.matrix, found.matrix.pattern
     places = [slave._find_place(view) for view in (found.source, found.target)]
-    columns = np.zeros(0, dtype=np.int32) if pattern.columns is None else pattern.columns
-    sizes = [*places, found.target.size, found.work.size, len(pattern.words), columns.size, matrix.numbers.size]
+    sizes = [*places, found.target.size, found.work.size, len(pattern.words), pattern.columns.size, matrix.numbers.size]
     head = np.array(sizes, dtype=np.int64).tobytes()
-    return head + bytes(pattern.words) + columns.tobytes() + matrix.numbers.tobytes()
+    return head + bytes(pattern.words) + pattern.columns.tobytes() + matrix.numbers.tobytes()

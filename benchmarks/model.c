@@ -42,10 +42,9 @@ static bool fill_map(Core *core, Map *map, FILE *file)
     map->work = make_room(s.n_work, sizeof(double));
     map->n_blocks = s.n_blocks;
     map->blocks = take(file, s.n_blocks, sizeof(Block));
-    map->columns = s.n_columns > 0 ? take(file, s.n_columns, sizeof(int32_t)) : NULL;
+    map->columns = take(file, s.n_columns, sizeof(int32_t));
     map->numbers = take(file, s.n_numbers, sizeof(double));
-    return map->work != NULL && map->blocks != NULL && map->numbers != NULL &&
-           (s.n_columns == 0 || map->columns != NULL);
+    return map->work != NULL && map->blocks != NULL && map->columns != NULL && map->numbers != NULL;
 }
 
 static bool fill(Core *core, FILE *file)

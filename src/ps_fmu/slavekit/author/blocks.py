@@ -21,9 +21,9 @@ LANES = 8
 """Rows taken together."""
 
 _LARGEST = 8  # groups of rows in a block: their sums stay in registers
-# Costs in multiplications of a group with a column, which are one instruction of the widest registers.
-_COLUMN = 2  # to fetch and test an operand
-_BLOCK = 12  # to begin a block and store its results
+# Costs in units of a group with a column, as measured with registers of eight doubles (0.1 ns).
+_COLUMN = 1.5  # to fetch and test an operand
+_BLOCK = 30.0  # to begin a block, and to store its results
 
 
 class Words(ctypes.Structure):
@@ -39,8 +39,8 @@ class Pattern:
     """Where a matrix has blocks."""
 
     words: ctypes.Array[Words]
-    columns: NDArray[np.int32] | None
-    """Of all blocks, one block after the other; None: each block has all columns."""
+    columns: NDArray[np.int32]
+    """Of all blocks, one block after the other."""
     numbers: NDArray[np.int64]
     """Places in a matrix by columns of the numbers that are multiplied."""
 
@@ -76,7 +76,8 @@ def make_dense(by_columns: Array) -> Matrix:
     """A matrix by columns as one block of all rows and columns."""
     n, stride = by_columns.shape
     words = (Words * 1)(Words(0, stride, 0, n, 0))
-    return Matrix(by_columns, Pattern(words, None, np.arange(by_columns.size)), by_columns.reshape(-1))
+    pattern = Pattern(words, np.arange(n, dtype=np.int32), np.arange(by_columns.size))
+    return Matrix(by_columns, pattern, by_columns.reshape(-1))
 
 
 def make_blocks(by_columns: Array) -> Matrix:
@@ -110,12 +111,13 @@ def find_pattern(used: bytes, n: int, groups: int) -> Pattern:
 def _join_groups(used: NDArray[np.bool_]) -> list[tuple[int, int]]:
     """First and last of the groups of each block: the cheapest division of all groups into neighbours."""
     groups = used.shape[1]
-    best: list[tuple[int, list[tuple[int, int]]]] = [(0, [])]
+    best: list[tuple[float, list[tuple[int, int]]]] = [(0.0, [])]
     for last in range(1, groups + 1):
         ways = []
         for first in range(max(0, last - _LARGEST), last):
             size = int(np.count_nonzero(used[:, first:last].any(axis=1)))
             cost, before = best[first]
-            ways.append((cost + _BLOCK + size * (_COLUMN + last - first), [*before, (first, last)]))
+            cost += _BLOCK + size * (_COLUMN + last - first)
+            ways.append((cost, [*before, (first, last)]))
         best.append(min(ways))
     return best[-1][1]

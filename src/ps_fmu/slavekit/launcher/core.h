@@ -59,7 +59,7 @@ typedef struct Map {
     double *target, *work;     /* work: (n_target), padded as the blocks are */
     int64_t n_target, n_blocks;
     const Block *blocks;
-    const int32_t *columns;    /* places in `source`; NULL: all of them in order, in every block */
+    const int32_t *columns;    /* places in `source`; rising in each block */
     const double *numbers;     /* on a cache line */
 } Map;
 

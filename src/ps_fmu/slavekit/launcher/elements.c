@@ -10,18 +10,17 @@
 
 void run_put(Run *run, int64_t place, double value)
 {
-    Core *core = run->core;
-    core->undo_places[run->n_undo] = place;
-    core->undo_values[run->n_undo++] = core->data[place];
-    core->data[place] = value;
+    const int64_t n = run->n_undo++;
+    run->places[n] = place;
+    run->values[n] = run->data[place];
+    run->data[place] = value;
 }
 
 void run_undo(Run *run, int64_t n)
 {
-    Core *core = run->core;
     while (run->n_undo > n) {
         run->n_undo--;
-        core->data[core->undo_places[run->n_undo]] = core->undo_values[run->n_undo];
+        run->data[run->places[run->n_undo]] = run->values[run->n_undo];
     }
 }
 
@@ -52,7 +51,7 @@ static double next_tick(double clock, int64_t steps)
 
 static bool sample(Run *run, const Element *e)
 {
-    double *data = run->core->data;
+    double *data = run->data;
     if (data[e->clock] == 0.0)
         FOR_EACH(e->n, put(run, e->target[k], data[e->source[k]]));
     return put(run, e->clock, next_tick(data[e->clock], e->steps));
@@ -60,7 +59,7 @@ static bool sample(Run *run, const Element *e)
 
 static bool hold(Run *run, const Element *e)
 {
-    double *data = run->core->data;
+    double *data = run->data;
     double clock = next_tick(data[e->clock], e->steps);
     if (clock == 0.0)
         FOR_EACH(e->n, put(run, e->second[k], data[e->target[k]]));
@@ -70,7 +69,7 @@ static bool hold(Run *run, const Element *e)
 
 static bool ramp(Run *run, const Element *e)
 {
-    double *data = run->core->data;
+    double *data = run->data;
     FOR_EACH(e->n, put(run, e->target[k],
                        clip((data[e->source[k]] - data[e->second[k]]) / run->core->step, e->low[k], e->high[k])));
     return true;
@@ -78,7 +77,7 @@ static bool ramp(Run *run, const Element *e)
 
 static bool linear(Run *run, const Element *e)
 {
-    double *data = run->core->data, *w = run->core->scratch, *x = w + e->stride;
+    double *data = run->data, *w = run->core->scratch, *x = w + e->stride;
     for (int64_t j = 0; j < e->n_source; j++)
         x[j] = data[e->source[j]];
     if (!run->by->product(e->matrix, e->stride, x, e->n_source, w))
@@ -89,7 +88,7 @@ static bool linear(Run *run, const Element *e)
 
 static bool clip_values(Run *run, const Element *e)
 {
-    double *data = run->core->data;
+    double *data = run->data;
     bool met = false;
     for (int64_t k = 0; k < e->n; k++) {
         double value = data[e->target[k]];
@@ -111,7 +110,7 @@ static double excess(double value, double low, double high)
 /* `clock` is the place of the next row of the ring.  It comes from a state that may have been made up. */
 static bool delay(Run *run, const Element *e)
 {
-    double *data = run->core->data, next = data[e->clock];
+    double *data = run->data, next = data[e->clock];
     int64_t rows = e->n_source, ring = e->second[0];
     if (!(next >= 0.0 && next < (double)rows))
         return false;
@@ -127,7 +126,7 @@ static bool delay(Run *run, const Element *e)
 /* `target`, where there is one, keeps the values of the step before. */
 static bool watch(Run *run, const Element *e)
 {
-    double *data = run->core->data;
+    double *data = run->data;
     bool far = false, apart = false, resting = e->target != NULL;
     for (int64_t k = 0; k < e->n; k++) {
         double value = data[e->source[k]], distance = fabs(value - data[e->second[k]]);
@@ -146,7 +145,7 @@ static bool watch(Run *run, const Element *e)
 /* `second` holds n times whether the value was above, then n counts. */
 static bool count(Run *run, const Element *e)
 {
-    double *data = run->core->data, sum = 0.0;
+    double *data = run->data, sum = 0.0;
     for (int64_t k = 0; k < e->n; k++) {
         int64_t was = e->second[k], counted = e->second[e->n + k];
         bool above = fabs(data[e->source[k]]) > e->high[k];
@@ -163,7 +162,7 @@ static bool count(Run *run, const Element *e)
 
 static bool run_element(Run *run, const Element *e)
 {
-    double *data = run->core->data;
+    double *data = run->data;
     switch (e->kind) {
     case ELEMENT_SAMPLE:
         return sample(run, e);

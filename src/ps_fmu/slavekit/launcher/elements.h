@@ -22,6 +22,9 @@ typedef struct {
 /* One step under way. */
 typedef struct {
     Core *core;
+    double *data;   /* of the core, as are `places` and `values`: not looked up again at each write */
+    int64_t *places;
+    double *values;
     const Arithmetic *by;
     int64_t n_undo; /* writes so far */
     bool due;       /* a WATCH has found that an event is due */

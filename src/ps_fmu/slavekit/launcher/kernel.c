@@ -141,7 +141,7 @@ static bool step(Core *core, const Arithmetic *by)
 {
     if (core->plain == CORE_NOTHING)
         return false;
-    Run run = {core, by, 0, false};
+    Run run = {core, core->data, core->undo_places, core->undo_values, by, 0, false};
     if (!prepare(&run) || !finish(&run)) {
         run_undo(&run, 0);
         return false;

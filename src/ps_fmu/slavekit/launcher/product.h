@@ -11,6 +11,7 @@
 #define Vector JOIN(Vector, WIDTH)
 #define BLOCK JOIN(block, WIDTH)
 #define ROWS JOIN(rows, WIDTH)
+#define DENSE_ROWS JOIN(dense_rows, WIDTH)
 #define FINITE JOIN(finite, WIDTH)
 #define PRODUCT JOIN(product, WIDTH)
 #define MAP JOIN(map, WIDTH)
@@ -18,16 +19,17 @@
 typedef double Vector __attribute__((vector_size(8 * WIDTH)));
 
 /* n vectors of w, whose sums stay in registers.  Adds 0 w to `rest`, which is NaN then if one is not finite.  `columns`
-   are places in x; NULL: all in order, which the compiler makes a loop of its own of. */
+   are places in x; of a dense matrix they are all, in order, and not looked up: 0.3 ns a column. */
 INSTRUCTIONS static inline __attribute__((always_inline)) void BLOCK(const double *matrix, int64_t stride,
-                                                                     const int32_t *columns, const double *x,
-                                                                     int64_t n_x, double *w, Vector *rest, const int n)
+                                                                     const bool dense, const int32_t *columns,
+                                                                     const double *x, int64_t n_x, double *w,
+                                                                     Vector *rest, const int n)
 {
     Vector sums[8];
     for (int k = 0; k < n; k++)
         sums[k] = (Vector){0.0};
     for (int64_t j = 0; j < n_x; j++, matrix += stride) {
-        const double operand = x[columns != NULL ? columns[j] : j];
+        const double operand = x[dense ? j : columns[j]];
         if (operand == 0.0)
             continue;
         for (int k = 0; k < n; k++)
@@ -39,21 +41,27 @@ INSTRUCTIONS static inline __attribute__((always_inline)) void BLOCK(const doubl
     }
 }
 
-/* `stride` rows of w. */
-INSTRUCTIONS static inline __attribute__((always_inline)) void ROWS(const double *matrix, int64_t stride,
-                                                                    const int32_t *columns, const double *x, int64_t n_x,
-                                                                    double *w, Vector *rest)
-{
-    int64_t i = 0;
-#define BLOCKS(n)                                                                                                      \
-    for (; stride - i >= (n) * WIDTH; i += (n) * WIDTH)                                                                \
-    BLOCK(matrix + i, stride, columns, x, n_x, w + i, rest, n)
-    BLOCKS(8);
-    BLOCKS(4);
-    BLOCKS(2);
-    BLOCKS(1);
-#undef BLOCKS
-}
+/* `stride` rows of w, eight vectors at once: each sum waits for its last addition, so that eight sums take little longer
+   than one. */
+#define DEFINE_ROWS(name, dense)                                                                                       \
+    INSTRUCTIONS static void name(const double *matrix, int64_t stride, const int32_t *columns, const double *x,       \
+                                  int64_t n_x, double *w, Vector *rest)                                                \
+    {                                                                                                                  \
+        int64_t i = 0;                                                                                                 \
+        for (; stride - i >= 8 * WIDTH; i += 8 * WIDTH)                                                                \
+            BLOCK(matrix + i, stride, dense, columns, x, n_x, w + i, rest, 8);                                         \
+        switch ((stride - i) / WIDTH) {                                                                                \
+            CASE(1, dense) CASE(2, dense) CASE(3, dense) CASE(4, dense) CASE(5, dense) CASE(6, dense) CASE(7, dense)   \
+        }                                                                                                              \
+    }
+#define CASE(n, dense)                                                                                                 \
+    case n:                                                                                                            \
+        BLOCK(matrix + i, stride, dense, columns, x, n_x, w + i, rest, n);                                             \
+        break;
+DEFINE_ROWS(DENSE_ROWS, true)
+DEFINE_ROWS(ROWS, false)
+#undef CASE
+#undef DEFINE_ROWS
 
 /* Whether no element of `rest` is NaN. */
 INSTRUCTIONS static inline bool FINITE(Vector rest)
@@ -67,7 +75,7 @@ INSTRUCTIONS static inline bool FINITE(Vector rest)
 INSTRUCTIONS static bool PRODUCT(const double *matrix, int64_t stride, const double *x, int64_t n_x, double *w)
 {
     Vector rest = {0.0};
-    ROWS(matrix, stride, NULL, x, n_x, w, &rest);
+    DENSE_ROWS(matrix, stride, NULL, x, n_x, w, &rest);
     return FINITE(rest);
 }
 
@@ -76,11 +84,12 @@ INSTRUCTIONS static bool MAP(const Map *map)
     Vector rest = {0.0};
     for (const Block *b = map->blocks; b < map->blocks + map->n_blocks; b++) {
         const double *matrix = map->numbers + b->number;
+        const int32_t *columns = map->columns + b->column;
         double *w = map->work + b->row;
-        if (map->columns == NULL)
-            ROWS(matrix, b->n_rows, NULL, map->source, b->n_columns, w, &rest);
+        if (b->n_columns > 0 && columns[b->n_columns - 1] - columns[0] == b->n_columns - 1) /* side by side */
+            DENSE_ROWS(matrix, b->n_rows, NULL, map->source + columns[0], b->n_columns, w, &rest);
         else
-            ROWS(matrix, b->n_rows, map->columns + b->column, map->source, b->n_columns, w, &rest);
+            ROWS(matrix, b->n_rows, columns, map->source, b->n_columns, w, &rest);
     }
     return FINITE(rest);
 }
@@ -88,6 +97,7 @@ INSTRUCTIONS static bool MAP(const Map *map)
 #undef MAP
 #undef PRODUCT
 #undef FINITE
+#undef DENSE_ROWS
 #undef ROWS
 #undef BLOCK
 #undef Vector
