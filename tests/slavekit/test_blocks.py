@@ -1,0 +1,188 @@
+"""Maps in blocks: the same bits as the dense matrix, by the kernels and in Python, and split maps of models."""
+
+import ctypes
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from support.bench import step_by_kernel, use_matrix
+
+from ps_fmu.slavekit.author.blocks import LANES, find_pattern, make_blocks, store_by_columns
+from ps_fmu.slavekit.author.core import Core, Map, make_core
+from ps_fmu.slavekit.author.layout import BufferLayout
+from ps_fmu.slavekit.author.plain import make_plain_step
+from ps_fmu.slavekit.author.slave import Port, Slave
+from ps_fmu.slavekit.launcher.compile import LAUNCHER
+
+WAYS = ["sse2", "avx2", "avx512"]
+
+
+def core_of(n_outputs: int, n_states: int, n_inputs: int) -> tuple[Core, np.ndarray]:
+    """A core and its buffer ``[y|x|u]``."""
+    ports = [Port(f"y_{i}", "output") for i in range(n_outputs)] + [Port(f"u_{i}", "input") for i in range(n_inputs)]
+    layout = BufferLayout("blocks", "1", ports, n_states, 0, 0)
+    data = np.zeros(layout.size)
+    return make_core(layout, data), data[: layout.clock.start]
+
+
+@st.composite
+def sparse_matrices(draw: st.DrawFn) -> np.ndarray:
+    """Rectangles of random numbers on zeros: empty rows and columns, overlaps, all zeros, all full."""
+    m, n = draw(st.integers(1, 90)), draw(st.integers(1, 40))
+    random = np.random.default_rng(draw(st.integers(0, 2**32)))
+    matrix = np.zeros((m, n))
+    for _ in range(draw(st.integers(0, 5))):
+        rows, columns = (np.sort(random.integers(0, size + 1, 2)) for size in (m, n))
+        shape = int(np.diff(rows)[0]), int(np.diff(columns)[0])
+        matrix[rows[0] : rows[1], columns[0] : columns[1]] = random.standard_normal(shape)
+    if draw(st.booleans()):
+        matrix *= random.random((m, n)) < 0.3
+    if draw(st.booleans()):
+        matrix[:] = random.standard_normal((m, n)) * 10.0 ** random.integers(-12, 12, (m, n))
+    return matrix
+
+
+@settings(max_examples=60, deadline=None)
+@given(sparse_matrices(), st.integers(0, 2**32), st.sampled_from(WAYS))
+def test_blocks_have_the_bits_of_the_dense_matrix(matrix: np.ndarray, seed: int, way: str):
+    library = ctypes.CDLL(str(LAUNCHER.path("linux64")))
+    m, n = matrix.shape
+    core, data = core_of(m, 0, n)
+    random = np.random.default_rng(seed)
+    data[:] = random.standard_normal(data.size) * random.choice([0.0, -0.0, 1.0, 1e-9], data.size)
+    before, found = data.copy(), []
+    for dense in (True, False):
+        use_matrix(core, matrix, dense=dense)
+        for step in (lambda: library.ps_fmu_step_by(way.encode(), ctypes.byref(core)), make_plain_step(core)):
+            data[:] = before
+            if step() == -1:  # this processor lacks the instructions
+                continue
+            found.append(data.tobytes())
+    assert len(found) >= 2
+    assert len(set(found)) == 1
+
+
+@settings(max_examples=100, deadline=None)
+@given(sparse_matrices())
+def test_blocks_cover_each_row_once_and_each_number(matrix: np.ndarray):
+    by_columns = store_by_columns(matrix)
+    made = make_blocks(by_columns)
+    rows = [row for word in made.pattern.words for row in range(word.row, word.row + word.n_rows)]
+    assert rows == list(range(by_columns.shape[1]))
+    rebuilt = np.zeros_like(by_columns)
+    for word in made.pattern.words:
+        columns = made.pattern.columns[word.column : word.column + word.n_columns]
+        assert (np.diff(columns) > 0).all()
+        numbers = made.numbers[word.number : word.number + word.n_columns * word.n_rows]
+        rebuilt[columns, word.row : word.row + word.n_rows] = numbers.reshape(word.n_columns, word.n_rows)
+    np.testing.assert_array_equal(rebuilt, by_columns)
+    assert made.operations <= by_columns.size
+
+
+def test_zeros_are_left_out():
+    """Two blocks of 16 rows and 20 columns on the diagonal of 40 columns: half of the dense product."""
+    matrix = np.zeros((32, 40))
+    matrix[:16, :20] = matrix[16:, 20:] = 1.0
+    made = make_blocks(store_by_columns(matrix))
+    assert [(word.n_rows, word.n_columns) for word in made.pattern.words] == [(16, 20), (16, 20)]
+    assert made.operations == matrix.size // 2
+    assert make_blocks(store_by_columns(np.zeros((32, 40)))).operations == 0
+
+
+def test_a_pattern_is_found_once():
+    matrix = np.zeros((2 * LANES, 9))
+    matrix[:3, 2:5] = 1.0
+    first, second = make_blocks(store_by_columns(matrix)), make_blocks(store_by_columns(3.0 * matrix))
+    assert first.pattern is second.pattern
+    assert find_pattern.cache_info().maxsize == 32
+
+
+def two_maps(first: list[list[float]], second: list[list[float]]) -> tuple[Core, np.ndarray]:
+    """One output, one state, one input: x by the first map, then y by the second."""
+    core, data = core_of(1, 1, 1)
+    states, outputs = (make_blocks(store_by_columns(np.array(matrix))) for matrix in (first, second))
+    core.use_maps(Map.make(states, core.source, data[1:2]), Map.make(outputs, core.source, data[:1]))
+    return core, data
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_the_second_map_reads_what_the_first_has_written(way):
+    core, data = two_maps([[0.5, 1.0]], [[10.0, 100.0]])
+    for step in (lambda: step_by_kernel(way, core), make_plain_step(core)):
+        data[:] = 7.0, 4.0, 1.0
+        assert step()
+        assert data.tolist() == [130.0, 3.0, 1.0]
+
+
+@pytest.mark.filterwarnings("error::RuntimeWarning")
+@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize(("first", "second"), [([[1e200, 0.0]], [[1.0, 0.0]]), ([[0.5, 0.0]], [[1e300, 0.0]])])
+def test_a_map_that_is_not_finite_takes_back_the_others(way, first, second):
+    core, data = two_maps(first, second)
+    for step in (lambda: step_by_kernel(way, core), make_plain_step(core)):
+        data[:] = 7.0, 1e200, 1.0
+        assert not step()
+        assert data.tolist() == [7.0, 1e200, 1.0]
+
+
+# --- Models -----------------------------------------------------------------------------
+
+
+class Split(Slave):
+    """x <- 0.5 x + u; y = 3 x + u: as one matrix, and split."""
+
+    ports = (Port("y", "output"), Port("u", "input"), Port("fault", "parameter"))
+    n_states = 1
+
+    def configure(self):
+        self.y[:] = self.x[:] = 0.0
+
+    def step_map(self, h):
+        return np.array([[1.5, 4.0], [0.5, 1.0]])
+
+    def split_map(self, h):
+        states, outputs = np.array([[0.5, 1.0]]), np.array([[3.0, 1.0]])
+        match self.value("fault"):
+            case 1.0:
+                outputs = np.ones((2, 2))
+            case 2.0:
+                states = np.full((1, 2), 1e308)
+        return states, outputs
+
+
+class Whole(Split):
+    def split_map(self, h):
+        return None
+
+
+def begin(model: type[Slave], fault: float = 0.0) -> Slave:
+    slave = model(instance_name="m")
+    slave.set_real([slave.layout.reference["fault"]], [fault])
+    slave.setup_experiment(0.0)
+    slave.enter_initialization_mode()
+    slave.exit_initialization_mode()
+    slave.set_real([slave.layout.reference["u"]], [8.0])
+    return slave
+
+
+def test_a_split_map_makes_the_same_step():
+    split, whole = begin(Split), begin(Whole)
+    for k in range(5):
+        for slave in (split, whole):
+            slave.do_step(0.1 * k, 0.1)
+        assert split.y.tolist() == whole.y.tolist()
+        assert split.x.tolist() == whole.x.tolist()
+    assert split.y[0] == 3.0 * split.x[0] + 8.0
+
+
+def test_a_split_map_of_the_wrong_shape_is_named():
+    with pytest.raises(ValueError, match=r"Split\.split_map: outputs has shape \(2, 2\); expected \(1, 2\)"):
+        begin(Split, fault=1.0).do_step(0.0, 0.1)
+
+
+def test_a_state_that_is_not_finite_is_named():
+    slave = begin(Split, fault=2.0)
+    with pytest.raises(Exception, match="not finite: state 0; largest operand 8"):
+        slave.do_step(0.0, 0.1)
+    assert (slave.y.tolist(), slave.x.tolist()) == ([0.0], [0.0])
