@@ -6,24 +6,15 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from support.bench import step_by_kernel, use_matrix
+from support.bench import core_of, step_by_kernel, use_matrix
 
 from ps_fmu.slavekit.author.blocks import LANES, find_pattern, make_blocks, store_by_columns
-from ps_fmu.slavekit.author.core import Core, Map, make_core
-from ps_fmu.slavekit.author.layout import BufferLayout
+from ps_fmu.slavekit.author.core import Core, Map
 from ps_fmu.slavekit.author.plain import make_plain_step
 from ps_fmu.slavekit.author.slave import Port, Slave
 from ps_fmu.slavekit.launcher.compile import LAUNCHER
 
 WAYS = ["sse2", "avx2", "avx512"]
-
-
-def core_of(n_outputs: int, n_states: int, n_inputs: int) -> tuple[Core, np.ndarray]:
-    """A core and its buffer ``[y|x|u]``."""
-    ports = [Port(f"y_{i}", "output") for i in range(n_outputs)] + [Port(f"u_{i}", "input") for i in range(n_inputs)]
-    layout = BufferLayout("blocks", "1", ports, n_states, 0, 0)
-    data = np.zeros(layout.size)
-    return make_core(layout, data), data[: layout.clock.start]
 
 
 @st.composite

@@ -42,6 +42,14 @@ def step_by_kernel(instructions: str, core: Core) -> bool:
     return bool(answer)
 
 
+def core_of(n_outputs: int, n_states: int, n_inputs: int) -> tuple[Core, np.ndarray]:
+    """A core and its buffer ``[y|x|u]``."""
+    ports = [Port(f"y_{i}", "output") for i in range(n_outputs)] + [Port(f"u_{i}", "input") for i in range(n_inputs)]
+    layout = BufferLayout("sizes", "1", ports, n_states, 0, 0)
+    data = np.zeros(layout.size)
+    return make_core(layout, data), data[: layout.clock.start]
+
+
 def use_matrix(core: Core, matrix: np.ndarray, *, dense: bool = False) -> None:
     """A plain step is the product with this matrix, in blocks or as a whole."""
     make = make_dense if dense else make_blocks

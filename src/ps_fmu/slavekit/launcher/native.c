@@ -116,7 +116,7 @@ SET(Integer, fmi2Integer, CORE_INTEGER, (double)value[i])
 SET(Boolean, fmi2Boolean, CORE_BOOLEAN, value[i] != fmi2False ? 1.0 : 0.0)
 
 /* Reals are most of the numbers, and mostly lie side by side: they are looked at as runs of neighbours, which the
-   compiler makes vectors of.  67 in 14 ns, one by one in 37. */
+   compiler makes vectors of: a call for 67 takes 27 ns, where one by one takes 37. */
 static size_t run_length(const fmi2ValueReference vr[], size_t n)
 {
     size_t k = 1;
