@@ -74,8 +74,8 @@ def test_a_refused_step_ends_simulate_fmu(built_fmus, capfd, signals) -> None:
             timeout=30.0,
         )
     assert capfd.readouterr().err.splitlines() == [
-        "ManipulatorPlant 'ManipulatorPlant': step from t = 0 s refused: ManipulatorPlant.step_map has elements that "
-        "are not finite; far beyond what is usual: servo.frequency = 1e+49 Hz"
+        "ManipulatorPlant 'ManipulatorPlant': step from t = 0 s refused: ManipulatorPlant.split_map (states) has "
+        "elements that are not finite; far beyond what is usual: servo.frequency = 1e+49 Hz"
     ]
 
 

@@ -296,8 +296,8 @@ class Stepper(Tables):
         if split is None:
             return (self._make_map("step_map", self.step_map(h), self._target),)
         return (
-            self._make_map("split_map: states", split[0], self.x),
-            self._make_map("split_map: outputs", split[1], self.y),
+            self._make_map("split_map (states)", split[0], self.x),
+            self._make_map("split_map (outputs)", split[1], self.y),
         )
 
     def _make_map(self, what: str, matrix: Array, target: Array) -> Map:
