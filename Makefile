@@ -73,13 +73,16 @@ build/fmus/.built: .venv/.installed $(FMU_SOURCES)
 	$(BIN)/ps-fmu build --output build/fmus
 	@touch $@
 
-.venv/.installed: pyproject.toml constraints.txt
+.venv/.installed: pyproject.toml requirements-dev.txt
 	@$(or $(PYTHON),false) -c '$(VERSION_CHECK)' || { \
 		echo "Python 3.11, 3.12 or 3.13 is needed; '$(or $(PYTHON),python3)' is" \
 			"$$($(or $(PYTHON),python3) --version 2>&1). Name one: make PYTHON=/path/to/python3.11" >&2; exit 1; }
 	@$(PYTHON) -m venv .venv || { \
 		echo "The virtual environment could not be made; on Debian and Ubuntu: apt install python3-venv" >&2; exit 1; }
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes --no-deps -r requirements-dev.txt
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-build-isolation --no-deps -e .
+	@$(BIN)/python -m pip check --quiet --disable-pip-version-check || { \
+		echo "requirements-dev.txt lacks something that pyproject.toml asks for; its head says how it is made" >&2; exit 1; }
 	@touch $@
 
 # CoFMUPy insists on FMPy 0.3.20 and streamlit 1.12.

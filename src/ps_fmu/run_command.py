@@ -71,6 +71,10 @@ def add_arguments(p: argparse.ArgumentParser, found: Mapping[str, Scenario]) -> 
         "--requirements", type=Path, metavar="F.toml", help="pointing requirements; exit code 1 if one is not met"
     )
     p.add_argument(
+        "--profile", action="store_true",
+        help="say where the time goes: each FMU, the exchange, the observers, the longest step and when it was",
+    )  # fmt: skip
+    p.add_argument(
         "--no-figures", dest="figures", action="store_false",
         help="draw no PNG files; the report keeps its charts, and has no pictures",
     )  # fmt: skip
@@ -99,6 +103,7 @@ def read_options(scenario: Scenario, arguments: argparse.Namespace) -> RunOption
         disturbance=arguments.disturbance,
         fmus=None if arguments.ssp else find_built_folder(),
         figures=arguments.figures,
+        profile=arguments.profile,
     ).claim_output()
 
 

@@ -142,3 +142,17 @@ def test_an_impossible_parameter_is_named(options):
 def test_a_missing_fmu_is_named(options, tmp_path):
     with pytest.raises(SystemFileError, match=r"DisturbanceSource\.fmu"):
         load_system(RunOptions(**vars(options) | {"fmus": tmp_path}))
+
+
+def test_a_profile_has_each_component_and_each_observer(make_options):
+    options = make_options("isolation", 0.02, step_s=2e-4, storage_step_s=2e-4, profile=True)
+    system = load_system(options)
+    _, jitter = run_case(system, options, passive(), partial(JitterRecord, step_s=options.step_s, steps=options.steps))
+    costs = system.costs.as_dict()["passive"]
+    assert costs["steps"] == 100
+    assert {"plant", "isolator", "disturbance", "commander", "exchange"} == set(costs["parts"])
+    assert {"Recorder", *(type(one).__name__ for one in jitter.observers)} <= set(costs["observers_s"])
+    (table,) = system.costs.to_tables()
+    assert [row[0] for row in table.rows][:5] == list(costs["parts"])
+    shares = [float(row[5].removesuffix(" %")) for row in table.rows if row[0] != "all steps"]
+    assert sum(shares) == pytest.approx(100.0, abs=0.5 * len(shares)), "each is rounded to 1 %"

@@ -7,16 +7,15 @@ from __future__ import annotations
 
 import ctypes
 import logging
-from collections.abc import Iterator
 from ctypes import POINTER, Structure, c_double, c_int, c_int64, c_void_p
 from functools import cache
-from itertools import chain
 
 from fmpy import platform
 
 from .native import LOOP
 from .plan import Call, Gather, Plan
 from .rows import Array, Rows
+from .stopwatch import Laps, Timing, list_parts
 
 log = logging.getLogger("ps_fmu.cosim")
 
@@ -65,12 +64,17 @@ class _Loop(Structure):
 
 
 class CompiledLoop:
-    """Steps of a plan, in C.  Raises OSError if there is no library for this platform, or none that can be loaded."""
+    """Steps of a plan, in C, timed if there are ``laps``.
 
-    def __init__(self, plan: Plan, rows: Rows) -> None:
-        self._run_steps = load_library().run_steps
+    Raises OSError if there is no library for this platform, or none that can be loaded.
+    """
+
+    def __init__(self, plan: Plan, rows: Rows, laps: Laps | None = None) -> None:
+        library = load_library()
+        self._run_steps = library.run_steps if laps is None else library.run_timed_steps
+        self._timing = () if laps is None else (laps.timing,)
         self._plan, self._rows = plan, rows
-        self._parts = list(_list_parts(plan))
+        self._parts = list(list_parts(plan))
         operations = (_Operation * len(self._parts))(*map(_make_operation, self._parts))
         self._loop = _Loop(operations, len(operations), rows.latest.ctypes.data, rows.latest.size, plan.step)
 
@@ -80,7 +84,7 @@ class CompiledLoop:
         loop.rows_done = loop.next_operation = 0
         goal = self._rows.block[first:].ctypes.data, times.ctypes.data, len(times)
         try:
-            while status := self._run_steps(loop, *goal, BUDGET_S, interrupted):
+            while status := self._run_steps(loop, *goal, BUDGET_S, interrupted, *self._timing):
                 call = self._parts[loop.next_operation - 1]
                 assert isinstance(call, Call)
                 call.check(status, float(times[loop.rows_done]), self._plan.step)
@@ -105,14 +109,10 @@ def load_library() -> ctypes.CDLL:
     if path is None:
         raise OSError(f"there is no compiled loop for {platform}")
     library = ctypes.CDLL(str(path))
-    library.run_steps.argtypes = (POINTER(_Loop), c_void_p, c_void_p, c_int64, c_double, POINTER(c_int))
-    library.run_steps.restype = c_int
+    arguments = POINTER(_Loop), c_void_p, c_void_p, c_int64, c_double, POINTER(c_int)
+    library.run_steps.argtypes, library.run_steps.restype = arguments, c_int
+    library.run_timed_steps.argtypes, library.run_timed_steps.restype = (*arguments, POINTER(Timing)), c_int
     return library
-
-
-def _list_parts(plan: Plan) -> Iterator[Gather | Call]:
-    for stage in plan.stages:
-        yield from chain(stage.gathers, stage.calls)
 
 
 def _make_operation(part: Gather | Call) -> _Operation:

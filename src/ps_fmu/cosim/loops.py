@@ -7,11 +7,13 @@ from __future__ import annotations
 
 from ctypes import c_int
 from operator import call, length_hint
+from time import perf_counter_ns
 from typing import Protocol
 
 from .compiled import CompiledLoop, is_available
-from .plan import Plan
+from .plan import Call, Gather, Plan
 from .rows import Array, Rows
+from .stopwatch import Laps, Stopwatch
 
 
 class StepLoop(Protocol):
@@ -24,9 +26,12 @@ class StepLoop(Protocol):
         """
 
 
-def make_loop(plan: Plan, rows: Rows, compiled: bool) -> StepLoop:
+def make_loop(plan: Plan, rows: Rows, compiled: bool, stopwatch: Stopwatch | None = None) -> StepLoop:
     """The loop for a plan: in C if that is wanted and there is a library for this platform."""
-    return CompiledLoop(plan, rows) if compiled and is_available() else PythonLoop(plan, rows)
+    laps = None if stopwatch is None else stopwatch.begin(plan)
+    if compiled and is_available():
+        return CompiledLoop(plan, rows, laps)
+    return PythonLoop(plan, rows) if laps is None else TimedPythonLoop(plan, rows, laps)
 
 
 class PythonLoop:
@@ -66,3 +71,39 @@ class PythonLoop:
                 done += 1
         finally:
             rows.filled = done
+
+
+class TimedPythonLoop:
+    """The same steps; the clock is read after each part."""
+
+    def __init__(self, plan: Plan, rows: Rows, laps: Laps) -> None:
+        self._plan, self._rows, self._laps = plan, rows, laps
+
+    def advance(self, times: Array, interrupted: c_int) -> None:
+        """See :class:`StepLoop`."""
+        plan, rows, laps = self._plan, self._rows, self._laps
+        for time in times.tolist():
+            if interrupted:
+                return
+            plan.now.value = time
+            began = before = perf_counter_ns()
+            for place, part in enumerate(laps.parts):
+                status = _carry_out(part)
+                after = perf_counter_ns()
+                laps.note(place, after - before, time)
+                before = after
+                if status:
+                    assert isinstance(part, Call)
+                    part.check(status, time, plan.step)
+            rows.rows[rows.filled][:] = rows.latest_row
+            rows.filled += 1
+            laps.note(len(laps.parts), perf_counter_ns() - began, time)
+            laps.timing.steps += 1
+
+
+def _carry_out(part: Call | Gather) -> int:
+    """Do a part of a step; returns an fmi2Status."""
+    if isinstance(part, Gather):
+        part.outputs.take(part.sources, None, part.inputs, "clip")
+        return 0
+    return part.invoke()

@@ -26,6 +26,7 @@ from .interrupt import note_interrupts
 from .loops import StepLoop, make_loop
 from .plan import SCHEMES, make_plan
 from .rows import Column, Rows, make_layout
+from .stopwatch import Stopwatch
 from .structure import PortName, System, Value, parse_port
 
 log = logging.getLogger("ps_fmu.cosim")
@@ -50,6 +51,7 @@ class Master:
     block_rows: rows that are handed to the observers at a time
     compiled: run the steps in C, where the package has a library for this platform; results are the same
     descriptions: those of the FMUs by component, where they have been read before: each takes some 50 ms
+    stopwatch: times each call of an FMU; the steps take some 0.5 us longer
 
     Raises :class:`UsageError`, :class:`SystemFileError` or :class:`WiringError` before anything is loaded.
 
@@ -70,6 +72,7 @@ class Master:
         block_rows: int = BLOCK_ROWS,
         compiled: bool = True,
         descriptions: Mapping[str, ModelDescription] | None = None,
+        stopwatch: Stopwatch | None = None,
     ) -> None:
         if scheme not in SCHEMES:
             raise UsageError(f"scheme: expected one of {', '.join(SCHEMES)}, got {scheme!r}")
@@ -87,7 +90,7 @@ class Master:
         self._block_rows = block_rows
         self._rows = Rows(self._layout, block_rows)
         self._instances: dict[str, FmuInstance] = {}
-        self._compiled = compiled
+        self._compiled, self._stopwatch = compiled, stopwatch
         self._loop: StepLoop | None = None
         self._set: dict[PortName, Value] = {}
         self._closed = False
@@ -295,7 +298,7 @@ class Master:
 
     def _make_plan(self) -> None:
         plan = make_plan(self._instances, self.wiring, self._rows, self.clock.step, self.scheme, self._set.keys())
-        self._loop = make_loop(plan, self._rows, self._compiled)
+        self._loop = make_loop(plan, self._rows, self._compiled, self._stopwatch)
 
     def _make_schedule(self, events: Iterable[Event], end: int) -> list[tuple[int, PortName, Value]]:
         schedule = []

@@ -118,9 +118,13 @@ def run_case(
         show(simulated, passed, factor)
 
     structure = system.structure.with_parameters(case.values)
+    costs = system.costs.begin(case.name) if options.profile else None
     with (
         system.warnings.collect(),
-        Master(structure, options.step_s, options.scheme, descriptions=system.descriptions) as master,
+        Master(
+            structure, options.step_s, options.scheme, descriptions=system.descriptions,
+            stopwatch=None if costs is None else costs.stopwatch,
+        ) as master,
     ):
         texts = (
             *_list_overruled(system, case), *_list_connected(system, master), *_list_open(system, master, case),
@@ -140,7 +144,8 @@ def run_case(
             show_progress(case.name, duration, options.progress) as show,
             _make_recorder(system, master, options, case, duration) as recorder,
         ):
-            master.run(duration, [Bounds(master.columns), recorder, *analysis.observers, *own], case.events, note)
+            observers: list[Observer] = [Bounds(master.columns), recorder, *analysis.observers, *own]
+            master.run(duration, observers if costs is None else costs.time(observers), case.events, note)
         return Outcome(case, duration, wall[0]), analysis
 
 

@@ -73,6 +73,7 @@ def publish(options: RunOptions, system: RunSystem, findings: Findings) -> None:
         more={
             **findings.more,
             **required,
+            **({"costs": system.costs.as_dict()} if options.profile else {}),
             "indices": system.indices.as_dict(),
             "parameters": parameters,
             "warnings": system.warnings.texts,
@@ -92,6 +93,8 @@ def publish(options: RunOptions, system: RunSystem, findings: Findings) -> None:
     ).write(options.output / REPORT)
     if verdicts:
         print(format_verdicts(verdicts))
+    for table in system.costs.to_tables():
+        print(f"{table.caption}\n{table.to_text()}\n")
     print(f"{findings.real_time_factor:.1f} x real time; results in {options.output}")
     missed = [] if all(verdict.met for verdict in verdicts) else [f"requirements: {summarise(verdicts)}"]
     if own := [verdict for verdict in findings.verdicts if verdict.met is False]:

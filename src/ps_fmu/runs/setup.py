@@ -12,6 +12,7 @@ from ..cosim.description import convert_value, find_variable, get_unit, index_va
 from ..cosim.rows import make_layout
 from ..cosim.structure import Parameter, parse_port
 from ..results.summary import FmuFile
+from .cost_log import CostLog
 from .index_record import IndexLog
 from .judge import RunJudge, read_judge
 from .options import OptionError, RunOptions
@@ -42,6 +43,8 @@ class RunSystem:
     """The requirements, and what is needed for their verdicts."""
     indices: IndexLog = field(default_factory=IndexLog)
     """The pointing error indices of the runs."""
+    costs: CostLog = field(default_factory=CostLog)
+    """Where the time of the runs goes, if the options ask for it."""
 
     def get_start(self, name: str) -> Value:
         """The value that ``component.variable`` will start with: as set in the system, or else as its FMU has it.

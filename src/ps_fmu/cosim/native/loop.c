@@ -89,26 +89,77 @@ static int carry_out(const Operation *o, double time, double step)
     return fmi2Fatal;
 }
 
-/* Run steps until `rows_done` is `end`; row i is that of the step from times[i].  Returns fmi2OK there, and early,
-   between two steps, after `budget` seconds or once *stop is not zero; else the status of the operation before
-   `next_operation`. */
-__attribute__((visibility("default"))) int run_steps(
-    Loop *loop, double *rows, const double *times, int64_t end, double budget, const volatile int *stop)
+/* Where the time goes, by operation; the entry after the last operation is the whole step. */
+typedef struct {
+    int64_t *spent_ns;
+    int64_t *longest_ns;
+    double *longest_at; /* s, where the step with the longest began */
+    int64_t steps;
+} Timing;
+
+static int64_t read_clock_ns(void)
+{
+    struct timespec time;
+    clock_gettime(CLOCK_MONOTONIC, &time);
+    return (int64_t)time.tv_sec * 1000000000 + time.tv_nsec;
+}
+
+static void note(Timing *timing, int64_t place, int64_t spent_ns, double at)
+{
+    timing->spent_ns[place] += spent_ns;
+    if (spent_ns > timing->longest_ns[place]) {
+        timing->longest_ns[place] = spent_ns;
+        timing->longest_at[place] = at;
+    }
+}
+
+/* As run_steps; with `timing` it also notes what each operation takes.  Inlined into both, so that steps which are not
+   timed do not ask. */
+static inline int run(
+    Loop *loop, double *rows, const double *times, int64_t end, double budget, const volatile int *stop, Timing *timing)
 {
     const size_t row_bytes = (size_t)loop->columns * sizeof(double);
     const int64_t until = now_ns() + (int64_t)(budget * 1e9);
     while (loop->rows_done < end) {
         if (loop->next_operation == 0 && (*stop || now_ns() > until))
             return fmi2OK;
+        const double time = times[loop->rows_done];
+        const int64_t began = timing ? read_clock_ns() : 0;
+        int64_t before = began;
         while (loop->next_operation < loop->n_operations) {
             const Operation *operation = &loop->operations[loop->next_operation++];
-            int status = carry_out(operation, times[loop->rows_done], loop->step);
+            int status = carry_out(operation, time, loop->step);
+            if (timing) {
+                int64_t after = read_clock_ns();
+                note(timing, loop->next_operation - 1, after - before, time);
+                before = after;
+            }
             if (status != fmi2OK)
                 return status;
         }
         memcpy(rows + loop->rows_done * loop->columns, loop->latest, row_bytes);
         loop->next_operation = 0;
         loop->rows_done++;
+        if (timing) {
+            note(timing, loop->n_operations, read_clock_ns() - began, time);
+            timing->steps++;
+        }
     }
     return fmi2OK;
+}
+
+/* Run steps until `rows_done` is `end`; row i is that of the step from times[i].  Returns fmi2OK there, and early,
+   between two steps, after `budget` seconds or once *stop is not zero; else the status of the operation before
+   `next_operation`. */
+__attribute__((visibility("default"))) int run_steps(
+    Loop *loop, double *rows, const double *times, int64_t end, double budget, const volatile int *stop)
+{
+    return run(loop, rows, times, end, budget, stop, NULL);
+}
+
+/* The same, timed. */
+__attribute__((visibility("default"))) int run_timed_steps(
+    Loop *loop, double *rows, const double *times, int64_t end, double budget, const volatile int *stop, Timing *timing)
+{
+    return run(loop, rows, times, end, budget, stop, timing);
 }

@@ -1,0 +1,70 @@
+"""The stopwatch of the steps: it changes no result, counts each step, and knows every part."""
+
+import math
+
+import pytest
+from support.cosim import Collect
+
+from ps_fmu.cosim import Master
+from ps_fmu.cosim.stopwatch import EXCHANGE, Stopwatch
+
+H = 0.01
+STEPS = 40
+
+
+@pytest.fixture
+def system(make_system):
+    """Two that are wired in a loop and one that has no input connected."""
+    return make_system(
+        {"mass": "ToyMass", "spring": "ToySpring", "counter": "ToyCounter"},
+        ["mass.position -> spring.position", "mass.velocity -> spring.velocity", "spring.force -> mass.force"],
+    )
+
+
+def run(system, stopwatch=None, **options):
+    collect = Collect()
+    with Master(system, H, stopwatch=stopwatch, **options) as master:
+        master.initialise()
+        master.run(STEPS // 2 * H, [collect])
+        master.set("mass.force", 0.5)  # makes a new plan
+        master.run(STEPS // 2 * H, [collect])
+    return collect.values
+
+
+@pytest.mark.parametrize("compiled", [True, False], ids=["C", "Python"])
+@pytest.mark.parametrize("scheme", ["jacobi", "gauss-seidel"])
+def test_rows_are_the_same_bit_for_bit(system, compiled, scheme):
+    plain = run(system, compiled=compiled, scheme=scheme)
+    assert run(system, Stopwatch(), compiled=compiled, scheme=scheme).tobytes() == plain.tobytes()
+
+
+@pytest.mark.parametrize("compiled", [True, False], ids=["C", "Python"])
+def test_all_parts_of_all_plans_are_in_it(system, compiled):
+    stopwatch = Stopwatch()
+    run(system, stopwatch, compiled=compiled)
+    costs = stopwatch.read()
+    assert costs.steps == STEPS
+    assert set(costs.parts) == {"mass", "spring", "counter", EXCHANGE}
+    assert all(part.total_s > 0.0 for part in costs.parts.values())
+    assert sum(part.total_s for part in costs.parts.values()) <= costs.total_s * (1.0 + 1e-12)
+    assert costs.parts["counter"].set_s == 0.0, "nothing is connected to it"
+    assert costs.parts[EXCHANGE].step_s == costs.parts[EXCHANGE].get_s == 0.0
+    assert max(part.longest_s for part in costs.parts.values()) <= costs.longest_s <= costs.total_s
+    assert 0.0 <= costs.longest_at < STEPS * H
+
+
+def test_what_has_not_begun_has_cost_nothing():
+    costs = Stopwatch().read()
+    assert (costs.steps, costs.parts, costs.total_s, costs.longest_s) == (0, {}, 0.0, 0.0)
+    assert math.isnan(costs.longest_at)
+
+
+@pytest.mark.parametrize("compiled", [True, False], ids=["C", "Python"])
+def test_a_warning_is_counted_and_costs_no_step(system, answer, compiled):
+    answer("spring", "fmi2DoStep", 1, n=0, really=True)
+    stopwatch = Stopwatch()
+    with Master(system, H, stopwatch=stopwatch, compiled=compiled) as master:
+        master.initialise()
+        master.run(STEPS * H)
+        assert master.warnings["spring"] == STEPS
+    assert stopwatch.read().steps == STEPS
