@@ -90,7 +90,7 @@ def find_curve(model: PlantModel, ends: Sequence[PlantModel], way: Way, u: Array
     u, half = u.copy(), way.half
     u[TIME] = 0.0
     at_start, at_end = (_find_rest(model, there, z, u) for there, z in zip(ends, (way.start, way.end), strict=True))
-    start, middle, end = (z[places_on_path(model)] for z in (way.start, way.middle, way.end))
+    start, middle, end = np.stack([way.start, way.middle, way.end])[:, places_on_path(model)]
     path = np.stack([middle, *_fit(start - middle, end - middle, half)], axis=1)
     return Curve(np.array([half]), path, np.stack(_fit(at_start, at_end, half), axis=1))
 

@@ -61,9 +61,9 @@ def _balance(A: Array, little: float) -> Array:
     J. ACM 7, 1960).
 
     Powers of two, so that nothing is rounded.  All rows and columns are balanced at once, each by half of what it
-    lacks: with all of it, two that share an element would swap their sizes for ever.  The last factors of two do not
-    make the norm smaller, and take as long again as all before.  Where a row is zero, its column may be scaled at will
-    and comes to ``little``, and likewise a row whose column is zero.
+    lacks: with all of it, two that share an element would swap their sizes for ever.  Once no factor is larger than
+    two, further ones hardly change the norm, and take several times as long.  Where a row is zero, its column may be
+    scaled at will and comes to ``little``, and likewise a row whose column is zero.
     """
     sizes = np.abs(A)
     np.fill_diagonal(sizes, 0.0)
@@ -73,9 +73,9 @@ def _balance(A: Array, little: float) -> Array:
         # Sums of the scaled matrix are products: 4 us for the plant, where to scale it and to sum takes 20.
         rows, columns = (sizes @ scale) / scale + no_row, ((1.0 / scale) @ sizes) * scale + no_column
         steps = np.rint(0.25 * (np.log2(rows) - np.log2(columns)))
+        scale *= np.exp2(steps)
         if not np.abs(steps).max() > 1.0:
             break
-        scale *= np.exp2(steps)
     return scale
 
 
