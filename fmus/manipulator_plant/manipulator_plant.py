@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ps_fmu.interface.ports import make_output_ports, make_parameter_ports, refuse_parameters
 from ps_fmu.mechanism.centre import N_CENTRE, Centre
-from ps_fmu.mechanism.curvature import N_PATH, Curve, count_curve, find_curve, places_on_path, stay
+from ps_fmu.mechanism.curvature import N_PATH, Curve, count_curve, find_curve, find_ends, places_on_path, stay
 from ps_fmu.mechanism.initial_motion import STILL
 from ps_fmu.mechanism.linear_model import Plant, PlantModel
 from ps_fmu.mechanism.momentum import Balance, count_balance
@@ -235,7 +235,7 @@ class ManipulatorPlant(Slave):
         way = look_ahead(self.model, self.x, u, growth, self.renewal, h, self.prescribed)
         centre = find_next_centre(self.model, self.x, self.since[0], way, command, self.renewal, self.prescribed)
         if is_used_up(self.model, self.x, self.renewal, centre):
-            self._replace_model(self.plant.linearise_about(centre), way, u, t)
+            self._replace_model(centre, way, u, t)
         return False
 
     @refuse_parameters
@@ -246,15 +246,17 @@ class ManipulatorPlant(Slave):
         self._take(self.plant.linearise_about(Centre.read(self.centre)), curve)
         self.remap()
 
-    def _replace_model(self, model: PlantModel, way: Way, u: NDArray[np.float64], t: float) -> None:
-        moving = bool(model.centre.speeds.any())
+    def _replace_model(self, centre: Centre, way: Way, u: NDArray[np.float64], t: float) -> None:
+        moving = bool(centre.speeds.any())
+        others = find_ends(self.model, centre, way) if moving and not self.prescribed else ()
+        model, *ends = self.plant.linearise_about_all([centre, *others])
         if self.prescribed:
             impulse = promised_impulse(self.model.dynamics)
             self.x[impulse] += relative_momentum_taken(self.model, model, self.x)
             curve = stay(model, way.half if moving else 0.0)
         else:
             self.x[:] = self.balance.settle(self.model, self.x, t)
-            curve = find_curve(self.plant, model, way, u) if moving else stay(model)
+            curve = find_curve(model, ends, way, u) if moving else stay(model)
             self.balance.go_on(self.x, t, -float(curve.half[0]))
         self.since[:] = -curve.half[0], curve.half[0] ** 2
         self.begun[:] = np.concatenate([[t], self.reference, u[RATE]])

@@ -20,9 +20,7 @@ KINDS = pytest.mark.parametrize("kind", [GaussianNoise, Multisine])
 def sampled(noise, step, duration, start=0.0, rows=50_000):
     """Rows at start, start + step, ... in blocks, as a run reads them."""
     count = round(duration / step)
-    return np.concatenate(
-        [noise(start + np.arange(i, min(i + rows, count)) * step) for i in range(0, count, rows)]
-    )
+    return np.concatenate([noise(start + np.arange(i, min(i + rows, count)) * step) for i in range(0, count, rows)])
 
 
 def cross_spectra(values, step, length):
@@ -220,3 +218,29 @@ def test_lines_of_the_multisine_are_what_it_plays():
     expected = (np.exp(2j * np.pi * np.outer(times, frequency)) @ amplitude).real
     played = Multisine(PSD, LOW_BAND, seed=2, period=20.0)(times)
     np.testing.assert_allclose(played, expected, rtol=0.0, atol=2e-5 * np.abs(expected).max())
+
+
+def test_a_source_in_the_memory_of_another_one_is_the_same():
+    """Blocks are made in memory that an earlier source has filled with something else."""
+
+    def make(seed):
+        return GaussianNoise(np.eye(6), np.array([0.1, 50.0]), seed)
+
+    times = np.linspace(0.0, 0.5, 40)
+    first = make(4)
+    expected = first(times)
+    other = make(5)
+    assert (other(times) != expected).any()
+    del first, other
+    assert make(4)(times).tobytes() == expected.tobytes()
+
+
+def test_a_source_keeps_its_blocks_while_others_come_and_go():
+    def make(seed):
+        return GaussianNoise(np.eye(6), np.array([0.1, 50.0]), seed)
+
+    times, kept = np.linspace(0.0, 0.5, 40), make(4)
+    expected = kept(times)
+    for seed in range(5, 9):
+        make(seed)(times)
+    assert kept(times).tobytes() == expected.tobytes()

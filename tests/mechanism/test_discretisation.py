@@ -1,10 +1,15 @@
 """Steps with held inputs against the exponential of scipy and closed forms."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from scipy.linalg import expm
+from scipy.linalg import expm, matrix_balance
 
+from ps_fmu.mechanism.centre import Centre
 from ps_fmu.mechanism.discretisation import zero_order_hold
+from ps_fmu.mechanism.linear_model import Plant
+from ps_fmu.mechanism.parameters import load
 
 
 def by_scipy(A, B, h):
@@ -79,3 +84,38 @@ def test_a_step_far_too_long_for_the_fast_part_is_not_guessed():
         assert np.isfinite(Ad).all() == is_finite
     Ad, _ = zero_order_hold(np.diag([-1.0, -1e6]), np.ones((2, 1)), 1e-2)
     assert abs(Ad[0, 0] - np.exp(-1e-2)) < 1e-11
+
+
+@pytest.mark.parametrize("size", [1e30, 1e150, 1e300])
+@pytest.mark.parametrize("turned", [False, True])
+def test_a_huge_coupling_in_one_direction(size, turned):
+    """States that do not act back are scaled at will: what they add is right however large it is."""
+    A = np.array([[-1.0, size], [0.0, -2.0]])
+    h = 0.1
+    expected = np.diag(np.exp([-h, -2.0 * h]))
+    expected[0, 1] = size * (np.exp(-h) - np.exp(-2.0 * h))
+    Ad, Bd = zero_order_hold(A.T if turned else A, np.eye(2), h)
+    np.testing.assert_allclose(Ad.T if turned else Ad, expected, rtol=1e-14)
+    assert np.isfinite(Bd).all()
+
+
+@pytest.mark.parametrize("size", [1e30, 1e150, 1e300])
+def test_huge_units(size):
+    """The same oscillator, its velocity in units that are too small by ``size``."""
+    Ad, Bd = zero_order_hold(np.array([[0.0, size], [-1.0 / size, 0.0]]), np.array([[0.0], [1.0 / size]]), 0.1)
+    np.testing.assert_allclose(Ad, [[np.cos(0.1), size * np.sin(0.1)], [-np.sin(0.1) / size, np.cos(0.1)]], rtol=1e-14)
+    np.testing.assert_allclose(Bd[:, 0], [1.0 - np.cos(0.1), np.sin(0.1) / size], rtol=1e-13)
+
+
+def test_the_plant_in_motion():
+    """States from 1e-7 m to 1e3 rad/s**2 apart: against the exponential of the system in balanced units."""
+    plant = Plant.from_parameters(load())
+    centre = Centre.at_rest(np.array([4e-3, -4e-3, 1e-4]))
+    centre = replace(centre, fine=np.array([1e-5, 2e-5, -1e-5]), speeds=np.repeat([1e-4, 1e-2, 4e-3], 3))
+    A, B, _, _ = plant.linearise_about(centre).matrices()
+    balanced, (scale, _) = matrix_balance(A, permute=False, separate=True)
+    for ours, theirs in zip(
+        zero_order_hold(A, B, 1e-4), by_scipy(balanced, B / scale[:, None], 1e-4), strict=True
+    ):
+        left = scale if ours.shape == A.shape else np.ones(B.shape[1])
+        assert np.abs(ours / scale[:, None] * left - theirs).max() < 1e-14

@@ -8,6 +8,7 @@ import scipy.signal
 from scipy.linalg import expm
 from support.mechanics import PAPER, relative_error
 
+from ps_fmu.mechanism.centre import Centre
 from ps_fmu.mechanism.discretisation import zero_order_hold
 from ps_fmu.mechanism.dynamics import Pose
 from ps_fmu.mechanism.forward_kinematics import forward_kinematics
@@ -234,3 +235,25 @@ def test_series_for_short_steps_is_the_exponential(h: float) -> None:
 def test_parameters_are_used_as_given() -> None:
     heavier = replace(PLANT, payload=replace(PAPER.payload, mass=20.0)).linearise(STILL)
     assert heavier.dynamics.M[3, 3] - PLANT.linearise(STILL).dynamics.M[3, 3] == pytest.approx(20.0 - 14.89)
+
+
+def test_models_made_together_are_those_made_one_by_one_to_the_bit():
+    """A restored FMU state makes its model by itself, where the first one was made with two others."""
+    random = np.random.default_rng(7)
+    at_rest = Centre.at_rest(np.array([0.01, -0.02, 0.005]))
+    centres = [
+        replace(
+            at_rest,
+            coarse=random.uniform(-0.02, 0.02, 3) * size,
+            fine=random.uniform(-1e-4, 1e-4, 3) * size,
+            speeds=random.uniform(-0.01, 0.01, 9) * size,
+        )
+        for size in (1.0, 1e-3, 1.0, 1e-6)
+    ]
+    centres.insert(2, at_rest)
+    for together, centre in zip(PLANT.linearise_about_all(centres), centres, strict=True):
+        alone = PLANT.linearise_about(centre)
+        for ours, theirs in zip(together.matrices(), alone.matrices(), strict=True):
+            assert ours.tobytes() == theirs.tobytes()
+        assert together.dynamics.pose.rotation_BP.tobytes() == alone.dynamics.pose.rotation_BP.tobytes()
+        assert (together.nominal.pose is together.dynamics.pose) == (alone.nominal.pose is alone.dynamics.pose)

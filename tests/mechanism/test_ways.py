@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from support.mechanics import rigid
 
-from ps_fmu.mechanism.curvature import Curve, count_curve, find_curve, places_on_path, stay
+from ps_fmu.mechanism.curvature import Curve, count_curve, find_curve, find_ends, places_on_path, stay
 from ps_fmu.mechanism.linear_model import Plant
 from ps_fmu.mechanism.parameters import CoarseServo
 from ps_fmu.mechanism.signals import N_INPUTS, N_OUTPUTS, RATE, TIME, servo_slices
@@ -75,7 +75,8 @@ def make_curve():
     model, x, u = moving()
     way = look_ahead(model, x, u, STILL, RENEWAL, STEP)
     about = PLANT.linearise_about(find_next_centre(model, x, 0.0, way, np.full(3, 0.01), RENEWAL))
-    return about, way, find_curve(PLANT, about, way, u), u
+    ends = PLANT.linearise_about_all(find_ends(model, about.centre, way))
+    return about, way, find_curve(about, ends, way, u), u
 
 
 def find_error(model, z, time, u):

@@ -17,6 +17,7 @@ from .spectrum import Layer, share
 _CHUNK = 256  # lines drawn in a part
 _ROWS = 500  # cleared in a part
 _TOGETHER = 3  # transforms made at once: 25 us
+_MOST_SPARE = 2  # blocks of a layer, as many as a source begins with
 _MANY_CYCLES = 25.0
 """A line with so many cycles while it fades in or out needs no correction: of its impulse 4e-7 is left, since the steps
 of :mod:`.smooth` have four smooth derivatives.  Blocks of the fast layer, which has lines from 15 Hz on, then cost a
@@ -40,6 +41,10 @@ class _LayerTables:
         self._windows = [Weight(*rows) for rows in zip(*map(self._split, window), strict=True)]
         """By phase."""
         self._rising: dict[tuple[float, int], Array] = {}
+        self.spare: dict[tuple[int, ...], list[_Workspace]] = {}
+        """By the shape of the factor."""
+        self.spare_rows: dict[int, list[Array]] = {}
+        """By the number of channels."""
 
     def get_sizes(self, start: float, phase: int) -> Array:
         """What g'', g' and g of a block that starts at ``start`` (s) are multiplied by, (terms, points)."""
@@ -77,8 +82,9 @@ class BlockShape:
     def __init__(self, layer: Layer, factor: Array, rise_time: float) -> None:
         self.layer, self.factor = layer, factor
         self.tables = _make_tables(layer.key, layer.rate, layer.period, layer.numbers.tobytes(), rise_time)
-        self._spare: list[_Workspace] = []
-        self._spare_rows: list[Array] = []
+        # Of the layer, not of the shape: a source that is reset need not fetch its memory from the system again.
+        self._spare = self.tables.spare.setdefault(factor.shape, [])
+        self._spare_rows = self.tables.spare_rows.setdefault(len(factor), [])
 
     @property
     def n_parts(self) -> int:
@@ -103,7 +109,7 @@ class BlockShape:
 
     def recycle(self, table: SampleTable) -> None:
         """Keep the memory of a block that nobody uses any more."""
-        self._spare_rows[:] = [table.values]
+        self._spare_rows[:] = [*self._spare_rows[1 - _MOST_SPARE :], table.values]
 
 
 class _Workspace:

@@ -48,6 +48,12 @@ class GaussianNoise:
             pass
         return wrench
 
+    def __del__(self) -> None:
+        """The next source takes over the memory of the blocks: 2100 pages, 4 of 27 ms at its start."""
+        for key, blocks in getattr(self, "_blocks", {}).items():
+            for table in blocks.values():
+                self._shapes[key].recycle(table)
+
     @property
     def n_parts(self) -> int:
         """How often :meth:`add` nearly always yields."""

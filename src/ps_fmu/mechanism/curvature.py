@@ -13,12 +13,14 @@ Exponential integrators, Acta Numerica 19, 2010, section 2).  Ways are some ten 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
+from .centre import Centre
 from .convection import COARSE
-from .linear_model import Plant, PlantModel
+from .linear_model import PlantModel
 from .outputs import find_state
 from .quantities import Array
 from .signals import N_OUTPUTS, TIME, count_states, servo_slices
@@ -71,12 +73,24 @@ def stay(model: PlantModel, half: float = 0.0) -> Curve:
     return Curve(np.array([half]), path, np.zeros((model.n_states + N_OUTPUTS, 2)))
 
 
-def find_curve(plant: Plant, model: PlantModel, way: Way, u: Array) -> Curve:
-    """Of a model about the middle of the way; ``u``: inputs while it is gone, whatever they say of time."""
+def find_ends(model: PlantModel, centre: Centre, way: Way) -> tuple[Centre, Centre]:
+    """Centres at the start and at the end of the way with the middle ``centre``; ``model``: any of the same plant."""
+    about, half = replace(model, centre=centre), way.half
+    at_start, at_end = (
+        find_centre(about, z, find_attitude(about, z, time)) for z, time in ((way.start, -half), (way.end, half))
+    )
+    return at_start, at_end
+
+
+def find_curve(model: PlantModel, ends: Sequence[PlantModel], way: Way, u: Array) -> Curve:
+    """Of a model about the middle of the way, with those about its two ends, see :func:`find_ends`.
+
+    ``u``: inputs while the way is gone, whatever they say of time.
+    """
     u, half = u.copy(), way.half
     u[TIME] = 0.0
-    at_start, at_end = (_find_rest(plant, model, z, t, u) for z, t in ((way.start, -half), (way.end, half)))
-    start, middle, end = (z[places_on_path(model)] for z in (way.start, way.middle, way.end))
+    at_start, at_end = (_find_rest(model, there, z, u) for there, z in zip(ends, (way.start, way.end), strict=True))
+    start, middle, end = np.stack([way.start, way.middle, way.end])[:, places_on_path(model)]
     path = np.stack([middle, *_fit(start - middle, end - middle, half)], axis=1)
     return Curve(np.array([half]), path, np.stack(_fit(at_start, at_end, half), axis=1))
 
@@ -86,8 +100,7 @@ def _fit(at_start: Array, at_end: Array, half: float) -> tuple[Array, Array]:
     return 0.5 * (at_end - at_start) / half, 0.5 * (at_end + at_start) / half**2
 
 
-def _find_rest(plant: Plant, model: PlantModel, z: Array, time: float, u: Array) -> Array:
-    """(states and outputs,) what the model leaves out at a state ``z``, at ``time``, s, from its centre."""
-    there = plant.linearise_about(find_centre(model, z, find_attitude(model, z, time)))
+def _find_rest(model: PlantModel, there: PlantModel, z: Array, u: Array) -> Array:
+    """(states and outputs,) what the model leaves out at a state ``z``, by the one about it."""
     A, B, C, D = (near - about for near, about in zip(there.matrices(), model.matrices(), strict=True))
     return np.concatenate([A @ z + B @ u, C @ z + D @ u])

@@ -117,10 +117,11 @@ class FlexibleSystem:
     payload: Payload
     bus: Bus
 
-    def at(self, pose: Pose) -> Dynamics:
-        """The full model at a pose."""
+    def at(self, pose: Pose, J: Jacobians | None = None) -> Dynamics:
+        """The full model at a pose; ``J``: the Jacobians there, if they are known."""
         geometry = self.manipulator.geometry
-        J = jacobians(geometry, pose.translation_B, pose.rotation_BP)
+        if J is None:
+            J = jacobians(geometry, pose.translation_B, pose.rotation_BP)
         legs = leg_mass_on(self._legs, geometry, J)
         d_f, q_b, _, e_c, x_t = (self._slices[group] for group in GROUPS)
         M_fixed, C_fixed, K, active = self._fixed

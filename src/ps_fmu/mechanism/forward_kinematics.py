@@ -63,7 +63,8 @@ def forward_kinematics(
 
     Parameters
     ----------
-    lengths: (..., 6), m, coarse 1..3 then fine 1..3; a batch is solved at once.
+    lengths: (..., 6), m, coarse 1..3 then fine 1..3; a batch is solved at once, each pose to the bits that it has by
+        itself.
     start_translation_B, start_R: (..., 3), m, and (..., 3, 3), broadcast against the batch; default: the
         nominal pose, from which the whole stroke range converges in four to six steps.
     max_steps: Newton steps after which to give up.
@@ -84,15 +85,18 @@ def forward_kinematics(
     translation_B = np.zeros((*batch, 3)) + start
     R = np.zeros((*batch, 3, 3)) + (_EYE if start_R is None else start_R)
     residuals: list[float] = []
-    converged = False
+    converged = np.zeros(batch, dtype=bool)
     for _ in range(max_steps + 1):
         legs = find_leg_lines(geometry, translation_B, R)
         error = lengths - legs.length
-        residuals.append(float(np.abs(error).max(initial=0.0)))
+        largest = np.abs(error).max(axis=-1)
+        residuals.append(float(largest.max(initial=0.0)))
         # One step after the tolerance is met takes what is left of the error down to rounding.
-        if converged or residuals[-1] <= _ROUNDING or not isfinite(residuals[-1]):
+        done = converged | (largest <= _ROUNDING)
+        if done.all() or not isfinite(residuals[-1]):
             break
-        converged = residuals[-1] <= TOLERANCE
+        converged = done | (largest <= TOLERANCE)
+        error[done] = 0.0  # no further step
         try:
             step = np.linalg.solve(leg_rows(legs.arms_B, legs.n_B), error[..., None])[..., 0]
         except np.linalg.LinAlgError:

@@ -82,6 +82,11 @@ class Jacobians:
     """(..., 6, 6), eq (10): base motion to platform motion with all legs held."""
     legs: LegLines
 
+    def __getitem__(self, k: int) -> Jacobians:
+        """At one pose of many."""
+        lines = LegLines(self.legs.arms_B[k], self.legs.n_B[k], self.legs.length[k])
+        return Jacobians(self.J_lp[k], self.J_lb[k], self.J_pl[k], self.J_pb[k], lines)
+
     @property
     def J_pc(self) -> Array:
         """(..., 6, 3): coarse displacement to platform motion."""

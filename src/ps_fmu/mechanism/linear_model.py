@@ -23,8 +23,10 @@ added as a function of time along the expected way (:mod:`.curvature`).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -33,7 +35,7 @@ from .convection import COARSE, FINE, TURN, convective_forces
 from .discretisation import make_held_step_map, zero_order_hold
 from .dynamics import Dynamics, FlexibleSystem, Pose
 from .forward_kinematics import forward_kinematics
-from .kinematics import KinematicsError, jacobians
+from .kinematics import Jacobians, KinematicsError, jacobians
 from .outputs import Nominal, make_output_matrices
 from .parameters import Bus, CoarseServo, Manipulator, Optics, Parameters, Payload
 from .quantities import Array, ParameterError, group
@@ -187,6 +189,13 @@ class PlantModel:
         return Ad, Bd, C, D
 
 
+class _Place(NamedTuple):
+    """Where the platform is."""
+
+    pose: Pose
+    jacobians: Jacobians
+
+
 @dataclass(frozen=True, eq=False)
 class Plant:
     """What the plant FMU simulates; its scalars are the parameters of the FMU."""
@@ -220,7 +229,11 @@ class Plant:
         return self.linearise_about(Centre.at_rest(coarse_displacement, attitude))
 
     def linearise_about(self, centre: Centre) -> PlantModel:
-        """The model about a centre.
+        """The model about a centre, see :meth:`linearise_about_all`."""
+        return self.linearise_about_all([centre])[0]
+
+    def linearise_about_all(self, centres: Sequence[Centre]) -> list[PlantModel]:
+        """The models about centres, each to the bits that it has by itself.
 
         Newton's iteration always starts from the nominal pose, so that the same centre gives the same bits whatever
         came before: a restored FMU state continues exactly.
@@ -230,28 +243,38 @@ class Plant:
         ParameterError: no usable pose has these leg lengths; since they are within the stroke, it names the stroke.
         """
         try:
-            nominal, present = self._find_poses(centre)
-            dynamics = self.system.at(present)
-            J = dynamics.jacobians
-            if present is not nominal:
-                J = jacobians(self.manipulator.geometry, nominal.translation_B, nominal.rotation_BP)
+            places = self._find_places(centres)
         except KinematicsError as error:
-            at = ", ".join(f"{1e3 * displacement:.4g}" for displacement in centre.coarse)
+            at = "; ".join(_list_mm(centre.coarse) for centre in centres)
             raise ParameterError(
                 "coarse_stroke", f"too large: no usable pose with the coarse legs at ({at}) mm from nominal; {error}"
             ) from error
-        convection = convective_forces(self.system, dynamics, centre.speeds) if centre.speeds.any() else None
-        by_coarse = Nominal(nominal, J, roll_pitch_yaw(nominal.rotation_BP))
-        return PlantModel(centre, dynamics, by_coarse, convection, self.servo, self.optics)
+        return [
+            self._make_model(centre, present, nominal)
+            for centre, (present, nominal) in zip(centres, places, strict=True)
+        ]
 
-    def _find_poses(self, centre: Centre) -> tuple[Pose, Pose]:
-        """The pose of the coarse legs alone and that with the fine legs; both at once takes little more than one."""
+    def _find_places(self, centres: Sequence[Centre]) -> list[tuple[_Place, _Place]]:
+        """Where the platform is by all legs and by the coarse ones alone: the same, if the fine ones are undeformed.
+
+        All at once takes little more than one: 0.3 ms for three centres, where one by one they take 0.8.
+        """
         geometry, none = self.manipulator.geometry, np.zeros(3)
-        elongations = [centre.fine, none] if centre.fine.any() else [none]
-        changes = np.array([np.concatenate([centre.coarse, fine]) for fine in elongations])
-        found = forward_kinematics(geometry, geometry.nominal_lengths + changes)
-        poses = [Pose(*pose) for pose in zip(found.translation_B, found.R, strict=True)]
-        return poses[-1], poses[0]
+        parts = [(centre.coarse, fine) for centre in centres for fine in _list_distinct(centre.fine, none)]
+        found = forward_kinematics(geometry, geometry.nominal_lengths + np.array([np.concatenate(p) for p in parts]))
+        J = jacobians(geometry, found.translation_B, found.R)
+        places = iter([_Place(Pose(found.translation_B[k], found.R[k]), J[k]) for k in range(len(parts))])
+        pairs = []
+        for centre in centres:
+            present = next(places)
+            pairs.append((present, next(places) if centre.fine.any() else present))
+        return pairs
+
+    def _make_model(self, centre: Centre, present: _Place, nominal: _Place) -> PlantModel:
+        dynamics = self.system.at(*present)
+        convection = convective_forces(self.system, dynamics, centre.speeds) if centre.speeds.any() else None
+        by_coarse = Nominal(*nominal, roll_pitch_yaw(nominal.pose.rotation_BP))
+        return PlantModel(centre, dynamics, by_coarse, convection, self.servo, self.optics)
 
     @cached_property
     def system(self) -> FlexibleSystem:
@@ -285,6 +308,15 @@ class Plant:
             x[d.n + r_b.start : d.n + r_b.stop] = angular_velocity_B
             x[d.n + t_b.start : d.n + t_b.stop] = -d.M[t_b, r_b] @ angular_velocity_B / d.M[t_b.start, t_b.start]
         return x
+
+
+def _list_distinct(fine: Array, none: Array) -> list[Array]:
+    """Elongations of the fine legs at a centre, and none at all."""
+    return [fine, none] if fine.any() else [none]
+
+
+def _list_mm(displacements: Array) -> str:
+    return ", ".join(f"{1e3 * displacement:.4g}" for displacement in displacements)
 
 
 def momentum(model: PlantModel, x: Array) -> Array:

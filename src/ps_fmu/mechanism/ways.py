@@ -81,13 +81,14 @@ def look_ahead(
     rates, z = _move_rigidly(model, x, u, prescribed)
     half = _find_half(model, rates, z, renewal, 1.0 if prescribed else _AHEAD)
 
-    keep = np.union1d(np.flatnonzero(rates.any(axis=1)), np.r_[r])
-    held = np.delete(np.arange(len(z) + 1), keep)
+    moving = np.append(rates.any(axis=1), False)  # the last one is the constant
+    moving[r] = True
+    keep, held = np.flatnonzero(moving), np.flatnonzero(~moving)
     m = len(keep)
     A, B, start = np.zeros((m + 1, m + 1)), np.ones((m + 1, 1)), np.append(z[keep], 0.0)  # the last one is time
     A[:m, :m], B[:m, 0] = rates[np.ix_(keep, keep)], rates[np.ix_(keep, held)] @ np.append(z, 1.0)[held]
     A[np.searchsorted(keep, r.start) + np.arange(3), m] = growth
-    legs, near = np.r_[d_f, s], _AHEAD * renewal.relinearisation_distance
+    near = _AHEAD * renewal.relinearisation_distance
     middle, end = z.copy(), z.copy()
     while True:
         half = 0.5 * h * max(int(2.0 * half / h), 1)
@@ -96,7 +97,7 @@ def look_ahead(
         middle[keep], end[keep] = after[:m], (Ad @ after + Bd[:, 0])[:m]
         if not np.isfinite(end).all():
             return Way(0.5 * h, z, z, z)
-        far = float(max(np.abs((middle - z)[legs]).max(), np.abs((end - middle)[legs]).max()))
+        far = max(_largest((b - a)[legs]) for a, b in ((z, middle), (middle, end)) for legs in (d_f, s))
         if far <= near or half < h:
             return Way(half, z, middle, end)
         half *= max(0.9 * near / far, 0.1)
@@ -130,22 +131,22 @@ def _move_rigidly(model: PlantModel, x: Array, u: Array, prescribed: bool) -> tu
     by_model = np.hstack([A, (B @ u)[:, None]])
     inertial = np.hstack([C[_ACCELERATION], (D[_ACCELERATION] @ u)[:, None]])
     d_f, q_b, (t_b, r_b) = d.slices["d_f"], d.slices["q_b"], d.base_places()
-    bodies, v_t = np.r_[d_f, q_b], slice(n + t_b.start, n + t_b.stop)
-    rigid = np.r_[d_f] if prescribed else bodies
+    bodies, v_t = slice(d_f.start, q_b.stop), slice(n + t_b.start, n + t_b.stop)  # legs and base stand side by side
+    rigid = d_f if prescribed else bodies
     accelerations = by_model[n : 2 * n].copy()
     accelerations[t_b] = inertial
     rates = np.zeros_like(by_model)
-    followed = np.concatenate([rigid, np.arange(2 * n, len(A))])
-    rates[followed] = by_model[followed]
+    for followed in (rigid, slice(2 * n, len(A))):
+        rates[followed] = by_model[followed]
     # Forces on the bodies are what moved them with rods and modes; without these they move otherwise.
     forces = d.M[rigid] @ (accelerations * d.active[:, None])
-    rates[n + rigid] = np.linalg.solve(d.M[np.ix_(rigid, rigid)], forces)
+    rates[n + rigid.start : n + rigid.stop] = np.linalg.solve(d.M[rigid, rigid], forces)
     if prescribed:
         rates[r_b] = by_model[r_b]
     else:
         rates[v_t] += by_model[v_t] - inertial  # since B turns
     z = x.copy()
-    z[n + np.delete(np.arange(n), bodies)] = 0.0
+    z[n : n + bodies.start] = z[n + bodies.stop : 2 * n] = 0.0
     return rates, z
 
 
