@@ -140,7 +140,8 @@ def run_case(
             show_progress(case.name, duration, options.progress) as show,
             _make_recorder(system, master, options, case, duration) as recorder,
         ):
-            master.run(duration, [Bounds(master.columns), recorder, *analysis.observers, *own], case.events, note)
+            observers: list[Observer] = [Bounds(master.columns), recorder, *analysis.observers, *own]
+            master.run(duration, observers, case.events, note, beside=True)
         return Outcome(case, duration, wall[0]), analysis
 
 
