@@ -68,6 +68,10 @@ def add_arguments(p: argparse.ArgumentParser, found: Mapping[str, Scenario]) -> 
     p.add_argument("--scheme", choices=SCHEMES, default=SCHEMES[0], help="order of exchange (%(default)s)")
     p.add_argument("--storage-step", type=float, metavar="S", help="seconds between stored rows")
     p.add_argument(
+        "--observe", action="append", default=[], metavar="PATTERN",
+        help="store these outputs alone, as 'plant.payload_*'; may be repeated. Statistics, indices and verdicts stay",
+    )  # fmt: skip
+    p.add_argument(
         "--requirements", type=Path, metavar="F.toml", help="pointing requirements; exit code 1 if one is not met"
     )
     p.add_argument(
@@ -97,6 +101,7 @@ def read_options(scenario: Scenario, arguments: argparse.Namespace) -> RunOption
         storage_step_s=arguments.storage_step,
         requirements=arguments.requirements and find_file(arguments.requirements),
         disturbance=arguments.disturbance,
+        observe=tuple(arguments.observe),
         fmus=None if arguments.ssp else find_built_folder(),
         figures=arguments.figures,
     ).claim_output()

@@ -72,7 +72,7 @@ class Decimator:
         return [stage.filter for stage in self._stages]
 
     def push(self, values: Array) -> Array:
-        """Take the next rows (rows, columns) and return the rows that are complete now; for a factor of 1, ``values``."""
+        """Take the next rows (rows, columns) and return those that are complete now; for a factor of 1, ``values``."""
         for stage in self._stages:
             values = stage.push(values)
         return values

@@ -16,7 +16,7 @@ from ..cosim.terminals import read_terminal_variables
 from .mismatch import list_mismatches
 from .options import RESULTS, RunOptions
 from .origin import format_settings, write_origin
-from .setup import RunSystem
+from .setup import RunSystem, select_stored
 
 Array = NDArray[np.float64]
 
@@ -108,7 +108,7 @@ def run_case(
     """Run one case from its start to ``duration_s`` (by default that of the options) and free the FMUs.
 
     ``analyse`` makes the analysis of the run once its columns are known; the lead-in of the case is left out of the
-    pointing error indices, which ``system`` collects.  All outputs are stored in the case's group of results.nc; what
+    pointing error indices, which ``system`` collects.  The outputs are stored in the case's group of results.nc; what
     the user should know is added to the warnings of ``system``.
 
     Raises :class:`ps_fmu.cosim.CosimError` (what is wrong, where and when) and KeyboardInterrupt; the analysis and
@@ -167,6 +167,7 @@ def _make_recorder(
         columns=master.columns,
         step=master.step,
         storage_step=options.storage_stride * master.step,
+        select=select_stored(master.columns, options),
         attributes=attributes,
         append=True,
     )

@@ -100,11 +100,13 @@ def chart_envelopes(
 def show_mechanism(system: RunSystem, results: Path, runs: Sequence[tuple[str, str]]) -> Mechanism | None:
     """The mechanism of the plant with the motions of some ``runs``: what the report calls them, group in ``results``.
 
-    None for another plant, which has not all the joints as parameters and all the motions as outputs.  Raises
-    ``OSError`` if the file cannot be read.
+    None for another plant, which has not all the joints as parameters and all the motions as outputs, and where not
+    all the motions are stored.  Raises ``OSError`` if the file cannot be read.
     """
     known = {f"plant.{variable.name}" for variable in system.descriptions["plant"].modelVariables}
     if not {*MOTION, *JOINTS, *NOMINAL_POSITION} <= known:
+        return None
+    if not all(are_stored(results, group, MOTION) for _, group in runs):
         return None
     geometry = read_geometry(system)
     motions = [(label, read_motion(results, group)) for label, group in runs]
@@ -120,6 +122,14 @@ def show_mechanism(system: RunSystem, results: Path, runs: Sequence[tuple[str, s
         geometry.platform_joints_P,
         [_make_motion(case, kept, geometry) for case, kept in motions],
     )
+
+
+def are_stored(results: Path, group: str, names: Sequence[str]) -> bool:
+    """Whether a run in ``results`` has all of these columns.  Raises ``OSError`` if the file cannot be read."""
+    import netCDF4
+
+    with netCDF4.Dataset(results) as file:
+        return set(names) <= file[group].variables.keys()
 
 
 def read_geometry(system: RunSystem) -> Geometry:

@@ -65,6 +65,7 @@ class RunOptions:
     disturbance: Path | None = None  # recorded wrench, CSV or netCDF, see ps_fmu.runs.recorded
     fmus: Path | None = None  # folder of the FMUs; None: beside the system, as it says
     progress: bool = True
+    observe: tuple[str, ...] = ()  # patterns of the outputs that are stored, see ps_fmu.cosim.selection; none: all
     figures: bool = True  # draw PNG files; the report has its charts without them
 
     def __post_init__(self) -> None:
