@@ -15,6 +15,7 @@ from pathlib import Path
 from .cosim.errors import CosimError
 from .paper import figures
 from .product.files import find_file, find_product, list_system_files
+from .results.style import prepare_drawing
 from .runs import scenarios
 from .runs.built_fmus import find_built_folder, provide_fmus
 from .runs.options import REPORT, RESULTS, SCHEMES, OptionError, RunOptions, Scenario
@@ -120,6 +121,8 @@ def build_and_run(options: RunOptions) -> None:
     """
     if options.fmus is not None:
         provide_fmus(options.fmus, options.system)
+    if options.figures:
+        prepare_drawing()
     options.scenario.run(options)
 
 

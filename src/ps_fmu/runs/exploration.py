@@ -106,10 +106,10 @@ def show_mechanism(system: RunSystem, results: Path, runs: Sequence[tuple[str, s
     known = {f"plant.{variable.name}" for variable in system.descriptions["plant"].modelVariables}
     if not {*MOTION, *JOINTS, *NOMINAL_POSITION} <= known:
         return None
-    if not all(are_stored(results, group, MOTION) for _, group in runs):
+    motions = [(label, motion) for label, group in runs if (motion := read_motion(results, group))]
+    if len(motions) < len(runs):
         return None
     geometry = read_geometry(system)
-    motions = [(label, read_motion(results, group)) for label, group in runs]
     time = motions[0][1].time
     between = time[1] - time[0] if len(time) > 1 else 0.0
     return Mechanism(
@@ -124,14 +124,6 @@ def show_mechanism(system: RunSystem, results: Path, runs: Sequence[tuple[str, s
     )
 
 
-def are_stored(results: Path, group: str, names: Sequence[str]) -> bool:
-    """Whether a run in ``results`` has all of these columns.  Raises ``OSError`` if the file cannot be read."""
-    import netCDF4
-
-    with netCDF4.Dataset(results) as file:
-        return set(names) <= file[group].variables.keys()
-
-
 def read_geometry(system: RunSystem) -> Geometry:
     """Joints and nominal position of the plant's payload, as the run starts with them."""
 
@@ -144,16 +136,18 @@ def read_geometry(system: RunSystem) -> Geometry:
     )
 
 
-def read_motion(results: Path, group: str) -> Means:
+def read_motion(results: Path, group: str) -> Means | None:
     """Mean motion of base and payload in at most :data:`MOTION_BINS` bins, from the rows of a run in ``results``.
 
     From the file, which has them filtered to its storage step, and not from each step of the run: observing 15 columns
-    costs 0.7 us a step.  Raises ``OSError`` if the file cannot be read.
+    costs 0.7 us a step.  None where not all of them are stored.  Raises ``OSError`` if the file cannot be read.
     """
     import netCDF4
 
     with netCDF4.Dataset(results) as file:
         stored = file[group]
+        if not set(MOTION) <= stored.variables.keys():
+            return None
         observer = MeanObserver([Column(name, stored[name].units) for name in MOTION], MOTION, bins=MOTION_BINS // 2)
         for first in range(0, len(stored["time"]), READ_ROWS):
             part = slice(first, first + READ_ROWS)

@@ -10,7 +10,7 @@ from ..cosim.decimate import PASS_BAND
 from ..results.observers.envelope import Envelope
 from ..results.page.content import Axis, Chart, ChartGroup, Curve, Exploration
 from ..results.plots import shorten_name
-from .exploration import HOW_TO_ZOOM, are_stored, show_mechanism
+from .exploration import HOW_TO_ZOOM, show_mechanism
 from .jitter_record import ROTATION
 from .setup import RunSystem
 from .slew_report import CASES as GROUPS
@@ -51,12 +51,12 @@ def _chart_settled(slews: Slews, results: Path) -> list[ChartGroup]:
     began_s = slews.on.arrival.ended_s
     if slews.on.arrival.after is None or began_s is None:
         return []
-    if not all(are_stored(results, name, ROTATION) for name in GROUPS):
-        return []
     rows, span, step_s, highest = [], (began_s, began_s), 1.0, None
     with netCDF4.Dataset(results) as file:
         for (label, colour), name in zip(CASES, GROUPS, strict=True):
             group = file[name]
+            if not set(ROTATION) <= group.variables.keys():
+                return []
             time = np.asarray(group["time"])
             first = max(int(np.searchsorted(time, began_s, side="right")), len(time) - MOST_ROWS)
             if len(time) - first < FEWEST_ROWS:

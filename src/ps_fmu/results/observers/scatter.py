@@ -15,10 +15,6 @@ from .statistics import Statistics
 
 Array = NDArray[np.float64]
 
-MANY = 100
-"""Points of which it is worth to leave some out before their hull is made: 1 us each."""
-_ANGLES = np.linspace(0.0, 2.0 * np.pi, 16, endpoint=False)
-_DIRECTIONS = np.array([np.cos(_ANGLES), np.sin(_ANGLES)])
 FLAT = 1e-8  # determinant over squared trace below which the corners of a hull lie on a line, to rounding
 MARGIN = 1e-6  # of the ellipse's size: far more than rounding
 
@@ -63,8 +59,7 @@ class ScatterObserver(ColumnObserver):
         if sample < 1:
             raise ValueError(f"sample: expected 1 or more, got {sample}")
         self._statistics = Statistics(columns, names)
-        self._hull = np.empty((0, 2))
-        self._core = _Core(self._hull)
+        self._polygon = _Polygon(np.empty((0, 2)))
         self._sample = sample
         self._stride = 1
         self._rows = 0
@@ -74,11 +69,9 @@ class ScatterObserver(ColumnObserver):
         """Widen the hull by the block's points and keep each ``stride``-th of them."""
         self._statistics.take(time, samples)
         points = samples.T
-        far = points[self._core.find_beyond(samples)]
-        wider = far[_find_outside(self._hull, far)] if len(far) else far
+        wider = points[self._polygon.find_outside(points)]
         if len(wider):
-            self._hull = convex_hull(_leave_out_inner(np.concatenate((self._hull, wider))))
-            self._core = _Core(self._hull)
+            self._polygon = _Polygon(convex_hull(np.concatenate((self._polygon.hull, wider))))
         kept = points[-self._rows % self._stride :: self._stride]
         self._rows += len(points)
         self._points = np.concatenate((self._points, kept))
@@ -91,7 +84,8 @@ class ScatterObserver(ColumnObserver):
         statistics = self._statistics.result()
         centre = statistics.mean
         radius = np.hypot(*(self._points - centre).T)
-        x, y = (self._hull - centre).T
+        hull = self._polygon.hull
+        x, y = (hull - centre).T
         return Scatter(
             unit=self.units[0],
             count=statistics.count,
@@ -101,75 +95,67 @@ class ScatterObserver(ColumnObserver):
             radius_max=float(np.hypot(x, y).max()),
             radius_50=float(np.quantile(radius, 0.50)),
             radius_95=float(np.quantile(radius, 0.95)),
-            hull=self._hull.copy(),
+            hull=hull.copy(),
             hull_area=0.5 * abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1))),
             points=self._points.copy(),
         )
 
 
-class _Core:
-    """An ellipse inside a hull: of the points of a run all but a few lie in it, and need not be looked at closer.
+class _Polygon:
+    """A counter-clockwise hull (n, 2) that is asked which points lie outside.
 
-    It has the axes of the hull's corners, and touches the nearest edge (0.03 instead of 0.2 us a point, in blocks of
-    1000).
+    Few do, and this costs a fraction of a new hull (0.04 instead of 0.54 us per point, in blocks of 1000) however many
+    corners there are: 60 of the shape that noise makes, 500 of a slow motion.
     """
 
     def __init__(self, hull: Array) -> None:
-        self._rounds: Array | None = None
+        self.hull = hull
+        self._ellipse: Array | None = None
         if len(hull) < 3:
             return
-        self._middle = hull.mean(axis=0)
-        corners = hull - self._middle
-        scatter = corners.T @ corners
-        if not np.linalg.det(scatter) > FLAT * np.trace(scatter) ** 2:
-            return
-        rounds = np.linalg.inv(np.linalg.cholesky(scatter))
-        x, y = rounds @ corners.T
-        x_next, y_next = np.roll(x, -1), np.roll(y, -1)
-        length = np.hypot(x_next - x, y_next - y)
-        distance = ((x * y_next - y * x_next)[length > 0.0] / length[length > 0.0]).min()
-        if distance > 0.0:
-            self._rounds = rounds / (distance * (1.0 - MARGIN))  # of the ellipse it makes the unit circle
+        self._inside = hull.mean(axis=0)
+        ends = hull - self._inside
+        angles = np.arctan2(ends[:, 1], ends[:, 0])
+        first = int(angles.argmin())
+        self._ellipse = _inscribe_ellipse(ends)
+        ends, self._angles = np.roll(ends, -first, axis=0), np.roll(angles, -first)
+        self._starts = np.roll(ends, 1, axis=0)
+        self._edges = ends - self._starts
 
-    def find_beyond(self, samples: Array) -> NDArray[np.intp]:
-        """Places of the points (2, n) that lie outside the ellipse."""
-        if self._rounds is None:
-            return np.arange(samples.shape[1])
-        x, y = samples[0] - self._middle[0], samples[1] - self._middle[1]
-        (a, _), (b, c) = self._rounds
-        x, y = a * x, b * x + c * y
-        return np.flatnonzero(x * x + y * y > 1.0)
+    def find_outside(self, points: Array) -> NDArray[np.intp]:
+        """Places of those of the points (m, 2) that lie outside."""
+        if len(self.hull) < 3:
+            return np.arange(len(points))
+        x, y = points.T - self._inside[:, None]
+        if self._ellipse is None:
+            return self._look_closer(x, y)
+        (a, _), (b, c) = self._ellipse
+        u, v = a * x, b * x + c * y
+        far = np.flatnonzero(u * u + v * v > 1.0)
+        return far[self._look_closer(x[far], y[far])] if len(far) else far
 
-
-def _leave_out_inner(points: Array) -> Array:
-    """Points (n, 2) without most of those inside their hull: inside the polygon of the outermost in 16 directions."""
-    if len(points) < MANY:
-        return points
-    # Scaled: a motion may be far longer than wide.
-    size = np.ptp(points, axis=0)
-    outermost = np.unique((points / np.where(size > 0.0, size, 1.0) @ _DIRECTIONS).argmax(axis=0))
-    polygon = convex_hull(points[outermost])
-    if len(polygon) < 3:
-        return points
-    return np.concatenate((polygon, points[_find_outside(polygon, points)]))
+    def _look_closer(self, x: Array, y: Array) -> NDArray[np.intp]:
+        """Outside is what is on the right of the edge in whose sector, seen from a point inside, it lies."""
+        edge = np.searchsorted(self._angles, np.arctan2(y, x)) % len(self._angles)
+        (x_edge, y_edge), (x_start, y_start) = self._edges[edge].T, self._starts[edge].T
+        return np.flatnonzero(x_edge * (y - y_start) < y_edge * (x - x_start))
 
 
-def _find_outside(hull: Array, points: Array) -> NDArray[np.bool_]:
-    """Which points lie outside a counter-clockwise hull: on the right of the edge in whose sector, seen from a point
-    inside, they are.
+def _inscribe_ellipse(corners: Array) -> Array | None:
+    """An ellipse inside a hull whose corners (n, 2) are about a point inside, as the matrix that makes it the unit
+    circle; None for a hull that is hardly wider than a line.
 
-    Few do, and this costs a fraction of a new hull (0.08 instead of 0.54 us per point, in blocks of 1000) however many
-    corners there are: 60 of the shape that noise makes, 500 of a slow motion.
+    It has the axes of the corners, and touches the nearest edge.  Of the points of a run all but a few lie in it, and
+    need not be looked at closer.
     """
-    if len(hull) < 3:
-        return np.ones(len(points), dtype=bool)
-    inside = hull.mean(axis=0)
-    ends = hull - inside
-    angles = np.arctan2(ends[:, 1], ends[:, 0])
-    first = int(angles.argmin())
-    ends, angles = np.roll(ends, -first, axis=0), np.roll(angles, -first)
-    starts = np.roll(ends, 1, axis=0)
-    x, y = (points - inside).T
-    edge = np.searchsorted(angles, np.arctan2(y, x)) % len(angles)
-    (x_edge, y_edge), (x_start, y_start) = (ends - starts)[edge].T, starts[edge].T
-    return np.asarray(x_edge * (y - y_start) < y_edge * (x - x_start))
+    moments = corners.T @ corners
+    if not np.linalg.det(moments) > FLAT * np.trace(moments) ** 2:
+        return None
+    to_circle = np.linalg.inv(np.linalg.cholesky(moments))
+    x, y = to_circle @ corners.T
+    x_next, y_next = np.roll(x, -1), np.roll(y, -1)
+    length = np.hypot(x_next - x, y_next - y)
+    if not length.all():
+        return None
+    distance = float(((x * y_next - y * x_next) / length).min())
+    return np.asarray(to_circle / (distance * (1.0 - MARGIN))) if distance > 0.0 else None
