@@ -240,7 +240,19 @@ def test_a_failure_to_store_early_ends_the_run(hanging):
     assert storing.came.wait(LONGEST_S)
     with pytest.raises(RecorderError, match="no space"):
         delivery.wait()
-    assert delivery.failed_at == 2
+    assert delivery.failed_at == 0  # no block was taken
+
+
+def test_rows_are_not_stored_early_before_those_that_are_on_their_way(hanging):
+    """The loop has gone on to the next block, and the last one has not arrived."""
+    rows, storing, delivery = hanging()
+    delivery.close()
+    storing.first, rows.first_index = None, 5
+    delivery._serve_early()
+    assert storing.first is None
+    rows.first_index = 0
+    delivery._serve_early()
+    assert storing.first == 0
 
 
 def test_a_loop_counts_its_rows_for_another_thread(oscillator):

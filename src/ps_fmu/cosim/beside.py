@@ -52,6 +52,7 @@ class DeliveryBeside(Delivery):
         self._count_rows = count_rows
         self._early = [observer for observer in observers if isinstance(observer, EarlyObserver)]
         self._failure: BaseException | None = None
+        self._next = rows.first_index  # the row that the observers expect
         # The block that was freed last comes first: it is still in the cache.
         self._free: LifoQueue[Block] = LifoQueue()
         for _ in range(WAITING_BLOCKS):
@@ -103,27 +104,33 @@ class DeliveryBeside(Delivery):
                 item.set()
                 continue
             if self._failure is None:
-                self._note(self.serve(item.first_index, item.values), item.first_index + len(item.values) - 1)
+                self._serve_block(item)
             self._free.put(item.block)
+
+    def _serve_block(self, item: _Handed) -> None:
+        self._next = item.first_index + len(item.values)
+        try:
+            failure = self.serve(item.first_index, item.values)
+        except BaseException as error:  # no memory, say: the loop must not wait for ever
+            failure = error
+        self._note(failure)
 
     def _serve_early(self) -> None:
         """Give rows of the unfinished block to those who store them: an FMU may be slow, or hang."""
         if self._failure is not None or not self._early:
             return
-        first = self.rows.first_index
-        values = self.rows.copy(self._count_rows())
-        if self.rows.first_index != first:
-            return  # the block was handed over meanwhile
-        values = values[: count_finite(values)]
-        time = self._clock.times(first, len(values))
-        for observer in self._early:
-            try:
-                observer.early(first, time, values)
-            except BaseException as raised:
-                raised.add_note(f"Raised by the observer {type(observer).__name__}.")
-                self._note(raised, first + len(values) - 1)
-                return
+        try:
+            values = self.rows.copy(self._count_rows())
+            if self.rows.first_index != self._next:
+                return  # the block is being handed over
+            values = values[: count_finite(values)]
+            time = self._clock.times(self._next, len(values))
+            for observer in self._early:
+                observer.early(self._next, time, values)
+        except BaseException as raised:
+            raised.add_note("Raised while rows of an unfinished block were stored.")
+            self._note(raised)
 
-    def _note(self, failure: BaseException | None, last: int) -> None:
+    def _note(self, failure: BaseException | None) -> None:
         if failure is not None:
-            self._failure, self.failed_at = failure, last
+            self._failure, self.failed_at = failure, max(self._next - 1, 0)
