@@ -239,10 +239,12 @@ def test_all_arguments_arrive(taken, tmp_path):
     recorded = tmp_path / "recorded.csv"
     recorded.write_text("")
     simulate(
-        "slew", **named, apart=["isolator"], system=tmp_path / "other.ssp", disturbance=str(recorded), progress=False
-    )
+        "slew", **named, apart=["isolator"], system=tmp_path / "other.ssp", disturbance=str(recorded), progress=False,
+        observe=["plant.*"],
+    )  # fmt: skip
     (options,) = taken
     assert options.disturbance == recorded
+    assert options.observe == ("plant.*",)
     assert (options.duration_s, options.step_s, options.seed, options.storage_step_s) == (2.0, 1e-3, 5, 0.01)
     assert (options.scheme, options.apart, options.progress) == ("gauss-seidel", ("isolator",), False)
     assert (options.system, options.fmus) == (tmp_path / "other.ssp", None)  # the archive has its own

@@ -15,6 +15,7 @@ from pathlib import Path
 from .cosim.errors import CosimError
 from .paper import figures
 from .product.files import find_file, find_product, list_system_files
+from .results.style import prepare_drawing
 from .runs import scenarios
 from .runs.built_fmus import find_built_folder, provide_fmus
 from .runs.options import REPORT, RESULTS, SCHEMES, OptionError, RunOptions, Scenario
@@ -68,6 +69,10 @@ def add_arguments(p: argparse.ArgumentParser, found: Mapping[str, Scenario]) -> 
     p.add_argument("--scheme", choices=SCHEMES, default=SCHEMES[0], help="order of exchange (%(default)s)")
     p.add_argument("--storage-step", type=float, metavar="S", help="seconds between stored rows")
     p.add_argument(
+        "--observe", action="append", default=[], metavar="PATTERN",
+        help="store these outputs alone, as 'plant.payload_*'; may be repeated. Statistics, indices and verdicts stay",
+    )  # fmt: skip
+    p.add_argument(
         "--requirements", type=Path, metavar="F.toml", help="pointing requirements; exit code 1 if one is not met"
     )
     p.add_argument(
@@ -101,6 +106,7 @@ def read_options(scenario: Scenario, arguments: argparse.Namespace) -> RunOption
         storage_step_s=arguments.storage_step,
         requirements=arguments.requirements and find_file(arguments.requirements),
         disturbance=arguments.disturbance,
+        observe=tuple(arguments.observe),
         fmus=None if arguments.ssp else find_built_folder(),
         figures=arguments.figures,
         profile=arguments.profile,
@@ -120,6 +126,8 @@ def build_and_run(options: RunOptions) -> None:
     """
     if options.fmus is not None:
         provide_fmus(options.fmus, options.system)
+    if options.figures:
+        prepare_drawing()
     options.scenario.run(options)
 
 

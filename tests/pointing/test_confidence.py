@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 from scipy.signal import lfilter
+from scipy.special import bdtr, bdtrik
 from scipy.stats import beta, norm
 from scipy.stats import bootstrap as scipy_bootstrap
 
@@ -44,6 +45,16 @@ def test_ranks_by_the_distribution_of_order_statistics(count, probability):
     rank = bounding_rank(count, probability, 0.95)
     assert beta.sf(probability, rank, count - rank + 1) >= 0.95
     assert beta.sf(probability, rank - 1, count - rank + 2) < 0.95
+
+
+@pytest.mark.parametrize("probability", [1e-9, 0.0027, 0.05, 0.5, 0.6827, 0.95, 0.9973, 1.0 - 1e-9])
+@pytest.mark.parametrize("confidence", [1e-6, 0.05, 0.5, 0.95, 0.975, 1.0 - 1e-9])
+def test_ranks_by_the_binomial_distribution_of_scipy(probability, confidence):
+    level = confidence * (1.0 - 1e-12)
+    for count in (0, 1, 2, 3, 59, 100, 1000, 65_536, 10**7):
+        below = int(bdtrik(level, count, probability)) if count else 0
+        below = next(k for k in range(max(below - 2, 0), below + 4) if bdtr(k, count, probability) >= level)
+        assert bounding_rank(count, probability, confidence) == (below + 1 if below < count else None)
 
 
 def test_published_ranks_of_95_95():

@@ -1,4 +1,6 @@
 import struct
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -24,6 +26,19 @@ def noise(scale, seed):
 def envelopes(columns, feed):
     names = ["a.x", "a.y"]
     return [feed(EnvelopeObserver(columns, names), noise(scale, 1), 1e-3).result() for scale in (1e-5, 1e-7)]
+
+
+def test_drawing_is_prepared_in_a_thread():
+    script = """if True:
+        import sys
+        from ps_fmu.results.style import prepare_drawing
+        assert "matplotlib" not in sys.modules
+        thread = prepare_drawing()
+        thread.join(120.0)
+        print(thread.is_alive(), thread.daemon, "matplotlib.backends.backend_agg" in sys.modules)
+    """
+    found = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=240, check=True)
+    assert found.stdout.split() == ["False", "True", "True"]
 
 
 def test_time_histories(tmp_path, envelopes):

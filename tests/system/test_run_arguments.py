@@ -62,12 +62,13 @@ def test_all_arguments_arrive(run, scenario, tmp_path):
         (tmp_path / name).write_text("")
     arguments = "table2 --duration 2 --step 1e-3 --seed 5 --parameters a.ssv b.ssv --output out --system other.ssd"
     more = "--scheme gauss-seidel --storage-step 0.01 --requirements c.toml --disturbance d.nc"
-    assert run.main([*arguments.split(), *more.split()]) == 0
+    assert run.main([*arguments.split(), *more.split(), "--observe", "a.*", "--observe", "b.?"]) == 0
     (options,) = called
     assert (options.scenario.name, options.duration_s, options.step_s, options.seed) == ("table2", 2.0, 1e-3, 5)
     assert options.parameters == (Path("a.ssv"), Path("b.ssv"))
     assert (options.system, options.requirements) == (Path("other.ssd"), Path("c.toml"))
     assert options.disturbance == Path("d.nc")
+    assert options.observe == ("a.*", "b.?")
     assert (options.output, options.scheme, options.storage_stride) == (tmp_path / "out", "gauss-seidel", 10)
 
 

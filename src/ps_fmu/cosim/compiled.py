@@ -89,7 +89,12 @@ class CompiledLoop:
                 assert isinstance(call, Call)
                 call.check(status, float(times[loop.rows_done]), self._plan.step)
         finally:
-            self._rows.filled = first + loop.rows_done
+            done, loop.rows_done = loop.rows_done, 0  # whoever counts rows meanwhile counts too few
+            self._rows.filled = first + done
+
+    def count_rows(self) -> int:
+        """As :meth:`.loops.StepLoop.count_rows`."""
+        return int(self._rows.filled + self._loop.rows_done)
 
 
 def is_available() -> bool:

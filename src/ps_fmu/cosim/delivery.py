@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
@@ -24,39 +24,90 @@ class Observer(Protocol):
         """
 
 
-def deliver(
-    rows: Rows,
-    clock: StepClock,
-    columns: Sequence[Column],
-    observers: Sequence[Observer],
-    error: BaseException | None = None,
-) -> None:
-    """Give the complete rows to all observers, up to the first row with a value that is not finite.
+@runtime_checkable
+class EarlyObserver(Observer, Protocol):
+    """One that stores rows, and takes those of an unfinished block when a whole one is long in coming."""
 
-    Every observer is served even if another one raises.  Then raises, the first that applies:
-    :class:`SlaveError` for a value that is not finite, with ``error`` as its consequence; ``error``, the
-    reason why the run ends; what an observer raised.
+    def early(self, first_index: int, time: Array, values: Array) -> None:
+        """Take rows, as in :meth:`Observer.block`, that are repeated in the next block or were taken before.
+
+        There may be none: what is pending is to be stored all the same.
+        """
+
+
+class Delivery:
+    """Gives the rows of a run to the observers, each block when it is complete."""
+
+    failed_at: int | None = None
+    """Last row of the block in which an observer failed, where the loop has gone on since."""
+
+    def __init__(self, rows: Rows, clock: StepClock, columns: Sequence[Column], observers: Sequence[Observer]) -> None:
+        self.rows, self._clock = rows, clock
+        self._columns, self._observers = columns, observers
+
+    def hand_over(self) -> None:
+        """Give away the complete rows; a new block begins.  Raises what :meth:`serve` returns."""
+        if failure := self._serve_rows():
+            raise failure
+
+    def wait(self) -> None:
+        """Return when the observers have all that was handed over.  Raises what :meth:`serve` returns."""
+
+    def conclude(self, error: BaseException) -> None:
+        """Give away the complete rows and raise: ``error``, the reason why the run ends early, or a stronger one."""
+        raise self._serve_rows(error) or error
+
+    def close(self) -> None:
+        """Free what the delivery holds; nothing is handed over any longer."""
+
+    def _serve_rows(self, error: BaseException | None = None) -> BaseException | None:
+        first, values = self.rows.first_index, self.rows.complete()
+        failure = self.serve(first, values, error)
+        self.rows.next_block()
+        return failure
+
+    def serve(self, first: int, values: Array, error: BaseException | None = None) -> BaseException | None:
+        """Give rows to all observers, up to the first with a value that is not finite.
+
+        Every observer is served even if another one fails.  Returns the first that applies: :class:`SlaveError` for a
+        value that is not finite, with ``error`` as its consequence; ``error``, the reason why the run ends; what an
+        observer raised; None.
+        """
+        time = self._clock.times(first, len(values))
+        usable = count_finite(values)
+        failure: BaseException | None = error
+        if usable < len(values):
+            failure = _make_error(self._columns, values[usable], float(time[usable]))
+            failure.__cause__ = error
+        for observer in self._observers if usable else ():
+            try:
+                observer.block(first, time[:usable], values[:usable])
+            except BaseException as raised:
+                raised.add_note(f"Raised by the observer {_name(observer)}.")
+                if failure is None:
+                    failure = raised
+                else:
+                    failure.add_note(f"The observer {_name(observer)} failed, too: {raised}")
+        return failure
+
+
+def count_finite(values: Array) -> int:
+    """Rows before the first with a value that is not finite.
+
+    The sum of the squares is finite where all values are, unless they are enormous; to compute it takes a quarter of
+    the time that it takes to ask each value (0.01 instead of 0.05 us a row of 94).
     """
-    values = rows.complete()
-    first, time = rows.first_index, clock.times(rows.first_index, len(values))
+    flat = values.reshape(-1)
+    with np.errstate(over="ignore", invalid="ignore"):
+        if np.isfinite(flat @ flat):
+            return len(values)
     finite = np.isfinite(values)
-    usable = len(values) if finite.all() else int(np.argmin(finite.all(axis=1)))
-    failure: BaseException | None = error
-    if usable < len(values):
-        failure = _make_error(columns, values[usable], float(time[usable]))
-        failure.__cause__ = error
-    for observer in observers if usable else ():
-        try:
-            observer.block(first, time[:usable], values[:usable])
-        except BaseException as raised:
-            raised.add_note(f"Raised by the observer {type(observer).__name__}.")
-            if failure is None:
-                failure = raised
-            else:
-                failure.add_note(f"The observer {type(observer).__name__} failed, too: {raised}")
-    rows.next_block()
-    if failure is not None:
-        raise failure
+    return len(values) if finite.all() else int(np.argmin(finite.all(axis=1)))
+
+
+def _name(observer: Observer) -> str:
+    """What messages call it: its class, or what it says itself."""
+    return str(getattr(observer, "observer_name", type(observer).__name__))
 
 
 def _make_error(columns: Sequence[Column], row: Array, time: float) -> SlaveError:

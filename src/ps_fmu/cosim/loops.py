@@ -25,6 +25,9 @@ class StepLoop(Protocol):
         ``rows.filled`` counts the complete rows also when a :class:`SlaveError` ends the loop.
         """
 
+    def count_rows(self) -> int:
+        """Complete rows of the block now, for another thread to ask while the loop runs; rather too few than more."""
+
 
 def make_loop(plan: Plan, rows: Rows, compiled: bool, stopwatch: Stopwatch | None = None) -> StepLoop:
     """The loop for a plan: in C if that is wanted and there is a library for this platform."""
@@ -56,21 +59,22 @@ class PythonLoop:
         """See :class:`StepLoop`."""
         plan, rows, stages = self._plan, self._rows, self._stages
         now, latest, done = plan.now, rows.latest_row, rows.filled
-        try:
-            for time, row in zip(times.tolist(), rows.rows[done : done + len(times)], strict=True):
-                if interrupted:
-                    return
-                now.value = time
-                for gathers, functions, calls in stages:
-                    for take, sources, inputs in gathers:
-                        take(sources, None, inputs, "clip")  # any mode but "raise" spares a copy
-                    remaining = iter(functions)
-                    for status in filter(None, map(call, remaining)):
-                        calls[-1 - length_hint(remaining)].check(status, time, plan.step)
-                row[:] = latest
-                done += 1
-        finally:
-            rows.filled = done
+        for time, row in zip(times.tolist(), rows.rows[done : done + len(times)], strict=True):
+            if interrupted:
+                return
+            now.value = time
+            for gathers, functions, calls in stages:
+                for take, sources, inputs in gathers:
+                    take(sources, None, inputs, "clip")  # any mode but "raise" spares a copy
+                remaining = iter(functions)
+                for status in filter(None, map(call, remaining)):
+                    calls[-1 - length_hint(remaining)].check(status, time, plan.step)
+            row[:] = latest
+            rows.filled += 1
+
+    def count_rows(self) -> int:
+        """See :class:`StepLoop`."""
+        return self._rows.filled
 
 
 class TimedPythonLoop:
@@ -99,6 +103,10 @@ class TimedPythonLoop:
             rows.filled += 1
             laps.note(len(laps.parts), perf_counter_ns() - began, time)
             laps.timing.steps += 1
+
+    def count_rows(self) -> int:
+        """See :class:`StepLoop`."""
+        return self._rows.filled
 
 
 def _carry_out(part: Call | Gather) -> int:

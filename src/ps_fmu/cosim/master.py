@@ -14,9 +14,10 @@ from typing import Self
 
 from fmpy.model_description import ModelDescription
 
+from .beside import DeliveryBeside
 from .clock import StepClock
 from .compiled import CompiledLoop
-from .delivery import Observer, deliver
+from .delivery import Delivery, Observer
 from .description import convert_value, explain_unsettable, find_variable, read_descriptions
 from .errors import CosimError, SlaveError, UsageError
 from .fmu_instance import FmuInstance, InstancePhase
@@ -210,12 +211,17 @@ class Master:
         observers: Sequence[Observer] = (),
         events: Iterable[Event] = (),
         progress: Progress | None = None,
+        *,
+        beside: bool = False,
     ) -> None:
         """Advance by ``duration`` [s]; the first run begins with row 0, each later one with the row after.
 
         Whatever ends the run early - an FMU, an observer, Ctrl-C - all complete rows reach all observers
         first; then the FMUs are terminated and freed as far as the standard allows, and the error is
         raised.
+
+        With ``beside`` the observers work in a thread beside the loop: they see the same blocks, a little later, and
+        must not use this object.
 
         Raises :class:`UsageError` (nothing has run: a duration or an event that is not on the grid of steps),
         :class:`SlaveError`, KeyboardInterrupt, or what an observer raises.
@@ -229,7 +235,7 @@ class Master:
         self._running = True
         try:
             with note_interrupts() as interrupted:
-                self._advance(end, schedule, observers, progress, interrupted)
+                self._advance(end, schedule, self._make_delivery(observers, beside), progress, interrupted)
         except BaseException as error:
             self._running = False
             error.add_note(f"The simulation of {self.system.path} stopped at t = {self.time:.9g} s.")
@@ -317,7 +323,7 @@ class Master:
         self,
         end: int,
         schedule: list[tuple[int, PortName, Value]],
-        observers: Sequence[Observer],
+        delivery: Delivery,
         progress: Progress | None,
         interrupted: c_int,
     ) -> None:
@@ -339,14 +345,28 @@ class Master:
                 if interrupted:
                     raise KeyboardInterrupt
                 if rows.filled == rows.capacity or self._index == end:
-                    deliver(rows, clock, self.columns, observers)
+                    delivery.hand_over()
+                if self._index == end:
+                    delivery.wait()
                 if progress is not None:
                     wall = wall_clock.perf_counter() - began
                     progress(self.time, wall, (self.time - begin) / wall)
             if interrupted:  # while the observers took the last block
                 raise KeyboardInterrupt
         except BaseException as error:
-            deliver(rows, clock, self.columns, observers, error)
+            delivery.conclude(error)
+        finally:
+            delivery.close()
+            if delivery.failed_at is not None:
+                self._index = delivery.failed_at
+
+    def _make_delivery(self, observers: Sequence[Observer], beside: bool) -> Delivery:
+        if not beside:
+            return Delivery(self._rows, self.clock, self.columns, observers)
+        return DeliveryBeside(self._rows, self.clock, self.columns, observers, self._count_rows)
+
+    def _count_rows(self) -> int:
+        return 0 if self._loop is None else self._loop.count_rows()
 
     def _silence_fatal(self) -> None:
         """After fmi2Fatal all instances of that FMU are corrupt, not only one (FMI 2.0.4, section 2.1.3)."""

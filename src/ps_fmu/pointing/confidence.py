@@ -70,16 +70,29 @@ def bounding_rank(count: int, probability: float, confidence: float) -> int | No
     The quantile P lies below it with a probability of sum_{k<r} binomial(n, k) P^k (1 - P)^(n - k), which is at least
     ``confidence``.  None if there are fewer cases than :func:`samples_needed`.
     """
-    from scipy.special import bdtr, bdtrik  # scipy.stats takes four times as long to import
-
     _check(probability, "probability")
     _check(confidence, "confidence")
-    level = confidence * (1.0 - 1e-12)
-    if bdtr(0, count, probability) >= level:
-        return 1 if count else None
-    below = math.ceil(bdtrik(level, count, probability))  # real-valued inverse: off by one at most
-    below = next(k for k in (below - 1, below, below + 1) if bdtr(k, count, probability) >= level)
+    below = _find_binomial(count, probability, confidence * (1.0 - 1e-12))
     return below + 1 if below < count else None
+
+
+def _find_binomial(count: int, probability: float, level: float) -> int:
+    """The smallest k with sum_{j<=k} binomial(n, j) P^j (1 - P)^(n - j) of ``level`` at least.
+
+    Terms from their ratios, outwards from the largest, as far as they are not zero.  ``scipy.special`` has the sum, and
+    takes 0.2 s to be imported: a tenth of a short run.
+    """
+    largest = min(count, math.floor((count + 1) * probability))
+    reach = math.ceil(40.0 * math.sqrt(count * probability * (1.0 - probability))) + 400
+    first, last = max(0, largest - reach), min(count, largest + reach)
+    odds = probability / (1.0 - probability)
+    above = np.arange(largest + 1, last + 1, dtype=float)
+    under = np.arange(largest, first, -1, dtype=float)
+    rising = np.cumprod((count - above + 1.0) / above * odds)
+    falling = np.cumprod(under / (count - under + 1.0) / odds)
+    sums = np.cumsum(np.concatenate((falling[::-1], [1.0], rising)))
+    return min(last, first + int(np.searchsorted(sums, level * sums[-1])))
+
 
 
 def quantile(

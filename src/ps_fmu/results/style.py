@@ -1,7 +1,7 @@
 """One look for all figures: large type, colours that colour-blind readers can tell apart, engineering units.
 
 Figures are made with matplotlib's object interface and its Agg canvas: no window system and no global state.
-matplotlib is imported when the first figure is drawn.
+matplotlib is imported when the first figure is drawn, or before by :func:`prepare_drawing`.
 """
 
 from __future__ import annotations
@@ -9,7 +9,10 @@ from __future__ import annotations
 import io
 import math
 from collections.abc import Callable, Iterable
+from contextlib import suppress
+from importlib import import_module
 from pathlib import Path
+from threading import Thread
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -46,6 +49,22 @@ STYLE: dict[Any, Any] = {
     "figure.titleweight": "bold",
     "agg.path.chunksize": 10000,
 }
+
+
+def prepare_drawing() -> Thread:
+    """Import matplotlib in a thread, which is returned: FMUs that step meanwhile do not hold the lock.
+
+    It takes 0.5 s.  If it cannot be imported, the first figure says so.
+    """
+
+    def load() -> None:
+        with suppress(Exception):
+            for module in ("figure", "backends.backend_agg"):
+                import_module(f"matplotlib.{module}")
+
+    thread = Thread(target=load, name="matplotlib", daemon=True)
+    thread.start()
+    return thread
 
 
 def draw(path: Path, width: float, height: float, paint: Callable[[Figure], None]) -> None:

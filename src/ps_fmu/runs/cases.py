@@ -16,7 +16,7 @@ from ..cosim.terminals import read_terminal_variables
 from .mismatch import list_mismatches
 from .options import RESULTS, RunOptions
 from .origin import format_settings, write_origin
-from .setup import RunSystem
+from .setup import RunSystem, select_stored
 
 Array = NDArray[np.float64]
 
@@ -70,6 +70,10 @@ class Bounds:
 
     def block(self, _first_index: int, time: Array, values: Array) -> None:
         """Look at the rows (rows, columns); ``time`` (rows,) in s."""
+        flat = values.reshape(-1)
+        with np.errstate(over="ignore"):
+            if flat @ flat <= USELESS**2:  # 0.01 us a row of 94 columns, where the extremes take 0.04 us
+                return
         if max(values.max(), -values.min()) <= USELESS:
             return
         row, place = np.argwhere(np.abs(values) > USELESS)[0]
@@ -104,7 +108,7 @@ def run_case(
     """Run one case from its start to ``duration_s`` (by default that of the options) and free the FMUs.
 
     ``analyse`` makes the analysis of the run once its columns are known; the lead-in of the case is left out of the
-    pointing error indices, which ``system`` collects.  All outputs are stored in the case's group of results.nc; what
+    pointing error indices, which ``system`` collects.  The outputs are stored in the case's group of results.nc; what
     the user should know is added to the warnings of ``system``.
 
     Raises :class:`ps_fmu.cosim.CosimError` (what is wrong, where and when) and KeyboardInterrupt; the analysis and
@@ -145,7 +149,8 @@ def run_case(
             _make_recorder(system, master, options, case, duration) as recorder,
         ):
             observers: list[Observer] = [Bounds(master.columns), recorder, *analysis.observers, *own]
-            master.run(duration, observers if costs is None else costs.time(observers), case.events, note)
+            watched = observers if costs is None else costs.time(observers)
+            master.run(duration, watched, case.events, note, beside=True)
         return Outcome(case, duration, wall[0]), analysis
 
 
@@ -167,6 +172,7 @@ def _make_recorder(
         columns=master.columns,
         step=master.step,
         storage_step=options.storage_stride * master.step,
+        select=select_stored(master.columns, options),
         attributes=attributes,
         append=True,
     )

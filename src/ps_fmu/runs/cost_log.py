@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from time import perf_counter
 
@@ -11,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..cosim import Observer
+from ..cosim.delivery import EarlyObserver
 from ..cosim.stopwatch import EXCHANGE, StepCosts, Stopwatch
 from ..results.tables import Table
 
@@ -24,16 +26,32 @@ class TimedObserver:
 
     def __init__(self, observer: Observer) -> None:
         self._observer = observer
-        self.name = type(observer).__name__
+        self.observer_name = type(observer).__name__
         self.spent_s = 0.0
 
     def block(self, first_index: int, time: Array, values: Array) -> None:
         """See :meth:`ps_fmu.cosim.Observer.block`."""
+        with self._time():
+            self._observer.block(first_index, time, values)
+
+    @contextmanager
+    def _time(self) -> Iterator[None]:
         began = perf_counter()
         try:
-            self._observer.block(first_index, time, values)
+            yield
         finally:
             self.spent_s += perf_counter() - began
+
+
+class TimedEarlyObserver(TimedObserver):
+    """One that takes early rows, too."""
+
+    _observer: EarlyObserver
+
+    def early(self, first_index: int, time: Array, values: Array) -> None:
+        """See :meth:`ps_fmu.cosim.delivery.EarlyObserver.early`."""
+        with self._time():
+            self._observer.early(first_index, time, values)
 
 
 @dataclass
@@ -45,14 +63,16 @@ class RunCosts:
 
     def time(self, observers: Iterable[Observer]) -> list[TimedObserver]:
         """The observers, timed."""
-        self.observers = [TimedObserver(observer) for observer in observers]
+        self.observers = [
+            TimedEarlyObserver(one) if isinstance(one, EarlyObserver) else TimedObserver(one) for one in observers
+        ]
         return self.observers
 
     def sum_observers(self) -> dict[str, float]:
         """Seconds of wall time by kind of observer."""
         found: dict[str, float] = {}
         for observer in self.observers:
-            found[observer.name] = found.get(observer.name, 0.0) + observer.spent_s
+            found[observer.observer_name] = found.get(observer.observer_name, 0.0) + observer.spent_s
         return found
 
     def as_dict(self) -> dict[str, object]:

@@ -100,14 +100,16 @@ def chart_envelopes(
 def show_mechanism(system: RunSystem, results: Path, runs: Sequence[tuple[str, str]]) -> Mechanism | None:
     """The mechanism of the plant with the motions of some ``runs``: what the report calls them, group in ``results``.
 
-    None for another plant, which has not all the joints as parameters and all the motions as outputs.  Raises
-    ``OSError`` if the file cannot be read.
+    None for another plant, which has not all the joints as parameters and all the motions as outputs, and where not
+    all the motions are stored.  Raises ``OSError`` if the file cannot be read.
     """
     known = {f"plant.{variable.name}" for variable in system.descriptions["plant"].modelVariables}
     if not {*MOTION, *JOINTS, *NOMINAL_POSITION} <= known:
         return None
+    motions = [(label, motion) for label, group in runs if (motion := read_motion(results, group))]
+    if len(motions) < len(runs):
+        return None
     geometry = read_geometry(system)
-    motions = [(label, read_motion(results, group)) for label, group in runs]
     time = motions[0][1].time
     between = time[1] - time[0] if len(time) > 1 else 0.0
     return Mechanism(
@@ -134,16 +136,18 @@ def read_geometry(system: RunSystem) -> Geometry:
     )
 
 
-def read_motion(results: Path, group: str) -> Means:
+def read_motion(results: Path, group: str) -> Means | None:
     """Mean motion of base and payload in at most :data:`MOTION_BINS` bins, from the rows of a run in ``results``.
 
     From the file, which has them filtered to its storage step, and not from each step of the run: observing 15 columns
-    costs 0.7 us a step.  Raises ``OSError`` if the file cannot be read.
+    costs 0.7 us a step.  None where not all of them are stored.  Raises ``OSError`` if the file cannot be read.
     """
     import netCDF4
 
     with netCDF4.Dataset(results) as file:
         stored = file[group]
+        if not set(MOTION) <= stored.variables.keys():
+            return None
         observer = MeanObserver([Column(name, stored[name].units) for name in MOTION], MOTION, bins=MOTION_BINS // 2)
         for first in range(0, len(stored["time"]), READ_ROWS):
             part = slice(first, first + READ_ROWS)

@@ -106,6 +106,7 @@ def format_command(options: RunOptions) -> str:
         ("--apart", options.apart),
         ("--requirements", [options.requirements.name] if options.requirements else []),
         ("--disturbance", [options.disturbance.name] if options.disturbance else []),
+        *(("--observe", [pattern]) for pattern in options.observe),
     ):
         words += [option, *values] if values else []
     return shlex.join(words)

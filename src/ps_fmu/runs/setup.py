@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from fmpy.model_description import ModelDescription
 
 from ..cosim import System, UsageError, Value, read_parameters, read_system
 from ..cosim.description import convert_value, find_variable, get_unit, index_variables, read_descriptions, read_start
-from ..cosim.rows import make_layout
+from ..cosim.rows import Column, make_layout
+from ..cosim.selection import select_names
 from ..cosim.structure import Parameter, parse_port
 from ..results.summary import FmuFile
 from .cost_log import CostLog
@@ -84,8 +85,9 @@ def load_system(options: RunOptions, defaults: Mapping[str, Value] | None = None
     with a warning.
 
     Raises :class:`OptionError` for a step that is too long for any noise, for requirements or a recorded disturbance
-    that cannot be used, and for a recorded one in a scenario whose defaults are a recording or a multisine;
-    :class:`ps_fmu.cosim.SystemFileError` or :class:`ps_fmu.cosim.UsageError` naming the file and line.
+    that cannot be used, for outputs to store that there are not, and for a recorded disturbance in a scenario whose
+    defaults are a recording or a multisine; :class:`ps_fmu.cosim.SystemFileError` or :class:`ps_fmu.cosim.UsageError`
+    naming the file and line.
     """
     given: dict[str, Parameter] = {}
     for path in options.parameters:
@@ -103,8 +105,18 @@ def load_system(options: RunOptions, defaults: Mapping[str, Value] | None = None
     first = {**(defaults or {}), **own, **({NOISE: False} if recorded else {}), **recorded}
     structure = structure.with_parameters(first).with_parameters(given)
     descriptions = read_descriptions(structure)
-    system = RunSystem(structure, descriptions, given, judge=read_judge(options, make_layout(descriptions).columns))
+    columns = make_layout(descriptions).columns
+    select_stored(columns, options)
+    system = RunSystem(structure, descriptions, given, judge=read_judge(options, columns))
     return system if HIGHEST_NOISE in given or not disturbed else _limit_noise(system, options.step_s)
+
+
+def select_stored(columns: Sequence[Column], options: RunOptions) -> list[str]:
+    """Names of the columns that are stored.  Raises :class:`OptionError` for a pattern that matches none."""
+    try:
+        return select_names((column.name for column in columns), options.observe)
+    except UsageError as error:
+        raise OptionError(f"--observe: {error}") from error
 
 
 def collect_parameters(options: RunOptions, system: RunSystem) -> dict[str, object]:

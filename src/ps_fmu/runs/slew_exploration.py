@@ -45,7 +45,7 @@ def explore_slews(slews: Slews, system: RunSystem, results: Path) -> Exploration
 
 
 def _chart_settled(slews: Slews, results: Path) -> list[ChartGroup]:
-    """Rotation of the payload after the profile, from the stored rows; none if the run ends before."""
+    """Rotation of the payload after the profile, from the stored rows; none if the run ends before, or has none."""
     import netCDF4
 
     began_s = slews.on.arrival.ended_s
@@ -55,6 +55,8 @@ def _chart_settled(slews: Slews, results: Path) -> list[ChartGroup]:
     with netCDF4.Dataset(results) as file:
         for (label, colour), name in zip(CASES, GROUPS, strict=True):
             group = file[name]
+            if not set(ROTATION) <= group.variables.keys():
+                return []
             time = np.asarray(group["time"])
             first = max(int(np.searchsorted(time, began_s, side="right")), len(time) - MOST_ROWS)
             if len(time) - first < FEWEST_ROWS:

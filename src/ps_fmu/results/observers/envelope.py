@@ -81,15 +81,15 @@ class EnvelopeObserver(ColumnObserver):
         count = samples.shape[1]
         while self._rows + count > self._bins * self._rows_per_bin:
             self._join_pairs()
-        bins = np.arange(self._rows, self._rows + count) // self._rows_per_bin
-        starts = np.flatnonzero(np.diff(bins, prepend=-1))
-        used = bins[starts]
-        low = np.minimum.reduceat(samples, starts, axis=1)
-        high = np.maximum.reduceat(samples, starts, axis=1)
-        self._low[:, used] = np.minimum(self._low[:, used], low)
-        self._high[:, used] = np.maximum(self._high[:, used], high)
-        new = int(self._rows % self._rows_per_bin > 0)  # the first bin may have begun in an earlier block
-        self._time[used[new:]] = time[starts[new:]]
+        width, begun = self._rows_per_bin, self._rows % self._rows_per_bin
+        starts = np.maximum(np.arange(-begun, count, width), 0)
+        first = self._rows // width
+        used = slice(first, first + len(starts))
+        low, high = self._low[:, used], self._high[:, used]
+        np.minimum(low, np.minimum.reduceat(samples, starts, axis=1), out=low)
+        np.maximum(high, np.maximum.reduceat(samples, starts, axis=1), out=high)
+        new = int(begun > 0)  # the first bin may have begun in an earlier block
+        self._time[used][new:] = time[starts[new:]]
         self._rows += count
 
     def _join_pairs(self) -> None:
