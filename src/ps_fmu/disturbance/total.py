@@ -14,7 +14,7 @@ from .gaussian import GaussianNoise
 from .kind import BusCentre, Kind, SharedSettings
 from .kinds import find_kinds
 
-_CHUNK = 512  # rows of a part
+_CHUNK = 256  # rows of a part
 
 
 @dataclass(frozen=True, eq=False)
