@@ -6,7 +6,7 @@ import pytest
 from ps_fmu.disturbance.kinds.wheels import FORCE, TORQUE, WheelSource, wheel_plane
 from ps_fmu.disturbance.smooth import ramp
 from ps_fmu.disturbance.speed import SpeedProfile
-from ps_fmu.disturbance.turning import cosines_and_sines
+from ps_fmu.disturbance.turning import Turning
 
 AXIS, POSITION = np.array([1.0, 2.0, -0.5]), np.array([0.3, -0.2, 0.1])
 RUN_UP = SpeedProfile(-50.0, 600.0, 0.5, 3.0)  # rad/s, s: with the fade-in, all terms act
@@ -19,19 +19,19 @@ def test_all_around_the_circle_and_far_along() -> None:
         angle = random.uniform(-most, most, 5000)
         products = np.multiply.outer(multiples, angle)
         expected = np.concatenate([np.cos(products), np.sin(products)])
-        np.testing.assert_allclose(cosines_and_sines(multiples, angle), expected, rtol=0.0, atol=tolerance)
+        np.testing.assert_allclose(Turning(multiples, 5000)(angle), expected, rtol=0.0, atol=tolerance)
 
 
 def test_between_two_points_of_the_table() -> None:
     """Where the series are at their worst."""
     angle = (np.arange(1024) + 0.5) * 2.0 * np.pi / 1024
     expected = np.stack([np.cos(angle), np.sin(angle)])
-    np.testing.assert_allclose(cosines_and_sines(np.ones(1), angle), expected, rtol=0.0, atol=6e-15)
+    np.testing.assert_allclose(Turning(np.ones(1), 1024)(angle), expected, rtol=0.0, atol=6e-15)
 
 
 @pytest.mark.parametrize("angle", [1e15, -1e17, 1e300])
 def test_angles_without_a_fraction_stay_on_the_circle(angle: float) -> None:
-    cosine, sine = cosines_and_sines(np.array([1.0]), np.array([angle]))
+    cosine, sine = Turning(np.ones(1), 1)(np.array([angle]))
     assert abs(np.hypot(cosine, sine) - 1.0).max() < 1e-9
 
 

@@ -22,36 +22,63 @@ _WHOLE = 1.5 * 2.0**52
 """A sum with it is rounded to a whole number, which the last bits of the sum hold."""
 
 
-def cosines_and_sines(multiples: Array, angle: Array) -> Array:
-    """Cosines and then sines of each of the multiples (k,) of the angles (n,), rad; (2 k, n).
+class Turning:
+    """Cosines and sines of multiples of so many angles at a time, in memory of their own.
 
-    Off by 1e-14 and by what rounding makes of ``multiple * angle``; finite if that is.
+    Memory from the system would come page by page: a block would take three times as long.  Not for two threads at once.
+
+    Parameters
+    ----------
+    multiples: (k,).
+    n: angles at a time.
     """
-    place = np.multiply.outer(multiples * (_POINTS / (2.0 * np.pi)), angle)  # points of the circle
-    nearest = place + _WHOLE
-    point = nearest.view(np.int64) & (_POINTS - 1)
-    nearest -= _WHOLE
-    place -= nearest
-    rest = np.multiply(place, 2.0 * np.pi / _POINTS, out=place)
-    square = np.multiply(rest, rest, out=nearest)
-    sine = square * (-1.0 / 6.0)
-    sine += 1.0
-    sine *= rest
-    cosine = square * (1.0 / 24.0)
-    cosine -= 0.5
-    cosine *= square
-    cosine += 1.0
-    return _turn(_COSINES[point], _SINES[point], cosine, sine)
 
+    def __init__(self, multiples: Array, n: int) -> None:
+        self._points_per_angle = multiples * (_POINTS / (2.0 * np.pi))
+        self._rest, self._square, self._cosine, self._sine = np.empty((4, multiples.size, n))
+        self._point = np.empty((multiples.size, n), dtype=np.int64)
+        self._turned = np.empty((2, multiples.size, n))
 
-def _turn(cosine: Array, sine: Array, by_cosine: Array, by_sine: Array) -> Array:
-    """Cosines and sines of sums of two angles, each (k, n), in one array (2 k, n)."""
-    k, n = cosine.shape
-    turned = np.empty((2 * k, n))
-    spare = np.multiply(sine, by_sine)
-    np.multiply(cosine, by_cosine, out=turned[:k])
-    turned[:k] -= spare
-    np.multiply(cosine, by_sine, out=spare)
-    np.multiply(sine, by_cosine, out=turned[k:])
-    turned[k:] += spare
-    return turned
+    def __call__(self, angle: Array) -> Array:
+        """Cosines and then sines of each of the multiples of the angles (n,), rad; (2 k, n), until the next call.
+
+        Off by 1e-14 and by what rounding makes of ``multiple * angle``; finite if that is.
+        """
+        self._find_points(angle)
+        np.take(_COSINES, self._point, out=self._turned[0], mode="clip")
+        np.take(_SINES, self._point, out=self._turned[1], mode="clip")
+        self._sum_series()
+        self._turn(spare=self._point.view(np.float64))
+        return self._turned.reshape(-1, angle.size)
+
+    def _find_points(self, angle: Array) -> None:
+        """The nearest points of the circle, and the rest."""
+        rest, nearest = self._rest, self._square
+        np.multiply.outer(self._points_per_angle, angle, out=rest)
+        np.add(rest, _WHOLE, out=nearest)
+        np.bitwise_and(nearest.view(np.int64), _POINTS - 1, out=self._point)
+        nearest -= _WHOLE
+        rest -= nearest
+        rest *= 2.0 * np.pi / _POINTS
+
+    def _sum_series(self) -> None:
+        """Cosine and sine of the rest."""
+        rest, square, cosine, sine = self._rest, self._square, self._cosine, self._sine
+        np.multiply(rest, rest, out=square)
+        np.multiply(square, -1.0 / 6.0, out=sine)
+        sine += 1.0
+        sine *= rest
+        np.multiply(square, 1.0 / 24.0, out=cosine)
+        cosine -= 0.5
+        cosine *= square
+        cosine += 1.0
+
+    def _turn(self, spare: Array) -> None:
+        """Turn the points of the circle by the rest."""
+        cosine, sine = self._turned
+        of_both = np.multiply(sine, self._sine, out=spare)
+        of_sine = np.multiply(cosine, self._sine, out=self._rest)
+        cosine *= self._cosine
+        cosine -= of_both
+        sine *= self._cosine
+        sine += of_sine

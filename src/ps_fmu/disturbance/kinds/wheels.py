@@ -31,7 +31,7 @@ from ...mechanism.quantities import Array, Complex, ParameterError, quantity
 from ..kind import Kind, SharedSettings, Source, explain_folding
 from ..smooth import ramp
 from ..speed import Speed, SpeedProfile, SpeedTable
-from ..turning import cosines_and_sines
+from ..turning import Turning
 
 FORCE_HARMONICS = Path(__file__).with_name("wheel-radial-force-harmonics.csv")
 TORQUE_HARMONICS = Path(__file__).with_name("wheel-radial-torque-harmonics.csv")
@@ -112,10 +112,11 @@ class WheelSource:
         cosine, sine = (self._wrenches(force, torque, v, position_B) for v in (one_B, other_B))
         self._amplitudes = scale * np.exp(1j * self._phases)[:, None] * (cosine - 1j * sine)
         # Force and torque share orders: each is turned once.
-        self._turned, place = np.unique(self._orders, return_inverse=True)
-        summed = np.zeros((self._turned.size, 6), dtype=np.complex128)
+        turned, place = np.unique(self._orders, return_inverse=True)
+        self._turning = Turning(turned, _BLOCK)
+        summed = np.zeros((turned.size, 6), dtype=np.complex128)
         np.add.at(summed, place, self._amplitudes)
-        per_order = 1.0 / self._turned[:, None]
+        per_order = 1.0 / turned[:, None]
         self._along, self._along_1, self._along_2 = map(
             _stack, (summed, 1j * per_order * summed, per_order**2 * summed)
         )
@@ -153,7 +154,7 @@ class WheelSource:
 
     def _compute_block(self, time: Array) -> Array:
         """Force and torque at the times of a block, (_BLOCK, 6)."""
-        turning = cosines_and_sines(self._turned, self.profile.angle(time)).T
+        turning = self._turning(self.profile.angle(time)).T
         speed, faded = self.profile.speed(time), ramp(time, self._rise_time)
         # With e = (cos, sin) and d = (-sin, cos): -(R e/h^2)'' = R W^2 e - (R W' + 2 R' W) d/h - R'' e/h^2.
         wrench = (faded.value * speed**2)[:, None] * (turning @ self._along)
