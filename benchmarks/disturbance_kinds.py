@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +14,7 @@ from ps_fmu.disturbance.kinds.recording import HEADER
 
 HERE = Path(__file__).resolve().parent
 STEPS = 40_000  # of 1e-4 s; ten tables
-Parameters = Mapping[str, float | bool | str]
+Parameters = dict[str, float | bool | str]
 
 _QUIET: Parameters = {"noise.enabled": False}
 _RUN_UP: Parameters = {"wheel_1.initial_speed": 0.0, "wheel_1.final_speed": 628.0, "wheel_1.ramp_duration": 120.0}

@@ -25,7 +25,7 @@ _WHOLE = 1.5 * 2.0**52
 class Turning:
     """Cosines and sines of multiples of so many angles at a time, in memory of their own.
 
-    Memory from the system would come page by page: a block would take three times as long.  Not for two threads at once.
+    Memory from the system would come page by page, and a block take three times as long.  Not for two threads at once.
 
     Parameters
     ----------

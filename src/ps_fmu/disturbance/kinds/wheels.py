@@ -35,11 +35,6 @@ from ..turning import Turning
 
 FORCE_HARMONICS = Path(__file__).with_name("wheel-radial-force-harmonics.csv")
 TORQUE_HARMONICS = Path(__file__).with_name("wheel-radial-torque-harmonics.csv")
-_BLOCK = 256
-"""Times at once.  A last block is filled up: products of another shape may add in another order, and a sample must not
-depend on the times beside it."""
-
-
 @dataclass(frozen=True, eq=False)
 class Harmonics:
     """Orders h (n,) and coefficients C (n,) of one radial quantity."""
@@ -90,6 +85,10 @@ class WheelSource:
     force, torque: harmonics (default: those of S2E).
     """
 
+    rows_at_once: ClassVar[int] = 128
+    """Also of a last block, which is filled up: products of another shape may add in another order, and a sample must
+    not depend on the times beside it."""
+
     def __init__(
         self,
         profile: Speed,
@@ -113,7 +112,7 @@ class WheelSource:
         self._amplitudes = scale * np.exp(1j * self._phases)[:, None] * (cosine - 1j * sine)
         # Force and torque share orders: each is turned once.
         turned, place = np.unique(self._orders, return_inverse=True)
-        self._turning = Turning(turned, _BLOCK)
+        self._turning = Turning(turned, self.rows_at_once)
         summed = np.zeros((turned.size, 6), dtype=np.complex128)
         np.add.at(summed, place, self._amplitudes)
         per_order = 1.0 / turned[:, None]
@@ -145,24 +144,27 @@ class WheelSource:
     def __call__(self, time: Array) -> Array:
         """Force (N) and torque (N.m) in B at its origin at the times (n,) in s, shape (n, 6)."""
         wrench = np.empty((time.size, 6))
-        for first in range(0, time.size, _BLOCK):
-            part = time[first : first + _BLOCK]
-            if part.size < _BLOCK:
-                part = np.pad(part, (0, _BLOCK - part.size), mode="edge")
-            wrench[first : first + _BLOCK] = self._compute_block(part)[: time.size - first]
+        rows = self.rows_at_once
+        for first in range(0, time.size, rows):
+            part = time[first : first + rows]
+            if part.size < rows:
+                part = np.pad(part, (0, rows - part.size), mode="edge")
+            wrench[first : first + rows] = self._compute_block(part)[: time.size - first]
         return wrench
 
     def _compute_block(self, time: Array) -> Array:
-        """Force and torque at the times of a block, (_BLOCK, 6)."""
+        """Force and torque at the times of a block, (rows_at_once, 6)."""
         turning = self._turning(self.profile.angle(time)).T
-        speed, faded = self.profile.speed(time), ramp(time, self._rise_time)
+        speed, acceleration = self.profile.speed(time), self.profile.acceleration(time)
+        rise = ramp(time, self._rise_time)
         # With e = (cos, sin) and d = (-sin, cos): -(R e/h^2)'' = R W^2 e - (R W' + 2 R' W) d/h - R'' e/h^2.
-        wrench = (faded.value * speed**2)[:, None] * (turning @ self._along)
-        changing = faded.value * self.profile.acceleration(time) + 2.0 * faded.rate * speed
+        wrench = turning @ self._along
+        wrench *= (rise.value * speed**2)[:, None]
+        changing = rise.value * acceleration + 2.0 * rise.rate * speed
         if changing.any():
             wrench -= changing[:, None] * (turning @ self._along_1)
-        if faded.curvature.any():
-            wrench -= faded.curvature[:, None] * (turning @ self._along_2)
+        if rise.curvature.any():
+            wrench -= rise.curvature[:, None] * (turning @ self._along_2)
         return np.asarray(wrench)
 
 
