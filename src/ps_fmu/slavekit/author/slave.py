@@ -181,7 +181,7 @@ class Slave(Stepper):
         rows, step = state.clock.rows, state.clock.step
         most = self._limit_rows(rows, step) if rows and self.block_rows else self.block_rows
         if rows > most:
-            raise Refused(f"the FMU state has a table of {rows} rows for steps of {step:g} s; at most {most} fit")
+            raise Refused(f"the FMU state has a table of {rows} rows; at most {most} fit, of steps of {step:g} s")
         return state
 
     def _put_state(self, state: SlaveState) -> None:
