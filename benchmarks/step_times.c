@@ -2,17 +2,32 @@
 
    step_times LIBRARY RESOURCES GUID STEP STEPS PARAMETERS INPUTS
 
-   RESOURCES is a URI, STEP is in s.  PARAMETERS are "reference:value" with blanks between them, INPUTS are
-   "reference:value:slope": before step k, value + k slope is set.  All are Reals.  Writes one double for each step: how long
-   fmi2SetReal and fmi2DoStep take together, in us.
+   RESOURCES is a URI, STEP is in s.  PARAMETERS are "type:reference:value" with blanks between them and in no value; the
+   type is Real, Boolean or String.  INPUTS are "reference:value:slope", all Real: before step k, value + k slope is set.
+   Writes one double for each step: how long fmi2SetReal and fmi2DoStep take together, in us.
 
    By the clock on the wall, which adds 0.05 us to a step; that of the thread's processor time is a call of the kernel and
    adds 0.4.  So other processes are in it, and of several runs the least time of each step is its own. */
 #define NAME "step_times"
 #define FUNCTIONS(X)                                                                                                   \
-    X(Instantiate) X(SetupExperiment) X(EnterInitializationMode) X(ExitInitializationMode) X(DoStep) X(SetReal)
+    X(Instantiate) X(SetupExperiment) X(EnterInitializationMode) X(ExitInitializationMode) X(DoStep) X(SetReal)        \
+    X(SetBoolean) X(SetString)
 
 #include "fmu_host.h"
+
+static void set_parameter(fmi2Component instance, const char *type, fmi2ValueReference reference, const char *value)
+{
+    if (strcmp(type, "Real") == 0) {
+        double number = atof(value);
+        EXPECT(fmi2SetReal(instance, &reference, 1, &number) == fmi2OK);
+    } else if (strcmp(type, "Boolean") == 0) {
+        fmi2Boolean is_true = strcmp(value, "True") == 0;
+        EXPECT(fmi2SetBoolean(instance, &reference, 1, &is_true) == fmi2OK);
+    } else {
+        EXPECT(strcmp(type, "String") == 0);
+        EXPECT(fmi2SetString(instance, &reference, 1, &value) == fmi2OK);
+    }
+}
 
 int main(int argc, char **argv)
 {
@@ -21,12 +36,13 @@ int main(int argc, char **argv)
     long steps = atol(argv[5]);
     int used;
     fmi2ValueReference references[MOST], parameter;
-    double first[MOST], slope[MOST], values[MOST], value;
+    double first[MOST], slope[MOST], values[MOST];
+    char type[8], value[1024];
     size_t n = 0;
 
     fmi2Component instance = instantiate(argv[1], argv[2], argv[3]);
-    for (const char *text = argv[6]; sscanf(text, "%u:%lf%n", &parameter, &value, &used) == 2; text += used)
-        EXPECT(fmi2SetReal(instance, &parameter, 1, &value) == fmi2OK);
+    for (const char *text = argv[6]; sscanf(text, " %7[^:]:%u:%1023s%n", type, &parameter, value, &used) == 3; text += used)
+        set_parameter(instance, type, parameter, value);
     for (const char *text = argv[7];
          n < MOST && sscanf(text, "%u:%lf:%lf%n", &references[n], &first[n], &slope[n], &used) == 3; text += used)
         n++;

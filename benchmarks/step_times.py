@@ -41,7 +41,8 @@ class Run:
 
     model: str
     steps: int
-    parameters: Mapping[str, float] = field(default_factory=dict)
+    parameters: Mapping[str, float | bool | str] = field(default_factory=dict)
+    """Real, Boolean and String; no text with blanks."""
     inputs: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     """Name -> value at the start and slope a step."""
 
@@ -108,10 +109,11 @@ def _measure_steps(program: Path, fmu: Path, run: Run, temporary: Path, repeats:
         extract(str(fmu), unzipdir=str(folder))
     description = read_model_description(str(folder))
     references: dict[str, Any] = {v.name: v.valueReference for v in description.modelVariables}
+    types: dict[str, Any] = {v.name: v.type for v in description.modelVariables}
     model = description.coSimulation.modelIdentifier
     command = [str(program), str(folder / "binaries" / "linux64" / f"{model}.so"), (folder / "resources").as_uri()]
     command += [description.guid, repr(STEP), str(run.steps)]
-    command += [" ".join(f"{references[name]}:{value!r}" for name, value in run.parameters.items())]
+    command += [" ".join(f"{types[name]}:{references[name]}:{value}" for name, value in run.parameters.items())]
     command += [" ".join(f"{references[name]}:{first!r}:{slope!r}" for name, (first, slope) in run.inputs.items())]
     least = np.full(run.steps, np.inf)
     for _ in range(repeats):

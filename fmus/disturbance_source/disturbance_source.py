@@ -12,11 +12,14 @@ from ps_fmu.disturbance import Disturbance, DisturbanceSettings, default_setting
 from ps_fmu.interface.ports import make_parameter_ports, refuse_parameters
 from ps_fmu.mechanism.parameters import load
 from ps_fmu.mechanism.quantities import take_values
+from ps_fmu.slavekit.author.guard import Refused
 from ps_fmu.slavekit.author.slave import Slave
 from ps_fmu.slavekit.author.terminals import Terminal
 from ps_fmu.slavekit.author.variables import Port, Value, vector
 
 DEFAULT = default_settings(load())
+LATEST = 1e9  # s; there a double is off by 6e-8 s, 4e-4 rad of a line at 1 kHz, and from then on by ever more
+SPAN = 2.5  # s, of a table at most: from one block of fast noise to the next, each of which takes some 20 ms to make
 
 
 class DisturbanceSource(Slave):
@@ -54,8 +57,14 @@ class DisturbanceSource(Slave):
         yield n // 16  # more than there are: the step at the end of the last table does nothing else
         self._warn_of_aliasing(h)
         times = self.times(t, h, n) - self.memory[0]
+        if not abs(times[-1]) <= LATEST:
+            raise Refused(f"{times[-1]:g} s after the start of the experiment: expected at most {LATEST:g} s")
         yield n // 16
         return (yield from self.disturbance.in_parts(times))
+
+    def most_rows(self, h: float) -> int:
+        """As many as span 2.5 s."""
+        return int(min(SPAN / h, self.block_rows))
 
     def terminate(self) -> None:
         """Say what ended before: only now is it known how long the run was."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import pairwise
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from .smooth import Weight, crossfade, ramp
 from .spectrum import Layer, share
 
 _CHUNK = 256  # lines drawn in a part
+_FIRST_CHUNK = 16  # the first of them, whose code has not run for a while: 60 us by that alone
 _ROWS = 500  # cleared in a part
 _TOGETHER = 3  # transforms made at once: 25 us
 _MOST_SPARE = 2  # blocks of a layer, as many as a source begins with
@@ -90,10 +92,10 @@ class BlockShape:
     def n_parts(self) -> int:
         """In which a block is made, at most."""
         channels, sources = self.factor.shape
-        chunks = -(-self.layer.numbers.size // _CHUNK)
+        chunks = 1 + -(-self.layer.numbers.size // _CHUNK)
         clearing = -(-self.layer.points // _ROWS)
         groups = -(-channels * self.tables.n_terms // _TOGETHER)
-        return 5 + 2 * sources + chunks + channels // 2 + clearing + self.tables.polyphase.phases * (2 * groups + 1)
+        return 6 + 2 * sources + chunks + channels // 2 + clearing + self.tables.polyphase.phases * (2 * groups + 1)
 
     def take_workspace(self) -> _Workspace:
         """Room for one block, which has to be given back: fresh memory costs as much time as what is done in it."""
@@ -121,6 +123,7 @@ class _Workspace:
         self.lines = np.empty((channels, n), dtype=np.complex128)
         self.terms = np.empty((channels, tables.n_terms, n), dtype=np.complex128)
         self.turned = np.empty((_TOGETHER, n), dtype=np.complex128)
+        self.spectra = np.empty((2, _TOGETHER, tables.polyphase.bins), dtype=np.complex128)
         self.samples = np.empty((channels, tables.polyphase.points))
 
 
@@ -160,10 +163,13 @@ class Block:
         together = _TOGETHER // tables.n_terms  # channels
         for phase in range(polyphase.phases):
             sizes = tables.get_sizes(self.start, phase)
+            if phase == 0:
+                yield
             for first in range(0, len(terms), together):
                 group = terms[first : first + together]
                 flat = group.reshape(-1, group.shape[-1])
-                spectra = polyphase.fold(flat, phase, workspace.turned[: len(flat)])
+                room = workspace.turned[: len(flat)], workspace.spectra[:, : len(flat)]
+                spectra = polyphase.fold(flat, phase, *room)
                 yield
                 products = polyphase.transform(spectra).reshape(len(group), tables.n_terms, -1)
                 if phase == first == 0:  # code and numbers are in no cache yet: it takes three times as long
@@ -189,8 +195,9 @@ class Block:
         for row in (*u, *v):
             random.random(out=row)
             yield
-        for first in range(0, lines.shape[1], _CHUNK):
-            chunk = slice(first, first + _CHUNK)
+        n = lines.shape[1]
+        for first, end in pairwise([0, *range(min(_FIRST_CHUNK, n), n, _CHUNK), n]):
+            chunk = slice(first, end)
             # Box-Muller: E|c|^2 = 2/T, uniform phase.
             c = np.sqrt(-2.0 / shape.layer.period * np.log1p(-u[:, chunk])) * np.exp(2j * np.pi * v[:, chunk])
             lines[:, chunk] = shape.factor @ (c * shape.tables.share[chunk])

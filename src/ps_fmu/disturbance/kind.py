@@ -10,7 +10,9 @@ from typing import ClassVar
 from ..mechanism.parameters import Parameters
 from ..mechanism.quantities import Array, Checked, ParameterError, group, quantity
 
-Source = Callable[[Array], Array]  # times (n,), s -> force and torque (n, 6), N and N.m in B at its origin
+Source = Callable[[Array], Array]
+"""Times (n,), s -> force and torque (n, 6), N and N.m in B at its origin.  An attribute ``rows_at_once`` says for how
+many times it is called in a step, at most, so that they take less than 60 us; without it, 256."""
 
 
 @dataclass(frozen=True, eq=False)

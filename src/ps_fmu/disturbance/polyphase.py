@@ -55,16 +55,25 @@ class Polyphase:
         end = shift - last - 1
         return slice(shift - first, end if end >= 0 else None, -1), True
 
-    def fold(self, lines: Complex, phase: int, room: Complex | None = None) -> Complex:
+    @property
+    def bins(self) -> int:
+        """Of the spectrum of a phase."""
+        return self.points // 2 + 1
+
+    def fold(
+        self, lines: Complex, phase: int, turned: Complex | None = None, spectra: Complex | None = None
+    ) -> Complex:
         """The spectrum of a phase (..., bins), for amplitudes (..., lines) that are multiplied by ``gain``.
 
-        ``room``: of the size of ``lines``, to be overwritten.
+        ``turned``, of the size of ``lines``, and ``spectra`` (2, ..., bins): room, to be overwritten.
         """
-        turned = np.multiply(lines, self._turns[phase], out=room)
-        spectrum, mirrored = np.zeros((2, *lines.shape[:-1], self.points // 2 + 1), dtype=np.complex128)
+        turned = np.multiply(lines, self._turns[phase], out=turned)
+        spectra = np.empty((2, *lines.shape[:-1], self.bins), dtype=np.complex128) if spectra is None else spectra
+        spectra[...] = 0.0
+        spectrum, mirrored = spectra
         for part, (bins, is_mirrored) in self._runs:
             (mirrored if is_mirrored else spectrum)[..., bins] += turned[..., part]
-        spectrum += mirrored.conj()
+        spectrum += np.conjugate(mirrored, out=mirrored)
         return np.asarray(spectrum)
 
     def transform(self, spectra: Complex) -> Array:

@@ -42,6 +42,8 @@ class Weight(NamedTuple):
 
 def ramp(time: Array, rise_time: float) -> Weight:
     """From 0 at t <= 0 to 1 at t >= rise_time, four times continuously differentiable; time (n,) in s."""
+    if time.size and time.min() >= rise_time:  # the polynomials give the same, in 25 us for 256 times
+        return Weight(np.ones(time.shape), np.zeros(time.shape), np.zeros(time.shape))
     x = np.clip(time / rise_time, 0.0, 1.0)
     steps = (_STEP, _STEP_1, _STEP_2)
     value, rate, curvature = (np.asarray(np.polyval(step, x), dtype=np.float64) for step in steps)

@@ -51,7 +51,7 @@ class SpeedProfile:
 
     def acceleration(self, time: Array) -> Array:
         """Rate of change of the speed at the times (n,), rad/s2; a jump has none."""
-        if self.duration == 0.0:
+        if self.duration == 0.0 or self.initial == self.final:
             return np.zeros(time.size)
         during = (time >= self.start) & (time < self.start + self.duration)
         return np.where(during, (self.final - self.initial) / self.duration, 0.0)
@@ -60,13 +60,16 @@ class SpeedProfile:
         """Speed at the times (n,), rad/s."""
         if self.duration == 0.0:
             return np.where(time < self.start, self.initial, self.final)
-        part = np.clip((time - self.start) / self.duration, 0.0, 1.0)
+        part = np.minimum(np.maximum((time - self.start) / self.duration, 0.0), 1.0)
         return np.asarray(self.initial + (self.final - self.initial) * part)
 
     def angle(self, time: Array) -> Array:
         """Angle turned since t = 0, rad: the exact integral of the speed."""
-        within = np.clip(time - self.start, 0.0, self.duration)
-        after = np.maximum(time - self.start - self.duration, 0.0)
+        if self.initial == self.final:
+            return np.asarray(self.initial * time)
+        since = time - self.start
+        within = np.minimum(np.maximum(since, 0.0), self.duration)  # np.clip takes twice as long
+        after = np.maximum(since - self.duration, 0.0)
         slope = within**2 / (2.0 * self.duration) if self.duration > 0.0 else 0.0
         return np.asarray(self.initial * time + (self.final - self.initial) * (slope + after))
 

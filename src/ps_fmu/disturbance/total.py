@@ -11,10 +11,10 @@ import numpy as np
 from ..mechanism.parameters import Parameters
 from ..mechanism.quantities import Array, ParameterError, group, list_members
 from .gaussian import GaussianNoise
-from .kind import BusCentre, Kind, SharedSettings
+from .kind import BusCentre, Kind, SharedSettings, Source
 from .kinds import find_kinds
 
-_CHUNK = 512  # rows of a part
+_CHUNK = 256  # rows of a part
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +60,7 @@ class Disturbance:
 
     def __init__(self, settings: DisturbanceSettings) -> None:
         self._settings = settings
-        self._sources = []
+        self._sources: list[Source] = []
         self._ends: dict[str, float] = {}
         for name, number, kind in settings.list_disturbances():
             with _named(name):
@@ -80,24 +80,37 @@ class Disturbance:
     def in_parts(self, time: Array) -> Generator[int, None, Array]:
         """As :meth:`__call__`, in parts of less than 0.1 ms; yields about how many parts are still to come."""
         wrench = np.zeros((time.size, 6))
-        chunks = [slice(first, first + _CHUNK) for first in range(0, time.size, _CHUNK)]
-        yield len(chunks) * len(self._sources)
-        for number, source in enumerate(self._sources, 1):
-            later = len(chunks) * (len(self._sources) - number)
-            often = True
+        later = [self._count_parts(source, time.size) for source in self._sources]
+        yield sum(later)
+        for source in self._sources:
+            del later[0]
             if isinstance(source, GaussianNoise):
-                for left in source.prepare(time):
-                    often = False
-                    yield left + later + len(chunks) * source.n_parts
-            for done, chunk in enumerate(chunks, 1):
-                if isinstance(source, GaussianNoise):
-                    for _ in source.add(wrench[chunk], time[chunk], often=often):
-                        yield later + (len(chunks) - done + 1) * source.n_parts
-                    often = True
-                else:
-                    wrench[chunk] += source(time[chunk])
-                    yield later + len(chunks) - done
+                parts = self._add_noise(source, wrench, time)
+            else:
+                parts = self._add(source, wrench, time)
+            for left in parts:
+                yield left + sum(later)
         return wrench
+
+    @staticmethod
+    def _count_parts(source: Source, n: int) -> int:
+        return -(-n // getattr(source, "rows_at_once", _CHUNK))
+
+    def _add(self, source: Source, wrench: Array, time: Array) -> Iterator[int]:
+        rows = getattr(source, "rows_at_once", _CHUNK)
+        for first in range(0, time.size, rows):
+            chunk = slice(first, first + rows)
+            wrench[chunk] += source(time[chunk])
+            yield self._count_parts(source, time.size - first) - 1
+
+    def _add_noise(self, source: GaussianNoise, wrench: Array, time: Array) -> Iterator[int]:
+        parts = source.n_parts * self._count_parts(source, time.size)
+        for left in source.prepare(time):
+            yield left + parts
+        for first in range(0, time.size, _CHUNK):
+            chunk = slice(first, first + _CHUNK)
+            for _ in source.add(wrench[chunk], time[chunk], often=first > 0):  # the first comes after a while
+                yield parts - first // _CHUNK * source.n_parts
 
     def explain_aliasing(self, h: float) -> list[str]:
         """What is wrong with steps of ``h`` (s), a text for each disturbance that has a complaint."""

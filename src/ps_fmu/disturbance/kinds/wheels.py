@@ -31,11 +31,10 @@ from ...mechanism.quantities import Array, Complex, ParameterError, quantity
 from ..kind import Kind, SharedSettings, Source, explain_folding
 from ..smooth import ramp
 from ..speed import Speed, SpeedProfile, SpeedTable
+from ..turning import Turning
 
 FORCE_HARMONICS = Path(__file__).with_name("wheel-radial-force-harmonics.csv")
 TORQUE_HARMONICS = Path(__file__).with_name("wheel-radial-torque-harmonics.csv")
-
-
 @dataclass(frozen=True, eq=False)
 class Harmonics:
     """Orders h (n,) and coefficients C (n,) of one radial quantity."""
@@ -86,6 +85,10 @@ class WheelSource:
     force, torque: harmonics (default: those of S2E).
     """
 
+    rows_at_once: ClassVar[int] = 128
+    """Also of a last block, which is filled up: products of another shape may add in another order, and a sample must
+    not depend on the times beside it."""
+
     def __init__(
         self,
         profile: Speed,
@@ -104,11 +107,18 @@ class WheelSource:
         random = np.random.Generator(np.random.Philox(np.random.SeedSequence(seed)))
         self._phases = 2.0 * np.pi * random.random(self._orders.size)
         one_B, other_B = wheel_plane(spin_axis_B)
-        # Wrench at the origin of B from the cosines (first rows) and the sines (last rows) of all harmonics.
-        along = np.concatenate([self._wrenches(force, torque, v, position_B) for v in (one_B, other_B)])
-        self._along = scale * along
-        per_order = np.tile(1.0 / self._orders, 2)[:, None]
-        self._along_1, self._along_2 = per_order * self._along, per_order**2 * self._along
+        # Wrench at the origin of B per squared speed: along the one direction with the cosine, the other with the sine.
+        cosine, sine = (self._wrenches(force, torque, v, position_B) for v in (one_B, other_B))
+        self._amplitudes = scale * np.exp(1j * self._phases)[:, None] * (cosine - 1j * sine)
+        # Force and torque share orders: each is turned once.
+        turned, place = np.unique(self._orders, return_inverse=True)
+        self._turning = Turning(turned, self.rows_at_once)
+        summed = np.zeros((turned.size, 6), dtype=np.complex128)
+        np.add.at(summed, place, self._amplitudes)
+        per_order = 1.0 / turned[:, None]
+        self._along, self._along_1, self._along_2 = map(
+            _stack, (summed, 1j * per_order * summed, per_order**2 * summed)
+        )
 
     @property
     def orders(self) -> Array:
@@ -120,8 +130,7 @@ class WheelSource:
 
         After the fade-in the wrench is the real part of the sum of ``a_i exp(j h_i angle)``.
         """
-        cosine, sine = np.split(self._along, 2)
-        return np.asarray(speed**2 * np.exp(1j * self._phases)[:, None] * (cosine - 1j * sine))
+        return np.asarray(speed**2 * self._amplitudes)
 
     @staticmethod
     def _wrenches(force: Harmonics, torque: Harmonics, direction_B: Array, position_B: Array) -> Array:
@@ -134,19 +143,34 @@ class WheelSource:
 
     def __call__(self, time: Array) -> Array:
         """Force (N) and torque (N.m) in B at its origin at the times (n,) in s, shape (n, 6)."""
-        angles = np.multiply.outer(self.profile.angle(time), self._orders) + self._phases
-        cosine, sine = np.cos(angles), np.sin(angles)
-        speed, faded = self.profile.speed(time)[:, None], ramp(time, self._rise_time)
-        value, rate, curvature = (part[:, None] for part in faded)
+        wrench = np.empty((time.size, 6))
+        rows = self.rows_at_once
+        for first in range(0, time.size, rows):
+            part = time[first : first + rows]
+            if part.size < rows:
+                part = np.pad(part, (0, rows - part.size), mode="edge")
+            wrench[first : first + rows] = self._compute_block(part)[: time.size - first]
+        return wrench
+
+    def _compute_block(self, time: Array) -> Array:
+        """Force and torque at the times of a block, (rows_at_once, 6)."""
+        turning = self._turning(self.profile.angle(time)).T
+        speed, acceleration = self.profile.speed(time), self.profile.acceleration(time)
+        rise = ramp(time, self._rise_time)
         # With e = (cos, sin) and d = (-sin, cos): -(R e/h^2)'' = R W^2 e - (R W' + 2 R' W) d/h - R'' e/h^2.
-        turning = np.concatenate([cosine, sine], axis=1)
-        wrench = value * speed**2 * (turning @ self._along)
-        changing = value * self.profile.acceleration(time)[:, None] + 2.0 * rate * speed
+        wrench = turning @ self._along
+        wrench *= (rise.value * speed**2)[:, None]
+        changing = rise.value * acceleration + 2.0 * rise.rate * speed
         if changing.any():
-            wrench -= changing * (np.concatenate([-sine, cosine], axis=1) @ self._along_1)
-        if curvature.any():
-            wrench -= curvature * (turning @ self._along_2)
+            wrench -= changing[:, None] * (turning @ self._along_1)
+        if rise.curvature.any():
+            wrench -= rise.curvature[:, None] * (turning @ self._along_2)
         return np.asarray(wrench)
+
+
+def _stack(amplitudes: Complex) -> Array:
+    """What cosines and sines are multiplied by to give the real part of ``amplitudes`` (n, 6), turned: (2 n, 6)."""
+    return np.concatenate([amplitudes.real, -amplitudes.imag])
 
 
 def wheel_plane(spin_axis: Array) -> tuple[Array, Array]:

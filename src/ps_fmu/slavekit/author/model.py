@@ -128,6 +128,13 @@ class Model(Fmi2Slave):
         """
         raise NotImplementedError(f"{type(self).__name__} has block_rows, but no rows")
 
+    def most_rows(self, h: float) -> int:
+        """Rows of a table for steps of h (s), at most; no more than ``block_rows`` in any case.
+
+        A function of h alone, for models whose rows cost more the longer the time is that they span.
+        """
+        return self.block_rows
+
     def finish_step(self) -> None:
         """After the map, if ``finishing``: move a delay line, hold a sample.  May write y, x, a, memory."""
 

@@ -178,8 +178,10 @@ class Slave(Stepper):
             raise Refused(state.why)
         if not isinstance(state, SlaveState) or state.identity != self.layout.identity:
             raise Refused("the FMU state belongs to another FMU, or to another version of this one")
-        if state.clock.rows > self.block_rows:
-            raise Refused(f"the FMU state has a table of {state.clock.rows} rows; at most {self.block_rows} fit")
+        rows, step = state.clock.rows, state.clock.step
+        most = self._limit_rows(rows, step) if rows and self.block_rows else self.block_rows
+        if rows > most:
+            raise Refused(f"the FMU state has a table of {rows} rows; at most {most} fit, of steps of {step:g} s")
         return state
 
     def _put_state(self, state: SlaveState) -> None:

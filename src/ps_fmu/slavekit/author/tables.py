@@ -65,12 +65,17 @@ class Tables(Values):
         core = self._core
         return core.count - core.block >= core.n_rows
 
+    def _limit_rows(self, n: int, h: float) -> int:
+        """Rows of a table for steps of h (s), where ``n`` are wanted."""
+        return max(1, min(n, self.block_rows, self.most_rows(h)))
+
     def _fill_table(self) -> None:
-        core, n = self._core, min(self._next_rows, self.block_rows)
+        core = self._core
+        n = self._limit_rows(self._next_rows, core.step)
         made = self._ahead.take((self._origin, core.count, core.step, n))
         self._table = self._compute_rows(n) if made is None else made
         core.block = core.count
-        self._next_rows = min(4 * n, self.block_rows)
+        self._next_rows = self._limit_rows(4 * n, core.step)
         if isgeneratorfunction(type(self).rows) or self._next_rows > _CHUNK:
             first = core.count + n
             me: Any = weakref.proxy(self)

@@ -9,7 +9,7 @@ from .c_program import CompileError, Program, Target
 
 _HEADERS = (
     "text.h", "find.h", "python.h", "instance.h", "core.h", "kernel.h", "elements.h", "product.h", "native.h",
-    "platform.h", "windows/wide.h",
+    "floats.h",     "platform.h", "windows/wide.h",
 )  # fmt: skip
 _PARTS = ("paths.c", "programs.c", "libraries.c", "threads.c", "belongings.c")
 
@@ -35,7 +35,8 @@ LAUNCHER = Program(
     "launcher",
     Path(__file__).parent,
     sources=(
-        "text.c", "find.c", "python.c", "instance.c", "kernel.c", "elements.c", "native.c", "launcher.c", "status.c",
+        "text.c", "find.c", "floats.c", "python.c", "instance.c", "kernel.c", "elements.c", "native.c", "launcher.c",
+        "status.c",
     ),
     headers=_HEADERS,
     targets={

@@ -1,5 +1,7 @@
 #include "instance.h"
 
+#include "floats.h"
+
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -205,9 +207,11 @@ bool instance_begin(Instance *m, const char *guid, const char *uri, fmi2Boolean 
     m->callbacks.allocateMemory = calloc;
     m->callbacks.freeMemory = free;
     m->callbacks.componentEnvironment = m;
+    floats_take(); /* Python may have to start, and numpy to be imported */
     python_lock();
     bool begun = begin_locked(m, guid, uri, visible, why);
     python_unlock();
+    floats_give_back();
     return begun;
 }
 

@@ -4,6 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "floats.h"
 #include "kernel.h"
 #include "python.h"
 
@@ -35,11 +36,12 @@ static Core *words_in_any_phase(const Instance *m)
     return m != NULL && m->core != NULL && m->generation == python_generation() ? m->core : NULL;
 }
 
-/* In its stepping phase; NULL in all others. */
+/* In its stepping phase; NULL in all others, and where arithmetic may end the process: then steps are made in Python,
+   with settings of its own. */
 static Core *words(const Instance *m)
 {
     Core *core = words_in_any_phase(m);
-    return core != NULL && core->stepping ? core : NULL;
+    return core != NULL && core->stepping && !floats_trap() ? core : NULL;
 }
 
 double native_time(const Instance *m)

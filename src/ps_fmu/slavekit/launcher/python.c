@@ -3,6 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "floats.h"
 #include "platform.h"
 
 typedef struct PyObject PyObject;
@@ -146,6 +147,7 @@ bool python_enter(unsigned long generation)
         return false;
     }
     depth++;
+    floats_take();
     keep_thread_state();
     return true;
 }
@@ -153,6 +155,7 @@ bool python_enter(unsigned long generation)
 void python_leave(void)
 {
     depth--;
+    floats_give_back();
     __atomic_sub_fetch(&shared->calls, 1, __ATOMIC_SEQ_CST);
 }
 
@@ -167,6 +170,7 @@ static void on_exit_of_process(void)
     __atomic_store_n(&shared->closing, 1, __ATOMIC_SEQ_CST);
     for (int i = 0; i < PATIENCE && __atomic_load_n(&shared->calls, __ATOMIC_SEQ_CST) > depth; i++)
         sleep_a_millisecond();
+    floats_take();
     api.PyGILState_Ensure();
     api.PyRun_SimpleString("import atexit, sys\n"
                            "atexit._run_exitfuncs()\n"
