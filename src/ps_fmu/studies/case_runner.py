@@ -10,6 +10,8 @@ from pathlib import Path
 
 from ..cosim import Column, SlaveError, Value, read_system
 from ..cosim.rows import make_layout
+from ..pointing.interpretation import Interpretation
+from ..requirements.pooled import pack_distribution
 from ..requirements.reading import read_requirements
 from ..requirements.verdict import Verdict
 from ..runs.cases import Bounds
@@ -17,7 +19,7 @@ from ..runs.judge import RunJudge
 from ..terminal import reason
 from .bundle import REQUIREMENTS, SYSTEM, TASK
 from .indices import IndexRecord, SwitchRecord
-from .rows import ANSWER, DONE, FAILED, LONGEST_TEXT, Row, VersionError
+from .rows import ANSWER, DONE, FAILED, HISTOGRAM, LONGEST_TEXT, Row, VersionError
 from .task import Task, result_versions
 from .warm import WarmSystem
 
@@ -66,9 +68,7 @@ class CaseRunner:
                 )
                 master.run(self.task.duration_s, [Bounds(master.columns), *records, *judging])
             row |= {f"{name}.{key}": value for record in records for key, value in record.metrics().items()}
-        for verdict in judge.conclude():
-            row |= describe_verdict(verdict)
-        return row
+        return row | describe_verdicts(judge)
 
 
 def make_records(task: Task, columns: tuple[Column, ...]) -> list[IndexRecord | SwitchRecord]:
@@ -76,11 +76,22 @@ def make_records(task: Task, columns: tuple[Column, ...]) -> list[IndexRecord | 
     return [*(IndexRecord(observed, columns, task.step_s) for observed in task.observed), SwitchRecord(columns)]
 
 
-def describe_verdict(verdict: Verdict) -> Row:
-    """The columns of a verdict: ``verdict/REQUIREMENT/RUN/SIGNAL/...`` with answer, value and bound.
+def describe_verdicts(judge: RunJudge) -> Row:
+    """The columns of all verdicts: ``verdict/REQUIREMENT/RUN/SIGNAL/...`` with answer, value and bound.
 
-    Numbers are in the unit of the limit; the bound is infinite where there are too few samples for one.
+    Numbers are in the unit of the limit; the bound is infinite where there are too few samples for one.  A mixed
+    requirement has its histogram, too: its quantile over all cases does not follow from those of each.
     """
+    row: Row = {}
+    for verdict in judge.conclude():
+        row |= _describe_verdict(verdict)
+    for requirement, run, label, found in judge.list_distributions():
+        if requirement.interpretation is Interpretation.MIXED:
+            row[f"verdict/{requirement.name}/{run}/{label}{HISTOGRAM}"] = pack_distribution(found)
+    return row
+
+
+def _describe_verdict(verdict: Verdict) -> Row:
     place = f"verdict/{verdict.requirement.name}/{verdict.case}/{verdict.signal}"
     stated = verdict.statement
     return {

@@ -140,20 +140,28 @@ def _tabulate_compliance(compliance: Sequence[Compliance]) -> Table:
     rows = []
     for one in compliance:
         low, high = one.below.interval()
-        ensemble = "-"
-        if one.ensemble is not None and one.output.limit is not None:
-            met = one.ensemble.bound <= one.output.limit
-            ensemble = f"{'met' if met else 'NOT MET'}: {one.ensemble}"
         rows.append((
             one.output.title, f"{one.output.limit:g} {one.output.unit}",
             f"{one.below.true} of {one.below.cases}", f"{one.below.value:.4g}", f"{low:.4g} to {high:.4g}",
-            f"{one.sure.true} of {one.sure.cases}", ensemble,
+            f"{one.sure.true} of {one.sure.cases}", _describe_pooled(one),
         ))  # fmt: skip
     header = ("requirement", "limit", "met", "probability", f"{100 * CONFIDENCE:g} % interval",
-              "met with its confidence", "ensemble")  # fmt: skip
+              "met with its confidence", "over all cases")  # fmt: skip
     if all(row[-1] == "-" for row in rows):
         header, rows = header[:-1], [row[:-1] for row in rows]  # type: ignore[assignment, misc]
     return Table("Probability of meeting each requirement (Clopper-Pearson)", header, rows)
+
+
+def _describe_pooled(one: Compliance) -> str:
+    """The statement over all cases, and whether the requirement is met."""
+    stated, limit = one.pooled, one.output.limit
+    if stated is None or limit is None:
+        return "-"
+    answer = "met" if stated.bound <= limit else "cannot be said" if math.isinf(stated.bound) else "NOT MET"
+    if stated.ensemble_share is None:
+        return f"{answer}: {stated}"
+    share = f"{100.0 * stated.ensemble_share:.4g} % of all possible cases are no worse, with {stated.confidence:.0%}"
+    return f"{answer}: {stated.value:.4g}, below {stated.bound:.4g} in the worst case; {share} confidence"
 
 
 def _tabulate_worst(outcome: Outcome, options: SweepOptions) -> Table:
@@ -223,7 +231,8 @@ def summarise(found: Conclusion, prepared: Prepared, options: SweepOptions) -> d
                 "signal": one.output.signal, "limit": one.output.limit, "unit": one.output.unit,
                 "cases": one.below.cases, "met": one.below.true, "probability": one.below.value,
                 "interval": one.below.interval(), "met_with_confidence": one.sure.true,
-                "ensemble": None if one.ensemble is None else asdict(one.ensemble),
+                "interpretation": one.output.requirement and one.output.requirement.interpretation.value,
+                "over_all_cases": None if one.pooled is None else asdict(one.pooled),
             }
             for one in found.compliance
         ],

@@ -11,11 +11,11 @@ import io
 import os
 import re
 import tempfile
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from .rows import ANSWER, TEXTS, Row
+from .rows import ANSWER, HISTOGRAM, TEXTS, Row
 
 FOLDER = "parts"
 HASH_DIGITS = 16  # of the plan's hash in a name
@@ -80,11 +80,12 @@ def list_parts(folder: Path, plan_hash: str) -> list[Path]:
 def read_rows(parts: Iterable[Path]) -> Any:
     """The rows of all parts in the order of their cases, each case once, as a ``pyarrow.Table``; None without parts.
 
-    Raises ``OSError`` for a part that cannot be read: delete it, and resume.
+    Histograms are left out: they are some kilobytes a case, and :func:`read_texts` has them.  Raises ``OSError`` for a
+    part that cannot be read: delete it, and resume.
     """
     import pyarrow as pa
 
-    tables = [_read(path) for path in parts]
+    tables = [_drop_histograms(_read(path)) for path in parts]
     if not tables:
         return None
     joined = pa.concat_tables(tables, promote_options="permissive")
@@ -93,6 +94,25 @@ def read_rows(parts: Iterable[Path]) -> Any:
     for place, case in enumerate(cases.tolist()):
         seen.setdefault(case, place)
     return joined.take(pa.array([seen[case] for case in sorted(seen)]))
+
+
+def read_texts(parts: Iterable[Path], column: str) -> Iterator[str]:
+    """The texts of a column, case by case, each case once; of one part after another, so that few are in memory.
+
+    Raises ``OSError`` for a part that cannot be read.
+    """
+    seen: set[int] = set()
+    for path in parts:
+        table = _read(path)
+        if column in table.column_names:
+            for case, text in zip(table["case"].to_pylist(), table[column].to_pylist(), strict=True):
+                if text is not None and case not in seen:
+                    seen.add(case)
+                    yield text
+
+
+def _drop_histograms(table: Any) -> Any:
+    return table.drop_columns([name for name in table.column_names if name.endswith(HISTOGRAM)])
 
 
 def list_missing(folder: Path, plan_hash: str, cases: int) -> list[int]:
@@ -118,4 +138,4 @@ def _find_type(name: str) -> Any:
 
     if name == "case":
         return pa.int64()
-    return pa.string() if name in TEXTS or name.endswith(ANSWER) else pa.float64()
+    return pa.string() if name in TEXTS or name.endswith((ANSWER, HISTOGRAM)) else pa.float64()
