@@ -53,19 +53,30 @@ def write_durably(path: Path, content: bytes) -> None:
         try:
             with os.fdopen(handle, "wb") as file:
                 file.write(content)
-                file.flush()
-                os.fsync(file.fileno())  # before the rename: else the name may be there without the content
-            os.replace(name, path)
+            move_durably(Path(name), path)
         except BaseException:
             Path(name).unlink(missing_ok=True)
             raise
-        folder = os.open(path.parent, os.O_RDONLY)
-        try:
-            os.fsync(folder)
-        finally:
-            os.close(folder)
     except OSError as error:
         raise OSError(error.errno, error.strerror or str(error), str(path)) from error
+
+
+def move_durably(written: Path, path: Path) -> None:
+    """Give a file its name in the same folder once it is on the disk: else the name may be there without the content.
+
+    Raises ``OSError``.
+    """
+    _sync(written)
+    os.replace(written, path)
+    _sync(path.parent)
+
+
+def _sync(path: Path) -> None:
+    handle = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
 
 
 def list_parts(folder: Path, plan_hash: str) -> list[Path]:
@@ -117,10 +128,17 @@ def _drop_histograms(table: Any) -> Any:
 
 def list_missing(folder: Path, plan_hash: str, cases: int) -> list[int]:
     """The cases of a plan that no part has, in order."""
-    done: set[int] = set()
-    for path in list_parts(folder, plan_hash):
-        done.update(_read(path, ["case"])["case"].to_pylist())
+    done = read_statuses(folder, plan_hash)
     return [index for index in range(cases) if index not in done]
+
+
+def read_statuses(folder: Path, plan_hash: str) -> dict[int, str]:
+    """The status of each case that a part has.  Raises ``OSError`` for a part that cannot be read."""
+    found: dict[int, str] = {}
+    for path in list_parts(folder, plan_hash):
+        table = _read(path, ["case", "status"])
+        found.update(zip(table["case"].to_pylist(), table["status"].to_pylist(), strict=True))
+    return found
 
 
 def _read(path: Path, columns: list[str] | None = None) -> Any:
