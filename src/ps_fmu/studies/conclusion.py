@@ -12,11 +12,13 @@ from pathlib import Path
 from ..cosim.rows import make_layout
 from ..pointing.confidence import Statement
 from ..requirements.reading import read_requirements
+from ..results.page.content import Exploration
 from ..results.report import Report
 from ..results.summary import FmuFile, plain, versions
 from ..results.tables import Table
 from ..slavekit.pack.files import write_atomically
 from .control_variate import Controlled, control
+from .explorer import tabulate_cases
 from .figures import draw_all
 from .outcome import Outcome, collect
 from .sensitivity import Influence, find_influences
@@ -67,26 +69,31 @@ def conclude(options: SweepOptions, prepared: Prepared, folder: Path) -> str:
     notes, warnings = list_notes(found), [*list_warnings(found), *prepared.system.warnings.texts]
     content = plain(summarise(found, prepared, options), "summary")
     write_atomically(folder / SUMMARY, json.dumps(content, indent=2, allow_nan=False) + "\n")
+    shown = tabulate_cases(outcome, found.percentiles, found.influences, split_command(options))
     Report(
         title=study.name,
         text=[describe_study(found), *notes],
         warnings=warnings,
         tables=tables,
+        explored=Exploration(cases=shown),
         pictures=draw_all(outcome, folder, found.percentiles, found.influences),
         parameters=describe_parameters(outcome),
         fmus=[FmuFile(name, sha256) for name, sha256 in prepared.identity.fmus.items()],
         versions=versions(),
     ).write(folder / REPORT)
-    shown = [f"{table.caption}\n{table.to_text()}" for table in tables]
-    return "\n\n".join([describe_study(found), *shown, *notes, *warnings, f"results in {folder}"])
+    texts = [f"{table.caption}\n{table.to_text()}" for table in tables]
+    return "\n\n".join([describe_study(found), *texts, *notes, *warnings, f"results in {folder}"])
+
+
+def split_command(options: SweepOptions) -> tuple[str, str]:
+    """The command that runs a case again, with all signals and a report: before and after the number of the case."""
+    words = ["--output", str(options.output), *([] if options.fmus is None else ["--fmus", str(options.fmus)])]
+    return shlex.join(["ps-fmu", "sweep", str(options.study), "--case"]) + " ", " " + shlex.join(words)
 
 
 def command_of_case(options: SweepOptions, case: int) -> str:
-    """The command that runs a case again, with all signals and a report."""
-    words = ["ps-fmu", "sweep", str(options.study), "--case", str(case), "--output", str(options.output)]
-    if options.fmus is not None:
-        words += ["--fmus", str(options.fmus)]
-    return shlex.join(words)
+    """The command that runs a case again."""
+    return str(case).join(split_command(options))
 
 
 def describe_study(found: Conclusion) -> str:
