@@ -12,6 +12,7 @@ from pathlib import Path
 from ..cosim.rows import make_layout
 from ..pointing.confidence import Statement
 from ..requirements.reading import read_requirements
+from ..requirements.verdict import Answer
 from ..results.page.content import Exploration
 from ..results.report import Report
 from ..results.summary import FmuFile, plain, versions
@@ -22,6 +23,8 @@ from .explorer import tabulate_cases
 from .figures import draw_all
 from .outcome import Outcome, collect
 from .sensitivity import Influence, find_influences
+from .signals import FOLDER as SIGNALS
+from .signals import list_stored
 from .statistics import (
     CONFIDENCE,
     PROBABILITIES,
@@ -66,7 +69,8 @@ def conclude(options: SweepOptions, prepared: Prepared, folder: Path) -> str:
         control(outcome, prepared.system),
     )
     tables = make_tables(found, options)
-    notes, warnings = list_notes(found), [*list_warnings(found), *prepared.system.warnings.texts]
+    notes = [*list_notes(found), *describe_signals(folder)]
+    warnings = [*list_warnings(found), *prepared.system.warnings.texts]
     content = plain(summarise(found, prepared, options), "summary")
     write_atomically(folder / SUMMARY, json.dumps(content, indent=2, allow_nan=False) + "\n")
     shown = tabulate_cases(outcome, found.percentiles, found.influences, split_command(options))
@@ -106,6 +110,15 @@ def describe_study(found: Conclusion) -> str:
         f"{len(plan)} cases{runs} of {study.duration_s:g} s, plan {study.plan!r}, {len(plan.factors)} varied, "
         f"seed {study.seed}: {states}."
     )
+
+
+def describe_signals(folder: Path) -> list[str]:
+    """Where signals are, if some are stored."""
+    cases = list(list_stored(folder))
+    if not cases:
+        return []
+    named = ", ".join(map(str, cases[:20])) + (" ..." if len(cases) > 20 else "")
+    return [f"Signals of {len(cases)} cases are in the folder {SIGNALS}: {named}."]
 
 
 def list_notes(found: Conclusion) -> list[str]:
@@ -161,14 +174,14 @@ def _tabulate_compliance(compliance: Sequence[Compliance]) -> Table:
 
 def _describe_pooled(one: Compliance) -> str:
     """The statement over all cases, and whether the requirement is met."""
-    stated, limit = one.pooled, one.output.limit
-    if stated is None or limit is None:
+    stated = one.pooled
+    if stated is None or one.answer is None:
         return "-"
-    answer = "met" if stated.bound <= limit else "cannot be said" if math.isinf(stated.bound) else "NOT MET"
+    answer = "NOT MET" if one.answer is Answer.NOT_MET else one.answer.value
     if stated.ensemble_share is None:
         return f"{answer}: {stated}"
-    share = f"{100.0 * stated.ensemble_share:.4g} % of all possible cases are no worse, with {stated.confidence:.0%}"
-    return f"{answer}: {stated.value:.4g}, below {stated.bound:.4g} in the worst case; {share} confidence"
+    share = f"{100.0 * stated.ensemble_share:.4g} % of all possible cases are no worse"
+    return f"{answer}: {stated.value:.4g} in the worst case; {share}, with {100.0 * stated.confidence:g} % confidence"
 
 
 def _tabulate_worst(outcome: Outcome, options: SweepOptions) -> Table:
@@ -239,7 +252,7 @@ def summarise(found: Conclusion, prepared: Prepared, options: SweepOptions) -> d
                 "cases": one.below.cases, "met": one.below.true, "probability": one.below.value,
                 "interval": one.below.interval(), "met_with_confidence": one.sure.true,
                 "interpretation": one.output.requirement and one.output.requirement.interpretation.value,
-                "over_all_cases": None if one.pooled is None else asdict(one.pooled),
+                "over_all_cases": None if one.pooled is None else {**asdict(one.pooled), "verdict": one.answer},
             }
             for one in found.compliance
         ],

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -69,6 +70,8 @@ class Compliance:
     pooled: Statement | None
     """Over all cases, as the interpretation of the requirement says (ECSS-E-ST-60-10C, 4.1.4.2); None where a case has
     no result, and for a peak.  See :func:`state_over_cases`."""
+    answer: Answer | None
+    """Whether it is met over all cases; None without a statement."""
 
 
 def find_percentiles(outcome: Outcome) -> list[Percentiles]:
@@ -102,9 +105,12 @@ def find_compliance(outcome: Outcome) -> list[Compliance]:
             continue
         values = outcome.values(output)
         column = output.name.removesuffix("/value") + ANSWER
-        met = int((outcome.table[column] == Answer.MET.value).sum()) if column in outcome.table else 0
+        answers = [str(found) for found in outcome.table[column]] if column in outcome.table else []
+        met = answers.count(Answer.MET.value)
         below = int((values <= output.limit).sum())  # NaN is not
-        found.append(Compliance(output, Share(below, cases), Share(met, cases), state_over_cases(outcome, output)))
+        pooled = state_over_cases(outcome, output)
+        answer = None if pooled is None else _answer(pooled, output.limit, answers)
+        found.append(Compliance(output, Share(below, cases), Share(met, cases), pooled, answer))
     return found
 
 
@@ -130,6 +136,17 @@ def state_over_cases(outcome: Outcome, output: Output) -> Statement | None:
         bound=float(bounds.max()), independent=float(len(values)), method="worst case",
         probability=requirement.probability, ensemble_share=(1.0 - requirement.confidence) ** (1.0 / len(values)),
     )  # fmt: skip
+
+
+def _answer(pooled: Statement, limit: float, answers: Sequence[str]) -> Answer:
+    """Whether a requirement is met over all cases; a temporal one, if it is in each of them."""
+    if pooled.ensemble_share is not None:
+        if Answer.NOT_MET.value in answers:
+            return Answer.NOT_MET
+        return Answer.MET if set(answers) == {Answer.MET.value} else Answer.OPEN
+    if pooled.bound <= limit:
+        return Answer.MET
+    return Answer.OPEN if math.isinf(pooled.bound) and pooled.lower <= limit else Answer.NOT_MET
 
 
 def find_worst(outcome: Outcome, most: int = WORST) -> list[tuple[int, float, Output]]:

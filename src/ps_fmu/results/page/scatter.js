@@ -23,11 +23,16 @@ function describeValue(column, value) {
   return column.levels.length ? column.levels[Math.round(value)] : formatQuantity(value, column.unit);
 }
 
+/** The two ends of a text that is too long for an axis: its unit is at the end. */
+function shorten(text) {
+  return text.length > 44 ? `${text.slice(0, 18)} \u2026 ${text.slice(-22)}` : text;
+}
+
 function caseAxis(column, more) {
   const values = column.levels.length
     ? (_, ticks) => ticks.map((tick) => (Number.isInteger(tick) ? column.levels[tick] ?? "" : ""))
     : (_, ticks) => ticks.map((tick) => formatNumber(tick, 6));
-  return { ...axisColours(), label: labelColumn(column), labelSize: 22, labelGap: 0, values, ...more };
+  return { ...axisColours(), label: shorten(labelColumn(column)), labelSize: 22, labelGap: 0, values, ...more };
 }
 
 /** About what there is; a single value has room on both sides. */
