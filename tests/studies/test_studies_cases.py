@@ -71,6 +71,7 @@ def test_a_mixed_requirement_is_judged_by_all_times_of_all_cases(write_study, ma
     from ps_fmu.requirements.reading import read_requirements
     from ps_fmu.studies.outcome import collect
     from ps_fmu.studies.parts import write_part
+    from ps_fmu.studies.rerun import compare_rows, find_row
     from ps_fmu.studies.statistics import find_compliance
     from ps_fmu.studies.study_folder import open_folder
 
@@ -87,6 +88,8 @@ def test_a_mixed_requirement_is_judged_by_all_times_of_all_cases(write_study, ma
     open_folder(folder, prepared.plan, prepared.identity, resume=False)
     for part in (rows[:2], rows[2:5], rows[4:]):  # a case twice
         write_part(folder, prepared.identity.plan_sha256, part)
+    compared = compare_rows(rows[3], find_row(folder, prepared.identity.plan_sha256, 3))
+    assert compared == "all numbers are those of the study, to the last bit"
     columns = make_layout(prepared.system.descriptions).columns
     requirements = read_requirements(tmp_path / "r.toml")
     outcome = collect(folder, prepared.plan, prepared.identity.plan_sha256, columns, requirements)

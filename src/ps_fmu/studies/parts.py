@@ -88,15 +88,15 @@ def list_parts(folder: Path, plan_hash: str) -> list[Path]:
     ]
 
 
-def read_rows(parts: Iterable[Path]) -> Any:
+def read_rows(parts: Iterable[Path], *, histograms: bool = False) -> Any:
     """The rows of all parts in the order of their cases, each case once, as a ``pyarrow.Table``; None without parts.
 
-    Histograms are left out: they are some kilobytes a case, and :func:`read_texts` has them.  Raises ``OSError`` for a
-    part that cannot be read: delete it, and resume.
+    Histograms are left out unless they are wanted: they are some kilobytes a case, and :func:`read_texts` has them one
+    after another.  Raises ``OSError`` for a part that cannot be read: delete it, and resume.
     """
     import pyarrow as pa
 
-    tables = [_drop_histograms(_read(path)) for path in parts]
+    tables = [_read(path) if histograms else _drop_histograms(_read(path)) for path in parts]
     if not tables:
         return None
     joined = pa.concat_tables(tables, promote_options="permissive")

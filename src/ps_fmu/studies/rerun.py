@@ -76,7 +76,7 @@ def find_row(folder: Path, plan_hash: str, case: int) -> Row | None:
     for part in list_parts(folder, plan_hash):
         first, last = map(int, part.stem.split("-")[1:])
         if first <= case <= last:
-            rows: list[Row] = read_rows([part]).to_pylist()
+            rows: list[Row] = read_rows([part], histograms=True).to_pylist()
             return next((row for row in rows if row["case"] == case), None)
     return None
 
