@@ -55,7 +55,7 @@ class Pool:
     def add(self, text: str) -> None:
         """Add the histogram of a run.  Raises ``ValueError`` for a text that is none."""
         peak, bins, counts = _unpack(text)
-        # One after another into each group: runs that follow each other, as the points of Sobol' do, are not alike.
+        # In turn: neighbours in a sequence of Sobol' complement each other, and groups of them would differ too little.
         self._groups[self.runs % len(self._groups), bins] += counts
         self._peak = max(self._peak, peak)
         self.runs += 1
