@@ -1,7 +1,8 @@
-"""Cases per second of a study with one and two workers, and the memory of the processes that run them.
+"""Cases per second of a study with one and two workers, and the memory of its processes.
 
 Run by hand: ``.venv/bin/python benchmarks/study.py --cases 100``.  Times are those of the whole command, with the start
-of Python, dask and FMUs; the studies with one and with two workers take turns.
+of Python, dask and FMUs; the studies with one and with two workers take turns.  Whether memory is flat show 10,000
+short cases: ``--cases 10000 --duration 0.2 --workers 2``.
 """
 
 from __future__ import annotations
@@ -51,22 +52,38 @@ class Watched:
     files: dict[int, list[int]] = field(default_factory=dict)
     processor_s: dict[int, float] = field(default_factory=dict)
     """Processor time so far by process, s: what a loaded machine does not change much."""
+    roles: list[dict[str, float]] = field(default_factory=list)
+    """Largest resident memory, MB, of the command, of a worker and of a process for the cases, sample by sample."""
 
     def look(self, pid: int) -> None:
         """Take a sample of the descendants of a process."""
         import psutil
 
         try:
-            children = psutil.Process(pid).children(recursive=True)
-            for one in children:
-                if "ps_fmu.studies.child" in one.cmdline():
+            command = psutil.Process(pid)
+            seen = {"command": command.memory_info().rss / 1e6}
+            for one in command.children(recursive=True):
+                words = one.cmdline()
+                role = "cases" if "ps_fmu.studies.child" in words else "worker"
+                if role == "cases" or any("spawn_main" in word for word in words):
+                    seen[role] = max(seen.get(role, 0.0), one.memory_info().rss / 1e6)
+                if role == "cases":
                     self.memory.setdefault(one.pid, []).append(one.memory_info().rss)
                     self.mappings.setdefault(one.pid, []).append(len(one.memory_maps(grouped=False)))
                     self.files.setdefault(one.pid, []).append(one.num_fds())
                     used = one.cpu_times()
                     self.processor_s[one.pid] = used.user + used.system
+            self.roles.append(seen)
         except psutil.Error:  # one has just ended
             pass
+
+    def describe_roles(self) -> str:
+        """Memory of each kind of process at ten points of the study, MB."""
+        chosen = [self.roles[(2 * k + 1) * len(self.roles) // 20] for k in range(10)] if self.roles else []
+        names = dict.fromkeys(name for seen in chosen for name in seen)
+        return "\n".join(
+            f"  {name:8} {' '.join(f'{seen.get(name, 0.0):6.1f}' for seen in chosen)} MB" for name in names
+        )
 
     def describe(self) -> str:
         """First and last of the longest-lived process, after its first tenth, and the largest of all."""
@@ -143,6 +160,7 @@ def main() -> None:
                 f"{sum(one.watched.processor_s.values()) / one.cases:.2f} s of a processor; {one.watched.describe()}",
                 flush=True,
             )
+            print(one.watched.describe_roles(), flush=True)
     if {1, 2} <= found.keys():
         print(f"efficiency of two workers: {median(found[2]) / (2.0 * median(found[1])):.2f}")
 

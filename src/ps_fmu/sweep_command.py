@@ -80,12 +80,12 @@ def _sweep(options: SweepOptions) -> int:
         open_folder(folder, prepared.plan, prepared.identity, resume=options.resume)
         try:
             compute(options, prepared, folder)
+            print(conclude(options, prepared, folder))
         except KeyboardInterrupt:
             return _report(f"interrupted; rows so far are kept, go on with\n  {options.command}", EXIT_INTERRUPTED)
         except (ClusterError, StartError, VersionError, OSError) as error:
             text = f"{reason(error)}\nRows so far are kept; go on with\n  {options.command}"
             return _report(text, EXIT_FAILED)
-        print(conclude(options, prepared, folder))
     return 0
 
 

@@ -65,6 +65,62 @@ def test_the_numbers_of_a_row_are_those_of_the_signals(make_prepared, tmp_path):
     assert 0.0 < row["active.toy.large.share"] < 1.0
 
 
+def test_a_mixed_requirement_is_judged_by_all_times_of_all_cases(write_study, make_prepared, tmp_path):
+    """The quantile of all values, from the histograms in the rows."""
+    from ps_fmu.cosim.rows import make_layout
+    from ps_fmu.requirements.reading import read_requirements
+    from ps_fmu.studies.outcome import collect
+    from ps_fmu.studies.parts import write_part
+    from ps_fmu.studies.rerun import compare_rows, find_row
+    from ps_fmu.studies.statistics import find_compliance
+    from ps_fmu.studies.study_folder import open_folder
+
+    kinds = ("mixed", "temporal", "ensemble")
+    (tmp_path / "r.toml").write_text("".join(
+        f'[[requirement]]\nname = "{kind}"\nsignal = "toy.error.x"\nindex = "APE"\nprobability = 0.9\n'
+        f'confidence = 0.5\ninterpretation = "{kind}"\nlimit = "3 1"\n' for kind in kinds
+    ))  # fmt: skip
+    prepared = make_prepared(changes={'plan = "random"': 'plan = "random"\nrequirements = "r.toml"'})
+    runner = CaseRunner(prepared.bundle.unpack(tmp_path))
+    rows = [runner.run(index, prepared.plan.values(index)) for index in range(6)]
+    folder = tmp_path / "out"
+    folder.mkdir()
+    open_folder(folder, prepared.plan, prepared.identity, resume=False)
+    for part in (rows[:2], rows[2:5], rows[4:]):  # a case twice
+        write_part(folder, prepared.identity.plan_sha256, part)
+    compared = compare_rows(rows[3], find_row(folder, prepared.identity.plan_sha256, 3))
+    assert compared == "all numbers are those of the study, to the last bit"
+    columns = make_layout(prepared.system.descriptions).columns
+    requirements = read_requirements(tmp_path / "r.toml")
+    outcome = collect(folder, prepared.plan, prepared.identity.plan_sha256, columns, requirements)
+    assert not [name for name in outcome.table if name.endswith("/histogram")]
+    mixed, temporal, ensemble = (one.pooled for one in find_compliance(outcome))
+    exact = np.quantile(np.abs(run_values(prepared)), 0.9, method="inverted_cdf")
+    assert exact <= mixed.value <= exact * 10.0 ** (1.0 / 2000.0)
+    assert mixed.lower < mixed.value <= mixed.bound < mixed.upper < np.inf
+    own = [row["verdict/temporal/active/toy.error.x/value"] for row in rows]
+    assert temporal.value == max(own)
+    assert temporal.bound == max(row["verdict/temporal/active/toy.error.x/bound"] for row in rows)
+    assert temporal.ensemble_share == pytest.approx(0.5 ** (1.0 / 6.0))
+    answers = [row["verdict/temporal/active/toy.error.x/answer"] for row in rows]
+    expected = "not met" if "not met" in answers else "met" if set(answers) == {"met"} else "cannot be said"
+    assert [one.answer for one in find_compliance(outcome)][1] == expected
+    assert ensemble.value == sorted(np.abs(run_values(prepared)).max(axis=1))[5]  # the 0.9-quantile of six
+
+
+def run_values(prepared):
+    """error.x of all cases, (cases, rows), from the signals."""
+    found = []
+    for index in range(len(prepared.plan)):
+        seen = Collect()
+        with Master(prepared.system.structure.with_parameters(prepared.plan.values(index)), 1e-3) as master:
+            master.initialise()
+            master.run(0.1, [seen])
+            place = [column.name for column in master.columns].index("toy.error.x")
+        found.append(seen.values[:, place])
+    return np.array(found)
+
+
 def test_how_the_rows_are_cut_into_blocks_does_not_matter():
     columns = [type("Column", (), {"name": f"a.e.{axis}", "type": "Real", "unit": "rad"}) for axis in "xy"]
     values = np.random.default_rng(3).standard_normal((103, 2))

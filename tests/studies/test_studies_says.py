@@ -116,13 +116,13 @@ def test_a_case_without_a_result_does_not_meet_a_requirement(required):
     required.table.loc[2, required.outputs[0].name] = np.nan
     (found,) = find_compliance(required)
     assert (found.below.true, found.below.cases, found.sure.true) == (6, 10, 5)
-    assert found.ensemble is None  # what the failed case would have had is not known
+    assert found.pooled is None  # what the failed case would have had is not known
 
 
 def test_a_requirement_on_the_ensemble_is_judged_by_all_cases(required):
     (found,) = find_compliance(required)
-    assert found.ensemble.value == 4.0
-    assert found.ensemble.bound == 7.0  # the 8th of 10 is the first with 90 %: P(binomial(10, 0.5) < 8) = 0.945
+    assert found.pooled.value == 4.0
+    assert found.pooled.bound == 7.0  # the 8th of 10 is the first with 90 %: P(binomial(10, 0.5) < 8) = 0.945
     assert find_worst(required, 2) == [(9, 9.0, required.outputs[0]), (8, 8.0, required.outputs[0])]
 
 

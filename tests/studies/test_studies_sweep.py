@@ -266,6 +266,21 @@ def test_another_plan_or_another_fmu_is_not_resumed(write_study, toy_fmus, start
     assert sorted((tmp_path / "out" / "parts").iterdir()) == kept
 
 
+def test_results_that_cannot_be_written_cost_no_rows(write_study, sweep, tmp_path):
+    blocked = tmp_path / "out" / "study.parquet"
+    blocked.mkdir(parents=True)
+    study = write_study(changes={"cases = 6": "cases = 2"})
+    code, _, errors = sweep(study)
+    assert code == 1
+    assert "study.parquet" in errors and "--resume" in errors
+    kept = sorted((tmp_path / "out" / "parts").iterdir())
+    blocked.rmdir()
+    code, printed, errors = sweep(study, "--resume")
+    assert code == 0, errors
+    assert "2 done" in printed
+    assert sorted((tmp_path / "out" / "parts").iterdir()) == kept
+
+
 def test_no_scheduler_is_said(write_study, sweep):
     code, _, errors = sweep(write_study(), "--scheduler", "tcp://127.0.0.1:1")
     assert code == 1

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ..pointing.confidence import (
     LEAST_RUNS,
     Statement,
-    bootstrap,
+    bootstrap_counts,
     bounding_rank,
     gaussian_rms,
     quantile,
@@ -23,6 +23,7 @@ from .distribution import Distribution, find_rank, list_edges
 from .requirement import Requirement
 
 Array = NDArray[np.float64]
+Counts = NDArray[np.int64]
 
 FEW = 100
 """Independent samples of a record below which their estimated number is so uncertain that bounds hold less often.
@@ -139,28 +140,44 @@ def quantile_of_record(run: Distribution, probability: float, confidence: float)
 
 
 def _state_of_all(probability: float, confidence: float, runs: Sequence[Distribution]) -> Statement:
-    """The quantile of the values of all runs; whole runs are resampled."""
     counts = np.array([run.counts for run in runs])
-    filled = counts.any(axis=0)  # a tenth of the bins or less: 2000 resamples of 59 runs take 1 s instead of 30
-    counts = counts[:, filled]
-    edges = list_edges(runs[0].limit, max(run.peak for run in runs))[filled]
+    return state_of_counts(counts, list_edges(runs[0].limit, max(run.peak for run in runs)), probability, confidence)
 
-    def find_quantile(chosen: Array) -> float:
-        total = np.cumsum(chosen.sum(axis=0))
-        return float(edges[np.searchsorted(total, find_rank(int(total[-1]), probability))])
 
-    if len(runs) < LEAST_RUNS:
+def state_of_counts(counts: Counts, edges: Array, probability: float, confidence: float) -> Statement:
+    """The quantile of the values of all runs, with a bootstrap that resamples whole runs.
+
+    Parameters
+    ----------
+    counts: (runs, bins), values of each run in each bin; fewer than five runs have no bound.
+    edges: (bins,), upper ends of the bins.
+    """
+    filled = counts.any(axis=0)  # a tenth of the bins or less
+    edges = edges[filled]
+    below = np.cumsum(counts[:, filled], axis=1)
+
+    def find_quantiles(often: Counts) -> Array:
+        """Of resamples (k, runs): bisection for the first bin below whose end the wanted share of the values lies."""
+        needed = np.array([find_rank(int(total), probability) for total in often @ below[:, -1]])
+        low, high = np.zeros(len(often), dtype=np.int64), np.full(len(often), len(edges) - 1)
+        for _ in range(len(edges).bit_length()):
+            middle = (low + high) // 2
+            enough = (often * below[:, middle].T).sum(axis=1) >= needed
+            high, low = np.where(enough, middle, high), np.where(enough, low, middle + 1)
+        return np.asarray(edges[high])
+
+    if len(counts) < LEAST_RUNS:
         return Statement(
-            value=find_quantile(counts),
+            value=float(find_quantiles(np.ones((1, len(counts)), dtype=np.int64))[0]),
             confidence=confidence,
             lower=-math.inf,
             upper=math.inf,
             bound=math.inf,
-            independent=float(len(runs)),
+            independent=float(len(counts)),
             method="bootstrap over runs",
             probability=probability,
         )
-    return bootstrap(counts, find_quantile, confidence, seed=0, probability=probability)
+    return bootstrap_counts(len(counts), find_quantiles, confidence, seed=0, probability=probability)
 
 
 def _count(runs: int) -> str:

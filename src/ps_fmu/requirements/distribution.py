@@ -25,7 +25,8 @@ DECADES = 6  # on either side of the limit
 KEPT = 2**16
 
 _LOWEST = -DECADES * BINS_PER_DECADE  # number of the bin that ends a millionth of the limit
-_BINS = 2 * DECADES * BINS_PER_DECADE + 2  # the last holds all that is beyond
+BINS = 2 * DECADES * BINS_PER_DECADE + 2
+"""Of the histogram; the last holds all that is beyond."""
 _SEED = 20081115
 
 
@@ -44,7 +45,7 @@ class Distribution:
         self.count = 0
         self.peak = 0.0
         """Largest value."""
-        self.counts: NDArray[np.int64] = np.zeros(_BINS, dtype=np.int64)
+        self.counts: NDArray[np.int64] = np.zeros(BINS, dtype=np.int64)
         """Values in each bin."""
         self._squares = 0.0  # sum, of values in limits
         width = -(-expected // (kept or KEPT))
@@ -66,7 +67,7 @@ class Distribution:
         self._squares += float(shares @ shares)
         with np.errstate(divide="ignore"):
             bins = np.ceil(np.log10(shares) * BINS_PER_DECADE)
-        places = np.clip(bins - _LOWEST, 0, _BINS - 1).astype(np.int64)
+        places = np.clip(bins - _LOWEST, 0, BINS - 1).astype(np.int64)
         lowest = int(places.min())
         found = np.bincount(places - lowest)
         self.counts[lowest : lowest + len(found)] += found
@@ -116,6 +117,6 @@ def find_rank(count: int, share: float) -> int:
 
 def list_edges(limit: float, peak: float) -> Array:
     """Upper edges (bins,) of the histogram; none is above the largest value."""
-    edges = limit * 10.0 ** ((np.arange(_BINS) + _LOWEST) / BINS_PER_DECADE)
+    edges = limit * 10.0 ** ((np.arange(BINS) + _LOWEST) / BINS_PER_DECADE)
     edges[-1] = math.inf
     return np.minimum(edges, peak)

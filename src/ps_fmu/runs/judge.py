@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
 from ..cosim import Column
+from ..requirements.distribution import Distribution
 from ..requirements.reading import read_requirements
 from ..requirements.record import RequirementRecord
 from ..requirements.requirement import Requirement, RequirementError
@@ -34,6 +35,12 @@ class RunJudge:
         records = [RequirementRecord(requirement, columns, step_s, steps + 1, lead_s) for requirement in wanted]
         self._records.extend((case, record) for record in records)
         return records
+
+    def list_distributions(self) -> Iterator[tuple[Requirement, str, str, Distribution]]:
+        """Requirement, case, target and its distribution, of all that have values."""
+        for case, record in self._records:
+            for target, found in zip(record.targets, record.distributions, strict=False):  # none before a full window
+                yield record.requirement, case, target.label, found
 
     def conclude(self) -> list[Verdict]:
         """The verdicts, in the order of the requirements, then of the cases."""

@@ -13,6 +13,7 @@ import time
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
+from types import MappingProxyType
 from typing import IO, Any
 
 from .rows import KILLED, LATE, LONGEST_TEXT, Row, StartError, VersionError
@@ -24,6 +25,7 @@ ONE_THREAD = {
 STARTS = 3  # tried before there is said to be none: somebody may end a process while it starts, too
 START_LIMIT_S = 300.0  # FMUs may be on a slow disk; longer is no start
 MEMORY_CHECK_S = 0.5
+NO_SIGNALS: Mapping[int, Path] = MappingProxyType({})
 
 
 class CaseProcess:
@@ -56,15 +58,26 @@ class CaseProcess:
         """Of the process; None while there is none."""
         return None if self._process is None else self._process.pid
 
-    def run(self, jobs: Iterable[tuple[int, Mapping[str, Any]]]) -> Iterator[Row]:
-        """The row of each case, from its index and its start values.
+    @property
+    def folder(self) -> Path:
+        """Of the study's files and of temporary ones."""
+        return self._folder
+
+    def run(
+        self, jobs: Iterable[tuple[int, Mapping[str, Any]]], signals: Mapping[int, Path] = NO_SIGNALS
+    ) -> Iterator[Row]:
+        """The row of each case, from its index and its start values; ``signals``: files for those of some cases.
 
         A case that ends its process is tried once more: somebody else may have ended it.  Raises
-        :class:`.rows.StartError`, or :class:`.rows.VersionError`, if no case can be run here.
+        :class:`.rows.StartError`, or :class:`.rows.VersionError`, if no case can be run here, and ``OSError`` if its
+        signals cannot be written.
         """
         for index, values in jobs:
-            row = self._run_one(index, values)
-            yield self._run_one(index, values) if row["status"] == KILLED else row
+            job = {"case": index, "values": dict(values)}
+            if index in signals:
+                job["signals"] = str(signals[index])
+            row = self._run_one(job)
+            yield self._run_one(job) if row["status"] == KILLED else row
 
     def close(self) -> None:
         """End the process; safe to call twice."""
@@ -80,7 +93,7 @@ class CaseProcess:
             self._printed.close()
             self._printed = None
 
-    def _run_one(self, index: int, values: Mapping[str, Any]) -> Row:
+    def _run_one(self, job: Mapping[str, Any]) -> Row:
         if self._left == 0:
             self.close()
         if self._process is None:
@@ -90,10 +103,13 @@ class CaseProcess:
         began = time.perf_counter()
         status = KILLED
         try:
-            self._send({"case": index, "values": dict(values)})
+            self._send(job)
             line = self._read_line(self._timeout)
             if line:
                 answer = json.loads(line)
+                if "stopped" in answer:
+                    self.close()
+                    raise OSError(answer["stopped"])
                 if answer["last"]:
                     self.close()
                 row: Row = answer["row"]
@@ -106,7 +122,7 @@ class CaseProcess:
         except BrokenPipeError:
             error = self._explain_end()
         self.close()
-        return {"case": index, "status": status, "error": error, "warnings": None,
+        return {"case": job["case"], "status": status, "error": error, "warnings": None,
                 "wall_s": time.perf_counter() - began}  # fmt: skip
 
     def _start(self) -> None:

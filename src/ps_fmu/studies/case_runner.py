@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Iterator, Mapping
+import uuid
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-from ..cosim import Column, SlaveError, Value, read_system
+from ..cosim import Column, Master, Recorder, RecorderError, SlaveError, Value, read_system
 from ..cosim.rows import make_layout
+from ..pointing.interpretation import Interpretation
+from ..requirements.pooled import pack_distribution
 from ..requirements.reading import read_requirements
 from ..requirements.verdict import Verdict
 from ..runs.cases import Bounds
@@ -17,7 +20,8 @@ from ..runs.judge import RunJudge
 from ..terminal import reason
 from .bundle import REQUIREMENTS, SYSTEM, TASK
 from .indices import IndexRecord, SwitchRecord
-from .rows import ANSWER, DONE, FAILED, LONGEST_TEXT, Row, VersionError
+from .parts import move_durably
+from .rows import ANSWER, DONE, FAILED, HISTOGRAM, LONGEST_TEXT, Row, VersionError
 from .task import Task, result_versions
 from .warm import WarmSystem
 
@@ -41,13 +45,20 @@ class CaseRunner:
         self.must_end = False
         """An FMU has returned fmi2Fatal: nothing more should run in this process (FMI 2.0.4, section 2.1.3)."""
 
-    def run(self, index: int, values: Mapping[str, Value]) -> Row:
-        """The row of a case; one that fails has its error in it."""
+    def run(self, index: int, values: Mapping[str, Value], signals: Path | None = None) -> Row:
+        """The row of a case; one that fails has its error in it.
+
+        ``signals``: the netCDF file for what the task stores; of a case that fails it has the rows before.  Raises
+        :class:`..cosim.RecorderError` and ``OSError`` if it cannot be written, which says nothing of the case.
+        """
         row: Row = {"case": index, "status": DONE, "error": None}
         began = time.perf_counter()
         with _collect_warnings() as warnings:
             try:
-                row |= self._run_all(values)
+                with store(signals) as file:
+                    row |= self._run_all(values, file)
+            except (RecorderError, OSError):
+                raise
             except Exception as error:  # whatever is wrong with this case: the study goes on
                 row |= {"status": FAILED, "error": f"{type(error).__name__}: {reason(error)}"[:LONGEST_TEXT]}
                 self.must_end = isinstance(error, SlaveError) and error.status == FATAL_STATUS
@@ -55,7 +66,7 @@ class CaseRunner:
         row["wall_s"] = time.perf_counter() - began
         return row
 
-    def _run_all(self, values: Mapping[str, Value]) -> Row:
+    def _run_all(self, values: Mapping[str, Value], file: Path | None) -> Row:
         judge = RunJudge(self.requirements)
         row: Row = {}
         for name, own in self.task.runs.items():
@@ -64,11 +75,48 @@ class CaseRunner:
                 judging = judge.observe(
                     name, master.columns, self.task.step_s, round(self.task.duration_s / self.task.step_s)
                 )
-                master.run(self.task.duration_s, [Bounds(master.columns), *records, *judging])
+                with self._make_recorder(name, master, file) as recorders:
+                    master.run(self.task.duration_s, [Bounds(master.columns), *records, *judging, *recorders])
             row |= {f"{name}.{key}": value for record in records for key, value in record.metrics().items()}
-        for verdict in judge.conclude():
-            row |= describe_verdict(verdict)
-        return row
+        return row | describe_verdicts(judge)
+
+
+    @contextmanager
+    def _make_recorder(self, run: str, master: Master, file: Path | None) -> Iterator[Sequence[Recorder]]:
+        if file is None:
+            yield ()
+            return
+        task = self.task
+        with Recorder(
+            file, run, columns=master.columns, step=task.step_s, storage_step=task.stored_step_s, select=task.stored,
+            attributes={"duration_s": task.duration_s, "step_s": task.step_s}, append=file.exists(),
+        ) as recorder:  # fmt: skip
+            yield (recorder,)
+
+
+@contextmanager
+def store(path: Path | None) -> Iterator[Path | None]:
+    """A new file for the body, which gets the name ``path`` at its end, also after an error; None for None.
+
+    Another process may be writing the same case: each has a file of its own, and the last to end gives it its name.
+    Raises ``OSError``.
+    """
+    if path is None:
+        yield None
+        return
+    written = path.with_name(f".{path.stem}-{uuid.uuid4().hex}.part")
+    try:
+        try:
+            yield written
+        except (RecorderError, OSError):
+            raise
+        except Exception:
+            if written.exists():
+                move_durably(written, path)
+            raise
+        move_durably(written, path)
+    finally:
+        written.unlink(missing_ok=True)
 
 
 def make_records(task: Task, columns: tuple[Column, ...]) -> list[IndexRecord | SwitchRecord]:
@@ -76,11 +124,22 @@ def make_records(task: Task, columns: tuple[Column, ...]) -> list[IndexRecord | 
     return [*(IndexRecord(observed, columns, task.step_s) for observed in task.observed), SwitchRecord(columns)]
 
 
-def describe_verdict(verdict: Verdict) -> Row:
-    """The columns of a verdict: ``verdict/REQUIREMENT/RUN/SIGNAL/...`` with answer, value and bound.
+def describe_verdicts(judge: RunJudge) -> Row:
+    """The columns of all verdicts: ``verdict/REQUIREMENT/RUN/SIGNAL/...`` with answer, value and bound.
 
-    Numbers are in the unit of the limit; the bound is infinite where there are too few samples for one.
+    Numbers are in the unit of the limit; the bound is infinite where there are too few samples for one.  A mixed
+    requirement has its histogram, too: its quantile over all cases does not follow from those of each.
     """
+    row: Row = {}
+    for verdict in judge.conclude():
+        row |= _describe_verdict(verdict)
+    for requirement, run, label, found in judge.list_distributions():
+        if requirement.interpretation is Interpretation.MIXED:
+            row[f"verdict/{requirement.name}/{run}/{label}{HISTOGRAM}"] = pack_distribution(found)
+    return row
+
+
+def _describe_verdict(verdict: Verdict) -> Row:
     place = f"verdict/{verdict.requirement.name}/{verdict.case}/{verdict.signal}"
     stated = verdict.statement
     return {

@@ -14,6 +14,8 @@ import time
 from pathlib import Path
 from typing import TextIO
 
+from ..cosim import RecorderError
+from ..terminal import reason
 from .case_runner import CaseRunner
 from .rows import VersionError
 
@@ -32,7 +34,13 @@ def main() -> int:
     _say(rows, {"ready": os.getpid()})
     for line in sys.stdin:
         job = json.loads(line)
-        _say(rows, {"row": runner.run(job["case"], job["values"]), "last": runner.must_end})
+        signals = job.get("signals")
+        try:
+            row = runner.run(job["case"], job["values"], Path(signals) if signals else None)
+        except (RecorderError, OSError) as error:  # a full disk: no case can go on
+            _say(rows, {"stopped": reason(error)})
+            return 1
+        _say(rows, {"row": row, "last": runner.must_end})
     return 0
 
 

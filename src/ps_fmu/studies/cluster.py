@@ -6,15 +6,17 @@ import time
 from collections import deque
 from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
+from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 from .bundle import Bundle
 from .case_process import ONE_THREAD
-from .parts import write_part
+from .parts import write_durably, write_part
 from .plan import Plan
 from .rows import KILLED, ClusterError
+from .signals import FOLDER, name_file
 from .worker import Done, Order, keep, run_batch
 
 BATCH_S = 10.0
@@ -81,6 +83,7 @@ class Dispatcher:
         self._order = Order(str(output), plan_hash, plan.study.timeout_s)
         self._bundle = client.submit(keep, bundle, key=f"ps-fmu-study-{bundle.sha256}", pure=False)
         self._todo: deque[int] = deque()
+        self._stored: frozenset[int] = frozenset()
         self._suspects: deque[list[int]] = deque()
         """Halves of batches whose workers have died again and again.  Each runs with nothing beside it: dask suspects
         all that a dying worker had."""
@@ -90,12 +93,13 @@ class Dispatcher:
         self._seen = time.monotonic()
         """When there was a worker."""
 
-    def run(self, cases: Sequence[int]) -> None:
-        """Run these cases, ascending.
+    def run(self, cases: Sequence[int], stored: Collection[int] = ()) -> None:
+        """Run these cases, ascending; ``stored`` are those of them whose signals are stored.
 
         Raises :class:`.rows.ClusterError`, and what :func:`.worker.run_batch` raises.
         """
         self._todo.extend(cases)
+        self._stored = frozenset(stored)
         try:
             self._fill()
             while self._flights:
@@ -136,7 +140,8 @@ class Dispatcher:
             self._alone = bool(self._suspects)
             cases = self._suspects.popleft() if self._suspects else self._take(threads)
             jobs = [(index, self._plan.values(index)) for index in cases]
-            future = self._client.submit(run_batch, self._bundle, jobs, self._order, pure=False)
+            order = replace(self._order, stored=tuple(index for index in cases if index in self._stored))
+            future = self._client.submit(run_batch, self._bundle, jobs, order, pure=False)
             self._flights[future] = cases
 
     def _take(self, threads: int) -> list[int]:
@@ -162,6 +167,8 @@ class Dispatcher:
             raise ClusterError(f"the scheduler {self._client.scheduler.address} is lost")
 
     def _keep(self, done: Done, cases: list[int]) -> None:
+        for case, content in done.signals.items():  # before the part, which says that a case is done
+            write_durably(self._output / FOLDER / name_file(case), content)
         if done.content is not None:
             write_part(self._output, self._hash, [{"case": cases[0]}, {"case": cases[-1]}], done.content)
         self._finished += done.cases

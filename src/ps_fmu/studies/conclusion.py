@@ -12,14 +12,19 @@ from pathlib import Path
 from ..cosim.rows import make_layout
 from ..pointing.confidence import Statement
 from ..requirements.reading import read_requirements
+from ..requirements.verdict import Answer
+from ..results.page.content import Exploration
 from ..results.report import Report
 from ..results.summary import FmuFile, plain, versions
 from ..results.tables import Table
 from ..slavekit.pack.files import write_atomically
 from .control_variate import Controlled, control
+from .explorer import tabulate_cases
 from .figures import draw_all
 from .outcome import Outcome, collect
 from .sensitivity import Influence, find_influences
+from .signals import FOLDER as SIGNALS
+from .signals import list_stored
 from .statistics import (
     CONFIDENCE,
     PROBABILITIES,
@@ -64,29 +69,35 @@ def conclude(options: SweepOptions, prepared: Prepared, folder: Path) -> str:
         control(outcome, prepared.system),
     )
     tables = make_tables(found, options)
-    notes, warnings = list_notes(found), [*list_warnings(found), *prepared.system.warnings.texts]
+    notes = [*list_notes(found), *describe_signals(folder)]
+    warnings = [*list_warnings(found), *prepared.system.warnings.texts]
     content = plain(summarise(found, prepared, options), "summary")
     write_atomically(folder / SUMMARY, json.dumps(content, indent=2, allow_nan=False) + "\n")
+    shown = tabulate_cases(outcome, found.percentiles, found.influences, split_command(options))
     Report(
         title=study.name,
         text=[describe_study(found), *notes],
         warnings=warnings,
         tables=tables,
+        explored=Exploration(cases=shown),
         pictures=draw_all(outcome, folder, found.percentiles, found.influences),
         parameters=describe_parameters(outcome),
         fmus=[FmuFile(name, sha256) for name, sha256 in prepared.identity.fmus.items()],
         versions=versions(),
     ).write(folder / REPORT)
-    shown = [f"{table.caption}\n{table.to_text()}" for table in tables]
-    return "\n\n".join([describe_study(found), *shown, *notes, *warnings, f"results in {folder}"])
+    texts = [f"{table.caption}\n{table.to_text()}" for table in tables]
+    return "\n\n".join([describe_study(found), *texts, *notes, *warnings, f"results in {folder}"])
+
+
+def split_command(options: SweepOptions) -> tuple[str, str]:
+    """The command that runs a case again, with all signals and a report: before and after the number of the case."""
+    words = ["--output", str(options.output), *([] if options.fmus is None else ["--fmus", str(options.fmus)])]
+    return shlex.join(["ps-fmu", "sweep", str(options.study), "--case"]) + " ", " " + shlex.join(words)
 
 
 def command_of_case(options: SweepOptions, case: int) -> str:
-    """The command that runs a case again, with all signals and a report."""
-    words = ["ps-fmu", "sweep", str(options.study), "--case", str(case), "--output", str(options.output)]
-    if options.fmus is not None:
-        words += ["--fmus", str(options.fmus)]
-    return shlex.join(words)
+    """The command that runs a case again."""
+    return str(case).join(split_command(options))
 
 
 def describe_study(found: Conclusion) -> str:
@@ -99,6 +110,15 @@ def describe_study(found: Conclusion) -> str:
         f"{len(plan)} cases{runs} of {study.duration_s:g} s, plan {study.plan!r}, {len(plan.factors)} varied, "
         f"seed {study.seed}: {states}."
     )
+
+
+def describe_signals(folder: Path) -> list[str]:
+    """Where signals are, if some are stored."""
+    cases = list(list_stored(folder))
+    if not cases:
+        return []
+    named = ", ".join(map(str, cases[:20])) + (" ..." if len(cases) > 20 else "")
+    return [f"Signals of {len(cases)} cases are in the folder {SIGNALS}: {named}."]
 
 
 def list_notes(found: Conclusion) -> list[str]:
@@ -140,20 +160,28 @@ def _tabulate_compliance(compliance: Sequence[Compliance]) -> Table:
     rows = []
     for one in compliance:
         low, high = one.below.interval()
-        ensemble = "-"
-        if one.ensemble is not None and one.output.limit is not None:
-            met = one.ensemble.bound <= one.output.limit
-            ensemble = f"{'met' if met else 'NOT MET'}: {one.ensemble}"
         rows.append((
             one.output.title, f"{one.output.limit:g} {one.output.unit}",
             f"{one.below.true} of {one.below.cases}", f"{one.below.value:.4g}", f"{low:.4g} to {high:.4g}",
-            f"{one.sure.true} of {one.sure.cases}", ensemble,
+            f"{one.sure.true} of {one.sure.cases}", _describe_pooled(one),
         ))  # fmt: skip
     header = ("requirement", "limit", "met", "probability", f"{100 * CONFIDENCE:g} % interval",
-              "met with its confidence", "ensemble")  # fmt: skip
+              "met with its confidence", "over all cases")  # fmt: skip
     if all(row[-1] == "-" for row in rows):
         header, rows = header[:-1], [row[:-1] for row in rows]  # type: ignore[assignment, misc]
     return Table("Probability of meeting each requirement (Clopper-Pearson)", header, rows)
+
+
+def _describe_pooled(one: Compliance) -> str:
+    """The statement over all cases, and whether the requirement is met."""
+    stated = one.pooled
+    if stated is None or one.answer is None:
+        return "-"
+    answer = "NOT MET" if one.answer is Answer.NOT_MET else one.answer.value
+    if stated.ensemble_share is None:
+        return f"{answer}: {stated}"
+    share = f"{100.0 * stated.ensemble_share:.4g} % of all possible cases are no worse"
+    return f"{answer}: {stated.value:.4g} in the worst case; {share}, with {100.0 * stated.confidence:g} % confidence"
 
 
 def _tabulate_worst(outcome: Outcome, options: SweepOptions) -> Table:
@@ -223,7 +251,8 @@ def summarise(found: Conclusion, prepared: Prepared, options: SweepOptions) -> d
                 "signal": one.output.signal, "limit": one.output.limit, "unit": one.output.unit,
                 "cases": one.below.cases, "met": one.below.true, "probability": one.below.value,
                 "interval": one.below.interval(), "met_with_confidence": one.sure.true,
-                "ensemble": None if one.ensemble is None else asdict(one.ensemble),
+                "interpretation": one.output.requirement and one.output.requirement.interpretation.value,
+                "over_all_cases": None if one.pooled is None else {**asdict(one.pooled), "verdict": one.answer},
             }
             for one in found.compliance
         ],

@@ -18,6 +18,10 @@ from .study import Observed, StudyError
 Array = NDArray[np.float64]
 
 
+LEAST_ROWS = 5000
+"""That are evaluated at once: four indices of a run of 100,000 rows take 17 ms, with each block of 1000 alone 20 ms."""
+
+
 def find_signals(observed: Observed, columns: Sequence[Column]) -> dict[str, int]:
     """Place of each observed signal among the columns, by name; a vector has several.
 
@@ -80,55 +84,73 @@ class IndexRecord:
         self._first = math.ceil(observed.settling_s / step_s - 1e-6)
         signals = find_signals(observed, columns)
         self._places = list(signals.values())
-        self._sums = [_WindowSums(index, list(signals), step_s) for index in observed.indices]
+        grids: dict[tuple[int, int], list[PointingIndex]] = {}
+        for index in observed.indices:
+            window = getattr(index, "window", None)
+            grid = index.count(step_s), 1 if window is None else round(window / step_s)
+            grids.setdefault(grid, []).append(index)
+        self._windows = [_Windows(*grid, indices, list(signals), step_s) for grid, indices in grids.items()]
+        self._order = [label_index(index) for index in observed.indices]
 
     def block(self, first_index: int, _time: Array, values: Array) -> None:
         """Take ``values`` (rows, columns); ``first_index`` counts rows from the start of the run."""
-        samples = values[max(0, self._first - first_index) :, self._places]  # a copy: places are a list
-        if len(samples):
-            for sums in self._sums:
-                sums.add(samples)
+        # A copy, signal by signal: sums along time are twice as fast as across it.
+        samples = values[max(0, self._first - first_index) :, self._places].T.copy()
+        if samples.shape[1]:
+            for windows in self._windows:
+                windows.add(samples)
 
     def metrics(self) -> dict[str, float]:
         """``SIGNAL.INDEX.rms`` and ``.peak``, in the unit of the signal; NaN before the first window is full."""
-        return {name: value for sums in self._sums for name, value in sums.metrics().items()}
+        found = {label: own for windows in self._windows for label, own in windows.metrics().items()}
+        return {name: value for label in self._order for name, value in found[label].items()}
 
 
-class _WindowSums:
-    """Sums over the windows of one index."""
+class _Windows:
+    """Sums over the windows of indices whose windows are the same: ``count`` rows, ``stride`` rows apart."""
 
-    def __init__(self, index: PointingIndex, signals: Sequence[str], step_s: float) -> None:
-        self._index, self._signals, self._step = index, signals, step_s
-        self._count = index.count(step_s)
-        window = getattr(index, "window", None)
-        self._stride = 1 if window is None else round(window / step_s)
+    def __init__(
+        self, count: int, stride: int, indices: Sequence[PointingIndex], signals: Sequence[str], step_s: float
+    ) -> None:
+        self._count, self._stride, self._indices = count, stride, indices
+        self._signals, self._step = signals, step_s
         self._pending: list[Array] = []
         self._waiting = 0
-        self._values = 0
-        self._squares, self._peak = np.zeros(len(signals)), np.zeros(len(signals))
+        self._values = [0] * len(indices)
+        self._squares, self._peak = (np.zeros((len(indices), len(signals))) for _ in range(2))
 
     def add(self, samples: Array) -> None:
-        """Add rows (n, signals)."""
+        """Add rows (signals, n), which are kept."""
         self._pending.append(samples)
-        self._waiting += len(samples)
-        if self._waiting < self._count:
-            return
-        joined = self._pending[0] if len(self._pending) == 1 else np.concatenate(self._pending)
-        found = self._index.values(joined, self._step, stride=self._stride)
-        rest = joined[len(found) * self._stride :].copy()
-        self._pending, self._waiting = [rest], len(rest)
-        flat = found.reshape(-1, len(self._signals))
-        self._values += len(flat)
-        self._squares += np.einsum("ij,ij->j", flat, flat)
-        np.maximum(self._peak, np.abs(flat).max(axis=0), out=self._peak)
+        self._waiting += samples.shape[1]
+        if self._waiting >= max(self._count, LEAST_ROWS):
+            self._evaluate()
 
-    def metrics(self) -> dict[str, float]:
+    def _evaluate(self) -> None:
+        joined = self._pending[0] if len(self._pending) == 1 else np.concatenate(self._pending, axis=1)
+        for place, index in enumerate(self._indices):
+            found = index.values(joined.T, self._step, stride=self._stride)
+            self._values[place] += found.shape[0] * found.shape[1]
+            self._squares[place] += np.einsum("wrs,wrs->s", found, found)
+            largest = np.maximum(found.max(axis=(0, 1)), -found.min(axis=(0, 1)))
+            np.maximum(self._peak[place], largest, out=self._peak[place])
+        done = (joined.shape[1] - self._count) // self._stride + 1
+        rest = joined[:, done * self._stride :].copy()
+        self._pending, self._waiting = [rest], rest.shape[1]
+
+    def metrics(self) -> dict[str, dict[str, float]]:
+        """``SIGNAL.INDEX.rms`` and ``.peak`` of each index, by its label."""
+        if self._waiting >= self._count:
+            self._evaluate()
         found = {}
-        rms = np.sqrt(self._squares / self._values) if self._values else np.full(len(self._signals), math.nan)
-        peak = self._peak if self._values else rms
-        for place, signal in enumerate(self._signals):
-            found[f"{signal}.{label_index(self._index)}.rms"] = float(rms[place])
-            found[f"{signal}.{label_index(self._index)}.peak"] = float(peak[place])
+        for index, values, squares, peak in zip(self._indices, self._values, self._squares, self._peak, strict=True):
+            label = label_index(index)
+            rms = np.sqrt(squares / values) if values else np.full(len(self._signals), math.nan)
+            found[label] = {
+                f"{signal}.{label}.{name}": float(number[place])
+                for place, signal in enumerate(self._signals)
+                for name, number in (("rms", rms), ("peak", peak if values else rms))
+            }
         return found
 
 

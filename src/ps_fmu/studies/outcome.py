@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -12,12 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..cosim import Column
+from ..pointing.confidence import Statement
+from ..pointing.interpretation import Interpretation
+from ..requirements.pooled import Pool
 from ..requirements.requirement import Requirement
 from ..requirements.targets import find_targets
 from .indices import find_signals, label_index
-from .parts import list_parts, read_rows, write_durably
+from .parts import list_parts, read_rows, read_texts, write_durably
 from .plan import Plan
-from .rows import DONE
+from .rows import DONE, HISTOGRAM
 from .study_folder import PLAN
 
 Array = NDArray[np.float64]
@@ -55,6 +58,8 @@ class Outcome:
     """``pandas.DataFrame``, a row a case: draws and start values, status, metrics."""
     outputs: tuple[Output, ...]
     """All numbers with statistics: those of requirements first."""
+    pooled: Mapping[str, Statement] = field(default_factory=dict)
+    """Quantiles of the values of all cases at all times, by the name of the output, for mixed requirements."""
 
     @property
     def done(self) -> NDArray[np.bool_]:
@@ -81,20 +86,40 @@ def collect(folder: Path, plan: Plan, plan_hash: str, columns: Sequence[Column],
     import pyarrow.parquet as pq
 
     planned = pq.read_table(folder / PLAN)
-    rows = read_rows(list_parts(folder, plan_hash))
+    parts = list_parts(folder, plan_hash)
+    rows = read_rows(parts)
     outputs = list_outputs(plan, columns, requirements)
     units = {output.name: output.unit for output in outputs}
     fields, arrays = list(planned.schema), list(planned.columns)
-    for field, array in zip(rows.schema, rows.columns, strict=True):
-        if field.name != "case":
-            unit = units.get(field.name)
-            fields.append(field if unit is None else field.with_metadata({"unit": unit}))
+    for column, array in zip(rows.schema, rows.columns, strict=True):
+        if column.name != "case":
+            unit = units.get(column.name)
+            fields.append(column if unit is None else column.with_metadata({"unit": unit}))
             arrays.append(array)
     joined = pa.table(arrays, schema=pa.schema(fields))
     content = io.BytesIO()
     pq.write_table(joined, content)
     write_durably(folder / STUDY, content.getvalue())
-    return Outcome(plan, joined.to_pandas(), outputs)
+    return Outcome(plan, joined.to_pandas(), outputs, pool_cases(parts, outputs, len(plan)))
+
+
+def pool_cases(parts: Sequence[Path], outputs: Sequence[Output], cases: int) -> dict[str, Statement]:
+    """The quantile over all times of all cases of each mixed requirement, by the name of its output.
+
+    None where a case has no result: what it would have had is not known.  Raises ``OSError``.
+    """
+    found = {}
+    for output in outputs:
+        requirement = output.requirement
+        if requirement is None or requirement.interpretation is not Interpretation.MIXED:
+            continue
+        assert requirement.probability is not None and requirement.confidence is not None and output.limit is not None
+        pool = Pool(output.limit, cases)
+        for text in read_texts(parts, output.name.removesuffix("/value") + HISTOGRAM):
+            pool.add(text)
+        if pool.runs == cases:
+            found[output.name] = pool.state(requirement.probability, requirement.confidence)
+    return found
 
 
 def list_outputs(plan: Plan, columns: Sequence[Column], requirements: Sequence[Requirement]) -> tuple[Output, ...]:

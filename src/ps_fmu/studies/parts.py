@@ -11,11 +11,11 @@ import io
 import os
 import re
 import tempfile
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from .rows import ANSWER, TEXTS, Row
+from .rows import ANSWER, HISTOGRAM, TEXTS, Row
 
 FOLDER = "parts"
 HASH_DIGITS = 16  # of the plan's hash in a name
@@ -53,19 +53,30 @@ def write_durably(path: Path, content: bytes) -> None:
         try:
             with os.fdopen(handle, "wb") as file:
                 file.write(content)
-                file.flush()
-                os.fsync(file.fileno())  # before the rename: else the name may be there without the content
-            os.replace(name, path)
+            move_durably(Path(name), path)
         except BaseException:
             Path(name).unlink(missing_ok=True)
             raise
-        folder = os.open(path.parent, os.O_RDONLY)
-        try:
-            os.fsync(folder)
-        finally:
-            os.close(folder)
     except OSError as error:
         raise OSError(error.errno, error.strerror or str(error), str(path)) from error
+
+
+def move_durably(written: Path, path: Path) -> None:
+    """Give a file its name in the same folder once it is on the disk: else the name may be there without the content.
+
+    Raises ``OSError``.
+    """
+    _sync(written)
+    os.replace(written, path)
+    _sync(path.parent)
+
+
+def _sync(path: Path) -> None:
+    handle = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
 
 
 def list_parts(folder: Path, plan_hash: str) -> list[Path]:
@@ -77,14 +88,15 @@ def list_parts(folder: Path, plan_hash: str) -> list[Path]:
     ]
 
 
-def read_rows(parts: Iterable[Path]) -> Any:
+def read_rows(parts: Iterable[Path], *, histograms: bool = False) -> Any:
     """The rows of all parts in the order of their cases, each case once, as a ``pyarrow.Table``; None without parts.
 
-    Raises ``OSError`` for a part that cannot be read: delete it, and resume.
+    Histograms are left out unless they are wanted: they are some kilobytes a case, and :func:`read_texts` has them one
+    after another.  Raises ``OSError`` for a part that cannot be read: delete it, and resume.
     """
     import pyarrow as pa
 
-    tables = [_read(path) for path in parts]
+    tables = [_read(path) if histograms else _drop_histograms(_read(path)) for path in parts]
     if not tables:
         return None
     joined = pa.concat_tables(tables, promote_options="permissive")
@@ -95,12 +107,38 @@ def read_rows(parts: Iterable[Path]) -> Any:
     return joined.take(pa.array([seen[case] for case in sorted(seen)]))
 
 
+def read_texts(parts: Iterable[Path], column: str) -> Iterator[str]:
+    """The texts of a column, case by case, each case once; of one part after another, so that few are in memory.
+
+    Raises ``OSError`` for a part that cannot be read.
+    """
+    seen: set[int] = set()
+    for path in parts:
+        table = _read(path)
+        if column in table.column_names:
+            for case, text in zip(table["case"].to_pylist(), table[column].to_pylist(), strict=True):
+                if text is not None and case not in seen:
+                    seen.add(case)
+                    yield text
+
+
+def _drop_histograms(table: Any) -> Any:
+    return table.drop_columns([name for name in table.column_names if name.endswith(HISTOGRAM)])
+
+
 def list_missing(folder: Path, plan_hash: str, cases: int) -> list[int]:
     """The cases of a plan that no part has, in order."""
-    done: set[int] = set()
-    for path in list_parts(folder, plan_hash):
-        done.update(_read(path, ["case"])["case"].to_pylist())
+    done = read_statuses(folder, plan_hash)
     return [index for index in range(cases) if index not in done]
+
+
+def read_statuses(folder: Path, plan_hash: str) -> dict[int, str]:
+    """The status of each case that a part has.  Raises ``OSError`` for a part that cannot be read."""
+    found: dict[int, str] = {}
+    for path in list_parts(folder, plan_hash):
+        table = _read(path, ["case", "status"])
+        found.update(zip(table["case"].to_pylist(), table["status"].to_pylist(), strict=True))
+    return found
 
 
 def _read(path: Path, columns: list[str] | None = None) -> Any:
@@ -118,4 +156,4 @@ def _find_type(name: str) -> Any:
 
     if name == "case":
         return pa.int64()
-    return pa.string() if name in TEXTS or name.endswith(ANSWER) else pa.float64()
+    return pa.string() if name in TEXTS or name.endswith((ANSWER, HISTOGRAM)) else pa.float64()

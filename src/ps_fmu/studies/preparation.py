@@ -15,6 +15,7 @@ from ..runs.options import OptionError, RunOptions, Scenario
 from ..runs.setup import RunSystem, load_system
 from .bundle import REQUIREMENTS, SYSTEM, TASK, Bundle
 from .indices import check_windows, find_signals
+from .signals import check_signals, find_columns
 from .study import Observed, Study, StudyError
 from .task import Task, result_versions
 
@@ -57,6 +58,8 @@ def load_study_system(study: Study) -> RunSystem:
     for observed in study.observed:
         find_signals(observed, columns)
         check_windows(observed, study.step_s, study.duration_s)
+    if study.signals is not None:
+        check_signals(study.signals, columns, study.step_s, study.duration_s)
     return system
 
 
@@ -80,7 +83,13 @@ def make_bundle(study: Study, system: RunSystem) -> Bundle:
         path = Path(folder, SYSTEM)
         write_ssp(replace(system.structure, experiment=experiment), path)
         archive = path.read_bytes()
-    task = Task(study.step_s, study.duration_s, study.scheme, study.runs, study.observed, result_versions())
+    stored: tuple[str, ...] = ()
+    if study.signals is not None:
+        stored = find_columns(study.signals, make_layout(system.descriptions).columns)
+    task = Task(
+        study.step_s, study.duration_s, study.scheme, study.runs, study.observed, result_versions(), stored,
+        None if study.signals is None else study.signals.step_s,
+    )  # fmt: skip
     files = {SYSTEM: archive, TASK: task.as_json()}
     if study.requirements is not None:
         files[REQUIREMENTS] = study.requirements.read_bytes()

@@ -46,6 +46,7 @@ from ..pointing.index import PointingIndex
 from ..product.files import find_file, find_product
 from ..requirements.reading import INDICES
 from ..runs.options import SCHEMES
+from .signals import read_signals
 from .study import (
     COMMON,
     DISTRIBUTIONS,
@@ -68,7 +69,7 @@ from .study import (
 )
 from .table_reader import TableReader
 
-TABLES = ("study", "runs", "vary", "correlate", "observe")
+TABLES = ("study", "runs", "vary", "correlate", "observe", "signals")
 STUDY_KEYS = (
     "name", "system", "duration", "step", "scheme", "parameters", "requirements", "plan", "cases", "seed", "seeds",
     "timeout", "control_variates",
@@ -120,6 +121,7 @@ def read_study(path: Path) -> Study:
         observed=tuple(_read_observed(path, content)),
         timeout_s=table.time("timeout", None),
         control_variates=table.whole("control_variates", 1, MOST_CASES, 0),
+        signals=read_signals(path, content),
     )
 
 

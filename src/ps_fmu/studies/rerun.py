@@ -18,7 +18,7 @@ from ..runs.output import hold_folder
 from ..runs.publish import show_verdict
 from ..runs.setup import identify_fmus
 from ..slavekit.pack.files import write_atomically
-from .case_runner import describe_verdict, make_records
+from .case_runner import describe_verdicts, make_records
 from .indices import IndexRecord, SwitchRecord
 from .parts import list_parts, read_rows
 from .preparation import make_options
@@ -76,7 +76,7 @@ def find_row(folder: Path, plan_hash: str, case: int) -> Row | None:
     for part in list_parts(folder, plan_hash):
         first, last = map(int, part.stem.split("-")[1:])
         if first <= case <= last:
-            rows: list[Row] = read_rows([part]).to_pylist()
+            rows: list[Row] = read_rows([part], histograms=True).to_pylist()
             return next((row for row in rows if row["case"] == case), None)
     return None
 
@@ -113,8 +113,7 @@ def _run(options: SweepOptions, prepared: Prepared, case: int, folder: Path) -> 
         rows = [(key, f"{value:.6g}") for key, value in metrics.items()]
         tables.append(Table(f"Run {run}", ("metric", "value"), rows))
     verdicts = system.judge.conclude()
-    for verdict in verdicts:
-        row |= describe_verdict(verdict)
+    row |= describe_verdicts(system.judge)
     parameters = {"study": str(study.path), "case": case, "duration (s)": study.duration_s, "step (s)": study.step_s,
                   **values}  # fmt: skip
     fmus = identify_fmus(system)

@@ -14,6 +14,8 @@ MEASURED = ("wall_s", "worker")
 """Columns that another run of the same case has otherwise."""
 ANSWER = "/answer"
 """End of the name of a column with an answer on a requirement."""
+HISTOGRAM = "/histogram"
+"""End of the name of a column with the histogram of a run, for a requirement that is judged over all cases."""
 LONGEST_TEXT = 2000  # of an error or of warnings
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -66,8 +67,11 @@ class Compliance:
     """The value of the case, its best estimate, is not above the limit."""
     sure: Share
     """The verdict of the case is "met": so is the bound of that one run, with the requirement's own confidence."""
-    ensemble: Statement | None
-    """Quantile of the largest values of the cases, for a requirement that holds for a share of the ensemble."""
+    pooled: Statement | None
+    """Over all cases, as the interpretation of the requirement says (ECSS-E-ST-60-10C, 4.1.4.2); None where a case has
+    no result, and for a peak.  See :func:`state_over_cases`."""
+    answer: Answer | None
+    """Whether it is met over all cases; None without a statement."""
 
 
 def find_percentiles(outcome: Outcome) -> list[Percentiles]:
@@ -101,14 +105,48 @@ def find_compliance(outcome: Outcome) -> list[Compliance]:
             continue
         values = outcome.values(output)
         column = output.name.removesuffix("/value") + ANSWER
-        met = int((outcome.table[column] == Answer.MET.value).sum()) if column in outcome.table else 0
-        ensemble = None
-        if requirement.interpretation is Interpretation.ENSEMBLE and np.isfinite(values).all():
-            assert requirement.probability is not None and requirement.confidence is not None  # of such a quantile
-            ensemble = quantile(values, requirement.probability, requirement.confidence)
+        answers = [str(found) for found in outcome.table[column]] if column in outcome.table else []
+        met = answers.count(Answer.MET.value)
         below = int((values <= output.limit).sum())  # NaN is not
-        found.append(Compliance(output, Share(below, cases), Share(met, cases), ensemble))
+        pooled = state_over_cases(outcome, output)
+        answer = None if pooled is None else _answer(pooled, output.limit, answers)
+        found.append(Compliance(output, Share(below, cases), Share(met, cases), pooled, answer))
     return found
+
+
+def state_over_cases(outcome: Outcome, output: Output) -> Statement | None:
+    """The statement on a requirement over all cases, in the unit of its limit.
+
+    ``ensemble``: quantile over the cases of the largest value of each.  ``mixed``: quantile of the values at all times
+    of all cases, by their histograms.  ``temporal``: the worst case, whose bound has the confidence of that case alone;
+    ``ensemble_share`` is the share of all possible cases that are no worse than the worst of these, with the same
+    confidence.
+    """
+    requirement, values = output.requirement, outcome.values(output)
+    if requirement is None or requirement.confidence is None or not np.isfinite(values).all():
+        return None
+    if requirement.interpretation is Interpretation.MIXED:
+        return outcome.pooled.get(output.name)
+    if requirement.interpretation is Interpretation.ENSEMBLE:
+        assert requirement.probability is not None  # of a quantile
+        return quantile(values, requirement.probability, requirement.confidence)
+    bounds = np.asarray(outcome.table[output.name.removesuffix("value") + "bound"], dtype=float)
+    return Statement(
+        value=float(values.max()), confidence=requirement.confidence, lower=-math.inf, upper=math.inf,
+        bound=float(bounds.max()), independent=float(len(values)), method="worst case",
+        probability=requirement.probability, ensemble_share=(1.0 - requirement.confidence) ** (1.0 / len(values)),
+    )  # fmt: skip
+
+
+def _answer(pooled: Statement, limit: float, answers: Sequence[str]) -> Answer:
+    """Whether a requirement is met over all cases; a temporal one, if it is in each of them."""
+    if pooled.ensemble_share is not None:
+        if Answer.NOT_MET.value in answers:
+            return Answer.NOT_MET
+        return Answer.MET if set(answers) == {Answer.MET.value} else Answer.OPEN
+    if pooled.bound <= limit:
+        return Answer.MET
+    return Answer.OPEN if math.isinf(pooled.bound) and pooled.lower <= limit else Answer.NOT_MET
 
 
 def find_worst(outcome: Outcome, most: int = WORST) -> list[tuple[int, float, Output]]:

@@ -21,6 +21,7 @@ INDEPENDENT, COMMON = "independent", "common"
 VALUES, STEPS, UNIFORM, NORMAL = "values", "steps", "uniform", "normal"
 DISTRIBUTIONS = (STEPS, UNIFORM, NORMAL)
 MOST_CASES = 1_000_000
+MOST_GB = 20.0  # of signals, unless the study allows more
 
 
 class StudyError(ValueError):
@@ -89,6 +90,31 @@ class Observed:
 
 
 @dataclass(frozen=True)
+class Signals:
+    """A table ``[signals]``."""
+
+    place: str
+    variables: tuple[str, ...]
+    """Names and patterns."""
+    step_s: float | None
+    """Between stored rows; None: every step."""
+    all: bool = False
+    cases: tuple[int, ...] = ()
+    every: int = 0
+    """Each so-many-th case, from 0 on; 0: none."""
+    worst: int = 0
+    most_gb: float = MOST_GB
+
+    def error(self, key: str, problem: str) -> StudyError:
+        """The error that names the table and the key."""
+        return StudyError(f"{self.place}, {key}: {problem}")
+
+    def wants(self, case: int) -> bool:
+        """Whether a case is stored, whatever its numbers are."""
+        return self.all or case in self.cases or bool(self.every and case % self.every == 0)
+
+
+@dataclass(frozen=True)
 class Study:
     """All that a file states; paths are as they can be opened."""
 
@@ -118,6 +144,8 @@ class Study:
     """Of a case; None: it may take as long as it takes."""
     control_variates: int = 0
     """Cases of the closed form; 0: no control variate."""
+    signals: Signals | None = None
+    """What is stored of the signals; None: nothing."""
 
     def error(self, key: str, problem: str) -> StudyError:
         """The error that names the file and a key of [study]."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import shlex
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -19,6 +19,7 @@ from .control_variate import check_closed_form
 from .plan import Plan, make_plan
 from .preparation import complete_observed, load_study_system, make_bundle
 from .reading import read_study
+from .stored import check_stored, list_work, list_worst, prepare_folder
 from .study_folder import Identity
 
 Report = Callable[[int, int], None]
@@ -80,6 +81,7 @@ def prepare(options: SweepOptions) -> Prepared:
         except ValueError as error:
             raise study.error("control_variates", str(error)) from error
     plan = make_plan(complete_observed(study, system), system)
+    check_stored(plan, system)
     bundle = make_bundle(plan.study, system)
     return Prepared(plan, system, bundle, Identity.of(plan, system, bundle))
 
@@ -107,28 +109,39 @@ def compute(options: SweepOptions, prepared: Prepared, folder: Path) -> None:
     KeyboardInterrupt; the parts so far are kept.
     """
     from .cluster import Dispatcher, connect, find_dashboard
-    from .parts import list_missing
 
     plan, name = prepared.plan, prepared.identity.plan_sha256
-    missing = list_missing(folder, name, len(plan))
-    if not missing:
+    prepare_folder(folder, plan, prepared.system)
+    cases, stored = list_work(folder, plan, name)
+    worst = [] if cases else list_worst(folder, plan, name, prepared.system)
+    if not cases and not worst:
         return
-    kept = len(plan) - len(missing)
+    kept = len(plan) - len(cases)
     print(f"{plan.study.name}: {len(plan)} cases" + (f", {kept} of them done before" if kept else ""), file=sys.stderr)
-    with connect(options.scheduler, options.workers) as client, _show_progress(options, len(plan), kept) as report:
+    with connect(options.scheduler, options.workers) as client:
         if dashboard := find_dashboard(client):
             print(f"dask's dashboard: {dashboard}", file=sys.stderr)
-        Dispatcher(client, plan, name, prepared.bundle, folder, report).run(missing)
+
+        def run(cases: Sequence[int], stored: Collection[int], report: Report) -> None:
+            Dispatcher(client, plan, name, prepared.bundle, folder, report).run(cases, stored)
+
+        if cases:
+            with _show_progress(options, "cases", len(plan), kept) as report:
+                run(cases, stored, report)
+            worst = list_worst(folder, plan, name, prepared.system)
+        if worst:  # known only now: they run again, with their signals
+            with _show_progress(options, "signals", len(worst), 0) as report:
+                run(worst, worst, report)
 
 
 @contextmanager
-def _show_progress(options: SweepOptions, cases: int, done: int) -> Iterator[Report]:
+def _show_progress(options: SweepOptions, name: str, cases: int, done: int) -> Iterator[Report]:
     """A bar on the error stream with the time that is left; it counts what comes in from now on."""
     from tqdm import tqdm
 
     quiet = sys.stderr is None or not sys.stderr.isatty()
     with tqdm(
-        total=cases, initial=done, desc="cases", unit="case", disable=not options.progress or sys.stderr is None,
+        total=cases, initial=done, desc=name, unit="case", disable=not options.progress or sys.stderr is None,
         file=sys.stderr, mininterval=QUIET_INTERVAL_S if quiet else 0.5,
     ) as bar:  # fmt: skip
         not_done = 0

@@ -27,6 +27,10 @@ class Task:
     observed: tuple[Observed, ...]
     versions: Mapping[str, str]
     """Of the packages that a row depends on, where the study was planned."""
+    stored: tuple[str, ...] = ()
+    """Names of the outputs that are stored of chosen cases."""
+    stored_step_s: float | None = None
+    """Between stored rows; None: every step."""
 
     def as_json(self) -> bytes:
         """The content of the file; :meth:`from_json` reads it."""
@@ -37,7 +41,8 @@ class Task:
     def from_json(cls, text: bytes) -> Task:
         """What :meth:`as_json` has written."""
         found: dict[str, Any] = json.loads(text)
-        return cls(**{**found, "observed": tuple(map(Observed.from_dict, found["observed"]))})
+        return cls(**{**found, "observed": tuple(map(Observed.from_dict, found["observed"])),
+                      "stored": tuple(found["stored"])})  # fmt: skip
 
 
 def result_versions() -> dict[str, str]:

@@ -9,7 +9,7 @@ import tempfile
 import threading
 from collections.abc import Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +17,7 @@ from .bundle import Bundle
 from .case_process import CaseProcess
 from .parts import encode_part, write_part
 from .rows import Row
+from .signals import FOLDER, name_file
 
 MANIFEST = "manifest.json"  # in the output folder
 Job = tuple[int, Mapping[str, Any]]
@@ -31,6 +32,8 @@ class Order:
     """Output folder of the study, where a worker that sees it writes its parts."""
     plan_hash: str
     timeout_s: float | None
+    stored: tuple[int, ...] = ()
+    """Cases whose signals are stored."""
 
 
 @dataclass(frozen=True)
@@ -44,6 +47,8 @@ class Done:
     """Time of all cases together, s."""
     content: bytes | None
     """The part, where the worker does not see the output folder; None: it has written it."""
+    signals: Mapping[int, bytes] = field(default_factory=dict)
+    """The files of signals, by case, where the worker does not see the output folder."""
 
 
 def keep(bundle: Bundle) -> Bundle:
@@ -54,18 +59,34 @@ def keep(bundle: Bundle) -> Bundle:
 def run_batch(bundle: Bundle, jobs: Sequence[Job], order: Order) -> Done:
     """Run neighbouring cases, write their part.
 
-    Raises :class:`.rows.StartError`, :class:`.rows.VersionError`, and ``OSError`` if the part cannot be written.
+    Raises :class:`.rows.StartError`, :class:`.rows.VersionError`, and ``OSError`` if signals or the part cannot be
+    written.
     """
-    name = _name_worker()
+    name, output = _name_worker(), Path(order.output)
+    here = sees(output, order.plan_hash)
+    rows: list[Row] = []
+    signals: dict[int, bytes] = {}
     with _borrow(bundle, order.timeout_s) as process:
-        rows: list[Row] = [{**row, "worker": name} for row in process.run(jobs)]
+        folder = (output if here else process.folder) / FOLDER
+        files = {case: folder / name_file(case) for case in order.stored}
+        if files:
+            folder.mkdir(exist_ok=True)
+        try:
+            rows.extend({**row, "worker": name} for row in process.run(jobs, files))
+        except OSError:  # no room for signals: what there is of rows is kept
+            if here and rows:
+                write_part(output, order.plan_hash, rows)
+            raise
+    if not here:
+        signals = {case: path.read_bytes() for case, path in files.items() if path.exists()}
+        for path in files.values():
+            path.unlink(missing_ok=True)
     content: bytes | None = encode_part(rows)
-    output = Path(order.output)
-    if sees(output, order.plan_hash):
+    if here:
         write_part(output, order.plan_hash, rows, content)
         content = None
     not_done = sum(row["status"] != "done" for row in rows)
-    return Done(len(rows), not_done, sum(row["wall_s"] for row in rows), content)
+    return Done(len(rows), not_done, sum(row["wall_s"] for row in rows), content, signals)
 
 
 def sees(output: Path, plan_hash: str) -> bool:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..waterfall import RANGE_DB, Waterfall
+from .cases import CaseTable
 from .packing import encode, encode_levels
 
 Array = NDArray[np.float64]
@@ -203,16 +204,18 @@ class Exploration:
     clouds: Sequence[CloudGroup] = ()
     mechanism: Mechanism | None = None
     waterfalls: Sequence[Waterfall] = ()
+    cases: CaseTable | None = None
 
     def pack(self) -> Entry:
         """As the page reads it; empty if there is nothing.  Raises ``ValueError`` for arrays that do not fit."""
-        if not (self.charts or self.clouds or self.mechanism or self.waterfalls):
+        if not (self.charts or self.clouds or self.mechanism or self.waterfalls or self.cases):
             return {}
         return {
             "groups": [group.pack() for group in self.charts],
             "clouds": [group.pack() for group in self.clouds],
             "mechanism": self.mechanism.pack() if self.mechanism else None,
             "waterfalls": [_pack_waterfall(shown) for shown in self.waterfalls],
+            "cases": self.cases.pack() if self.cases else None,
         }
 
 

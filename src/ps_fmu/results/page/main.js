@@ -53,6 +53,7 @@ function start() {
     ...data.groups.flatMap((group, k) => makeGroup(group, document.querySelector(`[data-group="${k}"]`), `group-${k}`)),
     ...data.clouds.flatMap((group, k) => makeClouds(group, document.querySelector(`[data-cloud="${k}"]`))),
   ];
+  if (data.cases) drawings.push(new CaseExplorer(data.cases, document.querySelector(".cases")));
   if (data.mechanism) drawings.push(new Player(data.mechanism, document.querySelector(".mechanism")));
   const resize = (printWidth) => drawings.forEach((drawing) => drawing.resize(printWidth));
   theme.listeners.push(() => drawings.forEach((drawing) => (drawing.plot ? drawing.plot.redraw() : drawing.draw())));

@@ -13,7 +13,7 @@ from markupsafe import Markup
 
 SCRIPTS = (
     "data.js", "text.js", "theme.js", "pyramid.js", "linked.js", "gestures.js", "chart.js",
-    "cloud.js", "waterfall.js", "space.js", "mechanism.js", "player.js", "main.js",
+    "cloud.js", "waterfall.js", "scatter.js", "cases.js", "space.js", "mechanism.js", "player.js", "main.js",
 )  # fmt: skip
 """The page's own scripts, in this order."""
 

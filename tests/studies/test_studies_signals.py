@@ -1,0 +1,211 @@
+"""Signals of chosen cases: the rows of the run, complete or not there, resumed, refused where they are too large."""
+
+import json
+import resource
+
+import netCDF4
+import numpy as np
+import pytest
+from support.cosim import Collect
+
+from ps_fmu.cosim import Master, RecorderError
+from ps_fmu.studies import stored, worker
+from ps_fmu.studies.case_runner import CaseRunner
+from ps_fmu.studies.parts import list_missing, list_parts, read_rows, write_part
+from ps_fmu.studies.rows import DONE
+from ps_fmu.studies.signals import FOLDER, name_file
+from ps_fmu.studies.study import StudyError
+from ps_fmu.studies.study_folder import open_folder
+from ps_fmu.studies.sweep import SweepOptions, compute, hold
+from ps_fmu.studies.worker import Order, run_batch
+
+OBSERVE_TABLE = "[[observe]]"
+
+
+def signals(text):
+    """The change that adds a table [signals]."""
+    return {OBSERVE_TABLE: f"[signals]\n{text}\n{OBSERVE_TABLE}"}
+
+
+ALL = signals('variables = ["toy.error"]\ncases = "all"')
+
+
+@pytest.fixture
+def opened(make_prepared, tmp_path):
+    """Prepares a study and its output folder."""
+
+    def make(changes=ALL):
+        prepared, folder = make_prepared(changes=changes), tmp_path / "out"
+        folder.mkdir(exist_ok=True)
+        open_folder(folder, prepared.plan, prepared.identity, resume=(folder / "manifest.json").exists())
+        stored.prepare_folder(folder, prepared.plan, prepared.system)
+        return prepared, folder
+
+    return make
+
+
+def run_here(prepared, folder, cases, stored_cases):
+    """Run cases in a process of this one, as a worker does."""
+    order = Order(str(folder), prepared.identity.plan_sha256, None, tuple(stored_cases))
+    return run_batch(prepared.bundle, [(case, prepared.plan.values(case)) for case in cases], order)
+
+
+def test_what_is_stored_are_the_rows_of_the_run(opened):
+    prepared, folder = opened()
+    run_here(prepared, folder, [0, 1], [1])
+    assert [path.name for path in (folder / FOLDER).iterdir()] == [name_file(1)]
+    seen = Collect()
+    with Master(prepared.system.structure.with_parameters(prepared.plan.values(1)), 1e-3) as master:
+        master.initialise()
+        master.run(0.1, [seen])
+        names = [column.name for column in master.columns]
+    with netCDF4.Dataset(folder / FOLDER / name_file(1)) as file:
+        group = file["active"]
+        assert set(group.variables) == {"time", "toy.error.x", "toy.error.y"}
+        for name in ("toy.error.x", "toy.error.y"):
+            assert (np.asarray(group[name][:]) == seen.values[:, names.index(name)]).all()
+        assert len(group["time"]) == 101
+
+
+def test_rows_can_be_stored_further_apart_and_each_run_has_a_group(opened):
+    changes = signals('variables = ["*.x"]\nevery = 4\nstep = "2 ms"')
+    runs = '[runs.low]\n"toy.offset" = 0.0\n[runs.high]\n"toy.offset" = 1.0\n'
+    prepared, folder = opened({OBSERVE_TABLE: runs + changes[OBSERVE_TABLE]})
+    run_here(prepared, folder, [4], [4])
+    with netCDF4.Dataset(folder / FOLDER / name_file(4)) as file:
+        assert list(file.groups) == ["low", "high"]
+        assert len(file["high"]["time"]) == 51
+        assert set(file["high"].variables) == {"time", "toy.error.x"}
+
+
+def test_a_case_that_fails_keeps_the_rows_before(opened, tmp_path):
+    prepared, folder = opened()
+    runner = CaseRunner(prepared.bundle.unpack(tmp_path))
+    path = folder / FOLDER / name_file(0)
+    row = runner.run(0, {**prepared.plan.values(0), "toy.mode": "raise"}, path)
+    assert row["status"] == "failed"
+    with netCDF4.Dataset(path) as file:
+        assert 51 <= len(file["active"]["time"]) < 60
+    assert [one.name for one in (folder / FOLDER).iterdir()] == [path.name]
+
+
+def test_rows_do_not_depend_on_whether_signals_are_stored(opened, tmp_path):
+    prepared, folder = opened()
+    runner = CaseRunner(prepared.bundle.unpack(tmp_path))
+    values = prepared.plan.values(2)
+    with_file, without = runner.run(2, values, folder / FOLDER / name_file(2)), runner.run(2, values)
+    assert {**with_file, "wall_s": 0.0} == {**without, "wall_s": 0.0}
+
+
+def test_resuming_computes_the_signals_that_are_missing(opened):
+    prepared, folder = opened(signals('variables = ["toy.error"]\nevery = 2\ncases = [5]'))
+    name = prepared.identity.plan_sha256
+    run_here(prepared, folder, range(6), [])  # the rows without signals
+    assert list_missing(folder, name, 6) == []
+    assert stored.list_work(folder, prepared.plan, name) == ([0, 2, 4, 5], {0, 2, 4, 5})
+    run_here(prepared, folder, [0], [0])
+    assert stored.list_work(folder, prepared.plan, name) == ([2, 4, 5], {2, 4, 5})
+
+
+def test_signals_can_be_wanted_later(opened):
+    """They do not decide the rows: the study is the same."""
+    prepared, folder = opened({"cases = 6": "cases = 6"})
+    run_here(prepared, folder, range(6), [])
+    again, _ = opened(signals('variables = ["toy.error"]\nworst = 2'))
+    assert again.identity == prepared.identity
+    name = again.identity.plan_sha256
+    assert stored.list_work(folder, again.plan, name) == ([], set())
+    rows = read_rows(list_parts(folder, name)).to_pandas()
+    worst = rows.sort_values("active.toy.error.x.APE.rms").tail(2)["case"]
+    assert stored.list_worst(folder, again.plan, name, again.system) == sorted(worst)
+
+
+def test_a_case_that_has_no_signals_does_not_run_for_ever(opened):
+    prepared, folder = opened()
+    rows = [{"case": case, "status": "killed its process" if case else DONE, "error": None} for case in range(6)]
+    write_part(folder, prepared.identity.plan_sha256, rows)
+    assert stored.list_work(folder, prepared.plan, prepared.identity.plan_sha256) == ([0], {0})
+
+
+def test_a_worker_that_does_not_see_the_folder_sends_its_signals(opened, tmp_path):
+    prepared, _ = opened()
+    done = run_here(prepared, tmp_path / "elsewhere", [3], [3])
+    assert list(done.signals) == [3]
+    with netCDF4.Dataset("case", memory=done.signals[3]) as file:
+        assert len(file["active"]["time"]) == 101
+
+
+def test_worst_cases_run_again_with_their_signals(write_study, toy_fmus, tmp_path):
+    from ps_fmu.studies.sweep import prepare
+
+    study = write_study(changes=signals('variables = ["toy.*"]\nworst = 2\ncases = [1]'))
+    options = SweepOptions(study, tmp_path / "out", workers=1, fmus=toy_fmus, progress=False)
+    prepared = prepare(options)
+    with hold(options.output) as folder:
+        open_folder(folder, prepared.plan, prepared.identity, resume=False)
+        compute(options, prepared, folder)
+        name = prepared.identity.plan_sha256
+        rows = read_rows(list_parts(folder, name)).to_pandas()
+        worst = rows.sort_values("active.toy.error.x.APE.rms").tail(2)["case"].tolist()
+        found = sorted(path.name for path in (folder / FOLDER).iterdir())
+        assert found == sorted(name_file(case) for case in {1, *worst})
+        before = {path: path.stat().st_mtime_ns for path in (folder / FOLDER).iterdir()}
+        compute(options, prepared, folder)  # nothing is left to do
+        assert {path: path.stat().st_mtime_ns for path in (folder / FOLDER).iterdir()} == before
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ('variables = ["toy.eror"]\ncases = "all"', r"variables: no output is called 'toy.eror'.*toy.error"),
+        ('variables = ["toy.error"]', r"cases: no case is chosen"),
+        ('variables = ["toy.error"]\ncases = [6]', r"cases: there is no case 6: the study has the cases 0 to 5"),
+        ('variables = ["toy.error"]\ncases = "some"', r"expected \"all\" or a list of cases, got 'some'"),
+        ('variables = ["toy.error"]\ncases = "all"\nstep = "1.5 ms"', r"step: 0.0015 s are no whole number of steps"),
+        ('variables = ["toy.error"]\ncases = "all"\nstep = "1 s"', r"step: 1 s are longer than a run of 0.1 s"),
+        ('variables = ["toy.error"]\nworst = 0', r"worst: expected a whole number from 1"),
+        ('variables = ["toy.error"]\ncases = "all"\nmost = 1e-3', r"2 outputs of 6 cases take some 0.00102 GB"),
+        ('variables = ["toy.error"]\ncases = "all"\ncompress = 1', r"\[signals\], compress: unknown"),
+    ],
+)
+def test_what_cannot_be_stored_is_refused_before_anything_runs(make_prepared, text, expected):
+    with pytest.raises(StudyError, match=expected):
+        make_prepared(changes=signals(text))
+
+
+def test_the_estimate_is_that_of_the_files(opened):
+    prepared, folder = opened()
+    run_here(prepared, folder, [0], [0])
+    size = (folder / FOLDER / name_file(0)).stat().st_size
+    assert 0.5 < 6 * size / stored.check_stored(prepared.plan, prepared.system) <= 1.0
+
+
+def test_a_disk_without_room_for_all_is_said_before_anything_runs(opened, monkeypatch):
+    monkeypatch.setattr("shutil.disk_usage", lambda _: type("Usage", (), {"free": 1000}))
+    with pytest.raises(OSError, match=r"the signals take some .* GB, and 1e-06 GB are free"):
+        opened()
+
+
+def test_a_full_disk_stops_the_study_and_keeps_the_rows_before(opened):
+    """The process for the cases may write so little that signals do not fit."""
+    prepared, folder = opened(signals('variables = ["toy.error"]\ncases = [2]'))
+    order = Order(str(folder), prepared.identity.plan_sha256, None, (2,))
+    jobs = [(case, prepared.plan.values(case)) for case in range(4)]
+    run_here(prepared, folder, [5], [])
+    (process,) = worker._IDLE[prepared.bundle.sha256, None]
+    resource.prlimit(process.pid, resource.RLIMIT_FSIZE, (100_000, resource.RLIM_INFINITY))
+    with pytest.raises(OSError, match=r"the file size limit of this process is reached: .* MB needed"):
+        run_batch(prepared.bundle, jobs, order)
+    assert list_missing(folder, prepared.identity.plan_sha256, 6) == [2, 3, 4]
+    assert list((folder / FOLDER).iterdir()) == []
+    run_here(prepared, folder, [2, 3, 4], [2])
+    assert json.loads((folder / "manifest.json").read_text())["cases"] == 6
+    assert stored.list_work(folder, prepared.plan, prepared.identity.plan_sha256) == ([], set())
+
+
+def test_a_file_that_cannot_be_written_is_no_failure_of_the_case(opened, tmp_path):
+    prepared, _ = opened()
+    runner = CaseRunner(prepared.bundle.unpack(tmp_path))
+    (tmp_path / "file").write_text("")
+    with pytest.raises((OSError, RecorderError)):
+        runner.run(0, prepared.plan.values(0), tmp_path / "file" / name_file(0))
