@@ -5,16 +5,12 @@ It lets go of the interpreter's lock, so that two systems can run at the same ti
 
 from __future__ import annotations
 
-import ctypes
 import logging
 from collections.abc import Iterator
 from ctypes import POINTER, Structure, c_double, c_int, c_int64, c_void_p
-from functools import cache
 from itertools import chain
 
-from fmpy import platform
-
-from .native import LOOP
+from .guard import End, load_library
 from .plan import Call, Gather, Plan
 from .rows import Array, Rows
 
@@ -68,7 +64,9 @@ class CompiledLoop:
     """Steps of a plan, in C.  Raises OSError if there is no library for this platform, or none that can be loaded."""
 
     def __init__(self, plan: Plan, rows: Rows) -> None:
-        self._run_steps = load_library().run_steps
+        self._run_steps = load_library().run_guarded
+        types = POINTER(_Loop), c_void_p, c_void_p, c_int64, c_double, POINTER(c_int), POINTER(End)
+        self._run_steps.argtypes, self._run_steps.restype = types, c_int
         self._plan, self._rows = plan, rows
         self._parts = list(_list_parts(plan))
         operations = (_Operation * len(self._parts))(*map(_make_operation, self._parts))
@@ -79,11 +77,14 @@ class CompiledLoop:
         loop, first = self._loop, self._rows.filled
         loop.rows_done = loop.next_operation = 0
         goal = self._rows.block[first:].ctypes.data, times.ctypes.data, len(times)
+        end = End()
         try:
-            while status := self._run_steps(loop, *goal, BUDGET_S, interrupted):
-                call = self._parts[loop.next_operation - 1]
+            while status := self._run_steps(loop, *goal, BUDGET_S, interrupted, end):
+                call, time = self._parts[loop.next_operation - 1], float(times[loop.rows_done])
                 assert isinstance(call, Call)
-                call.check(status, float(times[loop.rows_done]), self._plan.step)
+                if end.ending:
+                    call.give_up(end, time, self._plan.step)
+                call.check(status, time, self._plan.step)
         finally:
             self._rows.filled = first + loop.rows_done
 
@@ -96,18 +97,6 @@ def is_available() -> bool:
         log.info("steps are run in Python: %s", error)
         return False
     return True
-
-
-@cache
-def load_library() -> ctypes.CDLL:
-    """The library of the loop.  Raises OSError if there is none for this platform, or none that can be loaded."""
-    path = LOOP.path(platform)
-    if path is None:
-        raise OSError(f"there is no compiled loop for {platform}")
-    library = ctypes.CDLL(str(path))
-    library.run_steps.argtypes = (POINTER(_Loop), c_void_p, c_void_p, c_int64, c_double, POINTER(c_int))
-    library.run_steps.restype = c_int
-    return library
 
 
 def _list_parts(plan: Plan) -> Iterator[Gather | Call]:

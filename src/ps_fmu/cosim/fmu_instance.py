@@ -14,14 +14,15 @@ from collections.abc import Iterable, Mapping, Sequence
 from ctypes import CFUNCTYPE, byref, c_char_p, c_double, c_int, c_size_t, c_uint, c_void_p
 from enum import Enum, auto
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 from fmpy.fmi2 import FMU2Slave
 from fmpy.model_description import ModelDescription
 
-from . import pythonfmu
+from . import guard, pythonfmu
 from .description import convert_value, index_variables
 from .errors import SlaveError, SystemFileError, UsageError, name_status
+from .guard import End
 from .messages import MessageLog, forget, listen
 from .structure import Component, Value
 from .unpacked import discard_unpacked, leave_no_bytecode, provide_unpacked, release_unpacked
@@ -69,6 +70,9 @@ class FmuInstance:
     call that returns more than fmi2Warning; warnings are shown once and counted in ``warnings``.
     """
 
+    shares_process = True
+    """Its library is loaded into this process."""
+
     def __init__(self, component: Component, description: ModelDescription) -> None:
         self.name = component.name
         self.source = component.source
@@ -96,13 +100,13 @@ class FmuInstance:
     def _instantiate(self) -> None:
         """fmi2Instantiate of the library."""
         try:
-            with leave_no_bytecode():
+            with leave_no_bytecode(), guard.name_call(f"{self.name}: fmi2Instantiate"):
                 self._fmu.instantiate(callbacks=self._callbacks, loggingOn=True)
         except Exception as error:
             forget(self._callbacks)
             messages = self.messages.take()
             raise SlaveError(
-                f"{self.name}: fmi2Instantiate failed: {error}{_quote(messages)}",
+                f"{self.name}: fmi2Instantiate failed: {error}{quote(messages)}",
                 component=self.name,
                 function="fmi2Instantiate",
                 status=None,
@@ -140,7 +144,8 @@ class FmuInstance:
         if self.phase not in (InstancePhase.FATAL, InstancePhase.FREED):
             self.phase = InstancePhase.FREED
             pythonfmu.release_once(self._fmu.dll)
-            self._fmu.freeInstance()
+            with guard.name_call(f"{self.name}: fmi2FreeInstance"):
+                self._fmu.freeInstance()
             forget(self._callbacks)
             release_unpacked(self._folder)
 
@@ -196,7 +201,7 @@ class FmuInstance:
         """Take a status seriously: pass fmi2OK, count and show fmi2Warning, raise on everything else."""
         if status == OK:
             return
-        where = f"{function}{'' if time is None else f' at t = {time:.9g} s'}"
+        where = f"{function}{at_time(time)}"
         if status == WARNING:
             self.warnings += 1
             self.messages.show(f"{function} returned fmi2Warning")
@@ -212,7 +217,7 @@ class FmuInstance:
                 discard_unpacked(self._folder)
         messages = self.messages.take()
         raise SlaveError(
-            f"{self.name}: {where} returned {name_status(status)}{details}{_quote(messages)}\n  {advice}",
+            f"{self.name}: {where} returned {name_status(status)}{details}{quote(messages)}\n  {advice}",
             component=self.name,
             function=function,
             status=status,
@@ -220,6 +225,19 @@ class FmuInstance:
             variables=variables,
             messages=messages,
         )
+
+    def give_up(self, function: str, end: End, time: float) -> NoReturn:
+        """A call did not return: the library is not called again.  Raises :class:`SlaveError` or KeyboardInterrupt."""
+        self.phase = InstancePhase.FATAL
+        discard_unpacked(self._folder)
+        where = f"{self.name}: {function} at t = {time:.9g} s {end.describe()}"
+        if end.ending == guard.INTERRUPTED:
+            raise KeyboardInterrupt(where)
+        messages = self.messages.take()
+        raise SlaveError(
+            f"{where}{quote(messages)}\n  {_ADVICE[FATAL]}",
+            component=self.name, function=function, status=FATAL, time=time, messages=messages,
+        )  # fmt: skip
 
     def _last_successful_time(self) -> str:
         value = c_double()
@@ -231,7 +249,8 @@ class FmuInstance:
     def _call(self, function: str, *arguments: Any, time: float | None = None, variables: Sequence[str] = ()) -> None:
         if self.phase in (InstancePhase.FATAL, InstancePhase.FREED):
             raise UsageError(f"{self.name}: {function} cannot be called, the instance is {self.phase.name.lower()}")
-        status = getattr(self._fmu.dll, function)(self.address, *arguments)
+        with guard.name_call(f"{self.name}: {function}{at_time(time)}"):
+            status = getattr(self._fmu.dll, function)(self.address, *arguments)
         self.check(function, status, time, variables)
 
     def _families(self, names: Iterable[str]) -> dict[str, list[str]]:
@@ -250,7 +269,12 @@ class FmuInstance:
         return address
 
 
-def _quote(messages: Sequence[str]) -> str:
+def at_time(time: float | None) -> str:
+    """The time [s] of a call as part of an error text."""
+    return "" if time is None else f" at t = {time:.9g} s"
+
+
+def quote(messages: Sequence[str]) -> str:
     """The last messages of an FMU as part of an error text."""
     if not messages:
         return "\n  The FMU logged nothing."

@@ -23,6 +23,7 @@ from .fmu_instance import FmuInstance, InstancePhase
 from .graph import OpenInput, check_wiring
 from .initialisation import initialise, load, read_first_row
 from .interrupt import note_interrupts
+from .isolation.instance import Isolation
 from .loops import StepLoop, make_loop
 from .plan import SCHEMES, make_plan
 from .rows import Column, Rows, make_layout
@@ -50,6 +51,7 @@ class Master:
     block_rows: rows that are handed to the observers at a time
     compiled: run the steps in C, where the package has a library for this platform; results are the same
     descriptions: those of the FMUs by component, where they have been read before: each takes some 50 ms
+    isolation: which FMUs get processes of their own; by default none
 
     Raises :class:`UsageError`, :class:`SystemFileError` or :class:`WiringError` before anything is loaded.
 
@@ -70,6 +72,7 @@ class Master:
         block_rows: int = BLOCK_ROWS,
         compiled: bool = True,
         descriptions: Mapping[str, ModelDescription] | None = None,
+        isolation: Isolation | None = None,
     ) -> None:
         if scheme not in SCHEMES:
             raise UsageError(f"scheme: expected one of {', '.join(SCHEMES)}, got {scheme!r}")
@@ -81,6 +84,8 @@ class Master:
         self.clock = StepClock(system.experiment.start_time if start_time is None else start_time, size)
         self.system = self._system = system
         self.scheme = scheme
+        if isolation is not None:
+            isolation.check(system)
         self._descriptions = read_descriptions(system) if descriptions is None else descriptions
         self.wiring = check_wiring(system, self._descriptions)
         self._layout = make_layout(self._descriptions)
@@ -89,6 +94,7 @@ class Master:
         self._instances: dict[str, FmuInstance] = {}
         self._compiled = compiled
         self._loop: StepLoop | None = None
+        self._make_instance = FmuInstance if isolation is None else isolation.make_instance
         self._set: dict[PortName, Value] = {}
         self._closed = False
         self._index = 0
@@ -162,7 +168,7 @@ class Master:
         try:
             with note_interrupts() as interrupted:
                 if not self._instances:
-                    load(self.system, self._descriptions, self._instances)
+                    load(self.system, self._descriptions, self._instances, self._make_instance)
                 initialise(self._instances, self.system, self.wiring, self._set, start)
                 read_first_row(self._instances, self._rows, start)
                 self._make_plan()
@@ -236,7 +242,7 @@ class Master:
             self._running = False
 
     def close(self) -> None:
-        """Terminate and free all FMUs; safe to call twice.  Raises the :class:`SlaveError` of a terminate."""
+        """Terminate and free all FMUs; safe to call twice.  Raises the first :class:`SlaveError`."""
         self._refuse_while_running("close")
         self._loop = None
         self._closed = True
@@ -249,7 +255,10 @@ class Master:
                 failures.append(error)
         self._silence_fatal()
         for instance in self._instances.values():
-            instance.free()
+            try:
+                instance.free()
+            except SlaveError as error:
+                failures.append(error)
         if failures:
             raise failures[0]
 
@@ -347,9 +356,9 @@ class Master:
 
     def _silence_fatal(self) -> None:
         """After fmi2Fatal all instances of that FMU are corrupt, not only one (FMI 2.0.4, section 2.1.3)."""
-        instances = self._instances.values()
-        corrupt = {instance.source.resolve() for instance in instances if instance.phase is InstancePhase.FATAL}
-        for instance in instances:
+        shared = [instance for instance in self._instances.values() if instance.shares_process]
+        corrupt = {instance.source.resolve() for instance in shared if instance.phase is InstancePhase.FATAL}
+        for instance in shared:
             if instance.source.resolve() in corrupt:
                 instance.phase = InstancePhase.FATAL
 

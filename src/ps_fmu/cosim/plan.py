@@ -10,13 +10,14 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from ctypes import CFUNCTYPE, PYFUNCTYPE, c_double, c_int, c_size_t, c_void_p, cast
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .fmu_instance import FAMILY, FmuInstance
 from .graph import Wiring
+from .guard import End
 from .rows import Rows
 from .structure import PortName
 
@@ -50,6 +51,10 @@ class Call:
     def check(self, status: int, time: float, step: float) -> None:
         """Count a warning in the step from ``time`` on [s], raise :class:`SlaveError` on anything worse."""
         self.instance.check(self.function, status, time + step if self.later else time, self.names)
+
+    def give_up(self, end: End, time: float, step: float) -> NoReturn:
+        """Raise what a call means that did not return in the step from ``time`` on [s]."""
+        self.instance.give_up(self.function, end, time + step if self.later else time)
 
 
 @dataclass(frozen=True)
