@@ -21,7 +21,7 @@ from fmpy.model_description import ModelDescription
 
 from . import guard, pythonfmu
 from .description import convert_value, index_variables
-from .errors import SlaveError, SystemFileError, UsageError, name_status
+from .errors import DiscardedStep, SlaveEnded, SlaveError, SystemFileError, UsageError, name_status
 from .guard import End
 from .messages import MessageLog, forget, listen
 from .structure import Component, Value
@@ -29,8 +29,8 @@ from .unpacked import discard_unpacked, leave_no_bytecode, provide_unpacked, rel
 
 _LOADING = threading.Lock()  # the working directory, which FMPy changes, is that of all threads
 
-OK, WARNING, DISCARD, ERROR, FATAL = range(5)
-LAST_SUCCESSFUL_TIME = 2  # fmi2StatusKind
+OK, WARNING, DISCARD, ERROR, FATAL, PENDING = range(6)
+LAST_SUCCESSFUL_TIME, TERMINATED = 2, 3  # fmi2StatusKind
 
 ACCESS = CFUNCTYPE(c_int, c_void_p, c_void_p, c_size_t, c_void_p)
 """fmi2SetReal, fmi2GetReal and their kin with all pointers as addresses."""
@@ -56,10 +56,12 @@ class InstancePhase(Enum):
 
 
 _ADVICE = {
-    DISCARD: "Steps are not repeated with a smaller size: choose a smaller step, or correct the values it objects to.",
+    DISCARD: "Choose a smaller step, or correct the values it objects to.",
     ERROR: "The instance cannot go on: correct what it complains about and start again.",
     FATAL: "The FMU is not called again, not even to free it: correct what it complains about and start again, "
     "in a new process if need be.",
+    PENDING: "The FMU steps asynchronously, which this master does not support: use a version of the FMU that steps at "
+    "once, if its maker has one (canRunAsynchronuously).",
 }
 
 
@@ -166,6 +168,24 @@ class FmuInstance:
         self.phase = InstancePhase.INSTANTIATED
         self.warnings = 0
 
+    # ---- states ------------------------------------------------------------------------------------------
+
+    def get_state(self) -> int:
+        """fmi2GetFMUstate: a state of the FMU, by its address; give it back by :meth:`free_state`."""
+        state = c_void_p()
+        self._call("fmi2GetFMUstate", byref(state))
+        return state.value or 0
+
+    def set_state(self, state: int) -> None:
+        """fmi2SetFMUstate: go on from a state of :meth:`get_state`, also after a step that was discarded."""
+        self._call("fmi2SetFMUstate", c_void_p(state))
+        self.phase = InstancePhase.RUNNING
+
+    def free_state(self, state: int) -> None:
+        """fmi2FreeFMUstate."""
+        if self.phase not in (InstancePhase.FATAL, InstancePhase.FREED):
+            self._call("fmi2FreeFMUstate", byref(c_void_p(state)))
+
     # ---- variables ---------------------------------------------------------------------------------------
 
     def set(self, values: Mapping[str, Value], time: float) -> None:
@@ -204,14 +224,14 @@ class FmuInstance:
         where = f"{function}{at_time(time)}"
         if status == WARNING:
             self.warnings += 1
-            self.messages.show(f"{function} returned fmi2Warning")
+            self.messages.show(f"{function} returned fmi2Warning", time)
             return
         advice = _ADVICE.get(status, "Only synchronous instances that answer with an fmi2Status can be run.")
         details = f" (variables: {', '.join(variables)})" if variables else ""
         if status == DISCARD and function == "fmi2DoStep":
             self.phase = InstancePhase.STEP_FAILED
-            details += self._last_successful_time()
-        elif status != DISCARD:
+            self._raise_discarded(time)
+        if status != DISCARD:
             self.phase = InstancePhase.FATAL if status == FATAL else InstancePhase.ERROR
             if status == FATAL:  # all instances of the library are corrupt (FMI 2.0.4, section 2.1.3): no more of them
                 discard_unpacked(self._folder)
@@ -239,12 +259,24 @@ class FmuInstance:
             component=self.name, function=function, status=FATAL, time=time, messages=messages,
         )  # fmt: skip
 
-    def _last_successful_time(self) -> str:
-        value = c_double()
-        function = self._fmu.dll.fmi2GetRealStatus
-        if function(self.address, LAST_SUCCESSFUL_TIME, byref(value)) > WARNING:
-            return ""
-        return f", last successful time {value.value:.9g} s"
+    def _raise_discarded(self, time: float | None) -> NoReturn:
+        """Say whether the FMU has ended the simulation, or has only not made this step."""
+        reached, ended = c_double(), c_int()
+        real, boolean = self._fmu.dll.fmi2GetRealStatus, self._fmu.dll.fmi2GetBooleanStatus
+        known = real(self.address, LAST_SUCCESSFUL_TIME, byref(reached)) <= WARNING
+        over = boolean(self.address, TERMINATED, byref(ended)) <= WARNING and bool(ended)
+        details = f", last successful time {reached.value:.9g} s" if known else ""
+        messages = self.messages.take()
+        where = f"{self.name}: fmi2DoStep{at_time(time)} returned fmi2Discard"
+        if over:
+            text = f"{where} and fmi2Terminated{details}: the FMU has ended the simulation"
+        else:
+            text = f"{where}{details}{quote(messages)}\n  {_ADVICE[DISCARD]}"
+        error = (SlaveEnded if over else DiscardedStep)(
+            text, component=self.name, function="fmi2DoStep", status=DISCARD, time=time, messages=messages
+        )
+        error.reached = reached.value if known else None
+        raise error
 
     def _call(self, function: str, *arguments: Any, time: float | None = None, variables: Sequence[str] = ()) -> None:
         if self.phase in (InstancePhase.FATAL, InstancePhase.FREED):

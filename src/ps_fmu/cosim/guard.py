@@ -6,20 +6,28 @@ See ``native/guard.c``.  Where there is no such library, an FMU that crashes or 
 from __future__ import annotations
 
 import ctypes
+import logging
+import os
 import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
 from ctypes import Structure, c_char, c_int, c_void_p
 from functools import cache
+from pathlib import Path
 
 from fmpy import platform
 
+from .errors import CosimError
 from .native import LOOP
+
+log = logging.getLogger("ps_fmu.cosim")
 
 CRASHED, EXITED, INTERRUPTED = 1, 2, 3
 """Endings of a call, as in guard.c."""
-ROUNDING, HANDLER = 1, 2
+ROUNDING, HANDLER, FOLDER = 1, 2, 4
 """What FMUs have changed in this process, as bits."""
+_CHANGES = {HANDLER: "the handler of Ctrl-C", FOLDER: "the working directory"}
+_ADVICE = "--isolate gives FMUs processes of their own, and tells which of them does this"
 _PLACE_BYTES = 256
 
 
@@ -68,7 +76,7 @@ def arm(interrupts: bool) -> Iterator[None]:
     try:
         yield
     finally:
-        library.guard_disarm(interrupts)
+        library.guard_disarm()
 
 
 @contextmanager
@@ -92,7 +100,28 @@ def find_interrupts() -> int | None:
     return None if library is None else ctypes.addressof(c_int.in_dll(library, "guard_interrupts"))
 
 
-def restore_process(interrupts: bool) -> int:
-    """Put back what no FMU may change, and say which of it was changed: ROUNDING, HANDLER."""
-    library = find_library()
-    return 0 if library is None else int(library.guard_restore(interrupts))
+class ProcessGuard:
+    """What no FMU may change in the process of the master: compared with what it was, and put back."""
+
+    def __init__(self) -> None:
+        self._library = find_library()
+        self._folder = Path.cwd()
+        self._warned = 0
+
+    def check(self) -> None:
+        """Look after some steps.  A change of the rounding is an error, for all results after it are suspect.
+
+        Raises :class:`CosimError`.
+        """
+        found = 0 if self._library is None else int(self._library.guard_restore())
+        if Path.cwd() != self._folder:
+            os.chdir(self._folder)
+            found |= FOLDER
+        for change, text in _CHANGES.items():
+            if found & change & ~self._warned:
+                log.warning("an FMU changed %s of this process, which was put back; %s", text, _ADVICE)
+        self._warned |= found
+        if found & ROUNDING:
+            raise CosimError(
+                f"an FMU changed the rounding of floating-point numbers of this process in its last steps; {_ADVICE}"
+            )

@@ -17,6 +17,12 @@ from types import FrameType
 from .guard import arm
 
 
+def takes_interrupts() -> bool:
+    """Whether SIGINT is Python's to handle in this thread."""
+    main = threading.current_thread() is threading.main_thread()
+    return main and signal.getsignal(signal.SIGINT) not in (None, signal.SIG_IGN)
+
+
 @contextmanager
 def note_interrupts() -> Iterator[c_int]:
     """A number that is zero until SIGINT arrives; the loop in C can read it, too.
@@ -27,7 +33,7 @@ def note_interrupts() -> Iterator[c_int]:
     """
     noted = c_int()
     previous = signal.getsignal(signal.SIGINT)
-    if threading.current_thread() is not threading.main_thread() or previous in (None, signal.SIG_IGN):
+    if not takes_interrupts():
         with arm(interrupts=False):
             yield noted
         return

@@ -15,12 +15,14 @@ from typing import Self
 from fmpy.model_description import ModelDescription
 
 from .clock import StepClock
+from .closing import end_all
 from .compiled import CompiledLoop
 from .delivery import Observer, deliver
 from .description import convert_value, explain_unsettable, find_variable, read_descriptions
-from .errors import CosimError, SlaveError, UsageError
+from .errors import CosimError, SlaveEnded, UsageError
 from .fmu_instance import FmuInstance, InstancePhase
 from .graph import OpenInput, check_wiring
+from .guard import ProcessGuard
 from .initialisation import initialise, load, read_first_row
 from .interrupt import note_interrupts
 from .isolation.instance import Isolation
@@ -28,6 +30,7 @@ from .loops import StepLoop, make_loop
 from .plan import SCHEMES, make_plan
 from .rows import Column, Rows, make_layout
 from .structure import PortName, System, Value, parse_port
+from .substeps import Repeater, find_obstacle
 
 log = logging.getLogger("ps_fmu.cosim")
 
@@ -94,6 +97,10 @@ class Master:
         self._instances: dict[str, FmuInstance] = {}
         self._compiled = compiled
         self._loop: StepLoop | None = None
+        self._obstacle = find_obstacle(self._descriptions)
+        self._repeater: Repeater | None = None
+        self._ended: SlaveEnded | None = None
+        self._guard = ProcessGuard()
         self._make_instance = FmuInstance if isolation is None else isolation.make_instance
         self._set: dict[PortName, Value] = {}
         self._closed = False
@@ -131,6 +138,11 @@ class Master:
     def phases(self) -> dict[str, InstancePhase]:
         """Where each FMU that was loaded is in its life, by component."""
         return {name: instance.phase for name, instance in self._instances.items()}
+
+    @property
+    def ended(self) -> SlaveEnded | None:
+        """The FMU that has ended the simulation, with the ``time`` [s] of its last row; None if none has."""
+        return self._ended
 
     @property
     def runs_in_c(self) -> bool:
@@ -197,7 +209,7 @@ class Master:
             raise UsageError("reset: the system is closed: make a new Master")
         system = self._system.with_parameters(start_values or {})
         self.wiring = check_wiring(system, self._descriptions)
-        self.system, self._loop, self._index = system, None, 0
+        self.system, self._loop, self._index, self._ended = system, None, 0, None
         self._set.clear()
         self._rows = Rows(self._layout, self._block_rows)
         try:
@@ -220,12 +232,16 @@ class Master:
         first; then the FMUs are terminated and freed as far as the standard allows, and the error is
         raised.
 
+        An FMU that ends the simulation by itself (fmi2Discard with fmi2Terminated) is no failure: :attr:`ended` is it.
+
         Raises :class:`UsageError` (nothing has run: a duration or an event that is not on the grid of steps),
         :class:`SlaveError`, KeyboardInterrupt, or what an observer raises.
         """
         self._refuse_while_running("run")
         if self._loop is None:
             raise UsageError("the system is closed" if self._closed else "call initialise() first")
+        if self._ended is not None:
+            raise UsageError(f"the simulation has ended: {self._ended}")
         end = self._index + self.clock.steps(duration)
         self.clock.check_end(end)
         schedule = self._make_schedule(events, end)
@@ -233,6 +249,9 @@ class Master:
         try:
             with note_interrupts() as interrupted:
                 self._advance(end, schedule, observers, progress, interrupted)
+        except SlaveEnded as ended:
+            self._ended = ended
+            log.warning("%s", ended)
         except BaseException as error:
             self._running = False
             error.add_note(f"The simulation of {self.system.path} stopped at t = {self.time:.9g} s.")
@@ -246,19 +265,7 @@ class Master:
         self._refuse_while_running("close")
         self._loop = None
         self._closed = True
-        failures = []
-        self._silence_fatal()
-        for instance in self._instances.values():
-            try:
-                instance.terminate(self.time)
-            except SlaveError as error:
-                failures.append(error)
-        self._silence_fatal()
-        for instance in self._instances.values():
-            try:
-                instance.free()
-            except SlaveError as error:
-                failures.append(error)
+        failures = end_all(self._instances.values(), self.time)
         if failures:
             raise failures[0]
 
@@ -303,8 +310,13 @@ class Master:
                 self._make_plan()
 
     def _make_plan(self) -> None:
-        plan = make_plan(self._instances, self.wiring, self._rows, self.clock.step, self.scheme, self._set.keys())
-        self._loop = make_loop(plan, self._rows, self._compiled)
+        self._loop = self._make_loop(self.clock.step)
+        self._repeater = Repeater(self._instances, self._rows, self.clock.step, self._make_loop, self._obstacle)
+
+    def _make_loop(self, step: float) -> StepLoop:
+        instances, cut, repeatable = self._instances, self._set.keys(), self._obstacle is None
+        plan = make_plan(instances, self.wiring, self._rows, step, self.scheme, cut, repeatable)
+        return make_loop(plan, self._rows, self._compiled)
 
     def _make_schedule(self, events: Iterable[Event], end: int) -> list[tuple[int, PortName, Value]]:
         schedule = []
@@ -338,8 +350,10 @@ class Master:
                 count = min(stop - self._index, rows.capacity - rows.filled)
                 before = rows.filled
                 assert self._loop is not None
+                assert self._repeater is not None
                 try:
-                    self._loop.advance(clock.times(self._index, count), interrupted)
+                    self._repeater.advance(self._loop, clock.times(self._index, count), interrupted)
+                    self._guard.check()
                 finally:
                     self._index += rows.filled - before
                 if interrupted:
@@ -353,14 +367,6 @@ class Master:
                 raise KeyboardInterrupt
         except BaseException as error:
             deliver(rows, clock, self.columns, observers, error)
-
-    def _silence_fatal(self) -> None:
-        """After fmi2Fatal all instances of that FMU are corrupt, not only one (FMI 2.0.4, section 2.1.3)."""
-        shared = [instance for instance in self._instances.values() if instance.shares_process]
-        corrupt = {instance.source.resolve() for instance in shared if instance.phase is InstancePhase.FATAL}
-        for instance in shared:
-            if instance.source.resolve() in corrupt:
-                instance.phase = InstancePhase.FATAL
 
     def _abort(self) -> None:
         """Free everything after a failure, without hiding it behind another one."""

@@ -54,7 +54,7 @@ static void log_much(const Instance *m)
 static fmi2Status misbehave(Instance *m, double time, double step)
 {
     volatile int zero = 0;
-    int *volatile nowhere = NULL;
+    volatile int *volatile nowhere = NULL;
     if (is(m, "hang_busy"))
         hang();
     else if (is(m, "hang_asleep"))
@@ -77,7 +77,7 @@ static fmi2Status misbehave(Instance *m, double time, double step)
     else if (is(m, "illegal_instruction"))
         __builtin_trap();
     else if (is(m, "division"))
-        m->now.count = 1 / zero;
+        m->now.count = 100 / zero;
     else if (is(m, "double_free")) {
         char *volatile block = malloc(2000), *volatile other = malloc(2000);
         free(block);

@@ -11,6 +11,7 @@ import sys
 import threading
 from collections import deque
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from ctypes import POINTER, Structure, byref, c_char, c_char_p, c_double, c_int32, c_int64, c_uint32, c_uint64, c_void_p
 from dataclasses import dataclass
 from functools import cache
@@ -23,7 +24,7 @@ from .program import ISOLATION
 
 DATA_BYTES = 16 << 20
 """Memory for the values of one exchange; only what is used takes space."""
-SPIN_NS = 20_000
+SPIN_NS = 10_000
 """So long do both sides wait before they sleep; to be woken up takes some 5 us, twice."""
 LIFE_TIMEOUT_S = 60.0
 """Calls that are no steps may take so long at least: FMUs load data and start tools in them [s]."""
@@ -33,10 +34,14 @@ KEPT_LINES = 8
 LINE_BYTES = 1000
 
 # Kinds of operations, in the order of channel.h.
-FUNCTIONS = tuple(
-    f"fmi2{name}"
-    for name in ["Instantiate", "FreeInstance", "SetDebugLogging", "SetupExperiment", "EnterInitializationMode", "ExitInitializationMode", "Terminate", "Reset", "SetReal", "SetInteger", "SetBoolean", "SetString", "GetReal", "GetInteger", "GetBoolean", "GetString", "DoStep", "CancelStep", "GetFMUstate", "SetFMUstate", "FreeFMUstate", "SerializedFMUstateSize", "SerializeFMUstate", "DeSerializeFMUstate", "GetDirectionalDerivative", "SetRealInputDerivatives", "GetRealOutputDerivatives", "GetStatus", "GetRealStatus", "GetIntegerStatus", "GetBooleanStatus", "GetStringStatus"]
-)
+_KINDS = """
+Instantiate FreeInstance SetDebugLogging SetupExperiment EnterInitializationMode ExitInitializationMode Terminate
+Reset SetReal SetInteger SetBoolean SetString GetReal GetInteger GetBoolean GetString DoStep CancelStep GetFMUstate
+SetFMUstate FreeFMUstate SerializedFMUstateSize SerializeFMUstate DeSerializeFMUstate GetDirectionalDerivative
+SetRealInputDerivatives GetRealOutputDerivatives GetStatus GetRealStatus GetIntegerStatus GetBooleanStatus
+GetStringStatus
+"""
+FUNCTIONS = tuple(f"fmi2{name}" for name in _KINDS.split())
 ALIVE, KILLED, EXITED, HANGS, INTERRUPTED = range(5)  # Fate of client.c
 CHANGES = {
     1: "changed the rounding of floating-point numbers, so that its results are not those of any other tool",
@@ -186,10 +191,8 @@ class GuestProcess:
         """End the process if it has not ended; no zombie stays."""
         functions = load_library()
         functions.end_isolated(self.address)
-        try:
+        with suppress(subprocess.TimeoutExpired):
             self._process.wait(timeout=ENDING_S if self.fate == ALIVE else 0.0)
-        except subprocess.TimeoutExpired:
-            pass
         _end_group(self._process.pid)  # also what the FMU has started
         self._process.wait()
         self._reader.join(timeout=ENDING_S)
@@ -222,10 +225,8 @@ def _start(descriptor: int, size: int) -> subprocess.Popen[bytes]:
 
 
 def _end_group(process: int) -> None:
-    try:
+    with suppress(ProcessLookupError, PermissionError):
         os.killpg(process, signal.SIGKILL)
-    except (ProcessLookupError, PermissionError):
-        pass
 
 
 def _name_signal(number: int) -> str:

@@ -119,7 +119,7 @@ class IsolatedInstance(FmuInstance):
         change, last = self.guest.change, self.guest.find_last_begun()
         begun = next((o.time for o in outcomes if o.time is not None), time)
         for place, outcome in enumerate(outcomes):
-            names = self._name(outcome) or tuple(variables)
+            names = self._name(outcome)
             when = time if outcome.function.startswith("fmi2Get") else begun
             if change and place == last:
                 self._raise_change(outcome.function, when, change)

@@ -33,7 +33,7 @@ static const int crashes[] = {SIGSEGV, SIGBUS, SIGFPE, SIGILL, SIGABRT};
 enum { N_CRASHES = sizeof crashes / sizeof *crashes, STACK_BYTES = 1 << 16 };
 
 static struct sigaction before[N_CRASHES], interrupt_before;
-static int armed;
+static int armed, takes_interrupts;
 static int (*holds_python)(void);
 static __thread sigjmp_buf *way_out;
 static __thread volatile int end_number;
@@ -88,6 +88,11 @@ static void on_interrupt(int number, siginfo_t *info, void *context)
         interrupt_before.sa_handler(number);
     if (guard_interrupts > 1 && can_leave())
         leave(INTERRUPTED, number);
+    if (guard_interrupts > 1 && way_out == NULL && guard_place[0] != '\0') {
+        say(guard_place);
+        say(": did not return, and was interrupted: the process ends\n");
+        _exit(130);
+    }
     if (guard_interrupts > 2 && way_out != NULL) {
         say("an FMU in Python does not return: the process ends; rows that are not in the file yet are lost\n");
         _exit(130);
@@ -116,11 +121,18 @@ static void on_exit_elsewhere(int code, void *unused)
     _exit(code != 0 ? code : 1);
 }
 
+static void on_quick_exit(void)
+{
+    on_exit_in_steps(0, NULL);
+    on_exit_elsewhere(0, NULL);
+}
+
 /* Once: `python` says whether this thread holds the interpreter's lock. */
 EXPORTED void guard_prepare(int (*python)(void))
 {
     holds_python = python;
     on_exit(on_exit_elsewhere, NULL);
+    at_quick_exit(on_quick_exit);
 }
 
 /* Take over signals, until guard_disarm; calls may be nested.  `interrupt`: also SIGINT. */
@@ -138,6 +150,7 @@ EXPORTED void guard_arm(int interrupt)
     guard_interrupts = 0;
     memset(&interrupt_before, 0, sizeof interrupt_before);
     action.sa_sigaction = on_interrupt;
+    takes_interrupts = interrupt;
     if (interrupt)
         sigaction(SIGINT, &action, &interrupt_before);
     const stack_t stack = {.ss_sp = own_stack, .ss_size = STACK_BYTES, .ss_flags = 0};
@@ -145,19 +158,19 @@ EXPORTED void guard_arm(int interrupt)
     on_exit(on_exit_in_steps, NULL); /* again each time: what registered before it, as HDF5, comes after it */
 }
 
-EXPORTED void guard_disarm(int interrupt)
+EXPORTED void guard_disarm(void)
 {
     if (--armed > 0)
         return;
     for (int k = 0; k < N_CRASHES; k++)
         sigaction(crashes[k], &before[k], NULL);
-    if (interrupt)
+    if (takes_interrupts)
         sigaction(SIGINT, &interrupt_before, NULL);
     sigaltstack(&stack_before, NULL);
 }
 
 /* Put the rounding of numbers and the handler of Ctrl-C back; returns 1 if the first was changed, plus 2 for the second. */
-EXPORTED int guard_restore(int interrupt)
+EXPORTED int guard_restore(void)
 {
     int found = 0;
     struct sigaction action;
@@ -165,7 +178,7 @@ EXPORTED int guard_restore(int interrupt)
         fesetround(FE_TONEAREST);
         found |= 1;
     }
-    if (armed && interrupt && sigaction(SIGINT, NULL, &action) == 0 && action.sa_sigaction != on_interrupt) {
+    if (armed && takes_interrupts && sigaction(SIGINT, NULL, &action) == 0 && action.sa_sigaction != on_interrupt) {
         action.sa_flags = SA_SIGINFO | SA_ONSTACK;
         action.sa_sigaction = on_interrupt;
         sigaction(SIGINT, &action, NULL);
