@@ -259,12 +259,15 @@ class FmuInstance:
             component=self.name, function=function, status=FATAL, time=time, messages=messages,
         )  # fmt: skip
 
+    def _has_ended(self) -> bool:
+        """What fmi2GetBooleanStatus says of fmi2Terminated."""
+        ended = c_int()
+        return self._fmu.dll.fmi2GetBooleanStatus(self.address, TERMINATED, byref(ended)) <= WARNING and bool(ended)
+
     def _raise_discarded(self, time: float | None) -> NoReturn:
         """Say whether the FMU has ended the simulation, or has only not made this step."""
-        reached, ended = c_double(), c_int()
-        real, boolean = self._fmu.dll.fmi2GetRealStatus, self._fmu.dll.fmi2GetBooleanStatus
-        known = real(self.address, LAST_SUCCESSFUL_TIME, byref(reached)) <= WARNING
-        over = boolean(self.address, TERMINATED, byref(ended)) <= WARNING and bool(ended)
+        reached, over = c_double(), self._has_ended()
+        known = self._fmu.dll.fmi2GetRealStatus(self.address, LAST_SUCCESSFUL_TIME, byref(reached)) <= WARNING
         details = f", last successful time {reached.value:.9g} s" if known else ""
         messages = self.messages.take()
         where = f"{self.name}: fmi2DoStep{at_time(time)} returned fmi2Discard"

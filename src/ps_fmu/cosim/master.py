@@ -310,13 +310,14 @@ class Master:
                 self._make_plan()
 
     def _make_plan(self) -> None:
-        self._loop = self._make_loop(self.clock.step)
-        self._repeater = Repeater(self._instances, self._rows, self.clock.step, self._make_loop, self._obstacle)
+        instances, wiring, rows, compiled = self._instances, self.wiring, self._rows, self._compiled
+        scheme, cut, repeatable = self.scheme, self._set.keys(), self._obstacle is None
 
-    def _make_loop(self, step: float) -> StepLoop:
-        instances, cut, repeatable = self._instances, self._set.keys(), self._obstacle is None
-        plan = make_plan(instances, self.wiring, self._rows, step, self.scheme, cut, repeatable)
-        return make_loop(plan, self._rows, self._compiled)
+        def make(step: float) -> StepLoop:  # refers to no Master, so that it goes when nobody needs it any longer
+            return make_loop(make_plan(instances, wiring, rows, step, scheme, cut, repeatable), rows, compiled)
+
+        self._loop = make(self.clock.step)
+        self._repeater = Repeater(instances, rows, self.clock.step, make, self._obstacle)
 
     def _make_schedule(self, events: Iterable[Event], end: int) -> list[tuple[int, PortName, Value]]:
         schedule = []

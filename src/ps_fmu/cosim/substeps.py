@@ -82,7 +82,7 @@ class Repeater:
             raise
         except DiscardedStep as error:
             if self._obstacle is not None:
-                error.add_note(f"The step cannot be repeated in smaller ones: {self._obstacle}.")
+                error.args = (f"{error}\n  The step cannot be repeated in smaller ones: {self._obstacle}.",)
                 raise
             done = rows.filled - first
             self._warn(error)

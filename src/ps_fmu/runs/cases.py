@@ -120,7 +120,13 @@ def run_case(
     structure = system.structure.with_parameters(case.values)
     with (
         system.warnings.collect(),
-        Master(structure, options.step_s, options.scheme, descriptions=system.descriptions) as master,
+        Master(
+            structure,
+            options.step_s,
+            options.scheme,
+            descriptions=system.descriptions,
+            isolation=options.isolation,
+        ) as master,
     ):
         texts = (
             *_list_overruled(system, case), *_list_connected(system, master), *_list_open(system, master, case),
