@@ -106,10 +106,11 @@ class ProcessGuard:
     def __init__(self) -> None:
         self._library = find_library()
         self._folder = Path.cwd()
+        self._null = open(os.devnull, "rb")  # noqa: SIM115
         self._warned = 0
 
     def check(self) -> None:
-        """Look after some steps.  A change of the rounding is an error, for all results after it are suspect.
+        """Look after some steps.  Rounding and descriptors are errors, for results after them cannot be trusted.
 
         Raises :class:`CosimError`.
         """
@@ -122,6 +123,8 @@ class ProcessGuard:
                 log.warning("an FMU changed %s of this process, which was put back; %s", text, _ADVICE)
         self._warned |= found
         if found & ROUNDING:
-            raise CosimError(
-                f"an FMU changed the rounding of floating-point numbers of this process in its last steps; {_ADVICE}"
-            )
+            raise CosimError(f"an FMU changed the rounding of numbers in this process in the last steps; {_ADVICE}")
+        try:
+            os.fstat(self._null.fileno())
+        except OSError as error:
+            raise CosimError(f"an FMU closed files of this process in the last steps; {_ADVICE}") from error

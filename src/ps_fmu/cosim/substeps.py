@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from fmpy.model_description import ModelDescription
 
-from .errors import DiscardedStep, SlaveEnded
+from .errors import DiscardedStep, SlaveEnded, SlaveError
 from .fmu_instance import FmuInstance
 from .loops import StepLoop
 from .rows import Array, Rows
@@ -147,7 +147,10 @@ class Repeater:
     @staticmethod
     def _release(kept: _Kept) -> None:
         for instance, state in kept.states.items():
-            instance.free_state(state)
+            try:
+                instance.free_state(state)
+            except SlaveError as error:  # after another failure, which says more
+                log.warning("%s", error)
 
 
 def _choose(error: DiscardedStep, now: float, size: float) -> float:

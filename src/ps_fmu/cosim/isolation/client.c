@@ -35,7 +35,7 @@ typedef struct {
     int64_t guest;              /* process */
     int64_t spin_ns;
     int64_t step_ns, life_ns;   /* how long to wait for the calls of a step, and for the others; 0: for ever */
-    const volatile int *interrupts; /* from two on, waiting ends */
+    volatile int *interrupts; /* from two on, waiting ends, once */
     /* What became of the guest. */
     int64_t fate, fate_number;
     /* Own. */
@@ -130,6 +130,8 @@ static void end_guest(Client *c, Fate fate)
     kill(-(pid_t)c->guest, SIGKILL); /* with the processes that it has started */
 }
 
+EXPORTED void interrupt_isolated(Client *c);
+
 /* Whether the guest has carried out the batch. */
 static int await(Client *c, int64_t patience_ns)
 {
@@ -144,7 +146,7 @@ static int await(Client *c, int64_t patience_ns)
         if (has_ended(c)) /* perhaps just after its work */
             return __atomic_load_n(done, __ATOMIC_ACQUIRE) == c->number && (c->fate = ALIVE, 1);
         if (c->interrupts != NULL && *c->interrupts > 1)
-            return end_guest(c, INTERRUPTED), 0;
+            return interrupt_isolated(c), 0;
         if (patience_ns > 0 && now_ns() > until)
             return end_guest(c, HANGS), 0;
         sleep_on(done, now, &c->channel->master_sleeps, SLICE_NS);
@@ -702,6 +704,15 @@ fmi2Status fmi2GetStringStatus(fmi2Component component, const fmi2StatusKind wha
 }
 
 /* ---- the end --------------------------------------------------------------------------------------------------- */
+
+/* Waiting for the guest was left by a jump (guard.c), or is to end now. */
+EXPORTED void interrupt_isolated(Client *c)
+{
+    if (c->interrupts != NULL)
+        *c->interrupts = 1;
+    if (c->fate == ALIVE)
+        end_guest(c, INTERRUPTED);
+}
 
 /* The guest ends, with all that it has started; its process is waited for by who started it. */
 EXPORTED void end_isolated(Client *c)

@@ -103,7 +103,7 @@ def load_library() -> ctypes.CDLL:
     library = ctypes.CDLL(str(find_library()))
     for function in (library.channel_bytes, library.client_bytes):
         function.argtypes, function.restype = (), c_uint64
-    for function in (library.set_next_client, library.end_isolated, library.clear_client):
+    for function in (library.set_next_client, library.end_isolated, library.interrupt_isolated, library.clear_client):
         function.argtypes, function.restype = (c_void_p,), None
     for function in (library.get_last_begun, library.get_change):
         function.argtypes, function.restype = (c_void_p,), c_uint32
@@ -182,6 +182,10 @@ class GuestProcess:
     def find_last_begun(self) -> int:
         """Place among the outcomes of the call that ended the process, or during which it was ended."""
         return int(load_library().get_last_begun(self.address))
+
+    def interrupt(self) -> None:
+        """End the process: the master does not wait for it any longer."""
+        load_library().interrupt_isolated(self.address)
 
     def join_output(self) -> None:
         """Wait for the last lines of a process that has ended."""

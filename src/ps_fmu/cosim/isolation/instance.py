@@ -16,7 +16,7 @@ from fmpy.model_description import ModelDescription
 
 from ..errors import SlaveError
 from ..fmu_instance import FAMILY, FATAL, OK, WARNING, FmuInstance, InstancePhase, at_time, quote
-from ..guard import find_interrupts
+from ..guard import End, find_interrupts
 from ..messages import forget
 from ..structure import Component, System
 from ..unpacked import release_unpacked
@@ -127,6 +127,11 @@ class IsolatedInstance(FmuInstance):
                 super().check(outcome.function, outcome.status, when, names)
         if status > WARNING and not any(o.status > WARNING for o in outcomes):  # no room in the shared memory
             super().check(function, status, time, variables)
+
+    def give_up(self, function: str, end: End, time: float) -> NoReturn:
+        """Waiting for the process was interrupted."""
+        self.guest.interrupt()
+        self._raise_end(time, self.messages.take())
 
     def _name(self, outcome: Outcome) -> tuple[str, ...]:
         family = outcome.function.removeprefix("fmi2")[3:]
