@@ -16,11 +16,10 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
-from support.cosim import Collect, ssd_text
-
 from ps_fmu.cosim import Master, read_system
 from ps_fmu.cosim.isolation import guest_process
 from ps_fmu.cosim.isolation.instance import Isolation
+from support.cosim import Collect, ssd_text
 
 H, STEPS = 0.01, 10
 TIMEOUT_S = 0.5
@@ -34,7 +33,7 @@ def run(folder, fault, where):
     collect, ended, error = Collect(), None, None
     with tempfile.TemporaryDirectory() as place:
         path = Path(place, "test.ssd")
-        path.write_text(ssd_text({"good": "Faulty", fault: "Faulty"}, [f"good.y -> {fault}.u"]))
+        path.write_text(ssd_text({"other": "Faulty", fault: "Faulty"}, [f"other.y -> {fault}.u"]))
         try:
             system = read_system(path, folder)
             with Master(system, H, isolation=None if where == "inside" else Isolation(step_timeout_s=limit)) as master:
@@ -43,7 +42,7 @@ def run(folder, fault, where):
                 ended = str(master.ended) if master.ended else None
         except BaseException as caught:
             error = "\n".join([type(caught).__name__, str(caught), *getattr(caught, "__notes__", ())])
-    rows = collect.values[:, -3:].tolist() if len(collect.time) else []
+    rows = collect.values.tolist() if len(collect.time) else []
     return {"rows": len(collect.time), "last": rows[-1:], "error": error, "ended": ended}
 
 
@@ -70,8 +69,9 @@ def watch(child, errors, where):
 
 def is_pending(child):
     """Whether a Ctrl-C has not been taken yet."""
-    lines = dict(line.split(":\t", 1) for line in Path(f"/proc/{child}/status").read_text().splitlines() if ":\t" in line)
-    return any(int(lines[name], 16) & 1 << signal.SIGINT - 1 for name in ("ShdPnd", "SigPnd"))
+    lines = Path(f"/proc/{child}/status").read_text().splitlines()
+    masks = [int(line.split()[1], 16) for line in lines if line.startswith(("ShdPnd:", "SigPnd:"))]
+    return any(mask & 1 << signal.SIGINT - 1 for mask in masks)
 
 
 def main(folder, *cases):
