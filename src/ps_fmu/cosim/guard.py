@@ -13,7 +13,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from ctypes import Structure, c_char, c_int, c_void_p
 from functools import cache
-from pathlib import Path
 
 from fmpy import platform
 
@@ -68,10 +67,10 @@ def find_library() -> ctypes.CDLL | None:
 @contextmanager
 def arm(interrupts: bool) -> Iterator[None]:
     """Take over the signals of crashes, and with ``interrupts`` SIGINT, which Python has a handler for."""
-    library = find_library()
-    if library is None:
+    if find_library() is None:
         yield
         return
+    library = ctypes.PyDLL(str(LOOP.path(platform)))  # with the interpreter's lock: one thread at a time counts
     library.guard_arm(interrupts)
     try:
         yield
@@ -100,12 +99,20 @@ def find_interrupts() -> int | None:
     return None if library is None else ctypes.addressof(c_int.in_dll(library, "guard_interrupts"))
 
 
+def _find_folder() -> str | None:
+    """The working directory; None if it has been removed."""
+    try:
+        return os.getcwd()
+    except OSError:
+        return None
+
+
 class ProcessGuard:
     """What no FMU may change in the process of the master: compared with what it was, and put back."""
 
     def __init__(self) -> None:
         self._library = find_library()
-        self._folder = Path.cwd()
+        self._folder = _find_folder()
         self._null = open(os.devnull, "rb")  # noqa: SIM115
         self._warned = 0
 
@@ -115,7 +122,7 @@ class ProcessGuard:
         Raises :class:`CosimError`.
         """
         found = 0 if self._library is None else int(self._library.guard_restore())
-        if Path.cwd() != self._folder:
+        if self._folder is not None and _find_folder() != self._folder:
             os.chdir(self._folder)
             found |= FOLDER
         for change, text in _CHANGES.items():
