@@ -9,6 +9,7 @@ import ctypes
 import logging
 import os
 import signal
+import weakref
 from collections.abc import Iterator
 from contextlib import contextmanager
 from ctypes import Structure, c_char, c_int, c_void_p
@@ -113,7 +114,8 @@ class ProcessGuard:
     def __init__(self) -> None:
         self._library = find_library()
         self._folder = _find_folder()
-        self._null = open(os.devnull, "rb")  # noqa: SIM115
+        self._null = os.open(os.devnull, os.O_RDONLY)
+        self._close = weakref.finalize(self, os.close, self._null)
         self._warned = 0
 
     def check(self) -> None:
@@ -132,6 +134,7 @@ class ProcessGuard:
         if found & ROUNDING:
             raise CosimError(f"an FMU changed the rounding of numbers in this process in the last steps; {_ADVICE}")
         try:
-            os.fstat(self._null.fileno())
+            os.fstat(self._null)
         except OSError as error:
+            self._close.detach()
             raise CosimError(f"an FMU closed files of this process in the last steps; {_ADVICE}") from error
