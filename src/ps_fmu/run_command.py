@@ -12,7 +12,8 @@ from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 
-from .cosim.errors import CosimError
+from .cosim.errors import CosimError, UsageError
+from .cosim.isolation.options import add_isolation_options, read_isolation
 from .paper import figures
 from .product.files import find_file, find_product, list_system_files
 from .results.style import prepare_drawing
@@ -59,6 +60,7 @@ def add_arguments(p: argparse.ArgumentParser, found: Mapping[str, Scenario]) -> 
         help="parameters, or beginnings of their names such as isolator.payload, that differ from the plant's on "
         "purpose: no warning",
     )  # fmt: skip
+    add_isolation_options(p)
     system = p.add_mutually_exclusive_group()
     system.add_argument("--ssp", type=Path, metavar="FILE.ssp", help="the system with its FMUs, made by ps-fmu ssp")
     system.add_argument(
@@ -92,6 +94,10 @@ def add_arguments(p: argparse.ArgumentParser, found: Mapping[str, Scenario]) -> 
 def read_options(scenario: Scenario, arguments: argparse.Namespace) -> RunOptions:
     """Checked options, with an output folder that can be written.  Raises OptionError."""
     duration, step, output = arguments.duration, arguments.step, arguments.output
+    try:
+        isolation = read_isolation(arguments)
+    except UsageError as error:
+        raise OptionError(str(error)) from error
     own = arguments.ssp or (arguments.system and find_file(arguments.system))
     return RunOptions(
         scenario=scenario,
@@ -110,6 +116,7 @@ def read_options(scenario: Scenario, arguments: argparse.Namespace) -> RunOption
         fmus=None if arguments.ssp else find_built_folder(),
         figures=arguments.figures,
         profile=arguments.profile,
+        isolation=isolation,
     ).claim_output()
 
 

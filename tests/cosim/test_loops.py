@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from support.cosim import Collect
 
-from ps_fmu.cosim import Master, compiled, fmu_instance, loops
+from ps_fmu.cosim import Master, compiled, fmu_instance, guard, loops
 from ps_fmu.cosim.description import read_descriptions
 from ps_fmu.cosim.graph import check_wiring
 from ps_fmu.cosim.initialisation import initialise, load
@@ -138,15 +138,15 @@ def test_without_a_library_python_runs_the_steps(mixed, monkeypatch, tmp_path, c
             master.initialise()
             return master.runs_in_c
 
-    compiled.load_library.cache_clear()
+    guard.load_library.cache_clear()
     with monkeypatch.context() as patch, caplog.at_level(logging.INFO):
-        patch.setattr(compiled, "platform", "win64")
+        patch.setattr(guard, "platform", "win64")
         assert not is_in_c()
         assert "there is no compiled loop for win64" in caplog.text
     with monkeypatch.context() as patch, caplog.at_level(logging.INFO):
         (tmp_path / "linux64").mkdir()
         (tmp_path / "linux64" / "loop.so").write_text("not a library\n")
-        patch.setattr(type(compiled.LOOP), "path", lambda self, platform: tmp_path / platform / "loop.so")
+        patch.setattr(type(guard.LOOP), "path", lambda self, platform: tmp_path / platform / "loop.so")
         assert not is_in_c()
         assert "steps are run in Python" in caplog.text
     assert is_in_c()

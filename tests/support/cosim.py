@@ -30,6 +30,7 @@ PORTS = {
     ],
     "ToyFailing": [("clock", "output", "Real")],
     "ToyInterrupting": [("clock", "output", "Real")],
+    "Faulty": [("u", "input", "Real"), ("y", "output", "Real")],
 }
 OSCILLATOR = (
     {"mass": "ToyMass", "spring": "ToySpring"},

@@ -5,14 +5,10 @@ It lets go of the interpreter's lock, so that two systems can run at the same ti
 
 from __future__ import annotations
 
-import ctypes
 import logging
 from ctypes import POINTER, Structure, c_double, c_int, c_int64, c_void_p
-from functools import cache
 
-from fmpy import platform
-
-from .native import LOOP
+from .guard import End, load_library
 from .plan import Call, Gather, Plan
 from .rows import Array, Rows
 from .stopwatch import Laps, Timing, list_parts
@@ -70,9 +66,10 @@ class CompiledLoop:
     """
 
     def __init__(self, plan: Plan, rows: Rows, laps: Laps | None = None) -> None:
-        library = load_library()
-        self._run_steps = library.run_steps if laps is None else library.run_timed_steps
-        self._timing = () if laps is None else (laps.timing,)
+        self._run_steps = load_library().run_guarded
+        types = POINTER(_Loop), c_void_p, c_void_p, c_int64, c_double, POINTER(c_int), POINTER(Timing), POINTER(End)
+        self._run_steps.argtypes, self._run_steps.restype = types, c_int
+        self._timing = None if laps is None else laps.timing
         self._plan, self._rows = plan, rows
         self._parts = list(list_parts(plan))
         operations = (_Operation * len(self._parts))(*map(_make_operation, self._parts))
@@ -83,11 +80,14 @@ class CompiledLoop:
         loop, first = self._loop, self._rows.filled
         loop.rows_done = loop.next_operation = 0
         goal = self._rows.block[first:].ctypes.data, times.ctypes.data, len(times)
+        end = End()
         try:
-            while status := self._run_steps(loop, *goal, BUDGET_S, interrupted, *self._timing):
-                call = self._parts[loop.next_operation - 1]
+            while status := self._run_steps(loop, *goal, BUDGET_S, interrupted, self._timing, end):
+                call, time = self._parts[loop.next_operation - 1], float(times[loop.rows_done])
                 assert isinstance(call, Call)
-                call.check(status, float(times[loop.rows_done]), self._plan.step)
+                if end.ending:
+                    call.give_up(end, time, self._plan.step)
+                call.check(status, time, self._plan.step)
         finally:
             done, loop.rows_done = loop.rows_done, 0  # whoever counts rows meanwhile counts too few
             self._rows.filled = first + done
@@ -107,19 +107,6 @@ def is_available() -> bool:
     return True
 
 
-@cache
-def load_library() -> ctypes.CDLL:
-    """The library of the loop.  Raises OSError if there is none for this platform, or none that can be loaded."""
-    path = LOOP.path(platform)
-    if path is None:
-        raise OSError(f"there is no compiled loop for {platform}")
-    library = ctypes.CDLL(str(path))
-    arguments = POINTER(_Loop), c_void_p, c_void_p, c_int64, c_double, POINTER(c_int)
-    library.run_steps.argtypes, library.run_steps.restype = arguments, c_int
-    library.run_timed_steps.argtypes, library.run_timed_steps.restype = (*arguments, POINTER(Timing)), c_int
-    return library
-
-
 def _make_operation(part: Gather | Call) -> _Operation:
     """The addresses in a gather or call, whose objects the plan keeps."""
     if isinstance(part, Gather):
@@ -127,4 +114,5 @@ def _make_operation(part: Gather | Call) -> _Operation:
         return _Operation(_TAKE[part.inputs.dtype.name], len(part.sources), *arrays)
     references, values = (None if array is None else array.ctypes.data for array in (part.references, part.values))
     kind = _CALL[part.function]
-    return _Operation(kind, len(part.names), references, None, values, part.instance.address, part.address)
+    count = int(part.repeatable) if part.function == "fmi2DoStep" else len(part.names)
+    return _Operation(kind, count, references, None, values, part.instance.address, part.address)

@@ -70,6 +70,16 @@ class SlaveError(CosimError):
         self.messages = tuple(messages)
 
 
+class DiscardedStep(SlaveError):
+    """An fmi2DoStep that was discarded.  ``reached`` [s]: the last successful time, None where the FMU states none."""
+
+    reached: float | None = None
+
+
+class SlaveEnded(DiscardedStep):
+    """An FMU that has ended the simulation by itself: no failure (fmi2Discard, and fmi2Terminated is true)."""
+
+
 class RecorderError(CosimError, OSError):
     """A result file that cannot be written; what was stored before stays readable."""
 

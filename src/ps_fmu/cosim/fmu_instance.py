@@ -14,22 +14,23 @@ from collections.abc import Iterable, Mapping, Sequence
 from ctypes import CFUNCTYPE, byref, c_char_p, c_double, c_int, c_size_t, c_uint, c_void_p
 from enum import Enum, auto
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 from fmpy.fmi2 import FMU2Slave
 from fmpy.model_description import ModelDescription
 
-from . import pythonfmu
+from . import guard, pythonfmu
 from .description import convert_value, index_variables
-from .errors import SlaveError, SystemFileError, UsageError, name_status
+from .errors import DiscardedStep, SlaveEnded, SlaveError, SystemFileError, UsageError, name_status
+from .guard import End
 from .messages import MessageLog, forget, listen
 from .structure import Component, Value
 from .unpacked import discard_unpacked, leave_no_bytecode, provide_unpacked, release_unpacked
 
 _LOADING = threading.Lock()  # the working directory, which FMPy changes, is that of all threads
 
-OK, WARNING, DISCARD, ERROR, FATAL = range(5)
-LAST_SUCCESSFUL_TIME = 2  # fmi2StatusKind
+OK, WARNING, DISCARD, ERROR, FATAL, PENDING = range(6)
+LAST_SUCCESSFUL_TIME, TERMINATED = 2, 3  # fmi2StatusKind
 
 ACCESS = CFUNCTYPE(c_int, c_void_p, c_void_p, c_size_t, c_void_p)
 """fmi2SetReal, fmi2GetReal and their kin with all pointers as addresses."""
@@ -55,10 +56,12 @@ class InstancePhase(Enum):
 
 
 _ADVICE = {
-    DISCARD: "Steps are not repeated with a smaller size: choose a smaller step, or correct the values it objects to.",
+    DISCARD: "Choose a smaller step, or correct the values it objects to.",
     ERROR: "The instance cannot go on: correct what it complains about and start again.",
     FATAL: "The FMU is not called again, not even to free it: correct what it complains about and start again, "
     "in a new process if need be.",
+    PENDING: "The FMU steps asynchronously, which this master does not support: use a version of the FMU that steps at "
+    "once, if its maker has one (canRunAsynchronuously).",
 }
 
 
@@ -68,6 +71,9 @@ class FmuInstance:
     Raises :class:`SystemFileError` if the FMU cannot be unpacked or loaded, :class:`SlaveError` from every
     call that returns more than fmi2Warning; warnings are shown once and counted in ``warnings``.
     """
+
+    shares_process = True
+    """Its library is loaded into this process."""
 
     def __init__(self, component: Component, description: ModelDescription) -> None:
         self.name = component.name
@@ -96,13 +102,13 @@ class FmuInstance:
     def _instantiate(self) -> None:
         """fmi2Instantiate of the library."""
         try:
-            with leave_no_bytecode():
+            with leave_no_bytecode(), guard.name_call(f"{self.name}: fmi2Instantiate"):
                 self._fmu.instantiate(callbacks=self._callbacks, loggingOn=True)
         except Exception as error:
             forget(self._callbacks)
             messages = self.messages.take()
             raise SlaveError(
-                f"{self.name}: fmi2Instantiate failed: {error}{_quote(messages)}",
+                f"{self.name}: fmi2Instantiate failed: {error}{quote(messages)}",
                 component=self.name,
                 function="fmi2Instantiate",
                 status=None,
@@ -140,7 +146,8 @@ class FmuInstance:
         if self.phase not in (InstancePhase.FATAL, InstancePhase.FREED):
             self.phase = InstancePhase.FREED
             pythonfmu.release_once(self._fmu.dll)
-            self._fmu.freeInstance()
+            with guard.name_call(f"{self.name}: fmi2FreeInstance"):
+                self._fmu.freeInstance()
             forget(self._callbacks)
             release_unpacked(self._folder)
 
@@ -160,6 +167,24 @@ class FmuInstance:
             self._instantiate()
         self.phase = InstancePhase.INSTANTIATED
         self.warnings = 0
+
+    # ---- states ------------------------------------------------------------------------------------------
+
+    def get_state(self) -> int:
+        """fmi2GetFMUstate: a state of the FMU, by its address; give it back by :meth:`free_state`."""
+        state = c_void_p()
+        self._call("fmi2GetFMUstate", byref(state))
+        return state.value or 0
+
+    def set_state(self, state: int) -> None:
+        """fmi2SetFMUstate: go on from a state of :meth:`get_state`, also after a step that was discarded."""
+        self._call("fmi2SetFMUstate", c_void_p(state))
+        self.phase = InstancePhase.RUNNING
+
+    def free_state(self, state: int) -> None:
+        """fmi2FreeFMUstate."""
+        if self.phase not in (InstancePhase.FATAL, InstancePhase.FREED):
+            self._call("fmi2FreeFMUstate", byref(c_void_p(state)))
 
     # ---- variables ---------------------------------------------------------------------------------------
 
@@ -196,23 +221,23 @@ class FmuInstance:
         """Take a status seriously: pass fmi2OK, count and show fmi2Warning, raise on everything else."""
         if status == OK:
             return
-        where = f"{function}{'' if time is None else f' at t = {time:.9g} s'}"
+        where = f"{function}{at_time(time)}"
         if status == WARNING:
             self.warnings += 1
-            self.messages.show(f"{function} returned fmi2Warning")
+            self.messages.show(f"{function} returned fmi2Warning", time)
             return
         advice = _ADVICE.get(status, "Only synchronous instances that answer with an fmi2Status can be run.")
         details = f" (variables: {', '.join(variables)})" if variables else ""
         if status == DISCARD and function == "fmi2DoStep":
             self.phase = InstancePhase.STEP_FAILED
-            details += self._last_successful_time()
-        elif status != DISCARD:
+            self._raise_discarded(time)
+        if status != DISCARD:
             self.phase = InstancePhase.FATAL if status == FATAL else InstancePhase.ERROR
             if status == FATAL:  # all instances of the library are corrupt (FMI 2.0.4, section 2.1.3): no more of them
                 discard_unpacked(self._folder)
         messages = self.messages.take()
         raise SlaveError(
-            f"{self.name}: {where} returned {name_status(status)}{details}{_quote(messages)}\n  {advice}",
+            f"{self.name}: {where} returned {name_status(status)}{details}{quote(messages)}\n  {advice}",
             component=self.name,
             function=function,
             status=status,
@@ -221,17 +246,46 @@ class FmuInstance:
             messages=messages,
         )
 
-    def _last_successful_time(self) -> str:
-        value = c_double()
-        function = self._fmu.dll.fmi2GetRealStatus
-        if function(self.address, LAST_SUCCESSFUL_TIME, byref(value)) > WARNING:
-            return ""
-        return f", last successful time {value.value:.9g} s"
+    def give_up(self, function: str, end: End, time: float) -> NoReturn:
+        """A call did not return: the library is not called again.  Raises :class:`SlaveError` or KeyboardInterrupt."""
+        self.phase = InstancePhase.FATAL
+        discard_unpacked(self._folder)
+        where = f"{self.name}: {function} at t = {time:.9g} s {end.describe()}"
+        if end.ending == guard.INTERRUPTED:
+            raise KeyboardInterrupt(where)
+        messages = self.messages.take()
+        raise SlaveError(
+            f"{where}{quote(messages)}\n  {_ADVICE[FATAL]}",
+            component=self.name, function=function, status=FATAL, time=time, messages=messages,
+        )  # fmt: skip
+
+    def _has_ended(self) -> bool:
+        """What fmi2GetBooleanStatus says of fmi2Terminated."""
+        ended = c_int()
+        return self._fmu.dll.fmi2GetBooleanStatus(self.address, TERMINATED, byref(ended)) <= WARNING and bool(ended)
+
+    def _raise_discarded(self, time: float | None) -> NoReturn:
+        """Say whether the FMU has ended the simulation, or has only not made this step."""
+        reached, over = c_double(), self._has_ended()
+        known = self._fmu.dll.fmi2GetRealStatus(self.address, LAST_SUCCESSFUL_TIME, byref(reached)) <= WARNING
+        details = f", last successful time {reached.value:.9g} s" if known else ""
+        messages = self.messages.take()
+        where = f"{self.name}: fmi2DoStep{at_time(time)} returned fmi2Discard"
+        if over:
+            text = f"{where} and fmi2Terminated{details}: the FMU has ended the simulation"
+        else:
+            text = f"{where}{details}{quote(messages)}\n  {_ADVICE[DISCARD]}"
+        error = (SlaveEnded if over else DiscardedStep)(
+            text, component=self.name, function="fmi2DoStep", status=DISCARD, time=time, messages=messages
+        )
+        error.reached = reached.value if known else None
+        raise error
 
     def _call(self, function: str, *arguments: Any, time: float | None = None, variables: Sequence[str] = ()) -> None:
         if self.phase in (InstancePhase.FATAL, InstancePhase.FREED):
             raise UsageError(f"{self.name}: {function} cannot be called, the instance is {self.phase.name.lower()}")
-        status = getattr(self._fmu.dll, function)(self.address, *arguments)
+        with guard.name_call(f"{self.name}: {function}{at_time(time)}"):
+            status = getattr(self._fmu.dll, function)(self.address, *arguments)
         self.check(function, status, time, variables)
 
     def _families(self, names: Iterable[str]) -> dict[str, list[str]]:
@@ -250,7 +304,12 @@ class FmuInstance:
         return address
 
 
-def _quote(messages: Sequence[str]) -> str:
+def at_time(time: float | None) -> str:
+    """The time [s] of a call as part of an error text."""
+    return "" if time is None else f" at t = {time:.9g} s"
+
+
+def quote(messages: Sequence[str]) -> str:
     """The last messages of an FMU as part of an error text."""
     if not messages:
         return "\n  The FMU logged nothing."

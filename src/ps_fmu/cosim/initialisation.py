@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 
 from fmpy.model_description import ModelDescription
 
 from .fmu_instance import FmuInstance
 from .graph import Wiring
 from .rows import Rows
-from .structure import PortName, System, Value
+from .structure import Component, PortName, System, Value
 
 log = logging.getLogger("ps_fmu.cosim")
 
@@ -20,15 +20,20 @@ SETTLED = 1e-9
 
 
 def load(
-    system: System, descriptions: Mapping[str, ModelDescription], instances: dict[str, FmuInstance]
+    system: System,
+    descriptions: Mapping[str, ModelDescription],
+    instances: dict[str, FmuInstance],
+    make: Callable[[Component, ModelDescription], FmuInstance] = FmuInstance,
 ) -> None:
     """Unpack and instantiate each component; what is loaded is in ``instances`` also when a later one fails.
+
+    ``make`` loads one.
 
     Raises :class:`SystemFileError` or :class:`SlaveError`.
     """
     with system.name_members():
         for component in system.components:
-            instances[component.name] = FmuInstance(component, descriptions[component.name])
+            instances[component.name] = make(component, descriptions[component.name])
 
 
 def initialise(

@@ -14,27 +14,40 @@ from contextlib import contextmanager
 from ctypes import c_int
 from types import FrameType
 
+from .guard import arm
+
+
+def takes_interrupts() -> bool:
+    """Whether SIGINT is Python's to handle in this thread."""
+    main = threading.current_thread() is threading.main_thread()
+    return main and signal.getsignal(signal.SIGINT) not in (None, signal.SIG_IGN)
+
 
 @contextmanager
 def note_interrupts() -> Iterator[c_int]:
     """A number that is zero until SIGINT arrives; the loop in C can read it, too.
 
-    A second SIGINT acts at once, for an FMU that hangs.  Nothing is changed outside of the main thread,
-    where Python takes no signals, and where SIGINT is ignored.
+    A second SIGINT acts at once, for an FMU that hangs: what does not return is left by :mod:`.guard`, or else the
+    handler from before is called.  Nothing is changed outside of the main thread, where Python takes no signals, and
+    where SIGINT is ignored.
     """
     noted = c_int()
     previous = signal.getsignal(signal.SIGINT)
-    if threading.current_thread() is not threading.main_thread() or previous in (None, signal.SIG_IGN):
-        yield noted
+    if not takes_interrupts():
+        with arm(interrupts=False):
+            yield noted
         return
 
-    def note(number: int, _frame: FrameType | None) -> None:
+    def note(number: int, frame: FrameType | None) -> None:
+        if noted:
+            signal.signal(signal.SIGINT, previous)
+            if callable(previous):
+                previous(number, frame)
         noted.value = number
-        signal.signal(signal.SIGINT, previous)
 
     signal.signal(signal.SIGINT, note)
     try:
-        yield noted
+        with arm(interrupts=True):
+            yield noted
     finally:
-        if not noted:
-            signal.signal(signal.SIGINT, previous)
+        signal.signal(signal.SIGINT, previous)

@@ -16,19 +16,23 @@ from fmpy.model_description import ModelDescription
 
 from .beside import DeliveryBeside
 from .clock import StepClock
+from .closing import end_all
 from .compiled import CompiledLoop
 from .delivery import Delivery, Observer
 from .description import convert_value, explain_unsettable, find_variable, read_descriptions
-from .errors import CosimError, SlaveError, UsageError
+from .errors import CosimError, SlaveEnded, UsageError
 from .fmu_instance import FmuInstance, InstancePhase
 from .graph import OpenInput, check_wiring
+from .guard import ProcessGuard
 from .initialisation import initialise, load, read_first_row
 from .interrupt import note_interrupts
+from .isolation.instance import Isolation
 from .loops import StepLoop, make_loop
 from .plan import SCHEMES, make_plan
 from .rows import Column, Rows, make_layout
 from .stopwatch import Stopwatch
 from .structure import PortName, System, Value, parse_port
+from .substeps import Repeater, find_obstacle
 
 log = logging.getLogger("ps_fmu.cosim")
 
@@ -53,6 +57,7 @@ class Master:
     compiled: run the steps in C, where the package has a library for this platform; results are the same
     descriptions: those of the FMUs by component, where they have been read before: each takes some 50 ms
     stopwatch: times each call of an FMU; the steps take some 0.5 us longer
+    isolation: which FMUs get processes of their own; by default none
 
     Raises :class:`UsageError`, :class:`SystemFileError` or :class:`WiringError` before anything is loaded.
 
@@ -74,6 +79,7 @@ class Master:
         compiled: bool = True,
         descriptions: Mapping[str, ModelDescription] | None = None,
         stopwatch: Stopwatch | None = None,
+        isolation: Isolation | None = None,
     ) -> None:
         if scheme not in SCHEMES:
             raise UsageError(f"scheme: expected one of {', '.join(SCHEMES)}, got {scheme!r}")
@@ -85,6 +91,8 @@ class Master:
         self.clock = StepClock(system.experiment.start_time if start_time is None else start_time, size)
         self.system = self._system = system
         self.scheme = scheme
+        if isolation is not None:
+            isolation.check(system)
         self._descriptions = read_descriptions(system) if descriptions is None else descriptions
         self.wiring = check_wiring(system, self._descriptions)
         self._layout = make_layout(self._descriptions)
@@ -93,6 +101,11 @@ class Master:
         self._instances: dict[str, FmuInstance] = {}
         self._compiled, self._stopwatch = compiled, stopwatch
         self._loop: StepLoop | None = None
+        self._obstacle = find_obstacle(self._descriptions)
+        self._repeater: Repeater | None = None
+        self._ended: SlaveEnded | None = None
+        self._guard = ProcessGuard()
+        self._make_instance = FmuInstance if isolation is None else isolation.make_instance
         self._set: dict[PortName, Value] = {}
         self._closed = False
         self._index = 0
@@ -131,6 +144,11 @@ class Master:
         return {name: instance.phase for name, instance in self._instances.items()}
 
     @property
+    def ended(self) -> SlaveEnded | None:
+        """The FMU that has ended the simulation, with the ``time`` [s] of its last row; None if none has."""
+        return self._ended
+
+    @property
     def runs_in_c(self) -> bool:
         """Whether the steps are run by the library in C; False before the initialisation."""
         return isinstance(self._loop, CompiledLoop)
@@ -166,7 +184,7 @@ class Master:
         try:
             with note_interrupts() as interrupted:
                 if not self._instances:
-                    load(self.system, self._descriptions, self._instances)
+                    load(self.system, self._descriptions, self._instances, self._make_instance)
                 initialise(self._instances, self.system, self.wiring, self._set, start)
                 read_first_row(self._instances, self._rows, start)
                 self._make_plan()
@@ -195,7 +213,7 @@ class Master:
             raise UsageError("reset: the system is closed: make a new Master")
         system = self._system.with_parameters(start_values or {})
         self.wiring = check_wiring(system, self._descriptions)
-        self.system, self._loop, self._index = system, None, 0
+        self.system, self._loop, self._index, self._ended = system, None, 0, None
         self._set.clear()
         self._rows = Rows(self._layout, self._block_rows)
         try:
@@ -223,12 +241,16 @@ class Master:
         With ``beside`` the observers work in a thread beside the loop: they see the same blocks, a little later, and
         must not use this object.
 
+        An FMU that ends the simulation by itself (fmi2Discard with fmi2Terminated) is no failure: :attr:`ended` is it.
+
         Raises :class:`UsageError` (nothing has run: a duration or an event that is not on the grid of steps),
         :class:`SlaveError`, KeyboardInterrupt, or what an observer raises.
         """
         self._refuse_while_running("run")
         if self._loop is None:
             raise UsageError("the system is closed" if self._closed else "call initialise() first")
+        if self._ended is not None:
+            raise UsageError(f"the simulation has ended: {self._ended}")
         end = self._index + self.clock.steps(duration)
         self.clock.check_end(end)
         schedule = self._make_schedule(events, end)
@@ -236,6 +258,9 @@ class Master:
         try:
             with note_interrupts() as interrupted:
                 self._advance(end, schedule, self._make_delivery(observers, beside), progress, interrupted)
+        except SlaveEnded as ended:
+            self._ended = ended
+            log.warning("%s", ended)
         except BaseException as error:
             self._running = False
             error.add_note(f"The simulation of {self.system.path} stopped at t = {self.time:.9g} s.")
@@ -245,20 +270,11 @@ class Master:
             self._running = False
 
     def close(self) -> None:
-        """Terminate and free all FMUs; safe to call twice.  Raises the :class:`SlaveError` of a terminate."""
+        """Terminate and free all FMUs; safe to call twice.  Raises the first :class:`SlaveError`."""
         self._refuse_while_running("close")
         self._loop = None
         self._closed = True
-        failures = []
-        self._silence_fatal()
-        for instance in self._instances.values():
-            try:
-                instance.terminate(self.time)
-            except SlaveError as error:
-                failures.append(error)
-        self._silence_fatal()
-        for instance in self._instances.values():
-            instance.free()
+        failures = end_all(self._instances.values(), self.time)
         if failures:
             raise failures[0]
 
@@ -303,8 +319,16 @@ class Master:
                 self._make_plan()
 
     def _make_plan(self) -> None:
-        plan = make_plan(self._instances, self.wiring, self._rows, self.clock.step, self.scheme, self._set.keys())
-        self._loop = make_loop(plan, self._rows, self._compiled, self._stopwatch)
+        instances, wiring, rows, compiled = self._instances, self.wiring, self._rows, self._compiled
+        scheme, cut, repeatable = self.scheme, self._set.keys(), self._obstacle is None
+        whole, stopwatch = self.clock.step, self._stopwatch
+
+        def make(step: float) -> StepLoop:  # refers to no Master, so that it goes when nobody needs it any longer
+            plan = make_plan(instances, wiring, rows, step, scheme, cut, repeatable)
+            return make_loop(plan, rows, compiled, stopwatch if step == whole else None)
+
+        self._loop = make(whole)
+        self._repeater = Repeater(instances, rows, whole, make, self._obstacle)
 
     def _make_schedule(self, events: Iterable[Event], end: int) -> list[tuple[int, PortName, Value]]:
         schedule = []
@@ -338,8 +362,10 @@ class Master:
                 count = min(stop - self._index, rows.capacity - rows.filled)
                 before = rows.filled
                 assert self._loop is not None
+                assert self._repeater is not None
                 try:
-                    self._loop.advance(clock.times(self._index, count), interrupted)
+                    self._repeater.advance(self._loop, clock.times(self._index, count), interrupted)
+                    self._guard.check()
                 finally:
                     self._index += rows.filled - before
                 if interrupted:
@@ -366,15 +392,7 @@ class Master:
         return DeliveryBeside(self._rows, self.clock, self.columns, observers, self._count_rows)
 
     def _count_rows(self) -> int:
-        return 0 if self._loop is None else self._loop.count_rows()
-
-    def _silence_fatal(self) -> None:
-        """After fmi2Fatal all instances of that FMU are corrupt, not only one (FMI 2.0.4, section 2.1.3)."""
-        instances = self._instances.values()
-        corrupt = {instance.source.resolve() for instance in instances if instance.phase is InstancePhase.FATAL}
-        for instance in instances:
-            if instance.source.resolve() in corrupt:
-                instance.phase = InstancePhase.FATAL
+        return 0 if self._loop is None or self._repeater is None else self._repeater.count_rows(self._loop)
 
     def _abort(self) -> None:
         """Free everything after a failure, without hiding it behind another one."""

@@ -63,12 +63,12 @@ class MessageLog:
         self._held.clear()
         return tuple(self._recent)
 
-    def show(self, line: str) -> None:
-        """Log a warning, unless this text has been logged before."""
+    def show(self, line: str, time: float | None = None) -> None:
+        """Log a warning, with the time [s] it came up first, unless this text has been logged before."""
         if line in self._shown or len(self._shown) > REMEMBERED:
             return
         self._shown.add(line)
-        log.warning("%s: %s", self.component, line)
+        log.warning("%s: %s%s", self.component, line, "" if time is None else f", first at t = {time:.9g} s")
         if len(self._shown) > REMEMBERED:
             log.warning("%s: too many different messages; the rest is only counted", self.component)
 

@@ -10,13 +10,14 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from ctypes import CFUNCTYPE, PYFUNCTYPE, c_double, c_int, c_size_t, c_void_p, cast
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .fmu_instance import FAMILY, FmuInstance
 from .graph import Wiring
+from .guard import End
 from .rows import Rows
 from .structure import PortName
 
@@ -34,8 +35,9 @@ class Call:
     """A library function with all its arguments, which are always the same objects.
 
     ``invoke()`` calls it and returns the fmi2Status; ``address`` is where it is.  ``later`` says that it reads what
-    fmi2DoStep has made.  To set or get, it takes the addresses of the value references and of the first of the
-    ``values``, as many of each as there are names.
+    fmi2DoStep has made, ``repeatable`` that this fmi2DoStep may be made again from a state before it.  To set or get,
+    it takes the addresses of the value references and of the first of the ``values``, as many of each as there are
+    names.
     """
 
     instance: FmuInstance
@@ -46,10 +48,15 @@ class Call:
     references: NDArray[np.uint32] | None = None
     values: NDArray[Any] | None = None
     later: bool = False
+    repeatable: bool = False
 
     def check(self, status: int, time: float, step: float) -> None:
         """Count a warning in the step from ``time`` on [s], raise :class:`SlaveError` on anything worse."""
         self.instance.check(self.function, status, time + step if self.later else time, self.names)
+
+    def give_up(self, end: End, time: float, step: float) -> NoReturn:
+        """Raise what a call means that did not return in the step from ``time`` on [s]."""
+        self.instance.give_up(self.function, end, time + step if self.later else time)
 
 
 @dataclass(frozen=True)
@@ -85,6 +92,7 @@ def make_plan(
     step: float,
     scheme: str,
     cut: Collection[PortName],
+    repeatable: bool = False,
 ) -> Plan:
     """Plan of one step.
 
@@ -97,20 +105,23 @@ def make_plan(
     scheme: ``"jacobi"``: all FMUs see the outputs of the last communication point, so there is one stage;
         ``"gauss-seidel"``: each sees what those stepped before it have just put out, so each is a stage
     cut: connected inputs that the user has set: they keep that value
+    repeatable: FMUs may be set back to a state from before the step, so they are told to keep what that needs
     """
     now = c_double()
     sources = {c.target: c.source for c in wiring.connections if c.target not in cut}
     order = wiring.stepping if scheme == "gauss-seidel" else tuple(instances)
     groups = [(name,) for name in order] if scheme == "gauss-seidel" else [order]
-    return Plan(
-        tuple(_make_stage([instances[name] for name in group], sources, rows, now, step) for group in groups),
-        now,
-        step,
-    )
+    members = ([instances[name] for name in group] for group in groups)
+    return Plan(tuple(_make_stage(group, sources, rows, now, step, repeatable) for group in members), now, step)
 
 
 def _make_stage(
-    instances: Sequence[FmuInstance], sources: Mapping[PortName, PortName], rows: Rows, now: c_double, step: float
+    instances: Sequence[FmuInstance],
+    sources: Mapping[PortName, PortName],
+    rows: Rows,
+    now: c_double,
+    step: float,
+    repeatable: bool,
 ) -> Stage:
     """The part of a step that some FMUs go through together."""
     gathers, sets, gets = [], [], []
@@ -128,9 +139,11 @@ def _make_stage(
                 _make_access(instance, "Get", run, kind.values, kind.places.__getitem__)
                 for run in _find_runs(instance, outputs, kind.places.__getitem__)
             ]
-    # noSetFMUStatePriorToCurrentPoint is true: no step is ever repeated.
-    rest = _double(step), _boolean(1)
-    steps = [Call(instance, "fmi2DoStep", *_bind(instance, instance.stepper(), now, *rest)) for instance in instances]
+    rest = _double(step), _boolean(not repeatable)  # noSetFMUStatePriorToCurrentPoint
+    steps = [
+        Call(instance, "fmi2DoStep", *_bind(instance, instance.stepper(), now, *rest), repeatable=repeatable)
+        for instance in instances
+    ]
     return Stage(tuple(gathers), (*sets, *steps, *gets))
 
 

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import difflib
 import re
-import shutil
-import tempfile
 import weakref
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager, nullcontext
@@ -14,6 +12,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from .errors import SystemFileError, UsageError
+from .temporary import make_temporary, remove_temporary
 
 Value = float | int | bool | str
 COMPONENT_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
@@ -163,8 +162,8 @@ class UnpackedFolder:
 
     def __init__(self, archive: Path) -> None:
         self.archive = archive
-        self.path = path = Path(tempfile.mkdtemp(prefix="ssp_"))
-        weakref.finalize(self, shutil.rmtree, path, ignore_errors=True)
+        self.path = path = make_temporary("ssp_")
+        weakref.finalize(self, remove_temporary, path)
 
     def locate(self, path: Path) -> Path:
         """A file in the folder as its user knows it: the archive, then the member."""

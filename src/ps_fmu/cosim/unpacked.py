@@ -22,6 +22,7 @@ from pathlib import Path
 
 from .archive import compute_digest, extract
 from .errors import SystemFileError
+from .temporary import make_temporary, remove_temporary
 
 _NUMBERS = itertools.count(1)
 _LAST = -100  # of multiprocessing's finalizers: after its child processes have been joined
@@ -141,7 +142,7 @@ def _open_store(archive: Path) -> _Store:
                 f"would be unpacked in {above}, which some FMUs cannot read: point TMPDIR to a folder "
                 "whose name has only ASCII letters, digits, and . _ -",
             )
-        _store = _Store(os.getpid(), above, Path(tempfile.mkdtemp(prefix="fmus_")))
+        _store = _Store(os.getpid(), above, make_temporary("fmus_"))
         _roots.append((_store.process, _store.root))
         # Processes that multiprocessing forks call no functions of atexit.
         Finalize(None, _remove_all, exitpriority=_LAST)
@@ -164,4 +165,4 @@ def _is_whole(folder: Path, sizes: dict[str, int]) -> bool:
 def _remove_all() -> None:
     for process, root in _roots:
         if process == os.getpid():
-            shutil.rmtree(root, ignore_errors=True)
+            remove_temporary(root)

@@ -127,7 +127,7 @@ def run_case(
         system.warnings.collect(),
         Master(
             structure, options.step_s, options.scheme, descriptions=system.descriptions,
-            stopwatch=None if costs is None else costs.stopwatch,
+            stopwatch=None if costs is None else costs.stopwatch, isolation=options.isolation,
         ) as master,
     ):
         texts = (

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ..cosim.clock import count_steps
+from ..cosim.isolation.instance import Isolation
 
 MOST_STEPS = 10**10  # of a run: 1e6 s at 1e-4 s, some hours
 RESULTS, SUMMARY, REPORT = "results.nc", "summary.json", "report.html"  # in the output folder
@@ -68,6 +69,7 @@ class RunOptions:
     profile: bool = False  # time each FMU, the exchange and the observers
     observe: tuple[str, ...] = ()  # patterns of the outputs that are stored, see ps_fmu.cosim.selection; none: all
     figures: bool = True  # draw PNG files; the report has its charts without them
+    isolation: Isolation | None = None  # which FMUs get processes of their own
 
     def __post_init__(self) -> None:
         if self.scheme not in SCHEMES:

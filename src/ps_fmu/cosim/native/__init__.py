@@ -1,6 +1,7 @@
 """The master's loop in C, which :mod:`..compiled` uses.
 
-``python -m ps_fmu.cosim.native`` makes the library from ``loop.c``, see :mod:`ps_fmu.slavekit.launcher.c_program`.
+``python -m ps_fmu.cosim.native`` makes the library from ``loop.c`` and ``guard.c``, see
+:mod:`ps_fmu.slavekit.launcher.c_program`.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ _LINUX = Target(
     "x86_64-linux-gnu.2.17",
     "loop.so",
     ("-D_GNU_SOURCE", "-fPIC", "-fvisibility=hidden", "-shared", "-s", "-Wl,--build-id=none"),
-    libraries=(),
+    libraries=("-lm",),
 )
 
-LOOP = Program("loop", Path(__file__).parent, sources=("loop.c",), headers=(), targets={"linux64": _LINUX})
+LOOP = Program("loop", Path(__file__).parent, sources=("loop.c", "guard.c"), headers=(), targets={"linux64": _LINUX})

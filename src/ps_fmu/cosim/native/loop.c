@@ -12,7 +12,7 @@
 typedef enum { TAKE_DOUBLES, TAKE_INTS, SET_REALS, SET_INTEGERS, DO_STEP, GET_REALS, GET_INTEGERS } Kind;
 
 /* What is done with `count` numbers.  TAKE: values[i] = outputs[places[i]].  SET, GET: `places` are value references.
-   INTS and INTEGERS are Booleans, too: both are int in FMI 2.0. */
+   DO_STEP: `count` is 1 if the step may be repeated.  INTS and INTEGERS are Booleans, too: both are int in FMI 2.0. */
 typedef struct {
     int64_t kind;
     int64_t count;
@@ -79,8 +79,8 @@ static int carry_out(const Operation *o, double time, double step)
         return (int)o->function.set_reals(o->component, o->places, n, o->values);
     case SET_INTEGERS:
         return (int)o->function.set_integers(o->component, o->places, n, o->values);
-    case DO_STEP: /* noSetFMUStatePriorToCurrentPoint is true: no step is ever repeated. */
-        return (int)o->function.do_step(o->component, time, step, fmi2True);
+    case DO_STEP: /* noSetFMUStatePriorToCurrentPoint */
+        return (int)o->function.do_step(o->component, time, step, o->count == 0 ? fmi2True : fmi2False);
     case GET_REALS:
         return (int)o->function.get_reals(o->component, o->places, n, o->values);
     case GET_INTEGERS:

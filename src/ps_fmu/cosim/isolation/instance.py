@@ -1,0 +1,183 @@
+"""An FMU in a process of its own: the master calls a stand-in for its library, which passes the calls on.
+
+So the plan of the steps, its loop in C and the life of an instance are the same as for an FMU in this process.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NoReturn
+
+from fmpy import platform, sharedLibraryExtension
+from fmpy.fmi2 import FMU2Slave
+from fmpy.model_description import ModelDescription
+
+from ..errors import SlaveError
+from ..fmu_instance import FAMILY, FATAL, OK, WARNING, FmuInstance, InstancePhase, at_time, quote
+from ..guard import End, find_interrupts
+from ..messages import forget
+from ..structure import Component, System
+from ..unpacked import release_unpacked
+from . import guest_process
+from .guest_process import GuestProcess, Outcome, find_library, load_library
+
+STEP_TIMEOUT_S = 60.0
+
+_LATER = ("SetReal", "SetInteger", "SetBoolean", "GetReal", "GetInteger", "GetBoolean", "DoStep")
+_instantiating = threading.Lock()  # the library knows one next client
+
+
+@dataclass(frozen=True)
+class Isolation:
+    """Which FMUs get processes of their own, and how long a call of a step may take there.
+
+    Parameters
+    ----------
+    names: of components; None: all
+    step_timeout_s: after this time [s] the process is ended, and the run with it; all other calls get at least
+        :data:`.guest_process.LIFE_TIMEOUT_S`
+    """
+
+    names: frozenset[str] | None = None
+    step_timeout_s: float = STEP_TIMEOUT_S
+
+    def check(self, system: System) -> None:
+        """Raises :class:`UsageError` for a name that is none of the system's, and where FMUs cannot be isolated."""
+        find_library()
+        for name in sorted(self.names or ()):
+            system.component(name)
+
+    def make_instance(self, component: Component, description: ModelDescription) -> FmuInstance:
+        """Load an FMU where it belongs.  Raises as :class:`FmuInstance`."""
+        if self.names is not None and component.name not in self.names:
+            return FmuInstance(component, description)
+        return IsolatedInstance(component, description, self.step_timeout_s)
+
+
+class IsolatedInstance(FmuInstance):
+    """An instance in a process of its own.  Whatever happens to that process is a :class:`SlaveError` here."""
+
+    shares_process = False
+
+    def __init__(self, component: Component, description: ModelDescription, step_timeout_s: float) -> None:
+        self._timeout_s = step_timeout_s
+        self._guest: GuestProcess | None = None
+        try:
+            super().__init__(component, description)
+        except BaseException:
+            if self._guest is not None:
+                self._guest.close()
+            raise
+        self.runs_python = False  # not in this process
+        self._names = {(FAMILY[v.type], v.valueReference): name for name, v in reversed(self.variables.items())}
+
+    @property
+    def guest(self) -> GuestProcess:
+        """Its process."""
+        assert self._guest is not None
+        return self._guest
+
+    def _load(self, component: Component, description: ModelDescription) -> FMU2Slave:
+        identifier = description.coSimulation.modelIdentifier
+        library = self._folder / "binaries" / platform / f"{identifier}{sharedLibraryExtension}"
+        self._guest = GuestProcess(library.absolute(), self._timeout_s, self._show, find_interrupts())
+        return FMU2Slave(
+            guid=description.guid,
+            unzipDirectory=str(self._folder),
+            modelIdentifier=identifier,
+            instanceName=component.name,
+            libraryPath=str(find_library()),
+        )
+
+    def _show(self, line: str) -> None:
+        self.messages.show(f"[output] {line}")
+
+    def _instantiate(self) -> None:
+        with _instantiating:
+            load_library().set_next_client(self.guest.address)
+            try:
+                super()._instantiate()
+            except SlaveError as error:
+                if self.guest.fate == guest_process.ALIVE:
+                    raise
+                self._raise_end(None, error.messages)
+
+    def _function_address(self, function: str) -> int:
+        """That of the variant which puts off what it can, for the plan of the steps."""
+        name = function.removeprefix("fmi2")
+        return super()._function_address(f"later_{name}" if name in _LATER else function)
+
+    def check(self, function: str, status: int, time: float | None, variables: Sequence[str] = ()) -> None:
+        """As :meth:`FmuInstance.check`, of all calls that the exchange has carried out."""
+        if status == OK:
+            return
+        outcomes = self.guest.list_outcomes()
+        if self.guest.fate != guest_process.ALIVE:
+            self._raise_end(time, self.messages.take())
+        change, last = self.guest.change, self.guest.find_last_begun()
+        begun = next((o.time for o in outcomes if o.time is not None), time)
+        for place, outcome in enumerate(outcomes):
+            names = self._name(outcome)
+            when = time if outcome.function.startswith("fmi2Get") else begun
+            if change and place == last:
+                self._raise_change(outcome.function, when, change)
+            if outcome.status not in (OK, -1):
+                super().check(outcome.function, outcome.status, when, names)
+        if status > WARNING and not any(o.status > WARNING for o in outcomes):  # no room in the shared memory
+            super().check(function, status, time, variables)
+
+    def give_up(self, function: str, end: End, time: float) -> NoReturn:
+        """Waiting for the process was interrupted."""
+        self.guest.interrupt()
+        self._raise_end(time, self.messages.take())
+
+    def _name(self, outcome: Outcome) -> tuple[str, ...]:
+        family = outcome.function.removeprefix("fmi2")[3:]
+        return tuple(self._names.get((family, r), f"reference {r}") for r in outcome.references)
+
+    def _raise_change(self, function: str, time: float | None, change: str) -> NoReturn:
+        self.phase = InstancePhase.FATAL
+        raise SlaveError(
+            f"{self.name}: {function}{at_time(time)} {change}\n  An FMU must leave this as it is: tell its maker.",
+            component=self.name, function=function, status=FATAL, time=time, messages=self.messages.take(),
+        )  # fmt: skip
+
+    def _raise_end(self, time: float | None, messages: Sequence[str]) -> NoReturn:
+        self.phase = InstancePhase.FATAL
+        outcomes, place = self.guest.list_outcomes(), self.guest.find_last_begun()
+        outcome = outcomes[min(place, len(outcomes) - 1)]
+        when = next((o.time for o in outcomes[place:] if o.time is not None), time)
+        where = f"{self.name}: {outcome.function}{at_time(when)}"
+        if self.guest.fate == guest_process.INTERRUPTED:
+            raise KeyboardInterrupt(f"{where} was interrupted; its process has been ended")
+        text = self.guest.describe_end()
+        if self.guest.fate == guest_process.HANGS:
+            text += f" within {self._limit(outcome.function):g} s; its process has been ended"
+        self.guest.join_output()
+        lines = (*messages, *(f"[output] {line}" for line in self.guest.lines))
+        raise SlaveError(
+            f"{where} {text}{quote(lines)}",
+            component=self.name, function=outcome.function, status=FATAL, time=when, messages=lines,
+        )  # fmt: skip
+
+    def _limit(self, function: str) -> float:
+        if function.removeprefix("fmi2") in _LATER:
+            return self._timeout_s
+        return max(self._timeout_s, guest_process.LIFE_TIMEOUT_S)
+
+    def free(self) -> None:
+        """As :meth:`FmuInstance.free`, and end the process.  Raises :class:`SlaveError` if that ended by itself."""
+        alive = self.guest.fate == guest_process.ALIVE
+        corrupt = self.phase is InstancePhase.FATAL
+        try:
+            super().free()
+            if alive and self.guest.fate != guest_process.ALIVE:
+                self._raise_end(None, self.messages.take())
+        finally:
+            if corrupt:  # its library is not in this process, so nothing of it stays
+                forget(self._callbacks)
+                release_unpacked(self._folder)
+                self.phase = InstancePhase.FREED
+            self.guest.close()

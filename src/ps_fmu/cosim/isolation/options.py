@@ -1,0 +1,43 @@
+"""The options ``--isolate`` and ``--step-timeout`` of commands that run FMUs."""
+
+from __future__ import annotations
+
+import argparse
+import math
+
+from ..errors import UsageError
+from .guest_process import LIFE_TIMEOUT_S
+from .instance import STEP_TIMEOUT_S, Isolation
+
+LONGEST_S = 1e6
+_ALL = ""
+
+
+def add_isolation_options(parser: argparse.ArgumentParser) -> None:
+    """Add both options; :func:`read_isolation` reads what was given."""
+    parser.add_argument(
+        "--isolate", nargs="?", const=_ALL, action="append", metavar="NAME",
+        help="run each FMU, or with --isolate=NAME that of a component (repeatable), in a process of its own: what "
+        "it does there ends no more than the run, and results so far are kept",
+    )  # fmt: skip
+    parser.add_argument(
+        "--step-timeout", type=float, metavar="S",
+        help=f"end the run when a call of an isolated FMU in a step takes longer, in seconds ({STEP_TIMEOUT_S:g}; "
+        f"other calls may take {LIFE_TIMEOUT_S:g} s)",
+    )  # fmt: skip
+
+
+def read_isolation(arguments: argparse.Namespace) -> Isolation | None:
+    """What the parsed options ask for; None without ``--isolate``.
+
+    Raises :class:`UsageError`: a time-out that is no time, or without ``--isolate``.
+    """
+    names, timeout = arguments.isolate, arguments.step_timeout
+    if names is None:
+        if timeout is not None:
+            raise UsageError("--step-timeout: only FMUs with processes of their own can be ended; give --isolate, too")
+        return None
+    if timeout is not None and not (math.isfinite(timeout) and 0.0 < timeout <= LONGEST_S):
+        raise UsageError(f"--step-timeout: expected a time above 0 s and up to {LONGEST_S:g} s, got {timeout!r}")
+    named = None if _ALL in names else frozenset(names)
+    return Isolation(named, STEP_TIMEOUT_S if timeout is None else timeout)

@@ -1,0 +1,208 @@
+/* Ways out of a call of an FMU that does not return: it crashes, calls exit(), or hangs until the second Ctrl-C.
+
+   run_guarded leaves such a call by a long jump, so that the master keeps its rows and says what happened.  The FMU's
+   library is not called again.  It may hold a lock of the C library for ever: the master only ends after that.
+
+   An FMU in Python that holds the interpreter's lock is not left that way, for nobody could take the lock again. */
+
+#include <fenv.h>
+#include <setjmp.h>
+#include <signal.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "fmi2FunctionTypes.h"
+
+#define EXPORTED __attribute__((visibility("default")))
+
+typedef struct Loop Loop; /* of loop.c */
+typedef struct Timing Timing;
+int run_steps(Loop *loop, double *rows, const double *times, int64_t end, double budget, const volatile int *stop);
+int run_timed_steps(Loop *loop, double *rows, const double *times, int64_t end, double budget, const volatile int *stop,
+                    Timing *timing);
+
+typedef enum { RETURNED, CRASHED, EXITED, INTERRUPTED } Ending;
+
+/* How the last call ended, with the number of the signal or the exit code. */
+typedef struct {
+    int ending;
+    int number;
+} End;
+
+static const int crashes[] = {SIGSEGV, SIGBUS, SIGFPE, SIGILL, SIGABRT};
+enum { N_CRASHES = sizeof crashes / sizeof *crashes, STACK_BYTES = 1 << 16 };
+
+static struct sigaction before[N_CRASHES], interrupt_before;
+static int armed, takes_interrupts;
+static int (*holds_python)(void);
+static __thread sigjmp_buf *way_out;
+static __thread volatile int end_number;
+static __thread char own_stack[STACK_BYTES]; /* after an overflow of the stack there is no other */
+static __thread stack_t stack_before;
+
+/* Ctrl-C so far, and the call outside of the steps that is under way, for messages; Python reads and writes both. */
+EXPORTED volatile int guard_interrupts;
+EXPORTED char guard_place[256];
+
+static void say(const char *text)
+{
+    if (write(STDERR_FILENO, text, strlen(text)) < 0)
+        return;
+}
+
+static void leave(Ending ending, int number)
+{
+    sigjmp_buf *out = way_out;
+    way_out = NULL;
+    end_number = number;
+    siglongjmp(*out, (int)ending);
+}
+
+static int can_leave(void)
+{
+    return way_out != NULL && (holds_python == NULL || !holds_python());
+}
+
+static void on_crash(int number, siginfo_t *info, void *context)
+{
+    (void)info, (void)context;
+    if (can_leave())
+        leave(CRASHED, number);
+    if (way_out != NULL || guard_place[0] != '\0') {
+        say(guard_place[0] != '\0' ? guard_place : "an FMU in the steps");
+        say(": crashed, and the process with it; --isolate gives FMUs processes of their own\n");
+    }
+    for (int k = 0; k < N_CRASHES; k++)
+        if (crashes[k] == number)
+            sigaction(number, &before[k], NULL); /* on return the fault comes again; an abort goes on */
+    if (number == SIGABRT)
+        raise(number);
+}
+
+static void on_interrupt(int number, siginfo_t *info, void *context)
+{
+    guard_interrupts++;
+    if (interrupt_before.sa_flags & SA_SIGINFO)
+        interrupt_before.sa_sigaction(number, info, context);
+    else if (interrupt_before.sa_handler != SIG_DFL && interrupt_before.sa_handler != SIG_IGN)
+        interrupt_before.sa_handler(number);
+    if (guard_interrupts > 1 && can_leave())
+        leave(INTERRUPTED, number);
+    if (guard_interrupts > 1 && way_out == NULL && guard_place[0] != '\0') {
+        say(guard_place);
+        say(": did not return, and was interrupted: the process ends\n");
+        _exit(130);
+    }
+    if (guard_interrupts > 2 && way_out != NULL) {
+        say("an FMU in Python does not return: the process ends; rows that are not in the file yet are lost\n");
+        _exit(130);
+    }
+}
+
+static void on_exit_in_steps(int code, void *unused)
+{
+    (void)unused;
+    if (can_leave())
+        leave(EXITED, code);
+    if (way_out != NULL) {
+        say("an FMU in the steps called exit(): the process ends\n");
+        _exit(code != 0 ? code : 1);
+    }
+}
+
+/* Registered first, so it comes last: files have been closed by then. */
+static void on_exit_elsewhere(int code, void *unused)
+{
+    (void)unused;
+    if (guard_place[0] == '\0')
+        return;
+    say(guard_place);
+    say(": called exit(): the process ends\n");
+    _exit(code != 0 ? code : 1);
+}
+
+static void on_quick_exit(void)
+{
+    on_exit_in_steps(0, NULL);
+    on_exit_elsewhere(0, NULL);
+}
+
+/* Once: `python` says whether this thread holds the interpreter's lock. */
+EXPORTED void guard_prepare(int (*python)(void))
+{
+    holds_python = python;
+    on_exit(on_exit_elsewhere, NULL);
+    at_quick_exit(on_quick_exit);
+}
+
+/* Take over signals, until guard_disarm; calls may be nested.  `interrupt`: also SIGINT. */
+EXPORTED void guard_arm(int interrupt)
+{
+    if (armed++ > 0)
+        return;
+    struct sigaction action;
+    memset(&action, 0, sizeof action);
+    sigemptyset(&action.sa_mask);
+    action.sa_flags = SA_SIGINFO | SA_ONSTACK;
+    action.sa_sigaction = on_crash;
+    for (int k = 0; k < N_CRASHES; k++)
+        sigaction(crashes[k], &action, &before[k]);
+    guard_interrupts = 0;
+    memset(&interrupt_before, 0, sizeof interrupt_before);
+    action.sa_sigaction = on_interrupt;
+    takes_interrupts = interrupt;
+    if (interrupt)
+        sigaction(SIGINT, &action, &interrupt_before);
+    const stack_t stack = {.ss_sp = own_stack, .ss_size = STACK_BYTES, .ss_flags = 0};
+    sigaltstack(&stack, &stack_before);
+    on_exit(on_exit_in_steps, NULL); /* again each time: what registered before it, as HDF5, comes after it */
+}
+
+EXPORTED void guard_disarm(void)
+{
+    if (--armed > 0)
+        return;
+    for (int k = 0; k < N_CRASHES; k++)
+        sigaction(crashes[k], &before[k], NULL);
+    if (takes_interrupts)
+        sigaction(SIGINT, &interrupt_before, NULL);
+    sigaltstack(&stack_before, NULL);
+}
+
+/* Put the rounding of numbers and the handler of Ctrl-C back; returns 1 if the first was changed, plus 2 for the second. */
+EXPORTED int guard_restore(void)
+{
+    int found = 0;
+    struct sigaction action;
+    if (fegetround() != FE_TONEAREST) {
+        fesetround(FE_TONEAREST);
+        found |= 1;
+    }
+    if (armed && takes_interrupts && sigaction(SIGINT, NULL, &action) == 0 && action.sa_sigaction != on_interrupt) {
+        action.sa_flags = SA_SIGINFO | SA_ONSTACK;
+        action.sa_sigaction = on_interrupt;
+        sigaction(SIGINT, &action, NULL);
+        found |= 2;
+    }
+    return found;
+}
+
+/* As run_steps, or as run_timed_steps if there is a `timing`; fmi2Fatal with an `end` other than RETURNED if the operation before `next_operation` did not return. */
+EXPORTED int run_guarded(Loop *loop, double *rows, const double *times, int64_t n, double budget,
+                         const volatile int *stop, Timing *timing, End *end)
+{
+    sigjmp_buf here;
+    end->ending = sigsetjmp(here, 1);
+    if (end->ending != RETURNED) {
+        end->number = end_number;
+        return fmi2Fatal;
+    }
+    way_out = &here;
+    const int status = timing != NULL ? run_timed_steps(loop, rows, times, n, budget, stop, timing)
+                                      : run_steps(loop, rows, times, n, budget, stop);
+    way_out = NULL;
+    return status;
+}

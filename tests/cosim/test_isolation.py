@@ -1,0 +1,183 @@
+"""FMUs in processes of their own: the same results, nothing left behind, and the options of commands."""
+
+import argparse
+import contextlib
+import gc
+import os
+import signal
+import subprocess
+import sys
+import textwrap
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from support import faulty
+from support.cosim import OSCILLATOR, Collect
+
+from ps_fmu.cosim import Master, UsageError, read_system
+from ps_fmu.cosim.fmu_instance import InstancePhase
+from ps_fmu.cosim.isolation.instance import IsolatedInstance, Isolation
+from ps_fmu.cosim.isolation.options import add_isolation_options, read_isolation
+
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="processes of their own are for Linux")
+ROOT = Path(__file__).parents[2]
+H = 0.01
+
+
+@pytest.fixture
+def mixed(make_system):
+    """Reals, Integers and Booleans, in a loop of two and in a chain."""
+    components = {"mass": "ToyMass", "first": "ToyCounter", "spring": "ToySpring", "second": "ToyCounter"}
+    chain = ["first.odd -> second.enabled", "first.count -> second.increment"]
+    return make_system(components, [*OSCILLATOR[1], *chain])
+
+
+def simulate(system, isolation, steps=200, events=(), **options):
+    """Rows of a run in two parts, with an input that is cut loose in between."""
+    collect = Collect()
+    with Master(system, H, isolation=isolation, **options) as master:
+        master.initialise()
+        master.run(steps // 2 * H, [collect], events)
+        master.set("mass.force", 0.5)
+        master.run(steps // 2 * H, [collect])
+        master.reset({"mass.mass": 3.0})
+        master.initialise()
+        master.run(10 * H, [collect])
+    return collect.values
+
+
+@pytest.mark.usefixtures("each_loop")
+@pytest.mark.parametrize("scheme", ["jacobi", "gauss-seidel"])
+def test_rows_are_the_same_bit_for_bit(mixed, scheme):
+    events = [(0.5, "first.increment", 3), (0.3, "second.enabled", False)]
+    inside, isolated, mingled = (
+        simulate(mixed, isolation, events=events, scheme=scheme)
+        for isolation in (None, Isolation(), Isolation(frozenset({"spring", "second"})))
+    )
+    assert len(inside) == 201 + 11
+    np.testing.assert_array_equal(isolated, inside)
+    np.testing.assert_array_equal(mingled, inside)
+
+
+def test_the_default_system_gives_the_same_bits(built_fmus):
+    system = read_system(ROOT / "system" / "SystemStructure.ssd", built_fmus)
+    found = []
+    for isolation in (None, Isolation()):
+        collect = Collect()
+        with Master(system, 1e-4, isolation=isolation) as master:
+            master.initialise()
+            assert master.runs_in_c
+            master.run(0.05, [collect])
+        found.append(collect.values)
+    assert found[0].shape[0] == 501
+    assert np.ptp(found[0], axis=0).any()
+    np.testing.assert_array_equal(*found)
+
+
+def test_only_the_named_ones_are_isolated(mixed):
+    with Master(mixed, H, isolation=Isolation(frozenset({"spring"}))) as master:
+        master.initialise()
+        kinds = {name: isinstance(i, IsolatedInstance) for name, i in master._instances.items()}
+    assert kinds == {"mass": False, "first": False, "spring": True, "second": False}
+
+
+def test_strings_and_numbers_of_all_types(make_system):
+    system = make_system({"clock": "ToyFailing", "count": "ToyCounter"}, [])
+    with Master(system.with_parameters({"clock.mode": "grün"}), H, isolation=Isolation()) as master:
+        master.initialise()
+        master.set("count.enabled", True)
+        master.set("count.increment", -7)
+        master.run(2 * H)
+        assert master.get("clock.mode") == "grün"
+        assert (master.get("count.count"), master.get("count.odd")) == (-14, False)
+
+
+def test_a_component_that_is_not_there(mixed):
+    with pytest.raises(UsageError, match="there is no component 'nobody'; the system has mass, first"):
+        Master(mixed, H, isolation=Isolation(frozenset({"nobody"})))
+
+
+def list_guests(parent):
+    """Processes of isolated FMUs, by their ids, that were started by a process."""
+    found = []
+    for folder in Path("/proc").glob("[0-9]*"):
+        with contextlib.suppress(OSError):
+            words = (folder / "cmdline").read_bytes().split(b"\0")
+            if any(word.endswith(b"/guest.py") for word in words) and str(parent).encode() in words:
+                found.append(int(folder.name))
+    return found
+
+
+def test_processes_end_with_their_master(mixed):
+    descriptors = len(os.listdir("/proc/self/fd"))
+    master = Master(mixed, H, isolation=Isolation())
+    master.initialise()
+    guests = list_guests(os.getpid())
+    assert len(guests) == 4
+    master.close()
+    assert not list_guests(os.getpid())
+    for guest in guests:  # no zombies
+        with pytest.raises(ChildProcessError):
+            os.waitpid(guest, os.WNOHANG)
+    assert set(master.phases.values()) == {InstancePhase.FREED}
+    del master
+    gc.collect()
+    assert len(os.listdir("/proc/self/fd")) == descriptors
+
+
+def test_an_instance_that_cannot_be_loaded_leaves_no_process(tmp_path, make_system):
+    system = make_system({"other": "Faulty", "refuses": "Faulty"}, [], faulty.build(tmp_path).parent)
+    with pytest.raises(Exception, match="no licence"), Master(system, H, isolation=Isolation()) as master:
+        master.initialise()
+    assert not list_guests(os.getpid())
+
+
+def wait_until(condition):
+    since = time.monotonic()
+    while not condition():
+        assert time.monotonic() - since < 20.0
+        time.sleep(0.02)
+
+
+def test_processes_end_with_a_master_that_is_killed(tmp_path, make_system):
+    system = make_system({"hang_busy": "Faulty"}, [], faulty.build(tmp_path).parent)
+    script = f"""
+        from ps_fmu.cosim import Master, read_system
+        from ps_fmu.cosim.isolation.instance import Isolation
+        with Master(read_system({str(system.path)!r}, {str(tmp_path)!r}), {H}, isolation=Isolation()) as master:
+            master.initialise()
+            print("ready", flush=True)
+            master.run(1.0)
+    """
+    with subprocess.Popen([sys.executable, "-I", "-c", textwrap.dedent(script)], stdout=subprocess.PIPE) as process:
+        process.stdout.readline()
+        assert len(list_guests(process.pid)) == 1
+        process.send_signal(signal.SIGKILL)
+    wait_until(lambda: not list_guests(process.pid))
+
+
+def parse(*arguments):
+    parser = argparse.ArgumentParser()
+    add_isolation_options(parser)
+    return read_isolation(parser.parse_args(arguments))
+
+
+def test_options():
+    assert parse() is None
+    assert parse("--isolate") == Isolation()
+    assert parse("--isolate=a", "--isolate", "b") == Isolation(frozenset({"a", "b"}))
+    assert parse("--isolate=a", "--isolate") == Isolation()
+    assert parse("--isolate", "--step-timeout", "2.5") == Isolation(step_timeout_s=2.5)
+
+
+@pytest.mark.parametrize("value", ["0", "-1", "nan", "inf", "1e7"])
+def test_a_timeout_that_is_no_time(value):
+    with pytest.raises(UsageError, match=r"--step-timeout: expected a time above 0 s and up to 1e\+06 s, got"):
+        parse("--isolate", f"--step-timeout={value}")
+
+
+def test_a_timeout_without_isolation():
+    with pytest.raises(UsageError, match="--step-timeout: only FMUs with processes of their own can be ended"):
+        parse("--step-timeout", "1")

@@ -1,0 +1,81 @@
+"""What the user sees of FMUs that misbehave, in processes of their own and inside that of the master.
+
+The FMU goes wrong in the step from 0.05 s on, so six rows are complete before, or in another call.  docs/misbehaving.md
+has the same cases as a table.
+"""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from support import faulty
+from support.faulty.cases import ALL, INSIDE, ISOLATED, UNLIMITED
+
+DRIVE = Path(faulty.__file__).with_name("drive.py")
+DOCUMENT = Path(__file__).parents[2] / "docs" / "misbehaving.md"
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="processes of their own are for Linux")
+
+
+@pytest.fixture(scope="module")
+def seen(tmp_path_factory):
+    """What was seen, by fault and where it was: all runs in one go, so that the package is imported once."""
+    folder = tmp_path_factory.mktemp("faulty")
+    faulty.build(folder)
+    cases = [f"{fault}:{where}" for where, table in ALL.items() for fault in table]
+    lines = subprocess.run(
+        [sys.executable, str(DRIVE), str(folder), *cases], check=True, capture_output=True, text=True
+    ).stdout.splitlines()
+    found = [json.loads(line) for line in lines]
+    assert [one["case"] for one in found] == cases
+    return {one["case"]: one for one in found}
+
+
+def check(found, expected):
+    rows, words, code = expected
+    assert found["code"] == code
+    if rows is not None:
+        assert found["report"]["rows"] == rows
+    report = found["report"] or {}
+    text = "\n".join([found["stderr"], report.get("error") or "", report.get("ended") or ""])
+    for word in words:
+        assert word in text
+    assert not found["left"]
+
+
+@pytest.mark.parametrize("fault", ISOLATED)
+def test_isolated(seen, fault):
+    check(seen[f"{fault}:isolated"], ISOLATED[fault])
+
+
+@pytest.mark.parametrize("fault", INSIDE)
+def test_inside(seen, fault):
+    check(seen[f"{fault}:inside"], INSIDE[fault])
+
+
+@pytest.mark.parametrize("fault", UNLIMITED)
+def test_ctrl_c_ends_an_isolated_fmu_that_hangs(seen, fault):
+    check(seen[f"{fault}:unlimited"], UNLIMITED[fault])
+
+
+@pytest.mark.parametrize("where", ["isolated", "inside"])
+def test_steps_in_parts_end_where_whole_ones_do(seen, where):
+    whole, parts = (seen[f"{fault}:{where}"]["report"]["last"][0] for fault in ("good", "partial"))
+    assert (whole[4:], parts[4:]) == ([10, 10], [20, 20])  # both FMUs make half of the steps in three parts
+    np.testing.assert_allclose(parts[:2], whole[:2], rtol=1e-12)  # the time and its square
+    # The input is held for a shorter time.
+    assert parts[2] - whole[2] == pytest.approx(0.008, rel=1e-9)
+
+
+def test_both_give_the_same_rows(seen):
+    for fault in ISOLATED.keys() & INSIDE.keys():
+        reports = [seen[f"{fault}:{where}"]["report"] for where in ("isolated", "inside")]
+        if all(reports) and reports[0]["rows"] == reports[1]["rows"]:
+            assert reports[0]["last"] == reports[1]["last"], fault
+
+
+def test_the_document_has_all_cases():
+    text = DOCUMENT.read_text()
+    assert not [fault for fault in {**ISOLATED, **INSIDE} if f"`{fault}`" not in text]

@@ -1,0 +1,24 @@
+"""The FMU that misbehaves, compiled and packed."""
+
+import shutil
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+from ps_fmu.slavekit.launcher.c_program import find_fmi_headers
+
+HERE = Path(__file__).parent
+
+
+def build(folder: Path) -> Path:
+    """Faulty.fmu in a folder."""
+    compiler = ["cc"] if shutil.which("cc") else [sys.executable, "-m", "ziglang", "cc"]
+    library = folder / "Faulty.so"
+    flags = ["-std=c11", "-D_GNU_SOURCE", "-O1", "-fno-optimize-sibling-calls", "-fPIC", "-shared"]
+    flags += ["-Wall", "-Wno-infinite-recursion", "-I", str(find_fmi_headers())]
+    subprocess.run([*compiler, *flags, str(HERE / "faulty.c"), "-o", str(library), "-lm", "-lpthread"], check=True)
+    with zipfile.ZipFile(folder / "Faulty.fmu", "w") as archive:
+        archive.write(HERE / "modelDescription.xml", "modelDescription.xml")
+        archive.write(library, "binaries/linux64/Faulty.so")
+    return folder / "Faulty.fmu"

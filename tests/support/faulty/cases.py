@@ -1,0 +1,113 @@
+"""What is expected of each fault of the misbehaving FMU: complete rows (None: nobody could tell), words, exit code.
+
+The exit code is that of a process which reports whatever Python raises and then ends with 0.
+"""
+
+FAILED = "stopped at t = 0.05 s"
+GONE = "its process was killed by"
+LEFT = "its process ended with exit code"
+
+
+def step(*words: str, rows: int = 6, code: int = 0) -> tuple[int, tuple[str, ...], int]:
+    """A failure of the step from 0.05 s on."""
+    return rows, ("SlaveError", "fmi2DoStep at t = 0.05 s", FAILED, *words), code
+
+
+def call(*words: str, rows: int = 11) -> tuple[int, tuple[str, ...], int]:
+    """A failure of another call."""
+    return rows, ("SlaveError", *words), 0
+
+
+def dies(code: int, *words: str) -> tuple[None, tuple[str, ...], int]:
+    """The process of the master ends."""
+    return None, words, code
+
+
+FINE = (11, (), 0)
+TOLD = {  # the same in both
+    "good": FINE,
+    "pending": step("returned fmi2Pending", "steps asynchronously"),
+    "no_status": step("status 99 (not an fmi2Status)"),
+    "fatal": step("returned fmi2Fatal"),
+    "not_a_number": (6, ("SlaveError", "not a finite number at t = 0.06 s", "the rows before are kept"), 0),
+    "set_fails": (6, ("SlaveError", "fmi2SetReal at t = 0.05 s returned fmi2Error (variables: u)", FAILED), 0),
+    "refuses": (0, ("SlaveError", "fmi2Instantiate failed", "no licence: 100 % used"), 0),
+    "ended": (6, ("fmi2Discard and fmi2Terminated", "last successful time 0.05 s", "has ended the simulation"), 0),
+    "discard": (11, ("discarded the step at t = 0.05 s", "repeated in parts"), 0),
+    "partial": (11, ("discarded the step at t = 0.05 s", "repeated in parts"), 0),
+    "messages": (11, ("message 0 of many", "too many different messages"), 0),
+    "child": FINE,
+}
+ISOLATED = TOLD | {
+    "hang_busy": step("did not return within 0.5 s; its process has been ended"),
+    "hang_asleep": step("did not return within 0.5 s; its process has been ended"),
+    "thread_exit": step("did not return within 0.5 s; its process has been ended"),
+    "exit_0": step(f"{LEFT} 0"),
+    "exit_3": step(f"{LEFT} 3"),
+    "quick_exit": step(f"{LEFT} 0"),
+    "immediate_exit": step(f"{LEFT} 0"),
+    "abort": step(f"{GONE} SIGABRT"),
+    "segfault": step(f"{GONE} SIGSEGV"),
+    "stack_overflow": step(f"{GONE} SIGSEGV"),
+    "illegal_instruction": step(f"{GONE} SIGILL"),
+    "division": step(f"{GONE} SIGFPE"),
+    "double_free": step(f"{GONE} SIGABRT", "[output]"),
+    "kill": step(f"{GONE} SIGKILL"),
+    "rounding": step("changed the rounding of floating-point numbers"),
+    "descriptors": step("closed file descriptors"),
+    "directory": (11, ("directory: [fmi2Warning] changed the working directory of its process to /",), 0),
+    "handlers": (11, ("handlers: [fmi2Warning] changed the handler of signal 2",), 0),
+    "noise": (11, ("noise: [output] a line on the standard output",), 0),
+    "exit_in_instantiate": call("fmi2Instantiate did not return", f"{LEFT} 0", rows=0),
+    "hang_in_instantiate": call("fmi2Instantiate did not return within 0.5 s", rows=0),
+    "crash_in_instantiate": call("fmi2Instantiate crashed", f"{GONE} SIGABRT", rows=0),
+    "exit_in_initialisation": call("fmi2EnterInitializationMode at t = 0 s did not return", f"{LEFT} 0", rows=0),
+    "exit_in_terminate": call("fmi2Terminate at t = 0.1 s did not return", f"{LEFT} 0"),
+    "hang_in_terminate": call("fmi2Terminate at t = 0.1 s did not return within 0.5 s"),
+    "crash_in_terminate": call("fmi2Terminate at t = 0.1 s crashed", f"{GONE} SIGABRT"),
+    "exit_in_free": call("fmi2FreeInstance did not return", f"{LEFT} 0"),
+    "hang_in_free": call("fmi2FreeInstance did not return within 0.5 s"),
+    "crash_in_free": call("fmi2FreeInstance crashed", f"{GONE} SIGABRT"),
+}
+"""In a process of its own, with a time-out of 0.5 s for all calls."""
+
+_INTERRUPTED = (6, ("KeyboardInterrupt", "fmi2DoStep at t = 0.05 s did not return, and was interrupted", FAILED), 0)
+_CRASHED = "crashed, and the process with it"
+_SPOILT = "stopped at t = 0.1 s"
+INSIDE = TOLD | {
+    "hang_busy": _INTERRUPTED,
+    "hang_asleep": _INTERRUPTED,
+    "exit_0": step("called exit(0)"),
+    "exit_3": step("called exit(3)"),
+    "quick_exit": step("called exit(0)"),
+    "abort": step("crashed with SIGABRT"),
+    "segfault": step("crashed with SIGSEGV"),
+    "stack_overflow": step("crashed with SIGSEGV"),
+    "illegal_instruction": step("crashed with SIGILL"),
+    "division": step("crashed with SIGFPE"),
+    "double_free": step("crashed with SIGABRT"),
+    "kill": dies(-9),
+    "immediate_exit": dies(0),  # nothing in a process can prevent that
+    "rounding": (11, ("CosimError", "changed the rounding of numbers in this process", "--isolate", _SPOILT), 0),
+    "descriptors": (11, ("CosimError", "closed files of this process", "--isolate", _SPOILT), 0),
+    "directory": (11, ("changed the working directory of this process, which was put back", "--isolate"), 0),
+    "handlers": (11, ("changed the handler of Ctrl-C of this process, which was put back", "--isolate"), 0),
+    "noise": FINE,
+    "exit_in_instantiate": dies(1, "exit_in_instantiate: fmi2Instantiate: called exit()"),
+    "hang_in_instantiate": dies(130, "hang_in_instantiate: fmi2Instantiate: did not return"),
+    "crash_in_instantiate": dies(-6, "crash_in_instantiate: fmi2Instantiate", _CRASHED),
+    "exit_in_initialisation": dies(1, "fmi2EnterInitializationMode at t = 0 s: called exit()"),
+    "exit_in_terminate": dies(1, "fmi2Terminate at t = 0.1 s: called exit()"),
+    "hang_in_terminate": dies(130, "fmi2Terminate at t = 0.1 s: did not return"),
+    "crash_in_terminate": dies(-6, "fmi2Terminate at t = 0.1 s", _CRASHED),
+    "exit_in_free": dies(1, "fmi2FreeInstance: called exit()"),
+    "hang_in_free": dies(130, "fmi2FreeInstance: did not return"),
+    "crash_in_free": dies(-6, "fmi2FreeInstance", _CRASHED),
+}
+"""In the process of the master; Ctrl-C is pressed twice in what hangs."""
+
+_ENDED = (6, ("KeyboardInterrupt", "fmi2DoStep at t = 0.05 s was interrupted; its process has been ended", FAILED), 0)
+UNLIMITED = {"hang_busy": _ENDED, "hang_asleep": _ENDED}
+"""In a process of its own without a time-out that matters, and Ctrl-C twice."""
+
+ALL = {"isolated": ISOLATED, "inside": INSIDE, "unlimited": UNLIMITED}

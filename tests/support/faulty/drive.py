@@ -1,0 +1,121 @@
+"""Run a system with a misbehaving FMU for each case, in a process of its own, and print what the user sees, as JSON.
+
+    python drive.py FOLDER FAULT:isolated FAULT:inside ...
+
+FOLDER holds Faulty.fmu.  An FMU that says that it hangs gets Ctrl-C twice, unless it is isolated with a time-out.
+"""
+
+import contextlib
+import json
+import os
+import signal
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parents[2]))
+
+from ps_fmu.cosim import Master, read_system
+from ps_fmu.cosim.isolation import guest_process
+from ps_fmu.cosim.isolation.instance import Isolation
+from support.cosim import Collect, ssd_text
+
+H, STEPS = 0.01, 10
+TIMEOUT_S = 0.5
+PATIENCE_S = 30.0
+
+
+def run(folder, fault, where):
+    """The report of one run; ``where``: isolated, inside, or unlimited for isolated without a time-out."""
+    guest_process.LIFE_TIMEOUT_S = TIMEOUT_S
+    limit = 1e4 if where == "unlimited" else TIMEOUT_S
+    collect, ended, error = Collect(), None, None
+    with tempfile.TemporaryDirectory() as place:
+        path = Path(place, "test.ssd")
+        path.write_text(ssd_text({"other": "Faulty", fault: "Faulty"}, [f"other.y -> {fault}.u"]))
+        try:
+            system = read_system(path, folder)
+            with Master(system, H, isolation=None if where == "inside" else Isolation(step_timeout_s=limit)) as master:
+                master.initialise()
+                master.run(STEPS * H, [collect])
+                ended = str(master.ended) if master.ended else None
+        except BaseException as caught:
+            error = "\n".join([type(caught).__name__, str(caught), *getattr(caught, "__notes__", ())])
+    rows = collect.values.tolist() if len(collect.time) else []
+    return {"rows": len(collect.time), "last": rows[-1:], "error": error, "ended": ended}
+
+
+def watch(child, errors, where):
+    """Standard error and exit code of the child; Ctrl-C twice once it hangs.  Killed when it takes too long."""
+    text, since, pressed = b"", time.monotonic(), 0
+    os.set_blocking(errors, False)
+    while True:
+        ended, status = os.waitpid(child, os.WNOHANG)
+        try:
+            while part := os.read(errors, 65536):
+                text += part
+        except BlockingIOError:
+            pass
+        if ended:
+            return text.decode(), os.waitstatus_to_exitcode(status)
+        if b"hangs" in text and pressed < 2 and where != "isolated" and not is_pending(child):
+            os.kill(child, signal.SIGINT)
+            pressed += 1
+        if time.monotonic() - since > PATIENCE_S:
+            os.kill(child, signal.SIGKILL)
+        time.sleep(0.005)
+
+
+def is_pending(child):
+    """Whether a Ctrl-C has not been taken yet."""
+    lines = Path(f"/proc/{child}/status").read_text().splitlines()
+    masks = [int(line.split()[1], 16) for line in lines if line.startswith(("ShdPnd:", "SigPnd:"))]
+    return any(mask & 1 << signal.SIGINT - 1 for mask in masks)
+
+
+def main(folder, *cases):
+    for case in cases:
+        fault, where = case.split(":")
+        (output, report), (errors, stderr) = os.pipe(), os.pipe()
+        child = os.fork()
+        if child == 0:
+            os.setpgid(0, 0)
+            os.dup2(stderr, 2)
+            os.close(stderr)
+            os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+            found = json.dumps(run(Path(folder), fault, where))
+            if fault == "descriptors" and where == "inside":  # it has closed the pipe, too
+                os.write(2, b"\0" + found.encode())
+            else:
+                os.write(report, found.encode())
+            os._exit(0)
+        os.close(report)
+        os.close(stderr)
+        said, code = watch(child, errors, where)
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(child, signal.SIGKILL)  # what an FMU inside has started
+        found = os.read(output, 1 << 20).decode()
+        said, _, other = said.partition("\0")
+        left = find_left(child)
+        for descriptor in (output, errors):
+            os.close(descriptor)
+        report = json.loads(found or other or "null")
+        print(json.dumps({"case": case, "code": code, "stderr": said, "report": report, "left": left}), flush=True)
+
+
+def find_left(child):
+    """Processes of isolated FMUs of the child that still run."""
+    found = []
+    for process in Path("/proc").glob("[0-9]*"):
+        try:
+            words = (process / "cmdline").read_bytes().split(b"\0")
+        except OSError:
+            continue
+        if any(word.endswith(b"/guest.py") for word in words) and str(child).encode() in words:
+            found.append(process.name)
+    return found
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])
