@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 
+import numpy as np
 from fmpy.model_description import ModelDescription
 
 from .fmu_instance import FmuInstance
 from .graph import Wiring
-from .rows import Rows
+from .rows import InputSignal, Rows
 from .structure import PortName, System, Value
 
 log = logging.getLogger("ps_fmu.cosim")
@@ -40,7 +41,7 @@ def initialise(
     them is left alone.  Raises :class:`SlaveError`.
     """
     for component in system.components:
-        values = {name: parameter.value for name, parameter in component.parameters.items()}
+        values = dict(wiring.starts[component.name])
         values |= {port.variable: value for port, value in given.items() if port.component == component.name}
         instance = instances[component.name]
         instance.set_up(start)
@@ -51,25 +52,41 @@ def initialise(
         instance.exit_initialisation(start)
 
 
-def read_first_row(instances: Mapping[str, FmuInstance], rows: Rows, start: float) -> None:
-    """Read all outputs into the first row of the block.  Raises :class:`SlaveError`."""
+def read_first_row(
+    instances: Mapping[str, FmuInstance],
+    rows: Rows,
+    start: float,
+    signals: Sequence[InputSignal] = (),
+    step: float = 0.0,
+) -> None:
+    """Read all outputs into the first row of the block, and the inputs of the run.  Raises :class:`SlaveError`."""
     for kind in (rows.real, rows.discrete):
         for port, place in kind.places.items():
-            kind.values[place] = instances[port.component].get([port.variable], start)[port.variable]
+            if port.component:
+                kind.values[place] = instances[port.component].get([port.variable], start)[port.variable]
+    for signal in signals:
+        values, place = rows.find_place(signal.port)
+        values[place] = signal.sample(np.array([start]), step)[0]
     rows.store_latest()
 
 
 def _propagate(instances: Mapping[str, FmuInstance], wiring: Wiring, cut: Collection[PortName], start: float) -> None:
     """In the order that the FMUs' dependencies give; round a loop as often as there are FMUs."""
+    carried: dict[PortName, list[PortName]] = {}
+    for connection in wiring.connections:
+        if connection.target not in cut:
+            carried.setdefault(connection.source, []).append(connection.target)
     for group in wiring.order:
-        connections = [c for c in wiring.connections if c.source in group.outputs and c.target not in cut]
         values: dict[PortName, Value] = {}
         before = values
         for _ in range(group.passes):
             before = values
             values = {p: instances[p.component].get([p.variable], start)[p.variable] for p in group.outputs}
-            for c in connections:
-                instances[c.target.component].set({c.target.variable: values[c.source]}, start)
+            for source, value in values.items():
+                for target in carried.get(source, ()):
+                    conversion = wiring.conversions.get(target)
+                    passed = value if conversion is None else conversion.apply(value)
+                    instances[target.component].set({target.variable: passed}, start)
         moving = [str(p) for p, value in values.items() if p in before and not _is_settled(value, before[p])]
         if moving:
             log.warning("initial values in a loop still change after %d passes: %s", group.passes, ", ".join(moving))

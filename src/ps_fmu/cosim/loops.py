@@ -25,8 +25,12 @@ class StepLoop(Protocol):
 
 
 def make_loop(plan: Plan, rows: Rows, compiled: bool) -> StepLoop:
-    """The loop for a plan: in C if that is wanted and there is a library for this platform."""
-    return CompiledLoop(plan, rows) if compiled and is_available() else PythonLoop(plan, rows)
+    """The loop for a plan: in C if that is wanted, it can do all of it, and there is a library for this platform."""
+    return (
+        CompiledLoop(plan, rows)
+        if compiled and not plan.needs_python and is_available()
+        else PythonLoop(plan, rows)
+    )
 
 
 class PythonLoop:
@@ -41,6 +45,8 @@ class PythonLoop:
         self._stages = [
             (
                 [(gather.outputs.take, gather.sources, gather.inputs) for gather in stage.gathers],
+                [gather.convert for gather in stage.gathers if gather.convert is not None],
+                stage.moves,
                 tuple(c.invoke for c in stage.calls),
                 stage.calls,
             )
@@ -50,18 +56,27 @@ class PythonLoop:
     def advance(self, times: Array, interrupted: c_int) -> None:
         """See :class:`StepLoop`."""
         plan, rows, stages = self._plan, self._rows, self._stages
+        fed = [(*rows.find_place(s.port), s.sample(times + plan.step, plan.step)) for s in plan.signals]
         now, latest, done = plan.now, rows.latest_row, rows.filled
         try:
-            for time, row in zip(times.tolist(), rows.rows[done : done + len(times)], strict=True):
+            for index, (time, row) in enumerate(
+                zip(times.tolist(), rows.rows[done : done + len(times)], strict=True)
+            ):
                 if interrupted:
                     return
                 now.value = time
-                for gathers, functions, calls in stages:
+                for gathers, converts, moves, functions, calls in stages:
                     for take, sources, inputs in gathers:
                         take(sources, None, inputs, "clip")  # any mode but "raise" spares a copy
+                    for convert in converts:
+                        convert()
+                    for move in moves:
+                        move.carry(time)
                     remaining = iter(functions)
                     for status in filter(None, map(call, remaining)):
                         calls[-1 - length_hint(remaining)].check(status, time, plan.step)
+                for values, place, samples in fed:
+                    values[place] = samples[index]
                 row[:] = latest
                 done += 1
         finally:

@@ -26,7 +26,8 @@ from .interrupt import note_interrupts
 from .loops import StepLoop, make_loop
 from .plan import SCHEMES, make_plan
 from .rows import Column, Rows, make_layout
-from .structure import PortName, System, Value, parse_port
+from .signals import Signal, bind_signals, derive_outputs, get_first_values
+from .structure import PortName, System, Value
 
 log = logging.getLogger("ps_fmu.cosim")
 
@@ -50,6 +51,7 @@ class Master:
     block_rows: rows that are handed to the observers at a time
     compiled: run the steps in C, where the package has a library for this platform; results are the same
     descriptions: those of the FMUs by component, where they have been read before: each takes some 50 ms
+    inputs: over time, by the name of an input of the system or by ``component.variable``, see :func:`.read_signals`
 
     Raises :class:`UsageError`, :class:`SystemFileError` or :class:`WiringError` before anything is loaded.
 
@@ -70,6 +72,7 @@ class Master:
         block_rows: int = BLOCK_ROWS,
         compiled: bool = True,
         descriptions: Mapping[str, ModelDescription] | None = None,
+        inputs: Mapping[str, Signal] | None = None,
     ) -> None:
         if scheme not in SCHEMES:
             raise UsageError(f"scheme: expected one of {', '.join(SCHEMES)}, got {scheme!r}")
@@ -83,9 +86,12 @@ class Master:
         self.scheme = scheme
         self._descriptions = read_descriptions(system) if descriptions is None else descriptions
         self.wiring = check_wiring(system, self._descriptions)
-        self._layout = make_layout(self._descriptions)
+        self._signals = bind_signals(system, self._descriptions, inputs or {})
+        more = {connection.source for connection in system.connections} | {item.source for item in system.outputs}
+        self._layout = make_layout(self._descriptions, more, self._signals)
+        self._derived = derive_outputs(system, self._descriptions, self._layout.columns)
         self._block_rows = block_rows
-        self._rows = Rows(self._layout, block_rows)
+        self._rows = Rows(self._layout, block_rows, self._derived)
         self._instances: dict[str, FmuInstance] = {}
         self._compiled = compiled
         self._loop: StepLoop | None = None
@@ -98,8 +104,8 @@ class Master:
 
     @property
     def columns(self) -> tuple[Column, ...]:
-        """All recorded outputs, in the order of the columns of a block."""
-        return self._layout.columns
+        """All recorded outputs, inputs of the run and outputs of the system, in the order of the columns of a block."""
+        return (*self._layout.columns, *(item.column for item in self._derived))
 
     @property
     def open_inputs(self) -> tuple[OpenInput, ...]:
@@ -163,8 +169,9 @@ class Master:
             with note_interrupts() as interrupted:
                 if not self._instances:
                     load(self.system, self._descriptions, self._instances)
-                initialise(self._instances, self.system, self.wiring, self._set, start)
-                read_first_row(self._instances, self._rows, start)
+                given = {**get_first_values(self._signals, start, self.step), **self._set}
+                initialise(self._instances, self.system, self.wiring, given, start)
+                read_first_row(self._instances, self._rows, start, self._signals, self.step)
                 self._make_plan()
             if interrupted:
                 raise KeyboardInterrupt
@@ -193,7 +200,7 @@ class Master:
         self.wiring = check_wiring(system, self._descriptions)
         self.system, self._loop, self._index = system, None, 0
         self._set.clear()
-        self._rows = Rows(self._layout, self._block_rows)
+        self._rows = Rows(self._layout, self._block_rows, self._derived)
         try:
             for instance in self._instances.values():
                 instance.reset()
@@ -271,8 +278,7 @@ class Master:
     # ---- how ---------------------------------------------------------------------------------------------
 
     def _find_port(self, name: str) -> PortName:
-        port = parse_port(name)
-        self.system.component(port.component)
+        port = self.system.find_port(name)
         find_variable(self._descriptions[port.component], port.variable)
         return port
 
@@ -294,7 +300,8 @@ class Master:
                 self._make_plan()
 
     def _make_plan(self) -> None:
-        plan = make_plan(self._instances, self.wiring, self._rows, self.clock.step, self.scheme, self._set.keys())
+        rows, step, cut = self._rows, self.clock.step, self._set.keys()
+        plan = make_plan(self._instances, self.wiring, rows, step, self.scheme, cut, self._signals)
         self._loop = make_loop(plan, self._rows, self._compiled)
 
     def _make_schedule(self, events: Iterable[Event], end: int) -> list[tuple[int, PortName, Value]]:
