@@ -107,7 +107,7 @@ class _Flattener:
                     self.given[place] = entry
                 if not places:
                     text = f"{entry.origin}: nothing in the system {node.name!r} is called {name!r}"
-                    if not self.lenient:
+                    if not (self.lenient and entry.bound):
                         raise UsageError(text)
                     self.found.remarks.append(f"{text}: ignored")
 

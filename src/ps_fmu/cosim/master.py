@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import logging
 import time as wall_clock
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from ctypes import c_int
 from types import TracebackType
 from typing import Self
@@ -52,6 +52,7 @@ class Master:
     compiled: run the steps in C, where the package has a library for this platform; results are the same
     descriptions: those of the FMUs by component, where they have been read before: each takes some 50 ms
     inputs: over time, by the name of an input of the system or by ``component.variable``, see :func:`.read_signals`
+    also: variables to record beside the outputs
 
     Raises :class:`UsageError`, :class:`SystemFileError` or :class:`WiringError` before anything is loaded.
 
@@ -73,6 +74,7 @@ class Master:
         compiled: bool = True,
         descriptions: Mapping[str, ModelDescription] | None = None,
         inputs: Mapping[str, Signal] | None = None,
+        also: Collection[PortName] = (),
     ) -> None:
         if scheme not in SCHEMES:
             raise UsageError(f"scheme: expected one of {', '.join(SCHEMES)}, got {scheme!r}")
@@ -87,7 +89,7 @@ class Master:
         self._descriptions = read_descriptions(system) if descriptions is None else descriptions
         self.wiring = check_wiring(system, self._descriptions)
         self._signals = bind_signals(system, self._descriptions, inputs or {})
-        more = {connection.source for connection in system.connections} | {item.source for item in system.outputs}
+        more = {c.source for c in system.connections} | {item.source for item in system.outputs} | set(also)
         self._layout = make_layout(self._descriptions, more, self._signals)
         self._derived = derive_outputs(system, self._descriptions, self._layout.columns)
         self._block_rows = block_rows

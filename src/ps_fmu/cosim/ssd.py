@@ -240,7 +240,8 @@ class SsdReader:
         for element in group.children if group is not None else ():
             check_element(element, self.ssd)
             given = element.attributes
-            start, end = ((given.get(f"{side}Element"), given[f"{side}Connector"]) for side in ("start", "end"))
+            # OMSimulator writes an empty name for the system itself.
+            start, end = ((given.get(f"{side}Element") or None, given[f"{side}Connector"]) for side in ("start", "end"))
             where = f"{self.file}, line {element.line}" if self.file else f"line {element.line}"
             wires.append(Wire((start, end), read_hop(element, self.ssd, where), element.line))
         return wires

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path, PurePosixPath
 
 from .dialect import get_only_child
@@ -10,7 +12,7 @@ from .flatten import flatten
 from .sources import SSD_NAME, Sources
 from .ssd import FMU_TYPE, PARAMETER_TYPE, SsdReader
 from .ssv import read_parameters
-from .structure import Experiment, System
+from .structure import Experiment, Parameter, System
 from .values import parse_real
 from .xmlfile import Element, read_xml
 
@@ -18,7 +20,12 @@ __all__ = ["FMU_TYPE", "PARAMETER_TYPE", "SSD_NAME", "System", "list_fmu_files",
 
 
 def read_system(
-    path: Path, resources: Path | None = None, *, outside: bool = False, lenient: bool = False
+    path: Path,
+    resources: Path | None = None,
+    *,
+    outside: bool = False,
+    lenient: bool = False,
+    values: Sequence[Mapping[str, Parameter]] = (),
 ) -> System:
     """Read a system description.
 
@@ -30,6 +37,7 @@ def read_system(
     outside: whether sources may lie outside of the folder of the description, or of the archive
     lenient: whether bindings may give values to variables that are not there, as in SSP: ``remarks`` of the system name
         them.  Otherwise they are refused, here or when the FMUs are opened: most are misspelt
+    values: parameter sets that outrank all bindings; their names are hierarchical, as in a binding of the whole system
 
     Raises :class:`SystemFileError`, with file and line: not SSP, an element that cannot be honoured, a name that occurs
     twice or is malformed, a source that is missing or leaves the folder of the description.
@@ -45,7 +53,7 @@ def read_system(
     if not ssd.is_file():
         raise SystemFileError(path, f"there is no system description {ssd.name} here")
     with sources.name_members():
-        return _read(ssd, sources)
+        return _read(ssd, sources, values)
 
 
 def list_fmu_files(path: Path) -> set[str]:
@@ -65,12 +73,12 @@ def list_fmu_files(path: Path) -> set[str]:
     return found
 
 
-def _read(ssd: Path, sources: Sources) -> System:
+def _read(ssd: Path, sources: Sources, values: Sequence[Mapping[str, Parameter]]) -> System:
     reader = SsdReader(ssd, sources)
     top = reader.get_top()
     tree = reader.read()
     experiment = _read_experiment(reader, top)
-    flat = flatten(tree, sources.lenient)
+    flat = flatten(replace(tree, bindings=(*tree.bindings, *values)), sources.lenient)
     if not flat.components:
         raise reader.make_error("the system has no components", top)
     return System(
