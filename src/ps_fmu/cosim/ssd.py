@@ -270,8 +270,8 @@ class SsdReader:
             raise SystemFileError(path, f"is not a signal dictionary of SSP: got {root.tag}", root.line)
         check_element(root, path)
         check_version(root, path)
-        units = read_units(root.find("ssb:Units"), path)
-        items = read_items(root.find("ssb:Enumerations"), path)
+        units = {**self.units, **read_units(root.find("ssb:Units"), path)}
+        items = {**self.items, **read_items(root.find("ssb:Enumerations"), path)}
         entries = {}
         for entry in root.all("ssb:DictionaryEntry"):
             check_element(entry, path)

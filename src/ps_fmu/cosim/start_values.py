@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 from fmpy.model_description import ModelVariable
 
@@ -34,6 +35,9 @@ def resolve_start_values(
         reason = None if has_exact_start(variable) else explain_unsettable(variable, running=False)
         if reason:
             problems.append(f"{where}: {reason}")
+        if parameter.bound and _is_undefined(parameter, ends[name]):
+            remarks.append(f"{where}: nobody defines the unit {parameter.unit!r}: the value is taken as it is")
+            parameter = replace(parameter, unit=None)
         try:
             values[name] = convert_value(variable, _convert(parameter, ends[name]))
         except (UsageError, ValueError) as error:
@@ -44,6 +48,12 @@ def resolve_start_values(
 def has_exact_start(variable: ModelVariable) -> bool:
     """Whether a variable may be set before the initialisation, as those with a start value (FMI 2.0.4, table 2.2.7)."""
     return variable.initial in ("exact", "approx") and variable.variability != "constant"
+
+
+def _is_undefined(parameter: Parameter, end: End) -> bool:
+    """Whether the unit of a value is only a name, and not that of the variable."""
+    own = end.unit.name if end.unit is not None else parameter.unit
+    return parameter.unit not in (None, own) and parameter.defined is None
 
 
 def _convert(parameter: Parameter, end: End) -> Value:

@@ -188,7 +188,9 @@ def _record(master: Master, options: AnyRun, duration: float, names: Sequence[st
             attributes=attributes,
         ) as recorder,
     ):
-        master.run(duration, [recorder], progress=show)
+        start = master.time
+        # Rounding must not bring it beyond the end, which a bar does not take.
+        master.run(duration, [recorder], progress=lambda t, wall, factor: show(min(t - start, duration), wall, factor))
 
 
 def _describe(column: Column, stored: str) -> str:
