@@ -14,14 +14,21 @@ import zipfile
 from pathlib import Path
 
 from ps_fmu.cosim import Master, read_system
-from ps_fmu.slavekit.launcher.compile import LAUNCHER
+from ps_fmu.slavekit.launcher.c_program import find_fmi_headers
 
 FMUS = 64
 STEPS = 1000
-_SOURCE = """
+REFUSED = Path(__file__).with_name("refused.c")
+_SOURCE = r"""
 #include <stdlib.h>
 #include <string.h>
 #include "fmi2Functions.h"
+#define ACCESS(type) \
+    fmi2Status fmi2Get##type(fmi2Component c, const fmi2ValueReference v[], size_t n, fmi2##type x[]) \
+    { (void)c, (void)v, (void)n, (void)x; return fmi2Error; } \
+    fmi2Status fmi2Set##type(fmi2Component c, const fmi2ValueReference v[], size_t n, const fmi2##type x[]) \
+    { (void)c, (void)v, (void)n, (void)x; return fmi2Error; }
+ACCESS(Integer) ACCESS(Boolean)
 fmi2Component fmi2Instantiate(fmi2String n, fmi2Type t, fmi2String g, fmi2String r, const fmi2CallbackFunctions *c,
                               fmi2Boolean v, fmi2Boolean l)
 { (void)n, (void)t, (void)g, (void)r, (void)c, (void)v, (void)l; return calloc(COUNT, sizeof(double)); }
@@ -35,7 +42,7 @@ fmi2Status fmi2DoStep(fmi2Component c, fmi2Real t, fmi2Real h, fmi2Boolean b)
 fmi2Status fmi2SetupExperiment(fmi2Component c, fmi2Boolean a, fmi2Real b, fmi2Real d, fmi2Boolean e, fmi2Real f)
 { (void)c, (void)a, (void)b, (void)d, (void)e, (void)f; return fmi2OK; }
 #define PLAIN(name) fmi2Status name(fmi2Component c) { (void)c; return fmi2OK; }
-PLAIN(fmi2EnterInitializationMode) PLAIN(fmi2ExitInitializationMode) PLAIN(fmi2Terminate) PLAIN(fmi2Reset)
+PLAIN(fmi2EnterInitializationMode) PLAIN(fmi2ExitInitializationMode) PLAIN(fmi2Terminate)
 """
 
 
@@ -44,7 +51,7 @@ def build_fmu(folder: Path, ports: int) -> Path:
     source, library = folder / "many.c", folder / "many.so"
     source.write_text(_SOURCE)
     command = [sys.executable, "-I", "-m", "ziglang", "cc", "-O2", "-shared", "-fPIC", f"-DCOUNT={ports}"]
-    subprocess.run([*command, f"-I{LAUNCHER.folder}", str(source), "-o", str(library)], check=True)
+    subprocess.run([*command, f"-I{find_fmi_headers()}", str(source), str(REFUSED), "-o", str(library)], check=True)
     variable = '<ScalarVariable name="{}{}" valueReference="{}" causality="{}"><Real{}/></ScalarVariable>'
     variables = "".join(variable.format("u", i, i, "input", ' start="0"') for i in range(ports))
     variables += "".join(variable.format("y", i, ports + i, "output", "") for i in range(ports))
