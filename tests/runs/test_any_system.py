@@ -167,6 +167,11 @@ def test_which_run_is_meant(arguments, meant):
     assert system_command.is_meant(arguments) is meant
 
 
+def test_a_scenario_says_what_runs_a_foreign_system(archive, tmp_path, capsys):
+    assert run("isolation", "--ssp", archive, "--duration", "1", "--output", tmp_path / "out") == 1
+    assert f"The system has no 'plant', which scenarios need: ps-fmu run {archive} runs" in capsys.readouterr().err
+
+
 def test_names_for_netcdf():
     found = make_stored_names(["a/b", "a_b", "time", " x", "y ", "\t", "e\u0301", "+z", "0"])
     assert found == {

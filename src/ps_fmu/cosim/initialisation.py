@@ -82,6 +82,8 @@ def _propagate(instances: Mapping[str, FmuInstance], wiring: Wiring, cut: Collec
         for _ in range(group.passes):
             before = values
             values = _read_outputs(instances, group.outputs, start)
+            if values == before:  # to the last bit: another pass would set what the inputs have already
+                break
             passed: dict[str, dict[str, Value]] = {}
             for source, value in values.items():
                 for target in carried.get(source, ()):
