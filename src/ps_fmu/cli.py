@@ -70,24 +70,30 @@ class _LazyParser(argparse.ArgumentParser):
     For arguments that are known only after long imports, which the other subcommands do without.
     """
 
-    fill: Callable[[argparse.ArgumentParser], None] | None = None
+    fill: Callable[[argparse.ArgumentParser, Sequence[str]], None] | None = None
 
-    def parse_known_args(self, *arguments: Any, **options: Any) -> Any:
-        """As that of the class above, with the arguments that ``fill`` adds."""
+    def parse_known_args(self, args: Any = None, *more: Any, **options: Any) -> Any:
+        """As that of the class above, with the arguments that ``fill`` adds; it is told what is to be parsed."""
         fill, self.fill = self.fill, None
         if fill is not None:
-            fill(self)
-        return super().parse_known_args(*arguments, **options)
+            fill(self, args or ())
+        return super().parse_known_args(args, *more, **options)
 
 
 def _add_run(commands: argparse._SubParsersAction[_LazyParser]) -> None:
-    run = commands.add_parser("run", help="run a scenario of the whole system")
+    run = commands.add_parser("run", help="run a scenario of the whole system, or any .ssp, .ssd or .fmu")
 
-    def fill(parser: argparse.ArgumentParser) -> None:
+    def fill(parser: argparse.ArgumentParser, arguments: Sequence[str]) -> None:
+        from . import system_command
+
+        if system_command.is_meant(arguments):
+            system_command.add_arguments(parser)
+            parser.set_defaults(run=lambda options: system_command.run(options, parser))
+            return
         from . import run_command as command
 
         command.add_arguments(parser, command.find_all_scenarios())
-        parser.set_defaults(run=lambda arguments: command.run(arguments, parser))
+        parser.set_defaults(run=lambda options: command.run(options, parser))
 
     run.fill = fill
 

@@ -1,5 +1,7 @@
 """``ps-fmu run SCENARIO``, and the same as ``python system/run.py SCENARIO`` in a checkout.
 
+``ps-fmu run FILE.ssp``, for any system, is :mod:`.system_command`.
+
 Exit codes: 0 done, 1 the run failed or a requirement is not met, 2 an argument cannot be used, 130 interrupted by
 Ctrl-C or SIGTERM (results so far are kept).
 """
@@ -14,6 +16,7 @@ from pathlib import Path
 
 from .cosim.errors import CosimError, UsageError
 from .cosim.isolation.options import add_isolation_options, read_isolation
+from .cosim.system import read_system
 from .paper import figures
 from .product.files import find_file, find_product, list_system_files
 from .results.style import prepare_drawing
@@ -25,6 +28,7 @@ from .runs.registry import find_scenarios
 from .slavekit.pack.errors import BuildError
 from .terminal import reason
 
+_PLANT = "plant"  # the component that all scenarios need
 ABOUT = "Run a scenario of the pointing manipulator: FMUs, wired as a system description (.ssd) says."
 
 
@@ -164,8 +168,19 @@ def run(arguments: argparse.Namespace, command_line: argparse.ArgumentParser) ->
         except OptionError as error:  # one that needs the system to be seen, such as a path that takes longer
             command_line.error(str(error))
         except (BuildError, CosimError, OSError, ValueError) as error:
-            return report_end(program, reason(error), options.output, 1)
+            return report_end(program, reason(error) + _suggest_other(options), options.output, 1)
     return 0
+
+
+def _suggest_other(options: RunOptions) -> str:
+    """What runs a system that is not of the pointing manipulator; nothing for one that is, or cannot be read."""
+    try:
+        names = {component.name for component in read_system(options.system, options.fmus, lenient=True).components}
+    except (CosimError, OSError):
+        names = {_PLANT}
+    if _PLANT in names:
+        return ""
+    return f"\nThe system has no {_PLANT!r}, which scenarios need: ps-fmu run {options.system} runs any system"
 
 
 def report_end(program: str, why: str, output: Path, code: int) -> int:

@@ -5,7 +5,7 @@ import shutil
 import pytest
 from support.cosim import OSCILLATOR, ssd_text
 
-from ps_fmu.cosim import SystemFileError, UsageError, read_system, write_ssp
+from ps_fmu.cosim import SystemFileError, UsageError, WiringError, read_system, write_ssp
 
 EXPERIMENT = """
 <ssd:DefaultExperiment startTime="0" stopTime="2"><ssd:Annotations><ssc:Annotation type="com.opensimulationplatform">
@@ -50,6 +50,23 @@ def test_names_that_some_tools_cannot_unpack_are_refused(folder):
     (folder / "resources" / "ToyMass.fmu").rename(folder / "resources" / "Toy Mass.fmu")
     with pytest.raises(SystemFileError, match="letters, digits"):
         write(folder, ssd_text(*OSCILLATOR, after=EXPERIMENT).replace("ToyMass.fmu", "Toy Mass.fmu"))
+
+
+@pytest.mark.parametrize(
+    ("name", "reason"),
+    [("my spring", "letters, digits and _ only"), ("masses", "component 'mass' is a prefix of 'masses'")],
+)
+def test_names_that_some_tools_confuse_are_refused(folder, name, reason):
+    text = ssd_text(*OSCILLATOR, after=EXPERIMENT).replace('"spring"', f'"{name}"')
+    with pytest.raises(WiringError, match=reason):
+        write(folder, text)
+
+
+def test_conversions_that_some_tools_do_wrong_are_refused(folder):
+    text = ssd_text(*OSCILLATOR, after=EXPERIMENT)
+    gain = '"><ssc:LinearTransformation factor="2"/></ssd:Connection>\n</ssd:Connections>'
+    with pytest.raises(WiringError, match=r"line 26: connection spring\.force -> mass\.force: converts the value"):
+        write(folder, text.replace('"/>\n</ssd:Connections>', gain))
 
 
 def test_two_fmus_of_one_name_are_refused(folder, rewrite):

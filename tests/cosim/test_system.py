@@ -112,7 +112,9 @@ def test_parameter_bindings(folder):
 CONNECTION = (
     '<ssd:Connection startElement="mass" startConnector="position" endElement="spring" endConnector="position"/>'
 )
-GAIN = "<ssc:LinearTransformation factor='2'/>"
+GAIN = "<ssc:LinearTransformation factor='x'/>"
+DICTIONARIES = "<ssd:SignalDictionaries><a/></ssd:SignalDictionaries>"
+MAP = "<ssc:BooleanMappingTransformation/>"
 SYSTEM_CONNECTOR = "<ssd:Connectors><ssd:Connector name='u' kind='input'/></ssd:Connectors>"
 COMPONENT = '<ssd:Component name="mass" type="application/x-fmu-sharedlibrary" source="resources/ToyMass.fmu">'
 
@@ -120,7 +122,7 @@ COMPONENT = '<ssd:Component name="mass" type="application/x-fmu-sharedlibrary" s
 @pytest.mark.parametrize(
     ("old", "new", "place", "reason"),
     [
-        ('version="1.0" name', 'version="2.0" name', "<ssd:SystemS", "version '2.0' is not read"),
+        ('version="1.0" name', 'version="3.0" name', "<ssd:SystemS", "version '3.0' is not read"),
         ("http://ssp-standard.org/SSP1/SystemStructureD", "urn:other/D", "<ssd:SystemS", "of SSP 1.0, got urn:other"),
         ("<?xml", "<!-- --><?xml", "<?xml", "not well-formed"),
         ("<ssd:Elements>", "<!DOCTYPE a><ssd:Elements>", "<!DOCTYPE", "not well-formed"),
@@ -130,26 +132,30 @@ COMPONENT = '<ssd:Component name="mass" type="application/x-fmu-sharedlibrary" s
         (COMPONENT, COMPONENT.replace("resources", "file:///r"), "file:///r", "not a path inside the folder"),
         (COMPONENT, COMPONENT.replace("resources/", "resources\\"), "resources\\", "not a path inside the folder"),
         (COMPONENT, COMPONENT.replace("resources/ToyMass.fmu", ""), 'source=""', "not a path inside the folder"),
-        (COMPONENT, COMPONENT.replace('name="mass"', 'name="my mass"'), "my mass", "letters, digits and _"),
+        (COMPONENT, COMPONENT.replace('name="mass"', 'name=""'), "resources/ToyMass", "has an empty name"),
+        (COMPONENT, COMPONENT.replace("resources/", "%2e%2e/"), "%2e%2e/", "not a path inside the folder"),
         (COMPONENT, COMPONENT.replace('name="mass"', 'name="spring"'), "resources/ToySpring", "is also in line 8"),
-        (COMPONENT, COMPONENT.replace("x-fmu-sharedlibrary", "x-ssp-package"), "x-ssp", "expected an FMU"),
+        (COMPONENT, COMPONENT.replace("x-fmu-sharedlibrary", "x-other"), "x-other", "expected an FMU"),
         (COMPONENT, COMPONENT.replace(" source", ' implementation="ModelExchange" source'), "Model", "expected an FMU"),
         (COMPONENT, COMPONENT.replace(" source", " src"), "src", "has no attribute source"),
         (COMPONENT, COMPONENT.replace(" source", ' colour="red" source'), "colour", "unknown attribute 'colour'"),
         ('name="velocity"', 'name="position" id="twice"', "twice", "connector of 'mass': 'position' is also"),
         ('kind="input"', 'kind="clock"', "clock", "kind 'clock' is none of"),
         ("<ssc:Real/>", "<ssc:Real/><ssc:Integer/>", "<ssc:Integer/>", "more than one type"),
-        ("<ssc:Real/>", "<ssc:Enumeration name='e'/>", "<ssc:Enum", "enumerations are not supported"),
+        ("<ssc:Real/>", "<ssc:Real/><ssc:Dimension size='3'/>", "<ssc:Dim", "arrays are not supported"),
+        ("<ssc:Real/>", "<ssc:Clock/>", "<ssc:Clock/>", "clocks are not supported"),
         ("<ssc:Real/>", "<ssc:Binary/>", "<ssc:Binary/>", "binary variables are not supported"),
-        (CONNECTION, CONNECTION.replace("/>", f">{GAIN}</ssd:Connection>"), GAIN, "transformations are not supported"),
-        (CONNECTION, CONNECTION.replace('startElement="mass"', ""), "startConnector", "connector of the system itself"),
+        (CONNECTION, CONNECTION.replace("/>", f">{GAIN}</ssd:Connection>"), GAIN, "factor: expected a finite number"),
+        (CONNECTION, CONNECTION.replace('startElement="mass"', ""), "startConn", "system has no connector 'position'"),
+        (CONNECTION, CONNECTION.replace("/>", f">{MAP}{MAP}</ssd:Connection>"), MAP, "more than one transformation"),
+        (CONNECTION, CONNECTION.replace("/>", ' suppressUnitConversion="no"/>'), '"no"', "expected true or false"),
         (CONNECTION, CONNECTION.replace('"mass"', '"maas"'), "maas", "no component 'maas'; did you mean mass"),
         (CONNECTION, CONNECTION.replace('"position"', '"positon"', 1), "positon", "did you mean position"),
-        ("<ssd:Elements>", "<ssd:Elements><ssd:System name='inner'/>", "inner", "list its components"),
-        ("<ssd:Elements>", "<ssd:Elements><ssd:SignalDictionaryReference/>", "DictionaryR", "connect the components"),
-        ("<ssd:Elements>", f"{SYSTEM_CONNECTOR}<ssd:Elements>", SYSTEM_CONNECTOR, "connectors of the system itself"),
+        ("<ssd:Elements>", "<ssd:Elements><ssd:System name='mass'/>", "resources/ToyMass", "'mass' is also in line 7"),
+        ("<ssd:Elements>", "<ssd:Elements><ssd:SignalDictionaryReference/>", "naryRe", "no attribute dictionary, name"),
+        ("<ssd:Elements>", f"{SYSTEM_CONNECTOR * 2}<ssd:Elements>", SYSTEM_CONNECTOR, "more than one ssd:Connectors"),
         ("</ssd:Elements>", "</ssd:Elements><ssd:Elements/>", "<ssd:Elements/>", "more than one ssd:Elements"),
-        ("</ssd:Connections>", "</ssd:Connections><ssd:SignalDictionaries/>", "Dictionaries", "signal dictionaries"),
+        ("</ssd:Connections>", f"</ssd:Connections>{DICTIONARIES}", "<a/>", "a in ssd:SignalDictionaries"),
         ("</ssd:Connections>", "</ssd:Connections><ssd:Surprise/>", "Surprise", "ssd:Surprise in ssd:System"),
         ('stopTime="3.5"', 'stopTime="0.5"', "stopTime", "not after the start time"),
         ('stopTime="3.5"', 'stopTime="inf"', "stopTime", "stopTime: expected a finite number, got 'inf'"),
@@ -174,12 +180,12 @@ def test_what_cannot_be_honoured_is_refused_with_its_line(folder, old, new, plac
         ("<ssd:ParameterBinding/>", "needs a source or values"),
         ('<ssd:ParameterBinding source="../mass.ssv"/>', "not a path inside the folder"),
         ('<ssd:ParameterBinding source="none.ssv"/>', "none.ssv: cannot be read"),
-        ('<ssd:ParameterBinding source="a.ssv" prefix="p."/>', "name them in full"),
-        ('<ssd:ParameterBinding source="a.ssv" sourceBase="component"/>', "sourceBase 'SSD'"),
+        ('<ssd:ParameterBinding source="a.ssv" sourceBase="elsewhere"/>', "sourceBase 'elsewhere': expected 'SSD'"),
+        ('<ssd:ParameterBinding source="a.ssv" sourceBase="component"/>', "ToyMass.fmu: is not a readable ZIP"),
         ('<ssd:ParameterBinding source="a.ssv" type="text/csv"/>', "of type"),
         (
-            '<ssd:ParameterBinding source="a.ssv"><ssd:ParameterMapping/></ssd:ParameterBinding>',
-            "name the parameters as the FMU does",
+            "<ssd:ParameterBinding><ssd:ParameterValues/><ssd:ParameterMapping/></ssd:ParameterBinding>",
+            "a parameter mapping needs a source or entries",
         ),
     ],
 )

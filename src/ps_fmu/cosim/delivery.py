@@ -10,7 +10,6 @@ import numpy as np
 from .clock import StepClock
 from .errors import SlaveError
 from .rows import Array, Column, Rows
-from .structure import parse_port
 
 
 class Observer(Protocol):
@@ -111,9 +110,10 @@ def _name(observer: Observer) -> str:
 
 
 def _make_error(columns: Sequence[Column], row: Array, time: float) -> SlaveError:
-    bad = [column.name for column, value in zip(columns, row, strict=True) if not np.isfinite(value)]
+    wrong = [column for column, value in zip(columns, row, strict=True) if not np.isfinite(value)]
+    bad = [column.name for column in wrong]
     named = ", ".join(bad[:5]) + (f" and {len(bad) - 5} more" if len(bad) > 5 else "")
-    component = parse_port(bad[0]).component
+    component = wrong[0].component or bad[0].partition(".")[0]
     return SlaveError(
         f"{component}: not a finite number at t = {time:.9g} s: {named}; the rows before are kept",
         component=component,

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import logging
 import math
+from contextlib import suppress
 from functools import lru_cache
 from pathlib import Path
 
@@ -14,32 +16,32 @@ from .errors import SystemFileError, UsageError
 from .structure import System, Value, suggest_names
 from .xmlfile import MAXIMUM_BYTES, parse_xml
 
+log = logging.getLogger("ps_fmu.cosim")
+
 DISCRETE_TYPES = ("Integer", "Boolean", "Enumeration")
 """Types that FMI passes as C int."""
 
 
-def read_description(path: Path) -> ModelDescription:
+def read_description(path: Path, lenient: bool = False) -> ModelDescription:
     """Model description of an FMU for co-simulation (FMI 2.0).
+
+    ``lenient``: one that can be read although it breaks rules of FMI is taken, with a warning in the log.
 
     Raises :class:`SystemFileError`: not a safe archive, no or a malformed ``modelDescription.xml``, another
     FMI version, no co-simulation, a variable name that occurs twice.  It is for reading only: as long as the file has
     the same content, it is the same object.
     """
-    return _read_description(path, compute_digest(path))
+    return _read_description(path, compute_digest(path), lenient)
 
 
 @lru_cache(maxsize=64)  # 13 ms for each of ours
-def _read_description(path: Path, _digest: str) -> ModelDescription:
+def _read_description(path: Path, _digest: str, lenient: bool) -> ModelDescription:
     check_archive(path)
     root = parse_xml(read_member(path, "modelDescription.xml", MAXIMUM_BYTES), path / "modelDescription.xml")
     if root.attributes.get("fmiVersion") != "2.0":
         version = root.attributes.get("fmiVersion")
         raise SystemFileError(path, f"expected an FMU of FMI 2.0, got fmiVersion {version!r}")
-    try:
-        description = read_model_description(path)
-    # FMPy raises plain Exception, and whatever a malformed file makes it trip over.
-    except Exception as error:
-        raise SystemFileError(path, f"modelDescription.xml is not valid: {error}") from error
+    description = _parse(path, lenient)
     if description.coSimulation is None:
         raise SystemFileError(path, "the FMU is not for co-simulation: export it as a co-simulation FMU")
     identifier = description.coSimulation.modelIdentifier
@@ -48,10 +50,27 @@ def _read_description(path: Path, _digest: str) -> ModelDescription:
     return description
 
 
-def read_descriptions(system: System) -> dict[str, ModelDescription]:
-    """Model descriptions of a system's FMUs by component; each file is read once.  Raises :class:`SystemFileError`."""
+def _parse(path: Path, lenient: bool) -> ModelDescription:
+    try:
+        return read_model_description(path)
+    # FMPy raises plain Exception, and whatever a malformed file makes it trip over.
+    except Exception as error:
+        if lenient:
+            with suppress(Exception):
+                description = read_model_description(path, validate=False)
+                log.warning("%s: breaks rules of FMI and is run all the same: %s", path.name, error)
+                return description
+        raise SystemFileError(path, f"modelDescription.xml is not valid: {error}") from error
+
+
+def read_descriptions(system: System, lenient: bool = False) -> dict[str, ModelDescription]:
+    """Model descriptions of a system's FMUs by component; each file is read once.
+
+    ``lenient``: see :func:`read_description`.  Raises :class:`SystemFileError`.
+    """
     with system.name_members():
-        read = {source: read_description(source) for source in {component.source for component in system.components}}
+        sources = dict.fromkeys(component.source for component in system.components)
+        read = {source: read_description(source, lenient) for source in sources}
     return {component.name: read[component.source] for component in system.components}
 
 

@@ -1,8 +1,7 @@
-"""What an SSD or SSV file may contain here: SSP 1.0 without the parts that tools disagree on.
+"""What the files of SSP may contain here: SSP 1.0, and of SSP 2.0 what FMI 2.0 can express.
 
-One rule per element.  What the standard allows and this package cannot honour is refused with a way out,
-never skipped; geometry, enumerations and unit definitions change nothing in a simulation and are passed
-over.
+One rule per element.  What the standard allows and this package cannot honour is refused with a way out, never skipped;
+geometry and metadata change nothing in a simulation and are passed over.
 """
 
 from __future__ import annotations
@@ -31,67 +30,76 @@ _META = _make_rule(
     optional="id description author fileversion copyright license generationTool generationDateAndTime"
 ).optional
 
+# Types of SSP 2.0, which has those of FMI 3.0, as the types of FMI 2.0 that take their values.
+_TYPES = {name: name for name in ("Real", "Integer", "Boolean", "String", "Enumeration")}
+_TYPES |= {"Float64": "Real", "Float32": "Real"}
+_TYPES |= {f"{sign}Int{bits}": "Integer" for sign in ("", "U") for bits in (8, 16, 32, 64)}
+
+_TRANSFORMATIONS = (
+    "ssc:LinearTransformation ssc:BooleanMappingTransformation ssc:IntegerMappingTransformation "
+    "ssc:EnumerationMappingTransformation"
+)
+_TYPE_CHOICE = " ".join(f"ssc:{name}" for name in _TYPES)
+_ELEMENT = "ssd:Connectors ssd:ElementGeometry ssd:ParameterBindings ssd:Annotations"
+_PASSED_OVER = frozenset({"ssc:MetaData", "ssd:MetaData", "ssc:Signature", "ssd:Signature", "ssc:Annotations"})
+
 RULES = {
     "ssd:SystemStructureDescription": _make_rule(
         "ssd:System ssd:Enumerations ssd:Units ssd:DefaultExperiment ssd:Annotations", "version name"
     ),
     "ssd:System": _make_rule(
-        "ssd:Connectors ssd:ElementGeometry ssd:ParameterBindings ssd:Elements ssd:Connections "
-        "ssd:SystemGeometry ssd:GraphicalElements ssd:Annotations",
+        f"{_ELEMENT} ssd:Elements ssd:Connections ssd:SignalDictionaries ssd:SystemGeometry ssd:GraphicalElements",
         "name",
     ),
-    "ssd:Elements": _make_rule("ssd:Component"),
-    "ssd:Component": _make_rule(
-        "ssd:Connectors ssd:ElementGeometry ssd:ParameterBindings ssd:Annotations",
-        "name source",
-        "type implementation",
-    ),
+    "ssd:Elements": _make_rule("ssd:Component ssd:System ssd:SignalDictionaryReference"),
+    "ssd:Component": _make_rule(_ELEMENT, "name source", "type implementation"),
+    "ssd:SignalDictionaryReference": _make_rule(_ELEMENT, "name dictionary"),
+    "ssd:SignalDictionaries": _make_rule("ssd:SignalDictionary"),
+    "ssd:SignalDictionary": _make_rule("ssb:SignalDictionary ssd:Annotations", "name", "type source"),
+    "ssb:SignalDictionary": _make_rule("ssb:DictionaryEntry ssb:Enumerations ssb:Units ssb:Annotations", "version"),
+    "ssb:DictionaryEntry": _make_rule(f"{_TYPE_CHOICE} ssb:Annotations", "name"),
     "ssd:Connectors": _make_rule("ssd:Connector"),
-    "ssd:Connector": _make_rule(
-        "ssc:Real ssc:Integer ssc:Boolean ssc:String ssd:ConnectorGeometry ssd:Annotations", "name kind"
-    ),
-    "ssc:Real": _make_rule(optional="unit"),
-    "ssc:Integer": _make_rule(),
-    "ssc:Boolean": _make_rule(),
-    "ssc:String": _make_rule(),
+    "ssd:Connector": _make_rule(f"{_TYPE_CHOICE} ssd:ConnectorGeometry ssd:Annotations", "name kind"),
     "ssd:Connections": _make_rule("ssd:Connection"),
     "ssd:Connection": _make_rule(
-        "ssd:ConnectionGeometry ssd:Annotations",
-        "startElement startConnector endElement endConnector",
-        "suppressUnitConversion",
+        f"{_TRANSFORMATIONS} ssd:ConnectionGeometry ssd:Annotations",
+        "startConnector endConnector",
+        "startElement endElement suppressUnitConversion",
     ),
     "ssd:ParameterBindings": _make_rule("ssd:ParameterBinding"),
-    "ssd:ParameterBinding": _make_rule("ssd:ParameterValues ssd:Annotations", "", "type source sourceBase prefix"),
+    "ssd:ParameterBinding": _make_rule(
+        "ssd:ParameterValues ssd:ParameterMapping ssd:Annotations", "", "type source sourceBase prefix"
+    ),
     "ssd:ParameterValues": _make_rule("ssv:ParameterSet"),
+    "ssd:ParameterMapping": _make_rule("ssm:ParameterMapping", "", "type source sourceBase"),
+    "ssm:ParameterMapping": _make_rule("ssm:MappingEntry ssm:Annotations", "version"),
+    "ssm:MappingEntry": _make_rule(
+        f"{_TRANSFORMATIONS} ssm:Annotations", "source target", "suppressUnitConversion"
+    ),
+    "ssc:LinearTransformation": _make_rule("", "", "factor offset"),
     "ssd:Annotations": _make_rule("ssc:Annotation"),
     "ssd:DefaultExperiment": _make_rule("ssd:Annotations", "", "startTime stopTime"),
+    "ssd:Enumerations": _make_rule("ssc:Enumeration"),
+    "ssd:Units": _make_rule("ssc:Unit"),
     "ssv:ParameterSet": _make_rule("ssv:Parameters ssv:Enumerations ssv:Units ssv:Annotations", "version name"),
     "ssv:Parameters": _make_rule("ssv:Parameter"),
-    "ssv:Parameter": _make_rule("ssv:Real ssv:Integer ssv:Boolean ssv:String ssv:Annotations", "name"),
-    "ssv:Real": _make_rule("", "value", "unit"),
-    "ssv:Integer": _make_rule("", "value"),
-    "ssv:Boolean": _make_rule("", "value"),
-    "ssv:String": _make_rule("", "value"),
+    "ssv:Parameter": _make_rule(" ".join(f"ssv:{name}" for name in _TYPES) + " ssv:Annotations", "name"),
 }
+for _name, _kind in _TYPES.items():
+    RULES[f"ssc:{_name}"] = _make_rule(optional="unit" if _kind == "Real" else "name" if _kind == "Enumeration" else "")
+    RULES[f"ssv:{_name}"] = _make_rule("", "value", "unit" if _kind == "Real" else "name")
+for _name in _TRANSFORMATIONS.split()[1:]:
+    RULES[_name] = _make_rule("ssc:MapEntry")
+RULES["ssc:MapEntry"] = _make_rule("", "source target")
 
 REFUSED = {
-    "ssd:System": "a system inside a system is not supported: list its components in the one system",
-    "ssd:SignalDictionaryReference": "signal dictionaries are not supported: connect the components directly",
-    "ssd:SignalDictionaries": "signal dictionaries are not supported: connect the components directly",
-    "ssd:ParameterMapping": "parameter mappings are not supported: name the parameters as the FMU does",
-    "ssc:LinearTransformation": "transformations are not supported: connect variables of the same unit",
-    "ssc:BooleanMappingTransformation": "transformations are not supported: convert inside an FMU",
-    "ssc:IntegerMappingTransformation": "transformations are not supported: convert inside an FMU",
-    "ssc:EnumerationMappingTransformation": "transformations are not supported: convert inside an FMU",
-    "ssc:Enumeration": "enumerations are not supported: use an Integer",
-    "ssv:Enumeration": "enumerations are not supported: use an Integer",
-    "ssc:Binary": "binary variables are not supported",
-    "ssv:Binary": "binary parameters are not supported",
+    "ssc:Binary": "binary variables are not supported: FMI 2.0 has none",
+    "ssv:Binary": "binary parameters are not supported: FMI 2.0 has none",
+    "ssc:Clock": "clocks are not supported: FMI 2.0 has none",
+    "ssd:Clock": "clocks are not supported: FMI 2.0 has none",
+    "ssc:Dimension": "arrays are not supported: FMI 2.0 has scalar variables only",
+    "ssd:Dimension": "arrays are not supported: FMI 2.0 has scalar variables only",
 }
-
-_SYSTEM_CONNECTOR = (
-    "a connection to a connector of the system itself is not supported: name startElement and endElement"
-)
 
 
 def check_element(element: Element, path: Path) -> None:
@@ -101,8 +109,7 @@ def check_element(element: Element, path: Path) -> None:
     """
     rule = RULES[element.tag]
     if missing := sorted(rule.required - element.attributes.keys()):
-        advice = f" ({_SYSTEM_CONNECTOR})" if element.tag == "ssd:Connection" else ""
-        text = f"{element.tag} has no attribute {', '.join(missing)}{advice}"
+        text = f"{element.tag} has no attribute {', '.join(missing)}"
         raise SystemFileError(path, text, element.line)
     for name in element.attributes:
         if ":" not in name and name not in rule.required | rule.optional | _META:
@@ -111,7 +118,7 @@ def check_element(element: Element, path: Path) -> None:
                 path, f"{element.tag} has an unknown attribute {name!r}; known are: {known}", element.line
             )
     for child in element.children:
-        if child.tag in rule.children:
+        if child.tag in rule.children or child.tag in _PASSED_OVER:
             continue
         reason = REFUSED.get(child.tag, f"is not expected here; expected: {', '.join(sorted(rule.children))}")
         raise SystemFileError(path, f"{child.tag} in {element.tag}: {reason}", child.line)
@@ -125,3 +132,20 @@ def get_only_child(element: Element, tag: str, path: Path) -> Element | None:
     if found:
         check_element(found[0], path)
     return found[0] if found else None
+
+
+def check_version(root: Element, path: Path) -> None:
+    """Raises :class:`SystemFileError` for the root element of a file that is of another version than 1.0 and 2.0."""
+    version = root.attributes["version"]
+    if version not in ("1.0", "2.0"):
+        raise SystemFileError(path, f'version {version!r} is not read: write version "1.0" or "2.0"', root.line)
+
+
+def get_type(tag: str) -> str:
+    """Type of FMI 2.0 that an element such as ``ssc:Float64`` states."""
+    return _TYPES[tag.partition(":")[2]]
+
+
+def is_type(tag: str) -> bool:
+    """Whether an element such as ``ssc:Real`` states a type."""
+    return tag.partition(":")[2] in _TYPES

@@ -329,7 +329,9 @@ def load_library(component: Component, description: ModelDescription, folder: Pa
             )
         except Exception as error:
             raise SystemFileError(
-                component.source, f"component {component.name!r} cannot be loaded on this platform: {error}"
+                component.source,
+                f"component {component.name!r} cannot be loaded on this platform: "
+                + str(error).replace(f"{folder}{os.sep}", ""),
             ) from error
         finally:
             os.chdir(directory)

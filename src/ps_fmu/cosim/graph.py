@@ -1,25 +1,26 @@
 """Check the wiring of a system against its FMUs, and find the orders that follow from it.
 
-Checked: names, causality, types, units, several sources for one input, names that tools confuse, start
-values. Orders: in which initial values travel (from the dependencies of
-``ModelStructure/InitialUnknowns``), and in which a Gauss-Seidel scheme steps the FMUs.
+Checked: causality, types, units, several sources for one input, transformations, start values.  Orders: in which
+initial values travel (from the dependencies of ``ModelStructure/InitialUnknowns``), and in which a Gauss-Seidel scheme
+steps the FMUs.
 """
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TypeVar
 
-import numpy as np
 from fmpy.model_description import ModelDescription, ModelVariable
 
-from .description import DISCRETE_TYPES, convert_value, explain_unsettable, get_unit, index_variables
-from .errors import UsageError, WiringError
+from .conversion import combine, find_end
+from .description import get_unit, index_variables
+from .errors import WiringError
+from .hops import Conversion, End, Hop
+from .start_values import resolve_start_values
+from .strong_groups import find_strong_groups
 from .structure import Component, Connection, Connector, PortName, System, suggest_names
-
-Node = TypeVar("Node", bound=Hashable)
+from .units import are_equal
+from .values import Value
 
 
 @dataclass(frozen=True)
@@ -45,7 +46,9 @@ class Wiring:
     """A system that has passed all checks.
 
     ``order``: outputs in the order in which initial values travel; ``loops``: the variables of each algebraic
-    loop of the initialisation; ``stepping``: components in Gauss-Seidel order.
+    loop of the initialisation; ``stepping``: components in Gauss-Seidel order; ``starts``: start values by component
+    and variable, as their FMUs take them; ``conversions``: what the connection to an input does to the value, if
+    anything; ``remarks``: what the files of the system say in vain.
     """
 
     connections: tuple[Connection, ...]
@@ -53,6 +56,9 @@ class Wiring:
     order: tuple[InitialGroup, ...]
     loops: tuple[tuple[PortName, ...], ...]
     stepping: tuple[str, ...]
+    starts: Mapping[str, Mapping[str, Value]]
+    conversions: Mapping[PortName, Conversion]
+    remarks: tuple[str, ...] = ()
 
 
 def check_wiring(system: System, descriptions: Mapping[str, ModelDescription]) -> Wiring:
@@ -60,18 +66,28 @@ def check_wiring(system: System, descriptions: Mapping[str, ModelDescription]) -
 
     Raises :class:`WiringError` that lists everything that does not fit.
     """
-    variables = {name: index_variables(description) for name, description in descriptions.items()}
-    problems = _check_names(system, descriptions)
+    known = _Known(descriptions)
+    variables, ends = known.variables, known.ends
+    problems, remarks = _check_instances(system, descriptions), [*system.remarks]
+    starts: dict[str, dict[str, Value]] = {}
     for component in system.components:
-        problems += _check_connectors(component, variables[component.name])
-        problems += _check_parameters(component, variables[component.name])
+        name = component.name
+        problems += _check_connectors(component, ends[name], variables[name])
+        starts[name], wrong, ignored = resolve_start_values(component, variables[name], ends[name])
+        problems += wrong
+        remarks += ignored
     sources: dict[PortName, Connection] = {}
+    conversions: dict[PortName, Conversion] = {}
     for connection in system.connections:
-        problems += _check_connection(connection, variables)
+        wrong = _check_connection(connection, variables)
+        conversion, reason = _convert(connection, ends)
+        problems += wrong or ([reason] if reason else [])
+        if not conversion.changes_nothing:
+            conversions[connection.target] = conversion
         if other := sources.get(connection.target):
             problems.append(
-                f"line {connection.line}: input {connection.target} already has the source {other.source} "
-                f"(line {other.line}): remove one of the two"
+                f"{connection.where}: input {connection.target} already has the source {other.source} "
+                f"({other.where}): remove one of the two"
             )
         sources[connection.target] = connection
     if problems:
@@ -81,35 +97,32 @@ def check_wiring(system: System, descriptions: Mapping[str, ModelDescription]) -
     stepping = find_strong_groups([c.name for c in system.components], pairs)
     return Wiring(
         system.connections,
-        tuple(_list_open_inputs(system, variables, sources)),
+        tuple(_list_open_inputs(system, variables, sources, starts)),
         tuple(groups),
         tuple(loops),
         tuple(name for group in stepping for name in group),
+        starts,
+        conversions,
+        tuple(remarks),
     )
 
 
-def find_strong_groups(nodes: Sequence[Node], edges: Sequence[tuple[Node, Node]]) -> list[list[Node]]:
-    """Strongly connected groups, each after all groups that lead to it; ties keep the order of ``nodes``."""
-    place = {node: index for index, node in enumerate(nodes)}
-    reach = np.eye(len(nodes), dtype=bool)
-    for start, end in edges:
-        reach[place[start], place[end]] = True
-    for middle in range(len(nodes)):  # Warshall: paths through one more node at a time
-        reach |= np.outer(reach[:, middle], reach[middle])
-    ancestors = reach.sum(axis=0)  # equal within a group, smaller in every group that leads to it
-    mutual = reach & reach.T
-    groups: dict[int, list[Node]] = {}
-    for index in sorted(range(len(nodes)), key=lambda i: (ancestors[i], int(np.argmax(mutual[i])), i)):
-        groups.setdefault(int(np.argmax(mutual[index])), []).append(nodes[index])
-    return list(groups.values())
+class _Known:
+    """What the FMUs say of their variables, by component and name; components of one FMU share it."""
+
+    def __init__(self, descriptions: Mapping[str, ModelDescription]) -> None:
+        shared: dict[int, tuple[dict[str, ModelVariable], dict[str, End]]] = {}
+        for description in descriptions.values():
+            if id(description) not in shared:
+                variables = index_variables(description)
+                ends = {name: find_end(variable, description) for name, variable in variables.items()}
+                shared[id(description)] = variables, ends
+        self.variables = {name: shared[id(description)][0] for name, description in descriptions.items()}
+        self.ends = {name: shared[id(description)][1] for name, description in descriptions.items()}
 
 
-def _check_names(system: System, descriptions: Mapping[str, ModelDescription]) -> list[str]:
+def _check_instances(system: System, descriptions: Mapping[str, ModelDescription]) -> list[str]:
     problems = []
-    names = sorted(component.name for component in system.components)
-    for shorter, longer in itertools.pairwise(names):
-        if longer.startswith(shorter):
-            problems.append(f"component {shorter!r} is a prefix of {longer!r}, which tools confuse: rename one")
     loaded: dict[object, str] = {}
     for component in system.components:
         key = component.source.resolve()
@@ -122,7 +135,9 @@ def _check_names(system: System, descriptions: Mapping[str, ModelDescription]) -
     return problems
 
 
-def _check_connectors(component: Component, variables: Mapping[str, ModelVariable]) -> list[str]:
+def _check_connectors(
+    component: Component, ends: Mapping[str, End], variables: Mapping[str, ModelVariable]
+) -> list[str]:
     problems = []
     for connector in component.connectors:
         where = f"line {connector.line}: connector {component.name}.{connector.name}"
@@ -130,43 +145,25 @@ def _check_connectors(component: Component, variables: Mapping[str, ModelVariabl
             hint = suggest_names(connector.name, variables)
             problems.append(f"{where}: {component.source.name} has no such variable{hint}")
             continue
-        problems += [f"{where}: {text}" for text in _compare_connector(connector, variables[connector.name])]
+        texts = _compare_connector(connector, variables[connector.name], ends[connector.name])
+        problems += [f"{where}: {text}" for text in texts]
     return problems
 
 
-def _compare_connector(connector: Connector, variable: ModelVariable) -> list[str]:
+def _compare_connector(connector: Connector, variable: ModelVariable, end: End) -> list[str]:
     problems = []
-    if connector.kind != variable.causality:
+    if connector.kind not in (variable.causality, "inout", "unspecified"):
         problems.append(f"is declared {connector.kind}, in the FMU it is {variable.causality}")
-    if connector.type not in (None, variable.type):
+    if connector.type not in (None, variable.type) and {connector.type, variable.type} != {"Integer", "Enumeration"}:
         problems.append(f"is declared {connector.type}, in the FMU it is {variable.type}")
-    if connector.unit and get_unit(variable) and connector.unit != get_unit(variable):
-        problems.append(f"is declared in {connector.unit!r}, in the FMU its unit is {get_unit(variable)!r}")
-    return problems
-
-
-def _check_parameters(component: Component, variables: Mapping[str, ModelVariable]) -> list[str]:
-    problems = []
-    for name, parameter in component.parameters.items():
-        where = f"parameter {component.name}.{name} ({parameter.origin})"
-        if name not in variables:
-            hint = suggest_names(name, variables)
-            problems.append(f"{where}: {component.source.name} has no such variable{hint}")
-            continue
-        variable = variables[name]
-        if reason := explain_unsettable(variable, running=False):
-            problems.append(f"{where}: {reason}")
-        if parameter.unit and get_unit(variable) and parameter.unit != get_unit(variable):
-            problems.append(f"{where}: is given in {parameter.unit!r}, its unit is {get_unit(variable)!r}")
-        try:
-            convert_value(variable, parameter.value)
-        except UsageError as error:
-            problems.append(f"{where}: {error}")
+    stated = connector.end.unit
+    if stated is not None and end.unit is not None and stated.name != end.unit.name and not are_equal(stated, end.unit):
+        problems.append(f"is declared in {stated.name!r}, in the FMU its unit is {end.unit.name!r}")
     return problems
 
 
 def _check_connection(connection: Connection, variables: Mapping[str, Mapping[str, ModelVariable]]) -> list[str]:
-    where = f"line {connection.line}: connection {connection.source} -> {connection.target}"
+    where = f"{connection.where}: connection {connection.source} -> {connection.target}"
     ends = [variables[port.component].get(port.variable) for port in (connection.source, connection.target)]
     if ends[0] is None or ends[1] is None:
         return []  # already reported with the connectors
@@ -174,30 +171,46 @@ def _check_connection(connection: Connection, variables: Mapping[str, Mapping[st
     if source.causality == "input" and target.causality == "output":
         return [f"{where}: is written backwards: swap start and end"]
     problems = []
-    if source.causality != "output" or target.causality != "input":
+    if (source.causality, target.causality) not in _allowed():
         problems.append(
             f"{where}: must go from an output to an input, goes from {source.causality} to {target.causality}"
         )
-    if source.type != target.type:
+    if source.type != target.type and {source.type, target.type} != {"Integer", "Enumeration"}:
         problems.append(f"{where}: the types differ, {source.type} and {target.type}")
-    elif source.type != "Real" and source.type not in DISCRETE_TYPES:
-        problems.append(f"{where}: variables of type {source.type} cannot be connected")
-    units = (get_unit(source), get_unit(target))
-    if None not in units and units[0] != units[1]:
-        problems.append(f"{where}: the units differ, {units[0]!r} and {units[1]!r}; nobody converts them")
     return problems
 
 
+def _allowed() -> set[tuple[str, str]]:
+    """Causalities that may be connected (SSP 1.0, section 5.3.2)."""
+    always = {(source, "input") for source in ("output", "local", "calculatedParameter", "constant")}
+    return always | {("calculatedParameter", "parameter"), ("constant", "parameter")}
+
+
+def _convert(connection: Connection, ends: Mapping[str, Mapping[str, End]]) -> tuple[Conversion, str | None]:
+    """The conversion of a connection, or the reason why there is none."""
+    start, end = (ends[port.component].get(port.variable) for port in (connection.source, connection.target))
+    if start is None or end is None:
+        return Conversion(), None
+    hops = connection.hops or (Hop(connection.where),)
+    try:
+        return combine(start, hops, end), None
+    except ValueError as error:
+        place, _, reason = str(error).partition(": ")
+        return Conversion(), f"{place}: connection {connection.source} -> {connection.target}: {reason}"
+
+
 def _list_open_inputs(
-    system: System, variables: Mapping[str, Mapping[str, ModelVariable]], sources: Mapping[PortName, Connection]
+    system: System,
+    variables: Mapping[str, Mapping[str, ModelVariable]],
+    sources: Mapping[PortName, Connection],
+    starts: Mapping[str, Mapping[str, Value]],
 ) -> list[OpenInput]:
     inputs = []
     for component in system.components:
         for name, variable in variables[component.name].items():
             port = PortName(component.name, name)
             if variable.causality == "input" and port not in sources:
-                given = component.parameters.get(name)
-                start = str(variable.start) if given is None else str(given.value)
+                start = str(starts[component.name].get(name, variable.start))
                 inputs.append(OpenInput(port, variable.type, get_unit(variable), start))
     return inputs
 
@@ -213,10 +226,14 @@ def _find_initial_order(
     edges = [(c.source, c.target) for c in system.connections]
     targets = {c.target for c in system.connections}
     sources = {c.source for c in system.connections}
-    for name, description in descriptions.items():
-        inputs = [port for port in ports if port.component == name and port in targets]
+    ports_of: dict[str, list[PortName]] = {}
+    for port in ports:
+        ports_of.setdefault(port.component, []).append(port)
+    for name, own in ports_of.items():
+        description = descriptions[name]
+        inputs = [port for port in own if port in targets]
         listed = {unknown.variable.name: unknown.dependencies for unknown in description.initialUnknowns}
-        for output in (port for port in ports if port.component == name and port in sources):
+        for output in (port for port in own if port in sources):
             # Without a list of dependencies an output may depend on everything.
             known = listed.get(output.variable)
             names = None if known is None else {variable.name for variable in known}

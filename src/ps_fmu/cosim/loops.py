@@ -11,7 +11,7 @@ from time import perf_counter_ns
 from typing import Protocol
 
 from .compiled import CompiledLoop, is_available
-from .plan import Call, Gather, Plan
+from .plan import Plan, Stage
 from .rows import Array, Rows
 from .stopwatch import Laps, Stopwatch
 
@@ -30,9 +30,9 @@ class StepLoop(Protocol):
 
 
 def make_loop(plan: Plan, rows: Rows, compiled: bool, stopwatch: Stopwatch | None = None) -> StepLoop:
-    """The loop for a plan: in C if that is wanted and there is a library for this platform."""
+    """The loop for a plan: in C if that is wanted, it can do all of it, and there is a library for this platform."""
     laps = None if stopwatch is None else stopwatch.begin(plan)
-    if compiled and is_available():
+    if compiled and not plan.needs_python and is_available():
         return CompiledLoop(plan, rows, laps)
     return PythonLoop(plan, rows) if laps is None else TimedPythonLoop(plan, rows, laps)
 
@@ -49,6 +49,8 @@ class PythonLoop:
         self._stages = [
             (
                 [(gather.outputs.take, gather.sources, gather.inputs) for gather in stage.gathers],
+                [gather.convert for gather in stage.gathers if gather.convert is not None],
+                stage.moves,
                 tuple(c.invoke for c in stage.calls),
                 stage.calls,
             )
@@ -58,17 +60,24 @@ class PythonLoop:
     def advance(self, times: Array, interrupted: c_int) -> None:
         """See :class:`StepLoop`."""
         plan, rows, stages = self._plan, self._rows, self._stages
+        fed = [(*rows.find_place(s.port), s.sample(times + plan.step, plan.step)) for s in plan.signals]
         now, latest, done = plan.now, rows.latest_row, rows.filled
-        for time, row in zip(times.tolist(), rows.rows[done : done + len(times)], strict=True):
+        for index, (time, row) in enumerate(zip(times.tolist(), rows.rows[done : done + len(times)], strict=True)):
             if interrupted:
                 return
             now.value = time
-            for gathers, functions, calls in stages:
+            for gathers, converts, moves, functions, calls in stages:
                 for take, sources, inputs in gathers:
                     take(sources, None, inputs, "clip")  # any mode but "raise" spares a copy
+                for convert in converts:
+                    convert()
+                for move in moves:
+                    move.carry(time)
                 remaining = iter(functions)
                 for status in filter(None, map(call, remaining)):
                     calls[-1 - length_hint(remaining)].check(status, time, plan.step)
+            for values, place, samples in fed:
+                values[place] = samples[index]
             row[:] = latest
             rows.filled += 1
 
@@ -86,19 +95,16 @@ class TimedPythonLoop:
     def advance(self, times: Array, interrupted: c_int) -> None:
         """See :class:`StepLoop`."""
         plan, rows, laps = self._plan, self._rows, self._laps
-        for time in times.tolist():
+        fed = [(*rows.find_place(s.port), s.sample(times + plan.step, plan.step)) for s in plan.signals]
+        for index, time in enumerate(times.tolist()):
             if interrupted:
                 return
             plan.now.value = time
-            began = before = perf_counter_ns()
-            for place, part in enumerate(laps.parts):
-                status = _carry_out(part)
-                after = perf_counter_ns()
-                laps.note(place, after - before, time)
-                before = after
-                if status:
-                    assert isinstance(part, Call)
-                    part.check(status, time, plan.step)
+            began = perf_counter_ns()
+            for first, stage in zip(laps.firsts, plan.stages, strict=True):
+                self._run_stage(stage, first, time)
+            for values, place, samples in fed:
+                values[place] = samples[index]
             rows.rows[rows.filled][:] = rows.latest_row
             rows.filled += 1
             laps.note(len(laps.parts), perf_counter_ns() - began, time)
@@ -108,10 +114,24 @@ class TimedPythonLoop:
         """See :class:`StepLoop`."""
         return self._rows.filled
 
+    def _run_stage(self, stage: Stage, first: int, time: float) -> None:
+        """A stage of the step from ``time`` [s] on, whose parts begin at place ``first``."""
+        before = perf_counter_ns()
+        for place, gather in enumerate(stage.gathers, first):
+            gather.outputs.take(gather.sources, None, gather.inputs, "clip")
+            if gather.convert is not None:
+                gather.convert()
+            before = self._note(place, before, time)
+        for move in stage.moves:
+            move.carry(time)
+        before = perf_counter_ns()
+        for place, part in enumerate(stage.calls, first + len(stage.gathers)):
+            status = part.invoke()
+            before = self._note(place, before, time)
+            if status:
+                part.check(status, time, self._plan.step)
 
-def _carry_out(part: Call | Gather) -> int:
-    """Do a part of a step; returns an fmi2Status."""
-    if isinstance(part, Gather):
-        part.outputs.take(part.sources, None, part.inputs, "clip")
-        return 0
-    return part.invoke()
+    def _note(self, place: int, before: int, time: float) -> int:
+        after = perf_counter_ns()
+        self._laps.note(place, after - before, time)
+        return after

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import logging
 import time as wall_clock
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from ctypes import c_int
 from types import TracebackType
 from typing import Self
@@ -21,6 +21,7 @@ from .compiled import CompiledLoop
 from .delivery import Delivery, Observer
 from .description import convert_value, explain_unsettable, find_variable, read_descriptions
 from .errors import CosimError, SlaveEnded, UsageError
+from .events import Event, Schedule, make_schedule
 from .fmu_instance import FmuInstance, InstancePhase
 from .graph import OpenInput, check_wiring
 from .guard import ProcessGuard
@@ -30,16 +31,15 @@ from .isolation.instance import Isolation
 from .loops import StepLoop, make_loop
 from .plan import SCHEMES, make_plan
 from .rows import Column, Rows, make_layout
+from .signals import Signal, bind_signals, derive_outputs, get_first_values
 from .stopwatch import Stopwatch
-from .structure import PortName, System, Value, parse_port
-from .substeps import Repeater, find_obstacle
+from .structure import PortName, System, Value
+from .substeps import RepeatingLoop, find_obstacle
 
 log = logging.getLogger("ps_fmu.cosim")
 
 BLOCK_ROWS = 1000
 
-Event = tuple[float, str, Value]
-"""From this time [s] on, this input or tunable parameter (component.variable) has this value."""
 Progress = Callable[[float, float, float], None]
 """Called at least after each block with simulated time [s], wall time of this run [s], simulated over wall time."""
 
@@ -56,6 +56,8 @@ class Master:
     block_rows: rows that are handed to the observers at a time
     compiled: run the steps in C, where the package has a library for this platform; results are the same
     descriptions: those of the FMUs by component, where they have been read before: each takes some 50 ms
+    inputs: over time, by the name of an input of the system or by ``component.variable``, see :func:`.read_signals`
+    also: variables to record beside the outputs
     stopwatch: times each call of an FMU; the steps take some 0.5 us longer
     isolation: which FMUs get processes of their own; by default none
 
@@ -78,6 +80,8 @@ class Master:
         block_rows: int = BLOCK_ROWS,
         compiled: bool = True,
         descriptions: Mapping[str, ModelDescription] | None = None,
+        inputs: Mapping[str, Signal] | None = None,
+        also: Collection[PortName] = (),
         stopwatch: Stopwatch | None = None,
         isolation: Isolation | None = None,
     ) -> None:
@@ -95,14 +99,16 @@ class Master:
             isolation.check(system)
         self._descriptions = read_descriptions(system) if descriptions is None else descriptions
         self.wiring = check_wiring(system, self._descriptions)
-        self._layout = make_layout(self._descriptions)
+        self._signals = bind_signals(system, self._descriptions, inputs or {})
+        more = {c.source for c in system.connections} | {item.source for item in system.outputs} | set(also)
+        self._layout = make_layout(self._descriptions, more, self._signals)
+        self._derived = derive_outputs(system, self._descriptions, self._layout.columns)
         self._block_rows = block_rows
-        self._rows = Rows(self._layout, block_rows)
+        self._rows = Rows(self._layout, block_rows, self._derived)
         self._instances: dict[str, FmuInstance] = {}
         self._compiled, self._stopwatch = compiled, stopwatch
-        self._loop: StepLoop | None = None
+        self._loop: RepeatingLoop | None = None
         self._obstacle = find_obstacle(self._descriptions)
-        self._repeater: Repeater | None = None
         self._ended: SlaveEnded | None = None
         self._guard = ProcessGuard()
         self._make_instance = FmuInstance if isolation is None else isolation.make_instance
@@ -115,8 +121,8 @@ class Master:
 
     @property
     def columns(self) -> tuple[Column, ...]:
-        """All recorded outputs, in the order of the columns of a block."""
-        return self._layout.columns
+        """All recorded outputs, inputs of the run and outputs of the system, in the order of the columns of a block."""
+        return (*self._layout.columns, *(item.column for item in self._derived))
 
     @property
     def open_inputs(self) -> tuple[OpenInput, ...]:
@@ -151,7 +157,7 @@ class Master:
     @property
     def runs_in_c(self) -> bool:
         """Whether the steps are run by the library in C; False before the initialisation."""
-        return isinstance(self._loop, CompiledLoop)
+        return self._loop is not None and isinstance(self._loop.loop, CompiledLoop)
 
     def get(self, name: str) -> Value:
         """Value of any variable, ``component.variable``, at the current communication point."""
@@ -185,8 +191,9 @@ class Master:
             with note_interrupts() as interrupted:
                 if not self._instances:
                     load(self.system, self._descriptions, self._instances, self._make_instance)
-                initialise(self._instances, self.system, self.wiring, self._set, start)
-                read_first_row(self._instances, self._rows, start)
+                given = {**get_first_values(self._signals, start, self.step), **self._set}
+                initialise(self._instances, self.system, self.wiring, given, start)
+                read_first_row(self._instances, self._rows, start, self._signals, self.step)
                 self._make_plan()
             if interrupted:
                 raise KeyboardInterrupt
@@ -215,7 +222,7 @@ class Master:
         self.wiring = check_wiring(system, self._descriptions)
         self.system, self._loop, self._index, self._ended = system, None, 0, None
         self._set.clear()
-        self._rows = Rows(self._layout, self._block_rows)
+        self._rows = Rows(self._layout, self._block_rows, self._derived)
         try:
             for instance in self._instances.values():
                 instance.reset()
@@ -253,7 +260,7 @@ class Master:
             raise UsageError(f"the simulation has ended: {self._ended}")
         end = self._index + self.clock.steps(duration)
         self.clock.check_end(end)
-        schedule = self._make_schedule(events, end)
+        schedule = make_schedule(events, self.clock, self._index, end, self._check_event)
         self._running = True
         try:
             with note_interrupts() as interrupted:
@@ -296,8 +303,7 @@ class Master:
     # ---- how ---------------------------------------------------------------------------------------------
 
     def _find_port(self, name: str) -> PortName:
-        port = parse_port(name)
-        self.system.component(port.component)
+        port = self.system.find_port(name)
         find_variable(self._descriptions[port.component], port.variable)
         return port
 
@@ -310,6 +316,10 @@ class Master:
         except UsageError as error:
             raise UsageError(f"{port}: {error}") from None
 
+    def _check_event(self, name: str, value: Value) -> tuple[PortName, Value]:
+        port = self._find_port(name)
+        return port, self._check_value(port, value, running=True)
+
     def _apply(self, port: PortName, value: Value) -> None:
         new = port not in self._set
         self._set[port] = value
@@ -321,32 +331,18 @@ class Master:
     def _make_plan(self) -> None:
         instances, wiring, rows, compiled = self._instances, self.wiring, self._rows, self._compiled
         scheme, cut, repeatable = self.scheme, self._set.keys(), self._obstacle is None
-        whole, stopwatch = self.clock.step, self._stopwatch
+        whole, stopwatch, signals = self.clock.step, self._stopwatch, self._signals
 
         def make(step: float) -> StepLoop:  # refers to no Master, so that it goes when nobody needs it any longer
-            plan = make_plan(instances, wiring, rows, step, scheme, cut, repeatable)
+            plan = make_plan(instances, wiring, rows, step, scheme, cut, repeatable, signals)
             return make_loop(plan, rows, compiled, stopwatch if step == whole else None)
 
-        self._loop = make(whole)
-        self._repeater = Repeater(instances, rows, whole, make, self._obstacle)
-
-    def _make_schedule(self, events: Iterable[Event], end: int) -> list[tuple[int, PortName, Value]]:
-        schedule = []
-        for time, name, value in events:
-            port = self._find_port(name)
-            index = self.clock.index(time)
-            if not self._index <= index < end:
-                raise UsageError(
-                    f"event {name} at t = {time!r} s is not within this run, from t = {self.time!r} s "
-                    f"to before t = {self.clock.time(end)!r} s"
-                )
-            schedule.append((index, port, self._check_value(port, value, running=True)))
-        return sorted(schedule, key=lambda event: event[0])
+        self._loop = RepeatingLoop(instances, rows, whole, make, self._obstacle)
 
     def _advance(
         self,
         end: int,
-        schedule: list[tuple[int, PortName, Value]],
+        schedule: Schedule,
         delivery: Delivery,
         progress: Progress | None,
         interrupted: c_int,
@@ -362,9 +358,8 @@ class Master:
                 count = min(stop - self._index, rows.capacity - rows.filled)
                 before = rows.filled
                 assert self._loop is not None
-                assert self._repeater is not None
                 try:
-                    self._repeater.advance(self._loop, clock.times(self._index, count), interrupted)
+                    self._loop.advance(clock.times(self._index, count), interrupted)
                     self._guard.check()
                 finally:
                     self._index += rows.filled - before
@@ -387,12 +382,11 @@ class Master:
                 self._index = delivery.failed_at
 
     def _make_delivery(self, observers: Sequence[Observer], beside: bool) -> Delivery:
-        if not beside:
-            return Delivery(self._rows, self.clock, self.columns, observers)
-        return DeliveryBeside(self._rows, self.clock, self.columns, observers, self._count_rows)
+        parts = self._rows, self.clock, self.columns, observers
+        return DeliveryBeside(*parts, self._count_rows) if beside else Delivery(*parts)
 
     def _count_rows(self) -> int:
-        return 0 if self._loop is None or self._repeater is None else self._repeater.count_rows(self._loop)
+        return 0 if self._loop is None else self._loop.count_rows()
 
     def _abort(self) -> None:
         """Free everything after a failure, without hiding it behind another one."""

@@ -6,7 +6,7 @@ arrays, the addresses and the constants in here are all that either needs.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from ctypes import CFUNCTYPE, PYFUNCTYPE, c_double, c_int, c_size_t, c_void_p, cast
 from dataclasses import dataclass
 from functools import partial
@@ -18,7 +18,9 @@ from numpy.typing import NDArray
 from .fmu_instance import FAMILY, FmuInstance
 from .graph import Wiring
 from .guard import End
+from .hops import Conversion
 from .rows import Rows
+from .signals import BoundSignal
 from .structure import PortName
 
 SCHEMES = ("jacobi", "gauss-seidel")
@@ -61,19 +63,38 @@ class Call:
 
 @dataclass(frozen=True)
 class Gather:
-    """``inputs[i] = outputs[sources[i]]``: what the connections carry, for one kind of numbers."""
+    """``inputs[i] = outputs[sources[i]]``: what the connections carry, for one kind of numbers.
+
+    ``convert()`` then changes the inputs in place, where some have other units or transformations.
+    """
 
     outputs: NDArray[Any]
     sources: NDArray[np.intp]
     inputs: NDArray[Any]
+    convert: Callable[[], None] | None = None
+
+
+@dataclass(frozen=True)
+class Move:
+    """A connection of Strings, which have no place in an array."""
+
+    source: FmuInstance
+    output: str
+    target: FmuInstance
+    input: str
+
+    def carry(self, time: float) -> None:
+        """From output to input.  Raises :class:`SlaveError`."""
+        self.target.set({self.input: self.source.get([self.output], time)[self.output]}, time)
 
 
 @dataclass(frozen=True)
 class Stage:
-    """A part of a step: first all that is gathered, then the calls in their order."""
+    """A part of a step: first all that is gathered and moved, then the calls in their order."""
 
     gathers: tuple[Gather, ...]
     calls: tuple[Call, ...]
+    moves: tuple[Move, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -83,6 +104,13 @@ class Plan:
     stages: tuple[Stage, ...]
     now: c_double
     step: float
+    signals: tuple[BoundSignal, ...] = ()
+
+    @property
+    def needs_python(self) -> bool:
+        """Whether it has what only the loop in Python can do: inputs over time, Strings, conversions."""
+        gathers = (gather for stage in self.stages for gather in stage.gathers)
+        return bool(self.signals or any(s.moves for s in self.stages) or any(g.convert for g in gathers))
 
 
 def make_plan(
@@ -93,6 +121,7 @@ def make_plan(
     scheme: str,
     cut: Collection[PortName],
     repeatable: bool = False,
+    signals: Sequence[BoundSignal] = (),
 ) -> Plan:
     """Plan of one step.
 
@@ -106,51 +135,111 @@ def make_plan(
         ``"gauss-seidel"``: each sees what those stepped before it have just put out, so each is a stage
     cut: connected inputs that the user has set: they keep that value
     repeatable: FMUs may be set back to a state from before the step, so they are told to keep what that needs
+    signals: inputs of the run, which lie in the rows
     """
     now = c_double()
-    sources = {c.target: c.source for c in wiring.connections if c.target not in cut}
+    sources = {
+        c.target: c.source
+        for c in wiring.connections
+        if c.target not in cut and instances[c.target.component].variables[c.target.variable].causality == "input"
+    }
+    conversions = {target: conversion for target, conversion in wiring.conversions.items() if target in sources}
+    for signal in signals:
+        for target, conversion in signal.targets:
+            if target not in cut:
+                sources[target] = signal.port
+                conversions |= {} if conversion.changes_nothing else {target: conversion}
     order = wiring.stepping if scheme == "gauss-seidel" else tuple(instances)
     groups = [(name,) for name in order] if scheme == "gauss-seidel" else [order]
+    wires = _Wires(instances, sources, conversions)
     members = ([instances[name] for name in group] for group in groups)
-    return Plan(tuple(_make_stage(group, sources, rows, now, step, repeatable) for group in members), now, step)
+    stages = tuple(wires.make_stage(group, rows, now, step, repeatable) for group in members)
+    return Plan(stages, now, step, tuple(signals))
 
 
-def _make_stage(
-    instances: Sequence[FmuInstance],
-    sources: Mapping[PortName, PortName],
-    rows: Rows,
-    now: c_double,
-    step: float,
-    repeatable: bool,
-) -> Stage:
-    """The part of a step that some FMUs go through together."""
-    gathers, sets, gets = [], [], []
-    for kind in (rows.real, rows.discrete):
-        # One buffer for all of them: to gather 21 numbers costs 0.25 us, twice 10 costs 0.4.
-        wired = [p for instance in instances for p in _list_inputs(instance, sources) if sources[p] in kind.places]
-        inputs = np.zeros(len(wired), kind.values.dtype)
-        if wired:
-            gathers.append(Gather(kind.values, np.array([kind.places[sources[p]] for p in wired]), inputs))
-        for instance in instances:
-            runs = _find_runs(instance, wired, wired.index)
-            sets += [_make_access(instance, "Set", run, inputs, wired.index) for run in runs]
-            outputs = list(kind.places)
-            gets += [
-                _make_access(instance, "Get", run, kind.values, kind.places.__getitem__)
-                for run in _find_runs(instance, outputs, kind.places.__getitem__)
-            ]
-    rest = _double(step), _boolean(not repeatable)  # noSetFMUStatePriorToCurrentPoint
-    steps = [
-        Call(instance, "fmi2DoStep", *_bind(instance, instance.stepper(), now, *rest), repeatable=repeatable)
-        for instance in instances
-    ]
-    return Stage(tuple(gathers), (*sets, *steps, *gets))
+class _Wires:
+    """Where the inputs of the instances come from, and what happens to the values."""
+
+    def __init__(
+        self,
+        instances: Mapping[str, FmuInstance],
+        sources: Mapping[PortName, PortName],
+        conversions: Mapping[PortName, Conversion],
+    ) -> None:
+        self.instances, self.sources, self.conversions = instances, sources, conversions
+        self.inputs: dict[str, list[PortName]] = {name: [] for name in instances}
+        for port in sources:
+            self.inputs[port.component].append(port)
+        for name, ports in self.inputs.items():
+            # By value reference: FMUs that store them in that order copy longer runs.
+            variables = instances[name].variables
+            ports.sort(key=lambda port: variables[port.variable].valueReference)
+
+    def make_stage(
+        self, stepped: Sequence[FmuInstance], rows: Rows, now: c_double, step: float, repeatable: bool
+    ) -> Stage:
+        """The part of a step that some FMUs go through together."""
+        gathers, sets, gets = [], [], []
+        for kind in (rows.real, rows.discrete):
+            # One buffer for all of them: to gather 21 numbers costs 0.25 us, twice 10 costs 0.4.
+            wired = [p for i in stepped for p in self.inputs[i.name] if self.sources[p] in kind.places]
+            places = {port: place for place, port in enumerate(wired)}
+            inputs = np.zeros(len(wired), kind.values.dtype)
+            if wired:
+                taken = np.array([kind.places[self.sources[p]] for p in wired])
+                gathers.append(Gather(kind.values, taken, inputs, self.make_conversion(wired, inputs)))
+            wired_of, outputs_of = _group(wired), _group(kind.places)
+            for instance in stepped:
+                runs = _find_runs(instance, wired_of.get(instance.name, ()), places.__getitem__)
+                sets += [_make_access(instance, "Set", run, inputs, places.__getitem__) for run in runs]
+                gets += [
+                    _make_access(instance, "Get", run, kind.values, kind.places.__getitem__)
+                    for run in _find_runs(instance, outputs_of.get(instance.name, ()), kind.places.__getitem__)
+                ]
+        rest = _double(step), _boolean(not repeatable)  # noSetFMUStatePriorToCurrentPoint
+        steps = [
+            Call(i, "fmi2DoStep", *_bind(i, i.stepper(), now, *rest), repeatable=repeatable) for i in stepped
+        ]
+        return Stage(tuple(gathers), (*sets, *steps, *gets), tuple(self.list_moves(stepped)))
+
+    def make_conversion(self, wired: Sequence[PortName], inputs: NDArray[Any]) -> Callable[[], None] | None:
+        """What changes the inputs that have conversions, in place; None where none has."""
+        found = [(place, self.conversions[port]) for place, port in enumerate(wired) if port in self.conversions]
+        if not found:
+            return None
+        if inputs.dtype != np.float64:
+            tables = [(place, conversion.apply) for place, conversion in found]
+
+            def look_up() -> None:
+                for place, apply in tables:
+                    inputs[place] = apply(int(inputs[place]))
+
+            return look_up
+        places = np.array([place for place, _ in found])
+        factors = np.array([conversion.factor for _, conversion in found])
+        offsets = np.array([conversion.offset for _, conversion in found])
+
+        def scale() -> None:
+            inputs[places] = inputs[places] * factors + offsets
+
+        return scale
+
+    def list_moves(self, stepped: Sequence[FmuInstance]) -> list[Move]:
+        """The connections of Strings to some instances."""
+        return [
+            Move(self.instances[source.component], source.variable, instance, port.variable)
+            for instance in stepped
+            for port in self.inputs[instance.name]
+            if (source := self.sources[port]).component and instance.variables[port.variable].type == "String"
+        ]
 
 
-def _list_inputs(instance: FmuInstance, sources: Mapping[PortName, PortName]) -> list[PortName]:
-    """An instance's connected inputs, by value reference: FMUs that store them in that order copy longer runs."""
-    own = [port for port in sources if port.component == instance.name]
-    return sorted(own, key=lambda port: instance.variables[port.variable].valueReference)
+def _group(ports: Iterable[PortName]) -> dict[str, list[PortName]]:
+    """Ports by component."""
+    groups: dict[str, list[PortName]] = {}
+    for port in ports:
+        groups.setdefault(port.component, []).append(port)
+    return groups
 
 
 def _find_runs(
@@ -159,8 +248,6 @@ def _find_runs(
     """An instance's own ports, cut so that one call does for each: one access function, neighbouring places."""
     runs: list[list[PortName]] = []
     for port in ports:
-        if port.component != instance.name:
-            continue
         last = runs[-1][-1] if runs else None
         neighbour = last is not None and place(port) == place(last) + 1
         if last is not None and neighbour and _get_family(instance, port) == _get_family(instance, last):

@@ -6,16 +6,17 @@ a row.  Integers and Booleans (C int in FMI) go into a block of their own and ar
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from fmpy.model_description import ModelDescription
 from numpy.typing import NDArray
 
 from .description import DISCRETE_TYPES, get_unit
+from .hops import Conversion
 from .structure import PortName
 
 Array = NDArray[np.float64]
@@ -29,6 +30,39 @@ class Column:
     unit: str
     type: str
     description: str
+    component: str = ""
+    """Name of the component, where it is known."""
+
+
+class InputSignal(Protocol):
+    """An input of the run that lies in the rows as if it were an output."""
+
+    @property
+    def port(self) -> PortName:
+        """Its name; it has no component."""
+
+    @property
+    def column(self) -> Column:
+        """How it is recorded."""
+
+    def sample(self, times: Array, step: float) -> Array:
+        """Values at some times [s] of a run with a step [s]."""
+
+
+@dataclass(frozen=True)
+class Derived:
+    """A column that is computed from another one, by its place, when a block is complete."""
+
+    column: Column
+    place: int
+    conversion: Conversion
+
+    def compute(self, values: Array) -> Array:
+        """The values (rows,) from the rows of all columns."""
+        source = values[:, self.place]
+        if not self.conversion.tables:
+            return source * self.conversion.factor + self.conversion.offset
+        return np.array([float(self.conversion.apply(int(value))) for value in source])
 
 
 @dataclass(frozen=True)
@@ -40,20 +74,27 @@ class RowLayout:
     discrete: Mapping[PortName, int]
 
 
-def make_layout(descriptions: Mapping[str, ModelDescription]) -> RowLayout:
+def make_layout(
+    descriptions: Mapping[str, ModelDescription],
+    more: Collection[PortName] = (),
+    signals: Sequence[InputSignal] = (),
+) -> RowLayout:
     """Columns of all outputs of all components, in the order of the components and of their variables.
 
-    Strings are left out: they have no place in an array of numbers.
+    Strings are left out: they have no place in an array of numbers.  ``more``: other variables to take in;
+    ``signals`` come after the outputs of their kind.
     """
     real: dict[PortName, Column] = {}
     discrete: dict[PortName, Column] = {}
     for name, description in descriptions.items():
         for variable in description.modelVariables:
-            if variable.causality != "output" or variable.type == "String":
-                continue
             port = PortName(name, variable.name)
-            column = Column(str(port), get_unit(variable) or "1", variable.type, variable.description or "")
+            if (variable.causality != "output" and port not in more) or variable.type == "String":
+                continue
+            column = Column(str(port), get_unit(variable) or "1", variable.type, variable.description or "", name)
             (discrete if variable.type in DISCRETE_TYPES else real)[port] = column
+    for signal in signals:
+        (discrete if signal.column.type in DISCRETE_TYPES else real)[signal.port] = signal.column
     return RowLayout(
         (*real.values(), *discrete.values()),
         {port: place for place, port in enumerate(real)},
@@ -93,8 +134,9 @@ class Rows:
     complete, so that a row is one copy.
     """
 
-    def __init__(self, layout: RowLayout, capacity: int) -> None:
+    def __init__(self, layout: RowLayout, capacity: int, derived: Sequence[Derived] = ()) -> None:
         self.capacity = capacity
+        self._derived = derived
         self.filled = 0
         self.first_index = 0
         self._block = Block(capacity, len(layout.columns))
@@ -122,18 +164,23 @@ class Rows:
         """The C ints at the end of rows, a view."""
         return rows[..., self._n_real :].view(np.int32)[..., : self._n_discrete]
 
+    def find_place(self, port: PortName) -> tuple[NDArray[Any], int]:
+        """The array of latest values in which a port lies, and its place there."""
+        kind = self.real if port in self.real.places else self.discrete
+        return kind.values, kind.places[port]
+
     def store_latest(self) -> None:
         """The latest outputs are the next row."""
         self.rows[self.filled][:] = self.latest_row
         self.filled += 1
 
     def complete(self) -> Array:
-        """The complete rows as numbers: a view that the next step overwrites."""
-        return self._convert(self.block[: self.filled])
+        """The complete rows as numbers, derived columns last: perhaps a view that the next step overwrites."""
+        return self._finish(self.block[: self.filled])
 
     def copy(self, count: int) -> Array:
         """The first ``count`` rows as numbers; the block stays as it is."""
-        return self._convert(self.block[:count].copy())
+        return self._finish(self.block[:count].copy())
 
     def next_block(self) -> None:
         """Start a new block behind the last complete row."""
@@ -146,6 +193,8 @@ class Rows:
         self._block, other = other, self._block
         return other
 
-    def _convert(self, values: Array) -> Array:
+    def _finish(self, values: Array) -> Array:
         values[:, self._n_real :] = self._integers(values).copy()
+        if self._derived:
+            values = np.column_stack([values, *(item.compute(values) for item in self._derived)])
         return values

@@ -10,19 +10,20 @@ A variant of a system is another archive, with other values in the same sets.
 
 from __future__ import annotations
 
+import itertools
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path, PurePosixPath
 
 from fmpy.model_description import ModelDescription
 
 from ..slavekit.pack import zip_writer as archive
-from .description import convert_value, index_variables, read_descriptions, read_start
-from .errors import SystemFileError, UsageError
-from .graph import check_wiring
+from .description import index_variables, read_descriptions, read_start
+from .errors import SystemFileError, UsageError, WiringError
+from .graph import Wiring, check_wiring
 from .ssp_xml import get_fmu_path, parameter_set_xml, parameters_place, structure_xml
-from .structure import Component, Parameter, System
+from .structure import COMPONENT_NAME, Component, Parameter, System, Value
 from .system import SSD_NAME
 
 _PLAIN = re.compile(r"[A-Za-z0-9_.-]+")
@@ -43,6 +44,7 @@ def write_ssp(system: System, output: Path) -> None:
         raise UsageError(f"{system.path} states no {missing} in its default experiment: an archive needs one")
     descriptions = read_descriptions(system)
     wiring = check_wiring(system, descriptions)
+    _check_dialect(system, wiring)
     open_inputs = [item.port for item in wiring.open_inputs]
 
     files: dict[PurePosixPath, bytes] = {}
@@ -52,26 +54,48 @@ def write_ssp(system: System, output: Path) -> None:
             text = f"another component has a different file {component.source.name}: rename one of the two"
             raise SystemFileError(component.source, text)
         own_inputs = [port.variable for port in open_inputs if port.component == component.name]
-        values = choose_values(component, descriptions[component.name], own_inputs)
+        values = choose_values(component, descriptions[component.name], own_inputs, wiring.starts[component.name])
         files[PurePosixPath(parameters_place(component))] = parameter_set_xml(values, descriptions[component.name])
     files[PurePosixPath(SSD_NAME)] = structure_xml(system, descriptions, system.labels, step, stop_time)
     archive.write(output, files)
 
 
 def choose_values(
-    component: Component, description: ModelDescription, open_inputs: Iterable[str]
+    component: Component, description: ModelDescription, open_inputs: Iterable[str], starts: Mapping[str, Value]
 ) -> dict[str, Parameter]:
-    """Start values that go into the component's parameter set, in the order of the model description."""
+    """Start values that go into the component's parameter set, in the order of the model description.
+
+    ``starts``: those of the system as the FMU takes them.
+    """
     inputs = set(open_inputs)
     chosen = {}
     for name, variable in index_variables(description).items():
         switch = variable.causality == "parameter" and variable.type in ("Boolean", "Integer")
         if name in component.parameters:
-            entry = component.parameters[name]
-            chosen[name] = replace(entry, value=convert_value(variable, entry.value))
+            chosen[name] = replace(component.parameters[name], value=starts[name])
         elif (name in inputs or switch) and variable.start is not None:
             chosen[name] = Parameter(read_start(variable), variable.unit, "start value of the FMU")
     return chosen
+
+
+def _check_dialect(system: System, wiring: Wiring) -> None:
+    """Raises :class:`WiringError` for what other tools confuse, leave out or do wrong."""
+    names = sorted(component.name for component in system.components)
+    problems = [
+        f"component {name!r}: letters, digits and _ only, no digit first, as other tools want"
+        for name in names
+        if not COMPONENT_NAME.fullmatch(name)
+    ]
+    for shorter, longer in itertools.pairwise(names):
+        if longer.startswith(shorter):
+            problems.append(f"component {shorter!r} is a prefix of {longer!r}, which tools confuse: rename one")
+    problems += [
+        f"{c.where}: connection {c.source} -> {c.target}: converts the value, which other tools do not or do wrong"
+        for c in system.connections
+        if c.target in wiring.conversions
+    ]
+    if problems:
+        raise WiringError(system.path, problems)
 
 
 def _place(component: Component) -> PurePosixPath:

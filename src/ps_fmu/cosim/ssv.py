@@ -1,41 +1,39 @@
-"""Parameter sets: SSV files (SSP 1.0) with exact FMI types."""
+"""Parameter sets: SSV files (SSP 1.0 and 2.0) with exact FMI types."""
 
 from __future__ import annotations
 
-import math
-import re
 from pathlib import Path
 
-from .dialect import check_element
+from .dialect import check_element, check_version, get_type
 from .errors import SystemFileError
-from .structure import ParameterSet, Value
+from .hops import Items
+from .structure import ParameterSet
+from .units import read_units
+from .values import EXPECTED, Value, parse_value
 from .xmlfile import Element, read_xml
-
-_REAL = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?")
-_INTEGER = re.compile(r"[+-]?\d+")
-_BOOLEAN = {"true": True, "1": True, "false": False, "0": False}
 
 
 def read_parameters(path: Path) -> ParameterSet:
     """Values of an SSV file by name: a mapping to float, int, bool or str.
 
     For :meth:`System.with_parameters` the names read ``component.parameter``. Raises
-    :class:`SystemFileError` with file and line: not an SSV 1.0 file, a value that is not of its type or not
-    finite, a type other than Real, Integer, Boolean and String, a name that occurs twice.
+    :class:`SystemFileError` with file and line: not an SSV file, a value that is not of its type or not
+    finite, a type that FMI 2.0 has not, a name that occurs twice.
     """
     path = Path(path)
     return read_parameter_set(read_xml(path), path)
 
 
-def read_parameter_set(root: Element, path: Path) -> ParameterSet:
-    """Values of an ``ssv:ParameterSet`` element; errors as in :func:`read_parameters`."""
+def read_parameter_set(root: Element, path: Path, shown: Path | None = None) -> ParameterSet:
+    """Values of an ``ssv:ParameterSet`` element of a file that its user knows as ``shown``; errors as there."""
     if root.tag != "ssv:ParameterSet":
         raise SystemFileError(
-            path, f"is not a parameter set of SSP 1.0: expected ssv:ParameterSet, got {root.tag}", root.line
+            path, f"is not a parameter set of SSP: expected ssv:ParameterSet, got {root.tag}", root.line
         )
     check_element(root, path)
-    if root.attributes["version"] != "1.0":
-        raise SystemFileError(path, f'is of version {root.attributes["version"]!r}; version "1.0" is read', root.line)
+    check_version(root, path)
+    enumerations = read_items(root.find("ssv:Enumerations"), path)
+    items: dict[str, Items] = {}
     values: dict[str, Value] = {}
     units: dict[str, str] = {}
     origins: dict[str, str] = {}
@@ -53,32 +51,39 @@ def read_parameter_set(root: Element, path: Path) -> ParameterSet:
             entry = entries[0]
             check_element(entry, path)
             values[name] = _read_value(entry, name, path)
-            origins[name] = f"{path}, line {parameter.line}"
+            origins[name] = f"{shown or path}, line {parameter.line}"
             annotations = [note for group in parameter.all("ssv:Annotations") for note in group.all("ssc:Annotation")]
             if annotations:
                 notes[name] = frozenset(note.attributes.get("type", "") for note in annotations)
             if "unit" in entry.attributes:
                 units[name] = entry.attributes["unit"]
-    return ParameterSet(values, units, origins, notes)
+            if entry.tag == "ssv:Enumeration":
+                items[name] = enumerations.get(entry.attributes.get("name", ""), {})
+    return ParameterSet(values, units, origins, notes, read_units(root.find("ssv:Units"), path), items)
 
 
-def parse_real(text: str) -> float | None:
-    """A finite decimal number as XML writes it, or None."""
-    stripped = text.strip()
-    value = float(stripped) if _REAL.fullmatch(stripped) else math.nan
-    return value if math.isfinite(value) else None
+def read_items(group: Element | None, path: Path) -> dict[str, Items]:
+    """The enumerations of an ``ssd:Enumerations`` or ``ssv:Enumerations`` by name.
+
+    Raises :class:`SystemFileError` with the line: no name, an item without name and value.
+    """
+    found: dict[str, Items] = {}
+    for element in group.children if group is not None else ():
+        items = {}
+        for item in element.all("ssc:Item"):
+            name, value = item.attributes.get("name"), parse_value("Integer", item.attributes.get("value", ""))
+            if name is None or not isinstance(value, int):
+                raise SystemFileError(path, "an item of an enumeration needs a name and a whole number", item.line)
+            items[name] = value
+        if "name" not in element.attributes:
+            raise SystemFileError(path, "an enumeration needs a name", element.line)
+        found[element.attributes["name"]] = items
+    return found
 
 
 def _read_value(entry: Element, name: str, path: Path) -> Value:
-    text = entry.attributes["value"]
-    stripped = text.strip()
-    if entry.tag == "ssv:String":
-        return text
-    if entry.tag == "ssv:Boolean" and stripped in _BOOLEAN:
-        return _BOOLEAN[stripped]
-    if entry.tag == "ssv:Integer" and _INTEGER.fullmatch(stripped) and len(stripped) < 20:
-        return int(stripped)
-    if entry.tag == "ssv:Real" and (number := parse_real(text)) is not None:
-        return number
-    kinds = {"ssv:Real": "a finite number", "ssv:Integer": "a whole number", "ssv:Boolean": "true or false"}
-    raise SystemFileError(path, f"parameter {name!r}: expected {kinds[entry.tag]}, got {text!r}", entry.line)
+    kind, text = get_type(entry.tag), entry.attributes["value"]
+    value = parse_value("String" if kind == "Enumeration" else kind, text)
+    if value is None:
+        raise SystemFileError(path, f"parameter {name!r}: expected {EXPECTED[kind]}, got {text!r}", entry.line)
+    return value

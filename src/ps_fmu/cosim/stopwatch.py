@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from ctypes import Structure, c_int64, c_void_p
 from dataclasses import dataclass, field
-from itertools import chain
+from itertools import accumulate, chain
 
 import numpy as np
 from numpy.typing import NDArray
@@ -64,6 +64,8 @@ class Laps:
     """The times of one plan's parts; the entry after the last part is the whole step."""
 
     parts: Sequence[Call | Gather]
+    firsts: Sequence[int]
+    """Place of the first part of each stage."""
     spent_ns: NDArray[np.int64] = field(init=False)
     longest_ns: NDArray[np.int64] = field(init=False)
     longest_at: NDArray[np.float64] = field(init=False)
@@ -90,7 +92,8 @@ class Stopwatch:
 
     def begin(self, plan: Plan) -> Laps:
         """Where the loop of a plan notes its times."""
-        self._laps.append(Laps(tuple(list_parts(plan))))
+        counts = [len(stage.gathers) + len(stage.calls) for stage in plan.stages]
+        self._laps.append(Laps(tuple(list_parts(plan)), tuple(accumulate(counts[:-1], initial=0))))
         return self._laps[-1]
 
     def read(self) -> StepCosts:

@@ -12,20 +12,24 @@ from pathlib import Path
 from typing import NamedTuple
 
 from .errors import SystemFileError, UsageError
+from .hops import End, Hop, Items, Unit
 from .temporary import make_temporary, remove_temporary
+from .values import Value
 
-Value = float | int | bool | str
 COMPONENT_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 
 
 class PortName(NamedTuple):
-    """A variable of a component, written ``component.variable`` (the variable may contain dots)."""
+    """A variable of a component, written ``component.variable`` (both may contain dots).
+
+    A component in a system inside the system is ``system.component``; one without a name is the system itself.
+    """
 
     component: str
     variable: str
 
     def __str__(self) -> str:
-        return f"{self.component}.{self.variable}"
+        return f"{self.component}.{self.variable}" if self.component else self.variable
 
 
 @dataclass(frozen=True)
@@ -37,6 +41,8 @@ class Connector:
     type: str | None
     unit: str | None
     line: int
+    end: End = End()
+    """Its unit and enumeration as the description defines them."""
 
 
 @dataclass(frozen=True)
@@ -48,6 +54,14 @@ class Parameter:
     origin: str
     notes: frozenset[str] = frozenset()
     """Types of the annotations at the value."""
+    defined: Unit | None = None
+    """What the file says of the unit."""
+    items: Items | None = None
+    """Those of the enumeration of which the value is the name of an item; not None for such a value."""
+    hops: tuple[Hop, ...] = ()
+    """Mappings and connections on its way to the variable."""
+    bound: bool = False
+    """Whether a parameter binding of the system gives it: a name that the FMU has not is ignored then."""
 
 
 @dataclass(frozen=True)
@@ -67,6 +81,36 @@ class Connection:
 
     source: PortName
     target: PortName
+    line: int
+    hops: tuple[Hop, ...] = ()
+    """From connector to connector; none means straight from the source to the target."""
+    file: str = ""
+    """The description, where it is not that of the system itself."""
+
+    @property
+    def where(self) -> str:
+        """File and line."""
+        return f"{self.file}, line {self.line}" if self.file else f"line {self.line}"
+
+
+@dataclass(frozen=True)
+class SystemInput:
+    """A connector of the system that feeds inputs of components."""
+
+    name: str
+    end: End
+    targets: tuple[tuple[PortName, tuple[Hop, ...]], ...]
+    line: int
+
+
+@dataclass(frozen=True)
+class SystemOutput:
+    """A connector of the system that shows an output of a component."""
+
+    name: str
+    end: End
+    source: PortName
+    hops: tuple[Hop, ...]
     line: int
 
 
@@ -88,8 +132,12 @@ class ParameterSet(Mapping[str, Value]):
         units: Mapping[str, str],
         origins: Mapping[str, str],
         notes: Mapping[str, frozenset[str]] | None = None,
+        defined: Mapping[str, Unit] | None = None,
+        items: Mapping[str, Items] | None = None,
     ) -> None:
         self._values = dict(values)
+        self.defined = dict(defined or {})  # by name of the unit
+        self.enumerations = dict(items or {})
         self.units = dict(units)
         self.origins = dict(origins)
         self.notes = dict(notes or {})
@@ -106,7 +154,14 @@ class ParameterSet(Mapping[str, Value]):
     def entries(self) -> dict[str, Parameter]:
         """The same as :class:`Parameter` objects."""
         return {
-            name: Parameter(value, self.units.get(name), self.origins[name], self.notes.get(name, frozenset()))
+            name: Parameter(
+                value,
+                self.units.get(name),
+                self.origins[name],
+                self.notes.get(name, frozenset()),
+                self.defined.get(self.units.get(name, "")),
+                self.enumerations.get(name),
+            )
             for name, value in self._values.items()
         }
 
@@ -124,6 +179,10 @@ class System:
     experiment: Experiment = Experiment()
     labels: Mapping[str, str] = field(default_factory=dict)
     unpacked: UnpackedFolder | None = field(default=None, repr=False, compare=False)
+    inputs: tuple[SystemInput, ...] = ()
+    outputs: tuple[SystemOutput, ...] = ()
+    remarks: tuple[str, ...] = ()
+    """What the files say and nobody needs, such as values for parameters that are not there."""
 
     def component(self, name: str) -> Component:
         """The component of this name.  Raises :class:`UsageError`, with the names there are."""
@@ -132,6 +191,20 @@ class System:
                 return component
         names = ", ".join(component.name for component in self.components)
         raise UsageError(f"{self.path}: there is no component {name!r}; the system has {names}")
+
+    def find_port(self, name: str) -> PortName:
+        """``component.variable`` taken apart, where names of components may have dots: the longest that fits.
+
+        Raises :class:`UsageError`: no component has such a name.
+        """
+        known = {component.name for component in self.components}
+        place = len(name)
+        while (place := name.rfind(".", 0, place)) > 0:
+            if name[:place] in known and name[place + 1 :]:
+                return PortName(name[:place], name[place + 1 :])
+        port = parse_port(name)
+        self.component(port.component)  # raises: all that there are have been tried
+        return port
 
     def name_members(self) -> AbstractContextManager[None]:
         """See :meth:`UnpackedFolder.name_members`; nothing for a system that is not from an archive."""
@@ -148,8 +221,7 @@ class System:
         for name, value in named.items():
             entry = value if isinstance(value, Parameter) else Parameter(value, None, "given by the caller")
             try:
-                port = parse_port(name)
-                self.component(port.component)
+                port = self.find_port(name)
             except UsageError as error:
                 raise UsageError(f"parameter {name!r} ({entry.origin}): {error}") from error
             changes.setdefault(port.component, {})[port.variable] = entry
@@ -163,11 +235,23 @@ class UnpackedFolder:
     def __init__(self, archive: Path) -> None:
         self.archive = archive
         self.path = path = make_temporary("ssp_")
+        self._nested: dict[Path, Path] = {}
         weakref.finalize(self, remove_temporary, path)
 
+    def add(self, archive: Path) -> Path:
+        """A folder for the content of an archive that was in this one."""
+        folder = self.path / f".nested-{len(self._nested)}"
+        while folder.exists():  # a member of the archive has this name
+            folder = folder.with_name(folder.name + "_")
+        self._nested[folder] = archive
+        return folder
+
     def locate(self, path: Path) -> Path:
-        """A file in the folder as its user knows it: the archive, then the member."""
-        return self.archive / path.relative_to(self.path)
+        """A file in the folder as its user knows it: the archive, then the member; another file as it is."""
+        for folder, archive in self._nested.items():
+            if path.is_relative_to(folder):
+                return self.locate(archive) / path.relative_to(folder)
+        return self.archive / path.relative_to(self.path) if path.is_relative_to(self.path) else path
 
     @contextmanager
     def name_members(self) -> Iterator[None]:

@@ -47,15 +47,15 @@ class _Kept:
     latest: Array
 
 
-class Repeater:
-    """Runs steps, and repeats in smaller ones those that an FMU discards.
+class RepeatingLoop:
+    """Runs whole steps in a :attr:`loop`, and repeats in smaller ones those that an FMU discards.
 
     Parameters
     ----------
     instances: all FMUs
     rows: where the outputs go
     step: communication step [s]
-    make_loop: makes the loop for steps of another size [s]
+    make_loop: makes the loop for steps of a size [s]
     obstacle: why no step can be repeated, see :func:`find_obstacle`
     """
 
@@ -69,17 +69,18 @@ class Repeater:
     ) -> None:
         self._instances = tuple(instances.values())
         self._rows, self._step, self._make_loop = rows, step, make_loop
+        self.loop = make_loop(step)
         self._obstacle = obstacle
         self._warned: set[str] = set()
         self._whole: int | None = None  # rows before a step that is made in parts
 
-    def count_rows(self, loop: StepLoop) -> int:
-        """Complete rows of the block, see :meth:`.loops.StepLoop.count_rows`: not those of parts of a step."""
-        return loop.count_rows() if self._whole is None else self._whole
+    def count_rows(self) -> int:
+        """As :meth:`.loops.StepLoop.count_rows`: without those of parts of a step."""
+        return self.loop.count_rows() if self._whole is None else self._whole
 
-    def advance(self, loop: StepLoop, times: Array, interrupted: c_int) -> None:
-        """As :meth:`.loops.StepLoop.advance` of the ``loop``; ends behind a step that was repeated."""
-        rows = self._rows
+    def advance(self, times: Array, interrupted: c_int) -> None:
+        """As :meth:`.loops.StepLoop.advance`; ends behind a step that was repeated."""
+        rows, loop = self._rows, self.loop
         first, kept = rows.filled, self._keep()
         try:
             loop.advance(times, interrupted)

@@ -25,6 +25,7 @@ NAMESPACES = {
     "http://ssp-standard.org/SSP1/SystemStructureParameterMapping": "ssm",
     "http://ssp-standard.org/SSP1/SystemStructureSignalDictionary": "ssb",
     "http://opensimulationplatform.com/SSP/OSPAnnotations": "osp",
+    "https://raw.githubusercontent.com/OpenModelica/OMSimulator/master/schema/oms.xsd": "oms",
 }
 
 
@@ -53,16 +54,21 @@ class Element:
         return element
 
 
-def read_xml(path: Path) -> Element:
-    """Root element of a file.  Raises :class:`SystemFileError` if it cannot be read or parsed."""
+def read_bytes(path: Path, maximum: int) -> bytes:
+    """Content of a file of at most ``maximum`` bytes.  Raises :class:`SystemFileError` if it cannot be read."""
     try:
         size = path.stat().st_size
-        data = path.read_bytes() if size <= MAXIMUM_BYTES else b""
+        data = path.read_bytes() if size <= maximum else b""
     except OSError as error:
         raise SystemFileError(path, f"cannot be read: {error.strerror}") from error
-    if size > MAXIMUM_BYTES:
-        raise SystemFileError(path, f"has {size} bytes; at most {MAXIMUM_BYTES} are read")
-    return parse_xml(data, path)
+    if size > maximum:
+        raise SystemFileError(path, f"has {size} bytes; at most {maximum} are read")
+    return data
+
+
+def read_xml(path: Path) -> Element:
+    """Root element of a file.  Raises :class:`SystemFileError` if it cannot be read or parsed."""
+    return parse_xml(read_bytes(path, MAXIMUM_BYTES), path)
 
 
 def parse_xml(data: bytes, path: Path) -> Element:

@@ -1,0 +1,41 @@
+"""What is set during a run: inputs and tunable parameters, each at a communication point."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+
+from .clock import StepClock
+from .errors import UsageError
+from .structure import PortName
+from .values import Value
+
+Event = tuple[float, str, Value]
+"""From this time [s] on, this input or tunable parameter (component.variable) has this value."""
+Schedule = list[tuple[int, PortName, Value]]
+"""Number of the communication point, what is set there, and to what; in the order of time."""
+
+
+def make_schedule(
+    events: Iterable[Event],
+    clock: StepClock,
+    first: int,
+    end: int,
+    check: Callable[[str, Value], tuple[PortName, Value]],
+) -> Schedule:
+    """The schedule of a run from communication point ``first`` to before ``end``.
+
+    ``check`` finds the port of a name, and makes the value one of its type.
+
+    Raises :class:`UsageError`: a time that is not a communication point of the run, or what ``check`` raises.
+    """
+    schedule = []
+    for time, name, value in events:
+        port, checked = check(name, value)
+        index = clock.index(time)
+        if not first <= index < end:
+            raise UsageError(
+                f"event {name} at t = {time!r} s is not within this run, from t = {clock.time(first)!r} s "
+                f"to before t = {clock.time(end)!r} s"
+            )
+        schedule.append((index, port, checked))
+    return sorted(schedule, key=lambda event: event[0])

@@ -1,0 +1,56 @@
+"""A single FMU as a system: its inputs are those of the run."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from fmpy.model_description import ModelDescription
+
+from .clock import count_steps
+from .description import read_description
+from .hops import End
+from .structure import Component, Experiment, Parameter, PortName, System, SystemInput
+
+
+def read_single(fmu: Path, values: Sequence[Mapping[str, Parameter]] = ()) -> System:
+    """A system with one component, called as the model is.
+
+    ``values``: start values by ``variable`` or ``component.variable``; later ones win.  Raises
+    :class:`SystemFileError` if the FMU cannot be read.
+    """
+    description = read_description(fmu, lenient=True)
+    name = description.coSimulation.modelIdentifier
+    prefix = f"{name}."
+    variables = {variable.name for variable in description.modelVariables}
+    given = {
+        key if key in variables else key.removeprefix(prefix): value for one in values for key, value in one.items()
+    }
+    inputs = tuple(
+        SystemInput(variable.name, End(), ((PortName(name, variable.name), ()),), 0)
+        for variable in description.modelVariables
+        if variable.causality == "input"
+    )
+    component = Component(name, Path(fmu).absolute(), (), given, 0)
+    return System(Path(fmu), (component,), (), labels={"name": name}, inputs=inputs)
+
+
+def complete_experiment(system: System, descriptions: Mapping[str, ModelDescription]) -> Experiment:
+    """The default experiment of a system, with what it does not state from those of its FMUs.
+
+    The smallest of their steps is the communication step, and the latest of their stop times the end.
+    """
+    stated = system.experiment
+    own = [d.defaultExperiment for d in descriptions.values() if d.defaultExperiment is not None]
+    steps = [float(e.stepSize) for e in own if e.stepSize is not None and float(e.stepSize) > 0.0]
+    stops = [float(e.stopTime) for e in own if e.stopTime is not None and float(e.stopTime) > stated.start_time]
+    step = min(steps, default=None) if stated.step is None else stated.step
+    stop = max(stops, default=None) if stated.stop_time is None else stated.stop_time
+    return replace(stated, step=step, stop_time=stop)
+
+
+def fit_duration(duration: float, step: float) -> float:
+    """The longest whole number of steps within a duration [s], at least one."""
+    count = count_steps(duration, step) or max(1, int(duration / step))
+    return count * step

@@ -1,0 +1,239 @@
+"""Run any system: an SSP archive, a system description or a single FMU, of whatever maker."""
+
+from __future__ import annotations
+
+import json
+import re
+import unicodedata
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from fnmatch import fnmatchcase
+from pathlib import Path
+
+import netCDF4
+import numpy as np
+from fmpy.model_description import ModelDescription
+
+from ..cosim.clock import count_steps
+from ..cosim.description import read_descriptions
+from ..cosim.master import Master
+from ..cosim.recorder import Recorder
+from ..cosim.rows import Array, Column
+from ..cosim.signals import Signal, read_signals
+from ..cosim.single import complete_experiment, fit_duration, read_single
+from ..cosim.structure import PortName, System, suggest_names
+from ..cosim.system import read_parameters, read_system
+from ..results.quick_plot import Line, draw_quick_plot
+from ..slavekit.pack.files import write_atomically
+from .cases import show_progress
+from .options import MOST_STEPS, RESULTS, SUMMARY, OptionError
+from .warning_log import WarningLog
+
+PLOT = "plot.png"  # in the output folder
+GROUP = "run"
+"""Name of the group in results.nc."""
+_FORBIDDEN = re.compile(r"[/\x00-\x1f\x7f]")
+
+
+@dataclass(frozen=True)
+class AnyRun:
+    """The options of a run of any system; what is None the system or its FMUs say."""
+
+    system: Path
+    output: Path
+    duration_s: float | None = None
+    step_s: float | None = None
+    storage_step_s: float | None = None
+    parameters: tuple[Path, ...] = ()
+    inputs: Path | None = None
+    observe: tuple[str, ...] = ()
+    scheme: str = "jacobi"
+    outside: bool = False
+    progress: bool = True
+    figures: bool = True
+
+
+def run_any(options: AnyRun) -> None:
+    """Run a system: writes results.nc, summary.json and a plot into the output folder.
+
+    Raises
+    ------
+    OptionError: an option that the system cannot honour, or that is missing and nothing states.
+    CosimError, OSError: the system cannot be read or run, or results cannot be written; the rows so far are stored.
+    """
+    warnings = WarningLog()
+    with warnings.collect():
+        system = _read(options)
+        descriptions = read_descriptions(system, lenient=True)
+        system = replace(system, experiment=complete_experiment(system, descriptions))
+        step, duration = _choose_times(options, system)
+        signals = {} if options.inputs is None else read_signals(options.inputs)
+        also = _find_others(descriptions, options.observe)
+        with Master(
+            system, step, options.scheme, descriptions=descriptions, inputs=signals, also=also
+        ) as master:
+            names = select_columns(master.columns, options.observe)
+            for text in (*master.wiring.remarks, *_list_silent(system, descriptions, signals)):
+                warnings.add(text)
+            master.initialise()
+            _record(master, options, duration, names, system)
+        _write_summary(options, system, step, duration, names, signals, warnings)
+        if options.figures and names and (left := _draw(options, system, names)):
+            warnings.add(left)
+
+
+def select_columns(columns: Sequence[Column], patterns: Sequence[str]) -> list[str]:
+    """Names of the columns that one of some shell patterns fits, all of them without a pattern.
+
+    Raises :class:`OptionError` for a pattern that fits none.
+    """
+    names = [column.name for column in columns]
+    for pattern in patterns:
+        if not any(fnmatchcase(name, pattern) for name in names):
+            hint = suggest_names(pattern, names) or "; there are " + (", ".join(names[:10]) or "none")
+            raise OptionError(f"--observe: no variable fits {pattern!r}{hint}")
+    return [name for name in names if not patterns or any(fnmatchcase(name, pattern) for pattern in patterns)]
+
+
+def make_stored_names(names: Sequence[str]) -> dict[str, str]:
+    """Names of netCDF variables for columns of any name, each once: netCDF has no slashes nor control characters.
+
+    It begins with a letter, digit or underscore, ends with no space and is in Unicode's normal form C (NetCDF Users
+    Guide, appendix B).
+    """
+    stored: dict[str, str] = {}
+    taken = {"time"}
+    for name in names:
+        plain = unicodedata.normalize("NFC", _FORBIDDEN.sub("_", name)).rstrip()
+        if not plain or (ord(plain[0]) < 128 and not (plain[0].isalnum() or plain[0] == "_")):
+            plain = f"_{plain}"
+        unique, number = plain, 2
+        while unique in taken:
+            unique, number = f"{plain}_{number}", number + 1
+        taken.add(unique)
+        stored[name] = unique
+    return stored
+
+
+def _read(options: AnyRun) -> System:
+    sets = [read_parameters(path).entries() for path in options.parameters]
+    if options.system.suffix.lower() == ".fmu":
+        return read_single(options.system, sets)
+    return read_system(options.system, outside=options.outside, lenient=True, values=sets)
+
+
+def _choose_times(options: AnyRun, system: System) -> tuple[float, float]:
+    """Step and duration [s].  A default duration is cut to whole steps, one of the user's has to be that."""
+    start, stop, step = system.experiment.start_time, system.experiment.stop_time, system.experiment.step
+    step = step if options.step_s is None else options.step_s
+    if step is None:
+        raise OptionError(f"--step: neither {options.system} nor its FMUs state a step: say how many seconds")
+    if options.duration_s is None and stop is None:
+        raise OptionError(f"--duration: neither {options.system} nor its FMUs state a stop time: say how many seconds")
+    duration = fit_duration((stop or 0.0) - start, step) if options.duration_s is None else options.duration_s
+    if duration / step > MOST_STEPS:
+        raise OptionError(f"--duration: {duration!r} s are more than {MOST_STEPS:g} steps of {step!r} s")
+    for name, value in (("--duration", duration), ("--storage-step", options.storage_step_s or step)):
+        if count_steps(value, step) is None:
+            raise OptionError(f"{name}: {value!r} s is not a whole number of steps of {step!r} s")
+    return step, duration
+
+
+def _find_others(descriptions: dict[str, ModelDescription], patterns: Sequence[str]) -> set[PortName]:
+    """Variables beside the outputs that a pattern fits."""
+    return {
+        port
+        for name, description in descriptions.items()
+        for variable in description.modelVariables
+        if patterns and variable.causality not in ("output", "independent") and variable.type != "String"
+        for port in [PortName(name, variable.name)]
+        if any(fnmatchcase(str(port), pattern) for pattern in patterns)
+    }
+
+
+def _list_silent(
+    system: System, descriptions: dict[str, ModelDescription], signals: dict[str, Signal]
+) -> list[str]:
+    """Inputs of the system that keep their start values."""
+    silent = [item.name for item in system.inputs if item.name not in signals]
+    given = {port for c in system.components for port in (PortName(c.name, name) for name in c.parameters)}
+    silent = [
+        item.name
+        for item in system.inputs
+        if item.name in silent and not any(port in given for port, _ in item.targets)
+    ]
+    if not silent:
+        return []
+    return [f"inputs of the system that keep their start values: {', '.join(silent)}"]
+
+
+def _record(master: Master, options: AnyRun, duration: float, names: Sequence[str], system: System) -> None:
+    stored = make_stored_names([column.name for column in master.columns])
+    columns = [
+        replace(column, name=stored[column.name], description=_describe(column, stored[column.name]))
+        for column in master.columns
+    ]
+    attributes: dict[str, str | float] = {
+        "system": str(options.system), "scheme": options.scheme, "step_s": master.step, "duration_s": duration,
+    }  # fmt: skip
+    with (
+        show_progress(system.labels.get("name", options.system.stem), duration, options.progress) as show,
+        Recorder(
+            options.output / RESULTS,
+            GROUP,
+            columns=columns,
+            step=master.step,
+            storage_step=options.storage_step_s,
+            select=[stored[name] for name in names],
+            attributes=attributes,
+        ) as recorder,
+    ):
+        start = master.time
+        # Rounding must not bring it beyond the end, which a bar does not take.
+        master.run(duration, [recorder], progress=lambda t, wall, factor: show(min(t - start, duration), wall, factor))
+
+
+def _describe(column: Column, stored: str) -> str:
+    return column.description if stored == column.name else f"{column.name}: {column.description}".rstrip(": ")
+
+
+def _write_summary(
+    options: AnyRun,
+    system: System,
+    step: float,
+    duration: float,
+    names: Sequence[str],
+    signals: dict[str, Signal],
+    warnings: WarningLog,
+) -> None:
+    summary = {
+        "system": str(system.path),
+        "components": {component.name: component.source.name for component in system.components},
+        "start_s": system.experiment.start_time,
+        "step_s": step,
+        "duration_s": duration,
+        "scheme": options.scheme,
+        "parameters": [str(path) for path in options.parameters],
+        "inputs": sorted(signals),
+        "columns": list(names),
+        "warnings": list(warnings.texts),
+    }
+    text = json.dumps(summary, indent=1, ensure_ascii=False) + "\n"
+    write_atomically(options.output / SUMMARY, text.encode())
+
+
+def _draw(options: AnyRun, system: System, names: Sequence[str]) -> str:
+    """Draw what is stored; what is left out."""
+    stored = make_stored_names(names)
+    with netCDF4.Dataset(options.output / RESULTS) as file:
+        group = file.groups[GROUP]
+        time: Array = np.array(group.variables["time"][:], dtype=float)
+        lines = []
+        for name in names:
+            variable = group.variables[stored[name]]
+            held = variable.dtype.kind != "f"
+            lines.append(Line(name, variable.units, held, np.array(variable[:], dtype=float)))
+    title = system.labels.get("name") or options.system.stem
+    return draw_quick_plot(options.output / PLOT, time, lines, title=title)
+
+

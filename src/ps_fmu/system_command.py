@@ -1,0 +1,119 @@
+"""``ps-fmu run SYSTEM.ssp|.ssd|FMU``: any system of FMI 2.0 co-simulation FMUs, of whatever maker.
+
+``ps-fmu run SCENARIO``, which is about the pointing manipulator, is :mod:`.run_command`.  Exit codes are the same: 0
+done, 1 the run failed, 2 an argument cannot be used, 130 interrupted by Ctrl-C or SIGTERM (results so far are kept).
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from .cosim.errors import CosimError
+from .runs.any_system import PLOT, AnyRun, run_any
+from .runs.options import RESULTS, SCHEMES, OptionError, claim_folder
+from .runs.output import hold_folder
+from .terminal import reason
+
+ABOUT = (
+    "Run a system of FMUs: an SSP archive, a system structure description, or a single FMU (FMI 2.0, co-simulation).  "
+    "This loads the libraries of the FMUs and runs their code, which can do all that you can."
+)
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of a run of any system to a parser."""
+    parser.description = ABOUT
+    parser.epilog = (
+        "What is not given is taken from the default experiment of the system, or else of its FMUs.  "
+        "docs/run-any-system.md has the features of SSP and the form of the files."
+    )
+    add = parser.add_argument
+    add("system", type=Path, metavar="SYSTEM.ssp|.ssd|FMU")
+    add("--duration", type=_read_time, metavar="S", help="seconds to simulate")
+    add("--step", type=_read_time, metavar="S", help="communication step in seconds")
+    add("--storage-step", type=_read_time, metavar="S", help="seconds between stored rows (each step)")
+    add(
+        "--parameters", type=Path, nargs="+", action="extend", default=[], metavar="F.ssv",
+        help="files with other start values, by component.variable; later ones win",
+    )  # fmt: skip
+    add("--input", type=Path, metavar="F.csv", help="inputs over time: a head time,name,... and rows in seconds")
+    add(
+        "--observe", nargs="+", action="extend", default=[], metavar="PATTERN",
+        help="variables to store and draw, such as 'plant.*' (all outputs)",
+    )  # fmt: skip
+    add("--output", type=Path, metavar="DIR", help="folder of the results (results/SYSTEM)")
+    add("--scheme", choices=SCHEMES, default=SCHEMES[0], help="order of exchange (%(default)s)")
+    add("--outside", action="store_true", help="let the system use files outside of its folder or archive")
+    add("--no-figures", dest="figures", action="store_false", help="draw no plot")
+
+
+def is_meant(arguments: Sequence[str]) -> bool:
+    """Whether the arguments of ``ps-fmu run`` name a system and not a scenario, which ``--system`` could have."""
+    for before, argument in zip(("", *arguments), arguments, strict=False):
+        if Path(argument).suffix.lower() in (".ssp", ".ssd", ".fmu") and before not in ("--system", "--ssp"):
+            return not argument.startswith("-")
+    return False
+
+
+def run(arguments: argparse.Namespace, command_line: argparse.ArgumentParser) -> int:
+    """Run the system of parsed arguments; returns the exit code.  ``command_line``: the parser, for its errors."""
+    program = command_line.prog
+    try:
+        options = read_options(arguments)
+        with hold_folder(options.output):
+            try:
+                run_any(options)
+            except KeyboardInterrupt:
+                return _report_end(program, "interrupted", options.output, 130)
+            except (CosimError, OSError) as error:
+                return _report_end(program, reason(error), options.output, 1)
+    except OptionError as error:
+        command_line.error(str(error))
+    print(f"results in {options.output}: {RESULTS}{f', {PLOT}' if (options.output / PLOT).is_file() else ''}")
+    return 0
+
+
+def read_options(arguments: argparse.Namespace) -> AnyRun:
+    """Checked options, with an output folder that can be written.  Raises OptionError."""
+    system: Path = arguments.system
+    files = [("--parameters", path) for path in arguments.parameters]
+    files += [("--input", arguments.input)] if arguments.input is not None else []
+    for name, path in [("SYSTEM", system), *files]:
+        if not path.exists():
+            raise OptionError(f"{name}: there is no file {path}")
+    output = (arguments.output or Path("results", system.stem)).absolute()
+    claim_folder(output)
+    return AnyRun(
+        system=system,
+        output=output,
+        duration_s=arguments.duration,
+        step_s=arguments.step,
+        storage_step_s=arguments.storage_step,
+        parameters=tuple(arguments.parameters),
+        inputs=arguments.input,
+        observe=tuple(arguments.observe),
+        scheme=arguments.scheme,
+        outside=arguments.outside,
+        figures=arguments.figures,
+    )
+
+
+def _read_time(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not (math.isfinite(value) and value > 0.0):
+        raise argparse.ArgumentTypeError(f"expected a time above 0 s, got {text!r}")
+    return value
+
+
+def _report_end(program: str, why: str, output: Path, code: int) -> int:
+    results = output / RESULTS
+    kept = f"results so far: {results}" if results.is_file() else "nothing was stored"
+    print(f"{program}: {why}\n{program}: {kept}", file=sys.stderr)
+    return code

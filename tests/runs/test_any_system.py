@@ -1,0 +1,180 @@
+"""``ps-fmu run SYSTEM.ssp|.ssd|FMU``: any system, its files and exit codes."""
+
+import json
+import zipfile
+
+import netCDF4
+import numpy as np
+import pytest
+from pythonfmu.builder import FmuBuilder
+from support.relays import description, port, relay, system, wire
+
+from ps_fmu import system_command
+from ps_fmu.cli import main
+from ps_fmu.runs.any_system import make_stored_names
+from ps_fmu.runs.output import hold_folder
+
+TOYS = system_command.Path(__file__).parents[1] / "cosim" / "toys"
+NAME = "caf\u00e9/\u0394v"
+EXPERIMENT = '<ssd:DefaultExperiment startTime="1" stopTime="2.05"/>'
+
+
+@pytest.fixture(scope="module")
+def fmus(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("fmus")
+    for name in ("relay", "mass", "failing"):
+        FmuBuilder.build_FMU(TOYS / f"toy_{name}.py", dest=folder)
+    return folder
+
+
+@pytest.fixture
+def archive(fmus, tmp_path):
+    """A system with connectors of its own, a component of a name that netCDF has not, and no step."""
+    inside = system(
+        relay(NAME),
+        wire("u", f"{NAME}/real_in").replace(f'Element="{NAME.partition("/")[0]}"', f'Element="{NAME}"')
+        + wire("q", "y"),
+        port("u", "input") + port("y", "output") + port("q", "input"),
+    )
+    inside = inside.replace(wire("u", f"{NAME}/real_in"),
+        f'<ssd:Connection startConnector="u" endElement="{NAME}" endConnector="real_in"/>')  # fmt: skip
+    inside = inside.replace(wire("q", "y"),
+        f'<ssd:Connection startElement="{NAME}" startConnector="real_out" endConnector="y"/>')  # fmt: skip
+    path = tmp_path / "system.ssp"
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("SystemStructure.ssd", description(inside, EXPERIMENT))
+        archive.write(fmus / "ToyRelay.fmu", "resources/ToyRelay.fmu")
+    return path
+
+
+def run(*arguments):
+    return main(["run", *map(str, arguments)])
+
+
+def read(folder):
+    with netCDF4.Dataset(folder / "results.nc") as file:
+        return {name: np.array(variable[:]) for name, variable in file["run"].variables.items()}
+
+
+def test_an_archive(archive, tmp_path, capsys):
+    (tmp_path / "in.csv").write_text("time,u\n1,0\n2,10\n")
+    (tmp_path / "set.ssv").write_text(
+        '<ssv:ParameterSet xmlns:ssv="http://ssp-standard.org/SSP1/SystemStructureParameterValues" version="1.0" '
+        f'name="s"><ssv:Parameters><ssv:Parameter name="{NAME}.gain"><ssv:Real value="3"/></ssv:Parameter>'
+        "</ssv:Parameters></ssv:ParameterSet>", encoding="utf-8",
+    )  # fmt: skip
+    out = tmp_path / "out"
+    options = "--step", "0.1", "--input", tmp_path / "in.csv", "--parameters", tmp_path / "set.ssv"
+    assert run(archive, *options, "--output", out) == 0
+    found = read(out)
+    assert found["time"] == pytest.approx(np.arange(1.0, 2.05, 0.1))  # 1.05 s are not whole steps: the last is left out
+    assert found["u"] == pytest.approx(np.arange(0.0, 10.5, 1.0))
+    assert found["y"] == pytest.approx(3.0 * np.append(0.0, found["u"][:-1]))
+    assert np.array_equal(found["caf\u00e9_\u0394v.real_out"], found["y"])
+    summary = json.loads((out / "summary.json").read_text())
+    assert summary["components"] == {NAME: "ToyRelay.fmu"}
+    assert (summary["duration_s"], summary["inputs"]) == (1.0, ["u"])
+    assert (out / "plot.png").read_bytes().startswith(b"\x89PNG")
+    assert "results in" in capsys.readouterr().out
+
+
+def test_a_single_fmu_and_its_inputs(fmus, tmp_path, capsys):
+    (tmp_path / "in.csv").write_text("time,force\n0,2\n")
+    out = tmp_path / "out"
+    assert run(fmus / "ToyMass.fmu", "--step", "0.1", "--duration", "1", "--input", tmp_path / "in.csv",
+               "--output", out, "--observe", "*.vel*", "ToyMass.mass") == 0  # fmt: skip
+    found = read(out)
+    assert set(found) == {"time", "ToyMass.velocity", "ToyMass.mass"}
+    assert found["ToyMass.velocity"] == pytest.approx(0.1 * np.arange(11))  # force over mass is 1 m/s2
+    assert found["ToyMass.mass"].tolist() == [2.0] * 11
+    assert run(fmus / "ToyMass.fmu", "--step", "0.1", "--duration", "1", "--output", out, "--no-figures") == 0
+    assert "inputs of the system that keep their start values: force" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("options", "reason"),
+    [
+        (["--duration", "1"], "--step: neither"),
+        (["--step", "0.1", "--duration", "1.05"], "--duration: 1.05 s is not a whole number of steps"),
+        (["--step", "0.1", "--storage-step", "0.15"], "--storage-step: 0.15 s is not"),
+        (["--step", "0"], "expected a time above 0 s"),
+        (["--step", "0.1", "--observe", "none*"], "--observe: no variable fits 'none*'"),
+        (["--step", "0.1", "--input", "none.csv"], "--input: there is no file none.csv"),
+        (["--step", "1e-12"], "more than 1e+10 steps"),
+    ],
+)
+def test_options_that_cannot_be_honoured(archive, tmp_path, capsys, options, reason):
+    with pytest.raises(SystemExit) as caught:
+        system_command.run(*parse(archive, *options, "--output", tmp_path / "out"))
+    assert caught.value.code == 2
+    assert reason in capsys.readouterr().err
+    assert not (tmp_path / "out" / "results.nc").exists()
+
+
+def parse(*arguments):
+    import argparse
+
+    parser = argparse.ArgumentParser(prog="ps-fmu run")
+    system_command.add_arguments(parser)
+    return parser.parse_args([*map(str, arguments)]), parser
+
+
+def test_a_missing_system(tmp_path, capsys):
+    assert run(tmp_path / "none.ssp") == 2
+    assert "SYSTEM: there is no file" in capsys.readouterr().err
+
+
+def test_a_run_that_fails_keeps_its_rows(fmus, tmp_path, capsys):
+    inside = system(relay("f", '<ssd:ParameterBinding><ssd:ParameterValues><ssv:ParameterSet version="1.0" name="s">'
+        '<ssv:Parameters><ssv:Parameter name="mode"><ssv:String value="discard"/></ssv:Parameter></ssv:Parameters>'
+        "</ssv:ParameterSet></ssd:ParameterValues></ssd:ParameterBinding>", "ToyFailing.fmu", ""))  # fmt: skip
+    (tmp_path / "resources").mkdir()
+    (tmp_path / "resources" / "ToyFailing.fmu").write_bytes((fmus / "ToyFailing.fmu").read_bytes())
+    (tmp_path / "a.ssd").write_text(description(inside))
+    out = tmp_path / "out"
+    assert run(tmp_path / "a.ssd", "--step", "0.01", "--duration", "1", "--output", out) == 1
+    error = capsys.readouterr().err
+    assert "f: fmi2DoStep at t = 0.05 s returned fmi2Discard" in error
+    assert f"results so far: {out / 'results.nc'}" in error
+    assert len(read(out)["time"]) == 6
+
+
+def test_a_system_that_cannot_be_read(archive, tmp_path, capsys):
+    with zipfile.ZipFile(tmp_path / "bad.ssp", "w") as bad:
+        bad.writestr("SystemStructure.ssd", description(system(relay("a"))))
+    assert run(tmp_path / "bad.ssp", "--output", tmp_path / "out") == 1
+    error = capsys.readouterr().err
+    assert f"{tmp_path / 'bad.ssp'}/SystemStructure.ssd, line 10: component 'a': there is no FMU" in error
+    assert "nothing was stored" in error
+
+
+def test_a_folder_in_use(archive, tmp_path, capsys):
+    (tmp_path / "out").mkdir()
+    with hold_folder(tmp_path / "out"), pytest.raises(SystemExit) as caught:
+        system_command.run(*parse(archive, "--step", "0.1", "--output", tmp_path / "out"))
+    assert caught.value.code == 2
+    assert "another run is writing" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "meant"),
+    [
+        (["a.ssp"], True), (["--step", "1", "b.FMU"], True), (["c.ssd", "--help"], True), (["isolation"], False),
+        (["isolation", "--ssp", "a.ssp"], False), (["--system", "a.ssd"], False), ([], False),
+    ],
+)  # fmt: skip
+def test_which_run_is_meant(arguments, meant):
+    assert system_command.is_meant(arguments) is meant
+
+
+def test_a_scenario_says_what_runs_a_foreign_system(archive, tmp_path, capsys):
+    assert run("isolation", "--ssp", archive, "--duration", "1", "--output", tmp_path / "out") == 1
+    assert f"The system has no 'plant', which scenarios need: ps-fmu run {archive} runs" in capsys.readouterr().err
+
+
+def test_names_for_netcdf():
+    found = make_stored_names(["a/b", "a_b", "time", " x", "y ", "\t", "e\u0301", "+z", "0"])
+    assert found == {
+        "a/b": "a_b", "a_b": "a_b_2", "time": "time_2", " x": "_ x", "y ": "y", "\t": "_", "e\u0301": "\u00e9",
+        "+z": "_+z", "0": "0",
+    }  # fmt: skip
