@@ -106,3 +106,9 @@ def answer(monkeypatch: pytest.MonkeyPatch) -> Callable[..., list[Any]]:
 @pytest.fixture
 def collect() -> Collect:
     return Collect()
+
+
+@pytest.fixture
+def not_ended(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A slave of plain pythonfmu that refuses a step says that it has ended the simulation; here it does not."""
+    monkeypatch.setattr(FmuInstance, "_has_ended", lambda self: False)

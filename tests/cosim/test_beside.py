@@ -122,6 +122,7 @@ def test_the_failure_of_an_observer_precedes_what_the_loop_met_later(make_system
     assert "stopped at t = 0.03 s" in error.__notes__[-1]
 
 
+@pytest.mark.usefixtures("not_ended")
 @pytest.mark.parametrize("mode", ["discard", "nan"])
 def test_a_failing_fmu_keeps_its_rows_and_its_message(make_system, mode):
     system = make_system({"mass": "ToyMass", "clock": "ToyFailing"}, []).with_parameters({"clock.mode": mode})

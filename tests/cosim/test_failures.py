@@ -44,12 +44,6 @@ def run(system, collect, **options):
     return master, caught.value
 
 
-@pytest.fixture
-def not_ended(monkeypatch):
-    """A slave of plain pythonfmu that refuses a step says that it has ended the simulation; here it does not."""
-    monkeypatch.setattr(FmuInstance, "_has_ended", lambda self: False)
-
-
 @pytest.mark.usefixtures("not_ended")
 @pytest.mark.parametrize("scheme", ["jacobi", "gauss-seidel"])
 @pytest.mark.parametrize("block_rows", [3, 1000])

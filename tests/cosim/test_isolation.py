@@ -111,6 +111,8 @@ def list_guests(parent):
 
 
 def test_processes_end_with_their_master(mixed):
+    with Master(mixed, H, isolation=Isolation()) as first:  # unpacks the FMUs: the lock of their folder stays
+        first.initialise()
     descriptors = len(os.listdir("/proc/self/fd"))
     master = Master(mixed, H, isolation=Isolation())
     master.initialise()

@@ -69,7 +69,7 @@ class CompiledLoop:
         self._run_steps = load_library().run_guarded
         types = POINTER(_Loop), c_void_p, c_void_p, c_int64, c_double, POINTER(c_int), POINTER(Timing), POINTER(End)
         self._run_steps.argtypes, self._run_steps.restype = types, c_int
-        self._timing = None if laps is None else laps.timing
+        self._timing, self._end = None if laps is None else laps.timing, End()
         self._plan, self._rows = plan, rows
         self._parts = list(list_parts(plan))
         operations = (_Operation * len(self._parts))(*map(_make_operation, self._parts))
@@ -80,7 +80,7 @@ class CompiledLoop:
         loop, first = self._loop, self._rows.filled
         loop.rows_done = loop.next_operation = 0
         goal = self._rows.block[first:].ctypes.data, times.ctypes.data, len(times)
-        end = End()
+        end = self._end
         try:
             while status := self._run_steps(loop, *goal, BUDGET_S, interrupted, self._timing, end):
                 call, time = self._parts[loop.next_operation - 1], float(times[loop.rows_done])

@@ -65,13 +65,19 @@ def find_library() -> ctypes.CDLL | None:
         return None
 
 
+@cache
+def _load_locked() -> ctypes.PyDLL:
+    """The library for calls that keep the interpreter's lock: one thread at a time counts."""
+    return ctypes.PyDLL(str(LOOP.path(platform)))
+
+
 @contextmanager
 def arm(interrupts: bool) -> Iterator[None]:
     """Take over the signals of crashes, and with ``interrupts`` SIGINT, which Python has a handler for."""
     if find_library() is None:
         yield
         return
-    library = ctypes.PyDLL(str(LOOP.path(platform)))  # with the interpreter's lock: one thread at a time counts
+    library = _load_locked()
     library.guard_arm(interrupts)
     try:
         yield
