@@ -12,7 +12,8 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from .cosim.errors import CosimError
+from .cosim.errors import CosimError, UsageError
+from .cosim.isolation.options import add_isolation_options, read_isolation
 from .runs.any_system import PLOT, AnyRun, run_any
 from .runs.options import RESULTS, SCHEMES, OptionError, claim_folder
 from .runs.output import hold_folder
@@ -42,12 +43,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     add("--input", type=Path, metavar="F.csv", help="inputs over time: a head time,name,... and rows in seconds")
     add(
-        "--observe", nargs="+", action="extend", default=[], metavar="PATTERN",
-        help="variables to store and draw, such as 'plant.*' (all outputs)",
+        "--observe", action="append", default=[], metavar="PATTERN",
+        help="variables to store and draw, such as 'plant.*'; may be repeated (all outputs)",
     )  # fmt: skip
     add("--output", type=Path, metavar="DIR", help="folder of the results (results/SYSTEM)")
     add("--scheme", choices=SCHEMES, default=SCHEMES[0], help="order of exchange (%(default)s)")
     add("--outside", action="store_true", help="let the system use files outside of its folder or archive")
+    add("--profile", action="store_true", help="say where the time goes, and when the longest step was")
+    add_isolation_options(parser)
     add("--no-figures", dest="figures", action="store_false", help="draw no plot")
 
 
@@ -85,6 +88,10 @@ def read_options(arguments: argparse.Namespace) -> AnyRun:
     for name, path in [("SYSTEM", system), *files]:
         if not path.exists():
             raise OptionError(f"{name}: there is no file {path}")
+    try:
+        isolation = read_isolation(arguments)
+    except UsageError as error:
+        raise OptionError(str(error)) from error
     output = (arguments.output or Path("results", system.stem)).absolute()
     claim_folder(output)
     return AnyRun(
@@ -99,6 +106,8 @@ def read_options(arguments: argparse.Namespace) -> AnyRun:
         scheme=arguments.scheme,
         outside=arguments.outside,
         figures=arguments.figures,
+        profile=arguments.profile,
+        isolation=isolation,
     )
 
 

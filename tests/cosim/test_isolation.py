@@ -169,8 +169,7 @@ def parse(*arguments):
 def test_options():
     assert parse() is None
     assert parse("--isolate") == Isolation()
-    assert parse("--isolate=a", "--isolate", "b") == Isolation(frozenset({"a", "b"}))
-    assert parse("--isolate=a", "--isolate") == Isolation()
+    assert parse("--isolate-only=a", "--isolate-only", "b") == Isolation(frozenset({"a", "b"}))
     assert parse("--isolate", "--step-timeout", "2.5") == Isolation(step_timeout_s=2.5)
 
 

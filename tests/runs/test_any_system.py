@@ -82,7 +82,7 @@ def test_a_single_fmu_and_its_inputs(fmus, tmp_path, capsys):
     (tmp_path / "in.csv").write_text("time,force\n0,2\n")
     out = tmp_path / "out"
     assert run(fmus / "ToyMass.fmu", "--step", "0.1", "--duration", "1", "--input", tmp_path / "in.csv",
-               "--output", out, "--observe", "*.vel*", "ToyMass.mass") == 0  # fmt: skip
+               "--output", out, "--observe", "*.vel*", "--observe", "ToyMass.mass") == 0  # fmt: skip
     found = read(out)
     assert set(found) == {"time", "ToyMass.velocity", "ToyMass.mass"}
     assert found["ToyMass.velocity"] == pytest.approx(0.1 * np.arange(11))  # force over mass is 1 m/s2
@@ -98,7 +98,7 @@ def test_a_single_fmu_and_its_inputs(fmus, tmp_path, capsys):
         (["--step", "0.1", "--duration", "1.05"], "--duration: 1.05 s is not a whole number of steps"),
         (["--step", "0.1", "--storage-step", "0.15"], "--storage-step: 0.15 s is not"),
         (["--step", "0"], "expected a time above 0 s"),
-        (["--step", "0.1", "--observe", "none*"], "--observe: no variable fits 'none*'"),
+        (["--step", "0.1", "--observe", "none*"], "--observe: no output matches 'none*'"),
         (["--step", "0.1", "--input", "none.csv"], "--input: there is no file none.csv"),
         (["--step", "1e-12"], "more than 1e+10 steps"),
     ],
@@ -124,19 +124,43 @@ def test_a_missing_system(tmp_path, capsys):
     assert "SYSTEM: there is no file" in capsys.readouterr().err
 
 
-def test_a_run_that_fails_keeps_its_rows(fmus, tmp_path, capsys):
-    inside = system(relay("f", '<ssd:ParameterBinding><ssd:ParameterValues><ssv:ParameterSet version="1.0" name="s">'
-        '<ssv:Parameters><ssv:Parameter name="mode"><ssv:String value="discard"/></ssv:Parameter></ssv:Parameters>'
-        "</ssv:ParameterSet></ssd:ParameterValues></ssd:ParameterBinding>", "ToyFailing.fmu", ""))  # fmt: skip
-    (tmp_path / "resources").mkdir()
-    (tmp_path / "resources" / "ToyFailing.fmu").write_bytes((fmus / "ToyFailing.fmu").read_bytes())
-    (tmp_path / "a.ssd").write_text(description(inside))
+@pytest.fixture
+def failing(fmus, tmp_path):
+    """Writes a system with one FMU that fails in its way at 0.05 s."""
+
+    def write(mode):
+        inside = system(relay("f", '<ssd:ParameterBinding><ssd:ParameterValues><ssv:ParameterSet version="1.0" '
+            'name="s"><ssv:Parameters><ssv:Parameter name="mode">'
+            f'<ssv:String value="{mode}"/></ssv:Parameter></ssv:Parameters></ssv:ParameterSet>'
+            "</ssd:ParameterValues></ssd:ParameterBinding>", "ToyFailing.fmu", ""))  # fmt: skip
+        (tmp_path / "resources").mkdir()
+        (tmp_path / "resources" / "ToyFailing.fmu").write_bytes((fmus / "ToyFailing.fmu").read_bytes())
+        (tmp_path / "a.ssd").write_text(description(inside))
+        return tmp_path / "a.ssd"
+
+    return write
+
+
+def test_a_run_that_fails_keeps_its_rows(failing, tmp_path, capsys):
     out = tmp_path / "out"
-    assert run(tmp_path / "a.ssd", "--step", "0.01", "--duration", "1", "--output", out) == 1
+    assert run(failing("nan"), "--step", "0.01", "--duration", "1", "--output", out) == 1
     error = capsys.readouterr().err
-    assert "f: fmi2DoStep at t = 0.05 s returned fmi2Discard" in error
+    assert "f: not a finite number at t = 0.06 s" in error
     assert f"results so far: {out / 'results.nc'}" in error
     assert len(read(out)["time"]) == 6
+
+
+def test_an_fmu_that_ends_the_simulation_ends_it_normally(failing, tmp_path, capsys):
+    """A slave of plain pythonfmu says so when it refuses a step."""
+    out = tmp_path / "out"
+    assert run(failing("discard"), "--step", "0.01", "--duration", "1", "--output", out, "--profile") == 0
+    printed = capsys.readouterr()
+    assert "the FMU has ended the simulation" in printed.err
+    assert "us a step" in printed.out
+    assert len(read(out)["time"]) == 6
+    summary = json.loads((out / "summary.json").read_text())
+    assert (summary["ended_by"], summary["ended_at_s"]) == ("f", pytest.approx(0.05))
+    assert summary["costs"]["run"]["steps"] == 5
 
 
 def test_a_system_that_cannot_be_read(archive, tmp_path, capsys):

@@ -28,11 +28,16 @@ def select_names(names: Iterable[str], patterns: Sequence[str]) -> list[str]:
         return known
     found: set[str] = set()
     for pattern in patterns:
-        matched = [name for name in known if name == pattern or fnmatchcase(name, pattern)]
+        matched = [name for name in known if matches(name, pattern)]
         if not matched:
             raise UsageError(f"no output matches {pattern!r}{_suggest(pattern, known)}")
         found.update(matched)
     return [name for name in known if name in found]
+
+
+def matches(name: str, pattern: str) -> bool:
+    """Whether a pattern stands for a name."""
+    return name == pattern or fnmatchcase(name, pattern)
 
 
 def _suggest(pattern: str, known: Sequence[str]) -> str:

@@ -5,9 +5,8 @@ from __future__ import annotations
 import json
 import re
 import unicodedata
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from fnmatch import fnmatchcase
 from pathlib import Path
 
 import netCDF4
@@ -16,17 +15,22 @@ from fmpy.model_description import ModelDescription
 
 from ..cosim.clock import count_steps
 from ..cosim.description import read_descriptions
+from ..cosim.isolation.instance import Isolation
 from ..cosim.master import Master
 from ..cosim.recorder import Recorder
 from ..cosim.rows import Array, Column
+from ..cosim.selection import matches
 from ..cosim.signals import Signal, read_signals
 from ..cosim.single import complete_experiment, fit_duration, read_single
-from ..cosim.structure import PortName, System, suggest_names
+from ..cosim.structure import PortName, System
 from ..cosim.system import read_parameters, read_system
 from ..results.quick_plot import Line, draw_quick_plot
+from ..results.summary import plain
 from ..slavekit.pack.files import write_atomically
 from .cases import show_progress
+from .cost_log import RunCosts
 from .options import MOST_STEPS, RESULTS, SUMMARY, OptionError
+from .setup import select_stored
 from .warning_log import WarningLog
 
 PLOT = "plot.png"  # in the output folder
@@ -51,6 +55,8 @@ class AnyRun:
     outside: bool = False
     progress: bool = True
     figures: bool = True
+    profile: bool = False
+    isolation: Isolation | None = None
 
 
 def run_any(options: AnyRun) -> None:
@@ -69,30 +75,25 @@ def run_any(options: AnyRun) -> None:
         step, duration = _choose_times(options, system)
         signals = {} if options.inputs is None else read_signals(options.inputs)
         also = _find_others(descriptions, options.observe)
+        costs = RunCosts() if options.profile else None
         with Master(
-            system, step, options.scheme, descriptions=descriptions, inputs=signals, also=also
-        ) as master:
-            names = select_columns(master.columns, options.observe)
+            system, step, options.scheme, descriptions=descriptions, inputs=signals, also=also,
+            isolation=options.isolation, stopwatch=None if costs is None else costs.stopwatch,
+        ) as master:  # fmt: skip
+            names = select_stored(master.columns, options.observe)
             for text in (*master.wiring.remarks, *_list_silent(system, descriptions, signals)):
                 warnings.add(text)
             master.initialise()
-            _record(master, options, duration, names, system)
-        _write_summary(options, system, step, duration, names, signals, warnings)
+            _record(master, options, duration, names, system, costs)
+            ended = master.ended
+        more: dict[str, object] = {} if ended is None else {"ended_by": ended.component, "ended_at_s": ended.time}
+        if costs is not None:
+            more["costs"] = {GROUP: costs.as_dict()}
+            table = costs.to_table(GROUP)
+            print(f"{table.caption}\n{table.to_text()}\n")
+        _write_summary(options, system, step, duration, names, signals, warnings, more)
         if options.figures and names and (left := _draw(options, system, names)):
             warnings.add(left)
-
-
-def select_columns(columns: Sequence[Column], patterns: Sequence[str]) -> list[str]:
-    """Names of the columns that one of some shell patterns fits, all of them without a pattern.
-
-    Raises :class:`OptionError` for a pattern that fits none.
-    """
-    names = [column.name for column in columns]
-    for pattern in patterns:
-        if not any(fnmatchcase(name, pattern) for name in names):
-            hint = suggest_names(pattern, names) or "; there are " + (", ".join(names[:10]) or "none")
-            raise OptionError(f"--observe: no variable fits {pattern!r}{hint}")
-    return [name for name in names if not patterns or any(fnmatchcase(name, pattern) for pattern in patterns)]
 
 
 def make_stored_names(names: Sequence[str]) -> dict[str, str]:
@@ -147,7 +148,7 @@ def _find_others(descriptions: dict[str, ModelDescription], patterns: Sequence[s
         for variable in description.modelVariables
         if patterns and variable.causality not in ("output", "independent") and variable.type != "String"
         for port in [PortName(name, variable.name)]
-        if any(fnmatchcase(str(port), pattern) for pattern in patterns)
+        if any(matches(str(port), pattern) for pattern in patterns)
     }
 
 
@@ -167,7 +168,14 @@ def _list_silent(
     return [f"inputs of the system that keep their start values: {', '.join(silent)}"]
 
 
-def _record(master: Master, options: AnyRun, duration: float, names: Sequence[str], system: System) -> None:
+def _record(
+    master: Master,
+    options: AnyRun,
+    duration: float,
+    names: Sequence[str],
+    system: System,
+    costs: RunCosts | None,
+) -> None:
     stored = make_stored_names([column.name for column in master.columns])
     columns = [
         replace(column, name=stored[column.name], description=_describe(column, stored[column.name]))
@@ -190,7 +198,12 @@ def _record(master: Master, options: AnyRun, duration: float, names: Sequence[st
     ):
         start = master.time
         # Rounding must not bring it beyond the end, which a bar does not take.
-        master.run(duration, [recorder], progress=lambda t, wall, factor: show(min(t - start, duration), wall, factor))
+        master.run(
+            duration,
+            [recorder] if costs is None else costs.time([recorder]),
+            progress=lambda t, wall, factor: show(min(t - start, duration), wall, factor),
+            beside=True,
+        )
 
 
 def _describe(column: Column, stored: str) -> str:
@@ -205,6 +218,7 @@ def _write_summary(
     names: Sequence[str],
     signals: dict[str, Signal],
     warnings: WarningLog,
+    more: Mapping[str, object],
 ) -> None:
     summary = {
         "system": str(system.path),
@@ -217,8 +231,9 @@ def _write_summary(
         "inputs": sorted(signals),
         "columns": list(names),
         "warnings": list(warnings.texts),
+        **more,
     }
-    text = json.dumps(summary, indent=1, ensure_ascii=False) + "\n"
+    text = json.dumps(plain(summary, SUMMARY), indent=1, ensure_ascii=False) + "\n"
     write_atomically(options.output / SUMMARY, text.encode())
 
 

@@ -172,7 +172,7 @@ def _make_recorder(
         columns=master.columns,
         step=master.step,
         storage_step=options.storage_stride * master.step,
-        select=select_stored(master.columns, options),
+        select=select_stored(master.columns, options.observe),
         attributes=attributes,
         append=True,
     )

@@ -106,15 +106,15 @@ def load_system(options: RunOptions, defaults: Mapping[str, Value] | None = None
     structure = structure.with_parameters(first).with_parameters(given)
     descriptions = read_descriptions(structure)
     columns = make_layout(descriptions).columns
-    select_stored(columns, options)
+    select_stored(columns, options.observe)
     system = RunSystem(structure, descriptions, given, judge=read_judge(options, columns))
     return system if HIGHEST_NOISE in given or not disturbed else _limit_noise(system, options.step_s)
 
 
-def select_stored(columns: Sequence[Column], options: RunOptions) -> list[str]:
+def select_stored(columns: Sequence[Column], patterns: Sequence[str]) -> list[str]:
     """Names of the columns that are stored.  Raises :class:`OptionError` for a pattern that matches none."""
     try:
-        return select_names((column.name for column in columns), options.observe)
+        return select_names((column.name for column in columns), patterns)
     except UsageError as error:
         raise OptionError(f"--observe: {error}") from error
 

@@ -1,4 +1,4 @@
-"""The options ``--isolate`` and ``--step-timeout`` of commands that run FMUs."""
+"""The options ``--isolate``, ``--isolate-only`` and ``--step-timeout`` of commands that run FMUs."""
 
 from __future__ import annotations
 
@@ -10,15 +10,19 @@ from .guest_process import LIFE_TIMEOUT_S
 from .instance import STEP_TIMEOUT_S, Isolation
 
 LONGEST_S = 1e6
-_ALL = ""
 
 
 def add_isolation_options(parser: argparse.ArgumentParser) -> None:
-    """Add both options; :func:`read_isolation` reads what was given."""
-    parser.add_argument(
-        "--isolate", nargs="?", const=_ALL, action="append", metavar="NAME",
-        help="run each FMU, or with --isolate=NAME that of a component (repeatable), in a process of its own: what "
-        "it does there ends no more than the run, and results so far are kept",
+    """Add the options; :func:`read_isolation` reads what was given."""
+    chosen = parser.add_mutually_exclusive_group()
+    chosen.add_argument(
+        "--isolate", action="store_true",
+        help="run each FMU in a process of its own: what it does there ends no more than the run, and results so far "
+        "are kept",
+    )  # fmt: skip
+    chosen.add_argument(
+        "--isolate-only", action="append", default=[], metavar="NAME",
+        help="do so with the FMU of this component; may be repeated",
     )  # fmt: skip
     parser.add_argument(
         "--step-timeout", type=float, metavar="S",
@@ -28,16 +32,16 @@ def add_isolation_options(parser: argparse.ArgumentParser) -> None:
 
 
 def read_isolation(arguments: argparse.Namespace) -> Isolation | None:
-    """What the parsed options ask for; None without ``--isolate``.
+    """What the parsed options ask for; None if no FMU is to be isolated.
 
-    Raises :class:`UsageError`: a time-out that is no time, or without ``--isolate``.
+    Raises :class:`UsageError`: a time-out that is no time, or without isolated FMUs.
     """
-    names, timeout = arguments.isolate, arguments.step_timeout
-    if names is None:
+    timeout = arguments.step_timeout
+    if not arguments.isolate and not arguments.isolate_only:
         if timeout is not None:
             raise UsageError("--step-timeout: only FMUs with processes of their own can be ended; give --isolate, too")
         return None
     if timeout is not None and not (math.isfinite(timeout) and 0.0 < timeout <= LONGEST_S):
         raise UsageError(f"--step-timeout: expected a time above 0 s and up to {LONGEST_S:g} s, got {timeout!r}")
-    named = None if _ALL in names else frozenset(names)
+    named = None if arguments.isolate else frozenset(arguments.isolate_only)
     return Isolation(named, STEP_TIMEOUT_S if timeout is None else timeout)
