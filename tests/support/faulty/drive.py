@@ -81,6 +81,7 @@ def main(folder, *cases):
         child = os.fork()
         if child == 0:
             os.setpgid(0, 0)
+            signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background jobs ignore it
             os.dup2(stderr, 2)
             os.close(stderr)
             os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
