@@ -56,6 +56,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the analysis that the arguments name, write and print its results; returns the exit code."""
     from .cosim.errors import CosimError
     from .paper.cosimulation import check_sources
+    from .paper.jobs import JobError
     from .runs.options import OptionError, claim_folder
     from .slavekit.pack.errors import BuildError
 
@@ -75,7 +76,7 @@ def run(arguments: argparse.Namespace) -> int:
     except OptionError as error:
         print(f"ps-fmu analyse {name}: {error}", file=sys.stderr)
         return 2
-    except (BuildError, CosimError, OSError, ValueError) as error:
+    except (BuildError, CosimError, JobError, OSError, ValueError) as error:
         print(f"ps-fmu analyse {name}: {reason(error)}", file=sys.stderr)
         return 1
     print(result.to_text(), f"results in {output}", sep="\n")
