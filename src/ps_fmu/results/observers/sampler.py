@@ -25,16 +25,14 @@ class SampleObserver:
     def __init__(self, columns: Sequence[NamedColumn], names: Sequence[str], rows: Sequence[int]) -> None:
         self.names = tuple(names)
         self._columns = np.array(find_columns(columns, names))
-        wanted = np.asarray(rows, dtype=np.int64)
-        self._order = np.argsort(wanted, kind="stable")
-        self._sorted = wanted[self._order]  # so that a block finds its rows without a look at all others
-        self._values = np.full((len(wanted), len(self.names)), np.nan)
+        self._rows = np.asarray(rows, dtype=np.int64)
+        self._values = np.full((len(self._rows), len(self.names)), np.nan)
 
     def block(self, first_index: int, time: Array, values: Array) -> None:
         """Take ``values`` (rows, columns) at ``time`` (rows,) [s]."""
-        within = slice(*np.searchsorted(self._sorted, (first_index, first_index + len(time))))
-        places = self._sorted[within] - first_index
-        self._values[self._order[within]] = values[np.ix_(places, self._columns)]
+        places = self._rows - first_index
+        within = np.flatnonzero((places >= 0) & (places < len(time)))
+        self._values[within] = values[np.ix_(places[within], self._columns)]
 
     def values(self, *names: str) -> Array:
         """Values of some columns at the rows, (rows, names); NaN where the run did not get there."""

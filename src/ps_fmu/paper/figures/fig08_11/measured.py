@@ -83,7 +83,7 @@ def compare_setups(options: AnalysisOptions, shaking: Shaking) -> Agreements:
     with tqdm(total=runs, unit="run", disable=not options.progress, desc="transmissibility") as bar:
         return {
             setup: Agreement(
-                measure(system, shaking, setup.values, options.seed, bar.update, options.threads),
+                measure(system, shaking, setup.values, options.seed, bar.update),
                 setup.closed_form(shaking.lines, shaking.step),
             )
             for setup in SETUPS
