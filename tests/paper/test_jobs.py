@@ -2,11 +2,15 @@
 
 import os
 import signal
+import subprocess
 import sys
+from pathlib import Path
 
+import psutil
 import pytest
 
 from ps_fmu.paper.jobs import Job, JobError, run_jobs
+from ps_fmu.runs.options import OptionError, claim_folder
 
 
 def names(found):
@@ -47,14 +51,14 @@ def test_a_job_that_fails_is_named_and_leaves_the_results_of_others(processes):
 
 def test_a_job_whose_process_ends_is_named_and_another_process_goes_on():
     found = run_jobs([Job("ends", 3.0, os._exit, (5,)), *(Job(f"{k}", 1.0, abs, (k,)) for k in range(4))], processes=2)
-    assert found.failures == {"ends": "its process has ended with code 5"}
+    assert found.failures == {"ends": "its process has ended: exit code 5"}
     assert found.results == {f"{k}": k for k in range(4)}
 
 
 def test_a_process_that_is_killed_is_told(tmp_path):
     jobs = [Job("killed", 3.0, signal.raise_signal, (signal.SIGKILL,)), Job("right", 1.0, abs, (-7,))]
     found = run_jobs(jobs, processes=2)
-    assert found.failures == {"killed": "its process has ended with code -9"}
+    assert found.failures == {"killed": "its process has ended: signal SIGKILL"}
     assert found.results == {"right": 7}
 
 
@@ -62,7 +66,7 @@ def test_a_process_that_does_not_start_ends_its_jobs(monkeypatch):
     monkeypatch.setattr(sys, "executable", "/bin/false")
     found = run_jobs([Job("one", 1.0, abs, (1,)), Job("two", 1.0, abs, (2,))], processes=2)
     assert found.results == {}
-    assert found.failures == dict.fromkeys(("one", "two"), "its process has ended with code 1")
+    assert found.failures == dict.fromkeys(("one", "two"), "its process has ended: exit code 1")
 
 
 def test_progress_ends_at_all_of_the_cost():
@@ -71,3 +75,35 @@ def test_progress_ends_at_all_of_the_cost():
     assert sum(cost for cost, _ in reports) == 6.0
     assert reports[0] == (0.0, ("3", "2"))
     assert reports[-1][1] == ()
+
+
+@pytest.mark.parametrize("processes", [1, 2])
+def test_an_option_that_a_job_cannot_use_ends_all(processes):
+    """No other job can use it, and the command says by its exit code that the option is wrong."""
+    jobs = [Job("endless", 1.0, signal.pause), Job("refused", 2.0, claim_folder, (Path("/dev/null/x"),))]
+    with pytest.raises(OptionError, match=r"^--output: cannot write in /dev/null/x"):
+        run_jobs(jobs, processes)
+
+
+PROGRAM = """
+import signal
+from ps_fmu.paper.jobs import Job, run_jobs
+run_jobs([Job("a", 1.0, signal.pause), Job("b", 1.0, signal.pause)], 2, lambda *report: print(report, flush=True))
+"""
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
+def test_no_process_outlives_the_program(number, tmp_path):
+    """Jobs in the middle of their work end, too."""
+    command = [sys.executable, "-I", "-c", PROGRAM]
+    environment = {**os.environ, "TMPDIR": str(tmp_path)}
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment
+    ) as program:
+        assert program.stdout.readline() == "(0.0, ('a', 'b'))\n"
+        started = psutil.Process(program.pid).children()
+        assert len(started) == 2
+        program.send_signal(number)
+        program.wait(timeout=60.0)
+    assert psutil.wait_procs(started, timeout=60.0)[1] == []
+    assert number != signal.SIGINT or not list(tmp_path.iterdir())

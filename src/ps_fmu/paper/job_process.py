@@ -1,23 +1,29 @@
-"""A process of :mod:`.jobs`: ``python -I -m ps_fmu.paper.job_process ADDRESS``, with the key on its input."""
+"""A process of :mod:`.jobs`: ``python -I -m ps_fmu.paper.job_process PARENT HANDLE``.
+
+The process id of that which started it, and the handle of this one's end of a pipe to it.
+"""
 
 from __future__ import annotations
 
 import sys
-from multiprocessing.connection import Client, Connection
+from multiprocessing.connection import Connection
 
-from .jobs import KEY_BYTES, call
+from ..child_processes import end_with_parent
+from .jobs import call
 
 
 def main() -> int:
-    """Run the jobs that come until the connection ends."""
-    with Client(sys.argv[1], authkey=sys.stdin.buffer.read(KEY_BYTES)) as connection:
+    """Run the jobs that come until the pipe ends."""
+    parent, handle = map(int, sys.argv[1:])
+    end_with_parent(parent)
+    with Connection(handle) as connection:
         while serve(connection):
             pass
     return 0
 
 
 def serve(connection: Connection) -> bool:
-    """Run a job and send (error, result), one of which is None; False if there are no more jobs."""
+    """Run a job and send its :class:`.jobs.Answer`; False if there are no more jobs."""
     try:
         function, arguments = connection.recv()
     except EOFError:

@@ -1,25 +1,28 @@
 """Jobs in processes that start once: the longest first, on all processors, with the time that remains.
 
 A process of the pool runs one job after the other, so that what it has imported and cached serves the next ones.  It
-is started with ``-I`` and speaks to this process alone, over a connection with a key that is drawn for each pool.
+is started with ``-I`` and ends with this process; its end of a pipe is all that it has of it.
 """
 
 from __future__ import annotations
 
 import os
-import secrets
 import subprocess
 import sys
-import threading
+import tempfile
 import time
+import traceback
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass, field
-from multiprocessing.connection import Client, Connection, Listener, wait
+from multiprocessing import Pipe
+from multiprocessing.connection import Connection, wait
+from pathlib import Path
 from typing import Any, Protocol
 
-ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}  # a process has a processor
-KEY_BYTES = 32
+from ..child_processes import ONE_THREAD, describe_end
+from ..runs.options import OptionError
+from ..terminal import reason
 
 
 class JobError(RuntimeError):
@@ -52,6 +55,16 @@ class Stretch:
     end_s: float
 
 
+@dataclass(frozen=True)
+class Answer:
+    """What a job left: its result, or why there is none."""
+
+    result: Any = None
+    error: str | None = None
+    refused: bool = False
+    """An option cannot be used: ``error`` is the text of an OptionError."""
+
+
 @dataclass
 class Outcomes:
     """What jobs left."""
@@ -62,12 +75,13 @@ class Outcomes:
     timeline: list[Stretch] = field(default_factory=list)
 
     def note(self, job: Job, answer: Answer) -> None:
-        """Keep the answer of a job."""
-        error, result = answer
-        if error is None:
-            self.results[job.name] = result
+        """Keep the answer of a job.  Raises OptionError if the job did."""
+        if answer.refused:
+            raise OptionError(answer.error)
+        if answer.error is None:
+            self.results[job.name] = answer.result
         else:
-            self.failures[job.name] = error
+            self.failures[job.name] = answer.error
 
     def raise_failures(self) -> None:
         """Raise :class:`JobError`, which names each job that failed, with its error."""
@@ -75,8 +89,6 @@ class Outcomes:
             raise JobError("; ".join(f"{name}: {error}" for name, error in self.failures.items()))
 
 
-Answer = tuple[str | None, Any]
-"""Error and result, one of which is None."""
 Report = Callable[[float, tuple[str, ...]], object]
 """Takes the cost of what has ended (s) and the names of what runs."""
 
@@ -85,7 +97,8 @@ def run_jobs(jobs: Iterable[Job], processes: int | None = None, report: Report |
     """Run jobs in ``processes``, by default one for each processor; one that fails does not end the others.
 
     A process that ends by itself fails the job that it ran, and another one takes its place.  Where there is one
-    processor or one job alone, this process runs them.
+    processor or one job alone, this process runs them.  Raises OptionError as soon as a job does: the option is wrong
+    for all of them.
     """
     waiting = sorted(jobs, key=lambda job: -job.cost_s)
     outcomes = Outcomes()
@@ -105,9 +118,12 @@ def run_jobs(jobs: Iterable[Job], processes: int | None = None, report: Report |
 def call(function: Callable[..., Any], arguments: tuple[Any, ...]) -> Answer:
     """Call the function of a job."""
     try:
-        return None, function(*arguments)
+        return Answer(function(*arguments))
+    except OptionError as error:
+        return Answer(error=str(error), refused=True)
     except Exception as error:
-        return f"{type(error).__name__}: {error}", None
+        place = traceback.extract_tb(error.__traceback__)[-1]
+        return Answer(error=f"{type(error).__name__}: {reason(error)} ({Path(place.filename).name}:{place.lineno})")
 
 
 def _hand_out(waiting: list[Job], pool: _Workers, outcomes: Outcomes) -> None:
@@ -182,11 +198,10 @@ class _Here:
 
 
 class _Pool:
-    """Processes, and what each of them does."""
+    """Processes, and what each of them does.  ``folder``: of their temporary files."""
 
-    def __init__(self, count: int) -> None:
-        self._key = secrets.token_bytes(KEY_BYTES)
-        self._listener = Listener(authkey=self._key)
+    def __init__(self, count: int, folder: str) -> None:
+        self._folder = folder
         self._began = time.perf_counter()
         self._workers: list[_Worker] = []
         for number in range(count):
@@ -211,7 +226,7 @@ class _Pool:
         """Run a job in a process that is free."""
         worker = next(worker for worker in self._workers if worker.job is None)
         worker.job, worker.began = job, time.perf_counter()
-        with suppress(BrokenPipeError):  # its process has ended: the connection is at its end, which says so
+        with suppress(ConnectionError):  # its process has ended: the connection is at its end, which says so
             worker.connection.send((job.function, arguments))
 
     def collect(self, outcomes: Outcomes) -> Iterator[Job]:
@@ -221,53 +236,42 @@ class _Pool:
             job, worker.job = worker.job, None
             assert job is not None
             try:
-                error, result = worker.connection.recv()
+                answer = worker.connection.recv()
             except (EOFError, OSError):
-                code = worker.process.wait()
-                error, result = f"its process has ended with code {code}", None
+                worker.connection.close()
+                answer = Answer(error=f"its process has ended: {describe_end(worker.process.wait())}")
                 self._workers[worker.number] = self._start(worker.number)
-            outcomes.note(job, (error, result))
+            outcomes.note(job, answer)
             now = time.perf_counter()
             outcomes.timeline.append(Stretch(job.name, worker.number, worker.began - self._began, now - self._began))
             yield job
 
     def close(self) -> None:
         """End all processes, also those that run a job."""
-        self._listener.close()
         for worker in self._workers:
+            worker.process.kill()
             worker.connection.close()
-            if worker.job:
-                worker.process.kill()
+        for worker in self._workers:
             worker.process.wait()
 
     def _start(self, number: int) -> _Worker:
-        process = subprocess.Popen(
-            [sys.executable, "-I", "-m", "ps_fmu.paper.job_process", str(self._listener.address)],
-            stdin=subprocess.PIPE,
-            env={**os.environ, **ONE_THREAD, "MPLBACKEND": "Agg"},
-            start_new_session=True,  # Ctrl-C ends this process, which ends the others
-        )
-        assert process.stdin is not None
-        process.stdin.write(self._key)
-        process.stdin.close()
-        accepted = threading.Event()
-        threading.Thread(target=self._stand_in, args=(process, accepted), daemon=True).start()
-        connection = self._listener.accept()
-        accepted.set()
-        return _Worker(number, process, connection)
-
-    def _stand_in(self, process: subprocess.Popen[bytes], accepted: threading.Event) -> None:
-        """Connect in place of a process that ends before it does so: nobody waits for it then."""
-        process.wait()
-        if not accepted.is_set():
-            with suppress(OSError):
-                Client(self._listener.address, authkey=self._key).close()
+        own, others = Pipe()
+        with others:
+            process = subprocess.Popen(
+                [sys.executable, "-I", "-m", "ps_fmu.paper.job_process", str(os.getpid()), str(others.fileno())],
+                stdin=subprocess.DEVNULL,
+                pass_fds=[others.fileno()],
+                env={**os.environ, **ONE_THREAD, "MPLBACKEND": "Agg", "TMPDIR": self._folder},
+                start_new_session=True,  # Ctrl-C ends this process, which ends the others
+            )
+        return _Worker(number, process, own)
 
 
 @contextmanager
 def _start_pool(count: int) -> Iterator[_Pool]:
-    pool = _Pool(count)
-    try:
-        yield pool
-    finally:
-        pool.close()
+    with tempfile.TemporaryDirectory(prefix="jobs_") as folder:
+        pool = _Pool(count, folder)
+        try:
+            yield pool
+        finally:
+            pool.close()
