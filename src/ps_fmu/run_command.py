@@ -18,7 +18,7 @@ from .product.files import find_file, find_product, list_system_files
 from .runs import scenarios
 from .runs.built_fmus import find_built_folder, provide_fmus
 from .runs.options import REPORT, RESULTS, SCHEMES, OptionError, RunOptions, Scenario
-from .runs.output import hold_folder
+from .runs.output import hold_folder, leave_no_empty_folder
 from .runs.registry import find_scenarios
 from .slavekit.pack.errors import BuildError
 from .terminal import reason
@@ -82,12 +82,12 @@ def add_arguments(p: argparse.ArgumentParser, found: Mapping[str, Scenario]) -> 
 
 def read_options(scenario: Scenario, arguments: argparse.Namespace) -> RunOptions:
     """Checked options, with an output folder that can be written.  Raises OptionError."""
-    duration, step, output = arguments.duration, arguments.step, arguments.output
+    duration, step = arguments.duration, arguments.step
     own = arguments.ssp or (arguments.system and find_file(arguments.system))
     return RunOptions(
         scenario=scenario,
         system=own or find_product().system / scenario.system,
-        output=output if output is not None else Path("results", scenario.name),
+        output=_choose_output(arguments),
         duration_s=duration if duration is not None else scenario.duration_s,
         step_s=step if step is not None else scenario.step_s,
         seed=arguments.seed,
@@ -100,6 +100,11 @@ def read_options(scenario: Scenario, arguments: argparse.Namespace) -> RunOption
         fmus=None if arguments.ssp else find_built_folder(),
         figures=arguments.figures,
     ).claim_output()
+
+
+def _choose_output(arguments: argparse.Namespace) -> Path:
+    """Folder of the results, which may not be there."""
+    return Path("results", arguments.scenario) if arguments.output is None else Path(arguments.output)
 
 
 def build_and_run(options: RunOptions) -> None:
@@ -128,7 +133,7 @@ def main(arguments: Sequence[str] | None = None, program: str = "run.py") -> int
 def run(arguments: argparse.Namespace, command_line: argparse.ArgumentParser) -> int:
     """Run the scenario of parsed arguments; returns the exit code.  ``command_line``: the parser, for its errors."""
     program = command_line.prog
-    with ExitStack() as stack:
+    with leave_no_empty_folder(_choose_output(arguments)), ExitStack() as stack:
         try:
             options = read_options(find_all_scenarios()[arguments.scenario], arguments)
             stack.enter_context(hold_folder(options.output))

@@ -17,6 +17,7 @@ from ..results.observers.means import MeanObserver, Means
 from ..results.observers.scatter import Scatter
 from ..results.page.content import Axis, Chart, ChartGroup, Cloud, CloudGroup, Curve, Exploration, Mechanism, Motion
 from ..results.plots import shorten_name
+from ..results.style import engineering
 from .comparison import Comparison, caption_spectra
 from .jitter_record import ORIENTATION, ROTATION
 from .setup import RunSystem
@@ -169,8 +170,9 @@ def _make_motion(case: str, kept: Means, geometry: Geometry) -> Motion:
 
 
 def _make_cloud(case: str, scatter: Scatter) -> Cloud:
+    factor, unit = engineering(scatter.unit, scatter.radius_rms)
     return Cloud(
-        f"{case}: RMS radius {scatter.radius_rms:.3g} {scatter.unit}",
+        f"{case}: RMS radius {factor * scatter.radius_rms:.3g} {unit}",
         case,
         scatter.points - scatter.centre,
         scatter.hull - scatter.centre,
