@@ -63,7 +63,7 @@ def test_the_report_of_table2_shows_all_orientations_and_the_mechanism_at_the_fi
     orientations = {"nominal": (0.0, 0.0, 0.0), "yaw": (0.0, 0.0, 14.0)}
     monkeypatch.setattr(table2, "ORIENTATIONS", orientations)
     monkeypatch.setattr(table2, "SETTLING_S", 0.0)
-    options = make_options("table2", 0.5, step_s=1e-3, figures=False)
+    options = make_options("table2", 0.5, step_s=1e-3, storage_step_s=1e-3, figures=False)
     options.scenario.run(options)
     data = read_data(options)
     assert not list(options.output.glob("*.png"))
