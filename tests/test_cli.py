@@ -3,12 +3,15 @@
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from ps_fmu import cli, run_command
+from ps_fmu import analyse_command, cli, run_command
 from ps_fmu.cli import main
+from ps_fmu.paper.jobs import JobError
+from ps_fmu.runs.options import OptionError
 from ps_fmu.slavekit.pack import build
 
 SYSTEM = Path(__file__).parents[1] / "system" / "SystemStructure.ssd"
@@ -47,6 +50,7 @@ def test_ctrl_c_while_the_scenarios_are_imported(monkeypatch, capsys):
         (["build", "--interpreter", "file"], 1, "--interpreter: file is no program"),
         (["analyse", "workspace", "--output", "file"], 2, "analyse workspace: --output: cannot write in file"),
         (["analyse", "jitter", "--seed", "-1", "--system", str(SYSTEM)], 2, "analyse jitter: --seed: expected a whole"),
+        (["analyse", "budget", "--seed", "-1"], 2, "analyse budget: --seed: expected a whole number from 0"),
         (["crosscheck", "--references", "file"], 1, "file: no folder below it"),
         (["ssp", "--output", "a.ssp", "--system", "none.ssd"], 1, "none.ssd: there is no system description"),
         (["parameters", "none.toml", "--output", "a.ssv"], 1, "none.toml"),
@@ -57,6 +61,43 @@ def test_arguments_that_cannot_be_used(tmp_path, monkeypatch, capsys, arguments,
     Path("file").write_text("")
     assert main(arguments) == code
     assert text in capsys.readouterr().err
+    assert os.listdir() == ["file"]
+
+
+def analyse_with(monkeypatch, function):
+    """Have ``ps-fmu analyse jitter`` call a function of its options."""
+    found = analyse_command.find_analyses()
+    replaced = {**found, "jitter": replace(found["jitter"], analyse=function)}
+    monkeypatch.setattr(analyse_command, "find_analyses", lambda: replaced)
+
+
+@pytest.mark.parametrize(("error", "code"), [(OptionError("--x"), 2), (JobError("x"), 1), (KeyboardInterrupt(), 130)])
+def test_an_analysis_that_ends_early_keeps_what_it_has_written(tmp_path, monkeypatch, capsys, error, code):
+    def write(options):
+        (options.output / "part.json").write_text("{}")
+        raise error
+
+    monkeypatch.chdir(tmp_path)
+    analyse_with(monkeypatch, write)
+    assert main(["analyse", "jitter", "--output", "a/b"]) == code
+    assert capsys.readouterr().err.splitlines()[1] == "ps-fmu analyse jitter: results so far are in a/b"
+    assert Path("a/b/part.json").exists()
+
+
+@pytest.mark.parametrize("error", [OptionError("--x: wrong"), KeyboardInterrupt()])
+def test_an_analysis_that_writes_nothing_leaves_no_folder(tmp_path, monkeypatch, capsys, error):
+    def write_nothing(options):
+        assert options.output.is_dir()
+        raise error
+
+    monkeypatch.chdir(tmp_path)
+    Path("earlier").mkdir()
+    analyse_with(monkeypatch, write_nothing)
+    for output in ("earlier/a/b", "earlier"):
+        assert main(["analyse", "jitter", "--output", output]) in (2, 130)
+        assert len(capsys.readouterr().err.splitlines()) == 1
+    assert os.listdir() == ["earlier"]
+    assert os.listdir("earlier") == []
 
 
 @pytest.mark.parametrize("output", ["", ".", "folder", "pipe", "none/a.ssp"])

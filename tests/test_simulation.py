@@ -267,3 +267,13 @@ def test_what_cannot_be_used_is_said_and_nothing_left_behind(temporary, argument
     with pytest.raises(error, match=text):
         simulate(**{**SHORT, **arguments})
     assert list(temporary.iterdir()) == []
+
+
+def test_the_package_lists_what_it_has():
+    assert {"simulate", "Result", "__version__"} <= set(dir(ps_fmu))
+
+
+def test_a_call_that_is_refused_leaves_no_folder(tmp_path):
+    with pytest.raises(OptionError, match="--duration"):
+        simulate("isolation", duration=-1.0, output=tmp_path / "new" / "er")
+    assert not list(tmp_path.iterdir())

@@ -8,6 +8,11 @@ __version__ = "0.1.0"
 __all__ = ["Result", "__version__", "simulate"]
 
 
+def __dir__() -> list[str]:
+    """What there is, also what is imported only when it is first used."""
+    return sorted({*globals(), *__all__})
+
+
 def __getattr__(name: str):  # type: ignore[no-untyped-def]  # of what is asked for: its type is not known here
     """``simulate`` and ``Result``, imported when they are first used.
 

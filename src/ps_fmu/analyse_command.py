@@ -1,4 +1,8 @@
-"""``ps-fmu analyse NAME``: runs an analysis of the paper, or one that answers a question of design."""
+"""``ps-fmu analyse NAME``: runs an analysis of the paper, or one that answers a question of design.
+
+Exit codes: 0 done, 1 the analysis failed, 2 an argument cannot be used, 130 interrupted by Ctrl-C or SIGTERM (what is
+written is kept).
+"""
 
 from __future__ import annotations
 
@@ -6,13 +10,16 @@ import argparse
 import sys
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from . import trades
 from .paper.analysis import Analysis, AnalysisOptions, find_analyses_in, find_figure_analyses, import_and_call
 from .product.files import find_file, find_product
 from .runs.built_fmus import find_built_folder
 from .terminal import reason
+
+if TYPE_CHECKING:
+    from .paper.analysis_result import AnalysisResult
 
 _OPTIONS: dict[str, dict[str, Any]] = {
     "parameters": {
@@ -55,31 +62,54 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
 def run(arguments: argparse.Namespace) -> int:
     """Run the analysis that the arguments name, write and print its results; returns the exit code."""
     from .cosim.errors import CosimError
-    from .paper.cosimulation import check_sources
-    from .runs.options import OptionError, claim_folder
+    from .paper.jobs import JobError
+    from .runs.options import OptionError
+    from .runs.output import leave_no_empty_folder
     from .slavekit.pack.errors import BuildError
 
     name = arguments.analysis
-    analysis = find_analyses()[name]
     output = arguments.output if arguments.output is not None else Path("results", name)
-    try:
-        product = find_product()
-        system = product.system / analysis.system if arguments.system is None else find_file(arguments.system)
-        fmus = find_built_folder() if arguments.fmus is None else arguments.fmus
-        if analysis.needs_fmus:
-            check_sources(system)
-        claim_folder(output)
-        progress = sys.stderr is not None and sys.stderr.isatty()
-        result = analysis.analyse(_read_options(arguments, output, fmus, system, progress))
-        result.write(output)
-    except OptionError as error:
-        print(f"ps-fmu analyse {name}: {error}", file=sys.stderr)
-        return 2
-    except (BuildError, CosimError, OSError, ValueError) as error:
-        print(f"ps-fmu analyse {name}: {reason(error)}", file=sys.stderr)
-        return 1
+    before = _list_files(output)
+    with leave_no_empty_folder(output):
+        try:
+            result = _analyse(find_analyses()[name], arguments, output)
+        except OptionError as error:
+            why, code = str(error), 2
+        except KeyboardInterrupt:
+            why, code = "interrupted", 130
+        except (BuildError, CosimError, JobError, OSError, ValueError) as error:
+            why, code = reason(error), 1
+        else:
+            why, code = "", 0
+    if code:
+        kept = [f"results so far are in {output}"] if _list_files(output) - before else []
+        print(*(f"ps-fmu analyse {name}: {line}" for line in (why, *kept)), sep="\n", file=sys.stderr)
+        return code
     print(result.to_text(), f"results in {output}", sep="\n")
     return 0
+
+
+def _analyse(analysis: Analysis, arguments: argparse.Namespace, output: Path) -> AnalysisResult:
+    """Check the arguments, run the analysis and write its files."""
+    from .paper.cosimulation import check_sources
+    from .runs.options import check_seed, claim_folder
+
+    check_seed(arguments.seed)
+    product = find_product()
+    system = product.system / analysis.system if arguments.system is None else find_file(arguments.system)
+    fmus = find_built_folder() if arguments.fmus is None else arguments.fmus
+    if analysis.needs_fmus:
+        check_sources(system)
+    claim_folder(output)
+    progress = sys.stderr is not None and sys.stderr.isatty()
+    result = analysis.analyse(_read_options(arguments, output, fmus, system, progress))
+    result.write(output)
+    return result
+
+
+def _list_files(output: Path) -> set[tuple[Path, int]]:
+    """The result files in a folder, which may not be there, and when they were written."""
+    return {(path, path.stat().st_mtime_ns) for path in output.glob("*.json")}
 
 
 def _read_options(

@@ -23,7 +23,7 @@ from .results.style import prepare_drawing
 from .runs import scenarios
 from .runs.built_fmus import find_built_folder, provide_fmus
 from .runs.options import REPORT, RESULTS, SCHEMES, OptionError, RunOptions, Scenario
-from .runs.output import hold_folder
+from .runs.output import hold_folder, leave_no_empty_folder
 from .runs.registry import find_scenarios
 from .slavekit.pack.errors import BuildError
 from .terminal import reason
@@ -97,7 +97,7 @@ def add_arguments(p: argparse.ArgumentParser, found: Mapping[str, Scenario]) -> 
 
 def read_options(scenario: Scenario, arguments: argparse.Namespace) -> RunOptions:
     """Checked options, with an output folder that can be written.  Raises OptionError."""
-    duration, step, output = arguments.duration, arguments.step, arguments.output
+    duration, step = arguments.duration, arguments.step
     try:
         isolation = read_isolation(arguments)
     except UsageError as error:
@@ -106,7 +106,7 @@ def read_options(scenario: Scenario, arguments: argparse.Namespace) -> RunOption
     return RunOptions(
         scenario=scenario,
         system=own or find_product().system / scenario.system,
-        output=output if output is not None else Path("results", scenario.name),
+        output=_choose_output(arguments),
         duration_s=duration if duration is not None else scenario.duration_s,
         step_s=step if step is not None else scenario.step_s,
         seed=arguments.seed,
@@ -122,6 +122,11 @@ def read_options(scenario: Scenario, arguments: argparse.Namespace) -> RunOption
         profile=arguments.profile,
         isolation=isolation,
     ).claim_output()
+
+
+def _choose_output(arguments: argparse.Namespace) -> Path:
+    """Folder of the results, which may not be there."""
+    return Path("results", arguments.scenario) if arguments.output is None else Path(arguments.output)
 
 
 def build_and_run(options: RunOptions) -> None:
@@ -152,7 +157,7 @@ def main(arguments: Sequence[str] | None = None, program: str = "run.py") -> int
 def run(arguments: argparse.Namespace, command_line: argparse.ArgumentParser) -> int:
     """Run the scenario of parsed arguments; returns the exit code.  ``command_line``: the parser, for its errors."""
     program = command_line.prog
-    with ExitStack() as stack:
+    with leave_no_empty_folder(_choose_output(arguments)), ExitStack() as stack:
         try:
             options = read_options(find_all_scenarios()[arguments.scenario], arguments)
             stack.enter_context(hold_folder(options.output))

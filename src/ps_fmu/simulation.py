@@ -23,7 +23,7 @@ from .results.datasets import list_cases, read_case
 from .run_command import build_and_run, find_all_scenarios
 from .runs.built_fmus import find_built_folder
 from .runs.options import REPORT, RESULTS, SCHEMES, SUMMARY, OptionError, RunOptions, claim_folder
-from .runs.output import hold_folder
+from .runs.output import hold_folder, leave_no_empty_folder
 from .runs.publish import NotMetError
 from .slavekit.pack.files import write_atomically
 
@@ -93,8 +93,7 @@ def simulate(
     own = None if system is None else find_file(Path(system))
     folder = Path(tempfile.mkdtemp(prefix="ps_fmu_") if output is None else output).absolute()
     try:
-        claim_folder(folder)
-        with hold_folder(folder):
+        with leave_no_empty_folder(folder), hold_folder(claim_folder(folder)):
             files = [find_file(Path(file)) for file in parameter_files]
             if parameters:
                 files.append(folder / PARAMETERS)

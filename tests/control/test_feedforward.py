@@ -101,6 +101,16 @@ def test_practical_controller_is_eq_55_with_the_gains_in_their_places() -> None:
     np.testing.assert_allclose(c.response(S), expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())
 
 
+def test_response_is_that_of_the_matrices() -> None:
+    c = controller()
+    A, B, C, D = c.matrices()
+    s = 2j * np.pi * np.geomspace(1e-4, 1e4, 40)
+    whole = C @ np.linalg.solve(s[:, None, None] * np.eye(len(A)) - A, B.astype(complex)) + D
+    error = np.abs(c.response(s) - whole).max(axis=(1, 2))
+    assert (error < 1e-12 * np.abs(whole).max(axis=(1, 2))).all()
+    np.testing.assert_allclose(c.response(s[7]), c.response(s)[7], rtol=1e-14)
+
+
 def test_discrete_controller_does_not_drift_where_a_direct_form_would() -> None:
     """A constant acceleration for 1000 s at 1e-4 s: the high-passed displacement stays on its analytic curve."""
     c = controller()

@@ -84,7 +84,8 @@ def _trajectories():
     for path, (targets, _) in paths(RATE, options).items():
         none = np.zeros(len(targets))
         results += [
-            PathResult(path, method, None, targets, targets + 1e-9, none, targets, none > 0.0) for method in METHODS
+            PathResult(path, method, None, targets, targets + 1e-9, none, targets, none > 0.0, none, targets)
+            for method in METHODS
         ]
     return [_without_run(finding) for finding in trajectories.findings(results)]
 

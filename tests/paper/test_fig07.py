@@ -14,6 +14,8 @@ from ps_fmu.paper.analysis import AnalysisOptions
 from ps_fmu.paper.figures import fig07
 from ps_fmu.paper.figures.fig07 import scenario as trajectories
 from ps_fmu.paper.figures.fig07.analysis import LIMITS, analyse, extremes
+from ps_fmu.paper.figures.fig07.exploration import explore_paths
+from ps_fmu.paper.figures.fig07.results import METHODS, PathResult
 from ps_fmu.paper.figures.fig07.target_paths import PLANES, quadrilateral, random_walk
 from ps_fmu.paper.published import published_numbers
 from ps_fmu.runs.comparison import TargetError
@@ -64,6 +66,9 @@ def test_extremes_are_those_of_the_angles_in_their_order():
 def test_targets_out_of_reach_are_counted(make_options, ssv, capsys, monkeypatch):
     monkeypatch.setattr(trajectories, "PLANES", {"roll-pitch": (0, 1)})
     monkeypatch.setattr(trajectories, "draw_path", lambda file, results: file.touch())
+    explored = []
+    keep = explored.extend  # returns None
+    monkeypatch.setattr(trajectories, "explore_paths", lambda results: keep(results) or explore_paths(results))
     short = ssv({"commander.coarse_stroke.min": -0.005, "commander.coarse_stroke.max": 0.005})
     options = make_options("trajectories", 44.0, step_s=0.05, parameters=(short,))
     with pytest.raises(TargetError, match=r"roll-pitch, trilateration: \d+ of \d+ targets are out of reach"):
@@ -74,6 +79,24 @@ def test_targets_out_of_reach_are_counted(make_options, ssv, capsys, monkeypatch
     for path in json.loads((options.output / "summary.json").read_text())["paths"]:
         error = np.abs(np.subtract(path["response_deg"], path["targets_deg"])).max(axis=1)
         assert 0 < path["refused"] == np.count_nonzero(error > 0.1)
+    for result in explored:
+        assert len(result.time) == len(result.held) == len(result.motion)
+        last = np.flatnonzero(np.abs(np.diff(result.held, axis=0)).max(axis=1) > 0.0)  # before the next target
+        np.testing.assert_array_equal(result.held[[*last, -1]], result.target)
+        assert np.abs(result.motion[last] - result.response[:-1]).max() < 1e-4  # rad: nearly at rest
+    assert "Path: random walk" in (options.output / "report.html").read_text()
+
+
+def test_charts_show_target_and_response_in_degrees():
+    none, held = np.zeros(3), np.radians([[1.0, 2.0, 3.0]] * 2)
+    results = [
+        PathResult("walk", method, None, held, held, none, 0.9 * held, none > 0.0, time=np.arange(2.0), held=held)
+        for method in METHODS
+    ]
+    (group,) = explore_paths(results).charts
+    for k, chart in enumerate(group.charts, 1):
+        target, response = (curve.low for curve in chart.curves)
+        np.testing.assert_allclose([target, response], [[k, k], [0.9 * k, 0.9 * k]])
 
 
 def test_too_short_a_run_says_what_a_path_takes(make_options):

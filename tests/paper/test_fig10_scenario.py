@@ -13,6 +13,7 @@ from ps_fmu.cosim import read_parameters
 from ps_fmu.mechanism.parameters import load
 from ps_fmu.paper.bus_cases import case_start_values
 from ps_fmu.paper.figures.fig10 import scenario as stability
+from ps_fmu.paper.figures.fig10.exploration import explore_responses
 from ps_fmu.paper.figures.fig10.pulse_response import PULSE_S
 from ps_fmu.runs.options import OptionError
 
@@ -41,6 +42,28 @@ def test_predictions_are_of_the_parameters_of_the_run(make_options, ssv, monkeyp
     assert "Not in the predictions: isolator.force_limit." in text
     for name in ("fine", "payload"):
         assert (options.output / f"stability_{name}.png").stat().st_size > 20_000
+
+
+def test_charts_show_each_case_without_and_with_the_isolator():
+    def respond(case, enabled, delay_s, motion):
+        return SimpleNamespace(
+            case=case, enabled=enabled, name=case if delay_s == 0.02 else f"{case}, 100 ms", time=np.arange(3.0),
+            rotation=np.full((3, 3), motion), fine=np.full((3, 3), -motion),
+        )  # fmt: skip
+
+    responses = [
+        respond("OSM", False, 0.02, 1.0), respond("OSM", True, 0.02, 2.0), respond("LSM", False, 0.02, 3.0),
+        respond("LSM", True, 0.02, 4.0), respond("LSM", True, 0.1, 5.0),
+    ]  # fmt: skip
+    rotation, fine = explore_responses(responses).charts
+    found = {chart.title: [(curve.colour, curve.low[0]) for curve in chart.curves] for chart in rotation.charts}
+    assert found == {
+        "OSM": [("passive", 1.0), ("active", 2.0)],
+        "LSM": [("passive", 3.0), ("active", 4.0)],
+        "LSM, 100 ms": [("passive", 3.0), ("active", 5.0)],
+    }
+    assert [chart.curves[1].low[0] for chart in fine.charts] == [-2.0, -4.0, -5.0]
+    assert [chart.unit for chart in (*rotation.charts, *fine.charts)] == ["rad"] * 3 + ["m"] * 3
 
 
 def test_a_limit_is_said_to_be_exceeded_only_if_it_is():

@@ -12,6 +12,7 @@ import pytest
 from support.reports import VERDICTS
 
 from ps_fmu.mechanism.parameters import load
+from ps_fmu.paper.figures.table2 import scenario as table2
 from ps_fmu.runs.exploration import MOTION, read_geometry, read_motion, show_mechanism
 from ps_fmu.runs.publish import NotMetError, publish
 from ps_fmu.runs.scenarios import isolation
@@ -49,11 +50,34 @@ def test_the_report_of_isolation_shows_what_was_stored(make_options):
     assert histories["axis"]["count"] == 501 and histories["axis"]["step"] == pytest.approx(1e-3)
     assert spectra["axis"]["logarithmic"] and len(spectra["charts"]) == 6
     assert [cloud["colour"] for cloud in data["clouds"][0]["clouds"]] == ["passive", "active"]
+    for cloud in data["clouds"][0]["clouds"]:  # as the axes beside it
+        assert re.fullmatch(r"\w+: RMS radius \d{1,3}(\.\d+)? [µnp]m", cloud["label"]), cloud["label"]
     for motion, case in zip(data["mechanism"]["motions"], ("passive", "active"), strict=True):
         assert motion["label"] == case
         for name, quantity in (("payloadRotation", "payload_rotation"), ("basePosition", "base_position")):
             rows = [stored(options, case, f"plant.{quantity}.{axis}") for axis in "xyz"]
             np.testing.assert_allclose(decode(motion[name]).reshape(-1, 3).T, rows, rtol=1e-6)
+
+
+def test_the_report_of_table2_shows_all_orientations_and_the_mechanism_at_the_first(make_options, monkeypatch):
+    orientations = {"nominal": (0.0, 0.0, 0.0), "yaw": (0.0, 0.0, 14.0)}
+    monkeypatch.setattr(table2, "ORIENTATIONS", orientations)
+    monkeypatch.setattr(table2, "SETTLING_S", 0.0)
+    options = make_options("table2", 0.5, step_s=1e-3, storage_step_s=1e-3, figures=False)
+    options.scenario.run(options)
+    data = read_data(options)
+    assert not list(options.output.glob("*.png"))
+    page = (options.output / "report.html").read_text(encoding="utf-8")
+    for place in ("(0, 0, 0)", "(0, 0, 14)"):
+        assert f"{place} deg: Rotation of the payload by vibration" in page
+        assert f"{place} deg: Image point of the boresight" in page
+    for k, yaw in enumerate((0, 14)):
+        (passive, _) = data["groups"][2 * k]["charts"][2]["curves"]
+        rows = stored(options, f"roll0_pitch0_yaw{yaw}_passive", "plant.payload_rotation.z")
+        ends = decode(passive["low"]).min(), decode(passive["high"]).max()  # bins of several rows but for the first
+        np.testing.assert_allclose(ends, (rows.min(), rows.max()), rtol=1e-6)
+    assert len(data["groups"]) == 4 and len(data["clouds"]) == 2
+    assert [len(motion["nominalOrientation"]) > 0 for motion in data["mechanism"]["motions"]] == [True, True]
 
 
 def test_the_cumulative_rms_ends_at_that_of_the_spectrum(make_options):

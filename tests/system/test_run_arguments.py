@@ -204,3 +204,19 @@ def test_a_package_without_the_sources_of_the_fmus_says_so(run, scenario, tmp_pa
     said = capsys.readouterr().err.splitlines()
     assert said[0].startswith("run.py: the FMUs' sources are not there: ")
     assert said[1].startswith("ps-fmu run: the FMUs' sources are not there: ")
+
+
+def test_a_run_that_is_refused_leaves_no_folder(run, scenario, tmp_path):
+    """It may be refused as late as by the scenario; a folder that was there stays."""
+
+    def refuse(options):
+        assert options.output.is_dir()
+        raise OptionError("--duration: too short")
+
+    scenario(refuse)
+    (tmp_path / "earlier").mkdir()
+    for arguments in ([], ["--output", "earlier"], ["--output", "earlier/new"], ["--step", "0"]):
+        with pytest.raises(SystemExit, match="2"):
+            run.main(arguments)
+    assert [path.name for path in tmp_path.iterdir()] == ["earlier"]
+    assert not list((tmp_path / "earlier").iterdir())

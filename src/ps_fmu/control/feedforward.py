@@ -158,10 +158,20 @@ class Controller:
         return make_held_step_map(Ad, self._driven(Bd), *self._outputs())
 
     def response(self, s: Complex) -> Complex:
-        """K_we(s) from base acceleration to fine force, (..., 3, 6)."""
-        A, B, C, D = self.matrices()
-        s = np.asarray(s, dtype=complex)[..., None, None]
-        return np.asarray(C @ np.linalg.solve(s * np.eye(len(A)) - A, B.astype(complex)) + D)
+        """K_we(s) from base acceleration to fine force, (..., 3, 6): that of :meth:`matrices`, filter by filter.
+
+        One high-pass serves all axes and one low-pass all forces: at 6000 frequencies 10 ms, where a solve with all 39
+        states takes 660 ms.
+        """
+        s = np.asarray(s, dtype=complex)
+        omega = 2.0 * np.pi * self.filters.highpass_frequency
+        highpass = 1.0 / (s * s + 2.0 * self.filters.highpass_damping_ratio * omega * s + omega**2)
+        low = self.lowpass
+        states = np.linalg.solve(s[..., None, None] * np.eye(low.order) - low.A, low.b[:, None].astype(complex))
+        lowpass = states[..., 0] @ low.c + low.d
+        parts = ((highpass, self.gains.displacement), (s * highpass, self.gains.velocity),
+                 (lowpass, self.gains.acceleration))  # fmt: skip
+        return np.asarray(sum(filtered[..., None, None] * gain for filtered, gain in parts))
 
     def _driven(self, B: Array) -> Array:
         """What drives the filters, (n, 6): :func:`_filters`' B with the forces made from the acceleration."""

@@ -6,7 +6,7 @@ A figure or table of the paper is a module or a package in :mod:`.figures`; what
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from importlib import import_module
 from pathlib import Path
@@ -20,6 +20,7 @@ from . import figures
 
 if TYPE_CHECKING:
     from .analysis_result import AnalysisResult
+    from .jobs import Job
 
 SYSTEM = "SystemStructure.ssd"
 
@@ -38,6 +39,8 @@ class AnalysisOptions:
     """Seed of the disturbance."""
     progress: bool = True
     """Show progress bars on stderr."""
+    threads: int | None = None
+    """Runs at a time; None: one for each processor."""
     parameters: tuple[Path, ...] = ()
     """Files with start values; later ones win."""
     requirements: Path | None = None
@@ -54,14 +57,19 @@ class Analysis:
     """On the command line, and of the files."""
     about: str
     """One line for ``--help``."""
-    analyse: Callable[[AnalysisOptions], AnalysisResult]
-    """See :func:`import_and_call`."""
+    analyse: Callable[..., AnalysisResult]
+    """Takes :class:`AnalysisOptions`, and ``found``, what its ``jobs`` left by their names; see
+    :func:`import_and_call`."""
     needs_fmus: bool = True
     """False: it needs neither FMUs nor a system description."""
     system: str = SYSTEM
     """Name of the product's system structure description that it runs, unless told otherwise."""
     takes: tuple[str, ...] = ()
     """Options that it takes besides those of every analysis: ``parameters``, ``requirements``, ``uncertainty``."""
+    cost_s: float = 0.0
+    """Seconds of one processor without its ``jobs``, for the order of several analyses and the remaining time."""
+    jobs: Callable[[AnalysisOptions], Sequence[Job]] | None = None
+    """What can be done before, in other processes; None: nothing."""
 
 
 def import_and_call(module: str, function: str, *args: Any, **options: Any) -> Any:

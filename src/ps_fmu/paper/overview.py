@@ -2,30 +2,42 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import asdict
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict, replace
 
 from tqdm import tqdm
 
+from ..runs.built_fmus import provide_fmus
 from . import errata, published_settings
-from .analysis import AnalysisOptions, find_figure_analyses
+from .analysis import Analysis, AnalysisOptions, find_figure_analyses
 from .analysis_result import AnalysisResult
 from .errata import Erratum, errata_table
 from .figures.table2.closed_form import knowledge_text
 from .finding import Finding
+from .jobs import Job, Report, run_jobs
 from .published import published_numbers
+
+ERRATA, ERRATA_COST_S = "errata", 6.0
 
 
 def analyse(options: AnalysisOptions) -> AnalysisResult:
-    """Run the analyses of the figures, compute the errata, put everything together."""
+    """Run the analyses of the figures, compute the errata, put everything together.
+
+    Each analysis writes its files when it has ended.  Raises :class:`.jobs.JobError` after all have ended if one of
+    them has failed, and what comes before the first of them raises: BuildError, OSError, OptionError.
+    """
     findings = published_settings.findings(options)  # first: a missing parameter file is noticed before the long runs
-    parts: list[AnalysisResult] = []
-    for analysis in tqdm(find_figure_analyses().values(), desc="analyses", disable=not options.progress):
-        parts.append(analysis.analyse(options))
-        parts[-1].write(options.output)
-        findings += parts[-1].findings
-    entries = [entry() for entry in tqdm(errata.ENTRIES, desc="errata", disable=not options.progress)]
-    findings = order_findings(findings)
+    analyses = find_figure_analyses()
+    if any(analysis.needs_fmus for analysis in analyses.values()):
+        provide_fmus(options.fmus, options.system)  # here: the processes of the jobs would all build them
+    jobs = list_jobs(options, analyses)
+    with show_progress(jobs, options.progress) as report:
+        outcomes = run_jobs(jobs, report=report)
+    outcomes.raise_failures()
+    parts: list[AnalysisResult] = [outcomes.results[name] for name in analyses]
+    entries: Sequence[Erratum] = outcomes.results[ERRATA]
+    findings = order_findings([*findings, *(finding for part in parts for finding in part.findings)])
     return AnalysisResult(
         name="paper",
         title="The paper's numbers, and ours",
@@ -36,6 +48,39 @@ def analyse(options: AnalysisOptions) -> AnalysisResult:
         parts=parts,
         data={"not_computed": find_missing(findings), "errata": [asdict(erratum) for erratum in entries]},
     )
+
+
+def list_jobs(options: AnalysisOptions, analyses: Mapping[str, Analysis]) -> list[Job]:
+    """The jobs of the analyses, each analysis itself, and the errata."""
+    options = replace(options, progress=False, threads=1)  # as many processes as processors are enough
+    jobs = [Job(ERRATA, ERRATA_COST_S, errata.errata)]
+    for name, analysis in analyses.items():
+        before = analysis.jobs(options) if analysis.jobs else ()
+        names = tuple(job.name for job in before)
+        jobs += [*before, Job(name, analysis.cost_s, run_analysis, (analysis.name, options), names)]
+    return jobs
+
+
+def run_analysis(name: str, options: AnalysisOptions, found: Mapping[str, object] | None = None) -> AnalysisResult:
+    """Run an analysis with what its jobs have ``found``, and write its files."""
+    analysis = find_figure_analyses()[name]
+    result = analysis.analyse(options, **({} if found is None else {"found": found}))
+    result.write(options.output)
+    return result
+
+
+@contextmanager
+def show_progress(jobs: Sequence[Job], shown: bool) -> Iterator[Report]:
+    """A bar on the error stream with what runs and the time that remains."""
+    total = sum(job.cost_s for job in jobs)
+    form = "{desc}: {percentage:3.0f}% |{bar}| [{elapsed}<{remaining}{postfix}]"
+    with tqdm(total=total, desc="analyses", disable=not shown, bar_format=form) as bar:
+
+        def advance(cost_s: float, running: tuple[str, ...]) -> None:
+            bar.set_postfix_str("; ".join(running), refresh=False)
+            bar.update(cost_s)
+
+        yield advance
 
 
 def paragraphs(findings: Sequence[Finding], errata: Sequence[Erratum]) -> list[str]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +17,8 @@ from ..results.observers.means import MeanObserver, Means
 from ..results.observers.scatter import Scatter
 from ..results.page.content import Axis, Chart, ChartGroup, Cloud, CloudGroup, Curve, Exploration, Mechanism, Motion
 from ..results.plots import shorten_name
+from ..results.style import engineering
+from ..results.tables import format_angles
 from .comparison import Comparison, caption_spectra
 from .jitter_record import ORIENTATION, ROTATION
 from .setup import RunSystem
@@ -59,6 +61,23 @@ def explore_comparison(comparison: Comparison, system: RunSystem, results: Path)
     The comparison has been made with ``explored`` and stored in the file ``results``.  Raises
     ``OSError`` if that cannot be read.
     """
+    runs = [(name, outcome.case.name) for name, outcome in zip(("passive", "active"), comparison.outcomes, strict=True)]
+    return replace(_explore_jitter(comparison), mechanism=show_mechanism(system, results, runs))
+
+
+def explore_comparisons(comparisons: Sequence[Comparison], system: RunSystem, results: Path) -> Exploration:
+    """The same of several orientations, with the mechanism of the first one."""
+    parts = [explore_comparison(comparisons[0], system, results), *map(_explore_jitter, comparisons[1:])]
+    titled = list(zip((f"{format_angles(c.orientation_deg)} deg: " for c in comparisons), parts, strict=True))
+    return replace(
+        parts[0],
+        charts=[replace(group, title=place + group.title) for place, part in titled for group in part.charts],
+        clouds=[replace(group, title=place + group.title) for place, part in titled for group in part.clouds],
+    )
+
+
+def _explore_jitter(comparison: Comparison) -> Exploration:
+    """Charts and image points of a comparison."""
     passive, active = comparison.passive, comparison.active
     charts = [
         chart_envelopes(
@@ -74,8 +93,7 @@ def explore_comparison(comparison: Comparison, system: RunSystem, results: Path)
         passive.scatter.unit,
         [_make_cloud("passive", passive.scatter), _make_cloud("active", active.scatter)],
     )
-    runs = [(name, outcome.case.name) for name, outcome in zip(("passive", "active"), comparison.outcomes, strict=True)]
-    return Exploration(charts, [clouds], show_mechanism(system, results, runs))
+    return Exploration(charts, [clouds])
 
 
 def chart_envelopes(
@@ -173,8 +191,9 @@ def _make_motion(case: str, kept: Means, geometry: Geometry) -> Motion:
 
 
 def _make_cloud(case: str, scatter: Scatter) -> Cloud:
+    factor, unit = engineering(scatter.unit, scatter.radius_rms)
     return Cloud(
-        f"{case}: RMS radius {scatter.radius_rms:.3g} {scatter.unit}",
+        f"{case}: RMS radius {factor * scatter.radius_rms:.3g} {unit}",
         case,
         scatter.points - scatter.centre,
         scatter.hull - scatter.centre,

@@ -86,8 +86,7 @@ class RunOptions:
                 raise OptionError(
                     f"--storage-step: {self.storage_step_s!r} s is longer than the run of {self.duration_s!r} s"
                 )
-        if not 0 <= self.seed < 2**31:
-            raise OptionError(f"--seed: expected a whole number from 0 to 2147483647, got {self.seed}")
+        check_seed(self.seed)
         for path in self.parameters:
             if not path.is_file():
                 raise OptionError(f"--parameters: there is no file {path}")
@@ -122,14 +121,21 @@ class RunOptions:
         return replace(self, output=folder)
 
 
-def claim_folder(folder: Path) -> None:
-    """Make the output folder and try to write there.  Raises :class:`OptionError` if it cannot be used."""
+def check_seed(seed: int) -> None:
+    """Raises :class:`OptionError` for a seed outside the positive half of FMI's Integer."""
+    if not 0 <= seed < 2**31:
+        raise OptionError(f"--seed: expected a whole number from 0 to 2147483647, got {seed}")
+
+
+def claim_folder(folder: Path) -> Path:
+    """Make the output folder, try to write there, return it.  Raises :class:`OptionError` if it cannot be used."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder) as file:
             file.write(b"\0")
     except OSError as error:
         raise OptionError(f"--output: cannot write in {folder}: {error.strerror or error}") from error
+    return folder
 
 
 def _check_multiple(name: str, value: float, step: float) -> None:

@@ -4,10 +4,23 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from .options import REPORT, RESULTS, SUMMARY, OptionError
+
+
+@contextmanager
+def leave_no_empty_folder(folder: Path) -> Iterator[None]:
+    """Remove folders that the body makes, ``folder`` or those above it, and leaves empty, as when it is refused."""
+    folder = folder.absolute()
+    missing = [path for path in (folder, *folder.parents) if not path.exists()]
+    try:
+        yield
+    finally:
+        with suppress(OSError):  # there are results in it, or it was not made
+            for path in missing:
+                path.rmdir()
 
 
 @contextmanager

@@ -85,6 +85,7 @@ def measure(
     values: Mapping[str, Value],
     seed: int = 1,
     progress: Callable[[], object] | None = None,
+    threads: int | None = None,
 ) -> Response:
     """Measure the response from base motion (m, rad; B) to payload rotation (rad; P).
 
@@ -93,6 +94,7 @@ def measure(
     values: start values other than those of the system.
     seed: of the first record of an axis; the others count up from it.
     progress: called after each run.
+    threads: runs at a time, by default one for each processor.
 
     Raises
     ------
@@ -103,7 +105,7 @@ def measure(
         for axis in AXES
         for k in range(shaking.seeds)
     ]
-    return measure_response(shaken, shaking, BASE_MOTION, PAYLOAD_ROTATION, progress)
+    return measure_response(shaken, shaking, BASE_MOTION, PAYLOAD_ROTATION, progress, threads)
 
 
 def measure_response(
@@ -112,14 +114,16 @@ def measure_response(
     inputs: Sequence[str],
     outputs: Sequence[str],
     progress: Callable[[], object] | None = None,
+    threads: int | None = None,
 ) -> Response:
     """Run systems that are set up to be shaken, and estimate the response from ``inputs`` to ``outputs``.
 
-    There is one run for each processor at a time: steps are made without Python's lock, so that two processors are 1.7
-    to 2 times as fast.  ``progress`` is called after each run.  Raises :class:`ps_fmu.cosim.CosimError`.
+    There are ``threads`` runs at a time, by default one for each processor: steps are made without Python's lock, so
+    that two processors are 1.7 to 2 times as fast.  ``progress`` is called after each run.  Raises
+    :class:`ps_fmu.cosim.CosimError`.
     """
     records = []
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
+    with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
         for record in pool.map(lambda system: _record(system, shaking, (*inputs, *outputs)), shaken):
             records.append(record)
             if progress:

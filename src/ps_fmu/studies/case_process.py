@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import selectors
-import signal
 import subprocess
 import sys
 import tempfile
@@ -16,12 +15,9 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import IO, Any
 
+from ..child_processes import ONE_THREAD, describe_end
 from .rows import KILLED, LATE, LONGEST_TEXT, Row, StartError, VersionError
 
-ONE_THREAD = {
-    name: "1" for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
-}
-"""The matrices are small: threads in BLAS cost more than they bring, and the other workers need the processors."""
 STARTS = 3  # tried before there is said to be none: somebody may end a process while it starts, too
 START_LIMIT_S = 300.0  # FMUs may be on a slow disk; longer is no start
 MEMORY_CHECK_S = 0.5
@@ -202,14 +198,7 @@ class CaseProcess:
             code = self._process.wait(timeout=5.0)
         except subprocess.TimeoutExpired:
             return "the process closed its output"
-        how = f"exit code {code}" if code >= 0 else f"signal {_name_signal(-code)}"
+        how = describe_end(code)
         self._printed.seek(0)
         printed = self._printed.read().decode("utf-8", errors="replace").strip()
         return f"{how}; it printed: {printed[-LONGEST_TEXT:]}" if printed else how
-
-
-def _name_signal(number: int) -> str:
-    try:
-        return signal.Signals(number).name
-    except ValueError:
-        return str(number)

@@ -9,23 +9,20 @@ from __future__ import annotations
 import json
 import os
 import sys
-import threading
-import time
 from pathlib import Path
 from typing import TextIO
 
+from ..child_processes import end_with_parent
 from ..cosim import RecorderError
 from ..terminal import reason
 from .case_runner import CaseRunner
 from .rows import VersionError
 
-PARENT_CHECK_S = 1.0
-
 
 def main() -> int:
     """Answer jobs until the input ends."""
     rows = _take_output()
-    _end_with_parent()
+    end_with_parent()
     try:
         runner = CaseRunner(Path(sys.argv[1]))
     except VersionError as error:
@@ -49,21 +46,6 @@ def _take_output() -> TextIO:
     rows = os.fdopen(os.dup(sys.stdout.fileno()), "w", encoding="utf-8")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
     return rows
-
-
-def _end_with_parent() -> None:
-    """End this process when that which started it is gone, also in the middle of a case.
-
-    The steps of FMUs do not hold Python's lock, so this thread runs beside them.
-    """
-    parent = os.getppid()
-
-    def watch() -> None:
-        while os.getppid() == parent:
-            time.sleep(PARENT_CHECK_S)
-        os._exit(1)
-
-    threading.Thread(target=watch, daemon=True).start()
 
 
 def _say(rows: TextIO, found: object) -> None:

@@ -11,8 +11,8 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+from ..child_processes import ONE_THREAD
 from .bundle import Bundle
-from .case_process import ONE_THREAD
 from .parts import write_durably, write_part
 from .plan import Plan
 from .rows import KILLED, ClusterError

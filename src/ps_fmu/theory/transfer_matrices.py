@@ -122,6 +122,13 @@ class Practical:
         base[:, d.slices["q_b"]] = np.eye(6)
         return d.platform_rows()[3:, d.active], base[:, d.active]
 
+    def all(self, s: ArrayLike) -> tuple[Complex, Complex, Complex, Complex]:
+        """A, B, C and D, as the methods of these names, by one solve."""
+        force = np.hstack([_unit(self.dynamics, "d_f"), _unit(self.dynamics, "q_b")])
+        response = self._response(s, force)
+        payload, base = (output @ response for output in self._outputs())
+        return payload[..., :3], payload[..., 3:], base[..., :3], base[..., 3:]
+
     def A(self, s: ArrayLike) -> Complex:
         """Fine force -> payload rotation (3, 3)."""
         return np.asarray(self._outputs()[0] @ self._response(s, _unit(self.dynamics, "d_f")))

@@ -21,19 +21,20 @@ from .transfer_matrices import Practical
 def from_base(loop: Loop, s: ArrayLike, *, active: bool) -> Complex:
     """Transmissibility, base motion (m, rad; B) to payload rotation (rad; P), (..., 3, 6): Fig 8."""
     plant, s = Practical(loop.model.dynamics), np.asarray(s, dtype=complex)
-    G_P = plant.G_P(s)
+    A, B, C, D = plant.all(s)
+    G_P = B @ np.linalg.inv(D)
     if active:
-        G_P = G_P + (plant.A(s) - G_P @ plant.C(s)) @ _force(loop, s)
+        G_P = G_P + (A - G_P @ C) @ _force(loop, s)
     return np.asarray(_to_platform(loop) @ G_P)
 
 
 def from_wrench(loop: Loop, s: ArrayLike, *, active: bool) -> Complex:
     """Disturbance wrench (N, N.m; in B at its origin) to payload rotation (rad; P), (..., 3, 6)."""
     plant, s = Practical(loop.model.dynamics), np.asarray(s, dtype=complex)
-    B = plant.B(s)
+    A, B, C, D = plant.all(s)
     if active:
         F = _force(loop, s)
-        B = B + plant.A(s) @ F @ np.linalg.solve(np.eye(6) - plant.C(s) @ F, plant.D(s))
+        B = B + A @ F @ np.linalg.solve(np.eye(6) - C @ F, D)
     return np.asarray(_to_platform(loop) @ B)
 
 

@@ -17,4 +17,5 @@ ANALYSIS = Analysis(
     "trajectories",
     "Fig 7 and Table 1 through commander and plant: errors along paths, the limits of the angles",
     partial(import_and_call, f"{__name__}.analysis", "analyse", scenario=SCENARIO),
+    cost_s=34.0,
 )

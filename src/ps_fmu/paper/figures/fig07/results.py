@@ -58,9 +58,13 @@ class PathResult:
     residual: Array
     """(n,), m, largest fine displacement that the commander left."""
     motion: Array
-    """(m, 3), response along the way, for the figure."""
+    """(m, 3), response along the way."""
     refused: NDArray[np.bool_]
     """(n,), targets that the commander did not take."""
+    time: Array
+    """(m,), s, of ``motion``."""
+    held: Array
+    """(m, 3), target along the way."""
 
     @property
     def error(self) -> Array:

@@ -30,6 +30,7 @@ from ....runs.options import OptionError, RunOptions
 from ....runs.publish import Findings, publish
 from ....runs.setup import RunSystem, load_system
 from ...cosimulation import SampleRecord
+from .exploration import explore_paths
 from .plots import draw_path
 from .results import (
     EPSILON_AS_PUBLISHED,
@@ -92,6 +93,7 @@ def run(options: RunOptions) -> None:
             rms_active_rad=None,
             rejection_percent=None,
             more={"paths": [_entry(result) for result in results]},
+            explored=explore_paths(results),
         ),
     )
     if refused:
@@ -228,8 +230,8 @@ def _follow(
     ]
     steps = len(targets) * dwell_steps
     ends = range(dwell_steps, steps + 1, dwell_steps)
-    along_the_way = range(0, steps + 1, max(dwell_steps // 50, 1))
-    record = SampleRecord(((*ORIENTATION, RESIDUAL, REACHABLE), ends), (ORIENTATION, along_the_way))
+    along_the_way = np.arange(0, steps + 1, max(dwell_steps // 50, 1))
+    record = SampleRecord(((*ORIENTATION, RESIDUAL, REACHABLE), ends), (ORIENTATION, along_the_way.tolist()))
     case = Case(_name_case(path, method), values, events)
     outcome, _ = run_case(system, options, case, record, duration_s=steps * options.step_s)
     at_rest, motion = record.observers
@@ -242,6 +244,8 @@ def _follow(
         at_rest.values(RESIDUAL)[:, 0],
         motion.values(*ORIENTATION),
         at_rest.values(REACHABLE)[:, 0] < 0.5,
+        time=np.asarray(along_the_way * options.step_s),
+        held=targets[np.minimum(along_the_way // dwell_steps, len(targets) - 1)],
     )
 
 

@@ -9,4 +9,6 @@ ANALYSIS = Analysis(
     "Figs 8 and 11: singular values in closed form, and as measured on the running FMUs at each "
     "orientation and in each case (132 runs, about 2 minutes on two cores)",
     partial(import_and_call, f"{__name__}.analysis", "analyse"),
+    cost_s=7.0,
+    jobs=partial(import_and_call, f"{__name__}.measured", "list_jobs"),
 )

@@ -11,7 +11,6 @@ import numpy as np
 from ....mechanism.parameters import Array, load
 from ....results.report import draw_pictures
 from ....results.tables import Table, format_angles
-from ....runs.shaking import Shaking
 from ....theory.transmissibility import singular_values_db
 from ...agreement import Agreement
 from ...analysis import AnalysisOptions
@@ -20,12 +19,15 @@ from ...bus_cases import CASES, load_case
 from ...finding import Finding
 from ..table2.closed_form import ORIENTATIONS
 from .measured import (
+    SETUPS,
+    SHAKING,
     Agreements,
     Setup,
     agreement_table,
     compare_setups,
     compare_step_models,
     entries,
+    name_job,
     step_table,
     verdict,
 )
@@ -33,13 +35,17 @@ from .plots import draw_cases, draw_deviation, draw_measured, draw_orientations
 from .results import FREQUENCY, SUSPENSION_BELOW, Curves, compute_curves
 
 
-def analyse(options: AnalysisOptions, frequency: Array = FREQUENCY) -> AnalysisResult:
-    """Compute the curves at frequencies (n,), Hz, measure them on the FMUs, compare and draw."""
-    shaking = Shaking()
+def analyse(
+    options: AnalysisOptions, frequency: Array = FREQUENCY, found: Mapping[str, Agreement] | None = None
+) -> AnalysisResult:
+    """Compute the curves at frequencies (n,), Hz, measure them on the FMUs, compare and draw.
+
+    ``found``: what the jobs of :func:`.measured.list_jobs` have measured, which is not measured again then.
+    """
     at_orientations = {name: compute_curves(load(), rpy, frequency) for name, rpy in ORIENTATIONS.items()}
     of_cases = {case: compute_curves(load_case(case), frequency=frequency) for case in CASES}
-    measured = compare_setups(options, shaking)
-    of_step = compare_step_models(measured, shaking.step)
+    measured = {s: found[name_job(s)] for s in SETUPS} if found else compare_setups(options, SHAKING)
+    of_step = compare_step_models(measured, SHAKING.step)
     figures: list[tuple[str, str, Callable[[Path], None]]] = [
         (
             "orientations",

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from ....cosim import Value
+from ....cosim import Value, read_system
 from ....mechanism.parameters import Array
 from ....results.tables import Table, format_angles
 from ....runs.comparison import TARGET
@@ -22,9 +22,11 @@ from ...agreement import ALLOWED_DB, ALLOWED_DEG, BAND, COHERENCE, Agreement
 from ...analysis import AnalysisOptions
 from ...bus_cases import CASES, case_start_values, load_case
 from ...cosimulation import load_built_system
+from ...jobs import Job
 from ..table2.closed_form import LOOP_DELAY, ORIENTATIONS
 
 ORIGINAL = "OSM"
+SHAKING = Shaking()
 
 
 @dataclass(frozen=True)
@@ -88,6 +90,23 @@ def compare_setups(options: AnalysisOptions, shaking: Shaking) -> Agreements:
         }
 
 
+def list_jobs(options: AnalysisOptions) -> list[Job]:
+    """A job for each of :data:`SETUPS`, which measures it as :func:`compare_setups` does."""
+    return [Job(name_job(setup), 8.0, measure_setup, (options, setup)) for setup in SETUPS]
+
+
+def name_job(setup: Setup) -> str:
+    """Name of the job that measures a setup."""
+    return f"transmissibility: {describe(setup)}"
+
+
+def measure_setup(options: AnalysisOptions, setup: Setup, shaking: Shaking = SHAKING) -> Agreement:
+    """Shake the FMUs, which are built, in a setup and compare with the closed form.  Raises CosimError, ValueError."""
+    system = read_system(options.system, options.fmus)
+    response = measure(system, shaking, setup.values, options.seed, threads=options.threads)
+    return Agreement(response, setup.closed_form(shaking.lines, shaking.step))
+
+
 def compare_step_models(measured: Agreements, step: float) -> dict[str, Agreement]:
     """The active response at (0, 0, 0) against the closed form and two coarser ones; ``step`` of communication, s."""
     setup = Setup(active=True)
@@ -112,8 +131,8 @@ def verdict(measured: Agreements) -> str:
         f"coherence exceeds {COHERENCE:g}, as it does at {sum(a.checked.sum() for a in compared)} of "
         f"{sum(a.within.sum() for a in compared)} lines (lowest: {min(a.lowest_coherence for a in compared):.6f}). "
         f"This {'holds' if all(a.holds for a in compared) else 'does not hold'}: the largest deviation of a singular "
-        f"value is {measured[worst_db].largest_db.max():.3f} dB ({_describe(worst_db)}), of its phase "
-        f"{measured[worst_deg].largest_deg.max():.2f} deg ({_describe(worst_deg)})."
+        f"value is {measured[worst_db].largest_db.max():.3f} dB ({describe(worst_db)}), of its phase "
+        f"{measured[worst_deg].largest_deg.max():.2f} deg ({describe(worst_deg)})."
     )
 
 
@@ -157,5 +176,6 @@ def _deviations(a: Agreement) -> tuple[str, ...]:
     )
 
 
-def _describe(setup: Setup) -> str:
+def describe(setup: Setup) -> str:
+    """The setup in words."""
     return f"{setup.case} at {format_angles(setup.rpy_deg)} deg, {setup.mode}"

@@ -16,4 +16,5 @@ ANALYSIS = Analysis(
     "stability",
     "Fig 10: the internal loop with delay, in the paper's reading and in that of its equation (48)",
     partial(import_and_call, f"{__name__}.analysis", "analyse", scenario=SCENARIO),
+    cost_s=24.0,
 )

@@ -15,7 +15,7 @@ from ....theory.transfer_matrices import Complex, place_frequencies
 from ...bus_cases import COLOURS, load_case
 from ...nominal_system import assemble_nominal, small_gain_curves
 from .open_loop import OpenLoop
-from .pulse_response import PulseResponse
+from .pulse_response import PulseResponse, compare_by_name
 from .results import LoopVerdict
 
 if TYPE_CHECKING:
@@ -154,17 +154,16 @@ def break_jumps(angle: Array) -> Array:
 
 def draw_response(path: Path, responses: Sequence[PulseResponse], what: str) -> None:
     """``what``: "fine", envelope of the fine displacements, logarithmic; "payload", rotation of the payload."""
-    names = list(dict.fromkeys(r.name for r in responses))
+    shown = compare_by_name(responses)
 
     def paint(figure: Figure) -> None:
         grid = figure.subplots(2, COLUMNS).reshape(-1)
-        for axes, name in zip(grid, names, strict=False):
-            for r in responses:
-                if r.name == name or (not r.enabled and r.case == name.split(",")[0]):
-                    (_draw_fine if what == "fine" else _draw_payload)(axes, r)
+        for axes, (name, compared) in zip(grid, shown.items(), strict=False):
+            for r in compared:
+                (_draw_fine if what == "fine" else _draw_payload)(axes, r)
             axes.set_title(name)
             axes.set_xlabel("time (s)")
-        for axes in grid[len(names) :]:
+        for axes in grid[len(shown) :]:
             axes.axis("off")
         for axes in grid[::COLUMNS]:
             axes.set_ylabel("fine displacement (µm)" if what == "fine" else "payload rotation (µrad)")

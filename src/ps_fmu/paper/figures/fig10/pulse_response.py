@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -87,6 +87,14 @@ class PulseResponse:
     def name(self) -> str:
         """The case, with the delay if it is not the paper's."""
         return self.case if self.delay_s == paper_delay_s() else f"{self.case}, {1e3 * self.delay_s:g} ms"
+
+
+def compare_by_name(responses: Sequence[PulseResponse]) -> dict[str, list[PulseResponse]]:
+    """By name, the runs to show together: those of that name, and that of its case without the isolator."""
+    return {
+        name: [r for r in responses if r.name == name or (not r.enabled and r.case == name.split(",")[0])]
+        for name in dict.fromkeys(r.name for r in responses)
+    }
 
 
 def paper_delay_s() -> float:

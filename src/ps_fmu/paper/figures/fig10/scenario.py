@@ -28,6 +28,7 @@ from ....runs.setup import NOISE, RunSystem, load_system
 from ....theory.loop import Loop, loop_of
 from ...bus_cases import CASES, case_start_values
 from ...cosimulation import SampleRecord
+from .exploration import explore_responses
 from .plots import draw_response
 from .pulse_response import PULSE_S, PulseResponse, paper_delay_s
 
@@ -70,6 +71,7 @@ def run(options: RunOptions) -> None:
             rms_active_rad=None,
             rejection_percent=None,
             more={"responses": [r.entry for r in responses]},
+            explored=explore_responses(responses),
         ),
     )
 

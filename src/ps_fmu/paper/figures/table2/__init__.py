@@ -16,4 +16,5 @@ ANALYSIS = Analysis(
     "jitter",
     "Table 2 and Fig 9: RMS, rejection and image point, in closed form and co-simulated",
     partial(import_and_call, f"{__name__}.analysis", "analyse", scenario=SCENARIO),
+    cost_s=28.0,
 )

@@ -1,0 +1,40 @@
+"""What every Python process has in common that this package starts: its environment, and its end."""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+import time
+
+ONE_THREAD = {
+    name: "1" for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
+}
+"""The matrices are small: threads in BLAS cost more than they bring, and the other processes need the processors."""
+PARENT_CHECK_S = 1.0
+
+
+def end_with_parent(parent: int | None = None) -> None:
+    """End this process when that which started it is gone, also in the middle of its work.
+
+    ``parent``: its process id, if it may have ended already; by default that of now.  The steps of FMUs do not hold
+    Python's lock, so this thread runs beside them.
+    """
+    parent = parent or os.getppid()
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(PARENT_CHECK_S)
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
+
+
+def describe_end(code: int) -> str:
+    """How a process ended, from its return code: the exit code, or the name of the signal."""
+    if code >= 0:
+        return f"exit code {code}"
+    try:
+        return f"signal {signal.Signals(-code).name}"
+    except ValueError:
+        return f"signal {-code}"
