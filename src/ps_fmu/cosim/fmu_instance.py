@@ -176,6 +176,17 @@ class FmuInstance:
         self._call("fmi2GetFMUstate", byref(state))
         return state.value or 0
 
+    def try_state(self) -> int | None:
+        """As :meth:`get_state`; None from an FMU that has none, which may go on.  Raises :class:`SlaveError`: fatal."""
+        before = self.phase
+        try:
+            return self.get_state()
+        except SlaveError:
+            if self.phase is InstancePhase.FATAL:
+                raise
+            self.phase = before
+            return None
+
     def set_state(self, state: int) -> None:
         """fmi2SetFMUstate: go on from a state of :meth:`get_state`, also after a step that was discarded."""
         self._call("fmi2SetFMUstate", c_void_p(state))

@@ -207,7 +207,7 @@ class System:
         return port
 
     def name_members(self) -> AbstractContextManager[None]:
-        """See :meth:`UnpackedFolder.name_members`; nothing for a system that is not from an archive."""
+        """See ``UnpackedFolder.name_members``; nothing for a system that is not from an archive."""
         return nullcontext() if self.unpacked is None else self.unpacked.name_members()
 
     def with_parameters(self, values: Mapping[str, Value] | Mapping[str, Parameter]) -> System:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Mapping
 from ctypes import c_int
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from fmpy.model_description import ModelDescription
@@ -43,12 +43,12 @@ def find_obstacle(descriptions: Mapping[str, ModelDescription]) -> str | None:
 class _Kept:
     """States of all FMUs at a communication point, with the outputs there."""
 
-    states: Mapping[FmuInstance, int]
+    states: dict[FmuInstance, int]
     latest: Array
 
 
 class RepeatingLoop:
-    """Runs whole steps in a :attr:`loop`, and repeats in smaller ones those that an FMU discards.
+    """Runs whole steps in a ``loop``, and repeats in smaller ones those that an FMU discards.
 
     Parameters
     ----------
@@ -146,8 +146,15 @@ class RepeatingLoop:
             )  # fmt: skip
 
     def _keep(self) -> _Kept:
-        instances = self._instances if self._obstacle is None else ()
-        return _Kept({i: i.get_state() for i in instances}, self._rows.latest.copy())
+        kept = _Kept({}, self._rows.latest.copy())
+        for instance in self._instances if self._obstacle is None else ():
+            state = instance.try_state()
+            if state is None:  # it was only a precaution: the run goes on without
+                self._obstacle = f"{instance.name} has refused fmi2GetFMUstate, though canGetAndSetFMUstate is true"
+                self._release(kept)
+                return replace(kept, states={})
+            kept.states[instance] = state
+        return kept
 
     def _restore(self, kept: _Kept) -> None:
         for instance, state in kept.states.items():
