@@ -59,7 +59,7 @@ def made():
 
 
 def test_integers_are_converted_once_when_ctrl_c_ends_the_wait_for_a_free_block(made):
-    rows, storing, delivery = made
+    _, storing, delivery = made
     delivery._free = Interrupted()
     with pytest.raises(KeyboardInterrupt) as caught:
         delivery.hand_over()
