@@ -46,7 +46,6 @@ class Target:
         return f"MISSED: {self.name}: {value:.3g}; at {'least' if self.at_least else 'most'} {self.limit:g} wanted"
 
 
-
 def _find_longest(runs: Mapping[str, Mapping[str, float]]) -> float:
     """The longest step of all runs but slews, in which gains and linear models are renewed."""
     return max(row["longest"] for name, row in runs.items() if "slew" not in name)

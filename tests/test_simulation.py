@@ -250,6 +250,11 @@ def test_all_arguments_arrive(taken, tmp_path):
     assert (options.system, options.fmus) == (tmp_path / "other.ssp", None)  # the archive has its own
 
 
+def test_a_single_pattern_is_not_taken_for_many(taken):
+    simulate("isolation", observe="plant.*", progress=False)
+    assert taken[0].observe == ("plant.*",)
+
+
 @pytest.mark.parametrize(
     ("arguments", "error", "text"),
     [

@@ -49,7 +49,7 @@ def simulate(
     system: str | PathLike[str] | None = None,
     scheme: str = SCHEMES[0],
     storage_step: float | None = None,
-    observe: Sequence[str] = (),
+    observe: str | Sequence[str] = (),
     requirements: str | PathLike[str] | None = None,
     figures: bool = True,
     output: str | PathLike[str] | None = None,
@@ -75,7 +75,7 @@ def simulate(
     system: another system than that of the scenario: an ``.ssd`` file, own or of ps_fmu, or an ``.ssp`` archive, which
         has its FMUs in it.
     scheme: order of exchange, ``"jacobi"`` or ``"gauss-seidel"``.
-    observe: patterns such as ``plant.payload_*`` of the outputs to store, by default all.
+    observe: a pattern such as ``plant.payload_*``, or several, of the outputs to store, by default all.
     requirements: a TOML file, own or of ps_fmu; the verdicts are ``summary["verdicts"]``.
     figures: draw PNG files.
     output: folder to write into, and to keep.  By default one for temporary files, removed with the result.
@@ -110,7 +110,7 @@ def simulate(
                 scheme=scheme,
                 disturbance=None if disturbance is None else Path(disturbance),
                 storage_step_s=storage_step,
-                observe=tuple(observe),
+                observe=(observe,) if isinstance(observe, str) else tuple(observe),
                 requirements=None if requirements is None else find_file(Path(requirements)),
                 fmus=None if own is not None and own.suffix.lower() == ".ssp" else find_built_folder(),
                 progress=progress,

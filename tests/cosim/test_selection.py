@@ -17,6 +17,8 @@ NAMES = ["plant.los.x", "plant.los.y", "plant.y[1]", "plant.y[2]", "isolator.sat
         (["plant.y[1]"], ["plant.y[1]"]),
         (["plant.y*"], NAMES[2:4]),
         (["*.[xs]*"], [NAMES[0], NAMES[4]]),
+        (["plant.los"], NAMES[:2]),
+        (["*.los"], NAMES[:2]),
     ],
 )
 def test_names_that_a_pattern_matches(patterns, found):
@@ -35,6 +37,13 @@ def test_names_that_a_pattern_matches(patterns, found):
 def test_a_pattern_that_matches_nothing_is_refused_with_near_names(pattern, text):
     with pytest.raises(UsageError, match=text):
         select_names(NAMES, ["plant.*", pattern])
+
+
+def test_the_name_of_a_vector_stands_for_its_components_and_that_of_a_component_for_nothing():
+    names = ["plant.leg_force_1", "plant.leg_force_2", "plant.leg_forces", "plant.power"]
+    assert select_names(names, ["plant.leg_force"]) == names[:2]
+    with pytest.raises(UsageError, match="no output matches 'plant'"):
+        select_names(names, ["plant"])
 
 
 def test_a_system_without_outputs_has_nothing_to_select():

@@ -67,4 +67,7 @@ def test_a_warning_is_counted_and_costs_no_step(system, answer, compiled):
         master.initialise()
         master.run(STEPS * H)
         assert master.warnings["spring"] == STEPS
-    assert stopwatch.read().steps == STEPS
+    costs = stopwatch.read()
+    assert costs.steps == STEPS
+    assert sum(part.total_s for part in costs.parts.values()) <= costs.total_s * (1.0 + 1e-12)
+    assert max(part.longest_s for part in costs.parts.values()) <= costs.longest_s

@@ -244,3 +244,19 @@ def test_a_source_keeps_its_blocks_while_others_come_and_go():
     for seed in range(5, 9):
         make(seed)(times)
     assert kept(times).tobytes() == expected.tobytes()
+
+
+def test_a_block_in_use_is_not_recycled_for_its_neighbour():
+    source = _make_small(4)
+    layer = source._layers[0]
+    known = source._blocks[layer.key]
+    for index in (5, 8, 9):
+        source._get(layer, index)
+    used = known[5]
+    source._get(layer, 6)
+    assert known[5] is used
+    assert sorted(known) == [5, 6, 9]
+
+
+def _make_small(seed):
+    return GaussianNoise(np.eye(6), np.array([1.0, 5.0]), seed, period=10.0)

@@ -93,8 +93,6 @@ def oscillator(calls_program, bound):
     return Fmu(calls_program, bound["oscillator"], slave_class("oscillator", TOYS))
 
 
-
-
 STEPPED = [*[("advance", (0,))] * 4, ("step", (0, 0.0, 0.3))]
 LAST_TIME = ("get_statuses", (0, 2))
 

@@ -78,6 +78,17 @@ def test_an_archive(archive, tmp_path, capsys):
     assert "results in" in capsys.readouterr().out
 
 
+def test_one_of_two_names_that_netcdf_does_not_tell_apart_is_drawn(fmus, tmp_path, capsys):
+    path = tmp_path / "system.ssp"
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("SystemStructure.ssd", description(system(relay("x/y") + relay("x_y"), "", ""), EXPERIMENT))
+        archive.write(fmus / "ToyRelay.fmu", "resources/ToyRelay.fmu")
+    out = tmp_path / "out"
+    assert run(path, "--step", "0.1", "--observe", "x_y.real_out", "--output", out) == 0
+    assert set(read(out)) == {"time", "x_y.real_out_2"}
+    assert (out / "plot.png").is_file()
+
+
 def test_a_single_fmu_and_its_inputs(fmus, tmp_path, capsys):
     (tmp_path / "in.csv").write_text("time,force\n0,2\n")
     out = tmp_path / "out"

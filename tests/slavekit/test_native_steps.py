@@ -181,9 +181,6 @@ def test_a_value_is_stored_as_it_is(start):
     assert oscillator.fmu.getInteger([oscillator.variables["substeps"].valueReference]) == [1]
 
 
-
-
-
 @pytest.mark.parametrize(
     ("values", "problem"),
     [

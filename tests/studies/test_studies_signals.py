@@ -157,7 +157,7 @@ def test_worst_cases_run_again_with_their_signals(write_study, toy_fmus, tmp_pat
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        ('variables = ["toy.eror"]\ncases = "all"', r"variables: no output is called 'toy.eror'.*toy.error"),
+        ('variables = ["toy.eror"]\ncases = "all"', r"variables: no output matches 'toy.eror'.*toy.error"),
         ('variables = ["toy.error"]', r"cases: no case is chosen"),
         ('variables = ["toy.error"]\ncases = [6]', r"cases: there is no case 6: the study has the cases 0 to 5"),
         ('variables = ["toy.error"]\ncases = "some"', r"expected \"all\" or a list of cases, got 'some'"),

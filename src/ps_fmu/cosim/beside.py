@@ -64,8 +64,9 @@ class DeliveryBeside(Delivery):
     def hand_over(self) -> None:
         """Hand the complete rows to the thread.  Raises what an observer raised in an earlier block."""
         self._raise_failure()
-        first, values = self.rows.first_index, self.rows.complete()
-        self._handed.put(_Handed(first, values, self.rows.exchange(self._free.get())))
+        free = self._free.get()  # first: Ctrl-C may end the wait, and rows are completed once
+        first = self.rows.first_index
+        self._handed.put(_Handed(first, *self.rows.exchange(free)))
 
     def wait(self) -> None:
         """Return when the observers have all that was handed over.  Raises what one of them raised."""
@@ -120,9 +121,10 @@ class DeliveryBeside(Delivery):
         if self._failure is not None or not self._early:
             return
         try:
-            values = self.rows.copy(self._count_rows())
-            if self.rows.first_index != self._next:
-                return  # the block is being handed over
+            with self.rows.lock:  # no rows are handed over or made again meanwhile
+                values = self.rows.copy(self._count_rows())
+                if self.rows.first_index != self._next:
+                    return  # the block has been handed over
             values = values[: count_finite(values)]
             time = self._clock.times(self._next, len(values))
             for observer in self._early:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from threading import Lock
 from typing import Any, Protocol
 
 import numpy as np
@@ -145,6 +146,8 @@ class Rows:
         self.real = Latest(layout.real, self.latest[: self._n_real])
         self.discrete = Latest(layout.discrete, self._integers(self.latest))
         self.latest_row: memoryview = self.latest.data
+        self.lock = Lock()
+        """Held to take rows away, and by another thread while it counts and copies them."""
 
     @property
     def block(self) -> Array:
@@ -184,14 +187,21 @@ class Rows:
 
     def next_block(self) -> None:
         """Start a new block behind the last complete row."""
-        filled, self.filled = self.filled, 0  # first: whoever counts rows meanwhile counts too few
+        filled, self.filled = self.filled, 0
         self.first_index += filled
 
-    def exchange(self, other: Block) -> Block:
-        """As :meth:`next_block`, in another block; the one so far is returned."""
-        self.next_block()
-        self._block, other = other, self._block
-        return other
+    def exchange(self, other: Block) -> tuple[Array, Block]:
+        """As :meth:`complete` and :meth:`next_block`, in another block; the complete rows and the block so far."""
+        with self.lock:
+            values = self.complete()
+            self.next_block()
+            self._block, other = other, self._block
+        return values, other
+
+    def go_back(self, filled: int) -> None:
+        """Only so many rows are complete any longer."""
+        with self.lock:
+            self.filled = filled
 
     def _finish(self, values: Array) -> Array:
         values[:, self._n_real :] = self._integers(values).copy()

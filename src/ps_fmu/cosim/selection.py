@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+import re
+from collections.abc import Iterable, Iterator, Sequence
 from fnmatch import fnmatchcase
 
 from .errors import UsageError
 from .structure import suggest_names
+
+_ENDS = re.compile(r"\.\w+$"), re.compile(r"_\d+$")  # of a vector's components
 
 
 def select_names(names: Iterable[str], patterns: Sequence[str]) -> list[str]:
@@ -14,12 +17,14 @@ def select_names(names: Iterable[str], patterns: Sequence[str]) -> list[str]:
 
     >>> select_names(["plant.los.x", "plant.los.y", "isolator.saturated"], ["plant.los.*"])
     ['plant.los.x', 'plant.los.y']
+    >>> select_names(["plant.los.x", "plant.los.y", "isolator.saturated"], ["plant.los"])
+    ['plant.los.x', 'plant.los.y']
 
     Parameters
     ----------
     names: of the outputs, ``component.variable``.
     patterns: ``*`` stands for any text, ``?`` for a letter, ``[ab]`` for one of these; upper and lower case differ.  A
-        name stands for itself, whatever brackets it has.
+        name stands for itself, whatever brackets it has, and that of a vector for its components.
 
     Raises :class:`UsageError` for a pattern that matches no name, with those that are near.
     """
@@ -36,8 +41,17 @@ def select_names(names: Iterable[str], patterns: Sequence[str]) -> list[str]:
 
 
 def matches(name: str, pattern: str) -> bool:
-    """Whether a pattern stands for a name."""
-    return name == pattern or fnmatchcase(name, pattern)
+    """Whether a pattern stands for a name, or for that of its vector."""
+    return any(one == pattern or fnmatchcase(one, pattern) for one in _list_own_names(name))
+
+
+def _list_own_names(name: str) -> Iterator[str]:
+    """``plant.los.x`` and ``plant.los``, ``plant.leg_force_1`` and ``plant.leg_force``."""
+    yield name
+    for end in _ENDS:
+        vector = end.sub("", name)
+        if "." in vector:  # else it is that of the component
+            yield vector
 
 
 def _suggest(pattern: str, known: Sequence[str]) -> str:

@@ -56,7 +56,13 @@ class StepCosts:
 class Timing(Structure):
     """``Timing`` of loop.c."""
 
-    _fields_ = (("spent_ns", c_void_p), ("longest_ns", c_void_p), ("longest_at", c_void_p), ("steps", c_int64))
+    _fields_ = (
+        ("spent_ns", c_void_p),
+        ("longest_ns", c_void_p),
+        ("longest_at", c_void_p),
+        ("steps", c_int64),
+        ("unfinished_ns", c_int64),
+    )
 
 
 @dataclass
@@ -75,7 +81,7 @@ class Laps:
         size = len(self.parts) + 1
         self.spent_ns, self.longest_ns = np.zeros(size, np.int64), np.zeros(size, np.int64)
         self.longest_at = np.full(size, np.nan)
-        self.timing = Timing(*(a.ctypes.data for a in (self.spent_ns, self.longest_ns, self.longest_at)), 0)
+        self.timing = Timing(*(a.ctypes.data for a in (self.spent_ns, self.longest_ns, self.longest_at)), 0, 0)
 
     def note(self, place: int, spent_ns: int, at: float) -> None:
         """Add what a part took in the step from ``at`` [s] on."""

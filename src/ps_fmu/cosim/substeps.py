@@ -93,15 +93,15 @@ class RepeatingLoop:
             done = rows.filled - first
             self._warn(error)
             self._restore(kept)
-            rows.filled = first
+            rows.go_back(first)
             while rows.filled < first + done and not interrupted:
                 loop.advance(times[rows.filled - first : done], interrupted)
             if not interrupted:
-                self._whole = rows.filled
+                self._show_only(rows.filled)
                 try:
                     self._divide(float(times[done]), error, interrupted)
                 finally:
-                    self._whole = None
+                    self._show_only(None)
         finally:
             self._release(kept)
 
@@ -117,10 +117,10 @@ class RepeatingLoop:
             try:
                 self._make_loop(size).advance(np.array([now]), interrupted)
             except SlaveEnded:
-                rows.filled = filled
+                rows.go_back(filled)
                 raise
             except DiscardedStep as again:
-                rows.filled = filled
+                rows.go_back(filled)
                 if size / 2.0 < SMALLEST * self._step:
                     again.add_note(f"It was repeated in parts, the last of {size:.3g} s.")
                     raise
@@ -133,8 +133,13 @@ class RepeatingLoop:
                 return
             now = end if last else now + size
             if not last:
-                rows.filled = filled
+                rows.go_back(filled)
             size = end - now
+
+    def _show_only(self, count: int | None) -> None:
+        """What another thread counts from now on; None: all complete rows."""
+        with self._rows.lock:
+            self._whole = count
 
     def _warn(self, error: DiscardedStep) -> None:
         """Once for each FMU."""

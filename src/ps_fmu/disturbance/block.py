@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
@@ -43,9 +44,10 @@ class _LayerTables:
         self._windows = [Weight(*rows) for rows in zip(*map(self._split, window), strict=True)]
         """By phase."""
         self._rising: dict[tuple[float, int], Array] = {}
-        self.spare: dict[tuple[int, ...], list[_Workspace]] = {}
+        # Sources in other threads take from these, too: each method of a deque is one step for them.
+        self.spare: dict[tuple[int, ...], deque[_Workspace]] = {}
         """By the shape of the factor."""
-        self.spare_rows: dict[int, list[Array]] = {}
+        self.spare_rows: dict[int, deque[Array]] = {}
         """By the number of channels."""
 
     def get_sizes(self, start: float, phase: int) -> Array:
@@ -85,8 +87,8 @@ class BlockShape:
         self.layer, self.factor = layer, factor
         self.tables = _make_tables(layer.key, layer.rate, layer.period, layer.numbers.tobytes(), rise_time)
         # Of the layer, not of the shape: a source that is reset need not fetch its memory from the system again.
-        self._spare = self.tables.spare.setdefault(factor.shape, [])
-        self._spare_rows = self.tables.spare_rows.setdefault(len(factor), [])
+        self._spare = self.tables.spare.setdefault(factor.shape, deque(maxlen=1))
+        self._spare_rows = self.tables.spare_rows.setdefault(len(factor), deque(maxlen=_MOST_SPARE))
 
     @property
     def n_parts(self) -> int:
@@ -99,19 +101,25 @@ class BlockShape:
 
     def take_workspace(self) -> _Workspace:
         """Room for one block, which has to be given back: fresh memory costs as much time as what is done in it."""
-        return self._spare.pop() if self._spare else _Workspace(self.factor, self.layer, self.tables)
+        try:
+            return self._spare.pop()
+        except IndexError:
+            return _Workspace(self.factor, self.layer, self.tables)
 
     def give_back(self, workspace: _Workspace) -> None:
         """Keep room for the next block."""
-        self._spare[:] = [workspace]
+        self._spare.append(workspace)
 
     def take_rows(self) -> Array | None:
         """Rows of a block that is not used any more; None: there are none."""
-        return self._spare_rows.pop() if self._spare_rows else None
+        try:
+            return self._spare_rows.pop()
+        except IndexError:
+            return None
 
     def recycle(self, table: SampleTable) -> None:
         """Keep the memory of a block that nobody uses any more."""
-        self._spare_rows[:] = [*self._spare_rows[1 - _MOST_SPARE :], table.values]
+        self._spare_rows.append(table.values)
 
 
 class _Workspace:

@@ -115,10 +115,14 @@ class GaussianNoise:
         return self._keep(layer, block, index)
 
     def _keep(self, layer: Layer, block: Block, index: int) -> SampleTable:
-        known = self._blocks[layer.key]
-        while len(known) >= _KEPT:
-            self._shapes[layer.key].recycle(known.pop(next(iter(known))))  # the oldest
+        known, recycle = self._blocks[layer.key], self._shapes[layer.key].recycle
         assert block.table is not None
+        if index in known:  # another call has made it meanwhile
+            recycle(block.table)
+            return known[index]
+        if len(known) >= _KEPT:
+            # The oldest but for the neighbours, one of which may be in use: a source in another thread may take it.
+            recycle(known.pop(next(i for i in known if abs(i - index) > 1)))
         known[index] = block.table
         return block.table
 

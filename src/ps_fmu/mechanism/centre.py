@@ -15,8 +15,6 @@ _SIZES = {"coarse": 3, "fine": 3, "speeds": 9, "velocity_B": 3, "position_B": 3,
 N_CENTRE = sum(_SIZES.values())
 
 
-
-
 @dataclass(frozen=True, eq=False)
 class Centre:
     """A point that the motion passes through, or rests at.

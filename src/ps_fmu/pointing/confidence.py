@@ -94,7 +94,6 @@ def _find_binomial(count: int, probability: float, level: float) -> int:
     return min(last, first + int(np.searchsorted(sums, level * sums[-1])))
 
 
-
 def quantile(
     values: ArrayLike, probability: float, confidence: float = 0.95, *, independent: float | None = None
 ) -> Statement:

@@ -81,10 +81,12 @@ def run_any(options: AnyRun) -> None:
             isolation=options.isolation, stopwatch=None if costs is None else costs.stopwatch,
         ) as master:  # fmt: skip
             names = select_stored(master.columns, options.observe)
+            all_stored = make_stored_names([column.name for column in master.columns])
+            stored = {name: all_stored[name] for name in names}
             for text in (*master.wiring.remarks, *_list_silent(system, descriptions, signals)):
                 warnings.add(text)
             master.initialise()
-            _record(master, options, duration, names, system, costs)
+            _record(master, options, duration, all_stored, names, system, costs)
             ended = master.ended
         more: dict[str, object] = {} if ended is None else {"ended_by": ended.component, "ended_at_s": ended.time}
         if costs is not None:
@@ -92,7 +94,7 @@ def run_any(options: AnyRun) -> None:
             table = costs.to_table(GROUP)
             print(f"{table.caption}\n{table.to_text()}\n")
         _write_summary(options, system, step, duration, names, signals, warnings, more)
-        if options.figures and names and (left := _draw(options, system, names)):
+        if options.figures and names and (left := _draw(options, system, stored)):
             warnings.add(left)
 
 
@@ -172,11 +174,11 @@ def _record(
     master: Master,
     options: AnyRun,
     duration: float,
+    stored: Mapping[str, str],
     names: Sequence[str],
     system: System,
     costs: RunCosts | None,
 ) -> None:
-    stored = make_stored_names([column.name for column in master.columns])
     columns = [
         replace(column, name=stored[column.name], description=_describe(column, stored[column.name]))
         for column in master.columns
@@ -237,15 +239,14 @@ def _write_summary(
     write_atomically(options.output / SUMMARY, text.encode())
 
 
-def _draw(options: AnyRun, system: System, names: Sequence[str]) -> str:
-    """Draw what is stored; what is left out."""
-    stored = make_stored_names(names)
+def _draw(options: AnyRun, system: System, stored: Mapping[str, str]) -> str:
+    """Draw what is stored, by its names in the system and in the file; what is left out."""
     with netCDF4.Dataset(options.output / RESULTS) as file:
         group = file.groups[GROUP]
         time: Array = np.array(group.variables["time"][:], dtype=float)
         lines = []
-        for name in names:
-            variable = group.variables[stored[name]]
+        for name, place in stored.items():
+            variable = group.variables[place]
             held = variable.dtype.kind != "f"
             lines.append(Line(name, variable.units, held, np.array(variable[:], dtype=float)))
     title = system.labels.get("name") or options.system.stem

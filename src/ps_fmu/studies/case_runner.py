@@ -80,7 +80,6 @@ class CaseRunner:
             row |= {f"{name}.{key}": value for record in records for key, value in record.metrics().items()}
         return row | describe_verdicts(judge)
 
-
     @contextmanager
     def _make_recorder(self, run: str, master: Master, file: Path | None) -> Iterator[Sequence[Recorder]]:
         if file is None:

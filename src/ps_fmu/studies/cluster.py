@@ -66,7 +66,6 @@ def find_dashboard(client: Any) -> str | None:
     return None if local and find_spec("bokeh") is None else str(client.dashboard_link)
 
 
-
 class Dispatcher:
     """Sends the missing cases of a plan to the workers of a client until all have rows.
 

@@ -3,7 +3,7 @@
 ::
 
     [signals]
-    variables = ["plant.payload_rotation", "isolator.*"]   # * stands for any characters
+    variables = ["plant.payload_rotation", "isolator.*"]   # as of --observe
     step = "1 ms"                                          # between stored rows
     cases = "all"                                          # or a list such as [0, 17]
     every = 100                                            # and each hundredth, from case 0 on
@@ -18,10 +18,10 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from ..cosim import Column
+from ..cosim import Column, UsageError
 from ..cosim.clock import count_steps
 from ..cosim.recorder import CHUNK_ROWS, METADATA_BYTES, STORAGE
-from ..cosim.structure import suggest_names
+from ..cosim.selection import select_names
 from .study import MOST_GB, Signals, StudyError
 from .table_reader import TableReader
 
@@ -63,17 +63,10 @@ def read_signals(path: Path, content: Mapping[str, Any]) -> Signals | None:
 
 def find_columns(signals: Signals, columns: Sequence[Column]) -> tuple[str, ...]:
     """Names of the outputs that are stored.  Raises :class:`.study.StudyError` for a pattern that fits none."""
-    names = [column.name for column in columns]
-    chosen: set[str] = set()
-    for pattern in signals.variables:
-        wanted = re.compile(".*".join(map(re.escape, pattern.split("*"))) + r"(?:\.\w+|_\d+)?")
-        found = {name for name in names if wanted.fullmatch(name)}
-        if not found:
-            vectors = {name.rpartition(".")[0] for name in names}
-            hint = suggest_names(pattern, [*names, *(name for name in vectors if "." in name)])
-            raise signals.error("variables", f"no output is called {pattern!r}{hint}")
-        chosen |= found
-    return tuple(name for name in names if name in chosen)
+    try:
+        return tuple(select_names((column.name for column in columns), signals.variables))
+    except UsageError as error:
+        raise signals.error("variables", str(error)) from error
 
 
 def check_signals(signals: Signals, columns: Sequence[Column], step_s: float, duration_s: float) -> None:

@@ -19,7 +19,6 @@ HUGE = (2**24 + 1, 2**31, 2**32, 2**60, 2**64 - 1)
 KINDS = ("Real", "Integer", "Boolean", "String")
 
 
-
 def sequences(layout: BufferLayout) -> st.SearchStrategy[list[Step]]:
     """Thirty to ninety calls to an FMU with these variables, after two instances have got on in their lives."""
     begin = st.tuples(st.sampled_from((4, 5, 2, 0)), st.sampled_from((0, 5, 2)))

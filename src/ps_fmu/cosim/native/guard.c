@@ -190,7 +190,8 @@ EXPORTED int guard_restore(void)
     return found;
 }
 
-/* As run_steps, or as run_timed_steps if there is a `timing`; fmi2Fatal with an `end` other than RETURNED if the operation before `next_operation` did not return. */
+/* As run_steps, or as run_timed_steps if there is a `timing`; fmi2Fatal with an `end` other than RETURNED if the
+   operation before `next_operation` did not return. */
 EXPORTED int run_guarded(Loop *loop, double *rows, const double *times, int64_t n, double budget,
                          const volatile int *stop, Timing *timing, End *end)
 {

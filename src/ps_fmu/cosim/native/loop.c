@@ -95,6 +95,7 @@ typedef struct {
     int64_t *longest_ns;
     double *longest_at; /* s, where the step with the longest began */
     int64_t steps;
+    int64_t unfinished_ns; /* of the step in which the loop returned, until it goes on there */
 } Timing;
 
 static int64_t read_clock_ns(void)
@@ -126,6 +127,8 @@ static inline int run(
         const double time = times[loop->rows_done];
         const int64_t began = timing ? read_clock_ns() : 0;
         int64_t before = began;
+        if (timing && loop->next_operation == 0)
+            timing->unfinished_ns = 0;
         while (loop->next_operation < loop->n_operations) {
             const Operation *operation = &loop->operations[loop->next_operation++];
             int status = carry_out(operation, time, loop->step);
@@ -134,14 +137,17 @@ static inline int run(
                 note(timing, loop->next_operation - 1, after - before, time);
                 before = after;
             }
-            if (status != fmi2OK)
+            if (status != fmi2OK) {
+                if (timing)
+                    timing->unfinished_ns += before - began;
                 return status;
+            }
         }
         memcpy(rows + loop->rows_done * loop->columns, loop->latest, row_bytes);
         loop->next_operation = 0;
         loop->rows_done++;
         if (timing) {
-            note(timing, loop->n_operations, read_clock_ns() - began, time);
+            note(timing, loop->n_operations, timing->unfinished_ns + read_clock_ns() - began, time);
             timing->steps++;
         }
     }

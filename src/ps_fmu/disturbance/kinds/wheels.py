@@ -35,6 +35,8 @@ from ..turning import Turning
 
 FORCE_HARMONICS = Path(__file__).with_name("wheel-radial-force-harmonics.csv")
 TORQUE_HARMONICS = Path(__file__).with_name("wheel-radial-torque-harmonics.csv")
+
+
 @dataclass(frozen=True, eq=False)
 class Harmonics:
     """Orders h (n,) and coefficients C (n,) of one radial quantity."""

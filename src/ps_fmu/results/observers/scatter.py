@@ -19,7 +19,6 @@ FLAT = 1e-8  # determinant over squared trace below which the corners of a hull 
 MARGIN = 1e-6  # of the ellipse's size: far more than rounding
 
 
-
 @dataclass(frozen=True, eq=False)
 class Scatter:
     """The image points of a run; radii are about their mean, in the unit of the columns."""

@@ -24,7 +24,6 @@ REFERENCE = 2**31 - 1
 """Value reference of a String that no description lists: the address of the core."""
 
 
-
 @dataclass(frozen=True, eq=False)
 class OutputLimits:
     """Between which a step holds its first results."""
