@@ -220,7 +220,8 @@ class Master:
             raise UsageError("reset: the system is closed: make a new Master")
         system = self._system.with_parameters(start_values or {})
         self.wiring = check_wiring(system, self._descriptions)
-        self.system, self._loop, self._index, self._ended = system, None, 0, None
+        self._drop_loop()
+        self.system, self._index, self._ended = system, 0, None
         self._set.clear()
         self._rows = Rows(self._layout, self._block_rows, self._derived)
         try:
@@ -279,7 +280,7 @@ class Master:
     def close(self) -> None:
         """Terminate and free all FMUs; safe to call twice.  Raises the first :class:`SlaveError`."""
         self._refuse_while_running("close")
-        self._loop = None
+        self._drop_loop()
         self._closed = True
         failures = end_all(self._instances.values(), self.time)
         if failures:
@@ -324,9 +325,15 @@ class Master:
         new = port not in self._set
         self._set[port] = value
         if self._loop is not None:
+            self._loop.forget()
             self._instances[port.component].set({port.variable: value}, self.time)
             if new and any(port == c.target for c in self.wiring.connections):
                 self._make_plan()
+
+    def _drop_loop(self) -> None:
+        loop, self._loop = self._loop, None
+        if loop is not None:
+            loop.forget()
 
     def _make_plan(self) -> None:
         instances, wiring, rows, compiled = self._instances, self.wiring, self._rows, self._compiled
@@ -337,6 +344,7 @@ class Master:
             plan = make_plan(instances, wiring, rows, step, scheme, cut, repeatable, signals)
             return make_loop(plan, rows, compiled, stopwatch if step == whole else None)
 
+        self._drop_loop()
         self._loop = RepeatingLoop(instances, rows, whole, make, self._obstacle)
 
     def _advance(

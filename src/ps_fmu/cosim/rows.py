@@ -6,7 +6,8 @@ a row.  Integers and Booleans (C int in FMI) go into a block of their own and ar
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from threading import Lock
@@ -202,6 +203,18 @@ class Rows:
         """Only so many rows are complete any longer."""
         with self.lock:
             self.filled = filled
+
+    @contextmanager
+    def aside(self) -> Iterator[None]:
+        """During the body rows go into another block, which is forgotten after it."""
+        with self.lock:
+            block, filled = self._block, self.filled
+            self._block, self.filled = self.make_block(), 0
+        try:
+            yield
+        finally:
+            with self.lock:
+                self._block, self.filled = block, filled
 
     def _finish(self, values: Array) -> Array:
         values[:, self._n_real :] = self._integers(values).copy()

@@ -10,6 +10,7 @@ import logging
 from collections.abc import Callable, Mapping
 from ctypes import c_int
 from dataclasses import dataclass, replace
+from time import perf_counter
 
 import numpy as np
 from fmpy.model_description import ModelDescription
@@ -23,6 +24,8 @@ log = logging.getLogger("ps_fmu.cosim")
 
 SMALLEST = 2.0**-20
 """The smallest part of a step that is tried."""
+KEPT_S = 0.05
+"""So long may states be kept [s of wall time].  To take those of our four FMUs costs as much as 90 steps."""
 
 _ABILITIES = {
     "canGetAndSetFMUstate": "cannot be set back to a state",
@@ -72,6 +75,9 @@ class RepeatingLoop:
         self.loop = make_loop(step)
         self._obstacle = obstacle
         self._warned: set[str] = set()
+        self._kept: _Kept | None = None
+        self._kept_at = 0.0
+        self._since: list[Array] = []  # times of the steps since then [s]
         self._whole: int | None = None  # rows before a step that is made in parts
 
     def count_rows(self) -> int:
@@ -80,10 +86,10 @@ class RepeatingLoop:
 
     def advance(self, times: Array, interrupted: c_int) -> None:
         """As :meth:`.loops.StepLoop.advance`; ends behind a step that was repeated."""
-        rows, loop = self._rows, self.loop
-        first, kept = rows.filled, self._keep()
+        rows, first = self._rows, self._rows.filled
+        self._keep_now_and_then()
         try:
-            loop.advance(times, interrupted)
+            self.loop.advance(times, interrupted)
         except SlaveEnded:
             raise
         except DiscardedStep as error:
@@ -91,19 +97,49 @@ class RepeatingLoop:
                 error.args = (f"{error}\n  The step cannot be repeated in smaller ones: {self._obstacle}.",)
                 raise
             done = rows.filled - first
+            self._since.append(times[:done])
             self._warn(error)
-            self._restore(kept)
-            rows.go_back(first)
-            while rows.filled < first + done and not interrupted:
-                loop.advance(times[rows.filled - first : done], interrupted)
+            self._replay(interrupted)
             if not interrupted:
                 self._show_only(rows.filled)
                 try:
                     self._divide(float(times[done]), error, interrupted)
                 finally:
                     self._show_only(None)
-        finally:
+            self.forget()
+        else:
+            self._since.append(times[: rows.filled - first])
+
+    def forget(self) -> None:
+        """Free the kept states: what is set now, or a new plan, is not in the steps since."""
+        kept, self._kept = self._kept, None
+        self._since.clear()
+        if kept is not None:
             self._release(kept)
+
+    def _keep_now_and_then(self) -> None:
+        """Keep states unless there are some, and not old ones."""
+        if self._kept is not None and perf_counter() - self._kept_at < KEPT_S:
+            return
+        self.forget()
+        self._kept = self._keep()
+        self._kept_at = perf_counter()
+
+    def _replay(self, interrupted: c_int) -> None:
+        """From the kept states make the steps since again; the rows are there already."""
+        assert self._kept is not None
+        self._restore(self._kept)
+        self._show_only(0)
+        try:
+            with self._rows.aside():
+                for times in self._since:
+                    begin = 0
+                    while begin < len(times) and not interrupted:
+                        self._rows.filled = 0
+                        self.loop.advance(times[begin:], interrupted)
+                        begin += self._rows.filled
+        finally:
+            self._show_only(None)
 
     def _divide(self, time: float, error: DiscardedStep, interrupted: c_int) -> None:
         """Make the step from ``time`` on in parts; its row is stored."""
