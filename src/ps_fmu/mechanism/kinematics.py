@@ -47,7 +47,7 @@ class LegLines:
 
     @cached_property
     def platform_points(self) -> Array:
-        """(18, 6), at one pose: velocities of the platform joints from the twist of P, :func:`.geometry.point_rows`."""
+        """(..., 18, 6): velocities of the platform joints from the twist of P, :func:`.geometry.point_rows`."""
         return point_rows(self.arms_B)
 
     @property
@@ -82,8 +82,8 @@ class Jacobians:
     """(..., 6, 6), eq (10): base motion to platform motion with all legs held."""
     legs: LegLines
 
-    def __getitem__(self, k: int) -> Jacobians:
-        """At one pose of many."""
+    def __getitem__(self, k: int | slice | list[int]) -> Jacobians:
+        """At one pose of many, or at some."""
         lines = LegLines(self.legs.arms_B[k], self.legs.n_B[k], self.legs.length[k])
         return Jacobians(self.J_lp[k], self.J_lb[k], self.J_pl[k], self.J_pb[k], lines)
 

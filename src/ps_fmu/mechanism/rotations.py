@@ -174,10 +174,10 @@ def turn_vector(integral: Array, before: Array, after: Array, lasted: float) -> 
 
 
 def rotation_vector(R: Array) -> Array:
-    """Rotation vector, rad, of turns below 90 deg: inverse of :func:`rotation_from_vector`; (3, 3) to (3,)."""
-    sine = 0.5 * np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
-    size = float(np.linalg.norm(sine))
-    return sine if size < 1e-8 else np.asarray(np.arcsin(min(size, 1.0)) / size * sine)  # 1e-8: arcsin(a)/a is 1
+    """Rotation vector, rad, of turns below 90 deg: inverse of :func:`rotation_from_vector`; (..., 3, 3) to (..., 3)."""
+    sine = 0.5 * (R[..., _LAST, _NEXT] - R[..., _NEXT, _LAST])
+    size = np.maximum(lengths(sine), 1e-8)  # so small, arcsin(a)/a is 1
+    return np.asarray((np.arcsin(np.minimum(size, 1.0)) / size)[..., None] * sine)
 
 
 def _sines_cosines(orientation: Array) -> tuple[Array, Array, Array, Array]:
