@@ -169,19 +169,21 @@ def base_jacobian(geometry: Geometry, translation_B: Array, R: Array) -> Array:
     return leg_rows(geometry.base_joints_B, find_leg_lines(geometry, translation_B, R).n_B)
 
 
-def jacobians(geometry: Geometry, translation_B: Array, R: Array) -> Jacobians:
+def jacobians(geometry: Geometry, translation_B: Array, R: Array, legs: LegLines | None = None) -> Jacobians:
     """All Jacobians at a pose, or at many.
 
     Parameters
     ----------
     translation_B: (..., 3), m.
     R: (..., 3, 3).
+    legs: where the legs are there, if that is known.
 
     Raises
     ------
     SingularPoseError: J_lp is singular, or nearly so, at one of the poses.
     """
-    legs = find_leg_lines(geometry, translation_B, R)
+    if legs is None:
+        legs = find_leg_lines(geometry, translation_B, R)
     J_lp, J_lb = leg_rows(legs.arms_B, legs.n_B), leg_rows(geometry.base_joints_B, legs.n_B)
     try:
         J_pl = np.asarray(np.linalg.inv(J_lp), dtype=np.float64)

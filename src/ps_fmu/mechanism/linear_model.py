@@ -205,7 +205,7 @@ class Plant:
             moved[i, :3], moved[i, 3:] = centre.coarse, centre.fine
         moved[k:, :3] = moved[deformed, :3]
         found = forward_kinematics(geometry, geometry.nominal_lengths + moved)
-        J = jacobians(geometry, found.translation_B, found.R)
+        J = jacobians(geometry, found.translation_B, found.R, found.legs)
         present = _Places(Pose(found.translation_B[:k], found.R[:k]), J[:k])
         if not deformed:
             return present, present

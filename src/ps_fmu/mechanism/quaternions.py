@@ -50,6 +50,11 @@ def conjugate(q: Array) -> Array:
 
 def from_rotation_vector(vector: Array) -> Array:
     """The turn by the angle ``|vector|`` (rad) about ``vector``; (..., 3) to (..., 4)."""
+    if vector.ndim == 1:  # numbers instead of arrays: 3 us instead of 14
+        x, y, z = vector.tolist()
+        angle = 0.5 * math.sqrt(x * x + y * y + z * z)
+        factor = 0.5 * float(np.sin(angle)) / angle if angle > 0.0 else 0.5
+        return np.array((float(np.cos(angle)), factor * x, factor * y, factor * z))
     half = 0.5 * np.linalg.norm(vector, axis=-1)[..., None]
     return np.concatenate([np.cos(half), 0.5 * np.sinc(half / np.pi) * vector], axis=-1)
 
