@@ -10,6 +10,7 @@ from support.prototype import other_geometry
 from ps_fmu.mechanism.convection import COARSE, FINE, TURN, convective_forces
 from ps_fmu.mechanism.dynamics import FlexibleSystem, Pose
 from ps_fmu.mechanism.forward_kinematics import forward_kinematics
+from ps_fmu.mechanism.kinematics import jacobians
 from ps_fmu.mechanism.momentum import find_momentum
 from ps_fmu.mechanism.rotations import rotation_from_vector
 
@@ -123,6 +124,17 @@ def test_the_form_is_symmetric_and_vanishes_at_rest():
     one, two = convective_forces(system, d, SPEEDS) @ other, convective_forces(system, d, other) @ SPEEDS
     np.testing.assert_allclose(one, two, rtol=1e-9, atol=1e-12)
     assert not convective_forces(system, d, np.zeros(9)).any()
+
+
+def test_momentum_takes_jacobians_that_are_known():
+    """The legs of the forward kinematics are those of its pose."""
+    system, _ = system_of(PAPER)
+    geometry = system.manipulator.geometry
+    found = forward_kinematics(geometry, geometry.nominal_lengths + LENGTHS)
+    J, pose = jacobians(geometry, found.translation_B, found.R, found.legs), Pose(found.translation_B, found.R)
+    with_them, without = find_momentum(system, pose, VELOCITY, SPEEDS, J), find_momentum(system, pose, VELOCITY, SPEEDS)
+    for ours, theirs in zip(with_them, without, strict=True):
+        np.testing.assert_array_equal(ours, theirs)
 
 
 def test_a_body_that_only_turns_needs_centripetal_and_gyroscopic_forces():

@@ -256,4 +256,8 @@ def test_models_made_together_are_those_made_one_by_one_to_the_bit():
         for ours, theirs in zip(together.matrices(), alone.matrices(), strict=True):
             assert ours.tobytes() == theirs.tobytes()
         assert together.dynamics.pose.rotation_BP.tobytes() == alone.dynamics.pose.rotation_BP.tobytes()
+        assert together.dynamics.M.tobytes() == alone.dynamics.M.tobytes()
+        assert (together.convection is None) == (alone.convection is None) == (not centre.speeds.any())
+        if together.convection is not None and alone.convection is not None:
+            assert together.convection.tobytes() == alone.convection.tobytes()
         assert (together.nominal.pose is together.dynamics.pose) == (alone.nominal.pose is alone.dynamics.pose)

@@ -54,6 +54,15 @@ def test_small_turns_in_the_axes_of_the_body() -> None:
     np.testing.assert_allclose(q + small_turns(q) @ small, exact, rtol=0.0, atol=1e-11)
 
 
+def test_many_at_once_are_those_one_by_one() -> None:
+    many = np.concatenate([TURNS, SPECIAL])
+    q = from_rotation_vector(many)
+    np.testing.assert_allclose([from_rotation_vector(turn) for turn in many], q, rtol=0.0, atol=1e-15)
+    R = to_rotation_matrix(q)
+    np.testing.assert_array_equal(from_rotation_matrix(R), [from_rotation_matrix(each) for each in R])
+    np.testing.assert_array_equal(small_turns(q), [small_turns(each) for each in q])
+
+
 def test_initial_attitude_is_made_a_unit_quaternion() -> None:
     given = np.array([0.707, 0.0, 0.707, 0.0])
     np.testing.assert_allclose(InitialMotion(given, np.zeros(3)).unit_attitude, given / np.sqrt(2 * 0.707**2))

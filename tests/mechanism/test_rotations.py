@@ -13,6 +13,7 @@ from ps_fmu.mechanism.rotations import (
     roll_pitch_yaw,
     rotation_from_vector,
     rotation_matrix,
+    rotation_vector,
     skew,
     turn_vector,
 )
@@ -108,6 +109,8 @@ def test_leading_dimensions_are_kept():
         assert batch.shape == (4, 5, 3, 3)
         np.testing.assert_array_equal(batch[2, 3], function(o[2, 3]))
     assert roll_pitch_yaw(rotation_matrix(o)).shape == (4, 5, 3)
+    R = rotation_from_vector(o * [[[1e-9], [1e-4], [0.1], [0.5], [0.9]]])
+    np.testing.assert_array_equal(rotation_vector(R)[2, 3], rotation_vector(R[2, 3]))
 
 
 def test_turns_whose_axis_changes_do_not_commute():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -42,6 +43,11 @@ class Centre:
         """Coarse legs at given displacements (3,), m; nothing else is displaced, and nothing moves."""
         zeros = {name: np.zeros(size) for name, size in _SIZES.items()}
         return cls(**{**zeros, "coarse": np.array(coarse, dtype=float), "attitude": np.array(attitude, dtype=float)})
+
+    @classmethod
+    def stack(cls, centres: Sequence[Centre]) -> Centre:
+        """Many as one whose arrays have a first dimension more."""
+        return cls(*(np.array([getattr(centre, name) for centre in centres]) for name in _SIZES))
 
     @classmethod
     def read(cls, numbers: Array) -> Centre:

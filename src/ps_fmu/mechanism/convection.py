@@ -18,83 +18,101 @@ import numpy as np
 
 from .dynamics import Dynamics, FlexibleSystem
 from .quantities import Array
-from .rotations import cross, skew
+from .rotations import skew
 
 #: Numbers in ``v``.
 N_SPEEDS = 9
 FINE, TURN, COARSE = slice(0, 3), slice(3, 6), slice(6, 9)
 
 _UNIT = np.eye(N_SPEEDS)
-_EYE = np.eye(3)
+_TWICE = 2.0 * np.eye(3)
 
 
 def convective_forces(system: FlexibleSystem, d: Dynamics, speeds: Array) -> Array:
-    """``C(v, e_k)``, (n, 9): generalised convective forces of ``v`` together with each unit speed ``e_k``.
+    """``C(v, e_k)``, (..., n, 9): generalised convective forces of ``v`` together with each unit speed ``e_k``.
 
     ``c(v) = C(v, v)`` is the result times ``v``; its derivative by ``v`` is twice the result.
 
     Parameters
     ----------
-    system, d: bodies, and their dynamics at the pose, fine legs at their present length.
-    speeds: (9,) ``v``: m/s, rad/s, m/s.
+    system, d: bodies, and their dynamics at the pose, fine legs at their present length; or at many poses.
+    speeds: (..., 9) ``v`` at each pose: m/s, rad/s, m/s.
     """
     geometry, pose, J, lines = system.manipulator.geometry, d.pose, d.jacobians, d.jacobians.legs
-    rates = np.concatenate([_UNIT, speeds[None]])  # the last row is v itself; (10, 9)
-    turn = rates[:, TURN]
-    legs_rate = np.concatenate([rates[:, COARSE], rates[:, FINE]], axis=1)
-    twist = legs_rate @ J.J_pl.T  # of the platform relative to B, (10, 6)
-    moving, spinning = twist[:, :3], twist[:, 3:]
-    across_turn = skew(turn)  # (10, 3, 3)
+    batch = speeds.shape[:-1]
+    rates = np.empty((*batch, N_SPEEDS + 1, N_SPEEDS))  # the last row is v itself
+    rates[..., :-1, :], rates[..., -1, :] = _UNIT, speeds
+    turn = rates[..., TURN]
+    legs_rate = np.concatenate([rates[..., COARSE], rates[..., FINE]], axis=-1)
+    twist = legs_rate @ J.J_pl.mT  # of the platform relative to B, (..., 10, 6)
+    moving, spinning = twist[..., :3], twist[..., 3:]
+    units_turn, across_turn = turn[..., :-1, :], skew(turn[..., -1, :])
 
-    joints_B, n_B, length = lines.arms_B, lines.n_B, lines.length[:, None]  # (6, 3), (6, 3), (6, 1)
+    # (..., 1, 6, 3), (..., 1, 6, 3), (..., 1, 6, 1)
+    joints_B, n_B, length = (each[..., None, :, :] for each in (lines.arms_B, lines.n_B, lines.length[..., None]))
 
     # The platform relative to B: legs that keep their rates turn, and so pull at their joints, eq (6) differentiated.
-    joints_moving = (twist @ lines.platform_points.T).reshape(-1, 6, 3)
+    joints_moving = (twist @ lines.platform_points.mT).reshape(*batch, -1, 6, 3)
     across = joints_moving - n_B * _dot(joints_moving, n_B)
-    around = joints_B @ _centripetal(spinning)  # (9, 6, 3)
-    bias = -_dot(n_B, around) - _dot(across[:-1], across[-1]) / length
-    relative = bias[..., 0] @ J.J_pl.T
-    turning = relative[:, 3:] + 0.5 * (across_turn[:-1] @ spinning[-1] - spinning[:-1] @ across_turn[-1])
-    origin = relative[:, :3] + across_turn[:-1] @ moving[-1] - moving[:-1] @ across_turn[-1]  # 2 w x r', symmetric
+    around = joints_B @ _centripetal(spinning)  # (..., 9, 6, 3)
+    bias = -_dot(n_B, around) - _with_last(across) / length
+    relative = bias[..., 0] @ J.J_pl.mT
+    across_spin, across_moving = skew(spinning[..., -1, :]), skew(moving[..., -1, :])
+    turning = relative[..., 3:] + 0.5 * (units_turn @ across_spin - spinning[..., :-1, :] @ across_turn)
+    # 2 w x r', symmetric
+    origin = relative[..., :3] + units_turn @ across_moving - moving[..., :-1, :] @ across_turn
 
     # Accelerations of points on the base and on the platform: legs' joints, centre of mass, masses of the truss.
     payload, bus, R = system.payload, system.bus, pose.rotation_BP
     mass, position_B, direction_B = system.truss_at(R)
     com_B = R @ payload.com_P
     by_turn, whole = _centripetal(turn), turn + spinning  # angular velocity of the platform in inertial space
-    on_base = np.concatenate([geometry.base_joints_B, [bus.com_B, pose.translation_B]]) @ by_turn
-    origin = origin + on_base[:, 7]
-    on_platform = np.concatenate([joints_B, com_B[None], position_B]) @ (_centripetal(whole) - skew(turning))
-    on_platform += origin[:, None]
-    at_base, at_platform = on_base[:, :6], on_platform[:, :6]
+    base_points = np.empty((*batch, 1, 8, 3))
+    base_points[..., 0, :6, :], base_points[..., 0, 6, :] = geometry.base_joints_B, bus.com_B
+    base_points[..., 0, 7, :] = pose.translation_B
+    on_base = base_points @ by_turn
+    origin = origin + on_base[..., 7, :]
+    platform_points = np.concatenate([lines.arms_B, com_B[..., None, :], position_B], axis=-2)[..., None, :, :]
+    on_platform = platform_points @ (_centripetal(whole) - skew(turning))
+    on_platform += origin[..., None, :]
+    at_base, at_platform = on_base[..., :6, :], on_platform[..., :6, :]
 
     # Legs, by the accelerations of their ends.
-    apart = joints_moving - lines.vectors_B @ across_turn  # velocity of the upper end relative to the lower one
+    arms = skew(lines.vectors_B).reshape(*batch, 18, 3)
+    apart = joints_moving - (turn @ arms.mT).reshape(joints_moving.shape)  # velocity of upper ends against lower ones
     along = _dot(apart, n_B)
     swing = (apart - n_B * along) / length  # rate of the leg's direction
+    last_along, last_swing = along[..., -1:, :, :], swing[..., -1:, :, :]
     swinging = (
         _across(at_platform - at_base, n_B) / length
-        - n_B * _dot(swing[:-1], swing[-1])
-        - (along[:-1] * swing[-1] + along[-1] * swing[:-1]) / length
+        - n_B * _with_last(swing)
+        - (along[..., :-1, :, :] * last_swing + last_along * swing[..., :-1, :, :]) / length
     )  # second derivative of the leg's direction
     (m_u, m_l), (first_u, first_l), second = system.leg_moments
     turned = _across(first_l * at_base - first_u * at_platform + second * swinging, n_B) / length
     upper = m_u * at_platform - first_u * swinging + turned
     lower = m_l * at_base + first_l * swinging - turned
 
-    wrench = upper.reshape(N_SPEEDS, -1) @ lines.platform_points
-    wrench += _rigid_body(payload.mass * on_platform[:, 6], com_B, R @ payload.inertia_P @ R.T, turning, whole)
-    forces = d.platform_rows().T @ wrench.T
-    wrench = lower.reshape(N_SPEEDS, -1) @ geometry.base_points
-    wrench += _rigid_body(bus.mass * on_base[:, 6], bus.com_B, bus.inertia_B, np.zeros((N_SPEEDS, 3)), turn)
-    forces[d.slices["q_b"]] += wrench.T
-    forces[d.slices["x_t"]] = mass[:, None] * np.sum(on_platform[:, 7:] * direction_B, axis=-1).T
+    wrench = upper.reshape(*batch, N_SPEEDS, -1) @ lines.platform_points
+    inertia_B = R @ payload.inertia_P @ R.mT
+    wrench += _rigid_body(payload.mass * on_platform[..., 6, :], com_B, inertia_B, turning, whole)
+    forces = d.platform_rows().mT @ wrench.mT
+    wrench = lower.reshape(*batch, N_SPEEDS, -1) @ geometry.base_points
+    wrench += _rigid_body(bus.mass * on_base[..., 6, :], bus.com_B, bus.inertia_B, None, turn)
+    forces[..., d.slices["q_b"], :] += wrench.mT
+    along_truss = np.vecdot(on_platform[..., 7:, :], direction_B[..., None, :, :])
+    forces[..., d.slices["x_t"], :] = mass[:, None] * along_truss.mT
     return np.asarray(forces)
 
 
 def _dot(a: Array, b: Array) -> Array:
-    """(..., 1) products of vectors."""
-    return np.asarray(np.add.reduce(a * b, axis=-1, keepdims=True))
+    """(..., 1) products of vectors; for the legs of three poses half the time of a sum over so short an axis."""
+    return np.asarray(np.vecdot(a, b)[..., None])
+
+
+def _with_last(vectors: Array) -> Array:
+    """(..., 9, 6, 1) products of the vectors of each unit speed with those of the last row, ``v``."""
+    return _dot(vectors[..., :-1, :, :], vectors[..., -1:, :, :])
 
 
 def _across(vectors: Array, n_B: Array) -> Array:
@@ -103,20 +121,23 @@ def _across(vectors: Array, n_B: Array) -> Array:
 
 
 def _centripetal(turn: Array) -> Array:
-    """(9, 3, 3) symmetric form of ``w x (w x r)`` as matrices: each of (9 + 1, 3) angular velocities with the last.
+    """(..., 9, 3, 3) symmetric form of ``w x (w x r)`` as matrices: each of (..., 9 + 1, 3) velocities with the last.
 
     ``a x (b x r) = (b a' - a'b) r``; matrices are symmetric, so that they may multiply rows of arms from the right.
     """
-    products = 0.5 * turn[:-1, :, None] * turn[-1]
-    return np.asarray(products + products.mT - 2.0 * np.trace(products, axis1=1, axis2=2)[:, None, None] * _EYE)
+    half, last = 0.5 * turn[..., :-1, :], turn[..., -1:, :]
+    products = half[..., None] * last[..., None, :]
+    return np.asarray(products + products.mT - _dot(half, last)[..., None] * _TWICE)
 
 
-def _rigid_body(force: Array, com_B: Array, inertia_B: Array, turning: Array, turn: Array) -> Array:
-    """(9, 6) force and torque about the body's origin: ``force`` (9, 3) at the centre of mass, torque for turning.
+def _rigid_body(force: Array, com_B: Array, inertia_B: Array, turning: Array | None, turn: Array) -> Array:
+    """(..., 9, 6) force and torque about the body's origin: ``force`` at the centre of mass, torque for turning.
 
-    ``inertia_B`` is about the centre of mass.
+    ``inertia_B`` is about the centre of mass; ``turning`` None: no speed changes.
     """
     spin = turn @ inertia_B
-    gyroscopic = 0.5 * (cross(turn[:-1], spin[-1]) + cross(turn[-1], spin[:-1]))
-    torque = force @ -skew(com_B) + turning @ inertia_B + gyroscopic
-    return np.concatenate([force, torque], axis=1)
+    gyroscopic = 0.5 * (turn[..., :-1, :] @ skew(spin[..., -1, :]) - spin[..., :-1, :] @ skew(turn[..., -1, :]))
+    torque = gyroscopic - force @ skew(com_B)
+    if turning is not None:
+        torque += turning @ inertia_B
+    return np.concatenate([force, torque], axis=-1)

@@ -62,7 +62,8 @@ def count_curve(n: int) -> int:
 def places_on_path(model: PlantModel) -> Array:
     """(N_PATH,) places in the state of what :attr:`Curve.path` follows."""
     s, ds, _ = servo_slices(model.dynamics.n)
-    return np.r_[model.dynamics.slices["d_f"], model.dynamics.base_places()[1], s, ds]
+    followed = model.dynamics.slices["d_f"], model.dynamics.base_places()[1], s, ds
+    return np.array([place for part in followed for place in range(part.start, part.stop)])
 
 
 def stay(model: PlantModel, half: float = 0.0) -> Curve:

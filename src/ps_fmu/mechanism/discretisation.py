@@ -20,6 +20,7 @@ _SMALLEST = float(np.finfo(float).tiny)
 _MOST_SWEEPS = 20
 #: Part in the norm of A h, balanced, of what acts in one direction only.
 _LITTLE = 0.01
+_SMALLEST = float(np.finfo(np.float64).tiny)
 
 
 def zero_order_hold(A: Array, B: Array, h: float) -> tuple[Array, Array]:
@@ -68,7 +69,8 @@ def _balance(A: Array, little: float) -> Array:
     """
     sizes = np.abs(A)
     np.fill_diagonal(sizes, 0.0)
-    no_row, no_column = (little * ~sizes.any(axis=axis) for axis in (1, 0))
+    # Sums of elements as small as 1e-300 may underflow to zero, which has no logarithm.
+    no_row, no_column = (np.where(sizes.any(axis=axis), _SMALLEST, little) for axis in (1, 0))
     scale = np.ones(len(A))
     for _ in range(_MOST_SWEEPS):
         # Sums of the scaled matrix are products: 4 us for the plant, where to scale it and to sum takes 20.

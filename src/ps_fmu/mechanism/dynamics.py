@@ -28,6 +28,7 @@ from .quantities import Array
 from .rotations import cross, skew
 
 TWO_PI = 2.0 * np.pi
+_EYE = np.eye(3)
 
 #: Groups of coordinates that :func:`assemble` can leave out.
 GROUPS = ("d_f", "q_b", "x_m", "e_c", "x_t")
@@ -35,10 +36,14 @@ GROUPS = ("d_f", "q_b", "x_m", "e_c", "x_t")
 
 @dataclass(frozen=True, eq=False)
 class Pose:
-    """A pose of the platform relative to the base."""
+    """A pose of the platform relative to the base, or many."""
 
-    translation_B: Array  # (3,), origin of P in B, m
-    rotation_BP: Array  # (3, 3), maps components in P to components in B
+    translation_B: Array  # (..., 3), origin of P in B, m
+    rotation_BP: Array  # (..., 3, 3), maps components in P to components in B
+
+    def __getitem__(self, k: int) -> Pose:
+        """One pose of many."""
+        return Pose(self.translation_B[k], self.rotation_BP[k])
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,19 +51,25 @@ class Dynamics:
     """``M q'' + C q' + K q = E_f f_f + E_b w_b - m_c s''`` about a pose, ``q`` as in the module's text.
 
     ``n`` is the number of coordinates.  Coordinates of modes that are switched off (frequency or stiffness zero)
-    keep their place: ``active`` is False there and their rows and columns are to be left out.
+    keep their place: ``active`` is False there and their rows and columns are to be left out.  Many poses at once give
+    leading dimensions to what depends on the pose.
     """
 
     pose: Pose
     jacobians: Jacobians
     legs: LegMass
-    M: Array  # (n, n) kg, kg.m, ...
-    C: Array  # (n, n)
+    M: Array  # (..., n, n) kg, kg.m, ...
+    C: Array  # (..., n, n)
     K: Array  # (n, n)
-    m_c: Array  # (n, 3) inertial coupling of a prescribed coarse-leg motion s
+    m_c: Array  # (..., n, 3) inertial coupling of a prescribed coarse-leg motion s
     active: NDArray[np.bool_]  # (n,)
     slices: dict[str, slice]  # group -> its place in q
     truss_turns_P: Array  # (3, n truss) z x direction of each truss mode, axes of P; zero for those that are off
+
+    def __getitem__(self, k: int) -> Dynamics:
+        """At one pose of many."""
+        by_pose = self.pose[k], self.jacobians[k], self.legs[k], self.M[k], self.C[k], self.K, self.m_c[k]
+        return Dynamics(*by_pose, self.active, self.slices, self.truss_turns_P)
 
     @property
     def n(self) -> int:
@@ -71,29 +82,29 @@ class Dynamics:
         return slice(first, first + 3), slice(first + 3, first + 6)
 
     def platform_rows(self) -> Array:
-        """(6, n): twist of the platform (t_p, theta_p), B axes, from the coordinates; eqs (8), (24) with plus signs."""
-        rows = np.zeros((6, self.n))
-        rows[:, self.slices["d_f"]] = self.jacobians.J_pf
-        rows[:, self.slices["q_b"]] = self.jacobians.J_pb
-        rows[:, self.slices["e_c"]] = self.jacobians.J_pc
-        return rows
+        """Twist of the platform (t_p, theta_p), B axes, from the coordinates; eqs (8), (24) with plus signs.
+
+        (..., 6, n)
+        """
+        return _make_platform_rows(self.jacobians, self.slices)
 
 
 def rigid_body_mass(mass: float, com: Array, inertia_com: Array) -> Array:
-    """(6, 6) mass matrix of a rigid body about a frame's origin, eqs (20), (23).
+    """(..., 6, 6) mass matrix of a rigid body about a frame's origin, eqs (20), (23).
 
-    ``com`` (3,) and ``inertia_com`` (3, 3, about the centre of mass) are in the axes of the result.
+    ``com`` (..., 3) and ``inertia_com`` (..., 3, 3, about the centre of mass) are in the axes of the result.
     """
     rho = skew(com)
-    M = np.empty((6, 6))
-    M[:3, :3], M[:3, 3:] = mass * np.eye(3), -mass * rho
-    M[3:, :3], M[3:, 3:] = mass * rho, inertia_com - mass * rho @ rho
+    moment = mass * rho
+    M = np.empty((*com.shape[:-1], 6, 6))
+    M[..., :3, :3], M[..., :3, 3:] = mass * _EYE, -moment
+    M[..., 3:, :3], M[..., 3:, 3:] = moment, inertia_com - moment @ rho
     return M
 
 
 def payload_mass(payload: Payload, rotation_BP: Array) -> Array:
-    """M_p of eq (20), (6, 6), B axes at the origin of P."""
-    return rigid_body_mass(payload.mass, rotation_BP @ payload.com_P, rotation_BP @ payload.inertia_P @ rotation_BP.T)
+    """M_p of eq (20), (..., 6, 6), B axes at the origin of P."""
+    return rigid_body_mass(payload.mass, rotation_BP @ payload.com_P, rotation_BP @ payload.inertia_P @ rotation_BP.mT)
 
 
 def bus_mass(bus: Bus) -> Array:
@@ -118,33 +129,31 @@ class FlexibleSystem:
     bus: Bus
 
     def at(self, pose: Pose, J: Jacobians | None = None) -> Dynamics:
-        """The full model at a pose; ``J``: the Jacobians there, if they are known."""
+        """The full model at a pose, or at many at once; ``J``: the Jacobians there, if they are known."""
         geometry = self.manipulator.geometry
         if J is None:
             J = jacobians(geometry, pose.translation_B, pose.rotation_BP)
         legs = leg_mass_on(self._legs, geometry, J)
-        d_f, q_b, _, e_c, x_t = (self._slices[group] for group in GROUPS)
+        _, q_b, _, e_c, x_t = (self._slices[group] for group in GROUPS)
         M_fixed, C_fixed, K, active = self._fixed
 
         # Platform twist from q, then the quadratic forms of eqs (20)-(23); that of the base is q_b itself.
-        platform = np.zeros((6, len(active)))
-        platform[:, d_f], platform[:, q_b], platform[:, e_c] = J.J_pf, J.J_pb, J.J_pc
-        M = M_fixed + platform.T @ (payload_mass(self.payload, pose.rotation_BP) + legs.alpha) @ platform
-        both = platform.T @ legs.alpha_beta
-        M[:, q_b] += both
-        M[q_b, :] += both.T
-        M[q_b, q_b] += legs.beta
+        platform = _make_platform_rows(J, self._slices)
+        M = M_fixed + platform.mT @ (payload_mass(self.payload, pose.rotation_BP) + legs.alpha) @ platform
+        both = platform.mT @ legs.alpha_beta
+        M[..., q_b] += both
+        M[..., q_b, :] += both.mT
+        M[..., q_b, q_b] += legs.beta
         # The masses of the truss modes move with the platform and along their own directions: point masses.
-        mass, position_P, direction_P = self._truss
-        along_B = direction_P @ pose.rotation_BP.T
-        moments_B = cross(position_P @ pose.rotation_BP.T, along_B)
-        with_platform = mass[:, None] * (np.hstack([along_B, moments_B]) @ platform)
-        M[x_t, :] += with_platform
-        M[:, x_t] += with_platform.T
-        C = C_fixed.copy()
+        mass, position_B, along_B = self.truss_at(pose.rotation_BP)
+        moments_B = cross(position_B, along_B)
+        with_platform = mass[:, None] * (np.concatenate([along_B, moments_B], axis=-1) @ platform)
+        M[..., x_t, :] += with_platform
+        M[..., x_t] += with_platform.mT
+        C = np.zeros_like(M) + C_fixed
         rods, on_rods = self.manipulator.coarse_rods, np.arange(e_c.start, e_c.stop)
-        C[on_rods, on_rods] = 2.0 * rods.damping_ratio * np.sqrt(rods.axial_stiffness * M[on_rods, on_rods])
-        return Dynamics(pose, J, legs, M, C, K, M[:, e_c].copy(), active, self._slices, self._truss_turns_P)
+        C[..., on_rods, on_rods] = 2.0 * rods.damping_ratio * np.sqrt(rods.axial_stiffness * M[..., on_rods, on_rods])
+        return Dynamics(pose, J, legs, M, C, K, M[..., e_c].copy(), active, self._slices, self._truss_turns_P)
 
     @property
     def n(self) -> int:
@@ -167,9 +176,9 @@ class FlexibleSystem:
         return self._fixed[0][q_b, q_b]
 
     def truss_at(self, rotation_BP: Array) -> tuple[Array, Array, Array]:
-        """Masses (n,) of the truss modes, kg, with places from the origin of P, m, and directions (n, 3), axes of B."""
+        """Masses (n,) of the truss modes, kg; places from the origin of P, m, and directions (..., n, 3), axes of B."""
         mass, position_P, direction_P = self._truss
-        return mass, position_P @ rotation_BP.T, direction_P @ rotation_BP.T
+        return mass, position_P @ rotation_BP.mT, direction_P @ rotation_BP.mT
 
     @cached_property
     def _slices(self) -> dict[str, slice]:
@@ -220,6 +229,13 @@ class FlexibleSystem:
         for shared in (K, active):
             shared.setflags(write=False)
         return M, C, K, active
+
+
+def _make_platform_rows(J: Jacobians, slices: dict[str, slice]) -> Array:
+    """See :meth:`Dynamics.platform_rows`."""
+    rows = np.zeros((*J.J_pl.shape[:-1], slices[GROUPS[-1]].stop))
+    rows[..., slices["d_f"]], rows[..., slices["q_b"]], rows[..., slices["e_c"]] = J.J_pf, J.J_pb, J.J_pc
+    return rows
 
 
 def _places(sizes: dict[str, int]) -> dict[str, slice]:

@@ -13,7 +13,7 @@ from math import isfinite
 import numpy as np
 
 from .geometry import Geometry
-from .kinematics import KinematicsError, find_leg_lines, leg_rows
+from .kinematics import KinematicsError, LegLines, find_leg_lines, leg_rows
 from .quantities import Array
 from .rotations import roll_pitch_yaw, rotation_from_vector
 
@@ -40,6 +40,8 @@ class ForwardPose:
     """(..., 3, 3), P to B."""
     residuals: tuple[float, ...]
     """Largest length error before each Newton step, and at the end, m."""
+    legs: LegLines
+    """Where the legs are."""
 
     @property
     def orientation(self) -> Array:
@@ -110,4 +112,4 @@ def forward_kinematics(
             "together, or start nearer to the pose",
             residuals[-1],
         )
-    return ForwardPose(np.asarray(translation_B), np.asarray(R), tuple(residuals))
+    return ForwardPose(np.asarray(translation_B), np.asarray(R), tuple(residuals), legs)

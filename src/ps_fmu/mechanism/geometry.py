@@ -10,6 +10,8 @@ import numpy as np
 from .quantities import Array, freeze
 from .rotations import skew
 
+_EYE = np.eye(3)
+
 
 @dataclass(frozen=True, eq=False)
 class Geometry:
@@ -38,11 +40,11 @@ class Geometry:
 
 
 def point_rows(arms: Array) -> Array:
-    """(n, 3) to (3 n, 6): velocities of points at ``arms``, one below the other, from the twist of their body, eq (A5).
+    """Velocities of points at ``arms``, one below the other, from the twist of their body, eq (A5).
 
-    The transpose maps forces on the points to force and torque about the body's origin.
+    (..., n, 3) to (..., 3 n, 6).  The transpose maps forces on the points to force and torque about the body's origin.
     """
-    rows = np.zeros((len(arms), 3, 6))
-    rows[:, :, :3] = np.eye(3)
-    rows[:, :, 3:] = -skew(arms)
-    return rows.reshape(-1, 6)
+    rows = np.zeros((*arms.shape, 6))
+    rows[..., :3] = _EYE
+    rows[..., 3:] = -skew(arms)
+    return rows.reshape(*arms.shape[:-2], -1, 6)

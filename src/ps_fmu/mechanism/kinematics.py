@@ -47,7 +47,7 @@ class LegLines:
 
     @cached_property
     def platform_points(self) -> Array:
-        """(18, 6), at one pose: velocities of the platform joints from the twist of P, :func:`.geometry.point_rows`."""
+        """(..., 18, 6): velocities of the platform joints from the twist of P, :func:`.geometry.point_rows`."""
         return point_rows(self.arms_B)
 
     @property
@@ -82,8 +82,8 @@ class Jacobians:
     """(..., 6, 6), eq (10): base motion to platform motion with all legs held."""
     legs: LegLines
 
-    def __getitem__(self, k: int) -> Jacobians:
-        """At one pose of many."""
+    def __getitem__(self, k: int | slice | list[int]) -> Jacobians:
+        """At one pose of many, or at some."""
         lines = LegLines(self.legs.arms_B[k], self.legs.n_B[k], self.legs.length[k])
         return Jacobians(self.J_lp[k], self.J_lb[k], self.J_pl[k], self.J_pb[k], lines)
 
@@ -169,19 +169,21 @@ def base_jacobian(geometry: Geometry, translation_B: Array, R: Array) -> Array:
     return leg_rows(geometry.base_joints_B, find_leg_lines(geometry, translation_B, R).n_B)
 
 
-def jacobians(geometry: Geometry, translation_B: Array, R: Array) -> Jacobians:
+def jacobians(geometry: Geometry, translation_B: Array, R: Array, legs: LegLines | None = None) -> Jacobians:
     """All Jacobians at a pose, or at many.
 
     Parameters
     ----------
     translation_B: (..., 3), m.
     R: (..., 3, 3).
+    legs: where the legs are there, if that is known.
 
     Raises
     ------
     SingularPoseError: J_lp is singular, or nearly so, at one of the poses.
     """
-    legs = find_leg_lines(geometry, translation_B, R)
+    if legs is None:
+        legs = find_leg_lines(geometry, translation_B, R)
     J_lp, J_lb = leg_rows(legs.arms_B, legs.n_B), leg_rows(geometry.base_joints_B, legs.n_B)
     try:
         J_pl = np.asarray(np.linalg.inv(J_lp), dtype=np.float64)

@@ -25,7 +25,7 @@ Legs = tuple[CoarseLeg, ...]
 
 @dataclass(frozen=True, eq=False)
 class LegMass:
-    """The blocks of eq (21) and (A16), each (6, 6), for twists (translation, rotation) in B axes.
+    """The blocks of eq (21) and (A16), each (..., 6, 6), for twists (translation, rotation) in B axes.
 
     Twice the kinetic energy of the legs is ``vp' alpha vp + 2 vp' alpha_beta vb + vb' beta vb`` with ``vp`` the
     twist of P at its origin and ``vb`` that of B at its origin.
@@ -34,6 +34,10 @@ class LegMass:
     alpha: Array
     alpha_beta: Array
     beta: Array
+
+    def __getitem__(self, k: int) -> LegMass:
+        """At one pose of many."""
+        return LegMass(self.alpha[k], self.alpha_beta[k], self.beta[k])
 
 
 @lru_cache(maxsize=8)
@@ -75,7 +79,7 @@ def leg_mass_on(legs: Legs, geometry: Geometry, J: Jacobians) -> LegMass:
 def _leg_mass(legs: Legs, geometry: Geometry, lines: LegLines, J_lp: Array, J_lb: Array) -> LegMass:
     """The projection at right angles to a leg (A8) is the identity without ``n n'``; ``n' J_p`` is a row of J_lp."""
     (m_u, m_l), (first_u, first_l), second = leg_moments(legs)
-    length = lines.length[:, None]
+    length = lines.length[..., None]
     turning = second / length**2
     m_alpha = turning - 2.0 * first_u / length  # (A19)
     m_beta = turning - 2.0 * first_l / length  # (A22)
@@ -83,9 +87,9 @@ def _leg_mass(legs: Legs, geometry: Geometry, lines: LegLines, J_lp: Array, J_lb
     at_platform, at_base = lines.platform_points, geometry.base_points  # J_p and J_b of (A5)
 
     def each_point(mass: Array) -> Array:
-        return np.repeat(mass, 3, axis=0)
+        return np.repeat(mass, 3, axis=-2)
 
-    alpha = at_platform.T @ (each_point(m_u + m_alpha) * at_platform) - J_lp.T @ (m_alpha * J_lp)  # (A17)
-    beta = at_base.T @ (each_point(m_l + m_beta) * at_base) - J_lb.T @ (m_beta * J_lb)  # (A20)
-    alpha_beta = J_lp.T @ (m_alpha_beta * J_lb) - at_platform.T @ (each_point(m_alpha_beta) * at_base)  # (A23)
+    alpha = at_platform.mT @ (each_point(m_u + m_alpha) * at_platform) - J_lp.mT @ (m_alpha * J_lp)  # (A17)
+    beta = at_base.T @ (each_point(m_l + m_beta) * at_base) - J_lb.mT @ (m_beta * J_lb)  # (A20)
+    alpha_beta = J_lp.mT @ (m_alpha_beta * J_lb) - at_platform.mT @ (each_point(m_alpha_beta) * at_base)  # (A23)
     return LegMass(alpha, alpha_beta, beta)

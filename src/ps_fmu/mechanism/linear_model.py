@@ -31,7 +31,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .centre import Centre
-from .convection import COARSE, FINE, TURN, convective_forces
+from .convection import convective_forces
 from .discretisation import make_held_step_map, zero_order_hold
 from .dynamics import Dynamics, FlexibleSystem, Pose
 from .forward_kinematics import forward_kinematics
@@ -40,13 +40,13 @@ from .outputs import Nominal, make_output_matrices
 from .parameters import Bus, CoarseServo, Manipulator, Optics, Parameters, Payload
 from .quantities import Array, ParameterError, group
 from .quaternions import IDENTITY
-from .rotations import roll_pitch_yaw, skew
-from .signals import ADDED, N_INPUTS, PAYLOAD, RATE, TIME, count_states, servo_slices
+from .rates import make_rate_matrices, turn_base
+from .rotations import roll_pitch_yaw
+from .signals import ADDED, N_INPUTS, TIME, count_states, servo_slices
 
 _ONE = slice(N_INPUTS - 1, N_INPUTS)
 _NOT_ADDED = np.ones(N_INPUTS, dtype=bool)
 _NOT_ADDED[ADDED] = False
-_EYE = np.eye(3)
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +58,8 @@ class PlantModel:
     dynamics: at the pose of the centre.
     nominal: the pose of its coarse legs alone.
     convection: (n, 9) of :func:`.convection.convective_forces` with the speeds of the centre; None: it is at rest.
-    servo, optics: see :mod:`.parameters`.
+    tangent: A, B, C, D without ``curvature``.
+    servo: see :mod:`.parameters`.
     curvature: (states and outputs, 2) what is added to ``x'`` and ``y`` by the time from the centre and its square.
     """
 
@@ -66,8 +67,8 @@ class PlantModel:
     dynamics: Dynamics
     nominal: Nominal
     convection: Array | None
+    tangent: tuple[Array, Array, Array, Array]
     servo: CoarseServo
-    optics: Optics
     curvature: Array | None = None
 
     @property
@@ -86,7 +87,7 @@ class PlantModel:
 
     @cached_property
     def _matrices(self) -> tuple[Array, Array, Array, Array]:
-        A, B, C, D = self._tangent
+        A, B, C, D = self.tangent
         if self.curvature is not None:
             B, D = B.copy(), D.copy()
             B[:, TIME], D[:, TIME] = self.curvature[: len(A)], self.curvature[len(A) :]
@@ -94,66 +95,7 @@ class PlantModel:
 
     def curve(self, curvature: Array) -> PlantModel:
         """The same with another ``curvature``."""
-        curved = replace(self, curvature=curvature)
-        curved.__dict__["_tangent"] = self._tangent  # cached
-        return curved
-
-    @cached_property
-    def _tangent(self) -> tuple[Array, Array, Array, Array]:
-        d, n = self.dynamics, self.dynamics.n
-        A, B = np.zeros((self.n_states, self.n_states)), np.zeros((self.n_states, N_INPUTS))
-        dq, s, ds, r = slice(n, 2 * n), *servo_slices(n)
-        on = np.flatnonzero(d.active)
-        A[on, n + on] = 1.0  # q' = dq, for what can move
-        A[s, ds] = _EYE
-        omega = 2.0 * np.pi * self.servo.frequency
-        A[ds, s], A[ds, ds] = -(omega**2) * _EYE, -2.0 * self.servo.damping_ratio * omega * _EYE
-        A[ds, r] = omega**2 * _EYE
-        B[r, RATE] = _EYE
-
-        # M q'' = - K q - C q' + [f_f + f_a; w_b; 0] + (platform's motion)' w_p - m_c s'' - c
-        if len(on) == n:
-            mobility = np.linalg.inv(d.M)
-        else:
-            pick = np.ix_(on, on)
-            mobility = np.zeros((n, n))  # zero for what cannot move
-            mobility[pick] = np.linalg.inv(d.M[pick])
-        coupling = mobility @ d.m_c
-        A[dq, :n] = -mobility @ d.K
-        A[dq, dq] = -mobility @ d.C
-        A[dq, 2 * n :] = -coupling @ A[ds, 2 * n :]
-        B[dq, 0:3], B[dq, 3:9] = mobility[:, d.slices["d_f"]], mobility[:, d.slices["q_b"]]
-        B[dq, ADDED] = B[dq, 0:3]
-        to_platform, R_BP = mobility @ d.platform_rows().T, d.pose.rotation_BP
-        B[dq, PAYLOAD] = np.hstack([to_platform[:, :3] @ R_BP, to_platform[:, 3:] @ R_BP])
-        if self.convection is not None:
-            self._add_convection(A, B, mobility @ self.convection)
-        C, D = make_output_matrices(d, self.nominal, self.centre, self.optics, (A[dq], B[dq]))
-        self._turn_base(A, B)
-        return A, B, C, D
-
-    def _add_convection(self, A: Array, B: Array, C: Array) -> None:
-        """Accelerations ``- c(v)`` about v0: ``- 2 C(v0, v) + C(v0, v0)``; C (n, 9): of them, not of forces."""
-        d, n = self.dynamics, self.dynamics.n
-        _, r_b = d.base_places()
-        legs = d.slices["d_f"], d.slices["e_c"]
-        for places, speeds in ((legs[0], FINE), (r_b, TURN), (legs[1], COARSE)):
-            A[n : 2 * n, n + places.start : n + places.stop] -= 2.0 * C[:, speeds]
-        A[n : 2 * n, servo_slices(n)[1]] -= 2.0 * C[:, COARSE]
-        B[n : 2 * n, _ONE] += (C @ self.centre.speeds)[:, None]
-
-    def _turn_base(self, A: Array, B: Array) -> None:
-        """``v' = a - w x v`` and ``p' = v - w x p`` to first order about the centre."""
-        d, n = self.dynamics, self.dynamics.n
-        t_b, r_b = d.base_places()
-        about = slice(n + r_b.start, n + r_b.stop)
-        centre = self.centre
-        across_turn, across_p, across_v = skew(np.array([centre.speeds[TURN], centre.position_B, centre.velocity_B]))
-        for shift, moving, across in ((0, centre.position_B, across_p), (n, centre.velocity_B, across_v)):
-            rows = slice(shift + t_b.start, shift + t_b.stop)
-            A[rows, rows] -= across_turn
-            A[rows, about] += across
-            B[rows, _ONE] += (across_turn @ moving)[:, None]
+        return replace(self, curvature=curvature)
 
     def output_map(self) -> Array:
         """[C D]: outputs from state and input at the same instant."""
@@ -189,8 +131,8 @@ class PlantModel:
         return Ad, Bd, C, D
 
 
-class _Place(NamedTuple):
-    """Where the platform is."""
+class _Places(NamedTuple):
+    """Where the platform is, about many centres."""
 
     pose: Pose
     jacobians: Jacobians
@@ -243,38 +185,53 @@ class Plant:
         ParameterError: no usable pose has these leg lengths; since they are within the stroke, it names the stroke.
         """
         try:
-            places = self._find_places(centres)
+            present, nominal = self._find_places(centres)
         except KinematicsError as error:
             at = "; ".join(_list_mm(centre.coarse) for centre in centres)
             raise ParameterError(
                 "coarse_stroke", f"too large: no usable pose with the coarse legs at ({at}) mm from nominal; {error}"
             ) from error
-        return [
-            self._make_model(centre, present, nominal)
-            for centre, (present, nominal) in zip(centres, places, strict=True)
-        ]
+        return self._make_models(centres, present, nominal)
 
-    def _find_places(self, centres: Sequence[Centre]) -> list[tuple[_Place, _Place]]:
-        """Where the platform is by all legs and by the coarse ones alone: the same, if the fine ones are undeformed.
+    def _find_places(self, centres: Sequence[Centre]) -> tuple[_Places, _Places]:
+        """Where the platform is by all legs and by the coarse ones alone: the same, if no fine one is deformed.
 
         All at once takes little more than one: 0.3 ms for three centres, where one by one they take 0.8.
         """
-        geometry, none = self.manipulator.geometry, np.zeros(3)
-        parts = [(centre.coarse, fine) for centre in centres for fine in _list_distinct(centre.fine, none)]
-        found = forward_kinematics(geometry, geometry.nominal_lengths + np.array([np.concatenate(p) for p in parts]))
-        J = jacobians(geometry, found.translation_B, found.R)
-        places = iter([_Place(Pose(found.translation_B[k], found.R[k]), J[k]) for k in range(len(parts))])
-        pairs = []
-        for centre in centres:
-            present = next(places)
-            pairs.append((present, next(places) if centre.fine.any() else present))
-        return pairs
+        geometry, k = self.manipulator.geometry, len(centres)
+        deformed = [i for i, centre in enumerate(centres) if centre.fine.any()]
+        moved = np.zeros((k + len(deformed), 6))  # all legs of each centre, then the coarse ones of some
+        for i, centre in enumerate(centres):
+            moved[i, :3], moved[i, 3:] = centre.coarse, centre.fine
+        moved[k:, :3] = moved[deformed, :3]
+        found = forward_kinematics(geometry, geometry.nominal_lengths + moved)
+        J = jacobians(geometry, found.translation_B, found.R, found.legs)
+        present = _Places(Pose(found.translation_B[:k], found.R[:k]), J[:k])
+        if not deformed:
+            return present, present
+        at = list(range(k))
+        for place, i in enumerate(deformed, k):
+            at[i] = place
+        return present, _Places(Pose(found.translation_B[at], found.R[at]), J[at])
 
-    def _make_model(self, centre: Centre, present: _Place, nominal: _Place) -> PlantModel:
-        dynamics = self.system.at(*present)
-        convection = convective_forces(self.system, dynamics, centre.speeds) if centre.speeds.any() else None
+    def _make_models(self, centres: Sequence[Centre], present: _Places, nominal: _Places) -> list[PlantModel]:
+        """Three at once take little more than one."""
+        system, centre = self.system, Centre.stack(centres)
+        d = system.at(*present)
         by_coarse = Nominal(*nominal, roll_pitch_yaw(nominal.pose.rotation_BP))
-        return PlantModel(centre, dynamics, by_coarse, convection, self.servo, self.optics)
+        convection = convective_forces(system, d, centre.speeds) if centre.speeds.any() else None
+        A, B = make_rate_matrices(d, centre, convection, self.servo)
+        accelerations = slice(d.n, 2 * d.n)
+        C, D = make_output_matrices(d, by_coarse, centre, self.optics, (A[:, accelerations], B[:, accelerations]))
+        turn_base(A, B, d, centre)
+        models = []
+        for k, about in enumerate(centres):
+            own = d[k]
+            place = (by_coarse.pose[k], by_coarse.jacobians[k]) if about.fine.any() else (own.pose, own.jacobians)
+            forces = None if convection is None or not about.speeds.any() else convection[k]
+            tangent = A[k], B[k], C[k], D[k]
+            models.append(PlantModel(about, own, Nominal(*place, by_coarse.rpy[k]), forces, tangent, self.servo))
+        return models
 
     @cached_property
     def system(self) -> FlexibleSystem:
@@ -308,11 +265,6 @@ class Plant:
             x[d.n + r_b.start : d.n + r_b.stop] = angular_velocity_B
             x[d.n + t_b.start : d.n + t_b.stop] = -d.M[t_b, r_b] @ angular_velocity_B / d.M[t_b.start, t_b.start]
         return x
-
-
-def _list_distinct(fine: Array, none: Array) -> list[Array]:
-    """Elongations of the fine legs at a centre, and none at all."""
-    return [fine, none] if fine.any() else [none]
 
 
 def _list_mm(displacements: Array) -> str:

@@ -11,7 +11,7 @@ import numpy as np
 from .convection import COARSE, FINE, N_SPEEDS, TURN
 from .dynamics import FlexibleSystem, Pose
 from .forward_kinematics import forward_kinematics
-from .kinematics import jacobians
+from .kinematics import Jacobians, jacobians
 from .linear_model import PlantModel
 from .quantities import Array
 from .rotations import cross, rotation_from_vector, skew, turn_vector
@@ -24,7 +24,9 @@ _SMOOTH = 0.1
 _BRIEF = 1.0
 
 
-def find_momentum(system: FlexibleSystem, pose: Pose, velocity_B: Array, speeds: Array) -> tuple[Array, Array]:
+def find_momentum(
+    system: FlexibleSystem, pose: Pose, velocity_B: Array, speeds: Array, J: Jacobians | None = None
+) -> tuple[Array, Array]:
     """Linear and angular momentum of all bodies, their modes at rest, about the origin of B in its axes.
 
     Parameters
@@ -32,13 +34,15 @@ def find_momentum(system: FlexibleSystem, pose: Pose, velocity_B: Array, speeds:
     pose: of the platform, fine legs at their present length.
     velocity_B: (3,) m/s, of the origin of B.
     speeds: (9,) of :mod:`.convection`.
+    J: the Jacobians at the pose, if they are known.
 
     Returns
     -------
     (6,) N.s and N.m.s, and the centre of mass, (3,) m from the origin of B.
     """
     geometry, R, t = system.manipulator.geometry, pose.rotation_BP, pose.translation_B
-    J = jacobians(geometry, t, R)
+    if J is None:
+        J = jacobians(geometry, t, R)
     lines, n_B, length = J.legs, J.legs.n_B, J.legs.length[:, None]
     turn = speeds[TURN]
     base = np.concatenate([velocity_B, turn])  # twists in inertial space
@@ -187,7 +191,8 @@ class Balance:
         found = forward_kinematics(geometry, lengths, d.pose.translation_B, d.pose.rotation_BP)
         rate = x[n : 2 * n]
         speeds = np.concatenate([rate[d_f], rate[r_b], x[ds] + rate[e_c]])
-        momentum, com_B = find_momentum(self._system, Pose(found.translation_B, found.R), rate[t_b], speeds)
+        J = jacobians(geometry, found.translation_B, found.R, found.legs)
+        momentum, com_B = find_momentum(self._system, Pose(found.translation_B, found.R), rate[t_b], speeds, J)
         for modes in (d.slices["x_m"], d.slices["x_t"]):
             coupling = d.M[d.slices["q_b"], modes] * d.active[modes]
             momentum += coupling @ rate[modes]

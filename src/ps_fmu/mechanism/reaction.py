@@ -57,7 +57,7 @@ def _find_turn(system: FlexibleSystem, orientation: Array, rate: Array, held: bo
     geometry, R = system.manipulator.geometry, rotation_matrix(orientation)
     pose = Pose(inverse_kinematics(geometry, orientation).translation_B, R)
     J = jacobians(geometry, pose.translation_B, R)
-    columns = [find_momentum(system, pose, unit[:3], unit[3:])[0] for unit in _UNITS]
+    columns = [find_momentum(system, pose, unit[:3], unit[3:], J)[0] for unit in _UNITS]
     by_speeds = np.column_stack(columns[3:])
     of_base = np.column_stack([*columns[:3], by_speeds[:, TURN]])
     relative = by_speeds[:, COARSE] @ np.linalg.solve(J.J_theta_c, angular_velocity_map(orientation) @ rate)

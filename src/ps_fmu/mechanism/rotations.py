@@ -8,6 +8,7 @@ misplace the platform by centimetres.
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -146,7 +147,8 @@ def rotation_from_vector(vector: Array) -> Array:
         angle = max(math.sqrt(x * x + y * y + z * z), _SMALLEST)
         sine, half = float(np.sin(angle)) / angle, float(np.sin(0.5 * angle)) / angle
     else:
-        x, y, z = np.moveaxis(vector, -1, 0)
+        components: Any = (vector[..., axis] for axis in range(3))
+        x, y, z = components
         angle = np.maximum(np.sqrt(x * x + y * y + z * z), _SMALLEST)
         sine, half = np.sin(angle) / angle, np.sin(0.5 * angle) / angle
     one_less = 2.0 * half * half  # (1 - cos a) / a**2
@@ -160,7 +162,10 @@ def rotation_from_vector(vector: Array) -> Array:
     )
     if vector.size == 3:
         return np.array(rows).reshape(*vector.shape, 3)
-    return np.moveaxis(np.array(rows), (0, 1), (-2, -1))
+    R = np.empty((*vector.shape, 3))
+    for i, row in enumerate(rows):
+        R[..., i, 0], R[..., i, 1], R[..., i, 2] = row
+    return R
 
 
 def turn_vector(integral: Array, before: Array, after: Array, lasted: float) -> Array:
@@ -174,10 +179,10 @@ def turn_vector(integral: Array, before: Array, after: Array, lasted: float) -> 
 
 
 def rotation_vector(R: Array) -> Array:
-    """Rotation vector, rad, of turns below 90 deg: inverse of :func:`rotation_from_vector`; (3, 3) to (3,)."""
-    sine = 0.5 * np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
-    size = float(np.linalg.norm(sine))
-    return sine if size < 1e-8 else np.asarray(np.arcsin(min(size, 1.0)) / size * sine)  # 1e-8: arcsin(a)/a is 1
+    """Rotation vector, rad, of turns below 90 deg: inverse of :func:`rotation_from_vector`; (..., 3, 3) to (..., 3)."""
+    sine = 0.5 * (R[..., _LAST, _NEXT] - R[..., _NEXT, _LAST])
+    size = np.maximum(lengths(sine), 1e-8)  # so small, arcsin(a)/a is 1
+    return np.asarray((np.arcsin(np.minimum(size, 1.0)) / size)[..., None] * sine)
 
 
 def _sines_cosines(orientation: Array) -> tuple[Array, Array, Array, Array]:

@@ -13,6 +13,7 @@ legs are undeformed there, unless something holds them at another length.
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -49,7 +50,7 @@ def find_attitude(model: PlantModel, x: Array, time: float) -> Array:
     turn_B = x[n + r_b.start : n + r_b.stop]
     turn = turn_vector(x[r_b] - centre.rotation_B, centre.speeds[TURN], turn_B, time)
     q = multiply(centre.attitude, from_rotation_vector(turn))
-    return np.asarray(q / np.linalg.norm(q))
+    return np.asarray(q / math.sqrt(q @ q))
 
 
 def is_at_rest(model: PlantModel, x: Array, command: Array) -> bool:
