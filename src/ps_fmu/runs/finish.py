@@ -66,8 +66,6 @@ def _copy_group(old: Any, new: Any) -> None:
         if variable.dimensions != ("time",):
             copied[...] = np.asarray(variable[...], dtype=object if variable.dtype is str else None)
             continue
-        for one in (variable, copied):  # by default up to 64 MB of each variable stay in memory
-            one.set_var_chunk_cache(size=2 * CHUNK_ROWS * 8, nelems=7)
         for first in range(0, len(variable), _BLOCK_ROWS):
             last = min(first + _BLOCK_ROWS, len(variable))
             copied[first:last] = variable[first:last]
@@ -81,8 +79,11 @@ def _define_group(old: Any, new: Any) -> list[tuple[Any, Any]]:
         new.createDimension(dimension.name, None if dimension.isunlimited() else len(dimension))
     for variable in old.variables.values():
         variable.set_auto_maskandscale(False)
-        kept = _keep_rows(variable) if variable.dimensions == ("time",) else {}
+        rows = variable.dimensions == ("time",)
+        kept = _keep_rows(variable) if rows else {}
         copied = new.createVariable(variable.name, variable.dtype, variable.dimensions, **kept)
+        for one in (variable, copied) if rows else ():  # by default up to 64 MB of each variable stay in memory
+            one.set_var_chunk_cache(size=2 * CHUNK_ROWS * 8, nelems=7)
         copied.set_auto_maskandscale(False)
         copied.setncatts({name: variable.getncattr(name) for name in variable.ncattrs()})
         pairs.append((variable, copied))
