@@ -27,7 +27,7 @@ def test_a_stage_stops_what_would_be_folded_into_the_band(factor, later):
     assert np.abs(np.abs(response[frequency < PASS_BAND * nyquist]) - 1.0).max() < ripple
 
 
-@pytest.mark.parametrize("factor", [100, 1000])
+@pytest.mark.parametrize("factor", [10, 100, 1000])
 def test_sines_pass_or_are_stopped(factor):
     rows = np.arange(400 * factor)
     kept, stopped = np.array([0.05, 0.2, 0.4]), np.array([0.55, 0.9, 1.3, 7.7, 12.05])  # cycles per stored row

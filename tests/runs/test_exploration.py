@@ -141,7 +141,8 @@ def test_motion_of_a_long_run_is_read_in_parts(tmp_path, monkeypatch):
         for name, column in zip(("time", *MOTION), (1e-3 * np.arange(16_000), *values), strict=True):
             variable = group.createVariable(name, "f8", ("time",))
             variable.units, variable[:] = "1", column
-    motion = read_motion(tmp_path / "results.nc", "run")
+    with netCDF4.Dataset(tmp_path / "results.nc") as file:
+        motion = read_motion(file["run"])
     np.testing.assert_allclose(motion.values, values.reshape(len(MOTION), 4000, 4).mean(axis=2), rtol=1e-9, atol=1e-12)
     np.testing.assert_allclose(motion.time, 4e-3 * np.arange(4000))
 

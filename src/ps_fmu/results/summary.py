@@ -8,6 +8,7 @@ import math
 import platform
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
+from functools import cache
 from importlib import metadata
 from pathlib import Path
 
@@ -35,13 +36,20 @@ class FmuFile:
 
 def versions() -> dict[str, str]:
     """Versions of Python, of this package and of the packages that a result depends on."""
-    found = {"python": platform.python_version(), "ps_fmu": __version__}
-    for package in _PACKAGES:
-        try:
-            found[package] = metadata.version(package)
-        except metadata.PackageNotFoundError:
-            found[package] = "not installed"
-    return found
+    return {
+        "python": platform.python_version(),
+        "ps_fmu": __version__,
+        **{package: _find_version(package) for package in _PACKAGES},
+    }
+
+
+@cache
+def _find_version(package: str) -> str:
+    """Kept: a run asks three times, and to read the metadata of all packages takes 5 ms."""
+    try:
+        return metadata.version(package)
+    except metadata.PackageNotFoundError:
+        return "not installed"
 
 
 @dataclass(frozen=True)

@@ -57,7 +57,23 @@ def finish_file(path: Path, indices: IndexLog) -> None:
 
 
 def _copy_group(old: Any, new: Any) -> None:
-    """Attributes, dimensions, variables and groups; columns of rows are compressed where it is worth it."""
+    """Attributes, dimensions, variables and groups; columns of rows are compressed where it is worth it.
+
+    All is defined before the first value is written: HDF5 flushes all there is at a value that follows a definition,
+    which took 0.25 s of 0.67 s for two runs of 1 s.
+    """
+    for variable, copied in _define_group(old, new):
+        if variable.dimensions != ("time",):
+            copied[...] = np.asarray(variable[...], dtype=object if variable.dtype is str else None)
+            continue
+        for first in range(0, len(variable), _BLOCK_ROWS):
+            last = min(first + _BLOCK_ROWS, len(variable))
+            copied[first:last] = variable[first:last]
+
+
+def _define_group(old: Any, new: Any) -> list[tuple[Any, Any]]:
+    """As :func:`_copy_group`, without values; returns each variable and that which takes its values."""
+    pairs: list[tuple[Any, Any]] = []
     new.setncatts({name: old.getncattr(name) for name in old.ncattrs()})
     for dimension in old.dimensions.values():
         new.createDimension(dimension.name, None if dimension.isunlimited() else len(dimension))
@@ -66,26 +82,25 @@ def _copy_group(old: Any, new: Any) -> None:
         rows = variable.dimensions == ("time",)
         kept = _keep_rows(variable) if rows else {}
         copied = new.createVariable(variable.name, variable.dtype, variable.dimensions, **kept)
+        for one in (variable, copied) if rows else ():  # by default up to 64 MB of each variable stay in memory
+            one.set_var_chunk_cache(size=2 * CHUNK_ROWS * 8, nelems=7)
         copied.set_auto_maskandscale(False)
         copied.setncatts({name: variable.getncattr(name) for name in variable.ncattrs()})
-        if not rows:
-            copied[...] = np.asarray(variable[...], dtype=object if variable.dtype is str else None)
-            continue
-        for one in (variable, copied):  # by default up to 64 MB of each variable stay in memory
-            one.set_var_chunk_cache(size=2 * CHUNK_ROWS * 8, nelems=7)
-        for first in range(0, len(variable), _BLOCK_ROWS):
-            last = min(first + _BLOCK_ROWS, len(variable))
-            copied[first:last] = variable[first:last]
+        pairs.append((variable, copied))
     for name, group in old.groups.items():
-        _copy_group(group, new.createGroup(name))
+        pairs += _define_group(group, new.createGroup(name))
+    return pairs
 
 
 def _keep_rows(variable: Any) -> dict[str, Any]:
     """How a column is stored: chunks no longer than it is, compressed or not."""
     count = len(variable)
     chunks = {"chunksizes": (max(1, min(CHUNK_ROWS, count)),)}
-    starts = sorted({0, max(0, count // 2), max(0, count - _SAMPLE_ROWS)})
-    sample = np.concatenate([variable[first : first + _SAMPLE_ROWS] for first in starts])
+    if count <= 3 * _SAMPLE_ROWS:
+        sample = variable[:]  # each access takes 0.2 ms
+    else:
+        starts = (0, count // 2, count - _SAMPLE_ROWS)
+        sample = np.concatenate([variable[first : first + _SAMPLE_ROWS] for first in starts])
     if not len(sample) or _compress(sample) > WORTH:
         return chunks
     return {**chunks, "zlib": True, "complevel": LEVEL, "shuffle": True}

@@ -66,11 +66,14 @@ def _write(file: Any, options: RunOptions, system: RunSystem) -> None:
     packages = versions()
     write_texts(file, "package", list(packages), "software that the results depend on")
     write_texts(file, "package_version", list(packages.values()), "version", "package")
+    values: list[tuple[Any, Value]] = []
     for component in components:
         variables = index_variables(system.descriptions[component.name])
         group = file.createGroup(f"{PARAMETERS}/{component.name}")
         for variable, value, place in _list_start_values(component, variables):
-            _write_start_value(group, variable, value, place)
+            values.append((_define_start_value(group, variable, value, place), value))
+    for stored, value in values:  # once all are defined: HDF5 flushes all there is at a value after a definition
+        stored[...] = np.array(value, dtype=object) if stored.dtype is str else value
 
 
 def _list_attributes(options: RunOptions, system: RunSystem) -> dict[str, object]:
@@ -134,7 +137,8 @@ def _list_start_values(
             yield variable, read_start(variable), ""
 
 
-def _write_start_value(group: Any, variable: ModelVariable, value: Value, place: str) -> None:
+def _define_start_value(group: Any, variable: ModelVariable, value: Value, place: str) -> Any:
+    """The variable of netCDF, with its attributes, that takes the value."""
     kind: Any = str if variable.type == "String" else STORAGE[variable.type][0]
     stored = group.createVariable(variable.name, kind, ())
     unit = get_unit(variable) or "1"
@@ -148,7 +152,7 @@ def _write_start_value(group: Any, variable: ModelVariable, value: Value, place:
     if value != default:
         attributes["value_in_fmu"] = _format(default)
     stored.setncatts(attributes)
-    stored[...] = np.array(value, dtype=object) if kind is str else value
+    return stored
 
 
 def write_texts(file: Any, name: str, texts: Sequence[str], about: str, dimension: str = "") -> None:

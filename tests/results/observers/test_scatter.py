@@ -66,6 +66,18 @@ def test_hulls_with_and_without_area(points, corners):
     assert sorted(map(tuple, hull)) == sorted(map(tuple, corners))
 
 
+@pytest.mark.parametrize("noise", [0.0, 1e-4, 1.0])
+@pytest.mark.parametrize("ratio", [1.0, 1e-3])
+def test_the_hull_of_a_path_is_that_of_scipy(noise, ratio):
+    """A spiral, smooth and in noise: its points lie close together, and many are corners."""
+    turns = np.linspace(0.0, 20.0, 3000)
+    points = 1e-6 * turns[:, None] * np.column_stack([np.cos(turns), ratio * np.sin(turns)])
+    points += noise * 1e-6 * np.random.default_rng(5).standard_normal(points.shape) * [1.0, ratio]
+    expected = points[ConvexHull(points * 1e6).vertices]
+    assert sorted(map(tuple, convex_hull(points))) == sorted(map(tuple, expected))
+    assert len(expected) > 20
+
+
 def test_a_still_image_point(columns, feed):
     result = feed(ScatterObserver(columns, NAMES), np.zeros((50, 4)), 0.1, (20,)).result()
     assert result.radius_max == 0.0

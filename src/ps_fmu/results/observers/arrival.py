@@ -23,8 +23,12 @@ class LastRow(ColumnObserver):
         super().__init__(columns, names)
         self._last: Array | None = None
 
+    def block(self, first_index: int, time: Array, values: Array) -> None:
+        """As in :class:`ColumnObserver`; the other rows are not looked at."""
+        super().block(first_index + len(time) - 1, time[-1:], values[-1:])
+
     def take(self, time: Array, samples: Array) -> None:
-        """Keep the last row of the block."""
+        """Keep the last row."""
         self._last = samples[:, -1].copy()
 
     def result(self) -> Array:

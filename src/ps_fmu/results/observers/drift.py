@@ -39,8 +39,8 @@ class DriftObserver(ColumnObserver):
         start, end = self._window
         place = 2.0 * (time - start) / (end - start)  # 0 to 1: first half, 1 to 2: second half
         weight = 1.0 - np.cos(2.0 * np.pi * place)
-        for half in (0, 1):
-            inside = (place > half) & (place <= half + 1)
+        first, middle, last = np.searchsorted(place, (0.0, 1.0, 2.0), side="right")
+        for half, inside in enumerate((slice(first, middle), slice(middle, last))):
             self._weights[half] += weight[inside].sum()
             self._sums[:, half] += samples[:, inside] @ weight[inside]
 
