@@ -14,8 +14,8 @@ from pathlib import Path
 
 from .cosim.errors import CosimError, UsageError
 from .cosim.isolation.options import add_isolation_options, read_isolation
-from .runs.any_system import PLOT, AnyRun, run_any
-from .runs.options import RESULTS, SCHEMES, OptionError, claim_folder
+from .runs.any_system import AnyRun, run_any
+from .runs.options import PLOT, RESULTS, SCHEMES, OptionError, claim_folder
 from .runs.output import hold_folder
 from .terminal import reason
 

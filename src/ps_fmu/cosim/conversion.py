@@ -30,8 +30,8 @@ def combine(start: End, hops: Sequence[Hop], end: End) -> Conversion:
     """The conversion of a path from ``start`` over some hops; the last of them ends at ``end``.
 
     A connector that states no unit has that of the next one on the way that does.  Raises ValueError with the reason,
-    which begins with the place: units that cannot be converted, a transformation of another type, an unknown item, factors
-    whose product is no finite number.
+    which begins with the place: units that cannot be converted, a transformation of another type, an unknown item,
+    factors whose product is no finite number.
     """
     factor, offset = 1.0, 0.0
     tables: list[Mapping[int, int]] = []

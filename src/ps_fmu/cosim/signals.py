@@ -7,6 +7,7 @@ Before the first and after the last row it keeps that value.
 from __future__ import annotations
 
 import csv
+import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -80,7 +81,7 @@ def read_signals(path: Path) -> dict[str, Signal]:
         text = read_bytes(path, MAXIMUM_BYTES).decode("utf-8-sig")
     except UnicodeError as error:
         raise SystemFileError(path, f"is not in UTF-8: {error}") from error
-    rows = csv.reader(text.splitlines(), skipinitialspace=True)
+    rows = csv.reader(io.StringIO(text, newline=None), skipinitialspace=True)
     try:
         head = [name.strip() for name in next(rows, [])]
         if head[:1] != ["time"] or len(head) < 2 or len(set(head)) != len(head) or "" in head:

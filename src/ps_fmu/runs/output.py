@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from .options import REPORT, RESULTS, SUMMARY, OptionError
+from .options import PLOT, REPORT, RESULTS, SUMMARY, OptionError
 
 
 @contextmanager
@@ -18,7 +18,7 @@ def hold_folder(folder: Path) -> Iterator[None]:
     put back if none are, as after a misspelt parameter.  Raises :class:`OptionError` if another run uses the folder.
     """
     lock = lock_folder(folder)
-    aside = {folder / name: folder / f"{name}.earlier" for name in (RESULTS, SUMMARY, REPORT)}
+    aside = {folder / name: folder / f"{name}.earlier" for name in (RESULTS, SUMMARY, REPORT, PLOT)}
     try:
         for path, earlier in aside.items():
             earlier.unlink(missing_ok=True)  # of a run that was killed
