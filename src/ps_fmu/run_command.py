@@ -22,8 +22,8 @@ from .product.files import find_file, find_product, list_system_files
 from .results.style import prepare_drawing
 from .runs import scenarios
 from .runs.built_fmus import find_built_folder, provide_fmus
-from .runs.options import REPORT, RESULTS, SCHEMES, OptionError, RunOptions, Scenario
-from .runs.output import hold_folder, leave_no_empty_folder
+from .runs.options import SCHEMES, OptionError, RunOptions, Scenario
+from .runs.output import hold_folder, leave_no_empty_folder, report_end
 from .runs.registry import find_scenarios
 from .slavekit.pack.errors import BuildError
 from .terminal import reason
@@ -186,13 +186,3 @@ def _suggest_other(options: RunOptions) -> str:
     if _PLANT in names:
         return ""
     return f"\nThe system has no {_PLANT!r}, which scenarios need: ps-fmu run {options.system} runs any system"
-
-
-def report_end(program: str, why: str, output: Path, code: int) -> int:
-    """Say why a run failed and where its results are; returns the exit code."""
-    results = output / RESULTS
-    kept = f"results so far: {results}" if results.is_file() else "nothing was stored"
-    if (output / REPORT).is_file():  # the last that is written: the run is complete, and what it found is the failure
-        kept = f"all results are written: {output}"
-    print(f"{program}: {why}\n{program}: {kept}", file=sys.stderr)
-    return code

@@ -8,15 +8,14 @@ from __future__ import annotations
 
 import argparse
 import math
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 
 from .cosim.errors import CosimError, UsageError
 from .cosim.isolation.options import add_isolation_options, read_isolation
-from .runs.any_system import PLOT, AnyRun, run_any
-from .runs.options import RESULTS, SCHEMES, OptionError, claim_folder
-from .runs.output import hold_folder
+from .runs.any_system import AnyRun, run_any
+from .runs.options import PLOT, RESULTS, SCHEMES, OptionError, claim_folder
+from .runs.output import hold_folder, leave_no_empty_folder, report_end
 from .terminal import reason
 
 ABOUT = (
@@ -67,13 +66,13 @@ def run(arguments: argparse.Namespace, command_line: argparse.ArgumentParser) ->
     program = command_line.prog
     try:
         options = read_options(arguments)
-        with hold_folder(options.output):
+        with leave_no_empty_folder(options.output), hold_folder(claim_folder(options.output)):
             try:
                 run_any(options)
             except KeyboardInterrupt:
-                return _report_end(program, "interrupted", options.output, 130)
+                return report_end(program, "interrupted", options.output, 130)
             except (CosimError, OSError) as error:
-                return _report_end(program, reason(error), options.output, 1)
+                return report_end(program, reason(error), options.output, 1)
     except OptionError as error:
         command_line.error(str(error))
     print(f"results in {options.output}: {RESULTS}{f', {PLOT}' if (options.output / PLOT).is_file() else ''}")
@@ -81,7 +80,7 @@ def run(arguments: argparse.Namespace, command_line: argparse.ArgumentParser) ->
 
 
 def read_options(arguments: argparse.Namespace) -> AnyRun:
-    """Checked options, with an output folder that can be written.  Raises OptionError."""
+    """Checked options.  Raises OptionError."""
     system: Path = arguments.system
     files = [("--parameters", path) for path in arguments.parameters]
     files += [("--input", arguments.input)] if arguments.input is not None else []
@@ -93,7 +92,6 @@ def read_options(arguments: argparse.Namespace) -> AnyRun:
     except UsageError as error:
         raise OptionError(str(error)) from error
     output = (arguments.output or Path("results", system.stem)).absolute()
-    claim_folder(output)
     return AnyRun(
         system=system,
         output=output,
@@ -119,10 +117,3 @@ def _read_time(text: str) -> float:
     if not (math.isfinite(value) and value > 0.0):
         raise argparse.ArgumentTypeError(f"expected a time above 0 s, got {text!r}")
     return value
-
-
-def _report_end(program: str, why: str, output: Path, code: int) -> int:
-    results = output / RESULTS
-    kept = f"results so far: {results}" if results.is_file() else "nothing was stored"
-    print(f"{program}: {why}\n{program}: {kept}", file=sys.stderr)
-    return code

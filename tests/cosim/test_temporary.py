@@ -74,3 +74,15 @@ def test_a_folder_of_another_user_stays(above, monkeypatch):
     temporary._cleared.clear()
     remove_temporary(make_temporary("fmus_"))
     assert not (above / "fmus_theirs").exists()
+
+
+def test_a_folder_that_may_not_be_listed(above, monkeypatch):
+    def refuse(path):
+        raise PermissionError(13, "Permission denied", path)
+
+    monkeypatch.setattr(temporary.os, "scandir", refuse)
+    monkeypatch.setattr(temporary, "_cleared", set())
+    folder = make_temporary("fmus_")
+    assert folder.is_dir()
+    monkeypatch.undo()
+    remove_temporary(folder)

@@ -213,3 +213,17 @@ def test_names_for_netcdf():
         "a/b": "a_b", "a_b": "a_b_2", "time": "time_2", " x": "_ x", "y ": "y", "\t": "_", "e\u0301": "\u00e9",
         "+z": "_+z", "0": "0",
     }  # fmt: skip
+
+
+def test_a_plot_of_an_earlier_run_does_not_stay(archive, tmp_path, capsys):
+    times = "--step", "0.1", "--output", tmp_path / "out"
+    assert run(archive, *times) == 0
+    assert run(archive, *times, "--no-figures") == 0
+    assert not (tmp_path / "out" / "plot.png").exists()
+    assert "plot.png" not in capsys.readouterr().out.splitlines()[-1]
+
+
+def test_a_refused_run_leaves_no_empty_folder(archive, tmp_path, capsys):
+    with pytest.raises(SystemExit):
+        system_command.run(*parse(archive, "--step", "0.1", "--observe", "none*", "--output", tmp_path / "a" / "b"))
+    assert not (tmp_path / "a").exists()

@@ -6,6 +6,7 @@ one :class:`.hops.Conversion`, which is all that a simulation needs.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 
 from fmpy.model_description import ModelDescription, ModelVariable
@@ -29,7 +30,8 @@ def combine(start: End, hops: Sequence[Hop], end: End) -> Conversion:
     """The conversion of a path from ``start`` over some hops; the last of them ends at ``end``.
 
     A connector that states no unit has that of the next one on the way that does.  Raises ValueError with the reason,
-    which begins with the place: units that cannot be converted, a transformation of another type, an unknown item.
+    which begins with the place: units that cannot be converted, a transformation of another type, an unknown item,
+    factors whose product is no finite number.
     """
     factor, offset = 1.0, 0.0
     tables: list[Mapping[int, int]] = []
@@ -48,6 +50,8 @@ def combine(start: End, hops: Sequence[Hop], end: End) -> Conversion:
                     offset = hop.transformation.factor * offset + hop.transformation.offset
                 else:
                     tables.append(_make_table(hop.transformation, here, there))
+            if not (math.isfinite(factor) and math.isfinite(offset)):
+                raise ValueError(f"all factors and offsets up to here come to {factor!r} and {offset!r}")
         except ValueError as error:
             raise ValueError(f"{hop.where}: {error}") from None
         here = End(there.type or here.type, there.unit or here.unit, there.items or here.items)

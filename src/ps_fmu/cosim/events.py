@@ -1,4 +1,4 @@
-"""What is set during a run: inputs and tunable parameters, each at a communication point."""
+"""What happens during a run: inputs and tunable parameters that are set, and who is told how far it is."""
 
 from __future__ import annotations
 
@@ -11,6 +11,8 @@ from .values import Value
 
 Event = tuple[float, str, Value]
 """From this time [s] on, this input or tunable parameter (component.variable) has this value."""
+Progress = Callable[[float, float, float], None]
+"""Called at least after each block with simulated time [s], wall time of this run [s], simulated over wall time."""
 Schedule = list[tuple[int, PortName, Value]]
 """Number of the communication point, what is set there, and to what; in the order of time."""
 

@@ -82,7 +82,7 @@ def arm(interrupts: bool) -> Iterator[None]:
     try:
         yield
     finally:
-        library.guard_disarm()
+        library.guard_disarm(interrupts)
 
 
 @contextmanager

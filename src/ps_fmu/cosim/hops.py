@@ -12,6 +12,12 @@ Items = Mapping[str, int]
 """Values of an enumeration by the names of its items."""
 
 
+
+def list_items(items: Items) -> str:
+    """The items of an enumeration with their values, for messages."""
+    return ", ".join(f"{name} ({value})" for name, value in items.items())
+
+
 @dataclass(frozen=True)
 class Unit:
     """A unit; ``exponents`` of :data:`EXPONENTS`, None where a file only names the unit."""

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import logging
 import time as wall_clock
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from ctypes import c_int
 from types import TracebackType
 from typing import Self
@@ -21,7 +21,7 @@ from .compiled import CompiledLoop
 from .delivery import Delivery, Observer
 from .description import convert_value, explain_unsettable, find_variable, read_descriptions
 from .errors import CosimError, SlaveEnded, UsageError
-from .events import Event, Schedule, make_schedule
+from .events import Event, Progress, Schedule, make_schedule
 from .fmu_instance import FmuInstance, InstancePhase
 from .graph import OpenInput, check_wiring
 from .guard import ProcessGuard
@@ -40,9 +40,6 @@ log = logging.getLogger("ps_fmu.cosim")
 
 BLOCK_ROWS = 2000
 """Rows that observers get at once: a run of the default scenario costs 0.2 us a step less than by 1000, as by 4000."""
-
-Progress = Callable[[float, float, float], None]
-"""Called at least after each block with simulated time [s], wall time of this run [s], simulated over wall time."""
 
 
 class Master:
@@ -114,9 +111,8 @@ class Master:
         self._guard = ProcessGuard()
         self._make_instance = FmuInstance if isolation is None else isolation.make_instance
         self._set: dict[PortName, Value] = {}
-        self._closed = False
+        self._closed = self._running = False
         self._index = 0
-        self._running = False
 
     # ---- what is known -----------------------------------------------------------------------------------
 
@@ -345,7 +341,6 @@ class Master:
             plan = make_plan(instances, wiring, rows, step, scheme, cut, repeatable, signals)
             return make_loop(plan, rows, compiled, stopwatch if step == whole else None)
 
-        self._drop_loop()
         self._loop = RepeatingLoop(instances, rows, whole, make, self._obstacle)
 
     def _advance(
@@ -392,10 +387,9 @@ class Master:
 
     def _make_delivery(self, observers: Sequence[Observer], beside: bool) -> Delivery:
         parts = self._rows, self.clock, self.columns, observers
-        return DeliveryBeside(*parts, self._count_rows) if beside else Delivery(*parts)
-
-    def _count_rows(self) -> int:
-        return 0 if self._loop is None else self._loop.count_rows()
+        if not beside:
+            return Delivery(*parts)
+        return DeliveryBeside(*parts, lambda: 0 if self._loop is None else self._loop.count_rows())
 
     def _abort(self) -> None:
         """Free everything after a failure, without hiding it behind another one."""

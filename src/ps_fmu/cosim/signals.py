@@ -7,6 +7,7 @@ Before the first and after the last row it keeps that value.
 from __future__ import annotations
 
 import csv
+import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,7 +19,7 @@ from numpy.typing import NDArray
 from .conversion import combine, find_end
 from .description import find_variable
 from .errors import SystemFileError, UsageError
-from .hops import Conversion, End
+from .hops import Conversion, End, list_items
 from .rows import Array, Column, Derived
 from .structure import PortName, System, suggest_names
 from .values import Value, parse_value
@@ -80,7 +81,7 @@ def read_signals(path: Path) -> dict[str, Signal]:
         text = read_bytes(path, MAXIMUM_BYTES).decode("utf-8-sig")
     except UnicodeError as error:
         raise SystemFileError(path, f"is not in UTF-8: {error}") from error
-    rows = csv.reader(text.splitlines(), skipinitialspace=True)
+    rows = csv.reader(io.StringIO(text, newline=None), skipinitialspace=True)
     try:
         head = [name.strip() for name in next(rows, [])]
         if head[:1] != ["time"] or len(head) < 2 or len(set(head)) != len(head) or "" in head:
@@ -115,8 +116,8 @@ def bind_signals(
     """Signals with the inputs of components that they feed.
 
     A name is that of an input of the system, or ``component.variable`` of an input that no connection feeds.  Raises
-    :class:`UsageError`: no such input, one that is connected, one of Strings; :class:`SystemFileError` with the line: a
-    value of another type.
+    :class:`UsageError`: no such input, one that is connected, one of Strings, units that cannot be converted;
+    :class:`SystemFileError` with the line: a value of another type, or none of the enumeration.
     """
     inputs = {item.name: item for item in system.inputs}
     connected = {connection.target for connection in system.connections}
@@ -127,7 +128,10 @@ def bind_signals(
             ends = [_find_end(port, descriptions) for port, _ in item.targets]
             start = End(item.end.type or ends[0].type, item.end.unit or ends[0].unit, item.end.items or ends[0].items)
             ways = zip(item.targets, ends, strict=True)
-            targets = tuple((port, combine(start, hops, end)) for (port, hops), end in ways)
+            try:
+                targets = tuple((port, combine(start, hops, end)) for (port, hops), end in ways)
+            except ValueError as error:
+                raise UsageError(f"{system.path}: input {name!r} of the system: {error}") from None
         else:
             port = _find_open(system, descriptions, name, [*inputs], connected)
             start, targets = _find_end(port, descriptions), ((port, Conversion()),)
@@ -160,6 +164,9 @@ def _bind(
         value = parse_value(kind, text)
         if value is None or isinstance(value, str) or (kind == "Integer" and not _LOWEST <= value <= _HIGHEST):
             text = f"input {name!r}: expected a value of type {start.type}, got {text!r}"
+            raise SystemFileError(Path(signal.origin), text, signal.lines[row])
+        if start.items and value not in start.items.values():
+            text = f"input {name!r}: the enumeration has no value {value}; it has {list_items(start.items)}"
             raise SystemFileError(Path(signal.origin), text, signal.lines[row])
         values[row] = value
     variables = [find_variable(descriptions[port.component], port.variable) for port, _ in targets]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -12,10 +13,11 @@ from .clock import count_steps
 from .description import read_description
 from .hops import End
 from .structure import Component, Experiment, Parameter, PortName, System, SystemInput
+from .values import parse_real
 
 
 def read_single(fmu: Path, values: Sequence[Mapping[str, Parameter]] = ()) -> System:
-    """A system with one component, called as the model is.
+    """A system with one component, called as the model is; it starts when the FMU's default experiment does.
 
     ``values``: start values by ``variable`` or ``component.variable``; later ones win.  Raises
     :class:`SystemFileError` if the FMU cannot be read.
@@ -33,7 +35,9 @@ def read_single(fmu: Path, values: Sequence[Mapping[str, Parameter]] = ()) -> Sy
         if variable.causality == "input"
     )
     component = Component(name, Path(fmu).absolute(), (), given, 0)
-    return System(Path(fmu), (component,), (), labels={"name": name}, inputs=inputs)
+    own = description.defaultExperiment
+    start = None if own is None else _read_time(own.startTime)
+    return System(Path(fmu), (component,), (), Experiment(start or 0.0), labels={"name": name}, inputs=inputs)
 
 
 def complete_experiment(system: System, descriptions: Mapping[str, ModelDescription]) -> Experiment:
@@ -43,14 +47,21 @@ def complete_experiment(system: System, descriptions: Mapping[str, ModelDescript
     """
     stated = system.experiment
     own = [d.defaultExperiment for d in descriptions.values() if d.defaultExperiment is not None]
-    steps = [float(e.stepSize) for e in own if e.stepSize is not None and float(e.stepSize) > 0.0]
-    stops = [float(e.stopTime) for e in own if e.stopTime is not None and float(e.stopTime) > stated.start_time]
+    steps = [step for e in own if (step := _read_time(e.stepSize)) is not None and step > 0.0]
+    stops = [stop for e in own if (stop := _read_time(e.stopTime)) is not None and stop > stated.start_time]
     step = min(steps, default=None) if stated.step is None else stated.step
     stop = max(stops, default=None) if stated.stop_time is None else stated.stop_time
     return replace(stated, step=step, stop_time=stop)
 
 
 def fit_duration(duration: float, step: float) -> float:
-    """The longest whole number of steps within a duration [s], at least one."""
+    """The longest whole number of steps within a duration [s], at least one; one too long to count stays."""
+    if not math.isfinite(duration / step):
+        return duration
     count = count_steps(duration, step) or max(1, int(duration / step))
     return count * step
+
+
+def _read_time(text: str | None) -> float | None:
+    """A time [s] that an FMU states; None for what is no finite number, as a description that breaks rules may have."""
+    return None if text is None else parse_real(str(text))

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 from urllib.parse import unquote
 
-from .archive import extract
+from .archive import MAXIMUM_BYTES, extract
 from .errors import SystemFileError
 from .structure import UnpackedFolder
 from .xmlfile import Element
@@ -17,6 +17,9 @@ DEEPEST = 20
 """So many descriptions may refer to one another."""
 
 MOST_ELEMENTS = 10_000
+MOST_CONNECTORS = 1_000_000
+MOST_SYSTEMS = 100
+"""So many systems may lie in one another; Python's own limit of nested calls comes at twice as many."""
 
 
 @dataclass
@@ -33,6 +36,12 @@ class Sources:
     unpacked: UnpackedFolder | None = field(default=None)
     elements: int = 0
     """Those that have been read; descriptions that refer to one another could make any number."""
+    connectors: int = 0
+    depth: int = 0
+    """Systems around what is being read."""
+    folders: dict[Path, Path] = field(default_factory=dict)
+    """Where archives inside of others have been unpacked: once each, however many components are in them."""
+    unpacked_bytes: int = 0
 
     def locate(self, path: Path) -> Path:
         """A file as its user knows it."""
@@ -44,6 +53,8 @@ class Sources:
 
     def open_archive(self, archive: Path) -> Path:
         """The folder with the content of an .ssp archive, also of one inside another."""
+        if archive in self.folders:
+            return self.folders[archive]
         if self.unpacked is None:
             self.unpacked = UnpackedFolder(archive)
             folder = self.unpacked.path
@@ -51,6 +62,11 @@ class Sources:
             folder = self.unpacked.add(archive)
         with self.name_members():
             extract(archive, folder)
+        self.unpacked_bytes += sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
+        if self.unpacked_bytes > MAXIMUM_BYTES:
+            text = f"the archives of the system unpack to more than {MAXIMUM_BYTES} bytes"
+            raise SystemFileError(archive, text)
+        self.folders[archive] = folder
         return folder
 
     def find(self, text: str, element: Element, ssd: Path) -> Path:

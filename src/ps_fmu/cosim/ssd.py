@@ -15,7 +15,7 @@ from .dialect import check_element, check_version, get_only_child, get_type, is_
 from .errors import SystemFileError
 from .hops import End, Hop, Items, Unit
 from .mapping import apply_mapping, read_hop
-from .sources import DEEPEST, MOST_ELEMENTS, SSD_NAME, Sources
+from .sources import DEEPEST, MOST_CONNECTORS, MOST_ELEMENTS, MOST_SYSTEMS, SSD_NAME, Sources
 from .ssv import read_items, read_parameter_set
 from .structure import Connector, Parameter
 from .units import read_units
@@ -117,7 +117,11 @@ class SsdReader:
         """A system and all in it."""
         check_element(element, self.ssd)
         group = get_only_child(element, "ssd:Elements", self.ssd)
+        self.sources.depth += 1
+        if self.sources.depth > MOST_SYSTEMS:
+            raise self.make_error(f"more than {MOST_SYSTEMS} systems lie in one another", element)
         children = [self._read_child(child) for child in group.children] if group is not None else []
+        self.sources.depth -= 1
         self._check_unique([(child.name, child.line) for child in children], "component")
         return SystemNode(
             *self._read_common(element, element.attributes["name"]),
@@ -200,6 +204,9 @@ class SsdReader:
         """What all elements have, in the order of :class:`Node`."""
         group = get_only_child(element, "ssd:Connectors", self.ssd)
         connectors = [self._read_connector(child) for child in group.children] if group is not None else []
+        self.sources.connectors += len(connectors)
+        if self.sources.connectors > MOST_CONNECTORS:
+            raise self.make_error(f"the system has more than {MOST_CONNECTORS} connectors", element)
         self._check_unique([(c.name, c.line) for c in connectors], f"connector of {name!r}:")
         return (
             name, element.line, self.ssd, self.file, {c.name: c for c in connectors}, self._read_bindings(element, fmu),

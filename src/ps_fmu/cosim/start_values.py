@@ -10,7 +10,7 @@ from fmpy.model_description import ModelVariable
 from .conversion import combine
 from .description import convert_value, explain_unsettable
 from .errors import UsageError
-from .hops import End, Hop, Unit
+from .hops import End, Hop, Unit, list_items
 from .structure import Component, Parameter, suggest_names
 from .values import Value, parse_value
 
@@ -40,6 +40,9 @@ def resolve_start_values(
             parameter = replace(parameter, unit=None)
         try:
             values[name] = convert_value(variable, _convert(parameter, ends[name]))
+            items = ends[name].items
+            if items and values[name] not in items.values():
+                problems.append(f"{where}: the enumeration has no value {values[name]}; it has {list_items(items)}")
         except (UsageError, ValueError) as error:
             problems.append(f"{where}: {error}")
     return values, problems, remarks

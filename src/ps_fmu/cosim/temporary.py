@@ -66,8 +66,11 @@ def _lock(folder: Path) -> None:
 def _find_leftovers(above: str) -> Iterable[Path]:
     if sys.platform == "win32":
         return
-    with os.scandir(above) as entries:
-        names = [entry.name for entry in entries if entry.name.startswith(PREFIXES)]
+    try:
+        with os.scandir(above) as entries:
+            names = [entry.name for entry in entries if entry.name.startswith(PREFIXES)]
+    except OSError:  # one that all may write to and nobody may list
+        return
     for name in names:
         folder = Path(above, name)
         if _is_own(folder) and _is_abandoned(folder / LOCK):

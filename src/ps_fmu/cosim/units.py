@@ -57,7 +57,7 @@ def are_equal(one: Unit, other: Unit) -> bool:
 def find_conversion(start: Unit | None, end: Unit | None) -> tuple[float, float]:
     """Factor and offset that turn a value in ``start`` into one in ``end``; a unit that nobody states is the other's.
 
-    Raises ValueError: two names of which one has no definition, or other dimensions.
+    Raises ValueError: two names of which one has no definition, other dimensions, or a factor that cannot be used.
     """
     if start is None or end is None or are_equal(start, end):
         return 1.0, 0.0
@@ -66,6 +66,9 @@ def find_conversion(start: Unit | None, end: Unit | None) -> tuple[float, float]
         raise ValueError(f"the units differ, {start.name!r} and {end.name!r}, and nobody defines {unknown.name!r}")
     if start.exponents != end.exponents:
         raise ValueError(f"the units differ in their dimensions, {start.name!r} and {end.name!r}")
+    for unit in (start, end):  # an FMU may state any
+        if unit.factor == 0.0 or not (math.isfinite(unit.factor) and math.isfinite(unit.offset)):
+            raise ValueError(f"the unit {unit.name!r} has factor {unit.factor!r} and offset {unit.offset!r}")
     return start.factor / end.factor, (start.offset - end.offset) / end.factor
 
 

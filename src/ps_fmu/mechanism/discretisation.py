@@ -16,7 +16,6 @@ _FACTORS = np.array([1.0 / factorial(k + 1) for k in range(16)]).reshape(4, 4)
 #: Each doubling costs a binary digit of what is slow: after so many, 1e-7 of it is left to chance.
 _MOST_HALVINGS = 30
 #: Of the balancing; the plant needs three.  Couplings of 1e300 in one direction only need ten.
-_SMALLEST = float(np.finfo(float).tiny)
 _MOST_SWEEPS = 20
 #: Part in the norm of A h, balanced, of what acts in one direction only.
 _LITTLE = 0.01
@@ -75,8 +74,7 @@ def _balance(A: Array, little: float) -> Array:
     for _ in range(_MOST_SWEEPS):
         # Sums of the scaled matrix are products: 4 us for the plant, where to scale it and to sum takes 20.
         rows, columns = (sizes @ scale) / scale + no_row, ((1.0 / scale) @ sizes) * scale + no_column
-        # A product may be too small for a number: its size is then that of the smallest.
-        steps = np.rint(0.25 * (np.log2(np.maximum(rows, _SMALLEST)) - np.log2(np.maximum(columns, _SMALLEST))))
+        steps = np.rint(0.25 * (np.log2(rows) - np.log2(columns)))
         scale *= np.exp2(steps)
         if not np.abs(steps).max() > 1.0:
             break

@@ -29,11 +29,10 @@ from ..results.summary import plain
 from ..slavekit.pack.files import write_atomically
 from .cases import show_progress
 from .cost_log import RunCosts
-from .options import MOST_STEPS, RESULTS, SUMMARY, OptionError
+from .options import MOST_STEPS, PLOT, RESULTS, SUMMARY, OptionError
 from .setup import select_stored
 from .warning_log import WarningLog
 
-PLOT = "plot.png"  # in the output folder
 GROUP = "run"
 """Name of the group in results.nc."""
 _FORBIDDEN = re.compile(r"[/\x00-\x1f\x7f]")

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import os
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from .options import REPORT, RESULTS, SUMMARY, OptionError
+from .options import PLOT, REPORT, RESULTS, SUMMARY, OptionError
 
 
 @contextmanager
@@ -31,7 +32,7 @@ def hold_folder(folder: Path) -> Iterator[None]:
     put back if none are, as after a misspelt parameter.  Raises :class:`OptionError` if another run uses the folder.
     """
     lock = lock_folder(folder)
-    aside = {folder / name: folder / f"{name}.earlier" for name in (RESULTS, SUMMARY, REPORT)}
+    aside = {folder / name: folder / f"{name}.earlier" for name in (RESULTS, SUMMARY, REPORT, PLOT)}
     try:
         for path, earlier in aside.items():
             earlier.unlink(missing_ok=True)  # of a run that was killed
@@ -69,3 +70,13 @@ def lock_folder(folder: Path) -> int | None:
     except OSError:  # a file system without locks
         pass
     return handle
+
+
+def report_end(program: str, why: str, output: Path, code: int) -> int:
+    """Say why a run failed and where its results are; returns the exit code."""
+    results = output / RESULTS
+    kept = f"results so far: {results}" if results.is_file() else "nothing was stored"
+    if (output / REPORT).is_file():  # the last that is written: the run is complete, and what it found is the failure
+        kept = f"all results are written: {output}"
+    print(f"{program}: {why}\n{program}: {kept}", file=sys.stderr)
+    return code

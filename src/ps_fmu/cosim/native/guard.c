@@ -36,12 +36,13 @@ static const int crashes[] = {SIGSEGV, SIGBUS, SIGFPE, SIGILL, SIGABRT};
 enum { N_CRASHES = sizeof crashes / sizeof *crashes, STACK_BYTES = 1 << 16 };
 
 static struct sigaction before[N_CRASHES], interrupt_before;
-static int armed, takes_interrupts;
+static int armed, takes_interrupts; /* how often: threads may run systems at the same time */
 static int (*holds_python)(void);
 static __thread sigjmp_buf *way_out;
 static __thread volatile int end_number;
 static __thread char own_stack[STACK_BYTES]; /* after an overflow of the stack there is no other */
 static __thread stack_t stack_before;
+static __thread int armed_here;
 
 /* Ctrl-C so far, and the call outside of the steps that is under way, for messages; Python reads and writes both. */
 EXPORTED volatile int guard_interrupts;
@@ -138,38 +139,42 @@ EXPORTED void guard_prepare(int (*python)(void))
     at_quick_exit(on_quick_exit);
 }
 
-/* Take over signals, until guard_disarm; calls may be nested.  `interrupt`: also SIGINT. */
+/* Take over signals, until guard_disarm with the same `interrupt` in the same thread; calls may be nested, and other
+   threads may be armed meanwhile.  `interrupt`: also SIGINT. */
 EXPORTED void guard_arm(int interrupt)
 {
-    if (armed++ > 0)
-        return;
     struct sigaction action;
     memset(&action, 0, sizeof action);
     sigemptyset(&action.sa_mask);
     action.sa_flags = SA_SIGINFO | SA_ONSTACK;
+    if (armed_here++ == 0) {
+        const stack_t stack = {.ss_sp = own_stack, .ss_size = STACK_BYTES, .ss_flags = 0};
+        sigaltstack(&stack, &stack_before);
+    }
+    if (armed == 0 || (interrupt && takes_interrupts == 0))
+        guard_interrupts = 0;
+    if (interrupt && takes_interrupts++ == 0) {
+        action.sa_sigaction = on_interrupt;
+        sigaction(SIGINT, &action, &interrupt_before);
+    }
+    if (armed++ > 0)
+        return;
     action.sa_sigaction = on_crash;
     for (int k = 0; k < N_CRASHES; k++)
         sigaction(crashes[k], &action, &before[k]);
-    guard_interrupts = 0;
-    memset(&interrupt_before, 0, sizeof interrupt_before);
-    action.sa_sigaction = on_interrupt;
-    takes_interrupts = interrupt;
-    if (interrupt)
-        sigaction(SIGINT, &action, &interrupt_before);
-    const stack_t stack = {.ss_sp = own_stack, .ss_size = STACK_BYTES, .ss_flags = 0};
-    sigaltstack(&stack, &stack_before);
     on_exit(on_exit_in_steps, NULL); /* again each time: what registered before it, as HDF5, comes after it */
 }
 
-EXPORTED void guard_disarm(void)
+EXPORTED void guard_disarm(int interrupt)
 {
+    if (--armed_here == 0)
+        sigaltstack(&stack_before, NULL);
+    if (interrupt && --takes_interrupts == 0)
+        sigaction(SIGINT, &interrupt_before, NULL);
     if (--armed > 0)
         return;
     for (int k = 0; k < N_CRASHES; k++)
         sigaction(crashes[k], &before[k], NULL);
-    if (takes_interrupts)
-        sigaction(SIGINT, &interrupt_before, NULL);
-    sigaltstack(&stack_before, NULL);
 }
 
 /* Put the rounding of numbers and the handler of Ctrl-C back; returns 1 if the first was changed, plus 2 for the second. */
@@ -181,7 +186,7 @@ EXPORTED int guard_restore(void)
         fesetround(FE_TONEAREST);
         found |= 1;
     }
-    if (armed && takes_interrupts && sigaction(SIGINT, NULL, &action) == 0 && action.sa_sigaction != on_interrupt) {
+    if (takes_interrupts && sigaction(SIGINT, NULL, &action) == 0 && action.sa_sigaction != on_interrupt) {
         action.sa_flags = SA_SIGINFO | SA_ONSTACK;
         action.sa_sigaction = on_interrupt;
         sigaction(SIGINT, &action, NULL);
@@ -196,14 +201,16 @@ EXPORTED int run_guarded(Loop *loop, double *rows, const double *times, int64_t 
                          const volatile int *stop, Timing *timing, End *end)
 {
     sigjmp_buf here;
+    sigjmp_buf *const outer = way_out; /* of the run that this one is in: an FMU in Python may run a system itself */
     end->ending = sigsetjmp(here, 1);
     if (end->ending != RETURNED) {
         end->number = end_number;
+        way_out = outer;
         return fmi2Fatal;
     }
     way_out = &here;
     const int status = timing != NULL ? run_timed_steps(loop, rows, times, n, budget, stop, timing)
                                       : run_steps(loop, rows, times, n, budget, stop);
-    way_out = NULL;
+    way_out = outer;
     return status;
 }
