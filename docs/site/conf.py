@@ -100,7 +100,11 @@ html_theme_options = {
 # --- Links ---------------------------------------------------------------------------------
 
 nitpicky = True
-nitpick_ignore = [("py:class", "Array"), ("py:class", "collections.abc.Mapping[str")]  # types of aliases, cut by Sphinx
+nitpick_ignore = [  # types of aliases and of fields, cut by Sphinx
+    ("py:class", "Array"),
+    ("py:class", "collections.abc.Mapping[str"),
+    ("py:class", "dict[~pathlib.Path"),
+]
 linkcheck_timeout = 20
 linkcheck_anchors = False
 linkcheck_ignore = [re.escape("https://doi.org/") + ".*"]  # publishers refuse programs
