@@ -20,4 +20,7 @@ ISOLATION = Program(
     headers=("channel.h", "waiting.h"),
     targets={"linux64": _LINUX},
 )
-"""The library that the master and the processes of the FMUs load."""
+"""The library that the master and the processes of the FMUs load.
+
+:meta hide-value:
+"""
