@@ -16,7 +16,7 @@ from pathlib import Path
 
 from .cosim.errors import CosimError, UsageError
 from .cosim.isolation.options import add_isolation_options, read_isolation
-from .cosim.system import read_system
+from .cosim.ssp.reading import read_system
 from .paper import figures
 from .product.files import find_file, find_product, list_system_files
 from .results.style import prepare_drawing

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .cosim.ssp_xml import start_values_xml
+from .cosim.ssp.xml_parts import start_values_xml
 from .cosim.structure import Parameter, Value, suggest_names
 from .product.files import find_file, find_product
 from .results.datasets import list_cases, read_case

@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 from support.cosim import Collect
 
-from ps_fmu.cosim import Column, Master, Recorder, RecorderError, SlaveError, UsageError, beside
-from ps_fmu.cosim.beside import WAITING_BLOCKS, DeliveryBeside
+from ps_fmu.cosim import Column, Master, Recorder, RecorderError, SlaveError, UsageError
 from ps_fmu.cosim.clock import StepClock
 from ps_fmu.cosim.fmu_instance import InstancePhase
+from ps_fmu.cosim.recording import beside
+from ps_fmu.cosim.recording.beside import WAITING_BLOCKS, DeliveryBeside
 from ps_fmu.cosim.rows import RowLayout, Rows
 
 pytestmark = pytest.mark.usefixtures("each_loop")

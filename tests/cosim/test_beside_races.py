@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from ps_fmu.cosim import Column
-from ps_fmu.cosim.beside import DeliveryBeside
 from ps_fmu.cosim.clock import StepClock
+from ps_fmu.cosim.recording.beside import DeliveryBeside
 from ps_fmu.cosim.rows import RowLayout, Rows
 from ps_fmu.cosim.structure import PortName
 

@@ -4,7 +4,14 @@ import numpy as np
 import pytest
 from scipy.signal import firwin, freqz, kaiser_beta
 
-from ps_fmu.cosim.decimate import EARLY_STOP_BAND_DB, HALF_LENGTH, PASS_BAND, STOP_BAND_DB, Decimator, _design_filter
+from ps_fmu.cosim.recording.decimate import (
+    EARLY_STOP_BAND_DB,
+    HALF_LENGTH,
+    PASS_BAND,
+    STOP_BAND_DB,
+    Decimator,
+    _design_filter,
+)
 
 
 @pytest.mark.parametrize("factor", [2, 5, 10])

@@ -7,8 +7,9 @@ import zipfile
 import pytest
 from support.relays import description, port, relay, system
 
-from ps_fmu.cosim import SystemFileError, read_system, sources
+from ps_fmu.cosim import SystemFileError, read_system
 from ps_fmu.cosim.signals import read_signals
+from ps_fmu.cosim.ssp import sources
 
 
 @pytest.fixture
@@ -34,7 +35,7 @@ def test_systems_nested_through_many_files(folder):
 
 
 def test_connectors_that_references_multiply(folder, monkeypatch):
-    monkeypatch.setattr("ps_fmu.cosim.ssd.MOST_CONNECTORS", 1000)
+    monkeypatch.setattr("ps_fmu.cosim.ssp.ssd.MOST_CONNECTORS", 1000)
     wide = f'<ssd:System name="w" id="w">{system(relay("r"), "", "".join(port(f"p{k}", "input") for k in range(90)))}'
     (folder / "a.ssd").write_text(description(system(
         f'{wide}</ssd:System>{"".join(f"""<ssd:Component name="c{k}" source="#w"/>""" for k in range(20))}'

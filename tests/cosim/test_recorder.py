@@ -12,8 +12,8 @@ import pytest
 import xarray
 
 from ps_fmu.cosim import Column, Master, Recorder, RecorderError, UsageError
-from ps_fmu.cosim.decimate import Decimator
-from ps_fmu.cosim.recorder import TIME_UNITS
+from ps_fmu.cosim.recording.decimate import Decimator
+from ps_fmu.cosim.recording.recorder import TIME_UNITS
 
 COLUMNS = [
     Column("plant.los.x", "m", "Real", "Line of sight on the image plane"),

@@ -1,13 +1,13 @@
 """Co-simulation of FMUs: read a system, run it, record it."""
 
-from .delivery import Observer
 from .errors import CosimError, RecorderError, SlaveError, SystemFileError, UsageError, WiringError
 from .master import Event, Master
-from .recorder import Recorder
+from .recording.delivery import Observer
+from .recording.recorder import Recorder
 from .rows import Column
-from .ssp import write_ssp
+from .ssp.reading import read_parameters, read_system
+from .ssp.writing import write_ssp
 from .structure import PortName, System, Value
-from .system import read_parameters, read_system
 
 __all__ = [
     "Column",

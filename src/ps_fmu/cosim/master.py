@@ -14,11 +14,9 @@ from typing import Self
 
 from fmpy.model_description import ModelDescription
 
-from .beside import DeliveryBeside
 from .clock import StepClock
 from .closing import end_all
 from .compiled import CompiledLoop
-from .delivery import Delivery, Observer
 from .description import convert_value, explain_unsettable, find_variable, read_descriptions
 from .errors import CosimError, SlaveEnded, UsageError
 from .events import Event, Progress, Schedule, make_schedule
@@ -30,6 +28,8 @@ from .interrupt import note_interrupts
 from .isolation.instance import Isolation
 from .loops import StepLoop, make_loop
 from .plan import SCHEMES, make_plan
+from .recording.beside import DeliveryBeside
+from .recording.delivery import Delivery, Observer
 from .rows import Column, Rows, make_layout
 from .signals import Signal, bind_signals, derive_outputs, get_first_values
 from .stopwatch import Stopwatch

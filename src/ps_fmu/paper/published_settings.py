@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ..control.commander import DEFAULT_ALGORITHM_1
-from ..cosim.ssv import read_parameters
+from ..cosim.ssp.ssv import read_parameters
 from ..mechanism.parameters import load
 from ..mechanism.workspace import STEP
 from ..theory.loop import loop_at

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from ..cosim.clock import count_steps
-from ..cosim.decimate import PASS_BAND
-from ..cosim.recorder import CHUNK_ROWS, UDUNITS
+from ..cosim.recording.decimate import PASS_BAND
+from ..cosim.recording.recorder import CHUNK_ROWS, UDUNITS
 from .record import RequirementRecord
 from .requirement import Requirement
 from .targets import find_targets

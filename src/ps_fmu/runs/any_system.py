@@ -17,13 +17,13 @@ from ..cosim.clock import count_steps
 from ..cosim.description import read_descriptions
 from ..cosim.isolation.instance import Isolation
 from ..cosim.master import Master
-from ..cosim.recorder import Recorder
+from ..cosim.recording.recorder import Recorder
+from ..cosim.recording.selection import matches
 from ..cosim.rows import Array, Column
-from ..cosim.selection import matches
 from ..cosim.signals import Signal, read_signals
-from ..cosim.single import complete_experiment, fit_duration, read_single
+from ..cosim.ssp.reading import read_parameters, read_system
+from ..cosim.ssp.single import complete_experiment, fit_duration, read_single
 from ..cosim.structure import PortName, System
-from ..cosim.system import read_parameters, read_system
 from ..results.quick_plot import Line, draw_quick_plot
 from ..results.summary import plain
 from ..slavekit.pack.files import write_atomically

@@ -105,7 +105,7 @@ def provide_fmus(folder: Path, system: Path | None = None) -> None:
     if missing and system is not None:
         if system.suffix.lower() == ".ssp":
             return  # it brings its own
-        from ..cosim.system import list_fmu_files
+        from ..cosim.ssp.reading import list_fmu_files
 
         wanted = list_fmu_files(system)
         missing = [path for path in missing if f"{_name_model(path)}.fmu" in wanted]

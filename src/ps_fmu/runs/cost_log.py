@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..cosim import Observer
-from ..cosim.delivery import EarlyObserver
+from ..cosim.recording.delivery import EarlyObserver
 from ..cosim.stopwatch import EXCHANGE, StepCosts, Stopwatch
 from ..results.tables import Table
 
@@ -49,7 +49,7 @@ class TimedEarlyObserver(TimedObserver):
     _observer: EarlyObserver
 
     def early(self, first_index: int, time: Array, values: Array) -> None:
-        """See :meth:`ps_fmu.cosim.delivery.EarlyObserver.early`."""
+        """See :meth:`ps_fmu.cosim.recording.delivery.EarlyObserver.early`."""
         with self._time():
             self._observer.early(first_index, time, values)
 

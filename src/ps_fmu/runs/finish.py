@@ -1,7 +1,7 @@
 """The end of results.nc: the indices of all runs as tables in its root, and the rows compressed.
 
 It is written beside the old one and takes its place in one go, so whoever interrupts it loses nothing: the rows are as
-the recorder left them.  While a run goes on they are not compressed, see :mod:`ps_fmu.cosim.recorder`.
+the recorder left them.  While a run goes on they are not compressed, see :mod:`ps_fmu.cosim.recording.recorder`.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..cosim.recorder import CHUNK_ROWS
+from ..cosim.recording.recorder import CHUNK_ROWS
 from .index_record import CONFIDENCE, PROBABILITIES, VECTORS, CaseIndices, IndexLog
 from .origin import write_texts
 

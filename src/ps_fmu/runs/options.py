@@ -68,7 +68,7 @@ class RunOptions:
     fmus: Path | None = None  # folder of the FMUs; None: beside the system, as it says
     progress: bool = True
     profile: bool = False  # time each FMU, the exchange and the observers
-    observe: tuple[str, ...] = ()  # patterns of the outputs that are stored, see ps_fmu.cosim.selection; none: all
+    observe: tuple[str, ...] = ()  # patterns of the outputs that are stored, see cosim.recording.selection; none: all
     figures: bool = True  # draw PNG files; the report has its charts without them
     isolation: Isolation | None = None  # which FMUs get processes of their own
 

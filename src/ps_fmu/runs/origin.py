@@ -17,7 +17,7 @@ from fmpy.model_description import ModelVariable
 
 from .. import __version__
 from ..cosim.description import convert_value, get_unit, index_variables, read_start
-from ..cosim.recorder import CONVENTIONS, STORAGE, UDUNITS
+from ..cosim.recording.recorder import CONVENTIONS, STORAGE, UDUNITS
 from ..cosim.structure import Component, Value, parse_port
 from ..results.summary import FmuFile, versions
 from .options import RunOptions

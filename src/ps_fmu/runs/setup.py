@@ -9,8 +9,8 @@ from fmpy.model_description import ModelDescription
 
 from ..cosim import System, UsageError, Value, read_parameters, read_system
 from ..cosim.description import convert_value, find_variable, get_unit, index_variables, read_descriptions, read_start
+from ..cosim.recording.selection import select_names
 from ..cosim.rows import Column, make_layout
-from ..cosim.selection import select_names
 from ..cosim.structure import Parameter, parse_port
 from ..results.summary import FmuFile
 from .cost_log import CostLog

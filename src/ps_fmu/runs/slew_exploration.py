@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..cosim.decimate import PASS_BAND
+from ..cosim.recording.decimate import PASS_BAND
 from ..results.observers.envelope import Envelope
 from ..results.page.content import Axis, Chart, ChartGroup, Curve, Exploration
 from ..results.plots import shorten_name

@@ -20,8 +20,8 @@ from typing import Any
 
 from ..cosim import Column, UsageError
 from ..cosim.clock import count_steps
-from ..cosim.recorder import CHUNK_ROWS, METADATA_BYTES, STORAGE
-from ..cosim.selection import select_names
+from ..cosim.recording.recorder import CHUNK_ROWS, METADATA_BYTES, STORAGE
+from ..cosim.recording.selection import select_names
 from .study import MOST_GB, Signals, StudyError
 from .table_reader import TableReader
 

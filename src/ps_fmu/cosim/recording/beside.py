@@ -11,9 +11,9 @@ from queue import Empty, LifoQueue, SimpleQueue
 from threading import Event, Thread
 from typing import NamedTuple
 
-from .clock import StepClock
+from ..clock import StepClock
+from ..rows import Array, Block, Column, Rows
 from .delivery import Delivery, EarlyObserver, Observer, count_finite
-from .rows import Array, Block, Column, Rows
 
 WAITING_BLOCKS = 7
 """That wait for the observers at most, while one more is filled: writing a chunk of the file takes as long as five."""

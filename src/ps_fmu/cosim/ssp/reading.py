@@ -6,15 +6,15 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path, PurePosixPath
 
+from ..errors import SystemFileError
+from ..structure import Experiment, Parameter, System
+from ..values import parse_real
+from ..xmlfile import Element, read_xml
 from .dialect import get_only_child
-from .errors import SystemFileError
 from .flatten import flatten
 from .sources import SSD_NAME, Sources
 from .ssd import FMU_TYPE, PARAMETER_TYPE, SsdReader
 from .ssv import read_parameters
-from .structure import Experiment, Parameter, System
-from .values import parse_real
-from .xmlfile import Element, read_xml
 
 __all__ = ["FMU_TYPE", "PARAMETER_TYPE", "SSD_NAME", "System", "list_fmu_files", "read_parameters", "read_system"]
 

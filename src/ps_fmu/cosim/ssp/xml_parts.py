@@ -11,9 +11,9 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 from fmpy.model_description import ModelDescription, ModelVariable, Unit
 
-from .description import get_unit, index_variables
-from .structure import Component, Parameter, System
-from .system import FMU_TYPE, PARAMETER_TYPE
+from ..description import get_unit, index_variables
+from ..structure import Component, Parameter, System
+from .reading import FMU_TYPE, PARAMETER_TYPE
 
 PARAMETER_SET = "initialValues"
 """Name of every parameter set: libcosim takes the set of this name, Ecos the one it is told."""

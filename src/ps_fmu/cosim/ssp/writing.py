@@ -18,13 +18,13 @@ from pathlib import Path, PurePosixPath
 
 from fmpy.model_description import ModelDescription
 
-from ..slavekit.pack import zip_writer as archive
-from .description import index_variables, read_descriptions, read_start
-from .errors import SystemFileError, UsageError, WiringError
-from .graph import Wiring, check_wiring
-from .ssp_xml import get_fmu_path, parameter_set_xml, parameters_place, structure_xml
-from .structure import COMPONENT_NAME, Component, Parameter, System, Value
-from .system import SSD_NAME
+from ...slavekit.pack import zip_writer as archive
+from ..description import index_variables, read_descriptions, read_start
+from ..errors import SystemFileError, UsageError, WiringError
+from ..graph import Wiring, check_wiring
+from ..structure import COMPONENT_NAME, Component, Parameter, System, Value
+from .reading import SSD_NAME
+from .xml_parts import get_fmu_path, parameter_set_xml, parameters_place, structure_xml
 
 _PLAIN = re.compile(r"[A-Za-z0-9_.-]+")
 

@@ -11,10 +11,10 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
-from .errors import SystemFileError, UsageError
-from .hops import End, Hop
+from ..errors import SystemFileError, UsageError
+from ..hops import End, Hop
+from ..structure import Component, Connection, Connector, Parameter, PortName, SystemInput, SystemOutput, suggest_names
 from .ssd import ComponentNode, Node, ReferenceNode, SystemNode, Wire
-from .structure import Component, Connection, Connector, Parameter, PortName, SystemInput, SystemOutput, suggest_names
 
 Path = tuple[str, ...]
 GIVES, TAKES = ("output", "calculatedParameter", "constant", "local"), ("input", "parameter", "structuralParameter")

@@ -7,9 +7,9 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from .clock import StepClock
-from .errors import SlaveError
-from .rows import Array, Column, Rows
+from ..clock import StepClock
+from ..errors import SlaveError
+from ..rows import Array, Column, Rows
 
 
 class Observer(Protocol):

@@ -10,16 +10,16 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path, PurePosixPath
 
-from .archive import check_archive, read_member
+from ..archive import check_archive, read_member
+from ..errors import SystemFileError
+from ..hops import End, Hop, Items, Unit
+from ..structure import Connector, Parameter
+from ..units import read_units
+from ..xmlfile import MAXIMUM_BYTES, Element, parse_xml, read_xml
 from .dialect import check_element, check_version, get_only_child, get_type, is_type
-from .errors import SystemFileError
-from .hops import End, Hop, Items, Unit
 from .mapping import apply_mapping, read_hop
 from .sources import DEEPEST, MOST_CONNECTORS, MOST_ELEMENTS, MOST_SYSTEMS, SSD_NAME, Sources
 from .ssv import read_items, read_parameter_set
-from .structure import Connector, Parameter
-from .units import read_units
-from .xmlfile import MAXIMUM_BYTES, Element, parse_xml, read_xml
 
 FMU_TYPE = "application/x-fmu-sharedlibrary"
 SSD_TYPE = "application/x-ssp-definition"

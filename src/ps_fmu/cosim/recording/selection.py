@@ -6,8 +6,8 @@ import re
 from collections.abc import Iterable, Iterator, Sequence
 from fnmatch import fnmatchcase
 
-from .errors import UsageError
-from .structure import suggest_names
+from ..errors import UsageError
+from ..structure import suggest_names
 
 _ENDS = re.compile(r"\.\w+$"), re.compile(r"_\d+$")  # of a vector's components
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from ..errors import SystemFileError
+from ..hops import Items
+from ..structure import ParameterSet
+from ..units import read_units
+from ..values import EXPECTED, Value, parse_value
+from ..xmlfile import Element, read_xml
 from .dialect import check_element, check_version, get_type
-from .errors import SystemFileError
-from .hops import Items
-from .structure import ParameterSet
-from .units import read_units
-from .values import EXPECTED, Value, parse_value
-from .xmlfile import Element, read_xml
 
 
 def read_parameters(path: Path) -> ParameterSet:

@@ -7,10 +7,10 @@ from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 from urllib.parse import unquote
 
-from .archive import MAXIMUM_BYTES, extract
-from .errors import SystemFileError
-from .structure import UnpackedFolder
-from .xmlfile import Element
+from ..archive import MAXIMUM_BYTES, extract
+from ..errors import SystemFileError
+from ..structure import UnpackedFolder
+from ..xmlfile import Element
 
 SSD_NAME = "SystemStructure.ssd"
 DEEPEST = 20
@@ -26,7 +26,7 @@ MOST_SYSTEMS = 100
 class Sources:
     """How sources of one system are found.
 
-    ``resources``, ``outside`` and ``lenient``: see :func:`.system.read_system`; ``unpacked``: the archives that have
+    ``resources``, ``outside`` and ``lenient``: see :func:`.reading.read_system`; ``unpacked``: the archives that have
     been opened, if any.
     """
 

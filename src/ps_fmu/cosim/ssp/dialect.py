@@ -9,8 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from .errors import SystemFileError
-from .xmlfile import Element
+from ..errors import SystemFileError
+from ..xmlfile import Element
 
 
 @dataclass(frozen=True)

@@ -9,11 +9,11 @@ from pathlib import Path
 
 from fmpy.model_description import ModelDescription
 
-from .clock import count_steps
-from .description import read_description
-from .hops import End
-from .structure import Component, Experiment, Parameter, PortName, System, SystemInput
-from .values import parse_real
+from ..clock import count_steps
+from ..description import read_description
+from ..hops import End
+from ..structure import Component, Experiment, Parameter, PortName, System, SystemInput
+from ..values import parse_real
 
 
 def read_single(fmu: Path, values: Sequence[Mapping[str, Parameter]] = ()) -> System:

@@ -19,11 +19,11 @@ from typing import Any, Self
 
 import numpy as np
 
-from .clock import count_steps
+from ..clock import count_steps
+from ..errors import RecorderError, UsageError
+from ..rows import Array, Column
+from ..structure import suggest_names
 from .decimate import Decimator
-from .errors import RecorderError, UsageError
-from .rows import Array, Column
-from .structure import suggest_names
 
 CHUNK_ROWS = 4000
 """Rows of a chunk in the file."""

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
-from .errors import UsageError
-from .rows import Array
+from ..errors import UsageError
+from ..rows import Array
 
 STOP_BAND_DB = 80.0
 """Attenuation of everything above the new Nyquist frequency."""

@@ -6,12 +6,12 @@ from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
+from ..errors import SystemFileError
+from ..hops import Hop, Transformation
+from ..structure import Parameter
+from ..values import parse_real, parse_value
+from ..xmlfile import Element
 from .dialect import check_element, check_version
-from .errors import SystemFileError
-from .hops import Hop, Transformation
-from .structure import Parameter
-from .values import parse_real, parse_value
-from .xmlfile import Element
 
 
 def read_hop(element: Element, path: Path, where: str) -> Hop:
