@@ -3,21 +3,26 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from ctypes import byref
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
 
-from ..mechanism.quantities import Array, Complex
+from ..mechanism.quantities import Array
+from ..numerics import library
+from ..numerics.library import Arithmetic, Draws, find_address
 from .polyphase import Polyphase
 from .sample_table import SampleTable
 from .smooth import Weight, crossfade, ramp
 from .spectrum import Layer, share
 
-_CHUNK = 256  # lines drawn in a part
-_FIRST_CHUNK = 16  # the first of them, whose code has not run for a while: 60 us by that alone
+_LINES = 2048  # drawn in a part by compiled functions: 35 us
+_PLAIN_LINES = 256  # without them
+_FIRST_LINES = 16  # the first of them, whose code has not run for a while: 60 us by that alone
+_NUMBERS = 12_288  # random numbers of a part: 30 us
 _ROWS = 500  # cleared in a part
 _TOGETHER = 3  # transforms made at once: 25 us
 _MOST_SPARE = 2  # blocks of a layer, as many as a source begins with
@@ -85,6 +90,7 @@ class BlockShape:
 
     def __init__(self, layer: Layer, factor: Array, rise_time: float) -> None:
         self.layer, self.factor = layer, factor
+        self.arithmetic = library.find_arithmetic()
         self.tables = _make_tables(layer.key, layer.rate, layer.period, layer.numbers.tobytes(), rise_time)
         # Of the layer, not of the shape: a source that is reset need not fetch its memory from the system again.
         self._spare = self.tables.spare.setdefault(factor.shape, deque(maxlen=1))
@@ -94,17 +100,23 @@ class BlockShape:
     def n_parts(self) -> int:
         """In which a block is made, at most."""
         channels, sources = self.factor.shape
-        chunks = 1 + -(-self.layer.numbers.size // _CHUNK)
+        chunks = 1 + -(-self.layer.numbers.size // self.lines_at_once)
+        draws = -(-2 * sources * self.layer.numbers.size // _NUMBERS)
         clearing = -(-self.layer.points // _ROWS)
         groups = -(-channels * self.tables.n_terms // _TOGETHER)
-        return 6 + 2 * sources + chunks + channels // 2 + clearing + self.tables.polyphase.phases * (2 * groups + 1)
+        return 7 + draws + chunks + clearing + self.tables.polyphase.phases * groups
+
+    @property
+    def lines_at_once(self) -> int:
+        """Lines that are drawn in a part."""
+        return _PLAIN_LINES if self.arithmetic is None else _LINES
 
     def take_workspace(self) -> _Workspace:
         """Room for one block, which has to be given back: fresh memory costs as much time as what is done in it."""
         try:
             return self._spare.pop()
         except IndexError:
-            return _Workspace(self.factor, self.layer, self.tables)
+            return _Workspace(len(self.factor), self.factor.shape[1], self.layer, self.tables)
 
     def give_back(self, workspace: _Workspace) -> None:
         """Keep room for the next block."""
@@ -125,14 +137,11 @@ class BlockShape:
 class _Workspace:
     """Random numbers, amplitudes and what they are multiplied to, for one block at a time."""
 
-    def __init__(self, factor: Array, layer: Layer, tables: _LayerTables) -> None:
-        (channels, sources), n = factor.shape, layer.numbers.size
+    def __init__(self, channels: int, sources: int, layer: Layer, tables: _LayerTables) -> None:
+        n = layer.numbers.size
         self.draws = np.empty((2, sources, n))
-        self.lines = np.empty((channels, n), dtype=np.complex128)
         self.terms = np.empty((channels, tables.n_terms, n), dtype=np.complex128)
-        self.turned = np.empty((_TOGETHER, n), dtype=np.complex128)
-        self.spectra = np.empty((2, _TOGETHER, tables.polyphase.bins), dtype=np.complex128)
-        self.samples = np.empty((channels, tables.polyphase.points))
+        self.spectra = np.empty((_TOGETHER, tables.polyphase.bins), dtype=np.complex128)
 
 
 @dataclass(eq=False)
@@ -156,14 +165,10 @@ class Block:
         """Make it; yields after each part, at most ``shape.n_parts`` times."""
         shape, tables, polyphase = self.shape, self.shape.tables, self.shape.tables.polyphase
         workspace = shape.take_workspace()
-        lines, terms = workspace.lines, workspace.terms
-        yield from self._draw(workspace.draws, lines)
-        for k, amplitudes in enumerate(lines):
-            np.multiply(amplitudes, tables.gains, out=terms[k])
-            if k % 2:
-                yield
+        terms = workspace.terms
+        yield from self._draw(workspace)
         spare = shape.take_rows()
-        rows = np.empty((shape.layer.points, len(lines))) if spare is None else spare
+        rows = np.empty((shape.layer.points, len(terms))) if spare is None else spare
         if spare is None:
             for first in range(0, len(rows), _ROWS):  # the memory comes with its first use
                 rows[first : first + _ROWS] = 0.0
@@ -176,37 +181,67 @@ class Block:
             for first in range(0, len(terms), together):
                 group = terms[first : first + together]
                 flat = group.reshape(-1, group.shape[-1])
-                room = workspace.turned[: len(flat)], workspace.spectra[:, : len(flat)]
-                spectra = polyphase.fold(flat, phase, *room)
-                yield
-                products = polyphase.transform(spectra).reshape(len(group), tables.n_terms, -1)
+                spectra = workspace.spectra[: len(flat)]
+                polyphase.fold(flat, phase, spectra, shape.arithmetic)
                 if phase == first == 0:  # code and numbers are in no cache yet: it takes three times as long
                     yield
-                products *= sizes
-                np.add.reduce(products, axis=1, out=workspace.samples[first : first + together])
+                samples = polyphase.transform(spectra).reshape(len(group), tables.n_terms, -1)
+                if phase == first == 0:
+                    yield
+                _store(samples, sizes, rows[phase :: polyphase.phases, first : first + together], shape.arithmetic)
                 yield
-            rows[phase :: polyphase.phases] = workspace.samples.T  # by channel, each would fetch all rows anew
-            yield
         shape.give_back(workspace)
         self.table = SampleTable(rows, shape.layer.rate, self.start)
 
-    def _draw(self, draws: Array, lines: Complex) -> Iterator[None]:
-        """Amplitudes of the lines, (6, lines), from random numbers for which there is room."""
-        shape = self.shape
+    def _draw(self, workspace: _Workspace) -> Iterator[None]:
+        """Amplitudes of the lines with all gains, from random numbers."""
         # 10 us for these three lines, but 150 us where their code has not run for a while.
         yield
         sequence = np.random.SeedSequence(self.key)
         yield
         philox = np.random.Philox(sequence)
         yield
-        random, (u, v) = np.random.Generator(philox), draws
-        for row in (*u, *v):
-            random.random(out=row)
+        random, numbers = np.random.Generator(philox), workspace.draws.reshape(-1)
+        for first in range(0, numbers.size, _NUMBERS):
+            random.random(out=numbers[first : first + _NUMBERS])
             yield
-        n = lines.shape[1]
-        for first, end in pairwise([0, *range(min(_FIRST_CHUNK, n), n, _CHUNK), n]):
-            chunk = slice(first, end)
-            # Box-Muller: E|c|^2 = 2/T, uniform phase.
-            c = np.sqrt(-2.0 / shape.layer.period * np.log1p(-u[:, chunk])) * np.exp(2j * np.pi * v[:, chunk])
-            lines[:, chunk] = shape.factor @ (c * shape.tables.share[chunk])
+        shape, n = self.shape, workspace.draws.shape[2]
+        draw = _draw_plainly if shape.arithmetic is None else _make_drawing(shape, workspace, shape.arithmetic)
+        for first, end in pairwise([0, *range(min(_FIRST_LINES, n), n, shape.lines_at_once), n]):
+            draw(shape, workspace, first, end)
             yield
+
+
+_Drawing = Callable[[BlockShape, _Workspace, int, int], None]
+
+
+def _make_drawing(shape: BlockShape, workspace: _Workspace, arithmetic: Arithmetic) -> _Drawing:
+    """As :func:`_draw_plainly`, compiled."""
+    draws, terms, tables = workspace.draws, workspace.terms, shape.tables
+    factor = np.ascontiguousarray(shape.factor)
+    addresses = map(find_address, (draws, factor, tables.share, tables.gains, terms))
+    (channels, sources), (n_terms, n) = factor.shape, tables.gains.shape
+    whole = Draws(*addresses, sources, channels, n, n_terms, 2.0 / shape.layer.period)
+    function = arithmetic.draw_lines
+
+    def draw(shape: BlockShape, workspace: _Workspace, first: int, end: int, kept: Array = factor) -> None:
+        function(byref(whole), first, end)
+
+    return draw
+
+
+def _draw_plainly(shape: BlockShape, workspace: _Workspace, first: int, end: int) -> None:
+    """The terms of some lines from their random numbers, by Box-Muller: E|c|^2 = 2/T, uniform phase."""
+    chunk, (u, v) = slice(first, end), workspace.draws
+    c = np.sqrt(-2.0 / shape.layer.period * np.log1p(-u[:, chunk])) * np.exp(2j * np.pi * v[:, chunk])
+    lines = shape.factor @ (c * shape.tables.share[chunk])
+    np.multiply(lines[:, np.newaxis], shape.tables.gains[:, chunk], out=workspace.terms[:, :, chunk])
+
+
+def _store(samples: Array, sizes: Array, rows: Array, arithmetic: Arithmetic | None) -> None:
+    """Multiply samples (m, terms, points) by the sizes of their terms (terms, points); sums go to rows (points, m)."""
+    if arithmetic is None:
+        rows[...] = np.add.reduce(samples * sizes, axis=1).T
+        return
+    place, stride = rows.__array_interface__["data"][0], rows.strides[0] // rows.itemsize
+    arithmetic.weigh(find_address(samples), find_address(sizes), *samples.shape, place, stride)

@@ -7,11 +7,13 @@ their aliases.  One of 2500 points takes 15 us, one of 50 000 takes 400 us.
 
 from __future__ import annotations
 
+from ctypes import Array as CArray
 from itertools import pairwise
 
 import numpy as np
 
 from ..mechanism.quantities import Array, Complex
+from ..numerics.library import Arithmetic, Run, find_address
 from .spectrum import Layer
 
 _MOST_POINTS = 2500  # of a transform
@@ -40,6 +42,10 @@ class Polyphase:
             (slice(first, end), self._find_bins(int(numbers[first]), int(numbers[end - 1]), int(runs[first])))
             for first, end in pairwise(edges)
         ]
+        self._c_runs: CArray[Run] = (Run * len(self._runs))(
+            *(Run(part.start, part.stop, bins.start, is_mirrored) for part, (bins, is_mirrored) in self._runs)
+        )
+        self._turns_at = find_address(self._turns)
         # A transform counts a line at 0 or n/2 once, all others twice.
         once = (2 * numbers) % self.points == 0
         self.gain = np.where(once, 1.0, 0.5) * self.points
@@ -60,21 +66,19 @@ class Polyphase:
         """Of the spectrum of a phase."""
         return self.points // 2 + 1
 
-    def fold(
-        self, lines: Complex, phase: int, turned: Complex | None = None, spectra: Complex | None = None
-    ) -> Complex:
-        """The spectrum of a phase (..., bins), for amplitudes (..., lines) that are multiplied by ``gain``.
+    def fold(self, lines: Complex, phase: int, spectra: Complex, arithmetic: Arithmetic | None) -> None:
+        """The spectra of a phase (m, bins), for amplitudes (m, lines) that are multiplied by ``gain``.
 
-        ``turned``, of the size of ``lines``, and ``spectra`` (2, ..., bins): room, to be overwritten.
+        ``arithmetic``: compiled functions; None: numpy does the same.
         """
-        turned = np.multiply(lines, self._turns[phase], out=turned)
-        spectra = np.empty((2, *lines.shape[:-1], self.bins), dtype=np.complex128) if spectra is None else spectra
+        if arithmetic is not None:
+            addresses = find_address(lines), self._turns_at + phase * 16 * lines.shape[1]
+            arithmetic.fold(*addresses, *lines.shape, self._c_runs, len(self._runs), find_address(spectra), self.bins)
+            return
+        turned = lines * self._turns[phase]
         spectra[...] = 0.0
-        spectrum, mirrored = spectra
         for part, (bins, is_mirrored) in self._runs:
-            (mirrored if is_mirrored else spectrum)[..., bins] += turned[..., part]
-        spectrum += np.conjugate(mirrored, out=mirrored)
-        return np.asarray(spectrum)
+            spectra[..., bins] += turned[..., part].conj() if is_mirrored else turned[..., part]
 
     def transform(self, spectra: Complex) -> Array:
         """Samples (m, n) of a phase from its spectra (m, bins)."""
