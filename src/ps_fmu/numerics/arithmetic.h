@@ -14,7 +14,7 @@
 
 #define INLINE INSTRUCTIONS static inline __attribute__((always_inline))
 
-enum { PART = 64 /* numbers worked on together: they stay in the first cache */, LANES = 8, TERMS = 3 };
+enum { PART = 64 /* numbers worked on together: they stay in the first cache */, LANES = 8, MULTIPLES = 32 };
 
 static const double ROUND = 6755399441055744.0; /* 1.5 * 2^52: a sum with it is rounded to a whole number */
 
@@ -139,7 +139,7 @@ INLINE double logarithm(double x)
     return k * 0.6931471805599453 + 2.0 * s * sum;
 }
 
-/* Cosine and sine of 2 pi v, 0 <= v < 1: the nearest quarter of a turn, and the series of the rest. */
+/* Cosine and sine of 2 pi v, |v| < 2^48: the nearest quarter of a turn, and the series of the rest. */
 INLINE void turn(double v, double *cosine, double *sine)
 {
     static const double COSINE[] = {1.0 / 20922789888000.0, -1.0 / 87178291200.0, 1.0 / 479001600.0, -1.0 / 3628800.0,
@@ -162,14 +162,16 @@ INLINE void turn(double v, double *cosine, double *sine)
     *sine = from_bits((b ^ both) ^ ((quarter & 2) << 62));
 }
 
-INSTRUCTIONS static void draw_normal(const double *u, const double *v, int64_t n, double *one, double *other)
+INSTRUCTIONS static void draw_normal(const double *numbers, int64_t rows, int64_t half, double *normal)
 {
-    for (int64_t i = 0; i < n; i++) {
-        double cosine, sine;
-        const double radius = sqrt(-2.0 * logarithm(1.0 - u[i]));
-        turn(v[i], &cosine, &sine);
-        one[i] = radius * cosine;
-        other[i] = radius * sine;
+    for (; rows > 0; rows--, numbers += 2 * half, normal += 2 * half) {
+        for (int64_t i = 0; i < half; i++) {
+            double cosine, sine;
+            const double radius = sqrt(-2.0 * logarithm(1.0 - numbers[i]));
+            turn(numbers[half + i], &cosine, &sine);
+            normal[i] = radius * cosine;
+            normal[half + i] = radius * sine;
+        }
     }
 }
 
@@ -257,63 +259,46 @@ INSTRUCTIONS static void weigh(const double *samples, const double *sizes, int64
 
 /* --- Turning ------------------------------------------------------------------------------------------------- */
 
-/* Cosines and sines of one multiple of some angles.  See turning.py. */
-INLINE void find_turned(const Circle *circle, double multiple, const double *angle, int64_t m, double *cosine,
-                        double *sine)
+typedef double Vector __attribute__((vector_size(8 * WIDTH)));
+
+/* The sum over all multiples of cosine and sine times their coefficients, for WIDTH angles: a column of `turned`. */
+INLINE void sum_up(const double (*turned)[2][PART], int64_t multiples, const double (*along)[2][CHANNELS], Vector *sums)
 {
-    const double to_angle = 6.283185307179586 / (double)circle->points;
-    double rest[PART];
-    uint64_t point[PART];
-    for (int64_t i = 0; i < m; i++) {
-        const double x = multiple * angle[i], shifted = x + ROUND;
-        point[i] = to_bits(shifted) & (uint64_t)(circle->points - 1);
-        rest[i] = (x - (shifted - ROUND)) * to_angle;
-    }
-    for (int64_t i = 0; i < m; i++) {
-        cosine[i] = circle->circle[point[i]];
-        sine[i] = circle->circle[circle->points + (int64_t)point[i]];
-    }
-    for (int64_t i = 0; i < m; i++) {
-        const double square = rest[i] * rest[i];
-        const double s = (square * (-1.0 / 6.0) + 1.0) * rest[i];
-        const double c = (square * (1.0 / 24.0) - 0.5) * square + 1.0;
-        const double a = cosine[i], b = sine[i];
-        cosine[i] = a * c - b * s;
-        sine[i] = b * c + a * s;
+    for (int c = 0; c < CHANNELS; c++)
+        sums[c] = (Vector){0.0};
+    for (int64_t k = 0; k < multiples; k++) {
+        const Vector cosine = *(const Vector *)turned[k][0], sine = *(const Vector *)turned[k][1];
+        for (int c = 0; c < CHANNELS; c++)
+            sums[c] += along[k][0][c] * cosine + along[k][1][c] * sine;
     }
 }
 
-INSTRUCTIONS static void add_turning(const Circle *circle, const double *angle, int64_t n, const double *along,
-                                     const double *sizes, double *wrench)
+INSTRUCTIONS static void add_turning(const Turning *t, const double *angle, int64_t n, const double *sizes,
+                                     double *wrench)
 {
-    double cosine[PART], sine[PART], sums[TERMS][CHANNELS][PART];
-    const int64_t k = circle->n;
-    for (int64_t first = 0; first < n; first += PART, wrench += PART * CHANNELS) {
-        const int64_t m = n - first < PART ? n - first : PART;
-        bool used[TERMS];
-        for (int t = 0; t < TERMS; t++) {
-            used[t] = false;
-            for (int64_t i = 0; i < m; i++)
-                used[t] = used[t] || sizes[t * n + first + i] != 0.0;
-        }
-        memset(sums, 0, sizeof sums);
-        for (int64_t j = 0; j < k; j++) {
-            find_turned(circle, circle->multiples[j], angle + first, m, cosine, sine);
-            for (int t = 0; t < TERMS; t++) {
-                if (!used[t])
-                    continue;
-                const double *with_cosine = along + ((t * 2) * k + j) * CHANNELS, *with_sine = with_cosine + k * CHANNELS;
-                for (int c = 0; c < CHANNELS; c++) {
-                    const double a = with_cosine[c], b = with_sine[c];
-                    for (int64_t i = 0; i < m; i++)
-                        sums[t][c][i] += a * cosine[i] + b * sine[i];
+    double turned[MULTIPLES][2][PART] __attribute__((aligned(64)));
+    const double(*along)[2][CHANNELS] = (const double(*)[2][CHANNELS])t->along;
+    for (int64_t first = 0; first < n; first += PART) {
+        const int64_t rows = n - first < PART ? n - first : PART;
+        for (int64_t start = 0; start < t->n; start += MULTIPLES) {
+            const int64_t m = t->n - start < MULTIPLES ? t->n - start : MULTIPLES;
+            for (int64_t k = 0; k < m; k++) {
+                const double multiple = t->multiples[start + k];
+                for (int64_t i = 0; i < rows; i++)
+                    turn(multiple * angle[first + i], &turned[k][0][i], &turned[k][1][i]);
+                for (int64_t i = rows; i < PART; i++)
+                    turned[k][0][i] = turned[k][1][i] = 0.0;
+            }
+            for (int64_t term = 0; term < t->n_terms; term++) {
+                for (int64_t i = 0; i < rows; i += WIDTH) {
+                    Vector sums[CHANNELS];
+                    sum_up((const double(*)[2][PART])&turned[0][0][i], m, along + term * t->n + start, sums);
+                    for (int64_t l = 0; l < WIDTH && i + l < rows; l++)
+                        for (int c = 0; c < CHANNELS; c++)
+                            wrench[(first + i + l) * CHANNELS + c] += sizes[term * n + first + i + l] * sums[c][l];
                 }
             }
         }
-        for (int t = 0; t < TERMS; t++)
-            for (int64_t i = 0; used[t] && i < m; i++)
-                for (int c = 0; c < CHANNELS; c++)
-                    wrench[i * CHANNELS + c] += sizes[t * n + first + i] * sums[t][c][i];
     }
 }
 

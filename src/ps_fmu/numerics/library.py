@@ -50,10 +50,10 @@ class Draws(Structure):
     )  # fmt: skip
 
 
-class Circle(Structure):
-    """``Circle`` of numerics.h."""
+class Turning(Structure):
+    """``Turning`` of numerics.h."""
 
-    _fields_ = (("multiples", c_void_p), ("n", c_int64), ("circle", c_void_p), ("points", c_int64))
+    _fields_ = (("multiples", c_void_p), ("along", c_void_p), ("n", c_int64), ("n_terms", c_int64))
 
 
 class Arithmetic(Structure):
@@ -65,8 +65,8 @@ class Arithmetic(Structure):
         ("draw_lines", CFUNCTYPE(None, POINTER(Draws), c_int64, c_int64)),
         ("fold", CFUNCTYPE(None, c_void_p, c_void_p, c_int64, c_int64, POINTER(Run), c_int64, c_void_p, c_int64)),
         ("weigh", CFUNCTYPE(None, c_void_p, c_void_p, c_int64, c_int64, c_int64, c_void_p, c_int64)),
-        ("draw_normal", CFUNCTYPE(None, c_void_p, c_void_p, c_int64, c_void_p, c_void_p)),
-        ("add_turning", CFUNCTYPE(None, POINTER(Circle), c_void_p, c_int64, c_void_p, c_void_p, c_void_p)),
+        ("draw_normal", CFUNCTYPE(None, c_void_p, c_int64, c_int64, c_void_p)),
+        ("add_turning", CFUNCTYPE(None, POINTER(Turning), c_void_p, c_int64, c_void_p, c_void_p)),
     )  # fmt: skip
 
 

@@ -40,13 +40,12 @@ typedef struct {
     double power;         /* mean square of an amplitude */
 } Draws;
 
-/* Cosines and sines of the multiples of an angle. */
+/* What turns with the multiples of an angle. */
 typedef struct {
-    const double *multiples; /* in points of the circle per radian, (n) */
-    int64_t n;
-    const double *circle; /* cosines of the points, then their sines, (2, points) */
-    int64_t points;       /* a power of 2 */
-} Circle;
+    const double *multiples; /* turns per radian, (n) */
+    const double *along;     /* of cosine and sine, (n_terms, n, 2, CHANNELS) */
+    int64_t n, n_terms;
+} Turning;
 
 typedef struct {
     const char *instructions;
@@ -54,8 +53,8 @@ typedef struct {
     void (*draw_lines)(const Draws *, int64_t, int64_t);
     void (*fold)(const double *, const double *, int64_t, int64_t, const Run *, int64_t, double *, int64_t);
     void (*weigh)(const double *, const double *, int64_t, int64_t, int64_t, double *, int64_t);
-    void (*draw_normal)(const double *, const double *, int64_t, double *, double *);
-    void (*add_turning)(const Circle *, const double *, int64_t, const double *, const double *, double *);
+    void (*draw_normal)(const double *, int64_t, int64_t, double *);
+    void (*add_turning)(const Turning *, const double *, int64_t, const double *, double *);
 } Arithmetic;
 
 extern const Arithmetic arithmetic_sse2, arithmetic_avx2, arithmetic_avx512;
