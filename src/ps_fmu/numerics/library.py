@@ -41,12 +41,12 @@ class Run(Structure):
     _fields_ = (("first", c_int64), ("end", c_int64), ("bin", c_int64), ("mirrored", c_int64))
 
 
-class Draws(Structure):
-    """``Draws`` of numerics.h."""
+class Lines(Structure):
+    """``Lines`` of numerics.h."""
 
     _fields_ = (
-        ("draws", c_void_p), ("factor", c_void_p), ("share", c_void_p), ("gains", c_void_p), ("terms", c_void_p),
-        ("sources", c_int64), ("channels", c_int64), ("lines", c_int64), ("n_terms", c_int64), ("power", c_double),
+        ("share", c_void_p), ("gains", c_void_p), ("turns", c_void_p), ("roots", c_void_p), ("runs", POINTER(Run)),
+        ("n", c_int64), ("n_terms", c_int64), ("phases", c_int64), ("points", c_int64), ("n_runs", c_int64),
     )  # fmt: skip
 
 
@@ -62,10 +62,12 @@ class Arithmetic(Structure):
     _fields_ = (
         ("instructions", c_char_p),
         ("add_rows", CFUNCTYPE(None, POINTER(Tables), c_void_p, c_int64, c_void_p)),
-        ("draw_lines", CFUNCTYPE(None, POINTER(Draws), c_int64, c_int64)),
-        ("fold", CFUNCTYPE(None, c_void_p, c_void_p, c_int64, c_int64, POINTER(Run), c_int64, c_void_p, c_int64)),
-        ("weigh", CFUNCTYPE(None, c_void_p, c_void_p, c_int64, c_int64, c_int64, c_void_p, c_int64)),
         ("draw_normal", CFUNCTYPE(None, c_void_p, c_int64, c_int64, c_void_p)),
+        (
+            "draw_lines",
+            CFUNCTYPE(None, POINTER(Lines), c_void_p, c_void_p, c_int64, c_double, c_void_p, c_int64, c_int64),
+        ),
+        ("store_samples", CFUNCTYPE(None, POINTER(Lines), c_void_p, c_int64, c_int64, c_void_p, c_void_p, c_void_p)),
         ("add_turning", CFUNCTYPE(None, POINTER(Turning), c_void_p, c_int64, c_void_p, c_void_p)),
     )  # fmt: skip
 
@@ -91,6 +93,13 @@ def _load() -> ctypes.CDLL | None:
     except OSError as error:
         log.info("noise is made without the compiled library: %s", error)
         return None
+
+
+def allocate(n: int) -> NDArray[np.float64]:
+    """Zeros that start on a cache line, (n,)."""
+    raw = np.zeros(n + 8)
+    first = -find_address(raw) % 64 // 8
+    return raw[first : first + n]
 
 
 def find_address(array: NDArray[np.float64] | NDArray[np.complex128]) -> int:

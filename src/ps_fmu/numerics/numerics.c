@@ -7,7 +7,15 @@
 #include <cpuid.h>
 #endif
 
-static const Arithmetic *best = &arithmetic_sse2;
+static const Arithmetic *const known[] = {
+    &arithmetic_sse2,
+#ifdef __x86_64__
+    &arithmetic_avx2,
+    &arithmetic_avx512,
+#endif
+};
+
+static int best; /* the last of them that can be used */
 
 #ifdef __x86_64__
 /* Processor and operating system must both support the registers. */
@@ -21,16 +29,17 @@ __attribute__((constructor)) static void look_at_processor(void)
     if (!__get_cpuid_count(7, 0, &a, &b, &c, &d))
         return;
     if ((low & YMM) == YMM && (b & AVX2))
-        best = &arithmetic_avx2;
+        best = 1;
     if ((low & ZMM) == ZMM && (b & AVX512) == AVX512)
-        best = &arithmetic_avx512;
+        best = 2;
 }
 #endif
 
-/* The functions for a set of instructions, "": the best.  NULL: there are none, or this processor lacks them. */
+/* The functions for a set of instructions, "": the best.  NULL: unknown, or this processor lacks them. */
 EXPORT const Arithmetic *numerics_find(const char *instructions)
 {
-    if (instructions[0] == '\0' || strcmp(instructions, best->instructions) == 0)
-        return best;
-    return strcmp(instructions, arithmetic_sse2.instructions) == 0 ? &arithmetic_sse2 : NULL;
+    for (int i = best; i >= 0; i--)
+        if (instructions[0] == '\0' || strcmp(instructions, known[i]->instructions) == 0)
+            return known[i];
+    return NULL;
 }

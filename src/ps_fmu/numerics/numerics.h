@@ -13,7 +13,7 @@
 #define EXPORT __attribute__((visibility("default")))
 #endif
 
-enum { CHANNELS = 6 /* of a wrench */, NODES = 6 /* of an interpolation */ };
+enum { CHANNELS = 6 /* of a wrench */, NODES = 6 /* of an interpolation */, LANES = 8 /* worked on together */ };
 
 /* One or two tables of rows (n, CHANNELS) on one grid, to be added. */
 typedef struct {
@@ -29,16 +29,16 @@ typedef struct {
     int64_t mirrored;   /* bins descend, and conjugates go there */
 } Run;
 
-/* Random lines of a block. */
+/* What all blocks of noise have in common.  A block has CHANNELS / n_terms channels in each of its groups.  Its terms
+   are (groups, n, 2, LANES): real and imaginary parts of each line, those of a group side by side, term by term. */
 typedef struct {
-    const double *draws; /* (2, sources, lines), from 0 to below 1 */
-    const double *factor; /* (channels, sources) */
-    const double *share;  /* (lines) */
-    const double *gains;  /* complex (n_terms, lines) */
-    double *terms;        /* complex (channels, n_terms, lines) */
-    int64_t sources, channels, lines, n_terms;
-    double power;         /* mean square of an amplitude */
-} Draws;
+    const double *share; /* (n) */
+    const double *gains; /* complex (n_terms, n) */
+    const double *turns; /* complex (phases, n) */
+    const double *roots; /* exp(2 pi i k / points), (points) */
+    const Run *runs;
+    int64_t n, n_terms, phases, points, n_runs;
+} Lines;
 
 /* What turns with the multiples of an angle. */
 typedef struct {
@@ -50,10 +50,9 @@ typedef struct {
 typedef struct {
     const char *instructions;
     void (*add_rows)(const Tables *, const double *, int64_t, double *);
-    void (*draw_lines)(const Draws *, int64_t, int64_t);
-    void (*fold)(const double *, const double *, int64_t, int64_t, const Run *, int64_t, double *, int64_t);
-    void (*weigh)(const double *, const double *, int64_t, int64_t, int64_t, double *, int64_t);
     void (*draw_normal)(const double *, int64_t, int64_t, double *);
+    void (*draw_lines)(const Lines *, const double *, const double *, int64_t, double, double *, int64_t, int64_t);
+    void (*store_samples)(const Lines *, const double *, int64_t, int64_t, const double *, double *, double *);
     void (*add_turning)(const Turning *, const double *, int64_t, const double *, double *);
 } Arithmetic;
 

@@ -36,7 +36,7 @@ from ..smooth import ramp
 from ..speed import Speed, SpeedProfile, SpeedTable
 from ..turning import Turning
 
-_ROWS = 512  # computed at once by compiled functions: 30 us
+_ROWS = 256  # computed at once by compiled functions: 20 us
 _PLAIN_ROWS = 128  # without them
 
 FORCE_HARMONICS = Path(__file__).with_name("wheel-radial-force-harmonics.csv")
