@@ -95,6 +95,12 @@ def _load() -> ctypes.CDLL | None:
         return None
 
 
+def clear() -> None:
+    """Look for the library again, the next time that a function is asked for."""
+    find_arithmetic.cache_clear()
+    _load.cache_clear()
+
+
 def allocate(n: int) -> NDArray[np.float64]:
     """Zeros that start on a cache line, (n,)."""
     raw = np.zeros(n + 8)
