@@ -1,4 +1,4 @@
-"""The compiled library: the same bits with all instructions, the same as numpy but for rounding, without Python's lock."""
+"""The compiled library: the same bits with all instructions, those of numpy but for rounding, no lock of Python."""
 
 import sys
 import threading
