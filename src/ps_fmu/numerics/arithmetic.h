@@ -31,4 +31,4 @@ typedef double Vector __attribute__((vector_size(8 * WIDTH), aligned(8))); /* ar
 #include "transform.h"
 #include "turning.h"
 
-const Arithmetic ARITHMETIC = {NAME, add_rows, draw_normal, draw_lines, store_samples, add_turning};
+const Arithmetic ARITHMETIC = {NAME, add_rows, draw_normal, draw_lines, store_samples, add_turning, add_wheel};

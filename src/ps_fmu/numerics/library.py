@@ -53,7 +53,13 @@ class Lines(Structure):
 class Turning(Structure):
     """``Turning`` of numerics.h."""
 
-    _fields_ = (("multiples", c_void_p), ("along", c_void_p), ("n", c_int64), ("n_terms", c_int64))
+    _fields_ = (("multiples", c_void_p), ("along", c_void_p), ("n", c_int64))
+
+
+class Profile(Structure):
+    """``Profile`` of numerics.h."""
+
+    _fields_ = tuple((name, c_double) for name in ("initial", "final", "start", "duration", "rise_time"))
 
 
 class Arithmetic(Structure):
@@ -68,7 +74,8 @@ class Arithmetic(Structure):
             CFUNCTYPE(None, POINTER(Lines), c_void_p, c_void_p, c_int64, c_double, c_void_p, c_int64, c_int64),
         ),
         ("store_samples", CFUNCTYPE(None, POINTER(Lines), c_void_p, c_int64, c_int64, c_void_p, c_void_p, c_void_p)),
-        ("add_turning", CFUNCTYPE(None, POINTER(Turning), c_void_p, c_int64, c_void_p, c_void_p)),
+        ("add_turning", CFUNCTYPE(None, POINTER(Turning), c_void_p, c_int64, c_void_p, c_int64, c_void_p)),
+        ("add_wheel", CFUNCTYPE(None, POINTER(Turning), POINTER(Profile), c_void_p, c_int64, c_void_p)),
     )  # fmt: skip
 
 

@@ -43,9 +43,14 @@ typedef struct {
 /* What turns with the multiples of an angle. */
 typedef struct {
     const double *multiples; /* turns per radian, (n) */
-    const double *along;     /* of cosine and sine, (n_terms, n, 2, CHANNELS) */
-    int64_t n, n_terms;
+    const double *along;     /* of cosine and sine, (3, n, 2, CHANNELS) */
+    int64_t n;
 } Turning;
+
+/* How a wheel's speed goes: constant, linear, constant (rad/s, s); and over which time it is faded in. */
+typedef struct {
+    double initial, final, start, duration, rise_time;
+} Profile;
 
 typedef struct {
     const char *instructions;
@@ -53,7 +58,8 @@ typedef struct {
     void (*draw_normal)(const double *, int64_t, int64_t, double *);
     void (*draw_lines)(const Lines *, const double *, const double *, int64_t, double, double *, int64_t, int64_t);
     void (*store_samples)(const Lines *, const double *, int64_t, int64_t, const double *, double *, double *);
-    void (*add_turning)(const Turning *, const double *, int64_t, const double *, double *);
+    void (*add_turning)(const Turning *, const double *, int64_t, const double *, int64_t, double *);
+    void (*add_wheel)(const Turning *, const Profile *, const double *, int64_t, double *);
 } Arithmetic;
 
 extern const Arithmetic arithmetic_sse2, arithmetic_avx2, arithmetic_avx512;

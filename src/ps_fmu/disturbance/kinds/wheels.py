@@ -19,6 +19,7 @@ Left out: axial force, torque about the spin axis, structural modes of the wheel
 from __future__ import annotations
 
 import csv
+from collections.abc import Callable
 from ctypes import byref
 from dataclasses import dataclass
 from functools import cached_property
@@ -36,7 +37,7 @@ from ..smooth import ramp
 from ..speed import Speed, SpeedProfile, SpeedTable
 from ..turning import Turning
 
-_ROWS = 384  # computed at once by compiled functions: 25 us
+_ROWS = 512  # computed at once by compiled functions: 25 us
 _PLAIN_ROWS = 128  # without them
 
 FORCE_HARMONICS = Path(__file__).with_name("wheel-radial-force-harmonics.csv")
@@ -121,7 +122,15 @@ class WheelSource:
         per_order = 1.0 / turned[:, None]
         along = np.stack([summed, 1j * per_order * summed, per_order**2 * summed])
         found = library.find_arithmetic()
-        self._turning = _Turning(turned, along) if found is None else _CompiledTurning(turned, along, found)
+        self._turning: _Turning | _CompiledTurning
+        self._ramp: Callable[[Array, Array], None] | None = None
+        """Adds the wrench at some times (n,) to rows (n, 6), where the speed is no table."""
+        if found is None:
+            self._turning = _Turning(turned, along)
+        else:
+            self._turning = _CompiledTurning(turned, along, found)
+            if isinstance(profile, SpeedProfile):
+                self._ramp = self._turning.follow(profile, rise_time)
 
     @property
     def rows_at_once(self) -> int:
@@ -154,7 +163,10 @@ class WheelSource:
         wrench = np.zeros((time.size, 6))
         for first in range(0, time.size, self.rows_at_once):
             part = slice(first, first + self.rows_at_once)
-            self._turning.add(wrench[part], self.profile.angle(time[part]), self._compute_sizes(time[part]))
+            if self._ramp is not None:
+                self._ramp(wrench[part], time[part])
+            else:
+                self._turning.add(wrench[part], self.profile.angle(time[part]), self._compute_sizes(time[part]))
         return wrench
 
     def _compute_sizes(self, time: Array) -> Array:
@@ -188,13 +200,23 @@ class _CompiledTurning:
         self._multiples = multiples / (2.0 * np.pi)
         self._along = np.stack([along.real, -along.imag], axis=2)  # of cosine and sine
         addresses = find_address(self._multiples), find_address(self._along)
-        self._turnings = [library.Turning(*addresses, multiples.size, n) for n in range(1, 1 + len(along))]
+        self._shared = library.Turning(*addresses, multiples.size)
         self._add: Any = arithmetic.add_turning
+        self._add_wheel: Any = arithmetic.add_wheel
 
     def add(self, rows: Array, angle: Array, sizes: Array) -> None:
         """Add the first sums, each multiplied by its sizes (m, n), at the angles (n,), rad, to ``rows`` (n, 6)."""
-        turning = byref(self._turnings[len(sizes) - 1])
-        self._add(turning, find_address(angle), angle.size, find_address(sizes), find_address(rows))
+        shared, (n_terms, n) = byref(self._shared), sizes.shape
+        self._add(shared, find_address(angle), n, find_address(sizes), n_terms, find_address(rows))
+
+    def follow(self, profile: SpeedProfile, rise_time: float) -> Callable[[Array, Array], None]:
+        """A function that adds the wrench of a wheel, three sums, at some times (n,), s, to rows (n, 6)."""
+        whole = library.Profile(profile.initial, profile.final, profile.start, profile.duration, rise_time)
+
+        def add(rows: Array, time: Array) -> None:
+            self._add_wheel(byref(self._shared), byref(whole), find_address(time), time.size, find_address(rows))
+
+        return add
 
 
 class _Turning:
