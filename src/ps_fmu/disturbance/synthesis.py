@@ -83,7 +83,7 @@ def _is_compiled(points: int) -> bool:
 class CompiledSynthesis:
     """As :class:`Synthesis`, in the library of :mod:`ps_fmu.numerics`."""
 
-    lines_at_once: ClassVar[int] = 1024
+    lines_at_once: ClassVar[int] = 512
 
     def __init__(self, lines: LayerLines, sources: int, arithmetic: Arithmetic) -> None:
         layer, polyphase, n = lines.layer, lines.polyphase, lines.layer.numbers.size
