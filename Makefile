@@ -4,7 +4,7 @@ VERSION_CHECK := import sys; sys.exit(not (3, 11) <= sys.version_info < (3, 14))
 PYTHON ?= $(shell for p in python3.11 python3.12 python3.13 python3; do \
 	$$p -c '$(VERSION_CHECK)' 2>/dev/null && { echo $$p; break; }; done)
 BIN := .venv/bin
-FMU_SOURCES := $(shell find src fmus -name '*.py' -o -name '*.toml' -o -name '*.csv' -o -name 'README.md' -o -name 'launcher.so' -o -name 'launcher.dll' -o -name 'icon.png')
+FMU_SOURCES := $(shell find src fmus -name '*.py' -o -name '*.toml' -o -name '*.csv' -o -name 'README.md' -o -name '*.so' -o -name '*.dll' -o -name 'icon.png')
 
 # The matrices are small (below 100 x 100): threads in BLAS cost more than they bring.
 export OMP_NUM_THREADS := 1
@@ -39,6 +39,7 @@ launcher: .venv/.installed  ## what is compiled in the package, made again: the 
 	$(BIN)/python -m ps_fmu.slavekit.launcher.compile
 	$(BIN)/python -m ps_fmu.fmucheck.host.compile
 	$(BIN)/python -m ps_fmu.cosim.native
+	$(BIN)/python -m ps_fmu.interface.numerics_program
 
 pythons: .venv/.installed  ## the other versions of Python that this machine has, for the tests (0.5 GB each)
 	@for version in 3.11 3.12 3.13; do \

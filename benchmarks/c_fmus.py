@@ -1,8 +1,8 @@
 """FMUs written in C to compare with: the models of ours at their first step, around the launcher's own kernel.
 
 They do nothing but what a linear step takes: no events, no elements, no checks but that of a value reference.  The
-tables of disturbance and commander are as long as the run.  Maps are dense, as one writes them by hand, or have the
-structure of ours.
+table of the commander is as long as the run; noise is a table, too, or made during the run.  Maps are dense, as one
+writes them by hand, or have the structure of ours.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 from c_host import slave_class
+from c_noise import write_noise
 
 from ps_fmu.cosim import System
 from ps_fmu.cosim.structure import Component
@@ -27,8 +28,8 @@ PLATFORM = "linux64"
 MODEL = Program(
     "model",
     Path(__file__).parent,
-    sources=("model.c", "refused.c", str(LAUNCHER.folder / "kernel.c"), str(LAUNCHER.folder / "elements.c")),
-    headers=(),
+    sources=("model.c", "noise.c", "refused.c", str(LAUNCHER.folder / "kernel.c"), str(LAUNCHER.folder / "elements.c")),
+    headers=("noise.h",),
     targets={
         PLATFORM: Target(
             LAUNCHER.targets[PLATFORM].zig,
@@ -41,7 +42,14 @@ MODEL = Program(
 
 
 def build_c_fmus(
-    system: System, initial: Mapping[str, float], step: float, rows: int, output: Path, structured: bool = False
+    system: System,
+    initial: Mapping[str, float],
+    step: float,
+    rows: int,
+    output: Path,
+    *,
+    structured: bool = False,
+    synthesis: bool = False,
 ) -> None:
     """Build the FMUs of a system again in C, under the same names.
 
@@ -52,6 +60,7 @@ def build_c_fmus(
     rows: the longest run [steps]
     output: folder of the FMUs
     structured: maps in the blocks of ours; else dense
+    synthesis: noise is made during the run; else it comes from a table
     """
     library = MODEL.compiled(PLATFORM)
     for component in system.components:
@@ -60,7 +69,10 @@ def build_c_fmus(
             fmu.writestr("modelDescription.xml", ours.read("modelDescription.xml"))
             fmu.writestr(f"binaries/{PLATFORM}/{model}.so", library)
             slave = _at_start(slave_class(model), component, system, initial)
-            fmu.writestr("resources/model.bin", _numbers(slave, step, rows, structured))
+            makes_noise = synthesis and hasattr(slave, "disturbance")
+            fmu.writestr("resources/model.bin", _numbers(slave, step, 0 if makes_noise else rows, structured))
+            if makes_noise:
+                fmu.writestr("resources/noise.bin", write_noise(slave, rows * step))
 
 
 def _at_start(slave_class: type[Slave], component: Component, system: System, initial: Mapping[str, float]) -> Slave:
@@ -84,9 +96,9 @@ def _numbers(slave: Slave, step: float, rows: int, structured: bool) -> bytes:
     data[layout.a] = slave.a  # what an event before the first step may have set
     target = data[layout.target]
     table, maps = np.zeros((0, target.size)), list(slave._core.maps)
-    if slave.block_rows:
+    if slave.block_rows and rows:
         table = finish(slave.rows(0.0, step, rows))
-    elif not structured:
+    elif not structured and not slave.block_rows:
         matrix = make_dense(store_by_columns(slave.step_map(step)))
         maps = [Map.make(matrix, slave._source, slave._target)]
     sizes = [data.size, layout.target.start, target.size, len(table), len(maps)]

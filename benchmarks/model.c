@@ -1,13 +1,20 @@
 /* A linear model as an FMU written in C: no more than the benchmark asks for, around the kernel of our launcher.
 
-   resources/model.bin holds the sizes and then the numbers of a slave as it is at its first step (c_fmus.py). */
+   resources/model.bin holds the sizes and then the numbers of a slave as it is at its first step (c_fmus.py).  With
+   resources/noise.bin, its outputs are noise. */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "kernel.h"
+#include "noise.h"
 
 enum { ALIGNMENT = 64 /* bytes */, LONGEST_PATH = 4096 };
+
+typedef struct {
+    Core core; /* first: functions that need nothing else take the instance for it */
+    Noise *noise;
+} Instance;
 
 typedef struct {
     int64_t n_data, target, n_target, n_rows, n_maps;
@@ -75,11 +82,17 @@ fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, f
     char path[LONGEST_PATH];
     snprintf(path, sizeof path, "%s/model.bin", resources + strlen("file://"));
     FILE *file = fopen(path, "rb");
-    Core *core = calloc(1, sizeof *core);
-    if (file == NULL || core == NULL || !fill(core, file))
+    Instance *instance = calloc(1, sizeof *instance);
+    if (file == NULL || instance == NULL || !fill(&instance->core, file))
         return NULL;
     fclose(file);
-    return core;
+    snprintf(path, sizeof path, "%s/noise.bin", resources + strlen("file://"));
+    file = fopen(path, "rb");
+    if (file == NULL)
+        return instance;
+    instance->noise = noise_read(file);
+    fclose(file);
+    return instance->noise == NULL ? NULL : instance;
 }
 
 void fmi2FreeInstance(fmi2Component c)
@@ -94,14 +107,19 @@ void fmi2FreeInstance(fmi2Component c)
     free(core->data);
     free((void *)core->table);
     free(core->kept);
-    free(core);
+    if (((Instance *)c)->noise != NULL)
+        noise_free(((Instance *)c)->noise);
+    free(c);
 }
 
 fmi2Status fmi2DoStep(fmi2Component c, fmi2Real time, fmi2Real step, fmi2Boolean no_set_state)
 {
-    (void)time, (void)step, (void)no_set_state;
+    (void)time, (void)no_set_state;
+    Instance *instance = c;
     Core *core = c;
-    if (!kernel_step(core))
+    if (instance->noise != NULL)
+        noise_compute(instance->noise, (double)(core->count + 1) * step, core->target);
+    else if (!kernel_step(core))
         return fmi2Error;
     core->count++;
     return fmi2OK;

@@ -81,13 +81,13 @@ class DisturbanceSource(Slave):
     @refuse_parameters
     def _build(self, values: dict[str, Value]) -> None:
         self.built_from: dict[str, Value] = {}
-        self.warned_step = 0.0  # s
+        self.checked_step = 0.0  # s, that warnings were given for
         self.disturbance = Disturbance(take_values(DEFAULT, values))
         self.built_from = values
 
     def _warn_of_aliasing(self, h: float) -> None:
-        if h == self.warned_step:
+        if h == self.checked_step:
             return
         for text in self.disturbance.explain_aliasing(h):
-            self.warned_step = h
             self.warning(text)
+        self.checked_step = h

@@ -10,16 +10,15 @@ from itertools import pairwise
 
 import numpy as np
 
-from ..mechanism.quantities import Array, Complex
-from .polyphase import Polyphase
+from ..mechanism.quantities import Array
 from .sample_table import SampleTable
 from .smooth import Weight, crossfade, ramp
-from .spectrum import Layer, share
+from .spectrum import Layer
+from .synthesis import LayerLines, Synthesis, make_synthesis
 
-_CHUNK = 256  # lines drawn in a part
-_FIRST_CHUNK = 16  # the first of them, whose code has not run for a while: 60 us by that alone
+_FIRST_LINES = 16  # drawn in the first part, whose code has not run for a while: 60 us by that alone
+_NUMBERS = 12_288  # random numbers of a part: 30 us
 _ROWS = 500  # cleared in a part
-_TOGETHER = 3  # transforms made at once: 25 us
 _MOST_SPARE = 2  # blocks of a layer, as many as a source begins with
 _MANY_CYCLES = 25.0
 """A line with so many cycles while it fades in or out needs no correction: of its impulse 4e-7 is left, since the steps
@@ -32,38 +31,36 @@ class _LayerTables:
 
     def __init__(self, layer: Layer, rise_time: float) -> None:
         self._rise_time = rise_time
-        self.polyphase = Polyphase(layer)
-        self.share = share(layer)
         cycles = layer.frequencies.min() * min(rise_time, 0.5 * layer.period)
-        self.n_terms = 1 if cycles >= _MANY_CYCLES else 3  # g'', or g'', g' and g
-        orders = np.arange(self.n_terms)[:, np.newaxis]
-        self.gains = self.polyphase.gain / (2j * np.pi * layer.frequencies) ** orders
+        self.lines = LayerLines(layer, 1 if cycles >= _MANY_CYCLES else 3)  # g'', or g'', g' and g
+        self.polyphase = self.lines.polyphase
         self._elapsed = self._split(np.arange(layer.points) / layer.rate)
         """Time since the start of a block, (phases, points), s."""
         window = crossfade(np.arange(layer.points) / layer.rate, 0.5 * layer.period)
-        self._windows = [Weight(*rows) for rows in zip(*map(self._split, window), strict=True)]
+        self._windows = [self._stack(Weight(*rows)) for rows in zip(*map(self._split, window), strict=True)]
         """By phase."""
+        self._weights = window
         self._rising: dict[tuple[float, int], Array] = {}
         # Sources in other threads take from these, too: each method of a deque is one step for them.
-        self.spare: dict[tuple[int, ...], deque[_Workspace]] = {}
-        """By the shape of the factor."""
-        self.spare_rows: dict[int, deque[Array]] = {}
-        """By the number of channels."""
+        self.spare: dict[int, deque[Synthesis]] = {}
+        """By the number of independent sources."""
+        self.spare_rows: deque[Array] = deque(maxlen=_MOST_SPARE)
 
     def get_sizes(self, start: float, phase: int) -> Array:
         """What g'', g' and g of a block that starts at ``start`` (s) are multiplied by, (terms, points)."""
         if start >= self._rise_time:
-            return self._stack(self._windows[phase])
+            return self._windows[phase]
         found = self._rising.get((start, phase))  # of the two blocks that every simulation begins with
         if found is None:
             rising = ramp(start + self._elapsed[phase], self._rise_time)
-            found = self._stack(self._windows[phase].times(rising))
+            window = Weight(*(self._split(weight)[phase] for weight in self._weights))
+            found = self._stack(window.times(rising))
             if len(self._rising) < 2 * self.polyphase.phases:
                 self._rising[start, phase] = found
         return found
 
     def _stack(self, weight: Weight) -> Array:
-        return np.stack([weight.value, 2.0 * weight.rate, weight.curvature][: self.n_terms])
+        return np.stack([weight.value, 2.0 * weight.rate, weight.curvature][: self.lines.n_terms])
 
     def _split(self, values: Array) -> Array:
         return np.ascontiguousarray(values.reshape(-1, self.polyphase.phases).T)
@@ -84,31 +81,32 @@ class BlockShape:
     """
 
     def __init__(self, layer: Layer, factor: Array, rise_time: float) -> None:
-        self.layer, self.factor = layer, factor
+        self.layer, self.factor = layer, np.ascontiguousarray(factor)
         self.tables = _make_tables(layer.key, layer.rate, layer.period, layer.numbers.tobytes(), rise_time)
         # Of the layer, not of the shape: a source that is reset need not fetch its memory from the system again.
-        self._spare = self.tables.spare.setdefault(factor.shape, deque(maxlen=1))
-        self._spare_rows = self.tables.spare_rows.setdefault(len(factor), deque(maxlen=_MOST_SPARE))
-
-    @property
-    def n_parts(self) -> int:
+        self._spare = self.tables.spare.setdefault(factor.shape[1], deque(maxlen=1))
+        self._spare_rows = self.tables.spare_rows
+        self.n_parts = self._count_parts()
         """In which a block is made, at most."""
-        channels, sources = self.factor.shape
-        chunks = 1 + -(-self.layer.numbers.size // _CHUNK)
-        clearing = -(-self.layer.points // _ROWS)
-        groups = -(-channels * self.tables.n_terms // _TOGETHER)
-        return 6 + 2 * sources + chunks + channels // 2 + clearing + self.tables.polyphase.phases * (2 * groups + 1)
 
-    def take_workspace(self) -> _Workspace:
-        """Room for one block, which has to be given back: fresh memory costs as much time as what is done in it."""
+    def _count_parts(self) -> int:
+        synthesis = self.take_synthesis()
+        draws = -(-synthesis.draws.size // _NUMBERS)
+        chunks = 1 + -(-self.layer.numbers.size // synthesis.lines_at_once)
+        clearing = -(-self.layer.points // _ROWS)
+        self.give_back(synthesis)
+        return 5 + draws + chunks + clearing + self.tables.polyphase.phases * synthesis.groups
+
+    def take_synthesis(self) -> Synthesis:
+        """What makes one block, to be given back: fresh memory costs as much time as what is done in it."""
         try:
             return self._spare.pop()
         except IndexError:
-            return _Workspace(self.factor, self.layer, self.tables)
+            return make_synthesis(self.tables.lines, self.factor.shape[1])
 
-    def give_back(self, workspace: _Workspace) -> None:
+    def give_back(self, synthesis: Synthesis) -> None:
         """Keep room for the next block."""
-        self._spare.append(workspace)
+        self._spare.append(synthesis)
 
     def take_rows(self) -> Array | None:
         """Rows of a block that is not used any more; None: there are none."""
@@ -120,19 +118,6 @@ class BlockShape:
     def recycle(self, table: SampleTable) -> None:
         """Keep the memory of a block that nobody uses any more."""
         self._spare_rows.append(table.values)
-
-
-class _Workspace:
-    """Random numbers, amplitudes and what they are multiplied to, for one block at a time."""
-
-    def __init__(self, factor: Array, layer: Layer, tables: _LayerTables) -> None:
-        (channels, sources), n = factor.shape, layer.numbers.size
-        self.draws = np.empty((2, sources, n))
-        self.lines = np.empty((channels, n), dtype=np.complex128)
-        self.terms = np.empty((channels, tables.n_terms, n), dtype=np.complex128)
-        self.turned = np.empty((_TOGETHER, n), dtype=np.complex128)
-        self.spectra = np.empty((2, _TOGETHER, tables.polyphase.bins), dtype=np.complex128)
-        self.samples = np.empty((channels, tables.polyphase.points))
 
 
 @dataclass(eq=False)
@@ -154,59 +139,38 @@ class Block:
 
     def make(self) -> Iterator[None]:
         """Make it; yields after each part, at most ``shape.n_parts`` times."""
-        shape, tables, polyphase = self.shape, self.shape.tables, self.shape.tables.polyphase
-        workspace = shape.take_workspace()
-        lines, terms = workspace.lines, workspace.terms
-        yield from self._draw(workspace.draws, lines)
-        for k, amplitudes in enumerate(lines):
-            np.multiply(amplitudes, tables.gains, out=terms[k])
-            if k % 2:
-                yield
+        shape, tables = self.shape, self.shape.tables
+        synthesis = shape.take_synthesis()
+        yield
+        yield from self._draw(synthesis)
         spare = shape.take_rows()
-        rows = np.empty((shape.layer.points, len(lines))) if spare is None else spare
+        rows = np.empty((shape.layer.points, len(shape.factor))) if spare is None else spare
         if spare is None:
             for first in range(0, len(rows), _ROWS):  # the memory comes with its first use
                 rows[first : first + _ROWS] = 0.0
                 yield
-        together = _TOGETHER // tables.n_terms  # channels
-        for phase in range(polyphase.phases):
+        for phase in range(tables.polyphase.phases):
             sizes = tables.get_sizes(self.start, phase)
             if phase == 0:
                 yield
-            for first in range(0, len(terms), together):
-                group = terms[first : first + together]
-                flat = group.reshape(-1, group.shape[-1])
-                room = workspace.turned[: len(flat)], workspace.spectra[:, : len(flat)]
-                spectra = polyphase.fold(flat, phase, *room)
+            for group in range(synthesis.groups):
+                synthesis.store_samples(phase, group, sizes, rows)
                 yield
-                products = polyphase.transform(spectra).reshape(len(group), tables.n_terms, -1)
-                if phase == first == 0:  # code and numbers are in no cache yet: it takes three times as long
-                    yield
-                products *= sizes
-                np.add.reduce(products, axis=1, out=workspace.samples[first : first + together])
-                yield
-            rows[phase :: polyphase.phases] = workspace.samples.T  # by channel, each would fetch all rows anew
-            yield
-        shape.give_back(workspace)
+        shape.give_back(synthesis)
         self.table = SampleTable(rows, shape.layer.rate, self.start)
 
-    def _draw(self, draws: Array, lines: Complex) -> Iterator[None]:
-        """Amplitudes of the lines, (6, lines), from random numbers for which there is room."""
-        shape = self.shape
+    def _draw(self, synthesis: Synthesis) -> Iterator[None]:
+        """Amplitudes of the lines, from random numbers."""
         # 10 us for these three lines, but 150 us where their code has not run for a while.
-        yield
         sequence = np.random.SeedSequence(self.key)
         yield
         philox = np.random.Philox(sequence)
         yield
-        random, (u, v) = np.random.Generator(philox), draws
-        for row in (*u, *v):
-            random.random(out=row)
+        random, numbers = np.random.Generator(philox), synthesis.draws.reshape(-1)
+        for first in range(0, numbers.size, _NUMBERS):
+            random.random(out=numbers[first : first + _NUMBERS])
             yield
-        n = lines.shape[1]
-        for first, end in pairwise([0, *range(min(_FIRST_CHUNK, n), n, _CHUNK), n]):
-            chunk = slice(first, end)
-            # Box-Muller: E|c|^2 = 2/T, uniform phase.
-            c = np.sqrt(-2.0 / shape.layer.period * np.log1p(-u[:, chunk])) * np.exp(2j * np.pi * v[:, chunk])
-            lines[:, chunk] = shape.factor @ (c * shape.tables.share[chunk])
+        n = self.shape.layer.numbers.size
+        for first, end in pairwise([0, *range(min(_FIRST_LINES, n), n, synthesis.lines_at_once), n]):
+            synthesis.draw(self.shape.factor, first, end)
             yield

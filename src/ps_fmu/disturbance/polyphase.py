@@ -25,6 +25,10 @@ class Polyphase:
     ----------
     phases: P.  Phase j has the samples j, j + P, ...
     points: n, samples of a phase.
+    turns: exp(2 pi i k j / N) of line k and phase j, (phases, lines).
+    roots: exp(2 pi i m / n), (points,).
+    runs: lines that go to bins side by side, their bins, and whether their conjugates go there.
+    gain: what the lines have to be multiplied by, (lines,).
     """
 
     def __init__(self, layer: Layer) -> None:
@@ -32,18 +36,18 @@ class Polyphase:
         self.points = _choose_points(total)
         self.phases = total // self.points
         roots = np.exp(2j * np.pi / total * np.arange(total))
-        self._turns = roots[np.outer(np.arange(self.phases), numbers) % total]
+        self.turns = roots[np.outer(np.arange(self.phases), numbers) % total]
+        self.roots = np.ascontiguousarray(roots[:: self.phases])
         # Runs of lines that go to bins side by side: up from 0 to n/2, then down again, and so on.
         runs = 2 * numbers // self.points
         edges = [0, *(np.flatnonzero(np.diff(runs)) + 1).tolist(), numbers.size]
-        self._runs = [
+        self.runs = [
             (slice(first, end), self._find_bins(int(numbers[first]), int(numbers[end - 1]), int(runs[first])))
             for first, end in pairwise(edges)
         ]
         # A transform counts a line at 0 or n/2 once, all others twice.
         once = (2 * numbers) % self.points == 0
         self.gain = np.where(once, 1.0, 0.5) * self.points
-        """What the lines have to be multiplied by, (lines,)."""
 
     def _find_bins(self, first: int, last: int, run: int) -> tuple[slice, bool]:
         """The bins of the lines from ``first`` to ``last``, and whether their conjugates go there."""
@@ -60,25 +64,17 @@ class Polyphase:
         """Of the spectrum of a phase."""
         return self.points // 2 + 1
 
-    def fold(
-        self, lines: Complex, phase: int, turned: Complex | None = None, spectra: Complex | None = None
-    ) -> Complex:
-        """The spectrum of a phase (..., bins), for amplitudes (..., lines) that are multiplied by ``gain``.
-
-        ``turned``, of the size of ``lines``, and ``spectra`` (2, ..., bins): room, to be overwritten.
-        """
-        turned = np.multiply(lines, self._turns[phase], out=turned)
-        spectra = np.empty((2, *lines.shape[:-1], self.bins), dtype=np.complex128) if spectra is None else spectra
-        spectra[...] = 0.0
-        spectrum, mirrored = spectra
-        for part, (bins, is_mirrored) in self._runs:
-            (mirrored if is_mirrored else spectrum)[..., bins] += turned[..., part]
-        spectrum += np.conjugate(mirrored, out=mirrored)
-        return np.asarray(spectrum)
+    def fold(self, lines: Complex, phase: int) -> Complex:
+        """The spectra of a phase (..., bins), for amplitudes (..., lines) that are multiplied by ``gain``."""
+        turned = lines * self.turns[phase]
+        spectra = np.zeros((*lines.shape[:-1], self.bins), dtype=np.complex128)
+        for part, (bins, is_mirrored) in self.runs:
+            spectra[..., bins] += turned[..., part].conj() if is_mirrored else turned[..., part]
+        return spectra
 
     def transform(self, spectra: Complex) -> Array:
-        """Samples (m, n) of a phase from its spectra (m, bins)."""
-        return np.asarray(np.fft.irfft(spectra, self.points, axis=1))
+        """Samples (..., n) of a phase from its spectra (..., bins)."""
+        return np.asarray(np.fft.irfft(spectra, self.points, axis=-1))
 
 
 def _choose_points(total: int) -> int:

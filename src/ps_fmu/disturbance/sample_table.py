@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from ctypes import byref
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..mechanism.quantities import Array
+from ..numerics import library
+from ..numerics.library import Arithmetic, Tables, find_address
 
 # Six-point Lagrange interpolation: its error for a sine at the fraction r of the sampling rate is at most
 # 0.0049 (2 pi r)^6, that is 5e-6 at r = 1/20 and 3e-4 at r = 1/10.
@@ -18,16 +20,8 @@ _COLUMN = np.array(_NODES)[:, np.newaxis]
 _SCALE = np.array([[1.0 / np.prod([a - b for b in _NODES if b != a])] for a in _NODES])
 _CHUNK = 256  # rows at once: for more, memory would come from the system, page by page, which takes 100 us
 _FEW = 3  # rows a time, up to which tables are added before they are interpolated
+_COMPILED_COLUMNS = 6  # of tables that the compiled library reads
 _SNAP = 1e-6  # grid steps; rounding of t = t_0 + k h stays below that for days at 10 kHz
-
-
-class Places(NamedTuple):
-    """Places of values in a table, for k times."""
-
-    cell: NDArray[np.int64]
-    """Rows of the table (k,); with weights, the rows from two before to three behind each."""
-    weights: Array | None
-    """(6, k); None: all times are grid points."""
 
 
 @dataclass(frozen=True)
@@ -49,26 +43,34 @@ class SampleTable:
         A time within 1e-6 grid steps of a grid point gets that point's row, bit for bit: common times of
         different step sizes then give equal values.
         """
-        return self.read(self.find(time))
-
-    def find(self, time: Array) -> Places:
-        """Where :meth:`read` finds the rows at ascending times (k,): the first half of the work."""
-        return find_places((time - self.start) * self.rate)
-
-    def read(self, places: Places) -> Array:
-        """The rows (k, m) that :meth:`find` has found the places of."""
-        return read_sum([self.values], [0], places)
+        found = np.zeros((time.size, self.values.shape[1]))
+        add_rows(found, time, [self.values], [0], self.start, self.rate, library.find_arithmetic())
+        return found
 
 
-def find_places(position: Array) -> Places:
-    """Places for ascending positions (k,), in grid steps from the first row of a table."""
-    nearest = np.rint(position)
-    on_grid = np.abs(position - nearest) < _SNAP
-    if on_grid.all():
-        return Places(nearest.astype(np.int64), None)
-    position = np.where(on_grid, nearest, position)
-    below = np.floor(position)
-    return Places(below.astype(np.int64), _compute_weights(position - below - _COLUMN))
+def add_rows(
+    rows: Array,
+    time: Array,
+    tables: Sequence[Array],
+    shifts: Sequence[int],
+    start: float,
+    rate: float,
+    arithmetic: Arithmetic | None,
+) -> None:
+    """Add to ``rows`` (k, m) the sum of one or two periodic tables (n, m) of one grid at ascending times (k,), s.
+
+    Parameters
+    ----------
+    shifts: by how many rows further each table is read.
+    start, rate: of the grid, s and Hz.
+    arithmetic: compiled functions; None, or other than six columns: numpy does the same.
+    """
+    if arithmetic is None or rows.shape != (time.size, _COMPILED_COLUMNS):
+        rows += _read_sum(tables, shifts, (time - start) * rate)
+        return
+    one, other = (find_address(table) for table in (tables[0], tables[-1]))
+    both = Tables(one, other if len(tables) == 2 else None, len(tables[0]), shifts[0], shifts[-1], start, rate)
+    arithmetic.add_rows(byref(both), find_address(time), time.size, find_address(rows))
 
 
 def _compute_weights(distances: Array) -> Array:
@@ -85,29 +87,32 @@ def _compute_weights(distances: Array) -> Array:
     return weights
 
 
-def read_sum(tables: Sequence[Array], shifts: Sequence[int], places: Places) -> Array:
-    """The sum of periodic tables (n, m) of one grid at the same places, shape (k, m).
+def _read_sum(tables: Sequence[Array], shifts: Sequence[int], position: Array) -> Array:
+    """The sum of periodic tables (n, m) at ascending positions (k,) in grid steps, shape (k, m).
 
-    ``shifts``: by how many rows further each is read.  They are added before they are interpolated: where many times
-    fall between two grid points, there is less to do.
+    They are added before they are interpolated: where many times fall between two grid points, there is less to do.
     """
-    cell, weights = places
-    if weights is None:
-        return _add_rows(tables, shifts, cell)
+    nearest = np.rint(position)
+    on_grid = np.abs(position - nearest) < _SNAP
+    if on_grid.all():
+        return _add_tables(tables, shifts, nearest.astype(np.int64))
+    position = np.where(on_grid, nearest, position)
+    below = np.floor(position)
+    cell, weights = below.astype(np.int64), _compute_weights(position - below - _COLUMN)
     first, last = (int(cell[i]) + node for i, node in ((0, _NODES[0]), (-1, _NODES[-1])))
     if last - first < _FEW * cell.size:  # each row is added once, not once for each time that needs it
-        rows = _add_rows(tables, shifts, np.arange(first, last + 1))
+        rows = _add_tables(tables, shifts, np.arange(first, last + 1))
         tables, shifts, cell = [rows], [0], cell - first
     found = np.empty((cell.size, tables[0].shape[1]))
     for start in range(0, cell.size, _CHUNK):
         chunk = slice(start, start + _CHUNK)
-        parts = _add_rows(tables, shifts, cell[chunk] + _COLUMN)
+        parts = _add_tables(tables, shifts, cell[chunk] + _COLUMN)
         parts *= weights[:, chunk, np.newaxis]
         np.add.reduce(parts, axis=0, initial=0.0, out=found[chunk])
     return found
 
 
-def _add_rows(tables: Sequence[Array], shifts: Sequence[int], places: NDArray[np.int64]) -> Array:
+def _add_tables(tables: Sequence[Array], shifts: Sequence[int], places: NDArray[np.int64]) -> Array:
     rows = [_take(table, places + shift if shift else places) for table, shift in zip(tables, shifts, strict=True)]
     for more in rows[1:]:
         rows[0] += more

@@ -58,6 +58,8 @@ class SpeedProfile:
 
     def speed(self, time: Array) -> Array:
         """Speed at the times (n,), rad/s."""
+        if self.initial == self.final:
+            return np.full(time.size, self.initial)
         if self.duration == 0.0:
             return np.where(time < self.start, self.initial, self.final)
         part = np.minimum(np.maximum((time - self.start) / self.duration, 0.0), 1.0)

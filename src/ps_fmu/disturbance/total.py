@@ -107,10 +107,11 @@ class Disturbance:
         parts = source.n_parts * self._count_parts(source, time.size)
         for left in source.prepare(time):
             yield left + parts
-        for first in range(0, time.size, _CHUNK):
-            chunk = slice(first, first + _CHUNK)
+        rows = source.rows_at_once
+        for first in range(0, time.size, rows):
+            chunk = slice(first, first + rows)
             for _ in source.add(wrench[chunk], time[chunk], often=first > 0):  # the first comes after a while
-                yield parts - first // _CHUNK * source.n_parts
+                yield parts - first // rows * source.n_parts
 
     def explain_aliasing(self, h: float) -> list[str]:
         """What is wrong with steps of ``h`` (s), a text for each disturbance that has a complaint."""

@@ -19,19 +19,26 @@ Left out: axial force, torque about the spin axis, structural modes of the wheel
 from __future__ import annotations
 
 import csv
+from collections.abc import Callable
+from ctypes import byref
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
 from ...mechanism.parameters import Parameters
 from ...mechanism.quantities import Array, Complex, ParameterError, quantity
+from ...numerics import library
+from ...numerics.library import find_address
 from ..kind import Kind, SharedSettings, Source, explain_folding
 from ..smooth import ramp
 from ..speed import Speed, SpeedProfile, SpeedTable
 from ..turning import Turning
+
+_ROWS = 512  # computed at once by compiled functions: 25 us
+_PLAIN_ROWS = 128  # without them
 
 FORCE_HARMONICS = Path(__file__).with_name("wheel-radial-force-harmonics.csv")
 TORQUE_HARMONICS = Path(__file__).with_name("wheel-radial-torque-harmonics.csv")
@@ -87,10 +94,6 @@ class WheelSource:
     force, torque: harmonics (default: those of S2E).
     """
 
-    rows_at_once: ClassVar[int] = 128
-    """Also of a last block, which is filled up: products of another shape may add in another order, and a sample must
-    not depend on the times beside it."""
-
     def __init__(
         self,
         profile: Speed,
@@ -114,13 +117,25 @@ class WheelSource:
         self._amplitudes = scale * np.exp(1j * self._phases)[:, None] * (cosine - 1j * sine)
         # Force and torque share orders: each is turned once.
         turned, place = np.unique(self._orders, return_inverse=True)
-        self._turning = Turning(turned, self.rows_at_once)
         summed = np.zeros((turned.size, 6), dtype=np.complex128)
         np.add.at(summed, place, self._amplitudes)
         per_order = 1.0 / turned[:, None]
-        self._along, self._along_1, self._along_2 = map(
-            _stack, (summed, 1j * per_order * summed, per_order**2 * summed)
-        )
+        along = np.stack([summed, 1j * per_order * summed, per_order**2 * summed])
+        found = library.find_arithmetic()
+        self._turning: _Turning | _CompiledTurning
+        self._ramp: Callable[[Array, Array], None] | None = None
+        """Adds the wrench at some times (n,) to rows (n, 6), where the speed is no table."""
+        if found is None:
+            self._turning = _Turning(turned, along)
+        else:
+            self._turning = _CompiledTurning(turned, along, found)
+            if isinstance(profile, SpeedProfile):
+                self._ramp = self._turning.follow(profile, rise_time)
+
+    @property
+    def rows_at_once(self) -> int:
+        """Times whose rows take little time."""
+        return self._turning.rows_at_once
 
     @property
     def orders(self) -> Array:
@@ -145,34 +160,81 @@ class WheelSource:
 
     def __call__(self, time: Array) -> Array:
         """Force (N) and torque (N.m) in B at its origin at the times (n,) in s, shape (n, 6)."""
-        wrench = np.empty((time.size, 6))
-        rows = self.rows_at_once
-        for first in range(0, time.size, rows):
-            part = time[first : first + rows]
-            if part.size < rows:
-                part = np.pad(part, (0, rows - part.size), mode="edge")
-            wrench[first : first + rows] = self._compute_block(part)[: time.size - first]
+        wrench = np.zeros((time.size, 6))
+        for first in range(0, time.size, self.rows_at_once):
+            part = slice(first, first + self.rows_at_once)
+            if self._ramp is not None:
+                self._ramp(wrench[part], time[part])
+            else:
+                self._turning.add(wrench[part], self.profile.angle(time[part]), self._compute_sizes(time[part]))
         return wrench
 
-    def _compute_block(self, time: Array) -> Array:
-        """Force and torque at the times of a block, (rows_at_once, 6)."""
-        turning = self._turning(self.profile.angle(time)).T
+    def _compute_sizes(self, time: Array) -> Array:
+        """What the sums over the harmonics and over their first and second integrals are multiplied by, (m, n).
+
+        Sums that nothing is left of at the end are left out.
+        """
         speed, acceleration = self.profile.speed(time), self.profile.acceleration(time)
+        if time.min() >= self._rise_time:
+            return np.stack([speed**2, -acceleration] if acceleration.any() else [speed**2])
         rise = ramp(time, self._rise_time)
         # With e = (cos, sin) and d = (-sin, cos): -(R e/h^2)'' = R W^2 e - (R W' + 2 R' W) d/h - R'' e/h^2.
-        wrench = turning @ self._along
-        wrench *= (rise.value * speed**2)[:, None]
-        changing = rise.value * acceleration + 2.0 * rise.rate * speed
-        if changing.any():
-            wrench -= changing[:, None] * (turning @ self._along_1)
-        if rise.curvature.any():
-            wrench -= rise.curvature[:, None] * (turning @ self._along_2)
-        return np.asarray(wrench)
+        sizes = np.stack([
+            rise.value * speed**2, -(rise.value * acceleration + 2.0 * rise.rate * speed), -rise.curvature
+        ])  # fmt: skip
+        return sizes if sizes[2].any() else sizes[:2] if sizes[1].any() else sizes[:1]
 
 
-def _stack(amplitudes: Complex) -> Array:
-    """What cosines and sines are multiplied by to give the real part of ``amplitudes`` (n, 6), turned: (2 n, 6)."""
-    return np.concatenate([amplitudes.real, -amplitudes.imag])
+class _CompiledTurning:
+    """Sums of what turns with the multiples of an angle, compiled.
+
+    Parameters
+    ----------
+    multiples: (k,).
+    along: complex amplitudes of each sum, (m, k, 6).
+    """
+
+    rows_at_once: ClassVar[int] = _ROWS
+
+    def __init__(self, multiples: Array, along: Complex, arithmetic: library.Arithmetic) -> None:
+        self._multiples = multiples / (2.0 * np.pi)
+        self._along = np.stack([along.real, -along.imag], axis=2)  # of cosine and sine
+        addresses = find_address(self._multiples), find_address(self._along)
+        self._shared = library.Turning(*addresses, multiples.size)
+        self._add: Any = arithmetic.add_turning
+        self._add_wheel: Any = arithmetic.add_wheel
+
+    def add(self, rows: Array, angle: Array, sizes: Array) -> None:
+        """Add the first sums, each multiplied by its sizes (m, n), at the angles (n,), rad, to ``rows`` (n, 6)."""
+        shared, (n_terms, n) = byref(self._shared), sizes.shape
+        self._add(shared, find_address(angle), n, find_address(sizes), n_terms, find_address(rows))
+
+    def follow(self, profile: SpeedProfile, rise_time: float) -> Callable[[Array, Array], None]:
+        """A function that adds the wrench of a wheel, three sums, at some times (n,), s, to rows (n, 6)."""
+        whole = library.Profile(profile.initial, profile.final, profile.start, profile.duration, rise_time)
+
+        def add(rows: Array, time: Array) -> None:
+            self._add_wheel(byref(self._shared), byref(whole), find_address(time), time.size, find_address(rows))
+
+        return add
+
+
+class _Turning:
+    """As :class:`_CompiledTurning`, in numpy."""
+
+    rows_at_once: ClassVar[int] = _PLAIN_ROWS
+    """Also of a last block, which is filled up: products of another shape may add in another order, and a sample must
+    not depend on the times beside it."""
+
+    def __init__(self, multiples: Array, along: Complex) -> None:
+        self._turning = Turning(multiples, self.rows_at_once)
+        self._along = np.concatenate([along.real, -along.imag], axis=1)
+
+    def add(self, rows: Array, angle: Array, sizes: Array) -> None:
+        """As :meth:`_CompiledTurning.add`."""
+        turned = self._turning(np.pad(angle, (0, self.rows_at_once - angle.size), mode="edge")).T
+        for size, along in zip(sizes, self._along, strict=False):
+            rows += size[:, np.newaxis] * (turned @ along)[: angle.size]
 
 
 def wheel_plane(spin_axis: Array) -> tuple[Array, Array]:

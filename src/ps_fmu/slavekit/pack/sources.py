@@ -17,6 +17,8 @@ from pathlib import Path, PurePosixPath
 
 _DOTTED_NAME = re.compile(r"[A-Za-z_]\w*(\.\w+)*", re.ASCII)
 _DATA = (".toml", ".csv", ".json", ".license")
+_PLATFORMS = ("linux64", "aarch64-linux", "win64")
+_LIBRARIES = (".so", ".dll")
 
 Files = dict[PurePosixPath, bytes]
 
@@ -66,7 +68,8 @@ def collect_modules(script: Path, roots: dict[str, Path], hollow: Collection[str
 def collect_imported(modules: Iterable[str], roots: dict[str, Path], hollow: Collection[str] = ()) -> Files:
     """Some modules and those that they import of some packages, directly or not, and the data files beside them.
 
-    A package whose ``__init__.py`` calls ``pkgutil.iter_modules`` is taken with all its modules.
+    A package whose ``__init__.py`` calls ``pkgutil.iter_modules`` is taken with all its modules, and each with the
+    compiled libraries in its folders ``linux64``, ``win64`` and so on.
 
     Parameters
     ----------
@@ -98,7 +101,8 @@ def collect_imported(modules: Iterable[str], roots: dict[str, Path], hollow: Col
             if path.name == "__init__.py":
                 if _lists_its_modules(source, str(arcname)):
                     waiting += [f"{package}.{found.name}" for found in pkgutil.iter_modules([str(path.parent)])]
-                files |= {arcname.with_name(data.name): data.read_bytes() for data in _list_data(path.parent)}
+                for data in _list_data(path.parent):
+                    files[arcname.parent / data.relative_to(path.parent).as_posix()] = data.read_bytes()
     return files
 
 
@@ -180,6 +184,8 @@ def _list_data(folder: Path) -> Iterator[Path]:
     for path in sorted(folder.iterdir()):
         if path.is_file() and path.suffix in _DATA:
             yield path
+    for platform in _PLATFORMS:
+        yield from (path for path in sorted((folder / platform).glob("*")) if path.suffix in _LIBRARIES)
 
 
 def rename_imports(source: bytes, name: str, names: dict[str, str]) -> bytes:

@@ -1,0 +1,34 @@
+/* The functions of numerics.h for one set of INSTRUCTIONS, with ARITHMETIC as the name of their table.
+
+   Every result is rounded after each operation and summed in one order: the same bits with any instructions. */
+#include "numerics.h"
+
+#include <math.h>
+#include <stdbool.h>
+#include <string.h>
+
+/* No fused multiply-add: each operation rounds. */
+#ifdef __clang__
+#pragma STDC FP_CONTRACT OFF
+#endif
+
+#define INLINE INSTRUCTIONS static inline __attribute__((always_inline))
+
+enum { PART = 64 /* numbers worked on together: they stay in the first cache */, MULTIPLES = 32 };
+
+static const double ROUND = 6755399441055744.0; /* 1.5 * 2^52: a sum with it is rounded to a whole number */
+
+/* The nearest whole number of |x| < 2^51. */
+INLINE double round_to_whole(double x)
+{
+    return (x + ROUND) - ROUND;
+}
+
+typedef double Vector __attribute__((vector_size(8 * WIDTH), aligned(8))); /* arrays of Python lie anywhere */
+
+#include "random.h"
+#include "tables.h"
+#include "transform.h"
+#include "turning.h"
+
+const Arithmetic ARITHMETIC = {NAME, add_rows, draw_normal, draw_lines, store_samples, add_turning, add_wheel};

@@ -1,0 +1,122 @@
+"""The compiled library of this package, for C functions that let go of Python's lock.
+
+Sources are the C files beside this module; ``make launcher`` compiles them.  Where there is no library, callers do the
+same in numpy: their results differ by rounding.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import logging
+import platform
+import sys
+from ctypes import CFUNCTYPE, POINTER, Structure, c_char_p, c_double, c_int64, c_void_p
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+log = logging.getLogger(__name__)
+
+_LIBRARIES = {
+    ("linux", "x86_64"): "linux64/numerics.so",
+    ("linux", "aarch64"): "aarch64-linux/numerics.so",
+    ("win32", "amd64"): "win64/numerics.dll",
+}
+
+
+class Tables(Structure):
+    """``Tables`` of numerics.h."""
+
+    _fields_ = (
+        ("one", c_void_p), ("other", c_void_p), ("n", c_int64), ("shift_one", c_int64), ("shift_other", c_int64),
+        ("start", c_double), ("rate", c_double),
+    )  # fmt: skip
+
+
+class Run(Structure):
+    """``Run`` of numerics.h."""
+
+    _fields_ = (("first", c_int64), ("end", c_int64), ("bin", c_int64), ("mirrored", c_int64))
+
+
+class Lines(Structure):
+    """``Lines`` of numerics.h."""
+
+    _fields_ = (
+        ("share", c_void_p), ("gains", c_void_p), ("turns", c_void_p), ("roots", c_void_p), ("runs", POINTER(Run)),
+        ("n", c_int64), ("n_terms", c_int64), ("phases", c_int64), ("points", c_int64), ("n_runs", c_int64),
+    )  # fmt: skip
+
+
+class Turning(Structure):
+    """``Turning`` of numerics.h."""
+
+    _fields_ = (("multiples", c_void_p), ("along", c_void_p), ("n", c_int64))
+
+
+class Profile(Structure):
+    """``Profile`` of numerics.h."""
+
+    _fields_ = tuple((name, c_double) for name in ("initial", "final", "start", "duration", "rise_time"))
+
+
+class Arithmetic(Structure):
+    """``Arithmetic`` of numerics.h: the functions, by name.  Each look-up makes a new object: keep it."""
+
+    _fields_ = (
+        ("instructions", c_char_p),
+        ("add_rows", CFUNCTYPE(None, POINTER(Tables), c_void_p, c_int64, c_void_p)),
+        ("draw_normal", CFUNCTYPE(None, c_void_p, c_int64, c_int64, c_void_p)),
+        (
+            "draw_lines",
+            CFUNCTYPE(None, POINTER(Lines), c_void_p, c_void_p, c_int64, c_double, c_void_p, c_int64, c_int64),
+        ),
+        ("store_samples", CFUNCTYPE(None, POINTER(Lines), c_void_p, c_int64, c_int64, c_void_p, c_void_p, c_void_p)),
+        ("add_turning", CFUNCTYPE(None, POINTER(Turning), c_void_p, c_int64, c_void_p, c_int64, c_void_p)),
+        ("add_wheel", CFUNCTYPE(None, POINTER(Turning), POINTER(Profile), c_void_p, c_int64, c_void_p)),
+    )  # fmt: skip
+
+
+@cache
+def find_arithmetic(instructions: str = "") -> Arithmetic | None:
+    """The functions for a set of instructions, ``sse2`` or what this processor does best; None: there are none."""
+    library = _load()
+    if library is None:
+        return None
+    library.numerics_find.argtypes, library.numerics_find.restype = (c_char_p,), POINTER(Arithmetic)
+    found = library.numerics_find(instructions.encode())
+    return found.contents if found else None
+
+
+@cache
+def _load() -> ctypes.CDLL | None:
+    name = _LIBRARIES.get((sys.platform, platform.machine().lower()))
+    if name is None or sys.maxsize < 2**32:
+        return None
+    try:
+        return ctypes.CDLL(str(Path(__file__).parent / name))
+    except OSError as error:
+        log.info("noise is made without the compiled library: %s", error)
+        return None
+
+
+def clear() -> None:
+    """Look for the library again, the next time that a function is asked for."""
+    find_arithmetic.cache_clear()
+    _load.cache_clear()
+
+
+def allocate(n: int) -> NDArray[np.float64]:
+    """Zeros that start on a cache line, (n,)."""
+    raw = np.zeros(n + 8)
+    first = -find_address(raw) % 64 // 8
+    return raw[first : first + n]
+
+
+def find_address(array: NDArray[np.float64] | NDArray[np.complex128]) -> int:
+    """Where the numbers of an array are, doubles that lie side by side.  Raises ValueError for others."""
+    if array.dtype.char not in "dD" or not array.flags.c_contiguous:
+        raise ValueError(f"{array.dtype} with strides {array.strides}: expected doubles without gaps")
+    return int(array.__array_interface__["data"][0])

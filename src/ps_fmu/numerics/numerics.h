@@ -1,0 +1,67 @@
+/* Arithmetic on long arrays for the physics, called from Python (library.py), which explains each function.
+
+   Complex numbers are pairs of doubles, arrays are C-contiguous.  No function keeps anything from one call to the next,
+   so that any number of threads may call them. */
+#ifndef NUMERICS_H
+#define NUMERICS_H
+
+#include <stdint.h>
+
+#ifdef _WIN32
+#define EXPORT __declspec(dllexport)
+#else
+#define EXPORT __attribute__((visibility("default")))
+#endif
+
+enum { CHANNELS = 6 /* of a wrench */, NODES = 6 /* of an interpolation */, LANES = 8 /* worked on together */ };
+
+/* One or two tables of rows (n, CHANNELS) on one grid, to be added. */
+typedef struct {
+    const double *one, *other; /* other: NULL if there is none */
+    int64_t n, shift_one, shift_other;
+    double start, rate; /* s, Hz */
+} Tables;
+
+/* Lines that go to bins side by side. */
+typedef struct {
+    int64_t first, end; /* lines */
+    int64_t bin;        /* of the first */
+    int64_t mirrored;   /* bins descend, and conjugates go there */
+} Run;
+
+/* What all blocks of noise have in common.  A block has CHANNELS / n_terms channels in each of its groups.  Its terms
+   are (groups, n, 2, LANES): real and imaginary parts of each line, those of a group side by side, term by term. */
+typedef struct {
+    const double *share; /* (n) */
+    const double *gains; /* complex (n_terms, n) */
+    const double *turns; /* complex (phases, n) */
+    const double *roots; /* exp(2 pi i k / points), (points) */
+    const Run *runs;
+    int64_t n, n_terms, phases, points, n_runs;
+} Lines;
+
+/* What turns with the multiples of an angle. */
+typedef struct {
+    const double *multiples; /* turns per radian, (n) */
+    const double *along;     /* of cosine and sine, (3, n, 2, CHANNELS) */
+    int64_t n;
+} Turning;
+
+/* How a wheel's speed goes: constant, linear, constant (rad/s, s); and over which time it is faded in. */
+typedef struct {
+    double initial, final, start, duration, rise_time;
+} Profile;
+
+typedef struct {
+    const char *instructions;
+    void (*add_rows)(const Tables *, const double *, int64_t, double *);
+    void (*draw_normal)(const double *, int64_t, int64_t, double *);
+    void (*draw_lines)(const Lines *, const double *, const double *, int64_t, double, double *, int64_t, int64_t);
+    void (*store_samples)(const Lines *, const double *, int64_t, int64_t, const double *, double *, double *);
+    void (*add_turning)(const Turning *, const double *, int64_t, const double *, int64_t, double *);
+    void (*add_wheel)(const Turning *, const Profile *, const double *, int64_t, double *);
+} Arithmetic;
+
+extern const Arithmetic arithmetic_sse2, arithmetic_avx2, arithmetic_avx512;
+
+#endif

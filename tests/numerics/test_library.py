@@ -1,0 +1,153 @@
+"""The compiled library: the same bits with all instructions, those of numpy but for rounding, no lock of Python."""
+
+import sys
+import threading
+import zipfile
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+
+from ps_fmu.disturbance.gaussian import GaussianNoise
+from ps_fmu.disturbance.kinds.wheels import WheelSource
+from ps_fmu.disturbance.sample_table import SampleTable
+from ps_fmu.disturbance.speed import SpeedProfile
+from ps_fmu.mechanism.parameters import load
+from ps_fmu.numerics import library
+from ps_fmu.sensors.normal import draw_normal
+
+NOISE = load().noise
+KNOWN = [found for name in ("sse2", "avx2", "avx512") if (found := library.find_arithmetic(name)) is not None]
+SAME = 1e-13  # of the RMS
+
+
+def make_noise(period=20.0):
+    times = np.concatenate([np.arange(300) * 1e-4, 2.49 + np.arange(300) * 1e-4, 6.0 + np.arange(300) * 1.37e-3])
+    return GaussianNoise(NOISE.wrench_psd_B, NOISE.band, seed=3, period=period)(times)
+
+
+def make_wheel(final=300.0):
+    """Before, during and after the fade-in and the ramp; not a whole number of blocks."""
+    source = WheelSource(SpeedProfile(200.0, final, 1.0, 2.0), np.array([1.0, 1.0, 1.0]), np.ones(3), (1, 101))
+    return source(np.linspace(0.0, 4.0, 1003))
+
+
+def read_table():
+    values = np.random.default_rng(3).standard_normal((50, 6))
+    return SampleTable(values, 10.0, start=1.0)(np.sort(np.concatenate([np.linspace(-3.0, 13.0, 200), [1.1, 2.0]])))
+
+
+MAKERS = {
+    "noise": make_noise,
+    "noise without a compiled transform": lambda: make_noise(37.3),
+    "wheel": make_wheel,
+    "steady wheel": lambda: make_wheel(200.0),
+    "table": read_table,
+    "normal numbers": lambda: draw_normal((1, 2), 9, 255),
+}
+
+
+@pytest.mark.parametrize("make", MAKERS.values(), ids=MAKERS)
+def test_all_instructions_give_the_same_bits_and_numpy_the_same_numbers(make, monkeypatch):
+    assert KNOWN, "this platform has a library"
+    made = []
+    for arithmetic in KNOWN:
+        monkeypatch.setattr(library, "find_arithmetic", lambda found=arithmetic: found)
+        made.append(make())
+    monkeypatch.setattr(library, "find_arithmetic", lambda: None)
+    expected = make()
+    assert all(values.tobytes() == made[0].tobytes() for values in made)
+    rms = np.sqrt((expected**2).mean(axis=0)).max()
+    np.testing.assert_allclose(made[0], expected, rtol=0.0, atol=SAME * rms)
+
+
+def test_the_best_instructions_are_chosen():
+    assert library.find_arithmetic().instructions == KNOWN[-1].instructions
+    assert library.find_arithmetic("none such") is None
+
+
+def test_extreme_random_numbers():
+    """0 and the largest number below 1, for the radius and for the angle."""
+    least, most = 0.0, 1.0 - 2.0**-53
+    numbers = np.array([[[least, most, least, most, 0.5, 2.0**-53], [least, most, most, 0.25, 0.125, 0.75]]])
+    normal = np.empty((1, 12))
+    for arithmetic in KNOWN:
+        arithmetic.draw_normal(library.find_address(numbers), 1, 6, library.find_address(normal))
+        radius = np.sqrt(-2.0 * np.log1p(-numbers[0, 0]))
+        angle = 2.0 * np.pi * numbers[0, 1]
+        np.testing.assert_allclose(normal[0, :6], radius * np.cos(angle), rtol=0.0, atol=5e-15)
+        np.testing.assert_allclose(normal[0, 6:], radius * np.sin(angle), rtol=0.0, atol=5e-15)
+
+
+@pytest.mark.parametrize("time", [np.nan, np.inf, -1e300, 1e18])
+def test_impossible_times_read_no_foreign_memory(time):
+    values = SampleTable(np.ones((50, 6)), 10.0)(np.array([0.55, time, 0.65]))
+    np.testing.assert_allclose(values[[0, 2]], 1.0, rtol=1e-14)
+
+
+def test_only_doubles_side_by_side_have_an_address():
+    for array in (np.zeros((4, 4))[:, :2], np.zeros(4, dtype=np.float32), np.zeros(4, dtype=np.int64)):
+        with pytest.raises(ValueError, match="expected doubles without gaps"):
+            library.find_address(array)
+
+
+def test_other_threads_run_meanwhile():
+    """A function is called in a thread, and this thread goes on before it has ended."""
+    numbers, normal = np.random.default_rng(1).random((1, 2, 1_000_000)), np.empty((1, 2_000_000))
+    addresses = library.find_address(numbers), 1, 1_000_000, library.find_address(normal)
+    function = library.find_arithmetic().draw_normal
+    interval = sys.getswitchinterval()
+    sys.setswitchinterval(100.0)  # s: who has Python's lock keeps it until it is given up
+    try:
+        assert any(_goes_on(function, addresses) for _ in range(20))  # once may fail on a busy machine
+    finally:
+        sys.setswitchinterval(interval)
+
+
+def _goes_on(function, arguments):
+    begun, ended = threading.Event(), threading.Event()
+
+    def call():
+        begun.set()
+        function(*arguments)
+        ended.set()
+
+    thread = threading.Thread(target=call)
+    thread.start()
+    begun.wait()
+    goes_on = not ended.is_set()
+    thread.join()
+    return goes_on
+
+
+def test_sources_in_several_threads_do_not_disturb_each_other():
+    """They share tables and memory that earlier ones have left."""
+
+    def run(seed):
+        source = GaussianNoise(NOISE.wrench_psd_B, NOISE.band, seed, period=20.0)
+        return np.concatenate([source(first + np.arange(200) * 1e-3) for first in (0.0, 2.4, 9.9)])
+
+    seeds = [1, 2, 3, 4] * 3
+    alone = {seed: run(seed).tobytes() for seed in set(seeds)}
+    with ThreadPoolExecutor(4) as pool:
+        together = list(pool.map(run, seeds))
+    assert [values.tobytes() for values in together] == [alone[seed] for seed in seeds]
+
+
+def test_a_platform_without_a_library(monkeypatch):
+    expected = make_noise()
+    monkeypatch.setattr(library.platform, "machine", lambda: "riscv64")
+    library.clear()
+    try:
+        assert library.find_arithmetic() is None
+        np.testing.assert_allclose(make_noise(), expected, rtol=0.0, atol=SAME * expected.std())
+    finally:
+        monkeypatch.undo()
+        library.clear()
+    assert library.find_arithmetic() is not None
+
+
+def test_the_fmu_carries_the_libraries(built_fmus):
+    with zipfile.ZipFile(built_fmus / "DisturbanceSource.fmu") as fmu:
+        names = {name.partition("/numerics/")[2] for name in fmu.namelist()}
+    assert {"linux64/numerics.so", "aarch64-linux/numerics.so", "win64/numerics.dll"} <= names
