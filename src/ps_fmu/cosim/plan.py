@@ -35,7 +35,7 @@ _CONVERTED_LOCKED = PYFUNCTYPE(c_int)
 
 @dataclass(frozen=True)
 class Span:
-    """A time other than the step, for an fmi2DoStep: it begins ``offset`` after the step does, and is ``length`` long [s].
+    """A time other than the step, for an fmi2DoStep: it begins ``offset`` after the step, and is ``length`` long [s].
 
     ``begin`` is the argument of the call, which the loop makes right.
     """
@@ -209,7 +209,7 @@ def make_wires(
             if target not in cut:
                 sources[target] = signal.port
                 conversions |= {} if conversion.changes_nothing else {target: conversion}
-    return Wires(instances, sources, conversions)
+    return Wires(instances, sources, conversions, signals)
 
 
 class Wires:
@@ -220,8 +220,9 @@ class Wires:
         instances: Mapping[str, FmuInstance],
         sources: Mapping[PortName, PortName],
         conversions: Mapping[PortName, Conversion],
+        signals: Sequence[BoundSignal] = (),
     ) -> None:
-        self.instances, self.sources, self.conversions = instances, sources, conversions
+        self.instances, self.sources, self.conversions, self.signals = instances, sources, conversions, signals
         self.inputs: dict[str, list[PortName]] = {name: [] for name in instances}
         for port in sources:
             self.inputs[port.component].append(port)
