@@ -24,8 +24,6 @@ from .rows import Rows
 from .signals import BoundSignal
 from .structure import PortName
 
-SCHEMES = ("jacobi", "gauss-seidel")
-
 # Arguments as ctypes passes them on, converted beforehand: 0.11 us a call, where declared types take 0.28.
 _pointer, _size, _boolean, _double = c_void_p.from_param, c_size_t.from_param, c_int.from_param, c_double.from_param
 _CONVERTED = CFUNCTYPE(c_int)

@@ -143,7 +143,8 @@ def write_system(folder: Path, system: Coupled, hints: Mapping[str, str] | None 
     elements = []
     for name, part in system.parts.items():
         ports = [("output", port) for port in part.outputs] + [("input", port) for port in part.inputs]
-        connectors = "".join(f'<ssd:Connector name="{p}" kind="{kind}"><ssc:Real/></ssd:Connector>' for kind, p in ports)
+        shape = '<ssd:Connector name="{}" kind="{}"><ssc:Real/></ssd:Connector>'
+        connectors = "".join(shape.format(port, kind) for kind, port in ports)
         hint = (hints or {}).get(name)
         note = "" if hint is None else (
             '<ssd:Annotations><ssc:Annotation type="com.opensimulationplatform">'
@@ -163,8 +164,8 @@ def write_system(folder: Path, system: Coupled, hints: Mapping[str, str] | None 
     path.write_text(
         f'<ssd:SystemStructureDescription xmlns:ssd="{space}Description" xmlns:ssc="{space}Common" '
         'xmlns:osp="http://opensimulationplatform.com/SSP/OSPAnnotations" version="1.0" name="linear">'
-        f'<ssd:System name="linear"><ssd:Elements>\n{"".join(elements)}</ssd:Elements><ssd:Connections>\n{"".join(wires)}'
-        "</ssd:Connections></ssd:System></ssd:SystemStructureDescription>\n"
+        f'<ssd:System name="linear"><ssd:Elements>\n{"".join(elements)}</ssd:Elements><ssd:Connections>\n'
+        f"{''.join(wires)}</ssd:Connections></ssd:System></ssd:SystemStructureDescription>\n"
     )
     return read_system(path)
 

@@ -28,7 +28,8 @@ def resolve_scheme(
     """The scheme with the rates that the system or its FMUs state, where the scheme gives none.
 
     Stated are: the annotation ``osp:StepSizeHint`` of a component; the default step of an FMU that takes steps of one
-    size only.  One that is no whole multiple or fraction of the base step [s] is named in a warning.
+    size only.  One that is no whole multiple or fraction of the base step [s] is named in a warning.  What is resolved
+    stays as it is when it is resolved again.
 
     Raises :class:`UsageError`, with the component: a scheme that its FMUs cannot follow.
     """
@@ -42,11 +43,12 @@ def resolve_scheme(
             if rate is not None:
                 rates[component.name] = rate
             elif stated is not None:
+                rates[component.name] = Rate()
                 log.warning(
                     "%s: %s of %.9g s is no whole multiple or fraction of the step of %.9g s: it makes that step",
                     component.name, origin, stated, step,
                 )  # fmt: skip
-    scheme = replace(scheme, rates={name: rate for name, rate in rates.items() if rate != Rate()})
+    scheme = replace(scheme, rates=rates)
     period = find_period(scheme)
     if period > MOST_PHASES:
         raise UsageError(f"rates come round after {period} base steps: expected at most {MOST_PHASES}")
@@ -93,8 +95,9 @@ def _find_step(hint: float | None, description: ModelDescription) -> tuple[str, 
 def _check_estimate(scheme: Scheme, descriptions: Mapping[str, ModelDescription]) -> None:
     if not scheme.error_estimate:
         return
-    if scheme.rates:
-        name, rate = next(iter(scheme.rates.items()))
+    for name, rate in scheme.rates.items():
+        if rate == Rate():
+            continue
         raise UsageError(f"error estimate: half steps need one step for all components, but {name} has the rate {rate}")
     if obstacle := find_obstacle(descriptions):
         raise UsageError(f"error estimate: half steps cannot be made: {obstacle}")
@@ -109,5 +112,5 @@ def _check_iteration(scheme: Scheme, system: System, descriptions: Mapping[str, 
                     f"{where} cannot be set back to a state (canGetAndSetFMUstate is false): take jacobi or "
                     "gauss-seidel"
                 )
-            if rate := scheme.rates.get(name):
+            if (rate := scheme.get_rate(name)) != Rate():
                 raise UsageError(f"{where} has the rate {rate}: components of a loop are iterated with the base step")

@@ -104,7 +104,7 @@ class Scheme:
     def __str__(self) -> str:
         parts = [self.order]
         parts += [self.extrapolation] if self.extrapolation != "hold" else []
-        parts += [f"{name} {rate}" for name, rate in self.rates.items()]
+        parts += [f"{name} {rate}" for name, rate in self.rates.items() if rate != Rate()]
         parts += ["error estimate"] if self.error_estimate else []
         return ", ".join(parts)
 
