@@ -73,11 +73,10 @@ class PythonLoop:
     def advance(self, times: Array, interrupted: c_int) -> None:
         """See :class:`StepLoop`."""
         plan, rows, spans = self._plan, self._rows, self._spans
-        fed = [(*rows.find_place(s.port), s.sample(times + plan.step, plan.step)) for s in plan.signals]
+        fed = [(*rows.find_place(s.port), iter(s.sample(times + plan.step, plan.step))) for s in plan.signals]
         now, latest, done = plan.now, rows.latest_row, rows.filled
         phases = _begin_at(self._phases, plan.find_phase(float(times[0])) if len(times) else 0)
-        steps = zip(times.tolist(), rows.rows[done : done + len(times)], strict=True)
-        for index, ((time, row), stages) in enumerate(zip(steps, phases, strict=False)):
+        for time, row, stages in zip(times.tolist(), rows.rows[done : done + len(times)], phases, strict=False):
             if interrupted:
                 return
             now.value = time
@@ -94,7 +93,7 @@ class PythonLoop:
                 for status in filter(None, map(call, remaining)):
                     calls[-1 - length_hint(remaining)].check(status, time, plan.step)
             for values, place, samples in fed:
-                values[place] = samples[index]
+                values[place] = next(samples)
             row[:] = latest
             rows.filled += 1
 
