@@ -2,6 +2,7 @@
 
 import logging
 from ctypes import c_double
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,10 +10,11 @@ from scipy.linalg import expm
 from support import linear
 from support.linear import Keep, make_added_mass, make_oscillator, make_two_motions
 
-from ps_fmu.cosim import ConvergenceError, Master, UsageError
+from ps_fmu.cosim import ConvergenceError, Master, PortName, SlaveError, SystemFileError, UsageError, read_system
 from ps_fmu.cosim.isolation.instance import Isolation
 from ps_fmu.cosim.schemes.history import Extension, Grid, InputHistory
 from ps_fmu.cosim.schemes.scheme import METHODS, Iteration, Rate, Scheme, read_rate
+from ps_fmu.cosim.signals import Signal
 from ps_fmu.cosim.stopwatch import EXCHANGE, Stopwatch
 
 H = 0.01  # s
@@ -426,3 +428,78 @@ def test_schemes_that_a_system_cannot_follow(oscillator, tmp_path):
         with pytest.raises(UsageError, match=reason):
             Master(system, H, scheme)
     run(stateless, Scheme("gauss-seidel", "linear"))
+
+
+# ---- other connections -------------------------------------------------------------------------------------------
+
+
+def test_units_within_a_loop(tmp_path):
+    """Half of the force and some more arrive, which also the directional derivatives have to know."""
+    system = make_heavy().build(tmp_path, derives=True)
+    text = system.path.read_text()
+    wire = '<ssd:Connection startElement="load" startConnector="F" endElement="body" endConnector="F"/>'
+    assert wire in text
+    halved = wire.replace("/>", '><ssc:LinearTransformation factor="0.5" offset="0.25"/></ssd:Connection>')
+    system.path.write_text(text.replace(wire, halved))
+    states = [PortName(name, f"x{n}") for name in ("body", "load") for n in (1, 2)]
+    scheme = Scheme("iterated", iteration=Iteration("newton", 1e-11))
+    rows = run(read_system(system.path), scheme, also=states)
+    m, c, d, k = 2.0, 50.0, 0.6, 8.0  # of make_added_mass
+    for n in (0, 1, 50, 200):
+        x, v = rows["body.x1"][n], rows["body.x2"][n]
+        force = 0.5 * (-k * rows["load.x1"][n] - 3.0 * m * rows["body.a"][n]) + 0.25
+        assert rows["body.a"][n] == pytest.approx((force - c * x - d * v) / m, rel=1e-9)
+    assert rows["loop_1.passes"][1:].max() <= 6.0
+
+
+def test_inputs_of_the_run_are_those_at_the_end_of_an_iterated_step(tmp_path):
+    """A mass under a force that grows by 2 N/s: exact, where the input is a line in each step."""
+    mass = linear.Part(
+        np.array([[0.0, 1.0], [0.0, 0.0]]), np.array([[0.0], [1.0]]), np.eye(2), np.zeros((2, 1)), np.zeros(2),
+        ("F",), ("x", "v"),
+    )  # fmt: skip
+    system = linear.Coupled({"mass": mass}, {}).build(tmp_path)
+    signal = Signal(np.array([0.0, 1.0]), ["0", "2"], [2, 3], "force.csv")
+    speeds = {}
+    for scheme in (Scheme("iterated"), Scheme("iterated", "linear"), Scheme("jacobi"), Scheme("jacobi", "linear")):
+        rows = run(system, scheme, 0.1, 1.0, inputs={"mass.F": signal})
+        speeds[str(scheme)] = rows["mass.v"]
+    t = np.arange(11) * 0.1
+    np.testing.assert_allclose(speeds["iterated, linear"], t**2, atol=1e-14)
+    np.testing.assert_allclose(speeds["iterated"], t * (t + 0.1), atol=1e-14)
+    np.testing.assert_allclose(speeds["jacobi"], t * (t - 0.1), atol=1e-14)
+    # There is no slope in the first step.
+    np.testing.assert_allclose(speeds["jacobi, linear"][1:], t[1:] ** 2 - 0.01, atol=1e-14)
+
+
+@pytest.mark.parametrize("scheme", [Scheme("jacobi", "linear"), Scheme(rates={"second": Rate(2)})], ids=str)
+def test_a_discarded_step_says_why_it_is_not_repeated(oscillator, answer, scheme):
+    answer("first", "fmi2DoStep", 2, n=4)
+    with pytest.raises(SlaveError, match="cannot be repeated in smaller ones: the scheme has rates, extrapolates"):
+        run(oscillator, scheme)
+
+
+def test_a_warning_in_a_loop_is_counted(oscillator, answer):
+    answer("first", "fmi2DoStep", 1, n=0, really=True)
+    with Master(oscillator, H, "iterated") as master:
+        rows = Keep([column.name for column in master.columns])
+        master.initialise()
+        master.run(0.1, [rows])
+        assert master.warnings["first"] == rows["loop_1.passes"].sum()
+
+
+def test_a_hint_that_is_no_step(tmp_path):
+    make_oscillator().build(tmp_path)
+    with pytest.raises(SystemFileError, match=r"line \d+: component 'first': value of osp:StepSizeHint must be"):
+        linear.write_system(tmp_path, make_oscillator(), {"first": "fast"})
+
+
+def test_columns_of_the_scheme_have_names_of_their_own(tmp_path):
+    """A component is called as the column of a loop begins."""
+    parts = dict(zip(("loop_1", "second"), make_oscillator().parts.values(), strict=True))
+    parts["loop_1"] = replace(parts["loop_1"], outputs=("passes", "v"))
+    sources = {"loop_1.F": "second.F", "second.x": "loop_1.passes", "second.v": "loop_1.v"}
+    rows = run(linear.Coupled(parts, sources).build(tmp_path), "iterated", end=0.1)
+    assert {"loop_1.passes", "loop_1.passes_", "loop_1.residual"} <= set(rows.names)
+    assert rows["loop_1.passes"][0] == 1.0, "a position"
+    assert rows["loop_1.passes_"][1:].min() >= 1.0
