@@ -20,7 +20,7 @@ log = logging.getLogger("ps_fmu.cosim")
 BUDGET_S = 0.05
 """So long may C go on before Python looks for signals and reports progress [s]."""
 
-_DO_SPAN = 7
+_DO_SPAN, _TAKE_LINES = 7, 8
 # Kind of an operation, as in loop.c.
 _TAKE = {"float64": 0, "int32": 1}
 _CALL = {
@@ -31,6 +31,7 @@ _CALL = {
     "fmi2GetReal": 5,
     "fmi2GetInteger": 6,
     "fmi2GetBoolean": 6,
+    "fmi2SetRealInputDerivatives": 9,
 }
 
 
@@ -123,11 +124,14 @@ def _make_operation(part: Gather | Call) -> _Operation:
     """The addresses in a gather or call, whose objects the plan keeps."""
     if isinstance(part, Gather):
         arrays = part.sources.ctypes.data, part.outputs.ctypes.data, part.inputs.ctypes.data
+        if part.extension is not None:
+            return _Operation(_TAKE_LINES, len(part.sources), *arrays, part.extension.address)
         return _Operation(_TAKE[part.inputs.dtype.name], len(part.sources), *arrays)
-    references, values = (None if array is None else array.ctypes.data for array in (part.references, part.values))
+    arrays_of = part.references, part.orders, part.values
+    references, orders, values = (None if array is None else array.ctypes.data for array in arrays_of)
     if part.span is not None:
         span = part.span.numbers.ctypes.data
         return _Operation(_DO_SPAN, int(part.repeatable), span, None, None, part.instance.address, part.address)
     kind = _CALL[part.function]
     count = int(part.repeatable) if part.function == "fmi2DoStep" else len(part.names)
-    return _Operation(kind, count, references, None, values, part.instance.address, part.address)
+    return _Operation(kind, count, references, orders, values, part.instance.address, part.address)

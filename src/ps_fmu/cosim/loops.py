@@ -60,7 +60,7 @@ class PythonLoop:
             [
                 (
                     [(gather.outputs.take, gather.sources, gather.inputs) for gather in stage.gathers],
-                    [gather.convert for gather in stage.gathers if gather.convert is not None],
+                    [change for gather in stage.gathers for change in gather.list_changes()],
                     stage.moves,
                     tuple(c.invoke for c in stage.calls),
                     stage.calls,
@@ -141,9 +141,7 @@ class TimedPythonLoop:
         """A stage of the step from ``time`` [s] on, whose parts begin at place ``first``."""
         before = perf_counter_ns()
         for place, gather in enumerate(stage.gathers, first):
-            gather.outputs.take(gather.sources, None, gather.inputs, "clip")
-            if gather.convert is not None:
-                gather.convert()
+            gather.take()
             before = self._note(place, before, time)
         for move in stage.moves:
             move.carry(time)

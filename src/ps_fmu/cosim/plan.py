@@ -11,7 +11,7 @@ from ctypes import CFUNCTYPE, PYFUNCTYPE, c_double, c_int, c_size_t, c_void_p, c
 from dataclasses import dataclass, field
 from functools import partial
 from itertools import accumulate
-from typing import Any, NoReturn
+from typing import Any, NoReturn, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,7 +55,7 @@ class Call:
     ``invoke()`` calls it and returns the fmi2Status; ``address`` is where it is.  ``later`` says that it reads what
     fmi2DoStep has made, ``repeatable`` that this fmi2DoStep may be made again from a state before it.  To set or get,
     it takes the addresses of the value references and of the first of the ``values``, as many of each as there are
-    names.  ``span`` is that of an fmi2DoStep over another time than the step.
+    names.  ``span`` is that of an fmi2DoStep over another time than the step, ``orders`` are those of derivatives.
     """
 
     instance: FmuInstance
@@ -68,6 +68,7 @@ class Call:
     later: bool = False
     repeatable: bool = False
     span: Span | None = None
+    orders: NDArray[np.int32] | None = None
 
     def check(self, status: int, time: float, step: float) -> None:
         """Count a warning in the step from ``time`` on [s], raise :class:`SlaveError` on anything worse."""
@@ -83,12 +84,23 @@ class Call:
         return time + step if self.later else time
 
 
+class InputExtension(Protocol):
+    """What inputs do within a step, see :class:`.schemes.history.Extension`."""
+
+    def apply(self) -> None:
+        """Change the gathered inputs in place."""
+
+    @property
+    def address(self) -> int:
+        """Of the same as data: ``Lines`` of lines.h."""
+
+
 @dataclass(frozen=True)
 class Gather:
     """``inputs[i] = outputs[sources[i]]``: what the connections carry, for one kind of numbers.
 
-    ``convert()`` then changes the inputs in place, where some have other units or transformations.  ``targets`` are the
-    names of the inputs.
+    ``convert()`` then changes the inputs in place, where some have other units or transformations.  ``extension`` says
+    what inputs do within the step, where they are not held.  ``targets`` are the names of the inputs.
     """
 
     outputs: NDArray[Any]
@@ -96,6 +108,18 @@ class Gather:
     inputs: NDArray[Any]
     convert: Callable[[], None] | None = None
     targets: tuple[PortName, ...] = ()
+    extension: InputExtension | None = None
+
+    def take(self) -> None:
+        """Do all this."""
+        self.outputs.take(self.sources, None, self.inputs, "clip")
+        for change in self.list_changes():
+            change()
+
+    def list_changes(self) -> list[Callable[[], None]]:
+        """What changes the inputs after they have been copied."""
+        changes = [] if self.convert is None else [self.convert]
+        return changes if self.extension is None else [*changes, self.extension.apply]
 
 
 @dataclass(frozen=True)
@@ -306,20 +330,8 @@ def make_derivatives(instance: FmuInstance, names: Sequence[str], slopes: NDArra
     references = np.array([instance.variables[name].valueReference for name in names], dtype=np.uint32)
     orders = np.ones(len(names), dtype=np.int32)
     arrays = _pointer(references.ctypes.data), _size(len(names)), _pointer(orders.ctypes.data)
-    invoke, address = _bind(instance, instance.access(function), *arrays, _pointer(slopes.ctypes.data))
-    kept = _Kept(invoke, orders)
-    return Call(instance, function, kept, address, tuple(names), references, slopes)
-
-
-@dataclass(frozen=True)
-class _Kept:
-    """A call with an array that it takes by address."""
-
-    invoke: Callable[[], int]
-    array: NDArray[Any]
-
-    def __call__(self) -> int:
-        return self.invoke()
+    bound = _bind(instance, instance.access(function), *arrays, _pointer(slopes.ctypes.data))
+    return Call(instance, function, *bound, tuple(names), references, slopes, orders=orders)
 
 
 def _group(ports: Iterable[PortName]) -> dict[str, list[PortName]]:

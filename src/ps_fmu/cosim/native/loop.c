@@ -8,12 +8,15 @@
 #include <time.h>
 
 #include "fmi2FunctionTypes.h"
+#include "lines.h"
 
-typedef enum { TAKE_DOUBLES, TAKE_INTS, SET_REALS, SET_INTEGERS, DO_STEP, GET_REALS, GET_INTEGERS, DO_SPAN } Kind;
+typedef enum { TAKE_DOUBLES, TAKE_INTS, SET_REALS, SET_INTEGERS, DO_STEP, GET_REALS, GET_INTEGERS, DO_SPAN,
+               TAKE_LINES, SET_DERIVATIVES } Kind;
 
 /* What is done with `count` numbers.  TAKE: values[i] = outputs[places[i]].  SET, GET: `places` are value references.
    DO_STEP: `count` is 1 if the step may be repeated.  DO_SPAN: a step over another time; `places` are the two doubles
-   that say how much later than the step it begins, and how long it is [s].  INTS and INTEGERS are Booleans, too: both
+   that say how much later than the step it begins, and how long it is [s].  TAKE_LINES: TAKE, then the Lines that
+   `component` is.  SET_DERIVATIVES: `outputs` are the orders.  INTS and INTEGERS are Booleans, too: both
    are int in FMI 2.0. */
 typedef struct {
     int64_t kind;
@@ -28,6 +31,7 @@ typedef struct {
         fmi2DoStepTYPE *do_step;
         fmi2GetRealTYPE *get_reals;
         fmi2GetIntegerTYPE *get_integers;
+        fmi2SetRealInputDerivativesTYPE *set_derivatives;
     } function;
 } Operation;
 
@@ -90,6 +94,12 @@ static int carry_out(const Operation *o, double time, double step)
         return (int)o->function.get_reals(o->component, o->places, n, o->values);
     case GET_INTEGERS:
         return (int)o->function.get_integers(o->component, o->places, n, o->values);
+    case TAKE_LINES:
+        take_doubles(o);
+        extend(o->component, time);
+        return fmi2OK;
+    case SET_DERIVATIVES:
+        return (int)o->function.set_derivatives(o->component, o->places, n, o->outputs, o->values);
     case DO_SPAN: {
         const double *span = o->places;
         return (int)o->function.do_step(o->component, time + span[0], span[1], o->count == 0 ? fmi2True : fmi2False);

@@ -1,10 +1,14 @@
-"""Inputs between two communication points: the lines that follow from the values so far."""
+"""Inputs between two communication points: the lines that follow from the values so far.
+
+``native/lines.h`` does the same in C, with the same results to the last bit.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from ctypes import c_double
+from ctypes import Structure, addressof, c_double, c_int64, c_void_p
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +23,17 @@ class Grid:
     now: c_double
     start: float
     step: float
+
+
+class _Lines(Structure):
+    """``Lines`` of lines.h."""
+
+    _fields_ = (
+        *((name, c_int64) for name in ("count", "smoothed")),
+        *((name, c_double) for name in ("start", "step", "length", "offset", "part")),
+        *((name, c_void_p) for name in ("places", "periods", "ahead", "values", "slopes")),
+        *((name, c_void_p) for name in ("memory", "first", "begin", "slope")),
+    )
 
 
 class InputHistory:
@@ -52,6 +67,14 @@ class InputHistory:
         """Take over the samples of another history of the same inputs."""
         self._memory[:] = other._memory
         self._first[:] = other._first
+
+    def describe(self, part: Extension) -> _Lines:
+        """A part of the component's step as data."""
+        numbers = self._grid.start, self._grid.step, self._length, part.offset, part.length
+        arrays = part.places, self._periods, self._ahead, part.values, part.slopes
+        own = self._memory, self._first, self.begin, self.slope
+        addresses = (None if array is None else array.ctypes.data for array in (*arrays, *own))
+        return _Lines(len(self._first), int(self._smoothed), *numbers, *addresses)
 
     def look(self, values: Array) -> None:
         """Find the lines of the step that begins now, from the present values (inputs,) of the sources.
@@ -93,6 +116,15 @@ class Extension:
     offset: float
     length: float
     slopes: Array | None
+
+    @property
+    def address(self) -> int:
+        """Of the same as data: ``Lines`` of lines.h."""
+        return addressof(self._lines)
+
+    @cached_property
+    def _lines(self) -> _Lines:
+        return self.history.describe(self)
 
     def apply(self) -> None:
         """Replace the values, which are those of the sources now."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from ctypes import c_double
 from dataclasses import dataclass, field, replace
 
@@ -102,7 +102,7 @@ class _Extender:
         if not self.continuous:
             return
         sources = [setting.wires.sources[gather.targets[k]].component for k in self.places]
-        _take(gather)
+        gather.take()
         self.history = InputHistory(
             Grid(setting.now, setting.start, setting.step),
             rate.steps * setting.step,
@@ -121,7 +121,7 @@ class _Extender:
         """The gather of a part that begins ``offset`` after the step and is ``length`` long [s]."""
         gather = self.gather
         extension = Extension(self.history, gather.inputs, self.places, offset, length, self.slopes)
-        return replace(gather, convert=_chain(gather.convert, extension.apply))
+        return replace(gather, extension=extension)
 
 
 def make_stages(sequels: Sequence[Sequel], phase: int = 0) -> list[Stage]:
@@ -162,21 +162,3 @@ def make_scheme_plan(
     sizes = tuple(len(phase) for phase in phases)
     plan = Plan(stages, setting.now, setting.step, tuple(setting.wires.signals), sizes, setting.start)
     return plan, [sequel.history for sequel in sequels if sequel.history is not None]
-
-
-def _take(gather: Gather) -> None:
-    """The present values of the inputs."""
-    gather.outputs.take(gather.sources, None, gather.inputs, "clip")
-    if gather.convert is not None:
-        gather.convert()
-
-
-def _chain(first: Callable[[], None] | None, then: Callable[[], None]) -> Callable[[], None]:
-    if first is None:
-        return then
-
-    def both() -> None:
-        first()
-        then()
-
-    return both
