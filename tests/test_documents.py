@@ -51,6 +51,21 @@ def test_the_diagrams_are_drawn(tmp_path, name, suffix):
     assert (tmp_path / f"{name}{suffix}").stat().st_size > 10_000
 
 
+def test_the_study_of_the_schemes_is_drawn(tmp_path):
+    """With two steps, which the table of docs/schemes.md has among others."""
+    schemes = script("draw_schemes")
+    steps = {name: own[:2] for name, own in schemes.STEPS.items()}
+    found = schemes.measure(steps)
+    schemes.draw(tmp_path / "schemes.png", found, steps)
+    assert (tmp_path / "schemes.png").stat().st_size > 10_000
+    text = (ROOT / "docs" / "schemes.md").read_text(encoding="utf-8")
+    kept = re.findall(r"^\| ((?:jacobi|gauss-seidel|iterated), \w+) \| (.*) \|$", text, re.MULTILINE)
+    for row, (name, cells) in zip(schemes.list_rows(found, steps), kept, strict=True):
+        made, there = row.split(" | ")[1:], cells.split(" | ")
+        assert row.startswith(f"| {name} |")
+        assert [made[1], made[3].removesuffix(" |")] == [there[1], there[3]], "errors with the longest step"
+
+
 def test_the_icons_are_those_that_the_script_draws(tmp_path):
     icons = script("draw_icons")
     for name in MODELS.values():

@@ -13,8 +13,9 @@ from pathlib import Path
 
 from .cosim.errors import CosimError, UsageError
 from .cosim.isolation.options import add_isolation_options, read_isolation
+from .cosim.schemes.options import add_scheme_options, read_scheme
 from .runs.any_system import AnyRun, run_any
-from .runs.options import PLOT, RESULTS, SCHEMES, OptionError, claim_folder
+from .runs.options import PLOT, RESULTS, OptionError, claim_folder
 from .runs.output import hold_folder, leave_no_empty_folder, report_end
 from .terminal import reason
 
@@ -46,10 +47,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="variables to store and draw, such as 'plant.*'; may be repeated (all outputs)",
     )  # fmt: skip
     add("--output", type=Path, metavar="DIR", help="folder of the results (results/SYSTEM)")
-    add("--scheme", choices=SCHEMES, default=SCHEMES[0], help="order of exchange (%(default)s)")
     add("--outside", action="store_true", help="let the system use files outside of its folder or archive")
     add("--profile", action="store_true", help="say where the time goes, and when the longest step was")
     add_isolation_options(parser)
+    add_scheme_options(parser)
     add("--no-figures", dest="figures", action="store_false", help="draw no plot")
 
 
@@ -88,7 +89,7 @@ def read_options(arguments: argparse.Namespace) -> AnyRun:
         if not path.exists():
             raise OptionError(f"{name}: there is no file {path}")
     try:
-        isolation = read_isolation(arguments)
+        isolation, scheme = read_isolation(arguments), read_scheme(arguments)
     except UsageError as error:
         raise OptionError(str(error)) from error
     output = (arguments.output or Path("results", system.stem)).absolute()
@@ -101,7 +102,7 @@ def read_options(arguments: argparse.Namespace) -> AnyRun:
         parameters=tuple(arguments.parameters),
         inputs=arguments.input,
         observe=tuple(arguments.observe),
-        scheme=arguments.scheme,
+        scheme=scheme,
         outside=arguments.outside,
         figures=arguments.figures,
         profile=arguments.profile,

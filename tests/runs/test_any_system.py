@@ -7,6 +7,7 @@ import netCDF4
 import numpy as np
 import pytest
 from pythonfmu.builder import FmuBuilder
+from support.linear import make_oscillator
 from support.relays import description, port, relay, system, wire
 
 from ps_fmu import system_command
@@ -102,6 +103,34 @@ def test_a_single_fmu_and_its_inputs(fmus, tmp_path, capsys):
     assert "inputs of the system that keep their start values: force" in capsys.readouterr().err
 
 
+def test_a_scheme(fmus, tmp_path, capsys):
+    """Steps of 0.2 s at a force of 2 N and a mass of 2 kg."""
+    out = tmp_path / "out"
+    options = "--step", "0.1", "--duration", "0.8", "--output", out, "--no-figures", "--scheme", "gauss-seidel"
+    (tmp_path / "in.csv").write_text("time,force\n0,2\n")
+    assert run(fmus / "ToyMass.fmu", *options, "--rate", "ToyMass=2", "--input", tmp_path / "in.csv") == 0
+    assert read(out)["ToyMass.velocity"] == pytest.approx(0.2 * (np.arange(9) // 2))
+    assert json.loads((out / "summary.json").read_text())["scheme"] == "gauss-seidel, ToyMass 2"
+    assert run(fmus / "ToyMass.fmu", *options, "--error-estimate") == 2
+    assert "half steps cannot be made: ToyMass cannot be set back to a state" in capsys.readouterr().err
+
+
+def test_a_loop_and_its_error(tmp_path, capsys):
+    system = make_oscillator().build(tmp_path)
+    options = "--step", "0.01", "--duration", "0.2", "--output", tmp_path / "out", "--scheme", "iterated"
+    options += "--extrapolate", "linear", "--error-estimate", "--tolerance", "1e-6", "--solver", "newton"
+    assert run(system.path, *options) == 0
+    found = read(tmp_path / "out")
+    assert found["loop_1.passes"][1:].min() >= 1.0
+    assert 0.0 < found["loop_1.residual"].max() <= 1.0
+    assert 0.0 < found["error_estimate.first"][1:].max() < 1e-3
+    exact = make_oscillator().solve(found["time"])
+    assert np.abs(found["first.x"] - exact["first.x"]).max() < 2e-3
+    assert (tmp_path / "out" / "plot.png").is_file()
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert summary["scheme"] == "iterated, linear, error estimate"
+
+
 @pytest.mark.parametrize(
     ("options", "reason"),
     [
@@ -112,6 +141,11 @@ def test_a_single_fmu_and_its_inputs(fmus, tmp_path, capsys):
         (["--step", "0.1", "--observe", "none*"], "--observe: no output matches 'none*'"),
         (["--step", "0.1", "--input", "none.csv"], "--input: there is no file none.csv"),
         (["--step", "1e-12"], "more than 1e+10 steps"),
+        (["--step", "0.1", "--rate", "none=2"], "there is no component 'none'"),
+        (["--step", "0.1", "--rate", "none"], "--rate: expected COMPONENT=N or COMPONENT=1/N, got 'none'"),
+        (["--step", "0.1", "--rate", "a=2", "--rate", "a=1/2"], "--rate: a has two of them"),
+        (["--step", "0.1", "--tolerance", "2"], "relative tolerance: expected a number between 0 and 1, got 2.0"),
+        (["--step", "0.1", "--scheme", "iterated", "--extrapolate", "smoothed"], "end at the solution"),
     ],
 )
 def test_options_that_cannot_be_honoured(archive, tmp_path, capsys, options, reason):

@@ -8,6 +8,8 @@ from __future__ import annotations
 import logging
 from ctypes import POINTER, Structure, c_double, c_int, c_int64, c_void_p
 
+import numpy as np
+
 from .guard import End, load_library
 from .plan import Call, Gather, Plan
 from .rows import Array, Rows
@@ -18,6 +20,7 @@ log = logging.getLogger("ps_fmu.cosim")
 BUDGET_S = 0.05
 """So long may C go on before Python looks for signals and reports progress [s]."""
 
+_DO_SPAN, _TAKE_LINES = 7, 8
 # Kind of an operation, as in loop.c.
 _TAKE = {"float64": 0, "int32": 1}
 _CALL = {
@@ -28,6 +31,7 @@ _CALL = {
     "fmi2GetReal": 5,
     "fmi2GetInteger": 6,
     "fmi2GetBoolean": 6,
+    "fmi2SetRealInputDerivatives": 9,
 }
 
 
@@ -54,8 +58,11 @@ class _Loop(Structure):
         ("latest", c_void_p),
         ("columns", c_int64),
         ("step", c_double),
+        ("ends", c_void_p),
+        ("phases", c_int64),
         ("rows_done", c_int64),
         ("next_operation", c_int64),
+        ("phase", c_int64),
     )
 
 
@@ -73,12 +80,18 @@ class CompiledLoop:
         self._plan, self._rows = plan, rows
         self._parts = list(list_parts(plan))
         operations = (_Operation * len(self._parts))(*map(_make_operation, self._parts))
-        self._loop = _Loop(operations, len(operations), rows.latest.ctypes.data, rows.latest.size, plan.step)
+        sizes = [sum(len(s.gathers) + len(s.calls) for s in stages) for stages in plan.list_phases()]
+        self._ends = np.cumsum(sizes, dtype=np.int64)
+        row = rows.latest.ctypes.data, rows.latest.size
+        ends = self._ends.ctypes.data, len(self._ends)
+        self._loop = _Loop(operations, len(operations), *row, plan.step, *ends)
 
     def advance(self, times: Array, interrupted: c_int) -> None:
         """As :meth:`.loops.PythonLoop.advance`; ends early after :data:`BUDGET_S`, too."""
         loop, first = self._loop, self._rows.filled
-        loop.rows_done = loop.next_operation = 0
+        loop.rows_done = 0
+        loop.phase = phase = self._plan.find_phase(float(times[0])) if len(times) else 0
+        loop.next_operation = self._ends[phase - 1] if phase else 0
         goal = self._rows.block[first:].ctypes.data, times.ctypes.data, len(times)
         end = self._end
         try:
@@ -111,8 +124,14 @@ def _make_operation(part: Gather | Call) -> _Operation:
     """The addresses in a gather or call, whose objects the plan keeps."""
     if isinstance(part, Gather):
         arrays = part.sources.ctypes.data, part.outputs.ctypes.data, part.inputs.ctypes.data
+        if part.extension is not None:
+            return _Operation(_TAKE_LINES, len(part.sources), *arrays, part.extension.address)
         return _Operation(_TAKE[part.inputs.dtype.name], len(part.sources), *arrays)
-    references, values = (None if array is None else array.ctypes.data for array in (part.references, part.values))
+    arrays_of = part.references, part.orders, part.values
+    references, orders, values = (None if array is None else array.ctypes.data for array in arrays_of)
+    if part.span is not None:
+        span = part.span.numbers.ctypes.data
+        return _Operation(_DO_SPAN, int(part.repeatable), span, None, None, part.instance.address, part.address)
     kind = _CALL[part.function]
     count = int(part.repeatable) if part.function == "fmi2DoStep" else len(part.names)
-    return _Operation(kind, count, references, None, values, part.instance.address, part.address)
+    return _Operation(kind, count, references, orders, values, part.instance.address, part.address)

@@ -80,6 +80,21 @@ class SlaveEnded(DiscardedStep):
     """An FMU that has ended the simulation by itself: no failure (fmi2Discard, and fmi2Terminated is true)."""
 
 
+class ConvergenceError(CosimError):
+    """A loop whose equations were not solved.
+
+    Attributes: ``members``: its components; ``time`` [s] where the step begins; ``variable`` with the largest residual,
+    ``component.variable``; ``residual`` in units of its tolerance.
+    """
+
+    def __init__(self, text: str, *, members: Sequence[str], time: float, variable: str, residual: float) -> None:
+        super().__init__(text)
+        self.members = tuple(members)
+        self.time = time
+        self.variable = variable
+        self.residual = residual
+
+
 class RecorderError(CosimError, OSError):
     """A result file that cannot be written; what was stored before stays readable."""
 

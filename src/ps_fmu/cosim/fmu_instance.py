@@ -26,6 +26,7 @@ from .guard import End
 from .messages import MessageLog, forget, listen
 from .structure import Component, Value
 from .unpacked import discard_unpacked, leave_no_bytecode, provide_unpacked, release_unpacked
+from .values import parse_real
 
 _LOADING = threading.Lock()  # the working directory, which FMPy changes, is that of all threads
 
@@ -79,6 +80,7 @@ class FmuInstance:
         self.name = component.name
         self.source = component.source
         self.variables = index_variables(description)
+        self.derives: bool = description.coSimulation.providesDirectionalDerivative
         self.runs_python = (description.generationTool or "").startswith("PythonFMU")
         self.messages = MessageLog(self.name)
         self.warnings = 0
@@ -218,6 +220,19 @@ class FmuInstance:
                 result[name] = bool(value) if self.variables[name].type == "Boolean" else value
         return result
 
+    def get_directional_derivative(self, names: Sequence[str], seeds: Mapping[str, float], time: float) -> list[float]:
+        """fmi2GetDirectionalDerivative of outputs by name, along the changes ``seeds`` of inputs by name."""
+        changes = (c_double * len(seeds))(*seeds.values())
+        result = (c_double * len(names))()
+        references = *self._references(names), *self._references([*seeds])
+        self._call("fmi2GetDirectionalDerivative", *references, changes, result, time=time, variables=names)
+        return list(result)
+
+    def get_nominal(self, name: str) -> float:
+        """Nominal magnitude of a Real; 1 where none is stated."""
+        stated = parse_real(str(self.variables[name].nominal))
+        return abs(stated) if stated else 1.0
+
     def access(self, function: str) -> Any:
         """A get or set function of the library that takes addresses (see ``ACCESS``)."""
         return ACCESS(self._function_address(function))
@@ -227,6 +242,11 @@ class FmuInstance:
         return STEP(self._function_address("fmi2DoStep"))
 
     # ---- status ------------------------------------------------------------------------------------------
+
+    @property
+    def has_failed(self) -> bool:
+        """Whether a call has failed so that no step may follow."""
+        return self.phase in (InstancePhase.STEP_FAILED, InstancePhase.ERROR, InstancePhase.FATAL)
 
     def check(self, function: str, status: int, time: float | None, variables: Sequence[str] = ()) -> None:
         """Take a status seriously: pass fmi2OK, count and show fmi2Warning, raise on everything else."""

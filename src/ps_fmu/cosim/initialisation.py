@@ -12,6 +12,8 @@ from fmpy.model_description import ModelDescription
 from .fmu_instance import FmuInstance
 from .graph import Wiring
 from .rows import InputSignal, Rows
+from .schemes.initial import InitialBus, solve_initial_loop
+from .schemes.scheme import Iteration
 from .structure import Component, PortName, System, Value
 
 log = logging.getLogger("ps_fmu.cosim")
@@ -38,12 +40,18 @@ def load(
 
 
 def initialise(
-    instances: Mapping[str, FmuInstance], system: System, wiring: Wiring, given: Mapping[PortName, Value], start: float
+    instances: Mapping[str, FmuInstance],
+    system: System,
+    wiring: Wiring,
+    given: Mapping[PortName, Value],
+    start: float,
+    iteration: Iteration | None = None,
 ) -> None:
     """Set start values, and pass the initial values along the connections.
 
     ``given`` are values that the user has set: they outrank those of the system, and a connected input among
-    them is left alone.  Raises :class:`SlaveError`.
+    them is left alone.  With ``iteration`` loops are solved so, else their values go round as often as there are FMUs.
+    Raises :class:`SlaveError` or :class:`ConvergenceError`.
     """
     for component in system.components:
         values = dict(wiring.starts[component.name])
@@ -52,7 +60,7 @@ def initialise(
         instance.set_up(start)
         instance.set(values, start)
         instance.enter_initialisation(start)
-    _propagate(instances, wiring, given.keys(), start)
+    _propagate(instances, wiring, given.keys(), start, iteration)
     for instance in instances.values():
         instance.exit_initialisation(start)
 
@@ -75,42 +83,30 @@ def read_first_row(
     rows.store_latest()
 
 
-def _propagate(instances: Mapping[str, FmuInstance], wiring: Wiring, cut: Collection[PortName], start: float) -> None:
-    """In the order that the FMUs' dependencies give; round a loop as often as there are FMUs."""
-    carried: dict[PortName, list[PortName]] = {}
-    for connection in wiring.connections:
-        if connection.target not in cut:
-            carried.setdefault(connection.source, []).append(connection.target)
+def _propagate(
+    instances: Mapping[str, FmuInstance],
+    wiring: Wiring,
+    cut: Collection[PortName],
+    start: float,
+    iteration: Iteration | None,
+) -> None:
+    """In the order that the FMUs' dependencies give; round a loop as often as there are FMUs, or until it is solved."""
+    bus = InitialBus(instances, wiring, cut, start)
     for group in wiring.order:
+        if group.passes > 1 and iteration is not None:
+            solve_initial_loop(bus, group.outputs, iteration)
+            continue
         values: dict[PortName, Value] = {}
         before = values
         for _ in range(group.passes):
             before = values
-            values = _read_outputs(instances, group.outputs, start)
+            values = bus.read(group.outputs)
             if values == before:  # to the last bit: another pass would set what the inputs have already
                 break
-            passed: dict[str, dict[str, Value]] = {}
-            for source, value in values.items():
-                for target in carried.get(source, ()):
-                    conversion = wiring.conversions.get(target)
-                    value_there = value if conversion is None else conversion.apply(value)
-                    passed.setdefault(target.component, {})[target.variable] = value_there
-            for name, inputs in passed.items():
-                instances[name].set(inputs, start)
+            bus.pass_on(values)
         moving = [str(p) for p, value in values.items() if p in before and not _is_settled(value, before[p])]
         if moving:
             log.warning("initial values in a loop still change after %d passes: %s", group.passes, ", ".join(moving))
-
-
-def _read_outputs(
-    instances: Mapping[str, FmuInstance], ports: Collection[PortName], start: float
-) -> dict[PortName, Value]:
-    """Outputs of some components, in as few calls as there are components: a ring of 64 FMUs is passed 64 times."""
-    names: dict[str, list[str]] = {}
-    for port in ports:
-        names.setdefault(port.component, []).append(port.variable)
-    found = {component: instances[component].get(own, start) for component, own in names.items()}
-    return {port: found[port.component][port.variable] for port in ports}
 
 
 def _is_settled(value: Value, other: Value) -> bool:

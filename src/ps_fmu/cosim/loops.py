@@ -5,15 +5,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from ctypes import c_int
+from itertools import accumulate, cycle, islice
 from operator import call, length_hint
 from time import perf_counter_ns
-from typing import Protocol
+from typing import Protocol, TypeVar
 
 from .compiled import CompiledLoop, is_available
 from .plan import Plan, Stage
 from .rows import Array, Rows
 from .stopwatch import Laps, Stopwatch
+
+Phase = TypeVar("Phase")
 
 
 class StepLoop(Protocol):
@@ -37,6 +41,11 @@ def make_loop(plan: Plan, rows: Rows, compiled: bool, stopwatch: Stopwatch | Non
     return PythonLoop(plan, rows) if laps is None else TimedPythonLoop(plan, rows, laps)
 
 
+def _begin_at(phases: Sequence[Phase], place: int) -> Iterator[Phase]:
+    """Phases in turn, for ever, from one of them on."""
+    return islice(cycle(phases), place, None)
+
+
 class PythonLoop:
     """Steps of a plan, in Python.
 
@@ -46,26 +55,33 @@ class PythonLoop:
 
     def __init__(self, plan: Plan, rows: Rows) -> None:
         self._plan, self._rows = plan, rows
-        self._stages = [
-            (
-                [(gather.outputs.take, gather.sources, gather.inputs) for gather in stage.gathers],
-                [gather.convert for gather in stage.gathers if gather.convert is not None],
-                stage.moves,
-                tuple(c.invoke for c in stage.calls),
-                stage.calls,
-            )
-            for stage in plan.stages
+        self._spans = plan.list_spans()
+        self._phases = [
+            [
+                (
+                    [(gather.outputs.take, gather.sources, gather.inputs) for gather in stage.gathers],
+                    [change for gather in stage.gathers for change in gather.list_changes()],
+                    stage.moves,
+                    tuple(c.invoke for c in stage.calls),
+                    stage.calls,
+                )
+                for stage in stages
+            ]
+            for stages in plan.list_phases()
         ]
 
     def advance(self, times: Array, interrupted: c_int) -> None:
         """See :class:`StepLoop`."""
-        plan, rows, stages = self._plan, self._rows, self._stages
-        fed = [(*rows.find_place(s.port), s.sample(times + plan.step, plan.step)) for s in plan.signals]
+        plan, rows, spans = self._plan, self._rows, self._spans
+        fed = [(*rows.find_place(s.port), iter(s.sample(times + plan.step, plan.step))) for s in plan.signals]
         now, latest, done = plan.now, rows.latest_row, rows.filled
-        for index, (time, row) in enumerate(zip(times.tolist(), rows.rows[done : done + len(times)], strict=True)):
+        phases = _begin_at(self._phases, plan.find_phase(float(times[0])) if len(times) else 0)
+        for time, row, stages in zip(times.tolist(), rows.rows[done : done + len(times)], phases, strict=False):
             if interrupted:
                 return
             now.value = time
+            for span in spans:
+                span.begin.value = time + span.offset
             for gathers, converts, moves, functions, calls in stages:
                 for take, sources, inputs in gathers:
                     take(sources, None, inputs, "clip")  # any mode but "raise" spares a copy
@@ -77,7 +93,7 @@ class PythonLoop:
                 for status in filter(None, map(call, remaining)):
                     calls[-1 - length_hint(remaining)].check(status, time, plan.step)
             for values, place, samples in fed:
-                values[place] = samples[index]
+                values[place] = next(samples)
             row[:] = latest
             rows.filled += 1
 
@@ -91,17 +107,24 @@ class TimedPythonLoop:
 
     def __init__(self, plan: Plan, rows: Rows, laps: Laps) -> None:
         self._plan, self._rows, self._laps = plan, rows, laps
+        numbered = list(zip(laps.firsts, plan.stages, strict=True))
+        ends = list(accumulate(map(len, plan.list_phases())))
+        self._phases = [numbered[begin:end] for begin, end in zip((0, *ends[:-1]), ends, strict=True)]
+        self._spans = plan.list_spans()
 
     def advance(self, times: Array, interrupted: c_int) -> None:
         """See :class:`StepLoop`."""
         plan, rows, laps = self._plan, self._rows, self._laps
         fed = [(*rows.find_place(s.port), s.sample(times + plan.step, plan.step)) for s in plan.signals]
-        for index, time in enumerate(times.tolist()):
+        phases = _begin_at(self._phases, plan.find_phase(float(times[0])) if len(times) else 0)
+        for index, (time, stages) in enumerate(zip(times.tolist(), phases, strict=False)):
             if interrupted:
                 return
             plan.now.value = time
+            for span in self._spans:
+                span.begin.value = time + span.offset
             began = perf_counter_ns()
-            for first, stage in zip(laps.firsts, plan.stages, strict=True):
+            for first, stage in stages:
                 self._run_stage(stage, first, time)
             for values, place, samples in fed:
                 values[place] = samples[index]
@@ -118,9 +141,7 @@ class TimedPythonLoop:
         """A stage of the step from ``time`` [s] on, whose parts begin at place ``first``."""
         before = perf_counter_ns()
         for place, gather in enumerate(stage.gathers, first):
-            gather.outputs.take(gather.sources, None, gather.inputs, "clip")
-            if gather.convert is not None:
-                gather.convert()
+            gather.take()
             before = self._note(place, before, time)
         for move in stage.moves:
             move.carry(time)

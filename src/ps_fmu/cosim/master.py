@@ -1,6 +1,6 @@
 """The master algorithm: loads the FMUs of a system, initialises them together, steps them, frees them.
 
-Fixed step, Jacobi or Gauss-Seidel.  Row 0 holds the outputs after initialisation, row n those at start + n h.
+Fixed step; :mod:`.schemes` has the schemes.  Row 0 holds the outputs after initialisation, row n those at start + n h.
 """
 
 from __future__ import annotations
@@ -26,15 +26,17 @@ from .guard import ProcessGuard
 from .initialisation import initialise, load, read_first_row
 from .interrupt import note_interrupts
 from .isolation.instance import Isolation
-from .loops import StepLoop, make_loop
-from .plan import SCHEMES, make_plan
 from .recording.beside import DeliveryBeside
 from .recording.delivery import Delivery, Observer
-from .rows import Column, Rows, make_layout
+from .rows import Column, Rows
+from .schemes.columns import lay_out
+from .schemes.making import LoopMaker
+from .schemes.resolving import explain_no_repeat, resolve_scheme
+from .schemes.scheme import Scheme, make_scheme
 from .signals import Signal, bind_signals, derive_outputs, get_first_values
 from .stopwatch import Stopwatch
 from .structure import PortName, System, Value
-from .substeps import RepeatingLoop, find_obstacle
+from .substeps import RepeatingLoop
 
 log = logging.getLogger("ps_fmu.cosim")
 
@@ -49,7 +51,7 @@ class Master:
     ----------
     system: the wiring, see :func:`read_system`
     step: communication step [s]; by default that of the system's experiment
-    scheme: ``"jacobi"`` or ``"gauss-seidel"``
+    scheme: ``"jacobi"``, ``"gauss-seidel"``, ``"iterated"``, or a :class:`.schemes.scheme.Scheme`
     start_time: [s]; by default that of the system's experiment
     block_rows: rows that are handed to the observers at a time
     compiled: run the steps in C, where the package has a library for this platform; results are the same
@@ -72,7 +74,7 @@ class Master:
         self,
         system: System,
         step: float | None = None,
-        scheme: str = "jacobi",
+        scheme: str | Scheme = "jacobi",
         *,
         start_time: float | None = None,
         block_rows: int = BLOCK_ROWS,
@@ -83,8 +85,7 @@ class Master:
         stopwatch: Stopwatch | None = None,
         isolation: Isolation | None = None,
     ) -> None:
-        if scheme not in SCHEMES:
-            raise UsageError(f"scheme: expected one of {', '.join(SCHEMES)}, got {scheme!r}")
+        scheme = make_scheme(scheme)
         if block_rows < 1:
             raise UsageError(f"block_rows: expected at least 1, got {block_rows!r}")
         size = system.experiment.step if step is None else step
@@ -92,21 +93,21 @@ class Master:
             raise UsageError(f"step: not given, and {system.path} states none in its default experiment")
         self.clock = StepClock(system.experiment.start_time if start_time is None else start_time, size)
         self.system = self._system = system
-        self.scheme = scheme
         if isolation is not None:
             isolation.check(system)
         self._descriptions = read_descriptions(system) if descriptions is None else descriptions
+        self.scheme = resolve_scheme(scheme, system, self._descriptions, size)
         self.wiring = check_wiring(system, self._descriptions)
         self._signals = bind_signals(system, self._descriptions, inputs or {})
         more = {c.source for c in system.connections} | {item.source for item in system.outputs} | set(also)
-        self._layout = make_layout(self._descriptions, more, self._signals)
+        self._own, self._layout = lay_out(self.scheme, system, self._descriptions, more, self._signals)
         self._derived = derive_outputs(system, self._descriptions, self._layout.columns)
         self._block_rows = block_rows
         self._rows = Rows(self._layout, block_rows, self._derived)
         self._instances: dict[str, FmuInstance] = {}
         self._compiled, self._stopwatch = compiled, stopwatch
         self._loop: RepeatingLoop | None = None
-        self._obstacle = find_obstacle(self._descriptions)
+        self._obstacle = explain_no_repeat(self.scheme, self._descriptions)
         self._ended: SlaveEnded | None = None
         self._guard = ProcessGuard()
         self._make_instance = FmuInstance if isolation is None else isolation.make_instance
@@ -189,7 +190,8 @@ class Master:
                 if not self._instances:
                     load(self.system, self._descriptions, self._instances, self._make_instance)
                 given = {**get_first_values(self._signals, start, self.step), **self._set}
-                initialise(self._instances, self.system, self.wiring, given, start)
+                iteration = self.scheme.iteration if self.scheme.is_iterated else None
+                initialise(self._instances, self.system, self.wiring, given, start, iteration)
                 read_first_row(self._instances, self._rows, start, self._signals, self.step)
                 self._make_plan()
             if interrupted:
@@ -333,15 +335,11 @@ class Master:
             loop.forget()
 
     def _make_plan(self) -> None:
-        instances, wiring, rows, compiled = self._instances, self.wiring, self._rows, self._compiled
-        scheme, cut, repeatable = self.scheme, self._set.keys(), self._obstacle is None
-        whole, stopwatch, signals = self.clock.step, self._stopwatch, self._signals
-
-        def make(step: float) -> StepLoop:  # refers to no Master, so that it goes when nobody needs it any longer
-            plan = make_plan(instances, wiring, rows, step, scheme, cut, repeatable, signals)
-            return make_loop(plan, rows, compiled, stopwatch if step == whole else None)
-
-        self._loop = RepeatingLoop(instances, rows, whole, make, self._obstacle)
+        maker = LoopMaker(  # refers to no Master, so that it goes when nobody needs it any longer
+            self.scheme, self._own, self._descriptions, self._instances, self.wiring, self._rows, self.clock.start,
+            self._set.keys(), self._obstacle is None, self._signals, self._compiled, self.step, self._stopwatch,
+        )  # fmt: skip
+        self._loop = RepeatingLoop(self._instances, self._rows, self.step, maker.make, self._obstacle)
 
     def _advance(
         self,

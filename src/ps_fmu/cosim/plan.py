@@ -8,9 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from ctypes import CFUNCTYPE, PYFUNCTYPE, c_double, c_int, c_size_t, c_void_p, cast
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
-from typing import Any, NoReturn
+from itertools import accumulate
+from typing import Any, NoReturn, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,13 +24,28 @@ from .rows import Rows
 from .signals import BoundSignal
 from .structure import PortName
 
-SCHEMES = ("jacobi", "gauss-seidel")
-
 # Arguments as ctypes passes them on, converted beforehand: 0.11 us a call, where declared types take 0.28.
 _pointer, _size, _boolean, _double = c_void_p.from_param, c_size_t.from_param, c_int.from_param, c_double.from_param
 _CONVERTED = CFUNCTYPE(c_int)
 # An FMU that runs Python takes the interpreter's lock at once: to let go of it first costs another 0.1 us.
 _CONVERTED_LOCKED = PYFUNCTYPE(c_int)
+
+
+@dataclass(frozen=True)
+class Span:
+    """A time other than the step, for an fmi2DoStep: it begins ``offset`` after the step, and is ``length`` long [s].
+
+    ``begin`` is the argument of the call, which the loop makes right.
+    """
+
+    offset: float
+    length: float
+    begin: c_double = field(default_factory=c_double)
+    numbers: NDArray[np.float64] = field(init=False)
+    """Offset and length, for the loop in C."""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "numbers", np.array([self.offset, self.length]))
 
 
 @dataclass(frozen=True)
@@ -39,7 +55,7 @@ class Call:
     ``invoke()`` calls it and returns the fmi2Status; ``address`` is where it is.  ``later`` says that it reads what
     fmi2DoStep has made, ``repeatable`` that this fmi2DoStep may be made again from a state before it.  To set or get,
     it takes the addresses of the value references and of the first of the ``values``, as many of each as there are
-    names.
+    names.  ``span`` is that of an fmi2DoStep over another time than the step, ``orders`` are those of derivatives.
     """
 
     instance: FmuInstance
@@ -51,27 +67,59 @@ class Call:
     values: NDArray[Any] | None = None
     later: bool = False
     repeatable: bool = False
+    span: Span | None = None
+    orders: NDArray[np.int32] | None = None
 
     def check(self, status: int, time: float, step: float) -> None:
         """Count a warning in the step from ``time`` on [s], raise :class:`SlaveError` on anything worse."""
-        self.instance.check(self.function, status, time + step if self.later else time, self.names)
+        self.instance.check(self.function, status, self._find_time(time, step), self.names)
 
     def give_up(self, end: End, time: float, step: float) -> NoReturn:
         """Raise what a call means that did not return in the step from ``time`` on [s]."""
-        self.instance.give_up(self.function, end, time + step if self.later else time)
+        self.instance.give_up(self.function, end, self._find_time(time, step))
+
+    def _find_time(self, time: float, step: float) -> float:
+        if self.span is not None:
+            return time + self.span.offset
+        return time + step if self.later else time
+
+
+class InputExtension(Protocol):
+    """What inputs do within a step, see :class:`.schemes.history.Extension`."""
+
+    def apply(self) -> None:
+        """Change the gathered inputs in place."""
+
+    @property
+    def address(self) -> int:
+        """Of the same as data: ``Lines`` of lines.h."""
 
 
 @dataclass(frozen=True)
 class Gather:
     """``inputs[i] = outputs[sources[i]]``: what the connections carry, for one kind of numbers.
 
-    ``convert()`` then changes the inputs in place, where some have other units or transformations.
+    ``convert()`` then changes the inputs in place, where some have other units or transformations.  ``extension`` says
+    what inputs do within the step, where they are not held.  ``targets`` are the names of the inputs.
     """
 
     outputs: NDArray[Any]
     sources: NDArray[np.intp]
     inputs: NDArray[Any]
     convert: Callable[[], None] | None = None
+    targets: tuple[PortName, ...] = ()
+    extension: InputExtension | None = None
+
+    def take(self) -> None:
+        """Do all this."""
+        self.outputs.take(self.sources, None, self.inputs, "clip")
+        for change in self.list_changes():
+            change()
+
+    def list_changes(self) -> list[Callable[[], None]]:
+        """What changes the inputs after they have been copied."""
+        changes = [] if self.convert is None else [self.convert]
+        return changes if self.extension is None else [*changes, self.extension.apply]
 
 
 @dataclass(frozen=True)
@@ -99,12 +147,31 @@ class Stage:
 
 @dataclass(frozen=True)
 class Plan:
-    """The stages of a step.  ``now`` [s], where it begins, is an argument of every fmi2DoStep."""
+    """The stages of a step.  ``now`` [s], where it begins, is an argument of every fmi2DoStep.
+
+    Steps that differ come in turn: ``phases`` says how many stages each of them has, the first one at ``start`` [s].
+    """
 
     stages: tuple[Stage, ...]
     now: c_double
     step: float
     signals: tuple[BoundSignal, ...] = ()
+    phases: tuple[int, ...] = ()
+    start: float = 0.0
+
+    def find_phase(self, time: float) -> int:
+        """Which of the phases the step from ``time`` [s] on is."""
+        return round((time - self.start) / self.step) % len(self.phases) if self.phases else 0
+
+    def list_phases(self) -> list[tuple[Stage, ...]]:
+        """The stages of each phase."""
+        ends = tuple(accumulate(self.phases)) or (len(self.stages),)
+        return [self.stages[begin:end] for begin, end in zip((0, *ends[:-1]), ends, strict=True)]
+
+    def list_spans(self) -> list[Span]:
+        """Those of all calls that have one."""
+        calls = (call for stage in self.stages for call in stage.calls)
+        return [call.span for call in calls if call.span is not None]
 
     @property
     def needs_python(self) -> bool:
@@ -138,6 +205,21 @@ def make_plan(
     signals: inputs of the run, which lie in the rows
     """
     now = c_double()
+    wires = make_wires(instances, wiring, cut, signals)
+    order = wiring.stepping if scheme == "gauss-seidel" else tuple(instances)
+    groups = [(name,) for name in order] if scheme == "gauss-seidel" else [order]
+    members = ([instances[name] for name in group] for group in groups)
+    stages = tuple(wires.make_stage(group, rows, now, step, repeatable) for group in members)
+    return Plan(stages, now, step, tuple(signals))
+
+
+def make_wires(
+    instances: Mapping[str, FmuInstance],
+    wiring: Wiring,
+    cut: Collection[PortName],
+    signals: Sequence[BoundSignal] = (),
+) -> Wires:
+    """Where all inputs come from; see :func:`make_plan`."""
     sources = {
         c.target: c.source
         for c in wiring.connections
@@ -149,15 +231,10 @@ def make_plan(
             if target not in cut:
                 sources[target] = signal.port
                 conversions |= {} if conversion.changes_nothing else {target: conversion}
-    order = wiring.stepping if scheme == "gauss-seidel" else tuple(instances)
-    groups = [(name,) for name in order] if scheme == "gauss-seidel" else [order]
-    wires = _Wires(instances, sources, conversions)
-    members = ([instances[name] for name in group] for group in groups)
-    stages = tuple(wires.make_stage(group, rows, now, step, repeatable) for group in members)
-    return Plan(stages, now, step, tuple(signals))
+    return Wires(instances, sources, conversions, signals)
 
 
-class _Wires:
+class Wires:
     """Where the inputs of the instances come from, and what happens to the values."""
 
     def __init__(
@@ -165,8 +242,9 @@ class _Wires:
         instances: Mapping[str, FmuInstance],
         sources: Mapping[PortName, PortName],
         conversions: Mapping[PortName, Conversion],
+        signals: Sequence[BoundSignal] = (),
     ) -> None:
-        self.instances, self.sources, self.conversions = instances, sources, conversions
+        self.instances, self.sources, self.conversions, self.signals = instances, sources, conversions, signals
         self.inputs: dict[str, list[PortName]] = {name: [] for name in instances}
         for port in sources:
             self.inputs[port.component].append(port)
@@ -179,6 +257,14 @@ class _Wires:
         self, stepped: Sequence[FmuInstance], rows: Rows, now: c_double, step: float, repeatable: bool
     ) -> Stage:
         """The part of a step that some FMUs go through together."""
+        gathers, sets, gets = self.make_exchange(stepped, rows)
+        steps = [make_step(instance, now, step, repeatable) for instance in stepped]
+        return Stage(tuple(gathers), (*sets, *steps, *gets), tuple(self.list_moves(stepped)))
+
+    def make_exchange(
+        self, stepped: Sequence[FmuInstance], rows: Rows
+    ) -> tuple[list[Gather], list[Call], list[Call]]:
+        """What brings some FMUs their inputs, and takes their outputs: gathers, and the calls to set and to get."""
         gathers, sets, gets = [], [], []
         for kind in (rows.real, rows.discrete):
             # One buffer for all of them: to gather 21 numbers costs 0.25 us, twice 10 costs 0.4.
@@ -187,7 +273,7 @@ class _Wires:
             inputs = np.zeros(len(wired), kind.values.dtype)
             if wired:
                 taken = np.array([kind.places[self.sources[p]] for p in wired])
-                gathers.append(Gather(kind.values, taken, inputs, self.make_conversion(wired, inputs)))
+                gathers.append(Gather(kind.values, taken, inputs, self.make_conversion(wired, inputs), tuple(wired)))
             wired_of, outputs_of = _group(wired), _group(kind.places)
             for instance in stepped:
                 runs = _find_runs(instance, wired_of.get(instance.name, ()), places.__getitem__)
@@ -196,11 +282,7 @@ class _Wires:
                     _make_access(instance, "Get", run, kind.values, kind.places.__getitem__)
                     for run in _find_runs(instance, outputs_of.get(instance.name, ()), kind.places.__getitem__)
                 ]
-        rest = _double(step), _boolean(not repeatable)  # noSetFMUStatePriorToCurrentPoint
-        steps = [
-            Call(i, "fmi2DoStep", *_bind(i, i.stepper(), now, *rest), repeatable=repeatable) for i in stepped
-        ]
-        return Stage(tuple(gathers), (*sets, *steps, *gets), tuple(self.list_moves(stepped)))
+        return gathers, sets, gets
 
     def make_conversion(self, wired: Sequence[PortName], inputs: NDArray[Any]) -> Callable[[], None] | None:
         """What changes the inputs that have conversions, in place; None where none has."""
@@ -232,6 +314,24 @@ class _Wires:
             for port in self.inputs[instance.name]
             if (source := self.sources[port]).component and instance.variables[port.variable].type == "String"
         ]
+
+
+def make_step(instance: FmuInstance, now: c_double, step: float, repeatable: bool, span: Span | None = None) -> Call:
+    """fmi2DoStep over the step from ``now`` [s] on, or over a span."""
+    begin, length = (now, step) if span is None else (span.begin, span.length)
+    rest = _double(length), _boolean(not repeatable)  # noSetFMUStatePriorToCurrentPoint
+    bound = _bind(instance, instance.stepper(), begin, *rest)
+    return Call(instance, "fmi2DoStep", *bound, repeatable=repeatable, span=span)
+
+
+def make_derivatives(instance: FmuInstance, names: Sequence[str], slopes: NDArray[np.float64]) -> Call:
+    """fmi2SetRealInputDerivatives of first order, from the ``slopes`` of the inputs of these names."""
+    function = "fmi2SetRealInputDerivatives"
+    references = np.array([instance.variables[name].valueReference for name in names], dtype=np.uint32)
+    orders = np.ones(len(names), dtype=np.int32)
+    arrays = _pointer(references.ctypes.data), _size(len(names)), _pointer(orders.ctypes.data)
+    bound = _bind(instance, instance.access(function), *arrays, _pointer(slopes.ctypes.data))
+    return Call(instance, function, *bound, tuple(names), references, slopes, orders=orders)
 
 
 def _group(ports: Iterable[PortName]) -> dict[str, list[PortName]]:

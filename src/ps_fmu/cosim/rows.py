@@ -36,8 +36,8 @@ class Column:
     """Name of the component, where it is known."""
 
 
-class InputSignal(Protocol):
-    """An input of the run that lies in the rows as if it were an output."""
+class OwnColumn(Protocol):
+    """What lies in the rows as if it were an output."""
 
     @property
     def port(self) -> PortName:
@@ -46,6 +46,10 @@ class InputSignal(Protocol):
     @property
     def column(self) -> Column:
         """How it is recorded."""
+
+
+class InputSignal(OwnColumn, Protocol):
+    """An input of the run."""
 
     def sample(self, times: Array, step: float) -> Array:
         """Values at some times [s] of a run with a step [s]."""
@@ -79,7 +83,7 @@ class RowLayout:
 def make_layout(
     descriptions: Mapping[str, ModelDescription],
     more: Collection[PortName] = (),
-    signals: Sequence[InputSignal] = (),
+    signals: Sequence[OwnColumn] = (),
 ) -> RowLayout:
     """Columns of all outputs of all components, in the order of the components and of their variables.
 

@@ -73,6 +73,8 @@ class Component:
     connectors: tuple[Connector, ...]
     parameters: Mapping[str, Parameter]
     line: int
+    step: float | None = None
+    """Its step [s], as the description states it."""
 
 
 @dataclass(frozen=True)

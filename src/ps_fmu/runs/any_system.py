@@ -15,11 +15,14 @@ from fmpy.model_description import ModelDescription
 
 from ..cosim.clock import count_steps
 from ..cosim.description import read_descriptions
+from ..cosim.errors import UsageError
 from ..cosim.isolation.instance import Isolation
 from ..cosim.master import Master
 from ..cosim.recording.recorder import Recorder
 from ..cosim.recording.selection import matches
 from ..cosim.rows import Array, Column
+from ..cosim.schemes.resolving import resolve_scheme
+from ..cosim.schemes.scheme import Scheme
 from ..cosim.signals import Signal, read_signals
 from ..cosim.ssp.reading import read_parameters, read_system
 from ..cosim.ssp.single import complete_experiment, fit_duration, read_single
@@ -50,7 +53,7 @@ class AnyRun:
     parameters: tuple[Path, ...] = ()
     inputs: Path | None = None
     observe: tuple[str, ...] = ()
-    scheme: str = "jacobi"
+    scheme: Scheme = Scheme()
     outside: bool = False
     progress: bool = True
     figures: bool = True
@@ -75,8 +78,12 @@ def run_any(options: AnyRun) -> None:
         signals = {} if options.inputs is None else read_signals(options.inputs)
         also = _find_others(descriptions, options.observe)
         costs = RunCosts() if options.profile else None
+        try:
+            scheme = resolve_scheme(options.scheme, system, descriptions, step)
+        except UsageError as error:
+            raise OptionError(f"--scheme and --rate: {error}") from error
         with Master(
-            system, step, options.scheme, descriptions=descriptions, inputs=signals, also=also,
+            system, step, scheme, descriptions=descriptions, inputs=signals, also=also,
             isolation=options.isolation, stopwatch=None if costs is None else costs.stopwatch,
         ) as master:  # fmt: skip
             names = select_stored(master.columns, options.observe)
@@ -92,6 +99,7 @@ def run_any(options: AnyRun) -> None:
             more["costs"] = {GROUP: costs.as_dict()}
             table = costs.to_table(GROUP)
             print(f"{table.caption}\n{table.to_text()}\n")
+        more["scheme"] = str(scheme)
         _write_summary(options, system, step, duration, names, signals, warnings, more)
         if options.figures and names and (left := _draw(options, system, stored)):
             warnings.add(left)
@@ -183,7 +191,7 @@ def _record(
         for column in master.columns
     ]
     attributes: dict[str, str | float] = {
-        "system": str(options.system), "scheme": options.scheme, "step_s": master.step, "duration_s": duration,
+        "system": str(options.system), "scheme": str(master.scheme), "step_s": master.step, "duration_s": duration,
     }  # fmt: skip
     with (
         show_progress(system.labels.get("name", options.system.stem), duration, options.progress) as show,
@@ -227,7 +235,6 @@ def _write_summary(
         "start_s": system.experiment.start_time,
         "step_s": step,
         "duration_s": duration,
-        "scheme": options.scheme,
         "parameters": [str(path) for path in options.parameters],
         "inputs": sorted(signals),
         "columns": list(names),

@@ -10,11 +10,12 @@ from pathlib import Path
 
 from ..cosim.clock import count_steps
 from ..cosim.isolation.instance import Isolation
+from ..cosim.schemes.scheme import ORDERS
 
 MOST_STEPS = 10**10  # of a run: 1e6 s at 1e-4 s, some hours
 RESULTS, SUMMARY, REPORT = "results.nc", "summary.json", "report.html"  # in the output folder
 PLOT = "plot.png"  # of a run of any system
-SCHEMES = ("jacobi", "gauss-seidel")
+SCHEMES = ORDERS
 
 
 class OptionError(ValueError):

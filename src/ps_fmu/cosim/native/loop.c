@@ -8,11 +8,16 @@
 #include <time.h>
 
 #include "fmi2FunctionTypes.h"
+#include "lines.h"
 
-typedef enum { TAKE_DOUBLES, TAKE_INTS, SET_REALS, SET_INTEGERS, DO_STEP, GET_REALS, GET_INTEGERS } Kind;
+typedef enum { TAKE_DOUBLES, TAKE_INTS, SET_REALS, SET_INTEGERS, DO_STEP, GET_REALS, GET_INTEGERS, DO_SPAN,
+               TAKE_LINES, SET_DERIVATIVES } Kind;
 
 /* What is done with `count` numbers.  TAKE: values[i] = outputs[places[i]].  SET, GET: `places` are value references.
-   DO_STEP: `count` is 1 if the step may be repeated.  INTS and INTEGERS are Booleans, too: both are int in FMI 2.0. */
+   DO_STEP: `count` is 1 if the step may be repeated.  DO_SPAN: a step over another time; `places` are the two doubles
+   that say how much later than the step it begins, and how long it is [s].  TAKE_LINES: TAKE, then the Lines that
+   `component` is.  SET_DERIVATIVES: `outputs` are the orders.  INTS and INTEGERS are Booleans, too: both
+   are int in FMI 2.0. */
 typedef struct {
     int64_t kind;
     int64_t count;
@@ -26,6 +31,7 @@ typedef struct {
         fmi2DoStepTYPE *do_step;
         fmi2GetRealTYPE *get_reals;
         fmi2GetIntegerTYPE *get_integers;
+        fmi2SetRealInputDerivativesTYPE *set_derivatives;
     } function;
 } Operation;
 
@@ -35,9 +41,12 @@ typedef struct {
     const double *latest; /* the outputs, which are the next row */
     int64_t columns;
     double step; /* s */
+    const int64_t *ends; /* steps that differ come in turn: behind the last operation of each */
+    int64_t phases;
     /* Where it is. */
     int64_t rows_done;
     int64_t next_operation;
+    int64_t phase;
 } Loop;
 
 static int64_t now_ns(void)
@@ -85,6 +94,16 @@ static int carry_out(const Operation *o, double time, double step)
         return (int)o->function.get_reals(o->component, o->places, n, o->values);
     case GET_INTEGERS:
         return (int)o->function.get_integers(o->component, o->places, n, o->values);
+    case TAKE_LINES:
+        take_doubles(o);
+        extend(o->component, time);
+        return fmi2OK;
+    case SET_DERIVATIVES:
+        return (int)o->function.set_derivatives(o->component, o->places, n, o->outputs, o->values);
+    case DO_SPAN: {
+        const double *span = o->places;
+        return (int)o->function.do_step(o->component, time + span[0], span[1], o->count == 0 ? fmi2True : fmi2False);
+    }
     }
     return fmi2Fatal;
 }
@@ -121,15 +140,16 @@ static inline int run(
 {
     const size_t row_bytes = (size_t)loop->columns * sizeof(double);
     const int64_t until = now_ns() + (int64_t)(budget * 1e9);
+    int64_t first = loop->phase > 0 ? loop->ends[loop->phase - 1] : 0, last = loop->ends[loop->phase];
     while (loop->rows_done < end) {
-        if (loop->next_operation == 0 && (*stop || now_ns() > until))
+        if (loop->next_operation == first && (*stop || now_ns() > until))
             return fmi2OK;
         const double time = times[loop->rows_done];
         const int64_t began = timing ? read_clock_ns() : 0;
         int64_t before = began;
-        if (timing && loop->next_operation == 0)
+        if (timing && loop->next_operation == first)
             timing->unfinished_ns = 0;
-        while (loop->next_operation < loop->n_operations) {
+        while (loop->next_operation < last) {
             const Operation *operation = &loop->operations[loop->next_operation++];
             int status = carry_out(operation, time, loop->step);
             if (timing) {
@@ -144,7 +164,12 @@ static inline int run(
             }
         }
         memcpy(rows + loop->rows_done * loop->columns, loop->latest, row_bytes);
-        loop->next_operation = 0;
+        if (loop->phases > 1) {
+            first = loop->phase + 1 < loop->phases ? last : 0;
+            loop->phase = loop->phase + 1 < loop->phases ? loop->phase + 1 : 0;
+            last = loop->ends[loop->phase];
+        }
+        loop->next_operation = first;
         loop->rows_done++;
         if (timing) {
             note(timing, loop->n_operations, timing->unfinished_ns + read_clock_ns() - began, time);

@@ -80,7 +80,8 @@ class _Flattener:
                 own[place.path][place.connector] = entry
         for path, node in self.nodes.items():
             name, connectors = ".".join(path), tuple(node.connectors.values())
-            self.found.components.append(Component(name, node.source, connectors, own[path], node.line))
+            component = Component(name, node.source, connectors, own[path], node.line, node.step)
+            self.found.components.append(component)
         return self.found
 
     # ---- the tree ----------------------------------------------------------------------------------------

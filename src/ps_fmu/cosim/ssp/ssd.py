@@ -15,6 +15,7 @@ from ..errors import SystemFileError
 from ..hops import End, Hop, Items, Unit
 from ..structure import Connector, Parameter
 from ..units import read_units
+from ..values import parse_real
 from ..xmlfile import MAXIMUM_BYTES, Element, parse_xml, read_xml
 from .dialect import check_element, check_version, get_only_child, get_type, is_type
 from .mapping import apply_mapping, read_hop
@@ -56,9 +57,10 @@ class Node:
 
 @dataclass(frozen=True)
 class ComponentNode(Node):
-    """An FMU; ``source`` is the file."""
+    """An FMU; ``source`` is the file, ``step`` [s] what the description states."""
 
     source: Path
+    step: float | None = None
 
 
 @dataclass(frozen=True)
@@ -157,7 +159,20 @@ class SsdReader:
                 element,
             )
         fmu = self.sources.find_fmu(source, element, self.ssd, f"component {name!r}")
-        return ComponentNode(*self._read_common(element, name, fmu), fmu)
+        return ComponentNode(*self._read_common(element, name, fmu), fmu, self._read_step(element, name))
+
+    def _read_step(self, element: Element, name: str) -> float | None:
+        """The step of a component [s], as libcosim and Ecos read it: annotation ``osp:StepSizeHint``."""
+        group = get_only_child(element, "ssd:Annotations", self.ssd)
+        for annotation in group.children if group is not None else ():
+            hint = annotation.find("osp:StepSizeHint")
+            if hint is not None and annotation.attributes.get("type") == "com.opensimulationplatform":
+                step = parse_real(hint.attributes.get("value", ""))
+                if step is None or step <= 0.0:
+                    text = f"component {name!r}: value of osp:StepSizeHint must be a positive number of seconds"
+                    raise self.make_error(text, hint)
+                return step
+        return None
 
     def _read_reference(self, element: Element, name: str, kind: str, source: str) -> SystemNode:
         """A component that stands for a system: of this description, of another one or of an archive."""

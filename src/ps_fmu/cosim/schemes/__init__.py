@@ -1,0 +1,1 @@
+"""Schemes of the co-simulation: rates, extrapolated inputs, iterated loops, and estimates of the error."""

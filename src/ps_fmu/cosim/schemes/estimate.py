@@ -1,0 +1,129 @@
+"""Steps that are made twice: whole, and before that in two halves, from which an estimate of the error follows.
+
+With C h^(p+1) the local error of a step h, that of two halves is 2 C (h/2)^(p+1).  So the error of the whole step is
+2^p / (2^p - 1) of their difference (E. Hairer, S. P. Noersett, G. Wanner, Solving Ordinary Differential Equations I,
+section II.4).  Results are those of the whole steps, to the last bit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from ctypes import c_int
+
+import numpy as np
+
+from ..fmu_instance import FmuInstance
+from ..loops import StepLoop
+from ..rows import Array, Rows
+from .columns import SchemeColumn
+from .history import InputHistory
+from .states import keep_states, release_states
+
+
+class EstimatingLoop:
+    """Runs steps as :class:`.loops.StepLoop` says.
+
+    Parameters
+    ----------
+    whole, half: loops for steps of two sizes, each with the histories of its inputs
+    instances: all FMUs
+    rows: where the outputs go
+    step: communication step [s]
+    order: of the global error of the scheme
+    columns: of the scheme
+    """
+
+    def __init__(
+        self,
+        whole: tuple[StepLoop, Sequence[InputHistory]],
+        half: tuple[StepLoop, Sequence[InputHistory]],
+        instances: Mapping[str, FmuInstance],
+        rows: Rows,
+        step: float,
+        order: int,
+        columns: Sequence[SchemeColumn],
+    ) -> None:
+        self._whole, self._half = whole, half
+        self._instances = tuple(instances.values())
+        self._rows, self._step = rows, step
+        self._factor = 2.0**order / (2.0**order - 1.0)
+        self._largest = np.abs(rows.real.values)
+        self._shown: int | None = None
+        self._columns = [
+            (rows.real.places[column.port], _list_places(instances[column.members[0]], rows))
+            for column in columns
+            if column.kind == "error_estimate"
+        ]
+
+    def count_rows(self) -> int:
+        """As :meth:`.loops.StepLoop.count_rows`: without those of half steps."""
+        return self._rows.filled if self._shown is None else self._shown
+
+    def advance(self, times: Array, interrupted: c_int) -> None:
+        """See :class:`.loops.StepLoop`."""
+        rows = self._rows
+        try:
+            for time in times.tolist():
+                self._show_only(rows.filled)
+                if not self._step_twice(time, interrupted):
+                    return
+        finally:
+            self._show_only(None)
+
+    def _step_twice(self, time: float, interrupted: c_int) -> bool:
+        """False if it was interrupted: nothing has been done then."""
+        rows = self._rows
+        filled, before = rows.filled, rows.latest.copy()
+        states = keep_states(self._instances)
+        try:
+            for own, other in zip(self._half[1], self._whole[1], strict=True):
+                own.copy_from(other)
+            done = all(_make_step(self._half[0], rows, t, interrupted) for t in (time, time + 0.5 * self._step))
+            refined = rows.real.values.copy()
+            for instance, state in states.items():
+                instance.set_state(state)
+            rows.latest[:] = before
+        finally:
+            rows.go_back(filled)
+            release_states(states)
+        if not done or not _make_step(self._whole[0], rows, time, interrupted, keep=True):
+            return False
+        self._store(refined)
+        return True
+
+    def _store(self, refined: Array) -> None:
+        rows = self._rows
+        found = rows.real.values
+        np.maximum(self._largest, np.maximum(np.abs(found), np.abs(refined)), out=self._largest)
+        scale = np.where(self._largest > 0.0, self._largest, 1.0)
+        errors = self._factor * np.abs(refined - found) / scale
+        for place, own in self._columns:
+            found[place] = rows.block[rows.filled - 1, place] = errors[own].max(initial=0.0)
+
+    def _show_only(self, count: int | None) -> None:
+        with self._rows.lock:
+            self._shown = count
+
+
+def _make_step(loop: StepLoop, rows: Rows, time: float, interrupted: c_int, keep: bool = False) -> bool:
+    """One step; its row is stored only to ``keep`` it.  False if it was interrupted."""
+    filled = rows.filled
+    while rows.filled == filled:  # a loop in C may return before its time
+        if interrupted:
+            return False
+        loop.advance(np.array([time]), interrupted)
+    if not keep:
+        rows.go_back(filled)
+    return True
+
+
+def _list_places(instance: FmuInstance, rows: Rows) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
+    """Places of the continuous outputs of a component."""
+    ports = [
+        port
+        for port in rows.real.places
+        if port.component == instance.name
+        and instance.variables[port.variable].causality == "output"
+        and instance.variables[port.variable].variability in (None, "continuous")
+    ]
+    return np.array([rows.real.places[port] for port in ports], dtype=np.intp)

@@ -1,0 +1,164 @@
+"""Plans of schemes: components with rates of their own, and inputs that go on between two communication points."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from ctypes import c_double
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from fmpy.model_description import ModelDescription
+
+from ..fmu_instance import FmuInstance
+from ..plan import Call, Gather, Move, Plan, Span, Stage, Wires, make_derivatives, make_step
+from ..rows import Rows
+from .history import Extension, Grid, InputHistory
+from .resolving import find_period
+from .scheme import Rate, Scheme
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What all parts of a plan share.
+
+    ``start`` [s] is that of the simulation, ``step`` [s] the base step; ``descriptions`` those of the FMUs.  With
+    ``repeatable`` FMUs may be set back to a state from before the step.
+    """
+
+    scheme: Scheme
+    descriptions: Mapping[str, ModelDescription]
+    wires: Wires
+    rows: Rows
+    start: float
+    step: float
+    repeatable: bool = False
+    now: c_double = field(default_factory=c_double)
+
+
+@dataclass(frozen=True)
+class Part:
+    """A part of a component's step: what it needs before, and its fmi2DoStep."""
+
+    gathers: tuple[Gather, ...]
+    moves: tuple[Move, ...]
+    sets: tuple[Call, ...]
+    step: Call
+
+
+@dataclass(frozen=True)
+class Sequel:
+    """The parts of a component's step; the values of the first are set where it begins, it is made where it ends."""
+
+    rate: Rate
+    parts: tuple[Part, ...]
+    gets: tuple[Call, ...]
+    history: InputHistory | None
+
+
+def make_sequel(setting: Setting, instance: FmuInstance, stepped_before: Sequence[str]) -> Sequel:
+    """The step of one component.  ``stepped_before``: components whose outputs are those at the end of the step."""
+    scheme, h = setting.scheme, setting.step
+    rate = scheme.get_rate(instance.name)
+    gathers, sets, gets = setting.wires.make_exchange([instance], setting.rows)
+    length = rate.steps * h / rate.parts
+    # A longer step is made in the last of its base steps, so that no FMU is ahead of the others.
+    offsets = [k * length - (rate.steps - 1) * h for k in range(rate.parts)]
+    plain = rate == Rate()
+    spans = [None if plain else Span(offset, length) for offset in offsets]
+    calls = [make_step(instance, setting.now, h, setting.repeatable, span) for span in spans]
+    moves = tuple(setting.wires.list_moves([instance]))
+    place = next((k for k, g in enumerate(gathers) if g.inputs.dtype == np.float64), None)
+    extend = None if place is None or scheme.extrapolation == "hold" else _Extender(
+        setting, instance, gathers[place], stepped_before
+    )  # fmt: skip
+    if extend is None or place is None or not extend.continuous:
+        first = Part(tuple(gathers), moves, tuple(sets), calls[0])
+        return Sequel(rate, (first, *(Part((), (), (), call) for call in calls[1:])), tuple(gets), None)
+    parts = []
+    for k, call in enumerate(calls):
+        gather = extend.extend(k * length, length)
+        if k == 0:
+            all_gathers = (*gathers[:place], gather, *gathers[place + 1 :])
+            parts.append(Part(all_gathers, moves, (*sets, *extend.calls), call))
+        else:
+            reals = tuple(c for c in sets if c.function == "fmi2SetReal")
+            parts.append(Part((gather,), (), (*reals, *extend.calls), call))
+    return Sequel(rate, tuple(parts), tuple(gets), extend.history)
+
+
+class _Extender:
+    """The inputs of a component that go on between two communication points."""
+
+    def __init__(
+        self, setting: Setting, instance: FmuInstance, gather: Gather, stepped_before: Sequence[str]
+    ) -> None:
+        scheme, rate = setting.scheme, setting.scheme.get_rate(instance.name)
+        self.gather = gather
+        names = [port.variable for port in gather.targets]
+        # Real variables are continuous unless they say otherwise (FMI 2.0.4, section 2.2.7).
+        kinds = [instance.variables[name].variability for name in names]
+        self.places = np.array([k for k, kind in enumerate(kinds) if kind in (None, "continuous")], dtype=np.intp)
+        self.continuous = len(self.places) > 0
+        if not self.continuous:
+            return
+        sources = [setting.wires.sources[gather.targets[k]].component for k in self.places]
+        gather.take()
+        self.history = InputHistory(
+            Grid(setting.now, setting.start, setting.step),
+            rate.steps * setting.step,
+            scheme.extrapolation == "smoothed",
+            gather.inputs[self.places],
+            [scheme.get_rate(source).steps for source in sources],
+            [int(source in stepped_before) for source in sources],
+        )
+        self.slopes = None
+        self.calls: tuple[Call, ...] = ()
+        if setting.descriptions[instance.name].coSimulation.canInterpolateInputs:
+            self.slopes = np.zeros(len(self.places))
+            self.calls = (make_derivatives(instance, [names[k] for k in self.places], self.slopes),)
+
+    def extend(self, offset: float, length: float) -> Gather:
+        """The gather of a part that begins ``offset`` after the step and is ``length`` long [s]."""
+        gather = self.gather
+        extension = Extension(self.history, gather.inputs, self.places, offset, length, self.slopes)
+        return replace(gather, extension=extension)
+
+
+def make_stages(sequels: Sequence[Sequel], phase: int = 0) -> list[Stage]:
+    """What some components do together in a base step: all see the same outputs."""
+    beginning = [s for s in sequels if phase % s.rate.steps == 0]
+    ending = [s for s in sequels if (phase + 1) % s.rate.steps == 0]
+    gathers = tuple(gather for s in beginning for gather in s.parts[0].gathers)
+    moves = tuple(move for s in beginning for move in s.parts[0].moves)
+    calls = [call for s in beginning for call in s.parts[0].sets] + [s.parts[0].step for s in ending]
+    stages = [Stage(gathers, tuple(calls), moves)]
+    stages += [Stage(p.gathers, (*p.sets, p.step), p.moves) for s in ending for p in s.parts[1:]]
+    gets = tuple(call for s in ending for call in s.gets)
+    stages[-1] = replace(stages[-1], calls=(*stages[-1].calls, *gets))
+    return [stage for stage in stages if stage.gathers or stage.calls or stage.moves]
+
+
+def make_scheme_plan(
+    setting: Setting, instances: Mapping[str, FmuInstance], stepping: Sequence[str]
+) -> tuple[Plan, list[InputHistory]]:
+    """Plan of a scheme that is not iterated, and the histories of its inputs.
+
+    Parameters
+    ----------
+    instances: loaded FMUs by component
+    stepping: the components in the order of Gauss-Seidel
+    """
+    jacobi = setting.scheme.order == "jacobi"
+    order = list(instances) if jacobi else list(stepping)
+    sequels = [
+        make_sequel(setting, instances[name], () if jacobi else order[:place]) for place, name in enumerate(order)
+    ]
+    groups = [sequels] if jacobi else [[sequel] for sequel in sequels]
+    phases = [
+        [stage for group in groups for stage in make_stages(group, phase)]
+        for phase in range(find_period(setting.scheme))
+    ]
+    stages = tuple(stage for phase in phases for stage in phase)
+    sizes = tuple(len(phase) for phase in phases)
+    plan = Plan(stages, setting.now, setting.step, tuple(setting.wires.signals), sizes, setting.start)
+    return plan, [sequel.history for sequel in sequels if sequel.history is not None]

@@ -1,0 +1,152 @@
+"""A scheme as data: in which order FMUs exchange values, how often, and what their inputs do between two exchanges.
+
+docs/schemes.md has the orders that these schemes reach.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from ..clock import count_steps
+from ..errors import UsageError
+
+ORDERS = ("jacobi", "gauss-seidel", "iterated")
+EXTRAPOLATIONS = ("hold", "linear", "smoothed")
+METHODS = ("broyden", "newton", "fixed-point")
+MOST = 10_000
+"""Steps of one component in one of the base, and the other way round."""
+
+
+@dataclass(frozen=True)
+class Rate:
+    """A component makes ``parts`` steps in ``steps`` steps of the base; one of the two is 1."""
+
+    steps: int = 1
+    parts: int = 1
+
+    def __post_init__(self) -> None:
+        if min(self.steps, self.parts) != 1 or max(self.steps, self.parts) > MOST:
+            raise UsageError(f"rate: expected N or 1/N base steps, N from 1 to {MOST}, got {self}")
+
+    def __str__(self) -> str:
+        return f"1/{self.parts}" if self.parts > 1 else str(self.steps)
+
+
+@dataclass(frozen=True)
+class Iteration:
+    """How loops are iterated.
+
+    Parameters
+    ----------
+    method: ``"broyden"``: Newton's method with the interface Jacobian by finite differences, which is then updated by
+        C. G. Broyden's formula (Math. Comput. 19, 1965) and kept from step to step; ``"newton"``: the same without
+        updates; ``"fixed-point"``: what comes out goes in
+    relative: tolerance, of the value
+    absolute: tolerance in units of the variable's nominal value, 1 where its FMU states none
+    limit: iterations in a step
+    """
+
+    method: str = METHODS[0]
+    relative: float = 1e-9
+    absolute: float = 1e-12
+    limit: int = 30
+
+    def __post_init__(self) -> None:
+        if self.method not in METHODS:
+            raise UsageError(f"solver: expected one of {', '.join(METHODS)}, got {self.method!r}")
+        for name, value in (("relative", self.relative), ("absolute", self.absolute)):
+            if not (math.isfinite(value) and 0.0 < value < 1.0):
+                raise UsageError(f"{name} tolerance: expected a number between 0 and 1, got {value!r}")
+        if self.limit < 1:
+            raise UsageError(f"limit of iterations: expected at least 1, got {self.limit!r}")
+
+
+@dataclass(frozen=True)
+class Scheme:
+    """How the FMUs of a system exchange values.
+
+    Parameters
+    ----------
+    order: ``"jacobi"``: all see the outputs of the last communication point; ``"gauss-seidel"``: each sees what those
+        before it have just put out; ``"iterated"``: each sees what there is at the end of the step, for which loops are
+        iterated and their FMUs set back to their states (R. Kuebler, W. Schiehlen, Two methods of simulator coupling,
+        Math. Comput. Model. Dyn. Syst. 6, 2000; S. Sicklinger et al., Interface Jacobian-based co-simulation, Int. J.
+        Numer. Meth. Engng 98, 2014)
+    extrapolation: what continuous Real inputs do within a step.  ``"hold"``: they keep their value.  ``"linear"``: they
+        go on along the line through their last two values; in an iterated scheme from their value at the beginning to
+        that at the end.  ``"smoothed"``: linearly from where they were at the end of the step before to where
+        ``"linear"`` gets at the end of this one, so that they have no jumps (extrapolated interpolation: M. Busch, ZAMM
+        96, 2016).  An FMU that can interpolate (canInterpolateInputs) gets value and slope
+        (fmi2SetRealInputDerivatives, FMI 2.0.4, section 4.2.1), another one the mean over each of its steps
+    rates: steps of components in steps of the base, by name; by default 1
+    iteration: how loops are iterated, where ``order`` is ``"iterated"``
+    error_estimate: record an estimate of each component's local error, from two half steps instead of each one
+    """
+
+    order: str = ORDERS[0]
+    extrapolation: str = EXTRAPOLATIONS[0]
+    rates: Mapping[str, Rate] = field(default_factory=dict)
+    iteration: Iteration = Iteration()
+    error_estimate: bool = False
+
+    def __post_init__(self) -> None:
+        if self.order not in ORDERS:
+            raise UsageError(f"scheme: expected one of {', '.join(ORDERS)}, got {self.order!r}")
+        if self.extrapolation not in EXTRAPOLATIONS:
+            names = ", ".join(EXTRAPOLATIONS)
+            raise UsageError(f"extrapolation: expected one of {names}, got {self.extrapolation!r}")
+        if self.is_iterated and self.extrapolation == "smoothed":
+            raise UsageError("extrapolation: inputs of an iterated scheme end at the solution: take hold or linear")
+
+    def __str__(self) -> str:
+        parts = [self.order]
+        parts += [self.extrapolation] if self.extrapolation != "hold" else []
+        parts += [f"{name} {rate}" for name, rate in self.rates.items() if rate != Rate()]
+        parts += ["error estimate"] if self.error_estimate else []
+        return ", ".join(parts)
+
+    @property
+    def is_iterated(self) -> bool:
+        """Whether loops are iterated."""
+        return self.order == "iterated"
+
+    @property
+    def is_plain(self) -> bool:
+        """Whether all FMUs make the same steps once, with inputs that are held."""
+        rated = any(rate != Rate() for rate in self.rates.values())
+        return not (self.is_iterated or rated or self.error_estimate or self.extrapolation != "hold")
+
+    @property
+    def error_order(self) -> int:
+        """Order of the global error that the exchange makes in smooth systems, see docs/schemes.md."""
+        return 1 if self.extrapolation == "hold" else 2
+
+    def get_rate(self, component: str) -> Rate:
+        """The rate of a component."""
+        return self.rates.get(component, Rate())
+
+
+def make_scheme(scheme: str | Scheme) -> Scheme:
+    """A scheme, or that of an order by its name.  Raises :class:`UsageError` for another name."""
+    return Scheme(scheme) if isinstance(scheme, str) else scheme
+
+
+def read_rate(text: str) -> Rate:
+    """``N`` or ``1/N``.  Raises :class:`UsageError` for anything else."""
+    found = re.fullmatch(r"(1/)?([0-9]{1,5})", text.strip())
+    if found is None or found[2].strip("0") == "":
+        raise UsageError(f"rate: expected N or 1/N base steps, N from 1 to {MOST}, got {text!r}")
+    count = int(found[2])
+    return Rate(parts=count) if found[1] else Rate(steps=count)
+
+
+def find_rate(step: float, base: float) -> Rate | None:
+    """The rate of steps of ``step`` [s] to those of the base [s]; None if neither is a whole multiple of the other."""
+    for longer, shorter in ((step, base), (base, step)):
+        count = count_steps(longer, shorter)
+        if count is not None and count <= MOST:
+            return Rate(steps=count) if longer is step else Rate(parts=count)
+    return None

@@ -1,0 +1,132 @@
+"""The equation ``F(z) = z`` of a loop, for values z at its interface."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import ConvergenceError
+from ..rows import Array
+from .scheme import Iteration
+
+_INCREMENT = 1e-4  # of the largest value so far: exact in linear loops, and near enough in others
+_SMALLEST = 1e-6  # in units of the nominal value
+_SLOW = 0.3  # an iteration that leaves more of the residual than this asks for a new Jacobian
+
+
+@dataclass(frozen=True)
+class Solution:
+    """``passes``: how often F was asked for; ``residual``: the largest of F(z) - z, in units of its tolerance."""
+
+    passes: int
+    residual: float
+
+
+class NotConverged(Exception):
+    """``place`` in z of the largest residual; ``difference`` there; see also :class:`Solution`."""
+
+    def __init__(self, place: int, difference: float, passes: int, residual: float, iteration: Iteration) -> None:
+        super().__init__(f"residual {residual} after {passes} passes")
+        self.place, self.difference, self.passes, self.residual = place, difference, passes, residual
+        self._iteration = iteration
+
+    def explain(self, where: str, members: Sequence[str], variables: Sequence[object], time: float) -> ConvergenceError:
+        """The error for the user.  ``where``: of the loop and its time [s]; ``variables``: names of z."""
+        variable, iteration = str(variables[self.place]), self._iteration
+        return ConvergenceError(
+            f"loop of {', '.join(members)}: not solved {where} t = {time:.9g} s: after {self.passes} passes {variable} "
+            f"comes out {self.difference:.3g} off what went in, {self.residual:.3g} times the tolerance (relative "
+            f"{iteration.relative:g}, absolute {iteration.absolute:g})\n"
+            "  Choose a smaller step, a larger tolerance or another solver.",
+            members=members,
+            time=time,
+            variable=variable,
+            residual=self.residual,
+        )
+
+
+class InterfaceSolver:
+    """Solves the equation again and again, for slowly changing F; the interface Jacobian is kept in between.
+
+    Parameters
+    ----------
+    iteration: method, tolerances and limit
+    nominal: (n,), magnitudes for the absolute tolerance
+    """
+
+    def __init__(self, iteration: Iteration, nominal: Array) -> None:
+        self._iteration = iteration
+        self._floor = iteration.absolute * nominal
+        self._largest = _SMALLEST * nominal
+        self._jacobian: Array | None = None
+
+    def solve(self, evaluate: Callable[[Array], Array], z: Array, derive: Callable[[], Array | None]) -> Solution:
+        """Find z, from a first guess; the last call of ``evaluate`` is that of the solution.
+
+        ``derive()`` gives the Jacobian of F (n, n) at the last z, where that costs no evaluation, else None.
+
+        Raises :class:`NotConverged`.
+        """
+        iteration, largest = self._iteration, self._largest
+        passes, before, fresh = 1, np.inf, False
+        found = evaluate(z)
+        for count in range(iteration.limit + 1):
+            residual = found - z
+            size = self._floor + iteration.relative * np.maximum(np.abs(z), np.abs(found))
+            scaled = np.abs(residual) / size
+            norm = float(scaled.max(initial=0.0))
+            if norm <= 1.0:
+                return Solution(passes, norm)
+            if count == iteration.limit or not np.isfinite(norm):
+                self._jacobian = None
+                place = int(np.argmax(np.where(np.isfinite(scaled), scaled, np.inf)))
+                raise NotConverged(place, float(residual[place]), passes, norm, iteration)
+            np.maximum(largest, np.maximum(np.abs(z), np.abs(found)), out=largest)
+            if iteration.method == "fixed-point":
+                z = found
+                found = evaluate(z)
+                passes += 1
+                continue
+            if self._jacobian is None or (norm > _SLOW * before and not fresh):
+                exact = derive()
+                self._jacobian = self._difference(evaluate, z, found) if exact is None else exact - np.eye(len(z))
+                passes += 0 if exact is not None else len(z)
+                fresh = True
+            else:
+                fresh = False
+            change = self._find_change(residual)
+            z = z + change
+            found = evaluate(z)
+            passes += 1
+            if iteration.method == "broyden":
+                self._update(change, found - z - residual)
+            before = norm
+        raise AssertionError
+
+    def _difference(self, evaluate: Callable[[Array], Array], z: Array, found: Array) -> Array:
+        """The Jacobian of F(z) - z by differences."""
+        jacobian = np.empty((len(z), len(z)))
+        for k in range(len(z)):
+            moved = z.copy()
+            moved[k] += _INCREMENT * self._largest[k]
+            step = moved[k] - z[k]
+            jacobian[:, k] = (evaluate(moved) - found) / step
+        return jacobian - np.eye(len(z))
+
+    def _find_change(self, residual: Array) -> Array:
+        """Newton's step; of a singular Jacobian the smallest."""
+        assert self._jacobian is not None
+        try:
+            return np.asarray(np.linalg.solve(self._jacobian, -residual), dtype=np.float64)
+        except np.linalg.LinAlgError:
+            return np.asarray(np.linalg.lstsq(self._jacobian, -residual)[0], dtype=np.float64)
+
+    def _update(self, change: Array, difference: Array) -> None:
+        """Broyden's formula: the smallest change of the Jacobian that explains the last step, in scaled variables."""
+        assert self._jacobian is not None
+        weights = change / self._largest**2
+        length = float(weights @ change)
+        if length > 0.0 and np.isfinite(difference).all():
+            self._jacobian += np.outer(difference - self._jacobian @ change, weights / length)
