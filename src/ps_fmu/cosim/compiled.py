@@ -8,6 +8,7 @@ from __future__ import annotations
 import logging
 from ctypes import POINTER, Structure, c_double, c_int, c_int64, c_void_p
 
+from .faults.effects import EffectGroup
 from .guard import End, load_library
 from .plan import Call, Gather, Plan
 from .rows import Array, Rows
@@ -20,6 +21,7 @@ BUDGET_S = 0.05
 
 # Kind of an operation, as in loop.c.
 _TAKE = {"float64": 0, "int32": 1}
+_CHANGE = {"float64": 7, "int32": 8}
 _CALL = {
     "fmi2SetReal": 2,
     "fmi2SetInteger": 3,
@@ -70,7 +72,7 @@ class CompiledLoop:
         types = POINTER(_Loop), c_void_p, c_void_p, c_int64, c_double, POINTER(c_int), POINTER(Timing), POINTER(End)
         self._run_steps.argtypes, self._run_steps.restype = types, c_int
         self._timing, self._end = None if laps is None else laps.timing, End()
-        self._plan, self._rows = plan, rows
+        self._plan, self._rows, self._effects = plan, rows, plan.effects
         self._parts = list(list_parts(plan))
         operations = (_Operation * len(self._parts))(*map(_make_operation, self._parts))
         self._loop = _Loop(operations, len(operations), rows.latest.ctypes.data, rows.latest.size, plan.step)
@@ -78,6 +80,8 @@ class CompiledLoop:
     def advance(self, times: Array, interrupted: c_int) -> None:
         """As :meth:`.loops.PythonLoop.advance`; ends early after :data:`BUDGET_S`, too."""
         loop, first = self._loop, self._rows.filled
+        for group in self._effects:
+            group.prepare(times)
         loop.rows_done = loop.next_operation = 0
         goal = self._rows.block[first:].ctypes.data, times.ctypes.data, len(times)
         end = self._end
@@ -107,8 +111,11 @@ def is_available() -> bool:
     return True
 
 
-def _make_operation(part: Gather | Call) -> _Operation:
-    """The addresses in a gather or call, whose objects the plan keeps."""
+def _make_operation(part: Gather | EffectGroup | Call) -> _Operation:
+    """The addresses in a gather, in what faults do or in a call, whose objects the plan keeps."""
+    if isinstance(part, EffectGroup):
+        kind = _CHANGE[part.inputs.dtype.name]
+        return _Operation(kind, part.count, None, None, part.inputs.ctypes.data, part.address)
     if isinstance(part, Gather):
         arrays = part.sources.ctypes.data, part.outputs.ctypes.data, part.inputs.ctypes.data
         return _Operation(_TAKE[part.inputs.dtype.name], len(part.sources), *arrays)

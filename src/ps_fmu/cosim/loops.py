@@ -5,13 +5,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from ctypes import c_int
 from operator import call, length_hint
 from time import perf_counter_ns
 from typing import Protocol
 
 from .compiled import CompiledLoop, is_available
-from .plan import Plan, Stage
+from .faults.effects import EffectGroup
+from .plan import Gather, Plan, Stage
 from .rows import Array, Rows
 from .stopwatch import Laps, Stopwatch
 
@@ -45,11 +47,11 @@ class PythonLoop:
     """
 
     def __init__(self, plan: Plan, rows: Rows) -> None:
-        self._plan, self._rows = plan, rows
+        self._plan, self._rows, self._effects = plan, rows, plan.effects
         self._stages = [
             (
-                [(gather.outputs.take, gather.sources, gather.inputs) for gather in stage.gathers],
-                [gather.convert for gather in stage.gathers if gather.convert is not None],
+                [(part.outputs.take, part.sources, part.inputs) for part in stage.gathers if isinstance(part, Gather)],
+                list(_list_changes(stage)),
                 stage.moves,
                 tuple(c.invoke for c in stage.calls),
                 stage.calls,
@@ -60,17 +62,19 @@ class PythonLoop:
     def advance(self, times: Array, interrupted: c_int) -> None:
         """See :class:`StepLoop`."""
         plan, rows, stages = self._plan, self._rows, self._stages
+        for group in self._effects:
+            group.prepare(times)
         fed = [(*rows.find_place(s.port), s.sample(times + plan.step, plan.step)) for s in plan.signals]
         now, latest, done = plan.now, rows.latest_row, rows.filled
         for index, (time, row) in enumerate(zip(times.tolist(), rows.rows[done : done + len(times)], strict=True)):
             if interrupted:
                 return
             now.value = time
-            for gathers, converts, moves, functions, calls in stages:
+            for gathers, changes, moves, functions, calls in stages:
                 for take, sources, inputs in gathers:
                     take(sources, None, inputs, "clip")  # any mode but "raise" spares a copy
-                for convert in converts:
-                    convert()
+                for change in changes:
+                    change()
                 for move in moves:
                     move.carry(time)
                 remaining = iter(functions)
@@ -86,6 +90,15 @@ class PythonLoop:
         return self._rows.filled
 
 
+def _list_changes(stage: Stage) -> Iterator[Callable[[], None]]:
+    """What changes the inputs behind the gathers, in their order."""
+    for part in stage.gathers:
+        if isinstance(part, EffectGroup):
+            yield part.apply
+        if part.convert is not None:
+            yield part.convert
+
+
 class TimedPythonLoop:
     """The same steps; the clock is read after each part."""
 
@@ -95,6 +108,8 @@ class TimedPythonLoop:
     def advance(self, times: Array, interrupted: c_int) -> None:
         """See :class:`StepLoop`."""
         plan, rows, laps = self._plan, self._rows, self._laps
+        for group in plan.effects:
+            group.prepare(times)
         fed = [(*rows.find_place(s.port), s.sample(times + plan.step, plan.step)) for s in plan.signals]
         for index, time in enumerate(times.tolist()):
             if interrupted:
@@ -117,19 +132,22 @@ class TimedPythonLoop:
     def _run_stage(self, stage: Stage, first: int, time: float) -> None:
         """A stage of the step from ``time`` [s] on, whose parts begin at place ``first``."""
         before = perf_counter_ns()
-        for place, gather in enumerate(stage.gathers, first):
-            gather.outputs.take(gather.sources, None, gather.inputs, "clip")
-            if gather.convert is not None:
-                gather.convert()
+        for place, part in enumerate(stage.gathers, first):
+            if isinstance(part, Gather):
+                part.outputs.take(part.sources, None, part.inputs, "clip")
+            else:
+                part.apply()
+            if part.convert is not None:
+                part.convert()
             before = self._note(place, before, time)
         for move in stage.moves:
             move.carry(time)
         before = perf_counter_ns()
-        for place, part in enumerate(stage.calls, first + len(stage.gathers)):
-            status = part.invoke()
+        for place, called in enumerate(stage.calls, first + len(stage.gathers)):
+            status = called.invoke()
             before = self._note(place, before, time)
             if status:
-                part.check(status, time, self._plan.step)
+                called.check(status, time, self._plan.step)
 
     def _note(self, place: int, before: int, time: float) -> int:
         after = perf_counter_ns()

@@ -17,9 +17,11 @@ from fmpy.model_description import ModelDescription
 from .clock import StepClock
 from .closing import end_all
 from .compiled import CompiledLoop
-from .description import convert_value, explain_unsettable, find_variable, read_descriptions
+from .description import check_value, find_variable, read_descriptions
 from .errors import CosimError, SlaveEnded, UsageError
 from .events import Event, Progress, Schedule, make_schedule
+from .faults.active import make_faults
+from .faults.event import FaultFile
 from .fmu_instance import FmuInstance, InstancePhase
 from .graph import OpenInput, check_wiring
 from .guard import ProcessGuard
@@ -27,7 +29,7 @@ from .initialisation import initialise, load, read_first_row
 from .interrupt import note_interrupts
 from .isolation.instance import Isolation
 from .loops import StepLoop, make_loop
-from .plan import SCHEMES, make_plan
+from .plan import SCHEMES, find_fed, make_plan
 from .recording.beside import DeliveryBeside
 from .recording.delivery import Delivery, Observer
 from .rows import Column, Rows, make_layout
@@ -58,6 +60,7 @@ class Master:
     also: variables to record beside the outputs
     stopwatch: times each call of an FMU; the steps take some 0.5 us longer
     isolation: which FMUs get processes of their own; by default none
+    faults: what happens to signals and parameters, see :func:`.faults.reading.read_faults`
 
     Raises :class:`UsageError`, :class:`SystemFileError` or :class:`WiringError` before anything is loaded.
 
@@ -82,6 +85,7 @@ class Master:
         also: Collection[PortName] = (),
         stopwatch: Stopwatch | None = None,
         isolation: Isolation | None = None,
+        faults: FaultFile | None = None,
     ) -> None:
         if scheme not in SCHEMES:
             raise UsageError(f"scheme: expected one of {', '.join(SCHEMES)}, got {scheme!r}")
@@ -98,8 +102,9 @@ class Master:
         self._descriptions = read_descriptions(system) if descriptions is None else descriptions
         self.wiring = check_wiring(system, self._descriptions)
         self._signals = bind_signals(system, self._descriptions, inputs or {})
-        more = {c.source for c in system.connections} | {item.source for item in system.outputs} | set(also)
-        self._layout = make_layout(self._descriptions, more, self._signals)
+        self.faults = make_faults(faults, system, self._descriptions, self.clock)
+        more = {c.source for c in system.connections} | {item.source for item in system.outputs}
+        self._layout = make_layout(self._descriptions, {*more, *also, *self.faults.recorded}, self._signals)
         self._derived = derive_outputs(system, self._descriptions, self._layout.columns)
         self._block_rows = block_rows
         self._rows = Rows(self._layout, block_rows, self._derived)
@@ -169,10 +174,9 @@ class Master:
         A connected input leaves its connection and keeps the value.  Raises :class:`UsageError`: no such
         variable, not of its type, a fixed parameter after the initialisation.
         """
-        port = self._find_port(name)
         if self._closed:
             raise UsageError(f"{name}: the system is closed")
-        self._apply(port, self._check_value(port, value, running=self._loop is not None))
+        self._apply(*self._check(name, value, self._loop is not None))
 
     # ---- life --------------------------------------------------------------------------------------------
 
@@ -220,6 +224,7 @@ class Master:
         self._drop_loop()
         self.system, self._index, self._ended = system, 0, None
         self._set.clear()
+        self.faults.reset()
         self._rows = Rows(self._layout, self._block_rows, self._derived)
         try:
             for instance in self._instances.values():
@@ -258,7 +263,7 @@ class Master:
             raise UsageError(f"the simulation has ended: {self._ended}")
         end = self._index + self.clock.steps(duration)
         self.clock.check_end(end)
-        schedule = make_schedule(events, self.clock, self._index, end, self._check_event)
+        schedule = make_schedule(events, self.clock, self._index, end, self._check)
         self._running = True
         try:
             with note_interrupts() as interrupted:
@@ -305,18 +310,9 @@ class Master:
         find_variable(self._descriptions[port.component], port.variable)
         return port
 
-    def _check_value(self, port: PortName, value: Value, running: bool) -> Value:
-        variable = find_variable(self._descriptions[port.component], port.variable)
-        if reason := explain_unsettable(variable, running):
-            raise UsageError(f"{port} {reason}")
-        try:
-            return convert_value(variable, value)
-        except UsageError as error:
-            raise UsageError(f"{port}: {error}") from None
-
-    def _check_event(self, name: str, value: Value) -> tuple[PortName, Value]:
+    def _check(self, name: str, value: Value, running: bool = True) -> tuple[PortName, Value]:
         port = self._find_port(name)
-        return port, self._check_value(port, value, running=True)
+        return port, check_value(self._descriptions, port, value, running)
 
     def _apply(self, port: PortName, value: Value) -> None:
         new = port not in self._set
@@ -324,7 +320,7 @@ class Master:
         if self._loop is not None:
             self._loop.forget()
             self._instances[port.component].set({port.variable: value}, self.time)
-            if new and any(port == c.target for c in self.wiring.connections):
+            if self.faults.note(port, value) or (new and any(port == c.target for c in self.wiring.connections)):
                 self._make_plan()
 
     def _drop_loop(self) -> None:
@@ -335,13 +331,15 @@ class Master:
     def _make_plan(self) -> None:
         instances, wiring, rows, compiled = self._instances, self.wiring, self._rows, self._compiled
         scheme, cut, repeatable = self.scheme, self._set.keys(), self._obstacle is None
-        whole, stopwatch, signals = self.clock.step, self._stopwatch, self._signals
+        whole, stopwatch, signals, faults = self.clock.step, self._stopwatch, self._signals, self.faults
+        self._drop_loop()
+        faults.settle(instances, find_fed(instances, wiring, cut, signals))
 
         def make(step: float) -> StepLoop:  # refers to no Master, so that it goes when nobody needs it any longer
-            plan = make_plan(instances, wiring, rows, step, scheme, cut, repeatable, signals)
+            plan = make_plan(instances, wiring, rows, step, scheme, cut, repeatable, signals, faults)
             return make_loop(plan, rows, compiled, stopwatch if step == whole else None)
 
-        self._loop = RepeatingLoop(instances, rows, whole, make, self._obstacle)
+        self._loop = RepeatingLoop(instances, rows, whole, make, self._obstacle, faults)
 
     def _advance(
         self,
@@ -358,7 +356,9 @@ class Master:
                 while schedule and schedule[0][0] == self._index:
                     _, port, value = schedule.pop(0)
                     self._apply(port, value)
-                stop = min(end, schedule[0][0]) if schedule else end
+                if self.faults.switch(self._index):
+                    self._make_plan()
+                stop = self.faults.find_change(self._index, min(end, schedule[0][0]) if schedule else end)
                 count = min(stop - self._index, rows.capacity - rows.filled)
                 before = rows.filled
                 assert self._loop is not None

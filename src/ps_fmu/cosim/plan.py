@@ -15,11 +15,14 @@ from typing import Any, NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
+from .clock import StepClock
+from .faults.active import ActiveFaults
+from .faults.effects import EffectGroup
 from .fmu_instance import FAMILY, FmuInstance
 from .graph import Wiring
 from .guard import End
 from .hops import Conversion
-from .rows import Rows
+from .rows import Latest, Rows
 from .signals import BoundSignal
 from .structure import PortName
 
@@ -90,9 +93,9 @@ class Move:
 
 @dataclass(frozen=True)
 class Stage:
-    """A part of a step: first all that is gathered and moved, then the calls in their order."""
+    """A part of a step: first all that is gathered, with what faults do to it, and moved, then the calls in order."""
 
-    gathers: tuple[Gather, ...]
+    gathers: tuple[Gather | EffectGroup, ...]
     calls: tuple[Call, ...]
     moves: tuple[Move, ...] = ()
 
@@ -105,6 +108,11 @@ class Plan:
     now: c_double
     step: float
     signals: tuple[BoundSignal, ...] = ()
+
+    @property
+    def effects(self) -> list[EffectGroup]:
+        """What faults do."""
+        return [part for stage in self.stages for part in stage.gathers if isinstance(part, EffectGroup)]
 
     @property
     def needs_python(self) -> bool:
@@ -122,6 +130,7 @@ def make_plan(
     cut: Collection[PortName],
     repeatable: bool = False,
     signals: Sequence[BoundSignal] = (),
+    faults: ActiveFaults | None = None,
 ) -> Plan:
     """Plan of one step.
 
@@ -136,25 +145,46 @@ def make_plan(
     cut: connected inputs that the user has set: they keep that value
     repeatable: FMUs may be set back to a state from before the step, so they are told to keep what that needs
     signals: inputs of the run, which lie in the rows
+    faults: those that act now
     """
     now = c_double()
-    sources = {
-        c.target: c.source
-        for c in wiring.connections
-        if c.target not in cut and instances[c.target.component].variables[c.target.variable].causality == "input"
-    }
+    faults = ActiveFaults(None, StepClock(0.0, step)) if faults is None else faults
+    cut = {*cut, *faults.find_cut()}
+    sources = find_sources(instances, wiring, cut)
     conversions = {target: conversion for target, conversion in wiring.conversions.items() if target in sources}
     for signal in signals:
         for target, conversion in signal.targets:
             if target not in cut:
                 sources[target] = signal.port
                 conversions |= {} if conversion.changes_nothing else {target: conversion}
+    sources |= faults.find_bases()
     order = wiring.stepping if scheme == "gauss-seidel" else tuple(instances)
     groups = [(name,) for name in order] if scheme == "gauss-seidel" else [order]
-    wires = _Wires(instances, sources, conversions)
+    wires = _Wires(instances, sources, conversions, faults)
     members = ([instances[name] for name in group] for group in groups)
     stages = tuple(wires.make_stage(group, rows, now, step, repeatable) for group in members)
     return Plan(stages, now, step, tuple(signals))
+
+
+def find_sources(
+    instances: Mapping[str, FmuInstance], wiring: Wiring, cut: Collection[PortName]
+) -> dict[PortName, PortName]:
+    """Where the connected inputs get their values, but those that are ``cut``.
+
+    A parameter gets the value of its connection once, in the initialisation.
+    """
+    return {
+        c.target: c.source
+        for c in wiring.connections
+        if c.target not in cut and instances[c.target.component].variables[c.target.variable].causality == "input"
+    }
+
+
+def find_fed(
+    instances: Mapping[str, FmuInstance], wiring: Wiring, cut: Collection[PortName], signals: Sequence[BoundSignal]
+) -> set[PortName]:
+    """The inputs that get a value in each step, from a connection or from a signal."""
+    return {*find_sources(instances, wiring, cut), *(p for s in signals for p, _ in s.targets if p not in cut)}
 
 
 class _Wires:
@@ -165,8 +195,9 @@ class _Wires:
         instances: Mapping[str, FmuInstance],
         sources: Mapping[PortName, PortName],
         conversions: Mapping[PortName, Conversion],
+        faults: ActiveFaults,
     ) -> None:
-        self.instances, self.sources, self.conversions = instances, sources, conversions
+        self.instances, self.sources, self.conversions, self.faults = instances, sources, conversions, faults
         self.inputs: dict[str, list[PortName]] = {name: [] for name in instances}
         for port in sources:
             self.inputs[port.component].append(port)
@@ -179,15 +210,15 @@ class _Wires:
         self, stepped: Sequence[FmuInstance], rows: Rows, now: c_double, step: float, repeatable: bool
     ) -> Stage:
         """The part of a step that some FMUs go through together."""
-        gathers, sets, gets = [], [], []
-        for kind in (rows.real, rows.discrete):
+        gathers: list[Gather | EffectGroup] = []
+        sets, gets = [], []
+        for kind in (rows.real, rows.discrete, *self.faults.make_bases()):
             # One buffer for all of them: to gather 21 numbers costs 0.25 us, twice 10 costs 0.4.
             wired = [p for i in stepped for p in self.inputs[i.name] if self.sources[p] in kind.places]
             places = {port: place for place, port in enumerate(wired)}
             inputs = np.zeros(len(wired), kind.values.dtype)
             if wired:
-                taken = np.array([kind.places[self.sources[p]] for p in wired])
-                gathers.append(Gather(kind.values, taken, inputs, self.make_conversion(wired, inputs)))
+                gathers += self.make_exchange(kind, wired, inputs)
             wired_of, outputs_of = _group(wired), _group(kind.places)
             for instance in stepped:
                 runs = _find_runs(instance, wired_of.get(instance.name, ()), places.__getitem__)
@@ -201,6 +232,17 @@ class _Wires:
             Call(i, "fmi2DoStep", *_bind(i, i.stepper(), now, *rest), repeatable=repeatable) for i in stepped
         ]
         return Stage(tuple(gathers), (*sets, *steps, *gets), tuple(self.list_moves(stepped)))
+
+    def make_exchange(
+        self, kind: Latest, wired: Sequence[PortName], inputs: NDArray[Any]
+    ) -> list[Gather | EffectGroup]:
+        """What brings the outputs of a kind to inputs: faults of outputs act before a conversion, others after it."""
+        taken = np.array([kind.places[self.sources[port]] for port in wired])
+        convert = self.make_conversion(wired, inputs)
+        before = self.faults.make_group(wired, inputs, True, convert)
+        after = self.faults.make_group(wired, inputs, False)
+        gather = Gather(kind.values, taken, inputs, convert if before is None else None)
+        return [gather, *(group for group in (before, after) if group is not None)]
 
     def make_conversion(self, wired: Sequence[PortName], inputs: NDArray[Any]) -> Callable[[], None] | None:
         """What changes the inputs that have conversions, in place; None where none has."""

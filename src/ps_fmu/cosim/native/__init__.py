@@ -1,7 +1,7 @@
 """The master's loop in C, which :mod:`..compiled` uses.
 
-``python -m ps_fmu.cosim.native`` makes the library from ``loop.c`` and ``guard.c``, see
-:mod:`ps_fmu.slavekit.launcher.c_program`.
+``python -m ps_fmu.cosim.native`` makes the library from ``loop.c``, ``guard.c`` and ``effects.c``,
+see :mod:`ps_fmu.slavekit.launcher.c_program`.
 """
 
 from __future__ import annotations
@@ -17,4 +17,10 @@ _LINUX = Target(
     libraries=("-lm",),
 )
 
-LOOP = Program("loop", Path(__file__).parent, sources=("loop.c", "guard.c"), headers=(), targets={"linux64": _LINUX})
+LOOP = Program(
+    "loop",
+    Path(__file__).parent,
+    sources=("loop.c", "guard.c", "effects.c"),
+    headers=("effects.h",),
+    targets={"linux64": _LINUX},
+)

@@ -7,11 +7,23 @@
 #include <string.h>
 #include <time.h>
 
+#include "effects.h"
 #include "fmi2FunctionTypes.h"
 
-typedef enum { TAKE_DOUBLES, TAKE_INTS, SET_REALS, SET_INTEGERS, DO_STEP, GET_REALS, GET_INTEGERS } Kind;
+typedef enum {
+    TAKE_DOUBLES,
+    TAKE_INTS,
+    SET_REALS,
+    SET_INTEGERS,
+    DO_STEP,
+    GET_REALS,
+    GET_INTEGERS,
+    CHANGE_DOUBLES,
+    CHANGE_INTS
+} Kind;
 
 /* What is done with `count` numbers.  TAKE: values[i] = outputs[places[i]].  SET, GET: `places` are value references.
+   CHANGE: `component` is the Effects of faults on the values.
    DO_STEP: `count` is 1 if the step may be repeated.  INTS and INTEGERS are Booleans, too: both are int in FMI 2.0. */
 typedef struct {
     int64_t kind;
@@ -85,6 +97,12 @@ static int carry_out(const Operation *o, double time, double step)
         return (int)o->function.get_reals(o->component, o->places, n, o->values);
     case GET_INTEGERS:
         return (int)o->function.get_integers(o->component, o->places, n, o->values);
+    case CHANGE_DOUBLES:
+        change_doubles(o->component, o->values);
+        return fmi2OK;
+    case CHANGE_INTS:
+        change_ints(o->component, o->values);
+        return fmi2OK;
     }
     return fmi2Fatal;
 }
