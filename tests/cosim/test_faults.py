@@ -2,16 +2,19 @@
 
 import json
 import shutil
+import sys
 
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from support import faulty
 from support.cosim import OSCILLATOR, Collect
 from support.relays import description, make_relay, port, relay, system, wire
 
 from ps_fmu.cosim import Master, SystemFileError, loops, read_system
 from ps_fmu.cosim.faults.reading import read_faults
+from ps_fmu.cosim.isolation.instance import Isolation
 from ps_fmu.cosim.signals import read_signals
 from ps_fmu.cosim.stopwatch import Stopwatch
 
@@ -387,3 +390,61 @@ def test_a_fault_behind_the_end_of_the_run_is_refused(oscillator, tmp_path):
         with pytest.raises(SystemFileError, match=r"line 1: events\[0\]: time 2 s is not before the end of the run, 1"):
             master.faults.check_end(1.0)
         master.faults.check_end(2.01)
+
+
+@pytest.fixture(scope="module")
+def discarding(tmp_path_factory):
+    """A folder with an FMU that is named after what it does wrong."""
+    return faulty.build(tmp_path_factory.mktemp("faulty")).parent
+
+
+def test_steps_in_parts_see_the_fault_of_the_whole_step(discarding, make_system, tmp_path):
+    """The FMU ``partial`` discards all steps of 0.01 s from 0.05 s on, which are repeated in three parts."""
+    found = {}
+    for name in ("good", "partial"):
+        system = make_system({"other": "Faulty", name: "Faulty"}, [f"other.y -> {name}.u"], discarding)
+        signal = {"time": 0.02, "model": "other", "variable": "y", "joins": True}
+        faults = write(
+            tmp_path, {**signal, "action": "delay", "value": 0.03}, {**signal, "action": "noise", "rms": 0.5, "seed": 2}
+        )
+        found[name] = run_oscillator(system, faults, duration=0.1)[f"{name}.u"]
+    assert found["partial"] == pytest.approx(found["good"], rel=1e-12)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="processes of their own are for Linux")
+def test_isolated_fmus_see_the_same_faults(oscillator, tmp_path):
+    signal = {"time": 0.1, "model": "spring", "variable": "position"}
+    mass = {"time": 0.2, "model": "mass", "variable": "mass", "action": "bias", "value": 1.0, "duration": 0.1}
+    faults = write(tmp_path, {**signal, "action": "noise", "rms": 0.1}, mass)
+    inside, isolated = (
+        run_oscillator(oscillator, faults, in_c=True, isolation=isolation) for isolation in (None, Isolation())
+    )
+    assert all(values.tobytes() == isolated[name].tobytes() for name, values in inside.items())
+
+
+def test_the_list_says_what_acted_and_when(oscillator, tmp_path):
+    events = [
+        {"time": 0.1, "action": "freeze", "duration": 0.05}, {"time": 0.2, "action": "override", "value": 0.5},
+        {"time": 0.3, "action": "delay", "value": 0.02}, {"time": 0.35, "action": "noise", "density": 1e-4},
+        {"time": 0.4, "action": "dropout", "probability": 0.25}, {"time": 0.45, "action": "reset"},
+        {"time": 0.48, "action": "scale", "value": -1, "target": "spring.position"},
+        {"time": 0.6, "action": "bias", "value": 1},
+    ]  # fmt: skip
+    faults = write(tmp_path, *events, model="mass", variable="position")
+    with Master(oscillator, 0.01, faults=faults) as master:
+        master.initialise()
+        master.run(0.5)
+        entries = master.faults.list_entries(master.time)
+    assert [entry["text"] for entry in entries] == [
+        "0.100 s: mass.position frozen until 0.150 s",
+        "0.200 s: mass.position replaced by 0.5 until 0.300 s",
+        "0.300 s: mass.position delayed by 0.02 s until 0.350 s",
+        "0.350 s: mass.position with noise of 0.0001 /Hz until 0.400 s",
+        "0.400 s: mass.position lost, the last value held, in 25 % of the steps until 0.450 s",
+        "0.480 s: mass.position to spring.position scaled by -1",
+    ]
+    assert entries[0] == {
+        "from_s": 0.1, "until_s": 0.15, "signal": "mass.position", "action": "freeze", "inputs": ["spring.position"],
+        "text": entries[0]["text"],
+    }  # fmt: skip
+    assert entries[-1]["until_s"] is None

@@ -16,7 +16,7 @@ from ..rows import Array, Latest
 from ..structure import PortName, System
 from ..values import Value
 from . import effects
-from .binding import BoundFaults, Fault, bind_faults
+from .binding import BoundFaults, Fault, bind_faults, list_entries
 from .effects import Effect, EffectGroup, to_int
 from .event import BIAS, DELAY, DROPOUT, NOISE, OVERRIDE, SCALE, FaultFile
 from .samples import Samples
@@ -86,9 +86,10 @@ class ActiveFaults:
         if self.bound is not None:
             self.bound.check_end(self._clock, self._clock.steps(duration))
 
-    def list_acted(self, time: float) -> list[Fault]:
-        """The faults that have acted in a step before a time [s]."""
-        return [fault for fault in self._faults if self._clock.time(fault.first) < time]
+    def list_entries(self, time: float) -> list[dict[str, object]]:
+        """What has acted in a step before a time [s], see :func:`.binding.list_entries`."""
+        begun = [fault for fault in self._faults if self._clock.time(fault.first) < time - 1e-6 * self._clock.step]
+        return list_entries(begun, self._clock)
 
     def note(self, port: PortName, value: Value) -> bool:
         """An input or parameter gets another value from outside; whether faults act on it."""
