@@ -434,7 +434,7 @@ def test_the_list_says_what_acted_and_when(oscillator, tmp_path):
     with Master(oscillator, 0.01, faults=faults) as master:
         master.initialise()
         master.run(0.5)
-        entries = master.faults.list_entries(master.time)
+        entries = [acted.as_dict() for acted in master.faults.list_acted(master.time)]
     assert [entry["text"] for entry in entries] == [
         "0.100 s: mass.position frozen until 0.150 s",
         "0.200 s: mass.position replaced by 0.5 until 0.300 s",
@@ -444,7 +444,7 @@ def test_the_list_says_what_acted_and_when(oscillator, tmp_path):
         "0.480 s: mass.position to spring.position scaled by -1",
     ]
     assert entries[0] == {
-        "from_s": 0.1, "until_s": 0.15, "signal": "mass.position", "action": "freeze", "inputs": ["spring.position"],
+        "from_s": 0.1, "until_s": 0.15, "signal": "mass.position", "action": "freeze", "inputs": ("spring.position",),
         "text": entries[0]["text"],
     }  # fmt: skip
     assert entries[-1]["until_s"] is None

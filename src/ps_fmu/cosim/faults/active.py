@@ -16,7 +16,8 @@ from ..rows import Array, Latest
 from ..structure import PortName, System
 from ..values import Value
 from . import effects
-from .binding import BoundFaults, Fault, bind_faults, list_entries
+from .acted import ActedFault, list_acted
+from .binding import BoundFaults, Fault, bind_faults
 from .effects import Effect, EffectGroup, to_int
 from .event import BIAS, DELAY, DROPOUT, NOISE, OVERRIDE, SCALE, FaultFile
 from .samples import Samples
@@ -86,10 +87,9 @@ class ActiveFaults:
         if self.bound is not None:
             self.bound.check_end(self._clock, self._clock.steps(duration))
 
-    def list_entries(self, time: float) -> list[dict[str, object]]:
-        """What has acted in a step before a time [s], see :func:`.binding.list_entries`."""
-        begun = [fault for fault in self._faults if self._clock.time(fault.first) < time - 1e-6 * self._clock.step]
-        return list_entries(begun, self._clock)
+    def list_acted(self, time: float) -> tuple[ActedFault, ...]:
+        """What acts in a step before a time [s]."""
+        return list_acted(self._faults, self._clock, time)
 
     def note(self, port: PortName, value: Value) -> bool:
         """An input or parameter gets another value from outside; whether faults act on it."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from fmpy.model_description import ModelDescription, ModelVariable
@@ -230,45 +230,3 @@ class _Binder:
                 f"got {event.value!r} s"
             )
         return steps
-
-
-def describe(fault: Fault, clock: StepClock) -> str:
-    """What a fault does and when, as ``12.000 s: sensors.reading_1 frozen until 15.000 s``."""
-    event, unit = fault.event, f" {fault.unit}" if fault.unit not in ("", "1") else ""
-    value = fault.value if not isinstance(fault.value, float) else f"{fault.value:g}"
-    what = {
-        OVERRIDE: f"replaced by {value}{unit}",
-        BIAS: f"biased by {value}{unit}",
-        SCALE: f"scaled by {value}",
-        FREEZE: "frozen",
-        DROPOUT: "lost, the last value held" if fault.value is None else f"lost, {value}{unit} in its place",
-        DELAY: f"delayed by {value} s",
-    }.get(event.action) or (
-        f"with noise of {event.rms:g}{unit} RMS" if event.rms is not None else f"with noise of {event.density:g} "
-        + (f"({fault.unit})^2/Hz" if unit else "/Hz")
-    )  # fmt: skip
-    if event.action == DROPOUT and event.probability < 1.0:
-        what += f", in {100.0 * event.probability:g} % of the steps"
-    where = f"{fault.signal} to {event.target}" if event.target is not None else str(fault.signal)
-    until = "" if fault.last is None else f" until {format_time(clock.time(fault.last))}"
-    return f"{format_time(clock.time(fault.first))}: {where} {what}{until}"
-
-
-def format_time(time: float) -> str:
-    """A time [s] to the millisecond, or with as many digits as it needs."""
-    return f"{time:.3f} s" if abs(time - round(time, 3)) <= 1e-9 * max(1.0, abs(time)) else f"{time:.9g} s"
-
-
-def list_entries(faults: Sequence[Fault], clock: StepClock) -> list[dict[str, object]]:
-    """The faults for summary.json: times of the simulation [s], signal, action, the inputs that see it, a text."""
-    return [
-        {
-            "from_s": clock.time(fault.first),
-            "until_s": None if fault.last is None else clock.time(fault.last),
-            "signal": str(fault.signal),
-            "action": fault.event.action,
-            "inputs": list(map(str, fault.inputs)),
-            "text": describe(fault, clock),
-        }
-        for fault in faults
-    ]
