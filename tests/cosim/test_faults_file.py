@@ -5,9 +5,12 @@ import sys
 
 import jsonschema
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
 from ps_fmu.cosim import SystemFileError
 from ps_fmu.cosim.faults.reading import SCHEMA, read_faults
+from ps_fmu.cosim.faults.tree import read_tree
 from ps_fmu.cosim.structure import PortName
 
 # In the structure of the scenarios that libcosim's own tests read.
@@ -183,7 +186,7 @@ LAUGHS = "a: &a [x, x, x, x, x, x, x, x, x]\n" + "".join(
         ("", "the file is empty"), ("events: [", "is not a YAML file"),
         ("a: 1\na: 2", "line 1: the key 'a' occurs twice"),
         (LAUGHS, "there are too many values"), ("a: &a [*a]", "lie more than 16 deep|unconstructable"),
-        ("[" * 5000, "is not a YAML file"), ("a: !!python/object/apply:os.system [echo]", "a: unknown key"),
+        ("[" * 2000, "is not a YAML file"), ("a: !!python/object/apply:os.system [echo]", "a: unknown key"),
         ("events: !!python/name:os.system x", "is not a YAML file"), ("events: 2001-01-01", "events: expected a list"),
         ("events: [{time: .nan, model: a, variable: y, action: freeze}]", r"\[0\]\.time: expected a finite number"),
     ],
@@ -215,3 +218,51 @@ def test_yaml_without_pyyaml_says_what_to_do(tmp_path, monkeypatch):
     with pytest.raises(SystemFileError, match=r"YAML needs PyYAML \(pip install 'ps-fmu\[yaml\]'\); JSON"):
         read_faults(write(tmp_path, LIBCOSIM_YAML, "f.yml"))
     assert read_faults(write(tmp_path, LIBCOSIM)).end_s == 1.0
+
+
+ATOMS = st.one_of(
+    st.none(), st.booleans(), st.integers(-3, 3), st.floats(), st.sampled_from(["bias", "freeze", "noise", "a", ""])
+)
+NAMES = st.sampled_from([
+    "time", "model", "variable", "action", "value", "duration", "joins", "rms", "density", "seed", "probability",
+    "target", "events", "end", "defaults", "x",
+])  # fmt: skip
+CONTENT = st.fixed_dictionaries(
+    {"events": st.lists(st.fixed_dictionaries({"time": ATOMS}, optional={"x": ATOMS}) | st.dictionaries(NAMES, ATOMS))},
+    optional={"end": ATOMS, "defaults": st.dictionaries(NAMES, ATOMS), "x": ATOMS},
+)
+
+
+@given(CONTENT)
+@settings(max_examples=100, suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_whatever_is_in_it_is_read_and_fits_the_schema_or_is_refused(tmp_path, content):
+    try:
+        read_faults(write(tmp_path, content))
+    except SystemFileError:
+        return
+    jsonschema.validate(content, json.loads(SCHEMA.read_text()))
+
+
+@given(st.text(alphabet='{}[]",:\\ \n0123456789.eE+-trufalsn', max_size=40))
+@settings(max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_json_is_what_the_standard_library_takes(tmp_path, text):
+    """But for keys that occur twice, and a depth that no file of faults has."""
+    def read():
+        try:
+            return plain(read_tree(write(tmp_path, text)))
+        except SystemFileError as error:
+            return "refused" if "twice" not in str(error) else "twice"
+
+    try:
+        expected = json.loads(text)
+    except ValueError:
+        expected = "refused"
+    found = read()
+    assert found in (expected, "twice")
+
+
+def plain(node):
+    """A tree without its lines."""
+    if isinstance(node.value, dict):
+        return {key: plain(value) for key, value in node.value.items()}
+    return [plain(value) for value in node.value] if isinstance(node.value, list) else node.value

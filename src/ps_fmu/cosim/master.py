@@ -332,7 +332,6 @@ class Master:
         instances, wiring, rows, compiled = self._instances, self.wiring, self._rows, self._compiled
         scheme, cut, repeatable = self.scheme, self._set.keys(), self._obstacle is None
         whole, stopwatch, signals, faults = self.clock.step, self._stopwatch, self._signals, self.faults
-        self._drop_loop()
         faults.settle(instances, find_fed(instances, wiring, cut, signals))
 
         def make(step: float) -> StepLoop:  # refers to no Master, so that it goes when nobody needs it any longer
@@ -356,12 +355,13 @@ class Master:
                 while schedule and schedule[0][0] == self._index:
                     _, port, value = schedule.pop(0)
                     self._apply(port, value)
+                assert self._loop is not None
                 if self.faults.switch(self._index):
+                    self._loop.forget()
                     self._make_plan()
                 stop = self.faults.find_change(self._index, min(end, schedule[0][0]) if schedule else end)
                 count = min(stop - self._index, rows.capacity - rows.filled)
                 before = rows.filled
-                assert self._loop is not None
                 try:
                     self._loop.advance(clock.times(self._index, count), interrupted)
                     self._guard.check()

@@ -150,7 +150,7 @@ class ActiveFaults:
         """
         found = [
             (place, self._find_effect(fault, port))
-            for place, port in enumerate(wired)
+            for place, port in enumerate(wired if self._acting else ())
             for fault in self._list_on(port)
             if fault.on_output == on_output
         ]
