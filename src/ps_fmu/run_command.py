@@ -22,6 +22,7 @@ from .product.files import find_file, find_product, list_system_files
 from .results.style import prepare_drawing
 from .runs import scenarios
 from .runs.built_fmus import find_built_folder, provide_fmus
+from .runs.faults_option import add_faults_option, find_faults
 from .runs.options import SCHEMES, OptionError, RunOptions, Scenario
 from .runs.output import hold_folder, leave_no_empty_folder, report_end
 from .runs.registry import find_scenarios
@@ -48,7 +49,8 @@ def add_arguments(p: argparse.ArgumentParser, found: Mapping[str, Scenario]) -> 
     p.description = ABOUT
     p.epilog = (
         f"scenarios and their defaults:\n{listing}\n\n"
-        "files of ps_fmu that --system, --parameters and --requirements take by name, where no file of yours has it:\n"
+        "files of ps_fmu that --system, --parameters, --requirements and --faults take by name, where no file of yours "
+        "has it:\n"
         + "\n".join(f"  {name}" for name in list_system_files())
     )
     p.add_argument("scenario", nargs="?", default="isolation", choices=list(found))
@@ -89,6 +91,7 @@ def add_arguments(p: argparse.ArgumentParser, found: Mapping[str, Scenario]) -> 
         "--no-figures", dest="figures", action="store_false",
         help="draw no PNG files; the report keeps its charts, and has no pictures",
     )  # fmt: skip
+    add_faults_option(p)
     p.add_argument(
         "--disturbance", type=Path, metavar="FILE",
         help="recorded force and torque on the bus, CSV or netCDF, in place of the noise",
@@ -121,6 +124,7 @@ def read_options(scenario: Scenario, arguments: argparse.Namespace) -> RunOption
         figures=arguments.figures,
         profile=arguments.profile,
         isolation=isolation,
+        faults=find_faults(arguments.faults),
     ).claim_output()
 
 

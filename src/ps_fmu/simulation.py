@@ -51,6 +51,7 @@ def simulate(
     storage_step: float | None = None,
     observe: str | Sequence[str] = (),
     requirements: str | PathLike[str] | None = None,
+    faults: str | PathLike[str] | None = None,
     figures: bool = True,
     output: str | PathLike[str] | None = None,
     progress: bool = True,
@@ -77,6 +78,7 @@ def simulate(
     scheme: order of exchange, ``"jacobi"``, ``"gauss-seidel"`` or ``"iterated"``, see docs/schemes.md.
     observe: a pattern such as ``plant.payload_*``, or several, of the outputs to store, by default all.
     requirements: a TOML file, own or of ps_fmu; the verdicts are ``summary["verdicts"]``.
+    faults: a file of faults, JSON or YAML, see docs/faults.md; what acted is ``summary["faults"]``.
     figures: draw PNG files.
     output: folder to write into, and to keep.  By default one for temporary files, removed with the result.
     progress: show a progress bar on the error stream.
@@ -115,6 +117,7 @@ def simulate(
                 fmus=None if own is not None and own.suffix.lower() == ".ssp" else find_built_folder(),
                 progress=progress,
                 figures=figures,
+                faults=None if faults is None else find_file(Path(faults)),
             )
             with redirect_stdout(io.StringIO()) as printed, suppress(NotMetError):
                 build_and_run(options)

@@ -15,6 +15,7 @@ from .cosim.errors import CosimError, UsageError
 from .cosim.isolation.options import add_isolation_options, read_isolation
 from .cosim.schemes.options import add_scheme_options, read_scheme
 from .runs.any_system import AnyRun, run_any
+from .runs.faults_option import add_faults_option, find_faults
 from .runs.options import PLOT, RESULTS, OptionError, claim_folder
 from .runs.output import hold_folder, leave_no_empty_folder, report_end
 from .terminal import reason
@@ -42,6 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="files with other start values, by component.variable; later ones win",
     )  # fmt: skip
     add("--input", type=Path, metavar="F.csv", help="inputs over time: a head time,name,... and rows in seconds")
+    add_faults_option(parser)
     add(
         "--observe", action="append", default=[], metavar="PATTERN",
         help="variables to store and draw, such as 'plant.*'; may be repeated (all outputs)",
@@ -85,6 +87,8 @@ def read_options(arguments: argparse.Namespace) -> AnyRun:
     system: Path = arguments.system
     files = [("--parameters", path) for path in arguments.parameters]
     files += [("--input", arguments.input)] if arguments.input is not None else []
+    faults = find_faults(arguments.faults)
+    files += [("--faults", faults)] if faults is not None else []
     for name, path in [("SYSTEM", system), *files]:
         if not path.exists():
             raise OptionError(f"{name}: there is no file {path}")
@@ -107,6 +111,7 @@ def read_options(arguments: argparse.Namespace) -> AnyRun:
         figures=arguments.figures,
         profile=arguments.profile,
         isolation=isolation,
+        faults=faults,
     )
 
 

@@ -10,6 +10,7 @@ from ctypes import POINTER, Structure, c_double, c_int, c_int64, c_void_p
 
 import numpy as np
 
+from .faults.effects import EffectGroup
 from .guard import End, load_library
 from .plan import Call, Gather, Plan
 from .rows import Array, Rows
@@ -20,9 +21,10 @@ log = logging.getLogger("ps_fmu.cosim")
 BUDGET_S = 0.05
 """So long may C go on before Python looks for signals and reports progress [s]."""
 
-_DO_SPAN, _TAKE_LINES = 7, 8
 # Kind of an operation, as in loop.c.
 _TAKE = {"float64": 0, "int32": 1}
+_DO_SPAN, _TAKE_LINES = 7, 8
+_CHANGE = {"float64": 10, "int32": 11}
 _CALL = {
     "fmi2SetReal": 2,
     "fmi2SetInteger": 3,
@@ -77,7 +79,7 @@ class CompiledLoop:
         types = POINTER(_Loop), c_void_p, c_void_p, c_int64, c_double, POINTER(c_int), POINTER(Timing), POINTER(End)
         self._run_steps.argtypes, self._run_steps.restype = types, c_int
         self._timing, self._end = None if laps is None else laps.timing, End()
-        self._plan, self._rows = plan, rows
+        self._plan, self._rows, self._effects = plan, rows, plan.effects
         self._parts = list(list_parts(plan))
         operations = (_Operation * len(self._parts))(*map(_make_operation, self._parts))
         sizes = [sum(len(s.gathers) + len(s.calls) for s in stages) for stages in plan.list_phases()]
@@ -89,6 +91,8 @@ class CompiledLoop:
     def advance(self, times: Array, interrupted: c_int) -> None:
         """As :meth:`.loops.PythonLoop.advance`; ends early after :data:`BUDGET_S`, too."""
         loop, first = self._loop, self._rows.filled
+        for group in self._effects:
+            group.prepare(times)
         loop.rows_done = 0
         loop.phase = phase = self._plan.find_phase(float(times[0])) if len(times) else 0
         loop.next_operation = self._ends[phase - 1] if phase else 0
@@ -120,8 +124,11 @@ def is_available() -> bool:
     return True
 
 
-def _make_operation(part: Gather | Call) -> _Operation:
-    """The addresses in a gather or call, whose objects the plan keeps."""
+def _make_operation(part: Gather | EffectGroup | Call) -> _Operation:
+    """The addresses in a gather, in what faults do or in a call, whose objects the plan keeps."""
+    if isinstance(part, EffectGroup):
+        kind = _CHANGE[part.inputs.dtype.name]
+        return _Operation(kind, part.count, None, None, part.inputs.ctypes.data, part.address)
     if isinstance(part, Gather):
         arrays = part.sources.ctypes.data, part.outputs.ctypes.data, part.inputs.ctypes.data
         if part.extension is not None:

@@ -13,7 +13,7 @@ from time import perf_counter_ns
 from typing import Protocol, TypeVar
 
 from .compiled import CompiledLoop, is_available
-from .plan import Plan, Stage
+from .plan import Gather, Plan, Stage
 from .rows import Array, Rows
 from .stopwatch import Laps, Stopwatch
 
@@ -54,13 +54,13 @@ class PythonLoop:
     """
 
     def __init__(self, plan: Plan, rows: Rows) -> None:
-        self._plan, self._rows = plan, rows
+        self._plan, self._rows, self._effects = plan, rows, plan.effects
         self._spans = plan.list_spans()
         self._phases = [
             [
                 (
-                    [(gather.outputs.take, gather.sources, gather.inputs) for gather in stage.gathers],
-                    [change for gather in stage.gathers for change in gather.list_changes()],
+                    [(g.outputs.take, g.sources, g.inputs) for g in stage.gathers if isinstance(g, Gather)],
+                    [change for part in stage.gathers for change in part.list_changes()],
                     stage.moves,
                     tuple(c.invoke for c in stage.calls),
                     stage.calls,
@@ -73,6 +73,8 @@ class PythonLoop:
     def advance(self, times: Array, interrupted: c_int) -> None:
         """See :class:`StepLoop`."""
         plan, rows, spans = self._plan, self._rows, self._spans
+        for group in self._effects:
+            group.prepare(times)
         fed = [(*rows.find_place(s.port), iter(s.sample(times + plan.step, plan.step))) for s in plan.signals]
         now, latest, done = plan.now, rows.latest_row, rows.filled
         phases = _begin_at(self._phases, plan.find_phase(float(times[0])) if len(times) else 0)
@@ -82,11 +84,11 @@ class PythonLoop:
             now.value = time
             for span in spans:
                 span.begin.value = time + span.offset
-            for gathers, converts, moves, functions, calls in stages:
+            for gathers, changes, moves, functions, calls in stages:
                 for take, sources, inputs in gathers:
                     take(sources, None, inputs, "clip")  # any mode but "raise" spares a copy
-                for convert in converts:
-                    convert()
+                for change in changes:
+                    change()
                 for move in moves:
                     move.carry(time)
                 remaining = iter(functions)
@@ -115,6 +117,8 @@ class TimedPythonLoop:
     def advance(self, times: Array, interrupted: c_int) -> None:
         """See :class:`StepLoop`."""
         plan, rows, laps = self._plan, self._rows, self._laps
+        for group in plan.effects:
+            group.prepare(times)
         fed = [(*rows.find_place(s.port), s.sample(times + plan.step, plan.step)) for s in plan.signals]
         phases = _begin_at(self._phases, plan.find_phase(float(times[0])) if len(times) else 0)
         for index, (time, stages) in enumerate(zip(times.tolist(), phases, strict=False)):
@@ -140,17 +144,17 @@ class TimedPythonLoop:
     def _run_stage(self, stage: Stage, first: int, time: float) -> None:
         """A stage of the step from ``time`` [s] on, whose parts begin at place ``first``."""
         before = perf_counter_ns()
-        for place, gather in enumerate(stage.gathers, first):
-            gather.take()
+        for place, part in enumerate(stage.gathers, first):
+            part.apply()
             before = self._note(place, before, time)
         for move in stage.moves:
             move.carry(time)
         before = perf_counter_ns()
-        for place, part in enumerate(stage.calls, first + len(stage.gathers)):
-            status = part.invoke()
+        for place, called in enumerate(stage.calls, first + len(stage.gathers)):
+            status = called.invoke()
             before = self._note(place, before, time)
             if status:
-                part.check(status, time, self._plan.step)
+                called.check(status, time, self._plan.step)
 
     def _note(self, place: int, before: int, time: float) -> int:
         after = perf_counter_ns()

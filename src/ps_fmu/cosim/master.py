@@ -17,15 +17,18 @@ from fmpy.model_description import ModelDescription
 from .clock import StepClock
 from .closing import end_all
 from .compiled import CompiledLoop
-from .description import convert_value, explain_unsettable, find_variable, read_descriptions
+from .description import check_value, find_variable, read_descriptions
 from .errors import CosimError, SlaveEnded, UsageError
 from .events import Event, Progress, Schedule, make_schedule
+from .faults.active import make_faults
+from .faults.event import FaultFile
 from .fmu_instance import FmuInstance, InstancePhase
 from .graph import OpenInput, check_wiring
 from .guard import ProcessGuard
 from .initialisation import initialise, load, read_first_row
 from .interrupt import note_interrupts
 from .isolation.instance import Isolation
+from .plan import find_fed
 from .recording.beside import DeliveryBeside
 from .recording.delivery import Delivery, Observer
 from .rows import Column, Rows
@@ -60,6 +63,7 @@ class Master:
     also: variables to record beside the outputs
     stopwatch: times each call of an FMU; the steps take some 0.5 us longer
     isolation: which FMUs get processes of their own; by default none
+    faults: what happens to signals and parameters, see :func:`.faults.reading.read_faults`
 
     Raises :class:`UsageError`, :class:`SystemFileError` or :class:`WiringError` before anything is loaded.
 
@@ -84,6 +88,7 @@ class Master:
         also: Collection[PortName] = (),
         stopwatch: Stopwatch | None = None,
         isolation: Isolation | None = None,
+        faults: FaultFile | None = None,
     ) -> None:
         scheme = make_scheme(scheme)
         if block_rows < 1:
@@ -99,7 +104,9 @@ class Master:
         self.scheme = resolve_scheme(scheme, system, self._descriptions, size)
         self.wiring = check_wiring(system, self._descriptions)
         self._signals = bind_signals(system, self._descriptions, inputs or {})
-        more = {c.source for c in system.connections} | {item.source for item in system.outputs} | set(also)
+        self.faults = make_faults(faults, system, self._descriptions, self.clock)
+        more = {c.source for c in system.connections} | {item.source for item in system.outputs}
+        more |= {*also, *self.faults.recorded}
         self._own, self._layout = lay_out(self.scheme, system, self._descriptions, more, self._signals)
         self._derived = derive_outputs(system, self._descriptions, self._layout.columns)
         self._block_rows = block_rows
@@ -170,10 +177,9 @@ class Master:
         A connected input leaves its connection and keeps the value.  Raises :class:`UsageError`: no such
         variable, not of its type, a fixed parameter after the initialisation.
         """
-        port = self._find_port(name)
         if self._closed:
             raise UsageError(f"{name}: the system is closed")
-        self._apply(port, self._check_value(port, value, running=self._loop is not None))
+        self._apply(*self._check(name, value, self._loop is not None))
 
     # ---- life --------------------------------------------------------------------------------------------
 
@@ -222,6 +228,7 @@ class Master:
         self._drop_loop()
         self.system, self._index, self._ended = system, 0, None
         self._set.clear()
+        self.faults.reset()
         self._rows = Rows(self._layout, self._block_rows, self._derived)
         try:
             for instance in self._instances.values():
@@ -260,7 +267,7 @@ class Master:
             raise UsageError(f"the simulation has ended: {self._ended}")
         end = self._index + self.clock.steps(duration)
         self.clock.check_end(end)
-        schedule = make_schedule(events, self.clock, self._index, end, self._check_event)
+        schedule = make_schedule(events, self.clock, self._index, end, self._check)
         self._running = True
         try:
             with note_interrupts() as interrupted:
@@ -307,18 +314,9 @@ class Master:
         find_variable(self._descriptions[port.component], port.variable)
         return port
 
-    def _check_value(self, port: PortName, value: Value, running: bool) -> Value:
-        variable = find_variable(self._descriptions[port.component], port.variable)
-        if reason := explain_unsettable(variable, running):
-            raise UsageError(f"{port} {reason}")
-        try:
-            return convert_value(variable, value)
-        except UsageError as error:
-            raise UsageError(f"{port}: {error}") from None
-
-    def _check_event(self, name: str, value: Value) -> tuple[PortName, Value]:
+    def _check(self, name: str, value: Value, running: bool = True) -> tuple[PortName, Value]:
         port = self._find_port(name)
-        return port, self._check_value(port, value, running=True)
+        return port, check_value(self._descriptions, port, value, running)
 
     def _apply(self, port: PortName, value: Value) -> None:
         new = port not in self._set
@@ -326,7 +324,7 @@ class Master:
         if self._loop is not None:
             self._loop.forget()
             self._instances[port.component].set({port.variable: value}, self.time)
-            if new and any(port == c.target for c in self.wiring.connections):
+            if self.faults.note(port, value) or (new and any(port == c.target for c in self.wiring.connections)):
                 self._make_plan()
 
     def _drop_loop(self) -> None:
@@ -335,11 +333,14 @@ class Master:
             loop.forget()
 
     def _make_plan(self) -> None:
+        fed = find_fed(self._instances, self.wiring, self._set.keys(), self._signals)
+        self.faults.settle(self._instances, fed)
         maker = LoopMaker(  # refers to no Master, so that it goes when nobody needs it any longer
             self.scheme, self._own, self._descriptions, self._instances, self.wiring, self._rows, self.clock.start,
             self._set.keys(), self._obstacle is None, self._signals, self._compiled, self.step, self._stopwatch,
+            self.faults,
         )  # fmt: skip
-        self._loop = RepeatingLoop(self._instances, self._rows, self.step, maker.make, self._obstacle)
+        self._loop = RepeatingLoop(self._instances, self._rows, self.step, maker.make, self._obstacle, self.faults)
 
     def _advance(
         self,
@@ -356,10 +357,13 @@ class Master:
                 while schedule and schedule[0][0] == self._index:
                     _, port, value = schedule.pop(0)
                     self._apply(port, value)
-                stop = min(end, schedule[0][0]) if schedule else end
+                assert self._loop is not None
+                if self.faults.switch(self._index):
+                    self._loop.forget()
+                    self._make_plan()
+                stop = self.faults.find_change(self._index, min(end, schedule[0][0]) if schedule else end)
                 count = min(stop - self._index, rows.capacity - rows.filled)
                 before = rows.filled
-                assert self._loop is not None
                 try:
                     self._loop.advance(clock.times(self._index, count), interrupted)
                     self._guard.check()

@@ -16,11 +16,13 @@ from typing import Any, NoReturn, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from .faults.active import ActiveFaults
+from .faults.effects import EffectGroup
 from .fmu_instance import FAMILY, FmuInstance
 from .graph import Wiring
 from .guard import End
 from .hops import Conversion
-from .rows import Rows
+from .rows import Latest, Rows
 from .signals import BoundSignal
 from .structure import PortName
 
@@ -110,14 +112,14 @@ class Gather:
     targets: tuple[PortName, ...] = ()
     extension: InputExtension | None = None
 
-    def take(self) -> None:
+    def apply(self) -> None:
         """Do all this."""
         self.outputs.take(self.sources, None, self.inputs, "clip")
         for change in self.list_changes():
             change()
 
     def list_changes(self) -> list[Callable[[], None]]:
-        """What changes the inputs after they have been copied."""
+        """What changes the inputs after they have been copied, in order."""
         changes = [] if self.convert is None else [self.convert]
         return changes if self.extension is None else [*changes, self.extension.apply]
 
@@ -138,9 +140,9 @@ class Move:
 
 @dataclass(frozen=True)
 class Stage:
-    """A part of a step: first all that is gathered and moved, then the calls in their order."""
+    """A part of a step: first all that is gathered, with what faults do to it, and moved, then the calls in order."""
 
-    gathers: tuple[Gather, ...]
+    gathers: tuple[Gather | EffectGroup, ...]
     calls: tuple[Call, ...]
     moves: tuple[Move, ...] = ()
 
@@ -174,6 +176,11 @@ class Plan:
         return [call.span for call in calls if call.span is not None]
 
     @property
+    def effects(self) -> list[EffectGroup]:
+        """What faults do."""
+        return [part for stage in self.stages for part in stage.gathers if isinstance(part, EffectGroup)]
+
+    @property
     def needs_python(self) -> bool:
         """Whether it has what only the loop in Python can do: inputs over time, Strings, conversions."""
         gathers = (gather for stage in self.stages for gather in stage.gathers)
@@ -189,6 +196,7 @@ def make_plan(
     cut: Collection[PortName],
     repeatable: bool = False,
     signals: Sequence[BoundSignal] = (),
+    faults: ActiveFaults | None = None,
 ) -> Plan:
     """Plan of one step.
 
@@ -203,9 +211,10 @@ def make_plan(
     cut: connected inputs that the user has set: they keep that value
     repeatable: FMUs may be set back to a state from before the step, so they are told to keep what that needs
     signals: inputs of the run, which lie in the rows
+    faults: those that act now
     """
     now = c_double()
-    wires = make_wires(instances, wiring, cut, signals)
+    wires = make_wires(instances, wiring, cut, signals, faults)
     order = wiring.stepping if scheme == "gauss-seidel" else tuple(instances)
     groups = [(name,) for name in order] if scheme == "gauss-seidel" else [order]
     members = ([instances[name] for name in group] for group in groups)
@@ -213,25 +222,46 @@ def make_plan(
     return Plan(stages, now, step, tuple(signals))
 
 
+def find_sources(
+    instances: Mapping[str, FmuInstance], wiring: Wiring, cut: Collection[PortName]
+) -> dict[PortName, PortName]:
+    """Where the connected inputs get their values, but those that are ``cut``.
+
+    A parameter gets the value of its connection once, in the initialisation.
+    """
+    return {
+        c.target: c.source
+        for c in wiring.connections
+        if c.target not in cut and instances[c.target.component].variables[c.target.variable].causality == "input"
+    }
+
+
+def find_fed(
+    instances: Mapping[str, FmuInstance], wiring: Wiring, cut: Collection[PortName], signals: Sequence[BoundSignal]
+) -> set[PortName]:
+    """The inputs that get a value in each step, from a connection or from a signal."""
+    return {*find_sources(instances, wiring, cut), *(p for s in signals for p, _ in s.targets if p not in cut)}
+
+
 def make_wires(
     instances: Mapping[str, FmuInstance],
     wiring: Wiring,
     cut: Collection[PortName],
     signals: Sequence[BoundSignal] = (),
+    faults: ActiveFaults | None = None,
 ) -> Wires:
     """Where all inputs come from; see :func:`make_plan`."""
-    sources = {
-        c.target: c.source
-        for c in wiring.connections
-        if c.target not in cut and instances[c.target.component].variables[c.target.variable].causality == "input"
-    }
+    cut = cut if faults is None else {*cut, *faults.find_cut()}
+    sources = find_sources(instances, wiring, cut)
     conversions = {target: conversion for target, conversion in wiring.conversions.items() if target in sources}
     for signal in signals:
         for target, conversion in signal.targets:
             if target not in cut:
                 sources[target] = signal.port
                 conversions |= {} if conversion.changes_nothing else {target: conversion}
-    return Wires(instances, sources, conversions, signals)
+    if faults is not None:
+        sources |= faults.find_bases()
+    return Wires(instances, sources, conversions, signals, faults)
 
 
 class Wires:
@@ -243,8 +273,10 @@ class Wires:
         sources: Mapping[PortName, PortName],
         conversions: Mapping[PortName, Conversion],
         signals: Sequence[BoundSignal] = (),
+        faults: ActiveFaults | None = None,
     ) -> None:
-        self.instances, self.sources, self.conversions, self.signals = instances, sources, conversions, signals
+        self.instances, self.sources, self.conversions = instances, sources, conversions
+        self.signals, self.faults = signals, faults
         self.inputs: dict[str, list[PortName]] = {name: [] for name in instances}
         for port in sources:
             self.inputs[port.component].append(port)
@@ -263,17 +295,17 @@ class Wires:
 
     def make_exchange(
         self, stepped: Sequence[FmuInstance], rows: Rows
-    ) -> tuple[list[Gather], list[Call], list[Call]]:
+    ) -> tuple[list[Gather | EffectGroup], list[Call], list[Call]]:
         """What brings some FMUs their inputs, and takes their outputs: gathers, and the calls to set and to get."""
-        gathers, sets, gets = [], [], []
-        for kind in (rows.real, rows.discrete):
+        gathers: list[Gather | EffectGroup] = []
+        sets, gets = [], []
+        for kind in (rows.real, rows.discrete, *(() if self.faults is None else self.faults.make_bases())):
             # One buffer for all of them: to gather 21 numbers costs 0.25 us, twice 10 costs 0.4.
             wired = [p for i in stepped for p in self.inputs[i.name] if self.sources[p] in kind.places]
             places = {port: place for place, port in enumerate(wired)}
             inputs = np.zeros(len(wired), kind.values.dtype)
             if wired:
-                taken = np.array([kind.places[self.sources[p]] for p in wired])
-                gathers.append(Gather(kind.values, taken, inputs, self.make_conversion(wired, inputs), tuple(wired)))
+                gathers += self.make_gathers(kind, wired, inputs)
             wired_of, outputs_of = _group(wired), _group(kind.places)
             for instance in stepped:
                 runs = _find_runs(instance, wired_of.get(instance.name, ()), places.__getitem__)
@@ -283,6 +315,15 @@ class Wires:
                     for run in _find_runs(instance, outputs_of.get(instance.name, ()), kind.places.__getitem__)
                 ]
         return gathers, sets, gets
+
+    def make_gathers(self, kind: Latest, wired: Sequence[PortName], inputs: NDArray[Any]) -> list[Gather | EffectGroup]:
+        """What brings the outputs of a kind to inputs: faults of outputs act before a conversion, others after it."""
+        taken = np.array([kind.places[self.sources[port]] for port in wired])
+        convert = self.make_conversion(wired, inputs)
+        before = None if self.faults is None else self.faults.make_group(wired, inputs, True, convert)
+        after = None if self.faults is None else self.faults.make_group(wired, inputs, False)
+        gather = Gather(kind.values, taken, inputs, convert if before is None else None, tuple(wired))
+        return [gather, *(group for group in (before, after) if group is not None)]
 
     def make_conversion(self, wired: Sequence[PortName], inputs: NDArray[Any]) -> Callable[[], None] | None:
         """What changes the inputs that have conversions, in place; None where none has."""

@@ -13,6 +13,7 @@ from itertools import accumulate, chain
 import numpy as np
 from numpy.typing import NDArray
 
+from .faults.effects import EffectGroup
 from .plan import Call, Gather, Plan
 
 EXCHANGE = "exchange"
@@ -69,7 +70,7 @@ class Timing(Structure):
 class Laps:
     """The times of one plan's parts; the entry after the last part is the whole step."""
 
-    parts: Sequence[Call | Gather]
+    parts: Sequence[Call | Gather | EffectGroup]
     firsts: Sequence[int]
     """Place of the first part of each stage."""
     spent_ns: NDArray[np.int64] = field(init=False)
@@ -119,15 +120,15 @@ class Stopwatch:
         )
 
 
-def list_parts(plan: Plan) -> Iterator[Gather | Call]:
-    """Gathers and calls of all stages in their order."""
+def list_parts(plan: Plan) -> Iterator[Gather | EffectGroup | Call]:
+    """Gathers, what faults do, and calls of all stages in their order."""
     for stage in plan.stages:
         yield from chain(stage.gathers, stage.calls)
 
 
-def _add(cost: PartCost, part: Call | Gather, laps: Laps, place: int) -> None:
+def _add(cost: PartCost, part: Call | Gather | EffectGroup, laps: Laps, place: int) -> None:
     spent, longest = float(laps.spent_ns[place]) * 1e-9, float(laps.longest_ns[place]) * 1e-9
-    if isinstance(part, Gather) or part.function.startswith("fmi2Set"):
+    if not isinstance(part, Call) or part.function.startswith("fmi2Set"):
         cost.set_s += spent
     elif part.function.startswith("fmi2Get"):
         cost.get_s += spent

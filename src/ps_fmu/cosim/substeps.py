@@ -16,6 +16,7 @@ import numpy as np
 from fmpy.model_description import ModelDescription
 
 from .errors import DiscardedStep, SlaveEnded, SlaveError
+from .faults.active import ActiveFaults, Memories
 from .fmu_instance import FmuInstance
 from .loops import StepLoop
 from .rows import Array, Rows
@@ -44,10 +45,11 @@ def find_obstacle(descriptions: Mapping[str, ModelDescription]) -> str | None:
 
 @dataclass(frozen=True)
 class _Kept:
-    """States of all FMUs at a communication point, with the outputs there."""
+    """States of all FMUs at a communication point, with the outputs there and what faults remember."""
 
     states: dict[FmuInstance, int]
     latest: Array
+    memories: Memories
 
 
 class RepeatingLoop:
@@ -60,6 +62,7 @@ class RepeatingLoop:
     step: communication step [s]
     make_loop: makes the loop for steps of a size [s]
     obstacle: why no step can be repeated, see :func:`find_obstacle`
+    faults: what they remember is set back with the FMUs
     """
 
     def __init__(
@@ -69,11 +72,12 @@ class RepeatingLoop:
         step: float,
         make_loop: Callable[[float], StepLoop],
         obstacle: str | None,
+        faults: ActiveFaults,
     ) -> None:
         self._instances = tuple(instances.values())
         self._rows, self._step, self._make_loop = rows, step, make_loop
         self.loop = make_loop(step)
-        self._obstacle = obstacle
+        self._obstacle, self._faults = obstacle, faults
         self._warned: set[str] = set()
         self._kept: _Kept | None = None
         self._kept_at = 0.0
@@ -187,7 +191,7 @@ class RepeatingLoop:
             )  # fmt: skip
 
     def _keep(self) -> _Kept:
-        kept = _Kept({}, self._rows.latest.copy())
+        kept = _Kept({}, self._rows.latest.copy(), self._faults.keep() if self._obstacle is None else [])
         for instance in self._instances if self._obstacle is None else ():
             state = instance.try_state()
             if state is None:  # it was only a precaution: the run goes on without
@@ -201,6 +205,7 @@ class RepeatingLoop:
         for instance, state in kept.states.items():
             instance.set_state(state)
         self._rows.latest[:] = kept.latest
+        self._faults.restore(kept.memories)
 
     @staticmethod
     def _release(kept: _Kept) -> None:

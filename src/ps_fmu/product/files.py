@@ -59,12 +59,13 @@ def find_file(path: Path) -> Path:
         product = find_product()
     except FileNotFoundError:
         return path
-    places = product.root, product.system, product.system / "parameters", product.system / "studies"
+    system = product.system
+    places = product.root, system, system / "parameters", system / "studies", system / "faults"
     return next((place / path for place in places if (place / path).is_file()), path)
 
 
 def list_system_files() -> list[str]:
-    """Names of the product's system descriptions, parameters and requirements, as :func:`find_file` takes them.
+    """Names of the product's system descriptions, parameters, requirements and faults, as :func:`find_file` takes them.
 
     None where :func:`find_product` finds none.
     """
@@ -72,5 +73,5 @@ def list_system_files() -> list[str]:
         system = find_product().system
     except FileNotFoundError:
         return []
-    places, endings = (system, system / "parameters"), (".ssd", ".ssv", ".toml")
+    places, endings = (system, system / "parameters", system / "faults"), (".ssd", ".ssv", ".toml", ".json")
     return sorted(path.name for place in places for path in place.iterdir() if path.suffix in endings)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ..pointing.spectra import cumulative_rms, log_bands
 from .observers.envelope import Envelope
 from .observers.scatter import Scatter
-from .style import ACTIVE, AXES, PASSIVE, REFERENCE, draw, engineering, label, largest, pretty
+from .style import ACTIVE, AXES, PASSIVE, REFERENCE, draw, engineering, label, largest, pretty, shade
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -27,8 +27,18 @@ Array = NDArray[np.float64]
 DECADES = 16
 
 
-def draw_time_histories(path: Path, passive: Envelope, active: Envelope, *, title: str = "") -> None:
-    """Passive and active signals over time, a row per signal; on the right the active one enlarged."""
+def draw_time_histories(
+    path: Path,
+    passive: Envelope,
+    active: Envelope,
+    *,
+    title: str = "",
+    shaded: Sequence[tuple[float, float]] = (),
+) -> None:
+    """Passive and active signals over time, a row per signal; on the right the active one enlarged.
+
+    ``shaded``: when a fault acts [s].
+    """
     if passive.names != active.names:
         raise ValueError(f"passive and active show different signals: {passive.names} and {active.names}")
     count = len(passive.names)
@@ -47,6 +57,8 @@ def draw_time_histories(path: Path, passive: Envelope, active: Envelope, *, titl
         grid[0, 1].set_title("active, enlarged")
         for axes in grid[-1]:
             axes.set_xlabel("time (s)")
+        for axes in grid.flat:
+            shade(axes, shaded)
         figure.suptitle(title)
 
     draw(path, 12.0, 1.2 + 2.5 * count, paint)
@@ -137,13 +149,24 @@ class Panel:
     legend: tuple[str, ...] = ()
 
 
-def draw_histories(path: Path, panels: Sequence[Panel], *, title: str = "", mark_s: float | None = None) -> None:
-    """Panels above one another on one time axis; ``mark_s`` draws a line at an instant (end of a profile)."""
+def draw_histories(
+    path: Path,
+    panels: Sequence[Panel],
+    *,
+    title: str = "",
+    mark_s: float | None = None,
+    shaded: Sequence[tuple[float, float]] = (),
+) -> None:
+    """Panels above one another on one time axis; ``mark_s`` draws a line at an instant (end of a profile).
+
+    ``shaded``: when a fault acts [s].
+    """
 
     def paint(figure: Figure) -> None:
         grid = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
         for axes, panel in zip(grid, panels, strict=True):
             _draw_panel(axes, panel)
+            shade(axes, shaded)
             if mark_s is not None:
                 axes.axvline(mark_s, color=REFERENCE, lw=1.0, ls=":")
         grid[-1].set_xlabel("time (s)")
@@ -162,6 +185,7 @@ def draw_slew(
     *,
     title: str = "",
     profile_end_s: float | None = None,
+    shaded: Sequence[tuple[float, float]] = (),
 ) -> None:
     """A slew: orientation and target [rad], error [rad], reaction of the bus [rad], fine displacement [m].
 
@@ -175,7 +199,7 @@ def draw_slew(
         Panel("bus rotation", bus, "rad", legend=tuple("xyz")),
         Panel("fine displacement", fine, "m", legend=("leg 1", "leg 2", "leg 3")),
     )
-    draw_histories(path, panels, title=title, mark_s=profile_end_s)
+    draw_histories(path, panels, title=title, mark_s=profile_end_s, shaded=shaded)
 
 
 def draw_table(path: Path, header: Sequence[str], rows: Sequence[Sequence[str]], *, title: str = "") -> None:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from .style import draw, engineering, label, largest
+from .style import draw, engineering, label, largest, shade
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -35,8 +35,15 @@ class Line:
     values: Array
 
 
-def draw_quick_plot(path: Path, time: Array, lines: Sequence[Line], *, title: str) -> str:
-    """Draw lines over ``time`` [s] into a PNG file; what is left out, "" for nothing.
+def draw_quick_plot(
+    path: Path,
+    time: Array,
+    lines: Sequence[Line],
+    *,
+    title: str,
+    shaded: Sequence[tuple[float, float]] = (),
+) -> str:
+    """Draw lines over ``time`` [s] into a PNG file; what is left out, "" for nothing.  ``shaded``: a fault acts [s].
 
     Each unit has a panel of its own, at most :data:`MOST_LINES` lines in each; values without a unit that are held
     (Integers, Booleans) have one, too.
@@ -55,6 +62,7 @@ def draw_quick_plot(path: Path, time: Array, lines: Sequence[Line], *, title: st
         grid = figure.subplots(len(shown), 1, sharex=True, squeeze=False)[:, 0]
         for axes, panel in zip(grid, shown, strict=True):
             _draw_panel(axes, time, panel)
+            shade(axes, shaded)
         grid[-1].set_xlabel("time (s)")
         figure.suptitle(title, wrap=True)
 

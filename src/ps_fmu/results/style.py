@@ -31,6 +31,7 @@ PASSIVE = "#D55E00"
 ACTIVE = "#0072B2"
 AXES = ("#0072B2", "#D55E00", "#009E73")  # x, y, z
 REFERENCE = "#555555"
+FAULT = "#CC79A7"
 
 DOTS_PER_INCH = 150
 
@@ -104,6 +105,12 @@ def pretty(unit: str) -> str:
         return ""
     text = unit.replace(".", " ")
     return "".join(rf"$^{letter}$" if letter.isdigit() else letter for letter in text)
+
+
+def shade(axes: Axes, spans: Iterable[tuple[float, float]]) -> None:
+    """Mark spans of time [s] in which a fault acts."""
+    for first, last in spans:
+        axes.axvspan(first, last, color=FAULT, alpha=0.25, lw=0, zorder=0.5)
 
 
 def largest(values: Iterable[Array]) -> float:

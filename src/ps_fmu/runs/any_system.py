@@ -16,6 +16,8 @@ from fmpy.model_description import ModelDescription
 from ..cosim.clock import count_steps
 from ..cosim.description import read_descriptions
 from ..cosim.errors import UsageError
+from ..cosim.faults.acted import ActedFault
+from ..cosim.faults.reading import read_faults
 from ..cosim.isolation.instance import Isolation
 from ..cosim.master import Master
 from ..cosim.recording.recorder import Recorder
@@ -32,6 +34,7 @@ from ..results.summary import plain
 from ..slavekit.pack.files import write_atomically
 from .cases import show_progress
 from .cost_log import RunCosts
+from .fault_report import find_spans, list_faults, tabulate_faults
 from .options import MOST_STEPS, PLOT, RESULTS, SUMMARY, OptionError
 from .setup import select_stored
 from .warning_log import WarningLog
@@ -59,6 +62,7 @@ class AnyRun:
     figures: bool = True
     profile: bool = False
     isolation: Isolation | None = None
+    faults: Path | None = None
 
 
 def run_any(options: AnyRun) -> None:
@@ -77,6 +81,7 @@ def run_any(options: AnyRun) -> None:
         step, duration = _choose_times(options, system)
         signals = {} if options.inputs is None else read_signals(options.inputs)
         also = _find_others(descriptions, options.observe)
+        faults = None if options.faults is None else read_faults(options.faults)
         costs = RunCosts() if options.profile else None
         try:
             scheme = resolve_scheme(options.scheme, system, descriptions, step)
@@ -84,24 +89,29 @@ def run_any(options: AnyRun) -> None:
             raise OptionError(f"--scheme and --rate: {error}") from error
         with Master(
             system, step, scheme, descriptions=descriptions, inputs=signals, also=also,
-            isolation=options.isolation, stopwatch=None if costs is None else costs.stopwatch,
+            isolation=options.isolation, stopwatch=None if costs is None else costs.stopwatch, faults=faults,
         ) as master:  # fmt: skip
             names = select_stored(master.columns, options.observe)
             all_stored = make_stored_names([column.name for column in master.columns])
             stored = {name: all_stored[name] for name in names}
-            for text in (*master.wiring.remarks, *_list_silent(system, descriptions, signals)):
+            master.faults.check_end(duration)
+            for text in (*master.wiring.remarks, *master.faults.remarks, *_list_silent(system, descriptions, signals)):
                 warnings.add(text)
             master.initialise()
             _record(master, options, duration, all_stored, names, system, costs)
-            ended = master.ended
+            ended, acted = master.ended, {GROUP: master.faults.list_acted(master.time)}
         more: dict[str, object] = {} if ended is None else {"ended_by": ended.component, "ended_at_s": ended.time}
         if costs is not None:
             more["costs"] = {GROUP: costs.as_dict()}
             table = costs.to_table(GROUP)
             print(f"{table.caption}\n{table.to_text()}\n")
         more["scheme"] = str(scheme)
+        if options.faults is not None:
+            more["faults"] = list_faults(options.faults, acted)
+            found = tabulate_faults(acted)
+            print(f"{found.caption}\n{found.to_text()}\n")
         _write_summary(options, system, step, duration, names, signals, warnings, more)
-        if options.figures and names and (left := _draw(options, system, stored)):
+        if options.figures and names and (left := _draw(options, system, stored, acted[GROUP])):
             warnings.add(left)
 
 
@@ -193,6 +203,8 @@ def _record(
     attributes: dict[str, str | float] = {
         "system": str(options.system), "scheme": str(master.scheme), "step_s": master.step, "duration_s": duration,
     }  # fmt: skip
+    if planned := master.faults.list_acted(master.time + duration):
+        attributes["faults"] = "; ".join(fault.text for fault in planned)
     with (
         show_progress(system.labels.get("name", options.system.stem), duration, options.progress) as show,
         Recorder(
@@ -245,7 +257,7 @@ def _write_summary(
     write_atomically(options.output / SUMMARY, text.encode())
 
 
-def _draw(options: AnyRun, system: System, stored: Mapping[str, str]) -> str:
+def _draw(options: AnyRun, system: System, stored: Mapping[str, str], faults: Sequence[ActedFault]) -> str:
     """Draw what is stored, by its names in the system and in the file; what is left out."""
     with netCDF4.Dataset(options.output / RESULTS) as file:
         group = file.groups[GROUP]
@@ -256,6 +268,6 @@ def _draw(options: AnyRun, system: System, stored: Mapping[str, str]) -> str:
             held = variable.dtype.kind != "f"
             lines.append(Line(name, variable.units, held, np.array(variable[:], dtype=float)))
     title = system.labels.get("name") or options.system.stem
-    return draw_quick_plot(options.output / PLOT, time, lines, title=title)
+    return draw_quick_plot(options.output / PLOT, time, lines, title=title, shaded=find_spans(faults, float(time[-1])))
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..cosim import Column, CosimError, Event, Master, Observer, Recorder, Value
+from ..cosim.faults.acted import ActedFault
 from ..cosim.terminals import read_terminal_variables
 from .mismatch import list_mismatches
 from .options import RESULTS, RunOptions
@@ -46,11 +47,12 @@ class Case:
 
 @dataclass(frozen=True)
 class Outcome:
-    """How long a case took."""
+    """How long a case took, and the faults that acted in it."""
 
     case: Case
     simulated_s: float
     wall_s: float
+    faults: tuple[ActedFault, ...] = ()
 
     @property
     def real_time_factor(self) -> float:
@@ -127,13 +129,14 @@ def run_case(
         system.warnings.collect(),
         Master(
             structure, options.step_s, options.scheme, descriptions=system.descriptions,
-            stopwatch=None if costs is None else costs.stopwatch, isolation=options.isolation,
+            stopwatch=None if costs is None else costs.stopwatch, isolation=options.isolation, faults=system.faults,
         ) as master,
     ):
         texts = (
             *_list_overruled(system, case), *_list_connected(system, master), *_list_open(system, master, case),
-            *list_mismatches(system, case.values, options.apart),
+            *list_mismatches(system, case.values, options.apart), *master.faults.remarks,
         )  # fmt: skip
+        master.faults.check_end(duration)
         for text in texts:
             system.warnings.add(text)
         master.initialise()
@@ -151,7 +154,7 @@ def run_case(
             observers: list[Observer] = [Bounds(master.columns), recorder, *analysis.observers, *own]
             watched = observers if costs is None else costs.time(observers)
             master.run(duration, watched, case.events, note, beside=True)
-        return Outcome(case, duration, wall[0]), analysis
+        return Outcome(case, duration, wall[0], master.faults.list_acted(master.time)), analysis
 
 
 def _make_recorder(
@@ -164,6 +167,8 @@ def _make_recorder(
         "scenario": options.scenario.name, "scheme": options.scheme, "step_s": options.step_s, "duration_s": duration_s,
         "settings": format_settings(case.values, case.events),
     }  # fmt: skip
+    if planned := master.faults.list_acted(duration_s):
+        attributes["faults"] = "; ".join(fault.text for fault in planned)
     if case.lead_s:
         attributes["lead_in_s"] = case.lead_s
     return Recorder(

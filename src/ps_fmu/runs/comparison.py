@@ -18,6 +18,7 @@ from ..results import plots
 from ..results.report import Picture
 from ..results.tables import Table, format_angles, format_number
 from .cases import Case, Outcome, run_case
+from .fault_report import find_spans
 from .index_record import PROBABILITIES, WINDOW_S, IndexLog
 from .jitter_record import JitterRecord
 from .options import RunOptions
@@ -215,8 +216,12 @@ def draw_comparison(comparison: Comparison, folder: Path, prefix: str = "") -> l
     where = "roll, pitch, yaw = {:g}, {:g}, {:g} deg".format(*comparison.orientation_deg)
     pictures = []
     path = folder / f"{prefix}jitter.png"
-    plots.draw_time_histories(path, passive.envelope, active.envelope, title=f"Payload rotation, {where}")
-    pictures.append(Picture(path, "Rotation of the payload by vibration, axes of P, passive and active."))
+    shaded = find_spans(comparison.outcomes[1].faults, comparison.outcomes[1].simulated_s)
+    plots.draw_time_histories(
+        path, passive.envelope, active.envelope, title=f"Payload rotation, {where}", shaded=shaded
+    )
+    caption = "Rotation of the payload by vibration, axes of P, passive and active."
+    pictures.append(Picture(path, caption + (" Shaded: a fault acts." if shaded else "")))
     if passive.spectrum is not None and active.spectrum is not None:
         path = folder / f"{prefix}spectra.png"
         names = passive.statistics.names

@@ -72,6 +72,7 @@ class RunOptions:
     observe: tuple[str, ...] = ()  # patterns of the outputs that are stored, see cosim.recording.selection; none: all
     figures: bool = True  # draw PNG files; the report has its charts without them
     isolation: Isolation | None = None  # which FMUs get processes of their own
+    faults: Path | None = None  # what happens to signals and parameters, see ps_fmu.cosim.faults.reading
 
     def __post_init__(self) -> None:
         if self.scheme not in SCHEMES:
@@ -96,6 +97,8 @@ class RunOptions:
             raise OptionError(f"--requirements: there is no file {self.requirements}")
         if self.disturbance is not None and not self.disturbance.is_file():
             raise OptionError(f"--disturbance: there is no file {self.disturbance}")
+        if self.faults is not None and not self.faults.is_file():
+            raise OptionError(f"--faults: there is no file {self.faults}")
 
     @property
     def steps(self) -> int:

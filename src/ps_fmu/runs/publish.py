@@ -12,6 +12,7 @@ from ..results.report import Picture, Report
 from ..results.summary import RunSummary, versions
 from ..results.tables import Table
 from .cases import Outcome
+from .fault_report import list_faults, tabulate_faults
 from .finish import finish_file
 from .options import REPORT, RESULTS, SUMMARY, RunOptions
 from .setup import SEED, RunSystem, collect_parameters, identify_fmus
@@ -59,6 +60,8 @@ def publish(options: RunOptions, system: RunSystem, findings: Findings) -> None:
     required = {"verdicts": [verdict.as_dict() for verdict in verdicts]} if verdicts else {}
     fmus = identify_fmus(system)
     parameters = collect_parameters(options, system)
+    acted = {outcome.case.name: outcome.faults for outcome in findings.outcomes}
+    faults = [] if options.faults is None else [tabulate_faults(acted)]
     RunSummary(
         scenario=options.scenario.name,
         orientation_deg=findings.orientation_deg,
@@ -73,6 +76,7 @@ def publish(options: RunOptions, system: RunSystem, findings: Findings) -> None:
         more={
             **findings.more,
             **required,
+            **({} if options.faults is None else {"faults": list_faults(options.faults, acted)}),
             **({"costs": system.costs.as_dict()} if options.profile else {}),
             "indices": system.indices.as_dict(),
             "parameters": parameters,
@@ -83,7 +87,7 @@ def publish(options: RunOptions, system: RunSystem, findings: Findings) -> None:
         title=findings.title,
         verdicts=[*map(show_verdict, verdicts), *findings.verdicts],
         text=[*remarks, *findings.text],
-        tables=findings.tables,
+        tables=[*faults, *findings.tables],
         explored=findings.explored,
         pictures=findings.pictures,
         parameters=parameters,
@@ -93,7 +97,7 @@ def publish(options: RunOptions, system: RunSystem, findings: Findings) -> None:
     ).write(options.output / REPORT)
     if verdicts:
         print(format_verdicts(verdicts))
-    for table in system.costs.to_tables():
+    for table in (*faults, *system.costs.to_tables()):
         print(f"{table.caption}\n{table.to_text()}\n")
     print(f"{findings.real_time_factor:.1f} x real time; results in {options.output}")
     missed = [] if all(verdict.met for verdict in verdicts) else [f"requirements: {summarise(verdicts)}"]

@@ -8,7 +8,11 @@ from dataclasses import dataclass, field, replace
 from fmpy.model_description import ModelDescription
 
 from ..cosim import System, UsageError, Value, read_parameters, read_system
+from ..cosim.clock import StepClock
 from ..cosim.description import convert_value, find_variable, get_unit, index_variables, read_descriptions, read_start
+from ..cosim.faults.active import make_faults
+from ..cosim.faults.event import FaultFile
+from ..cosim.faults.reading import read_faults
 from ..cosim.recording.selection import select_names
 from ..cosim.rows import Column, make_layout
 from ..cosim.structure import Parameter, parse_port
@@ -46,6 +50,8 @@ class RunSystem:
     """The pointing error indices of the runs."""
     costs: CostLog = field(default_factory=CostLog)
     """Where the time of the runs goes, if the options ask for it."""
+    faults: FaultFile | None = None
+    """What happens to signals and parameters in each run."""
 
     def get_start(self, name: str) -> Value:
         """The value that ``component.variable`` will start with: as set in the system, or else as its FMU has it.
@@ -105,9 +111,11 @@ def load_system(options: RunOptions, defaults: Mapping[str, Value] | None = None
     first = {**(defaults or {}), **own, **({NOISE: False} if recorded else {}), **recorded}
     structure = structure.with_parameters(first).with_parameters(given)
     descriptions = read_descriptions(structure)
-    columns = make_layout(descriptions).columns
+    faults = None if options.faults is None else read_faults(options.faults)
+    seen = make_faults(faults, structure, descriptions, StepClock(0.0, options.step_s)).recorded
+    columns = make_layout(descriptions, seen).columns
     select_stored(columns, options.observe)
-    system = RunSystem(structure, descriptions, given, judge=read_judge(options, columns))
+    system = RunSystem(structure, descriptions, given, judge=read_judge(options, columns), faults=faults)
     return system if HIGHEST_NOISE in given or not disturbed else _limit_noise(system, options.step_s)
 
 
@@ -128,6 +136,7 @@ def collect_parameters(options: RunOptions, system: RunSystem) -> dict[str, obje
         "storage step (s)": options.storage_s,
         "scheme": options.scheme,
         SEED: system.get_start(SEED),
+        **({} if options.faults is None else {"faults": options.faults.name}),
     }
     for component in system.structure.components:
         variables = index_variables(system.descriptions[component.name])

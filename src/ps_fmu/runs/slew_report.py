@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -204,8 +204,8 @@ def _list_case(slews: Slews, slew: Slew) -> dict[str, object]:
     }
 
 
-def draw_slews(slews: Slews, folder: Path) -> list[Picture]:
-    """A figure for each case; the pictures, with captions."""
+def draw_slews(slews: Slews, folder: Path, shaded: Sequence[tuple[float, float]] = ()) -> list[Picture]:
+    """A figure for each case; the pictures, with captions.  ``shaded``: when a fault acts [s]."""
     pictures = []
     for name, (case, slew) in zip(CASES, slews.both, strict=True):
         path = folder / f"slew_{name}.png"
@@ -220,11 +220,12 @@ def draw_slews(slews: Slews, folder: Path) -> list[Picture]:
             slew.fine,
             title=f"Slew to {format_angles(slews.target_deg)} deg, isolator {case}",
             profile_end_s=slew.arrival.ended_s,
+            shaded=shaded,
         )
         caption = (
             f"Isolator {case}: nominal orientation; magnitude of the error of the orientation relative to the bus; "
             "rotation of the bus; elongation of the fine legs. The dotted line is the end of the profile."
-        )
+        ) + (" Shaded: a fault acts." if shaded else "")
         pictures.append(Picture(path, caption))
     return pictures
 

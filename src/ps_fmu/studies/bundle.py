@@ -1,4 +1,4 @@
-"""What a worker needs of a study, as files: the system with its FMUs, what to run and to observe, the requirements."""
+"""What a worker needs of a study, as files: the system with its FMUs, what to run and to observe, what is required."""
 
 from __future__ import annotations
 
@@ -13,6 +13,8 @@ from pathlib import Path, PurePosixPath
 from ..slavekit.pack import zip_writer
 
 SYSTEM, TASK, REQUIREMENTS = "system.ssp", "task.json", "requirements.toml"
+FAULTS = "faults"
+"""JSON or YAML, which the content tells."""
 
 
 @dataclass(frozen=True)

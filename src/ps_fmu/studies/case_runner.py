@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from ..cosim import Column, Master, Recorder, RecorderError, SlaveError, Value, read_system
+from ..cosim.faults.reading import read_faults
 from ..cosim.rows import make_layout
 from ..pointing.interpretation import Interpretation
 from ..requirements.pooled import pack_distribution
@@ -18,7 +19,7 @@ from ..requirements.verdict import Verdict
 from ..runs.cases import Bounds
 from ..runs.judge import RunJudge
 from ..terminal import reason
-from .bundle import REQUIREMENTS, SYSTEM, TASK
+from .bundle import FAULTS, REQUIREMENTS, SYSTEM, TASK
 from .indices import IndexRecord, SwitchRecord
 from .parts import move_durably
 from .rows import ANSWER, DONE, FAILED, HISTOGRAM, LONGEST_TEXT, Row, VersionError
@@ -38,7 +39,9 @@ class CaseRunner:
     def __init__(self, folder: Path) -> None:
         self.task = Task.from_json((folder / TASK).read_bytes())
         check_versions(self.task.versions)
-        self.warm = WarmSystem(read_system(folder / SYSTEM), self.task.step_s, self.task.scheme)
+        path = folder / FAULTS
+        faults = read_faults(path) if path.is_file() else None
+        self.warm = WarmSystem(read_system(folder / SYSTEM), self.task.step_s, self.task.scheme, faults)
         self.columns = make_layout(self.warm.descriptions).columns
         path = folder / REQUIREMENTS
         self.requirements = read_requirements(path) if path.is_file() else ()

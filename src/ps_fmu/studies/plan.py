@@ -98,14 +98,14 @@ def find_seeds(
     return tuple(name for name in found if name not in own)
 
 
-def hash_plan(plan: Plan, fmus: Mapping[str, str], system_sha256: str, requirements: bytes) -> str:
+def hash_plan(plan: Plan, fmus: Mapping[str, str], system_sha256: str, requirements: bytes, faults: bytes = b"") -> str:
     """SHA-256, hexadecimal, of all that decides the rows of the study.
 
     Parameters
     ----------
     fmus: SHA-256 of each FMU by its name.
     system_sha256: of wiring and start values, which the FMUs share.
-    requirements: content of the file, empty without one.
+    requirements, faults: contents of the files, empty without one.
     """
     study = plan.study
     stated: dict[str, Any] = {
@@ -121,6 +121,8 @@ def hash_plan(plan: Plan, fmus: Mapping[str, str], system_sha256: str, requireme
         "fmus": fmus,
         "versions": result_versions(),
     }
+    if faults:
+        stated["faults"] = hashlib.sha256(faults).hexdigest()
     return hashlib.sha256(json.dumps(stated, sort_keys=True).encode()).hexdigest()
 
 

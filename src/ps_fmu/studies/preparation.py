@@ -8,12 +8,14 @@ from pathlib import Path
 from typing import Any
 
 from ..cosim import write_ssp
+from ..cosim.clock import StepClock
+from ..cosim.faults.active import make_faults
 from ..cosim.rows import make_layout
 from ..cosim.structure import Experiment
 from ..pointing.indices import AbsoluteError, MeanError, PointingIndex, RelativeError, ResidualJitter
 from ..runs.options import OptionError, RunOptions, Scenario
 from ..runs.setup import RunSystem, load_system
-from .bundle import REQUIREMENTS, SYSTEM, TASK, Bundle
+from .bundle import FAULTS, REQUIREMENTS, SYSTEM, TASK, Bundle
 from .indices import check_windows, find_signals
 from .signals import check_signals, find_columns
 from .study import Observed, Study, StudyError
@@ -40,6 +42,7 @@ def make_options(study: Study, output: Path, run: Any = None) -> RunOptions:
         parameters=study.parameters,
         scheme=study.scheme,
         requirements=study.requirements,
+        faults=study.faults,
         fmus=study.fmus,
         progress=False,
     )
@@ -54,6 +57,8 @@ def load_study_system(study: Study) -> RunSystem:
         system = load_system(make_options(study, Path()))
     except OptionError as error:
         raise StudyError(f"{study.path}, [study], {_as_key(str(error))}") from error
+    clock = StepClock(0.0, study.step_s)
+    make_faults(system.faults, system.structure, system.descriptions, clock).check_end(study.duration_s)
     columns = make_layout(system.descriptions).columns
     for observed in study.observed:
         find_signals(observed, columns)
@@ -93,6 +98,8 @@ def make_bundle(study: Study, system: RunSystem) -> Bundle:
     files = {SYSTEM: archive, TASK: task.as_json()}
     if study.requirements is not None:
         files[REQUIREMENTS] = study.requirements.read_bytes()
+    if study.faults is not None:
+        files[FAULTS] = study.faults.read_bytes()
     return Bundle.of(files)
 
 

@@ -72,7 +72,7 @@ from .table_reader import TableReader
 TABLES = ("study", "runs", "vary", "correlate", "observe", "signals")
 STUDY_KEYS = (
     "name", "system", "duration", "step", "scheme", "parameters", "requirements", "plan", "cases", "seed", "seeds",
-    "timeout", "control_variates",
+    "timeout", "control_variates", "faults",
 )  # fmt: skip
 KEYS_OF = {
     VALUES: ("values",),
@@ -98,6 +98,7 @@ def read_study(path: Path) -> Study:
     cases = _read_cases(table, plan)
     system = _find(path, table.text("system", "SystemStructure.ssd"), "system", table)
     requirements = table.text("requirements", None)
+    faults = table.text("faults", None)
     varied = tuple(_read_varied(path, content, plan))
     return Study(
         path=path,
@@ -122,6 +123,7 @@ def read_study(path: Path) -> Study:
         timeout_s=table.time("timeout", None),
         control_variates=table.whole("control_variates", 1, MOST_CASES, 0),
         signals=read_signals(path, content),
+        faults=None if faults is None else _find(path, faults, "faults", table),
     )
 
 

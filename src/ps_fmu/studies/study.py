@@ -146,6 +146,8 @@ class Study:
     """Cases of the closed form; 0: no control variate."""
     signals: Signals | None = None
     """What is stored of the signals; None: nothing."""
+    faults: Path | None = None
+    """What happens to signals and parameters in each run."""
 
     def error(self, key: str, problem: str) -> StudyError:
         """The error that names the file and a key of [study]."""

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from ..runs.setup import RunSystem, identify_fmus
-from .bundle import REQUIREMENTS, Bundle
+from .bundle import FAULTS, REQUIREMENTS, Bundle
 from .parts import FOLDER, write_durably
 from .plan import Plan, hash_plan
 from .study import StudyError
@@ -36,15 +36,16 @@ class Identity:
     """Of wiring, start values and FMUs."""
     requirements_sha256: str | None
     versions: Mapping[str, str]
+    faults_sha256: str | None = None
 
     @classmethod
     def of(cls, plan: Plan, system: RunSystem, bundle: Bundle) -> Identity:
         """The identity of a plan for a system.  Raises ``OSError``."""
         fmus = {fmu.name: fmu.sha256 for fmu in identify_fmus(system)}
-        requirements = bundle.files.get(REQUIREMENTS)
+        requirements, faults = bundle.files.get(REQUIREMENTS), bundle.files.get(FAULTS)
         archive = bundle.get_system_sha256()
         return cls(
-            hash_plan(plan, fmus, archive, requirements or b""),
+            hash_plan(plan, fmus, archive, requirements or b"", faults or b""),
             plan.study.name,
             len(plan),
             plan.study.seed,
@@ -52,6 +53,7 @@ class Identity:
             archive,
             None if requirements is None else hashlib.sha256(requirements).hexdigest(),
             result_versions(),
+            None if faults is None else hashlib.sha256(faults).hexdigest(),
         )
 
 
@@ -103,6 +105,8 @@ def explain_difference(stored: Mapping[str, Any], own: Identity) -> str:
         found.append(f"seed {own.seed}, there {stored.get('seed')}")
     if stored.get("requirements_sha256") != own.requirements_sha256:
         found.append("other requirements")
+    if stored.get("faults_sha256") != own.faults_sha256:
+        found.append("other faults")
     if not changed and stored.get("system_sha256") != own.system_sha256:
         found.append("another wiring, or other start values")
     return "; ".join(found) or "other parameters, times or signals in the study's file"

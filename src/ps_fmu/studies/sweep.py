@@ -76,6 +76,8 @@ def prepare(options: SweepOptions) -> Prepared:
         study = replace(study, fmus=folder)
     system = load_study_system(study)
     if study.control_variates:
+        if study.faults is not None:
+            raise study.error("control_variates", "the closed form has no faults")
         try:
             check_closed_form(system, study.plan)
         except ValueError as error:

@@ -1,6 +1,6 @@
 """The master's loop in C, which :mod:`..compiled` uses.
 
-``python -m ps_fmu.cosim.native`` makes the library from ``loop.c``, ``lines.h`` and ``guard.c``, see
+``python -m ps_fmu.cosim.native`` makes the library from ``loop.c``, ``guard.c``, ``effects.c`` and their headers, see
 :mod:`ps_fmu.slavekit.launcher.c_program`.
 """
 
@@ -17,6 +17,10 @@ _LINUX = Target(
     libraries=("-lm",),
 )
 
-_SOURCES = ("loop.c", "guard.c")
-
-LOOP = Program("loop", Path(__file__).parent, sources=_SOURCES, headers=("lines.h",), targets={"linux64": _LINUX})
+LOOP = Program(
+    "loop",
+    Path(__file__).parent,
+    sources=("loop.c", "guard.c", "effects.c"),
+    headers=("lines.h", "effects.h"),
+    targets={"linux64": _LINUX},
+)

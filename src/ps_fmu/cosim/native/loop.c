@@ -7,17 +7,30 @@
 #include <string.h>
 #include <time.h>
 
+#include "effects.h"
 #include "fmi2FunctionTypes.h"
 #include "lines.h"
 
-typedef enum { TAKE_DOUBLES, TAKE_INTS, SET_REALS, SET_INTEGERS, DO_STEP, GET_REALS, GET_INTEGERS, DO_SPAN,
-               TAKE_LINES, SET_DERIVATIVES } Kind;
+typedef enum {
+    TAKE_DOUBLES,
+    TAKE_INTS,
+    SET_REALS,
+    SET_INTEGERS,
+    DO_STEP,
+    GET_REALS,
+    GET_INTEGERS,
+    DO_SPAN,
+    TAKE_LINES,
+    SET_DERIVATIVES,
+    CHANGE_DOUBLES,
+    CHANGE_INTS
+} Kind;
 
 /* What is done with `count` numbers.  TAKE: values[i] = outputs[places[i]].  SET, GET: `places` are value references.
    DO_STEP: `count` is 1 if the step may be repeated.  DO_SPAN: a step over another time; `places` are the two doubles
    that say how much later than the step it begins, and how long it is [s].  TAKE_LINES: TAKE, then the Lines that
-   `component` is.  SET_DERIVATIVES: `outputs` are the orders.  INTS and INTEGERS are Booleans, too: both
-   are int in FMI 2.0. */
+   `component` is.  SET_DERIVATIVES: `outputs` are the orders.  CHANGE: `component` is the Effects of faults on the
+   values.  INTS and INTEGERS are Booleans, too: both are int in FMI 2.0. */
 typedef struct {
     int64_t kind;
     int64_t count;
@@ -104,6 +117,12 @@ static int carry_out(const Operation *o, double time, double step)
         const double *span = o->places;
         return (int)o->function.do_step(o->component, time + span[0], span[1], o->count == 0 ? fmi2True : fmi2False);
     }
+    case CHANGE_DOUBLES:
+        change_doubles(o->component, o->values);
+        return fmi2OK;
+    case CHANGE_INTS:
+        change_ints(o->component, o->values);
+        return fmi2OK;
     }
     return fmi2Fatal;
 }

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from fmpy.model_description import ModelDescription
 
+from ..faults.active import ActiveFaults
 from ..fmu_instance import FmuInstance
 from ..graph import Wiring
 from ..loops import StepLoop, make_loop
@@ -39,6 +40,7 @@ class LoopMaker:
     signals: inputs of the run, which lie in the rows
     compiled: run the steps in C where they can be
     whole: communication step [s]; the stopwatch, if there is one, times steps of this size
+    faults: at work; there are none with a scheme that is not plain
     """
 
     scheme: Scheme
@@ -54,13 +56,14 @@ class LoopMaker:
     compiled: bool
     whole: float
     stopwatch: Stopwatch | None
+    faults: ActiveFaults
 
     def make(self, step: float) -> StepLoop:
         """The loop for steps of a size [s]."""
         scheme, instances, rows = self.scheme, self.instances, self.rows
         stopwatch = self.stopwatch if step == self.whole else None
         if scheme.is_plain:
-            rest = self.cut, self.repeatable, self.signals
+            rest = self.cut, self.repeatable, self.signals, self.faults
             plan = make_plan(instances, self.wiring, rows, step, scheme.order, *rest)
             return make_loop(plan, rows, self.compiled, stopwatch)
         whole = self._make_single(step, stopwatch)

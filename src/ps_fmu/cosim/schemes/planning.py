@@ -59,7 +59,8 @@ def make_sequel(setting: Setting, instance: FmuInstance, stepped_before: Sequenc
     """The step of one component.  ``stepped_before``: components whose outputs are those at the end of the step."""
     scheme, h = setting.scheme, setting.step
     rate = scheme.get_rate(instance.name)
-    gathers, sets, gets = setting.wires.make_exchange([instance], setting.rows)
+    found, sets, gets = setting.wires.make_exchange([instance], setting.rows)
+    gathers = [part for part in found if isinstance(part, Gather)]  # no scheme that comes here has faults
     length = rate.steps * h / rate.parts
     # A longer step is made in the last of its base steps, so that no FMU is ahead of the others.
     offsets = [k * length - (rate.steps - 1) * h for k in range(rate.parts)]
@@ -102,7 +103,7 @@ class _Extender:
         if not self.continuous:
             return
         sources = [setting.wires.sources[gather.targets[k]].component for k in self.places]
-        gather.take()
+        gather.apply()
         self.history = InputHistory(
             Grid(setting.now, setting.start, setting.step),
             rate.steps * setting.step,

@@ -28,7 +28,7 @@ class StageRunner:
             self._run_timed(stage, self._laps, self._laps.firsts[number], time)
             return
         for gather in stage.gathers:
-            gather.take()
+            gather.apply()
         for move in stage.moves:
             move.carry(time)
         for part in stage.calls:
@@ -44,7 +44,7 @@ class StageRunner:
     def _run_timed(self, stage: Stage, laps: Laps, place: int, time: float) -> None:
         for gather in stage.gathers:
             before = perf_counter_ns()
-            gather.take()
+            gather.apply()
             laps.note(place, perf_counter_ns() - before, time)
             place += 1
         for move in stage.moves:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -12,7 +12,7 @@ import numpy as np
 
 from ...mechanism.quantities import Array
 from ...results.report import Picture, draw_pictures
-from ...results.style import ACTIVE, AXES, PASSIVE, REFERENCE, draw
+from ...results.style import ACTIVE, AXES, PASSIVE, REFERENCE, draw, shade
 from ...results.tables import Table
 from ...sensors.line_of_sight import Tracker
 from ...theory.line_of_sight import PointingLoop, split
@@ -166,8 +166,8 @@ def list_results(pointing: Pointing) -> dict[str, object]:
     }  # fmt: skip
 
 
-def draw_all(pointing: Pointing, folder: Path) -> list[Picture]:
-    """Error over time, loop transfer, split."""
+def draw_all(pointing: Pointing, folder: Path, shaded: Sequence[tuple[float, float]] = ()) -> list[Picture]:
+    """Error over time, loop transfer, split.  ``shaded``: when a fault acts [s]."""
     return draw_pictures(
         folder,
         "pointing",
@@ -175,8 +175,8 @@ def draw_all(pointing: Pointing, folder: Path) -> list[Picture]:
             (
                 "error",
                 "Distance of the line of sight from the target. Dashed: noise of one sample of the tracker. Shaded: no "
-                "lock; darker: the target is hidden.",
-                partial(_draw_error, pointing),
+                "lock; darker: the target is hidden." + (" Coloured: a fault acts." if shaded else ""),
+                partial(_draw_error, pointing, shaded),
             ),
             (
                 "loop",
@@ -193,7 +193,7 @@ def draw_all(pointing: Pointing, folder: Path) -> list[Picture]:
     )
 
 
-def _draw_error(pointing: Pointing, path: Path) -> None:
+def _draw_error(pointing: Pointing, shaded: Sequence[tuple[float, float]], path: Path) -> None:
     on, off = pointing.on, pointing.off
 
     def paint(figure: Figure) -> None:
@@ -205,6 +205,7 @@ def _draw_error(pointing: Pointing, path: Path) -> None:
         noise = float(pointing.tracker.noise_equivalent_angle_P[:2].max())
         axes.axhline(noise, color=REFERENCE, ls="--", lw=1.4, label="noise of a sample")
         _shade(axes, on)
+        shade(axes, shaded)
         axes.set_yscale("log")
         axes.set_ylim(1e-8, 1.0)
         axes.set_xlim(0.0, on.time[-1])

@@ -16,6 +16,7 @@ from ...results.tables import Table
 from ...theory.line_of_sight import PointingLoop
 from ..cases import Case, Outcome, run_case
 from ..comparison import TARGET, Orientation, TargetError, explain_refusal, read_target, to_degrees
+from ..fault_report import find_spans
 from ..options import RESULTS, OptionError, RunOptions, Scenario
 from ..pointing.exploration import explore_pointing
 from ..pointing.loop import MeasuredLoop, build_loop, make_shaking, measure_loop, read_tracker
@@ -67,6 +68,7 @@ def run(options: RunOptions) -> None:
     pointing = Pointing(off, on, tracker, loop, measured, to_degrees(target))
     text, tables = [HOW, *describe(pointing)], make_tables(pointing)
     _show(text[1:], tables)
+    shaded = find_spans(outcomes[-1].faults, outcomes[-1].simulated_s)
     publish(
         options,
         system,
@@ -74,7 +76,7 @@ def run(options: RunOptions) -> None:
             title="Pointing: a slew with the line-of-sight loop",
             text=text,
             tables=tables,
-            pictures=draw_all(pointing, options.output) if options.figures else [],
+            pictures=draw_all(pointing, options.output, shaded) if options.figures else [],
             outcomes=outcomes,
             orientation_deg=to_degrees(target),
             rms_passive_rad=None,

@@ -11,6 +11,7 @@ from ...pointing.rejection import rejection_percent
 from ...results.tables import Table, format_angles
 from ..cases import Case, run_case
 from ..comparison import TARGET, TargetError, explain_refusal, read_target
+from ..fault_report import find_spans
 from ..jitter_record import ROTATION
 from ..options import RESULTS, OptionError, RunOptions, Scenario
 from ..publish import Findings, publish
@@ -75,6 +76,7 @@ def run(options: RunOptions) -> None:
     print(*text, sep="\n")
     moved = slews.on.arrival.during is not None
     passive, active = (slew.during(ROTATION, "rms") for slew in (slews.off, slews.on))
+    shaded = find_spans(outcomes[-1].faults, outcomes[-1].simulated_s)
     publish(
         options,
         system,
@@ -82,7 +84,7 @@ def run(options: RunOptions) -> None:
             title=f"Slew from (0, 0, 0) to {format_angles(slews.target_deg)} deg",
             text=text,
             tables=tables,
-            pictures=draw_slews(slews, options.output) if options.figures else [],
+            pictures=draw_slews(slews, options.output, shaded) if options.figures else [],
             outcomes=outcomes,
             orientation_deg=slews.orientation_deg,
             rms_passive_rad=passive.tolist() if moved else None,

@@ -1,0 +1,1 @@
+"""Faults of signals and parameters at given times, from a file: read, checked against the wiring, made to act."""

@@ -1,0 +1,232 @@
+"""Faults checked against the system: which inputs see them, and from which communication point to which."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from fmpy.model_description import ModelDescription, ModelVariable
+
+from ..clock import StepClock, count_steps
+from ..conversion import find_end
+from ..description import convert_value, explain_unsettable, find_variable, get_unit
+from ..errors import SystemFileError, UsageError
+from ..hops import list_items
+from ..structure import PortName, System, suggest_names
+from .event import BIAS, DELAY, DROPOUT, FREEZE, NOISE, OVERRIDE, RESET, SCALE, FaultEvent, FaultFile
+
+LONGEST_DELAY = 10_000_000
+"""Steps: each input that sees it keeps so many numbers."""
+
+_TYPES = {
+    OVERRIDE: ("Real", "Integer", "Enumeration", "Boolean", "String"),
+    FREEZE: ("Real", "Integer", "Enumeration", "Boolean", "String"),
+    DROPOUT: ("Real", "Integer", "Enumeration", "Boolean"),
+    DELAY: ("Real", "Integer", "Enumeration", "Boolean"),
+    BIAS: ("Real", "Integer"),
+    SCALE: ("Real",),
+    NOISE: ("Real",),
+}
+"""Types of variables that an action is for."""
+
+
+@dataclass(frozen=True, eq=False)
+class Fault:
+    """A fault with the communication points where it acts, from ``first`` to before ``last`` (None: to the end).
+
+    ``inputs``: those that see it, ``on_output`` whether it is in the values of an output, before they are converted
+    for the inputs; ``value``: as the type of the ``signal``; ``kind`` and ``unit``: of the signal.
+    """
+
+    event: FaultEvent
+    signal: PortName
+    inputs: tuple[PortName, ...]
+    on_output: bool
+    kind: str
+    unit: str
+    first: int
+    last: int | None = None
+    value: float | int | bool | str | None = None
+    delay_steps: int = 0
+
+    def acts_at(self, index: int) -> bool:
+        """Whether it acts in the step from this communication point on."""
+        return self.first <= index and (self.last is None or index < self.last)
+
+
+@dataclass(frozen=True, eq=False)
+class BoundFaults:
+    """The faults of a system in the order in which they begin, those that begin together in the order of the file."""
+
+    file: FaultFile
+    faults: tuple[Fault, ...]
+    remarks: tuple[str, ...]
+    """Of what acts on nothing."""
+    types: Mapping[PortName, str] = field(default_factory=dict)
+    """Types of the inputs and parameters that see a fault."""
+
+    def check_end(self, clock: StepClock, end: int) -> None:
+        """Raises :class:`SystemFileError` for a fault that begins after the end of a run, a communication point."""
+        for fault in self.faults:
+            if fault.first >= end:
+                raise self.file.error(
+                    fault.event,
+                    f"time {fault.event.time_s:g} s is not before the end of the run, "
+                    f"{clock.time(end) - clock.start:g} s after its start: it would never act",
+                )
+
+
+def bind_faults(
+    file: FaultFile, system: System, descriptions: Mapping[str, ModelDescription], clock: StepClock
+) -> BoundFaults:
+    """Check the faults of a file against a system whose wiring is right.
+
+    Raises :class:`SystemFileError` with the line: no such component, variable or connection, a variable that no fault
+    can act on, a value or an action that is not for its type, a delay that is not a whole number of steps.
+    """
+    binder = _Binder(file, system, descriptions, clock)
+    order = sorted(range(len(file.events)), key=lambda k: (binder.find_point(file.events[k].time_s), k))
+    for place in order:
+        event = file.events[place]
+        try:
+            binder.add(event)
+        except (UsageError, ValueError) as error:
+            if isinstance(error, SystemFileError):
+                raise
+            raise file.error(event, str(error)) from error
+    return binder.conclude()
+
+
+class _Binder:
+    """Adds events in the order of their times, and ends the faults that they end."""
+
+    def __init__(
+        self, file: FaultFile, system: System, descriptions: Mapping[str, ModelDescription], clock: StepClock
+    ) -> None:
+        self._file, self._system, self._descriptions, self._clock = file, system, descriptions, clock
+        self._targets: dict[PortName, list[PortName]] = {}
+        for connection in system.connections:
+            variable = find_variable(descriptions[connection.target.component], connection.target.variable)
+            if variable.causality == "input":  # what is connected to a parameter is passed on once, at the start
+                self._targets.setdefault(connection.source, []).append(connection.target)
+        self._end = None if file.end_s is None else self.find_point(file.end_s)
+        self._found: list[Fault] = []
+        self._lasts: list[int | None] = []
+        self._remarks: list[str] = []
+        self._types: dict[PortName, str] = {}
+
+    def find_point(self, time: float) -> int:
+        """The first communication point that is not before a time [s] from the start of the run."""
+        ratio = time / self._clock.step
+        near = round(ratio)
+        return near if abs(ratio - near) <= 1e-6 * max(1.0, near * 1e-6) else math.ceil(ratio)
+
+    def add(self, event: FaultEvent) -> None:
+        """Add an event; those before it have been added."""
+        signal = event.signal
+        names = [component.name for component in self._system.components]
+        if signal.component not in names:
+            hint = suggest_names(signal.component, names) or f"; there are {', '.join(names[:20])}"
+            raise UsageError(f"model: the system has no component {signal.component!r}{hint}")
+        variable = find_variable(self._descriptions[signal.component], signal.variable)
+        inputs, on_output = self._find_inputs(event, variable)
+        first = self.find_point(event.time_s)
+        self._end_others(event, first)
+        if event.action == RESET:
+            return
+        if variable.type not in _TYPES[event.action]:
+            fit = ", ".join(action for action, types in _TYPES.items() if variable.type in types)
+            raise UsageError(f"action {event.action}: is not for {signal}, a {variable.type}, which takes {fit}")
+        last = self._end
+        if event.duration_s is not None:
+            own = self.find_point(event.time_s + event.duration_s)
+            if own == first:
+                raise UsageError(f"duration: {event.duration_s:g} s has no step of {self._clock.step:g} s in it")
+            last = own if last is None else min(own, last)
+        unit = get_unit(variable) or ""
+        fault = Fault(
+            event, signal, inputs, on_output, variable.type, unit, first,
+            value=self._check_value(event, variable), delay_steps=self._count_delay(event),
+        )  # fmt: skip
+        self._found.append(fault)
+        self._lasts.append(last)
+        for port in inputs:
+            kind = find_variable(self._descriptions[port.component], port.variable).type
+            self._types[port] = kind
+        if not inputs:
+            self._remarks.append(
+                f"{self._file.path}, line {event.line}: {event.key}: no connection leads from the output {signal}: "
+                f"nothing sees its fault"
+            )
+
+    def conclude(self) -> BoundFaults:
+        """All faults, with their ends."""
+        faults = tuple(
+            Fault(**{**vars(fault), "last": last})
+            for fault, last in zip(self._found, self._lasts, strict=True)
+            if last is None or last > fault.first
+        )
+        return BoundFaults(self._file, faults, tuple(self._remarks), self._types)
+
+    def _find_inputs(self, event: FaultEvent, variable: ModelVariable) -> tuple[tuple[PortName, ...], bool]:
+        """The inputs or parameters that see an event, and whether it is one of an output."""
+        signal = event.signal
+        if variable.causality in ("input", "parameter"):
+            if event.target is not None:
+                raise UsageError(f"target: {signal} is of causality {variable.causality}: only outputs have targets")
+            if reason := explain_unsettable(variable, running=True):
+                raise UsageError(f"variable: {signal} {reason}: give it another value by --parameters")
+            return (signal,), False
+        targets = self._targets.get(signal, [])
+        if variable.causality != "output" and not targets:
+            raise UsageError(
+                f"variable: {signal} is of causality {variable.causality}: faults act on outputs, inputs and tunable "
+                f"parameters"
+            )
+        if event.target is None:
+            return tuple(targets), True
+        target = self._system.find_port(event.target)
+        if target not in targets:
+            known = ", ".join(map(str, targets)) or "nothing"
+            raise UsageError(f"target: {signal} is not connected to {target}; it is connected to {known}")
+        return (target,), True
+
+    def _end_others(self, event: FaultEvent, first: int) -> None:
+        """End the faults on the same signal that an event replaces or resets."""
+        if event.joins:
+            return
+        for place, other in enumerate(self._found):
+            last = self._lasts[place]
+            if other.signal != event.signal or (last is not None and last <= first):
+                continue
+            if other.event.target == event.target or (event.action == RESET and event.target is None):
+                self._lasts[place] = first
+
+    def _check_value(self, event: FaultEvent, variable: ModelVariable) -> float | int | bool | str | None:
+        value = event.value
+        if event.action == DELAY or value is None:
+            return value
+        if event.action in (OVERRIDE, DROPOUT):
+            checked = convert_value(variable, value)
+            items = find_end(variable, self._descriptions[event.signal.component]).items
+            if items and checked not in items.values():
+                raise UsageError(f"value: the enumeration has no value {value}; it has {list_items(items)}")
+            return checked
+        number = isinstance(value, int | float) and not isinstance(value, bool)
+        if not number or not math.isfinite(float(value)):
+            raise UsageError(f"value: expected a finite number, got {value!r}")
+        if variable.type == "Integer" and (not isinstance(value, int) or abs(value) >= 2**31):
+            raise UsageError(f"value: expected a whole number within 32 bits for the Integer {event.signal}")
+        return value
+
+    def _count_delay(self, event: FaultEvent) -> int:
+        if event.action != DELAY or not event.value:
+            return 0
+        steps = count_steps(float(event.value), self._clock.step)
+        if steps is None or steps > LONGEST_DELAY:
+            raise UsageError(
+                f"value: expected a delay of whole steps of {self._clock.step:g} s, {LONGEST_DELAY} at most, "
+                f"got {event.value!r} s"
+            )
+        return steps

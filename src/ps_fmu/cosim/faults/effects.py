@@ -1,0 +1,178 @@
+"""What faults do to the numbers of an exchange.  ``native/effects.c`` does the same, to the last bit.
+
+An effect has a memory, an array that both use; groups are prepared for some steps before these are made.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from ctypes import POINTER, Structure, addressof, c_double, c_int64, c_void_p
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..clock import StepClock
+from ..rows import Array
+
+# Kinds, as in effects.c.
+OVERRIDE, BIAS, SCALE, ADD, REPLACE_LOST, HOLD, DELAY = range(7)
+LOWEST, HIGHEST = -(2**31), 2**31 - 1
+_BEGAN, _LAST, _FIRST = 0, 1, 2  # places in the memory: step of the first use, step of the last, what is held
+
+
+@dataclass(eq=False)
+class Effect:
+    """What one fault does to the numbers that one input gets.
+
+    OVERRIDE, BIAS and SCALE: ``value``.  ADD: the ``samples`` are added.  REPLACE_LOST: ``value`` where the sample of
+    the step is not 0.  HOLD: what it was when this began, or in the last step whose sample is 0.  DELAY: what it was
+    ``length`` steps ago, and until there is such a step, when this began.
+
+    ``draw`` gives the samples of a step and those after it, for HOLD it may be None.
+    """
+
+    kind: int
+    value: float = 0.0
+    length: int = 0
+    draw: Callable[[int, int], Array] | None = None
+    memory: Array = field(init=False)
+    samples: Array | None = field(init=False, default=None)
+
+    def __post_init__(self) -> None:
+        if self.kind == BIAS and self.value == 0.0:
+            self.value = -0.0  # v + 0.0 would turn -0.0 into 0.0
+        self.memory = np.full(_FIRST + self.length + 1, -1.0)
+
+    def forget(self) -> None:
+        """Be as before the first use."""
+        self.memory.fill(-1.0)
+
+    @property
+    def is_constant(self) -> bool:
+        """Whether a constant stays one behind it."""
+        return self.draw is None and self.kind != DELAY
+
+    def change(self, number: float, step: int, row: int) -> float:
+        """The number behind the effect in a ``step``, whose samples are in ``row``."""
+        memory, samples = self.memory, self.samples
+        if self.kind == OVERRIDE:
+            return self.value
+        if self.kind == BIAS:
+            return number + self.value
+        if self.kind == SCALE:
+            return number * self.value
+        if self.kind == ADD:
+            assert samples is not None
+            return number + float(samples[row])
+        if self.kind == REPLACE_LOST:
+            assert samples is not None
+            return self.value if samples[row] else number
+        begins = memory[_BEGAN] < 0.0
+        if begins:
+            memory[_BEGAN] = step
+        if self.kind == HOLD:
+            if begins or (samples is not None and not samples[row]):
+                memory[_FIRST] = number
+            return float(memory[_FIRST])
+        size = self.length + 1
+        if memory[_LAST] < step:  # no part of a step that is repeated in smaller ones
+            memory[_LAST] = step
+            memory[_FIRST + step % size] = number
+        return float(memory[_FIRST + max(step - self.length, int(memory[_BEGAN])) % size])
+
+
+class _Effect(Structure):
+    """``Effect`` of effects.c."""
+
+    _fields_ = (
+        ("kind", c_int64),
+        ("place", c_int64),
+        ("length", c_int64),
+        ("value", c_double),
+        ("memory", c_void_p),
+        ("samples", c_void_p),
+    )
+
+
+class _Group(Structure):
+    """``Effects`` of effects.c."""
+
+    _fields_ = (("effects", POINTER(_Effect)), ("count", c_int64), ("step", c_int64), ("row", c_int64))
+
+
+class EffectGroup:
+    """The effects on an array of inputs, in their order: a part of the exchange.
+
+    Parameters
+    ----------
+    inputs: doubles or C ints, changed in place
+    effects: with the place that each changes
+    clock: of the whole steps
+    convert: changes all inputs behind them, where they have other units or transformations
+    """
+
+    def __init__(
+        self,
+        inputs: NDArray[np.float64] | NDArray[np.int32],
+        effects: Sequence[tuple[int, Effect]],
+        clock: StepClock,
+        convert: Callable[[], None] | None = None,
+    ) -> None:
+        self.inputs, self.convert = inputs, convert
+        self._effects, self._clock = tuple(effects), clock
+        self._native = (_Effect * len(effects))(
+            *(_Effect(e.kind, place, e.length, e.value, e.memory.ctypes.data) for place, e in effects)
+        )
+        self._group = _Group(self._native, len(effects))
+        self._discrete = inputs.dtype != np.float64
+
+    @property
+    def count(self) -> int:
+        """How many effects there are."""
+        return len(self._effects)
+
+    @property
+    def address(self) -> int:
+        """Of the structure that effects.c takes."""
+        return addressof(self._group)
+
+    def prepare(self, times: Array) -> None:
+        """Be ready for a step from each of the ``times`` [s]: the samples are drawn."""
+        if not len(times):
+            return
+        first = find_step(self._clock, float(times[0]))
+        self._group.step, self._group.row = first, 0
+        for (_, effect), native in zip(self._effects, self._native, strict=True):
+            if effect.draw is not None:
+                effect.samples = effect.draw(first, len(times))
+                native.samples = effect.samples.ctypes.data
+
+    def apply(self) -> None:
+        """Change the inputs of the next step, and convert them."""
+        group, inputs = self._group, self.inputs
+        step, row = group.step, group.row
+        for place, effect in self._effects:
+            number = effect.change(float(inputs[place]), step, row)
+            inputs[place] = to_int(number) if self._discrete else number
+        group.step, group.row = step + 1, row + 1
+        if self.convert is not None:
+            self.convert()
+
+    def list_changes(self) -> list[Callable[[], None]]:
+        """As :meth:`.plan.Gather.list_changes`."""
+        return [self.apply]
+
+
+def to_int(number: float) -> int:
+    """A number within the C ints."""
+    return LOWEST if math.isnan(number) else int(min(max(number, LOWEST), HIGHEST))
+
+
+def find_step(clock: StepClock, time: float) -> int:
+    """The whole step that a time [s] lies in: of a part of a step, the step that is divided."""
+    ratio = (time - clock.start) / clock.step
+    near = round(ratio)
+    rounding = 2.0 * math.ulp(max(abs(time), abs(clock.start), clock.step))
+    return near if abs(clock.time(near) - time) <= rounding else math.floor(ratio)

@@ -1,0 +1,27 @@
+"""Files of faults, and runs with them."""
+
+from __future__ import annotations
+
+import json
+
+from ps_fmu.cosim import Master
+from ps_fmu.cosim.faults.reading import read_faults
+from support.cosim import Collect
+
+
+def write(folder, *events, end=None, **defaults):
+    """A file of faults; events as keyword dictionaries."""
+    content = {"defaults": defaults, "events": events, **({} if end is None else {"end": end})}
+    path = folder / "faults.json"
+    path.write_text(json.dumps(content))
+    return read_faults(path)
+
+
+def run_oscillator(system, faults=None, scheme="jacobi", duration=0.5, in_c=False, **options):
+    """The rows by name; ``in_c``: and the steps are run by the library."""
+    collect = Collect()
+    with Master(system, 0.01, scheme, faults=faults, **options) as master:
+        master.initialise()
+        master.run(duration, [collect])
+        assert master.runs_in_c or not in_c
+    return {column.name: values for column, values in zip(master.columns, collect.values.T, strict=True)}

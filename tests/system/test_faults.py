@@ -1,0 +1,43 @@
+"""The files of faults that ps_fmu ships: they fit their systems and the schema, and do what docs/faults.md says."""
+
+import importlib.util
+import json
+from pathlib import Path
+
+import jsonschema
+import numpy as np
+import pytest
+
+from ps_fmu.cosim.faults.reading import SCHEMA
+
+ROOT = Path(__file__).parents[2]
+FILES = sorted((ROOT / "system" / "faults").glob("*.json"))
+LEAST = {"accelerometer_fails": 3.0, "voice_coil_sticks": 15.0, "tracker_loses_lock": 5.0}
+"""So many times as large as without the fault is the RMS during the first fault, at least."""
+
+
+@pytest.fixture(scope="module")
+def drawing():
+    spec = importlib.util.spec_from_file_location("draw_faults", ROOT / "docs" / "draw_faults.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
+def test_it_fits_the_schema(path):
+    jsonschema.validate(json.loads(path.read_text()), json.loads(SCHEMA.read_text()))
+
+
+@pytest.mark.parametrize("name", LEAST)
+def test_it_makes_the_pointing_error_larger_while_it_acts(drawing, built_fmus, name):
+    step = 1e-3
+    (time, healthy, none), (_, faulty, acted) = (drawing.simulate(name, step, faulty=f) for f in (False, True))
+    assert not none
+    before, during = time <= acted[0].from_s, (time >= acted[0].from_s) & (time <= acted[0].until_s)
+    assert np.array_equal(healthy[before], faulty[before])
+    assert drawing.find_rms(faulty[during]) > LEAST[name] * drawing.find_rms(healthy[during])
+
+
+def test_all_of_them_are_tried():
+    assert {path.stem for path in FILES} == LEAST.keys()
