@@ -54,8 +54,8 @@ typedef struct {
     const double *latest; /* the outputs, which are the next row */
     int64_t columns;
     double step; /* s */
-    const int64_t *ends; /* steps that differ come in turn: behind the last operation of each */
-    int64_t phases;
+    const int64_t *ends; /* behind the last operation of each step, where steps that differ come in turn */
+    int64_t phases;      /* that many; without `ends` 0 or 1 */
     /* Where it is. */
     int64_t rows_done;
     int64_t next_operation;
@@ -159,7 +159,8 @@ static inline int run(
 {
     const size_t row_bytes = (size_t)loop->columns * sizeof(double);
     const int64_t until = now_ns() + (int64_t)(budget * 1e9);
-    int64_t first = loop->phase > 0 ? loop->ends[loop->phase - 1] : 0, last = loop->ends[loop->phase];
+    int64_t first = loop->phase > 0 ? loop->ends[loop->phase - 1] : 0;
+    int64_t last = loop->phases > 1 ? loop->ends[loop->phase] : loop->n_operations;
     while (loop->rows_done < end) {
         if (loop->next_operation == first && (*stop || now_ns() > until))
             return fmi2OK;
