@@ -70,7 +70,7 @@ class CompiledLoop:
         types = POINTER(_Loop), c_void_p, c_void_p, c_int64, c_double, POINTER(c_int), POINTER(Timing), POINTER(End)
         self._run_steps.argtypes, self._run_steps.restype = types, c_int
         self._timing, self._end = None if laps is None else laps.timing, End()
-        self._plan, self._rows = plan, rows
+        self.plan, self._rows = plan, rows
         self._parts = list(list_parts(plan))
         operations = (_Operation * len(self._parts))(*map(_make_operation, self._parts))
         self._loop = _Loop(operations, len(operations), rows.latest.ctypes.data, rows.latest.size, plan.step)
@@ -86,8 +86,8 @@ class CompiledLoop:
                 call, time = self._parts[loop.next_operation - 1], float(times[loop.rows_done])
                 assert isinstance(call, Call)
                 if end.ending:
-                    call.give_up(end, time, self._plan.step)
-                call.check(status, time, self._plan.step)
+                    call.give_up(end, time, self.plan.step)
+                call.check(status, time, self.plan.step)
         finally:
             done, loop.rows_done = loop.rows_done, 0  # whoever counts rows meanwhile counts too few
             self._rows.filled = first + done

@@ -19,6 +19,8 @@ from .stopwatch import Laps, Stopwatch
 class StepLoop(Protocol):
     """Runs steps of a plan."""
 
+    plan: Plan
+
     def advance(self, times: Array, interrupted: c_int) -> None:
         """Run one step from each of the ``times`` [s]; ends early, after a step, once ``interrupted`` is not zero.
 
@@ -45,7 +47,7 @@ class PythonLoop:
     """
 
     def __init__(self, plan: Plan, rows: Rows) -> None:
-        self._plan, self._rows = plan, rows
+        self.plan, self._rows = plan, rows
         self._stages = [
             (
                 [(gather.outputs.take, gather.sources, gather.inputs) for gather in stage.gathers],
@@ -59,7 +61,7 @@ class PythonLoop:
 
     def advance(self, times: Array, interrupted: c_int) -> None:
         """See :class:`StepLoop`."""
-        plan, rows, stages = self._plan, self._rows, self._stages
+        plan, rows, stages = self.plan, self._rows, self._stages
         fed = [(*rows.find_place(s.port), s.sample(times + plan.step, plan.step)) for s in plan.signals]
         now, latest, done = plan.now, rows.latest_row, rows.filled
         for index, (time, row) in enumerate(zip(times.tolist(), rows.rows[done : done + len(times)], strict=True)):
@@ -90,11 +92,11 @@ class TimedPythonLoop:
     """The same steps; the clock is read after each part."""
 
     def __init__(self, plan: Plan, rows: Rows, laps: Laps) -> None:
-        self._plan, self._rows, self._laps = plan, rows, laps
+        self.plan, self._rows, self._laps = plan, rows, laps
 
     def advance(self, times: Array, interrupted: c_int) -> None:
         """See :class:`StepLoop`."""
-        plan, rows, laps = self._plan, self._rows, self._laps
+        plan, rows, laps = self.plan, self._rows, self._laps
         fed = [(*rows.find_place(s.port), s.sample(times + plan.step, plan.step)) for s in plan.signals]
         for index, time in enumerate(times.tolist()):
             if interrupted:
@@ -129,7 +131,7 @@ class TimedPythonLoop:
             status = part.invoke()
             before = self._note(place, before, time)
             if status:
-                part.check(status, time, self._plan.step)
+                part.check(status, time, self.plan.step)
 
     def _note(self, place: int, before: int, time: float) -> int:
         after = perf_counter_ns()

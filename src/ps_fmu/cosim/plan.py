@@ -15,6 +15,7 @@ from typing import Any, NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
+from .errors import SlaveEnded
 from .fmu_instance import FAMILY, FmuInstance
 from .graph import Wiring
 from .guard import End
@@ -54,7 +55,11 @@ class Call:
 
     def check(self, status: int, time: float, step: float) -> None:
         """Count a warning in the step from ``time`` on [s], raise :class:`SlaveError` on anything worse."""
-        self.instance.check(self.function, status, time + step if self.later else time, self.names)
+        try:
+            self.instance.check(self.function, status, time + step if self.later else time, self.names)
+        except SlaveEnded as ended:
+            ended.during = self
+            raise
 
     def give_up(self, end: End, time: float, step: float) -> NoReturn:
         """Raise what a call means that did not return in the step from ``time`` on [s]."""
