@@ -14,6 +14,7 @@ from fmpy.model_description import ModelDescription, ModelVariable
 from .archive import check_archive, compute_digest, read_member
 from .errors import SystemFileError, UsageError
 from .structure import System, Value, suggest_names
+from .values import fits_int32
 from .xmlfile import MAXIMUM_BYTES, parse_xml
 
 log = logging.getLogger("ps_fmu.cosim")
@@ -124,7 +125,7 @@ def convert_value(variable: ModelVariable, value: Value) -> Value:
         if not math.isfinite(result):
             raise UsageError(f"expected a finite number, got {value!r}")
     elif kind in ("Integer", "Enumeration") and isinstance(value, int) and not isinstance(value, bool):
-        if not -(2**31) <= value < 2**31:
+        if not fits_int32(value):
             raise UsageError(f"{value} does not fit a 32-bit integer")
         result = value
     elif kind == "Boolean" and isinstance(value, bool):

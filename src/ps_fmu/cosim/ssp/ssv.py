@@ -8,7 +8,7 @@ from ..errors import SystemFileError
 from ..hops import Items
 from ..structure import ParameterSet
 from ..units import read_units
-from ..values import EXPECTED, Value, parse_value
+from ..values import EXPECTED, Value, fits_int32, parse_value
 from ..xmlfile import Element, read_xml
 from .dialect import check_element, check_version, get_type
 
@@ -72,8 +72,9 @@ def read_items(group: Element | None, path: Path) -> dict[str, Items]:
         items = {}
         for item in element.all("ssc:Item"):
             name, value = item.attributes.get("name"), parse_value("Integer", item.attributes.get("value", ""))
-            if name is None or not isinstance(value, int):
-                raise SystemFileError(path, "an item of an enumeration needs a name and a whole number", item.line)
+            if name is None or not isinstance(value, int) or not fits_int32(value):
+                text = "an item of an enumeration needs a name and a whole number of 32 bits"
+                raise SystemFileError(path, text, item.line)
             items[name] = value
         if "name" not in element.attributes:
             raise SystemFileError(path, "an enumeration needs a name", element.line)
