@@ -155,3 +155,16 @@ def test_a_state_with_a_start_value(fmus, tmp_path, capsys):
     with netCDF4.Dataset(out / "results.nc") as file:
         found = np.array(file["run"]["decay.x"][:])
     np.testing.assert_allclose(found, 0.5 * 0.8 ** np.arange(101), rtol=1e-12)
+
+
+@pytest.mark.parametrize("isolation", [None, Isolation()])
+@pytest.mark.parametrize(
+    ("stated", "given"), [("1e-07", 1e-7), ("0", -1.0), ("-1", -1.0), ("INF", -1.0), (None, -1.0)]
+)
+def test_the_tolerance_that_an_fmu_states_is_given_to_it(fmus, tmp_path, rewrite, isolation, stated, given):
+    old = f' tolerance="{behaviours.TOLERANCE}"'
+    fmu = rewrite(fmus / "decay.fmu", {old: "" if stated is None else f' tolerance="{stated}"'})
+    system = read_system(write(tmp_path, ["decay"]), fmu.parent)
+    with Master(system, 0.1, isolation=isolation) as master:
+        master.initialise()
+        assert master.get("decay.tolerance") == given

@@ -14,7 +14,7 @@ from fmpy.model_description import ModelDescription, ModelVariable
 from .archive import check_archive, compute_digest, read_member
 from .errors import SystemFileError, UsageError
 from .structure import System, Value, suggest_names
-from .values import fits_int32
+from .values import fits_int32, parse_real
 from .xmlfile import MAXIMUM_BYTES, parse_xml
 
 log = logging.getLogger("ps_fmu.cosim")
@@ -96,6 +96,13 @@ def read_start(variable: ModelVariable) -> Value:
     if variable.type == "Real":
         return float(text)
     return text if variable.type == "String" else int(text)
+
+
+def read_tolerance(description: ModelDescription) -> float | None:
+    """The relative tolerance that the default experiment of an FMU states; None for what is no number above 0."""
+    own = description.defaultExperiment
+    tolerance = None if own is None or own.tolerance is None else parse_real(str(own.tolerance))
+    return tolerance if tolerance is not None and tolerance > 0.0 else None
 
 
 def get_unit(variable: ModelVariable) -> str | None:

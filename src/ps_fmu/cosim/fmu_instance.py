@@ -20,7 +20,7 @@ from fmpy.fmi2 import FMU2Slave
 from fmpy.model_description import ModelDescription
 
 from . import guard, pythonfmu
-from .description import convert_value, index_variables
+from .description import convert_value, index_variables, read_tolerance
 from .errors import DiscardedStep, SlaveEnded, SlaveError, SystemFileError, UsageError, name_status
 from .guard import End
 from .messages import MessageLog, forget, listen
@@ -79,6 +79,7 @@ class FmuInstance:
         self.name = component.name
         self.source = component.source
         self.variables = index_variables(description)
+        self._tolerance = read_tolerance(description)
         self.runs_python = (description.generationTool or "").startswith("PythonFMU")
         self.messages = MessageLog(self.name)
         self.warnings = 0
@@ -121,8 +122,12 @@ class FmuInstance:
     # ---- the life of an instance -------------------------------------------------------------------------
 
     def set_up(self, start_time: float) -> None:
-        """fmi2SetupExperiment, without a stop time: the end of a run is not known when it begins."""
-        self._call("fmi2SetupExperiment", 0, 0.0, start_time, 0, 0.0, time=start_time)
+        """fmi2SetupExperiment, without a stop time: the end of a run is not known when it begins.
+
+        The tolerance is that of the FMU's default experiment, if it states one: its solver is set for that.
+        """
+        given = self._tolerance is not None
+        self._call("fmi2SetupExperiment", int(given), self._tolerance or 0.0, start_time, 0, 0.0, time=start_time)
 
     def enter_initialisation(self, time: float) -> None:
         """fmi2EnterInitializationMode."""

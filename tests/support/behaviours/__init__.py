@@ -30,7 +30,8 @@ def _pair(name: str, reference: int, kind: str, variability: str, start: str, mo
 
 _WHOLE = f"{_OUTPUT} {_DISCRETE} {_CALCULATED}"
 MODELS = {
-    "decay": _state("x", 0, 1.0) + _parameter("k", 1, 1.0),
+    "decay": _state("x", 0, 1.0) + _parameter("k", 1, 1.0)
+    + _variable("tolerance", 2, 'causality="local" variability="fixed" initial="calculated"', "Real"),
     "drop": _state("h", 0, 1.0) + _state("v", 1, 0.0) + _parameter("g", 2, -9.81) + _parameter("e", 3, 0.7),
     "through": _pair("real", 0, "Real", _CONTINUOUS, "0") + _pair("level", 2, "Real", _DISCRETE, "0")
     + _pair("whole", 0, "Integer", _DISCRETE, "0") + _pair("flag", 0, "Boolean", _DISCRETE, "false")
@@ -44,6 +45,7 @@ MODELS = {
 EXPERIMENTS = {"decay": (10.0, 0.1), "drop": (3.0, 0.01), "through": (2.0, 0.1), "resource": (1.0, 0.1),
                "stair": (12.0, 0.2), "oscillator": (20.0, 0.01)}  # fmt: skip
 """Stop time and step [s]."""
+TOLERANCE = 1e-7
 _OPTIONS = (
     '<TypeDefinitions><SimpleType name="Option"><Enumeration><Item name="first" value="1"/>'
     '<Item name="second" value="2"/></Enumeration></SimpleType></TypeDefinitions>'
@@ -73,7 +75,7 @@ def describe(model: str, variables: str, stop: float, step: float) -> str:
         f'<?xml version="1.0" encoding="UTF-8"?>\n<fmiModelDescription fmiVersion="2.0" modelName="{model}" '
         f'guid="{model}"><CoSimulation modelIdentifier="{model}" canHandleVariableCommunicationStepSize="true"/>'
         f'{_OPTIONS if model == "through" else ""}<DefaultExperiment startTime="0" stopTime="{stop}" '
-        f'stepSize="{step}"/><ModelVariables>\n{variables}</ModelVariables><ModelStructure><Outputs>{unknowns}'
-        f"</Outputs>{f'<InitialUnknowns>{initial}</InitialUnknowns>' if initial else ''}</ModelStructure>"
+        f'stepSize="{step}" tolerance="{TOLERANCE}"/><ModelVariables>\n{variables}</ModelVariables><ModelStructure>'
+        f"<Outputs>{unknowns}</Outputs>{initial and f'<InitialUnknowns>{initial}</InitialUnknowns>'}</ModelStructure>"
         "</fmiModelDescription>\n"
     )

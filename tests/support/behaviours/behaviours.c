@@ -17,7 +17,7 @@
 enum { REALS = 8, LONGEST = 200 };
 
 /* Places of the Reals, by model; the value reference is the place. */
-enum { DECAY_X, DECAY_K };
+enum { DECAY_X, DECAY_K, DECAY_TOLERANCE };
 enum { DROP_H, DROP_V, DROP_G, DROP_E };
 enum { OSCILLATOR_X, OSCILLATOR_V, OSCILLATOR_M };
 
@@ -76,10 +76,13 @@ fmi2Status fmi2Reset(fmi2Component c)
 
 void fmi2FreeInstance(fmi2Component c) { free(c); }
 
-fmi2Status fmi2SetupExperiment(fmi2Component c, fmi2Boolean a, fmi2Real b, fmi2Real begin, fmi2Boolean d, fmi2Real e)
+fmi2Status fmi2SetupExperiment(fmi2Component c, fmi2Boolean given, fmi2Real tolerance, fmi2Real begin,
+                               fmi2Boolean ends, fmi2Real end)
 {
     Model *m = c;
-    (void)a, (void)b, (void)d, (void)e;
+    (void)ends, (void)end;
+    if (is(m, "decay"))
+        m->real[DECAY_TOLERANCE] = given ? tolerance : -1.0;
     m->begin = begin;
     m->event = begin + 1.0;
     return fmi2OK;
