@@ -114,5 +114,4 @@ def _make_operation(part: Gather | Call) -> _Operation:
         return _Operation(_TAKE[part.inputs.dtype.name], len(part.sources), *arrays)
     references, values = (None if array is None else array.ctypes.data for array in (part.references, part.values))
     kind = _CALL[part.function]
-    count = int(part.repeatable) if part.function == "fmi2DoStep" else len(part.names)
-    return _Operation(kind, count, references, None, values, part.instance.address, part.address)
+    return _Operation(kind, len(part.names), references, None, values, part.instance.address, part.address)

@@ -334,11 +334,11 @@ class Master:
 
     def _make_plan(self) -> None:
         instances, wiring, rows, compiled = self._instances, self.wiring, self._rows, self._compiled
-        scheme, cut, repeatable = self.scheme, self._set.keys(), self._obstacle is None
+        scheme, cut = self.scheme, self._set.keys()
         whole, stopwatch, signals = self.clock.step, self._stopwatch, self._signals
 
         def make(step: float) -> StepLoop:  # refers to no Master, so that it goes when nobody needs it any longer
-            plan = make_plan(instances, wiring, rows, step, scheme, cut, repeatable, signals)
+            plan = make_plan(instances, wiring, rows, step, scheme, cut, signals)
             return make_loop(plan, rows, compiled, stopwatch if step == whole else None)
 
         self._loop = RepeatingLoop(instances, rows, whole, make, self._obstacle)

@@ -38,9 +38,8 @@ class Call:
     """A library function with all its arguments, which are always the same objects.
 
     ``invoke()`` calls it and returns the fmi2Status; ``address`` is where it is.  ``later`` says that it reads what
-    fmi2DoStep has made, ``repeatable`` that this fmi2DoStep may be made again from a state before it.  To set or get,
-    it takes the addresses of the value references and of the first of the ``values``, as many of each as there are
-    names.
+    fmi2DoStep has made.  To set or get, it takes the addresses of the value references and of the first of the
+    ``values``, as many of each as there are names.
     """
 
     instance: FmuInstance
@@ -51,7 +50,6 @@ class Call:
     references: NDArray[np.uint32] | None = None
     values: NDArray[Any] | None = None
     later: bool = False
-    repeatable: bool = False
 
     def check(self, status: int, time: float, step: float) -> None:
         """Count a warning in the step from ``time`` on [s], raise :class:`SlaveError` on anything worse."""
@@ -125,7 +123,6 @@ def make_plan(
     step: float,
     scheme: str,
     cut: Collection[PortName],
-    repeatable: bool = False,
     signals: Sequence[BoundSignal] = (),
 ) -> Plan:
     """Plan of one step.
@@ -139,7 +136,6 @@ def make_plan(
     scheme: ``"jacobi"``: all FMUs see the outputs of the last communication point, so there is one stage;
         ``"gauss-seidel"``: each sees what those stepped before it have just put out, so each is a stage
     cut: connected inputs that the user has set: they keep that value
-    repeatable: FMUs may be set back to a state from before the step, so they are told to keep what that needs
     signals: inputs of the run, which lie in the rows
     """
     now = c_double()
@@ -158,7 +154,7 @@ def make_plan(
     groups = [(name,) for name in order] if scheme == "gauss-seidel" else [order]
     wires = _Wires(instances, sources, conversions)
     members = ([instances[name] for name in group] for group in groups)
-    stages = tuple(wires.make_stage(group, rows, now, step, repeatable) for group in members)
+    stages = tuple(wires.make_stage(group, rows, now, step) for group in members)
     return Plan(stages, now, step, tuple(signals))
 
 
@@ -181,7 +177,7 @@ class _Wires:
             ports.sort(key=lambda port: variables[port.variable].valueReference)
 
     def make_stage(
-        self, stepped: Sequence[FmuInstance], rows: Rows, now: c_double, step: float, repeatable: bool
+        self, stepped: Sequence[FmuInstance], rows: Rows, now: c_double, step: float
     ) -> Stage:
         """The part of a step that some FMUs go through together."""
         gathers, sets, gets = [], [], []
@@ -201,10 +197,10 @@ class _Wires:
                     _make_access(instance, "Get", run, kind.values, kind.places.__getitem__)
                     for run in _find_runs(instance, outputs_of.get(instance.name, ()), kind.places.__getitem__)
                 ]
-        rest = _double(step), _boolean(not repeatable)  # noSetFMUStatePriorToCurrentPoint
-        steps = [
-            Call(i, "fmi2DoStep", *_bind(i, i.stepper(), now, *rest), repeatable=repeatable) for i in stepped
-        ]
+        # noSetFMUStatePriorToCurrentPoint is true as in other tools, although steps may be repeated from a state: some
+        # FMUs take false for "make the last step again".
+        rest = _double(step), _boolean(True)
+        steps = [Call(i, "fmi2DoStep", *_bind(i, i.stepper(), now, *rest)) for i in stepped]
         return Stage(tuple(gathers), (*sets, *steps, *gets), tuple(self.list_moves(stepped)))
 
     def make_conversion(self, wired: Sequence[PortName], inputs: NDArray[Any]) -> Callable[[], None] | None:

@@ -73,7 +73,8 @@ def describe(model: str, variables: str, stop: float, step: float) -> str:
     initial = "".join(f'<Unknown index="{p}"{sources[p]}/>' for p in places if _CALCULATED in lines[p - 1])
     return (
         f'<?xml version="1.0" encoding="UTF-8"?>\n<fmiModelDescription fmiVersion="2.0" modelName="{model}" '
-        f'guid="{model}"><CoSimulation modelIdentifier="{model}" canHandleVariableCommunicationStepSize="true"/>'
+        f'guid="{model}"><CoSimulation modelIdentifier="{model}" canHandleVariableCommunicationStepSize="true" '
+        f'canGetAndSetFMUstate="true"/>'
         f'{_OPTIONS if model == "through" else ""}<DefaultExperiment startTime="0" stopTime="{stop}" '
         f'stepSize="{step}" tolerance="{TOLERANCE}"/><ModelVariables>\n{variables}</ModelVariables><ModelStructure>'
         f"<Outputs>{unknowns}</Outputs>{initial and f'<InitialUnknowns>{initial}</InitialUnknowns>'}</ModelStructure>"

@@ -25,6 +25,8 @@ typedef struct {
     char model[16], resource[1000], text[2][LONGEST];
     double real[REALS], own_step, begin;
     int whole[4], flag[2]; /* whole[2] and [3] are of an enumeration */
+    double before;         /* the first Real before the last step */
+    long done_before;
     long done;             /* own steps so far */
     double successful, event;
     int ended;
@@ -131,7 +133,9 @@ fmi2Status fmi2DoStep(fmi2Component c, fmi2Real time, fmi2Real step, fmi2Boolean
 {
     Model *m = c;
     const double end = time + step;
-    (void)forward;
+    if (!forward) /* some take that for: make the last step again */
+        m->real[0] = m->before, m->done = m->done_before;
+    m->before = m->real[0], m->done_before = m->done;
     while (m->begin + (double)(m->done + 1) * m->own_step < end + 1e-9) {
         make_own_step(m);
         m->done++;
@@ -186,13 +190,32 @@ fmi2Status fmi2GetBooleanStatus(fmi2Component c, const fmi2StatusKind what, fmi2
     return what == fmi2Terminated ? fmi2OK : fmi2Discard;
 }
 
+fmi2Status fmi2GetFMUstate(fmi2Component c, fmi2FMUstate *state)
+{
+    if (*state == NULL)
+        *state = malloc(sizeof(Model));
+    memcpy(*state, c, sizeof(Model));
+    return fmi2OK;
+}
+
+fmi2Status fmi2SetFMUstate(fmi2Component c, fmi2FMUstate state)
+{
+    memcpy(c, state, sizeof(Model));
+    return fmi2OK;
+}
+
+fmi2Status fmi2FreeFMUstate(fmi2Component c, fmi2FMUstate *state)
+{
+    (void)c;
+    free(*state);
+    *state = NULL;
+    return fmi2OK;
+}
+
 /* Nobody calls these, but section 2.3 wants all functions. */
 #define ABSENT(name, ...) fmi2Status fmi2##name(fmi2Component c, __VA_ARGS__) { (void)c; return fmi2Error; }
 #pragma GCC diagnostic ignored "-Wunused-parameter"
 ABSENT(SetDebugLogging, fmi2Boolean on, size_t n, const fmi2String names[])
-ABSENT(GetFMUstate, fmi2FMUstate *s)
-ABSENT(SetFMUstate, fmi2FMUstate s)
-ABSENT(FreeFMUstate, fmi2FMUstate *s)
 ABSENT(SerializedFMUstateSize, fmi2FMUstate s, size_t *n)
 ABSENT(SerializeFMUstate, fmi2FMUstate s, fmi2Byte b[], size_t n)
 ABSENT(DeSerializeFMUstate, const fmi2Byte b[], size_t n, fmi2FMUstate *s)
