@@ -41,7 +41,7 @@ def _read_description(path: Path, _digest: str, lenient: bool) -> ModelDescripti
     root = parse_xml(read_member(path, "modelDescription.xml", MAXIMUM_BYTES), path / "modelDescription.xml")
     if root.attributes.get("fmiVersion") != "2.0":
         version = root.attributes.get("fmiVersion")
-        raise SystemFileError(path, f"expected an FMU of FMI 2.0, got fmiVersion {version!r}")
+        raise SystemFileError(path, f"expected an FMU of FMI 2.0, got fmiVersion {version!r}: export it as that")
     description = _parse(path, lenient)
     if description.coSimulation is None:
         raise SystemFileError(path, "the FMU is not for co-simulation: export it as a co-simulation FMU")

@@ -16,6 +16,7 @@ from enum import Enum, auto
 from pathlib import Path
 from typing import Any, NoReturn
 
+from fmpy import platform, sharedLibraryExtension
 from fmpy.fmi2 import FMU2Slave
 from fmpy.model_description import ModelDescription
 
@@ -27,6 +28,7 @@ from .messages import MessageLog, forget, listen
 from .structure import Component, Value
 from .unpacked import discard_unpacked, leave_no_bytecode, provide_unpacked, release_unpacked
 
+_NOT_LOADED = "component {!r} cannot be loaded on this platform"
 _LOADING = threading.Lock()  # the working directory, which FMPy changes, is that of all threads
 
 OK, WARNING, DISCARD, ERROR, FATAL, PENDING = range(6)
@@ -332,8 +334,20 @@ def quote(messages: Sequence[str]) -> str:
     return "\n  The FMU says:\n" + "\n".join("    " + line.replace("\n", "\n    ") for line in messages)
 
 
+def find_binary(component: Component, description: ModelDescription, folder: Path) -> Path:
+    """The library of an unpacked FMU for this platform.  Raises :class:`SystemFileError` if there is none."""
+    name = f"{description.coSimulation.modelIdentifier}{sharedLibraryExtension}"
+    path = folder / "binaries" / platform / name
+    if path.is_file():
+        return path
+    others = sorted(other.name for other in folder.glob("binaries/*") if other.is_dir())
+    text = f"{_NOT_LOADED.format(component.name)}: the FMU has no binaries/{platform}/{name}; it has binaries for "
+    raise SystemFileError(component.source, f"{text}{', '.join(others) or 'none'}: ask its maker for {platform}")
+
+
 def load_library(component: Component, description: ModelDescription, folder: Path) -> FMU2Slave:
     """Load the library; FMPy changes the working directory for that and leaves it changed when it fails."""
+    find_binary(component, description, folder)
     with _LOADING:
         directory = Path.cwd()
         try:
@@ -344,10 +358,7 @@ def load_library(component: Component, description: ModelDescription, folder: Pa
                 instanceName=component.name,
             )
         except Exception as error:
-            raise SystemFileError(
-                component.source,
-                f"component {component.name!r} cannot be loaded on this platform: "
-                + str(error).replace(f"{folder}{os.sep}", ""),
-            ) from error
+            text = f"{_NOT_LOADED.format(component.name)}: " + str(error).replace(f"{folder}{os.sep}", "")
+            raise SystemFileError(component.source, text) from error
         finally:
             os.chdir(directory)

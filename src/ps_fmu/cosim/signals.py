@@ -79,7 +79,7 @@ def read_signals(path: Path) -> dict[str, Signal]:
     try:
         text = read_bytes(path, MAXIMUM_BYTES).decode("utf-8-sig")
     except UnicodeError as error:
-        raise SystemFileError(path, f"is not in UTF-8: {error}") from error
+        raise SystemFileError(path, f"is not in UTF-8, save it as such: {error}") from error
     rows = csv.reader(io.StringIO(text, newline=None), skipinitialspace=True)
     try:
         head = [name.strip() for name in next(rows, [])]

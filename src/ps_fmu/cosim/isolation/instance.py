@@ -10,12 +10,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NoReturn
 
-from fmpy import platform, sharedLibraryExtension
 from fmpy.fmi2 import FMU2Slave
 from fmpy.model_description import ModelDescription
 
 from ..errors import SlaveError
-from ..fmu_instance import FAMILY, FATAL, OK, WARNING, FmuInstance, InstancePhase, at_time, quote
+from ..fmu_instance import FAMILY, FATAL, OK, WARNING, FmuInstance, InstancePhase, at_time, find_binary, quote
 from ..guard import End, find_interrupts
 from ..messages import forget
 from ..structure import Component, System
@@ -90,7 +89,7 @@ class IsolatedInstance(FmuInstance):
 
     def _load(self, component: Component, description: ModelDescription) -> FMU2Slave:
         identifier = description.coSimulation.modelIdentifier
-        library = self._folder / "binaries" / platform / f"{identifier}{sharedLibraryExtension}"
+        library = find_binary(component, description, self._folder)
         self._guest = GuestProcess(library.absolute(), self._timeouts_s, self._show, find_interrupts())
         return FMU2Slave(
             guid=description.guid,
