@@ -21,8 +21,9 @@ from ps_fmu.cosim.description import read_description
 from ps_fmu.cosim.fmu_instance import FmuInstance
 from ps_fmu.cosim.graph import check_wiring
 from ps_fmu.cosim.initialisation import initialise, load, read_first_row
-from ps_fmu.cosim.plan import Plan, Stage, make_plan
+from ps_fmu.cosim.plan import Plan, Stage
 from ps_fmu.cosim.rows import Array, Rows, make_layout
+from ps_fmu.cosim.wires import make_plan
 
 CALLS = 500
 ROUNDS = 15

@@ -14,12 +14,14 @@ from pathlib import Path
 from .cosim.errors import CosimError, UsageError
 from .cosim.isolation.options import add_isolation_options, read_isolation
 from .cosim.schemes.options import add_scheme_options, read_scheme
+from .cosim.ssp.sources import SSD_NAME
 from .runs.any_system import AnyRun, run_any
 from .runs.faults_option import add_faults_option, find_faults
 from .runs.options import PLOT, RESULTS, OptionError, claim_folder
 from .runs.output import hold_folder, leave_no_empty_folder, report_end
 from .terminal import reason
 
+SUFFIXES = (".ssp", ".ssd", ".fmu")
 ABOUT = (
     "Run a system of FMUs: an SSP archive, a system structure description, or a single FMU (FMI 2.0, co-simulation).  "
     "This loads the libraries of the FMUs and runs their code, which can do all that you can."
@@ -29,6 +31,7 @@ ABOUT = (
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of a run of any system to a parser."""
     parser.description = ABOUT
+    parser.usage = "%(prog)s SYSTEM.ssp|.ssd|FMU [options]   (--help lists them)"  # an error shows it
     parser.epilog = (
         "What is not given is taken from the default experiment of the system, or else of its FMUs.  "
         "docs/run-any-system.md has the features of SSP and the form of the files."
@@ -57,9 +60,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def is_meant(arguments: Sequence[str]) -> bool:
-    """Whether the arguments of ``ps-fmu run`` name a system and not a scenario, which ``--system`` could have."""
+    """Whether the arguments of ``ps-fmu run`` name a system and not a scenario, which ``--system`` could have.
+
+    A first argument that is a file, or a path with a slash, is meant as a system, too, though it cannot be run.
+    """
+    first = Path(arguments[0] if arguments else "")
+    if not str(first).startswith("-") and (first.is_file() or (first / SSD_NAME).is_file() or len(first.parts) > 1):
+        return bool(arguments)
     for before, argument in zip(("", *arguments), arguments, strict=False):
-        if Path(argument).suffix.lower() in (".ssp", ".ssd", ".fmu") and before not in ("--system", "--ssp"):
+        if Path(argument).suffix.lower() in SUFFIXES and before not in ("--system", "--ssp"):
             return not argument.startswith("-")
     return False
 
@@ -92,6 +101,10 @@ def read_options(arguments: argparse.Namespace) -> AnyRun:
     for name, path in [("SYSTEM", system), *files]:
         if not path.exists():
             raise OptionError(f"{name}: there is no file {path}")
+    if not (system.suffix.lower() in SUFFIXES or Path(system, SSD_NAME).is_file()):
+        what = f"a folder without {SSD_NAME}" if system.is_dir() else "another file"
+        known = "an archive (.ssp), a system description (.ssd) or an FMU (.fmu)"
+        raise OptionError(f"SYSTEM: expected {known}; {system} is {what}")
     try:
         isolation, scheme = read_isolation(arguments), read_scheme(arguments)
     except UsageError as error:

@@ -29,3 +29,16 @@ def test_what_is_missed_is_named(step, start, missed, monkeypatch):
     texts = scaling.find_missed({1: scaling.Cost(0.1, 9.0), 4: scaling.Cost(0.1, 4.0), 64: scaling.Cost(start, step)})
     assert len(texts) == len(missed)
     assert all(word in text for word, text in zip(missed, texts, strict=True))
+
+
+@pytest.mark.parametrize(
+    ("start", "step", "missed"),
+    [(0.8, 8.0, []), (3.1, 8.0, ["start with 4032", "start per connection"]), (0.8, 13.0, ["connection: 1.65 times"])],
+)
+def test_what_is_missed_of_many_connections_is_named(start, step, missed, monkeypatch):
+    monkeypatch.syspath_prepend(str(BENCHMARKS))
+    import many_fmus
+
+    texts = many_fmus.find_missed({512: (0.2, 1.0), 1024: (9.0, 9.0), 4032: (start, step)})
+    assert len(texts) == len(missed)
+    assert all(word in text for word, text in zip(missed, texts, strict=True))

@@ -51,12 +51,38 @@ def test_factors_whose_product_is_infinite(folder):
         Master(read(folder, system(both, wire("a/real_out", "n/u", HUGE))), 0.1)
 
 
-def test_an_input_of_another_dimension(folder):
+@pytest.mark.parametrize("fed", [True, False])
+def test_an_input_of_another_dimension(folder, fed):
     (folder / "in.csv").write_text("time,u\n0,1\n")
     found = read(folder, system(relay("b", source="Metre.fmu"), wire("u", "b/real_in"),
                                 port("u", "input", '<ssc:Real unit="s"/>')))  # fmt: skip
     with pytest.raises(UsageError, match=r"input 'u' of the system: line \d+: the units differ in their dimensions"):
-        Master(found, 0.1, inputs=read_signals(folder / "in.csv"))
+        Master(found, 0.1, inputs=read_signals(folder / "in.csv") if fed else None)
+
+
+@pytest.mark.parametrize("fed", [True, False])
+def test_an_input_of_another_type(folder, fed):
+    (folder / "in.csv").write_text("time,u\n0,1.5\n")
+    found = read(folder, system(relay("b"), wire("u", "b/whole_in"), port("u", "input", "<ssc:Real/>")))
+    with pytest.raises(UsageError, match=r"input 'u' of the system: line \d+: it is Real, and b\.whole_in, .* Integer"):
+        Master(found, 0.1, inputs=read_signals(folder / "in.csv") if fed else None)
+
+
+@pytest.mark.parametrize("number", ["2147483648", "-9223372036854775808", "9" * 60])
+def test_whole_numbers_of_more_than_32_bits(folder, number):
+    """All of them are refused with the line."""
+    values = binding(f"whole_in=Integer:{number}")
+    found = read(folder, system(relay("b", values)))
+    with pytest.raises(WiringError, match=rf"SystemStructure\.ssd, line \d+\): {number} does not fit a 32-bit integer"):
+        Master(found, 0.1)
+    table = f'<ssc:IntegerMappingTransformation><ssc:MapEntry source="1" target="{number}"/>'
+    wires = wire("a/whole_out", "b/whole_in", f"{table}</ssc:IntegerMappingTransformation>")
+    with pytest.raises(WiringError, match=rf"- line \d+: connection a\.whole_out .* entry {number} does not fit"):
+        Master(read(folder, system(relay("a") + relay("b"), wires)), 0.1)
+    items = f'<ssd:Enumerations><ssc:Enumeration name="e"><ssc:Item name="x" value="{number}"/></ssc:Enumeration>'
+    (folder / "SystemStructure.ssd").write_text(description(system(relay("b")), f"{items}</ssd:Enumerations>"))
+    with pytest.raises(SystemFileError, match=r"ssd, line \d+: an item of an enumeration needs .* of 32 bits"):
+        read_system(folder)
 
 
 @pytest.mark.parametrize("kind", ["Integer", "Enumeration"])

@@ -16,7 +16,7 @@ import pytest
 from support import faulty
 from support.cosim import OSCILLATOR, Collect
 
-from ps_fmu.cosim import Master, UsageError, read_system
+from ps_fmu.cosim import Master, SlaveError, UsageError, read_system
 from ps_fmu.cosim.fmu_instance import InstancePhase
 from ps_fmu.cosim.isolation.instance import IsolatedInstance, Isolation
 from ps_fmu.cosim.isolation.options import add_isolation_options, read_isolation
@@ -171,14 +171,35 @@ def test_options():
     assert parse("--isolate") == Isolation()
     assert parse("--isolate-only=a", "--isolate-only", "b") == Isolation(frozenset({"a", "b"}))
     assert parse("--isolate", "--step-timeout", "2.5") == Isolation(step_timeout_s=2.5)
+    assert parse("--isolate", "--call-timeout", "2.5") == Isolation(call_timeout_s=2.5)
+    assert parse("--isolate").timeouts_s == (60.0, 60.0)
+    assert parse("--isolate", "--step-timeout", "5").timeouts_s == (5.0, 60.0)
+    assert parse("--isolate", "--step-timeout", "600").timeouts_s == (600.0, 600.0)
+    assert parse("--isolate", "--step-timeout", "600", "--call-timeout", "1").timeouts_s == (600.0, 1.0)
 
 
 @pytest.mark.parametrize("value", ["0", "-1", "nan", "inf", "1e7"])
-def test_a_timeout_that_is_no_time(value):
-    with pytest.raises(UsageError, match=r"--step-timeout: expected a time above 0 s and up to 1e\+06 s, got"):
-        parse("--isolate", f"--step-timeout={value}")
+@pytest.mark.parametrize("name", ["--step-timeout", "--call-timeout"])
+def test_a_timeout_that_is_no_time(name, value):
+    with pytest.raises(UsageError, match=rf"{name}: expected a time above 0 s and up to 1e\+06 s, got"):
+        parse("--isolate", f"{name}={value}")
 
 
-def test_a_timeout_without_isolation():
-    with pytest.raises(UsageError, match="--step-timeout: only FMUs with processes of their own can be ended"):
-        parse("--step-timeout", "1")
+@pytest.mark.parametrize("name", ["--step-timeout", "--call-timeout"])
+def test_a_timeout_without_isolation(name):
+    with pytest.raises(UsageError, match=f"{name}: only FMUs with processes of their own can be ended"):
+        parse(name, "1")
+
+
+@pytest.mark.parametrize(
+    ("fault", "timeouts"),
+    [("hang_asleep", {"step_timeout_s": 0.3}), ("hang_in_terminate", {"call_timeout_s": 0.3})],
+)
+def test_each_call_has_its_own_timeout(tmp_path, make_system, fault, timeouts):
+    system = make_system({fault: "Faulty"}, [], faulty.build(tmp_path).parent)
+    with (
+        pytest.raises(SlaveError, match=r"did not return within 0\.3 s; its process has been ended"),
+        Master(system, H, isolation=Isolation(**timeouts)) as master,
+    ):
+        master.initialise()
+        master.run(10 * H)

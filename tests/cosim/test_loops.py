@@ -14,8 +14,8 @@ from ps_fmu.cosim import Master, compiled, fmu_instance, guard, loops
 from ps_fmu.cosim.description import read_descriptions
 from ps_fmu.cosim.graph import check_wiring
 from ps_fmu.cosim.initialisation import initialise, load
-from ps_fmu.cosim.plan import make_plan
 from ps_fmu.cosim.rows import Rows, make_layout
+from ps_fmu.cosim.wires import make_plan
 
 H = 0.01
 

@@ -76,9 +76,12 @@ def test_a_reset_gives_the_same_rows(folder, collect):
 @pytest.mark.parametrize(
     ("text", "line", "reason"),
     [
-        ("", 1, "expected a head such as time,input_1"),
-        ("t,u\n0,1\n", 1, "expected a head"),
-        ("time,u,u\n0,1,1\n", 1, "expected a head"),
+        ("", 1, "expected a head such as time,input_1,input_2 with different names: the file is empty"),
+        ("t,u\n0,1\n", 1, "expected a head such as time,input_1,input_2 with different names: the first column is"),
+        ("time,u,u\n0,1,1\n", 1, "'u' occurs twice"),
+        ("time;u\n0;1\n", 1, "the columns are not separated by commas"),
+        ("time\n0\n", 1, "there is no input"),
+        ("time,u,\n0,1,1\n", 1, "column 3 has no name"),
         ("time,u\n", 1, "there are no rows"),
         ("time,u\n0,1\n\n1,2,3\n", 4, "expected 2 values, got 3"),
         ("time,u\n0,1\n1,2\n0.5,3\n", 4, "does not decrease, got '0.5'"),
@@ -111,5 +114,6 @@ def test_names_that_are_refused(folder, name, reason):
         text = (folder / "SystemStructure.ssd").read_text()
         text = text.replace(wire("u", "a/real_in"), wire("m/real_out", "a/real_in"))
         (folder / "SystemStructure.ssd").write_text(text)
-    with pytest.raises(UsageError, match=re.escape(reason)):
+    with pytest.raises(UsageError, match=re.escape(reason)) as caught:
         Master(read_system(folder), H, inputs=signals(folder, f"time,{name}\n0,1\n"))
+    assert str(caught.value).startswith(f"{folder / 'in.csv'}, line 1: input {name!r}: ")

@@ -226,10 +226,79 @@ def test_a_folder_in_use(archive, tmp_path, capsys):
 
 
 @pytest.mark.parametrize(
+    ("name", "reason"),
+    [
+        ("notes.txt", "SYSTEM: expected an archive (.ssp), a system description (.ssd) or an FMU (.fmu); "),
+        ("empty/", "empty is a folder without SystemStructure.ssd"),
+        ("none/none.zip", "SYSTEM: there is no file "),
+    ],
+)
+def test_what_is_no_system(tmp_path, capsys, name, reason):
+    (tmp_path / "notes.txt").write_text("")
+    (tmp_path / "empty").mkdir()
+    assert run(f"{tmp_path}/{name}") == 2
+    printed = capsys.readouterr().err.splitlines()
+    assert reason in printed[-1]
+    assert len(printed) == 2  # how to call it, and what is wrong
+
+
+def test_a_folder_with_a_description(archive, tmp_path):
+    with zipfile.ZipFile(archive) as packed:
+        packed.extractall(tmp_path / "system")
+    assert run(f"{tmp_path}/system", "--step", "0.1", "--no-figures", "--output", tmp_path / "out") == 0
+    assert len(read(tmp_path / "out")["time"]) == 11
+
+
+def change(fmu, target, name, **replaced):
+    """A copy of an FMU with another member, or without it."""
+    with zipfile.ZipFile(fmu) as old, zipfile.ZipFile(target, "w") as new:
+        for member in old.namelist():
+            text = old.read(member)
+            if member.startswith(name) and "to" in replaced:
+                new.writestr(member.replace(name, replaced["to"]), text)
+            elif member == name:
+                for before, after in replaced["text"].items():
+                    assert before in text.decode()
+                    text = text.decode().replace(before, after).encode()
+                new.writestr(member, text)
+            else:
+                new.writestr(member, text)
+    return target
+
+
+@pytest.mark.parametrize("options", [[], ["--isolate"]])
+def test_an_fmu_for_another_platform(fmus, tmp_path, capsys, options):
+    fmu = change(fmus / "ToyMass.fmu", tmp_path / "a.fmu", "binaries/linux64", to="binaries/vax")
+    assert run(fmu, "--step", "0.1", "--duration", "1", "--output", tmp_path / "out", *options) == 1
+    assert "the FMU has no binaries/linux64/ToyMass.so; it has binaries for " in (error := capsys.readouterr().err)
+    assert "vax" in error and "ask its maker for linux64" in error
+
+
+@pytest.mark.parametrize("version", ["1.0", "3.0"])
+def test_an_fmu_of_another_version(fmus, tmp_path, capsys, version):
+    text = {'fmiVersion="2.0"': f'fmiVersion="{version}"'}
+    fmu = change(fmus / "ToyMass.fmu", tmp_path / "a.fmu", "modelDescription.xml", text=text)
+    assert run(fmu, "--output", tmp_path / "out") == 1
+    reason = f"a.fmu: expected an FMU of FMI 2.0, got fmiVersion '{version}': export it as that"
+    assert reason in capsys.readouterr().err
+
+
+def test_a_parameter_with_a_misspelt_component(fmus, tmp_path, capsys):
+    (tmp_path / "set.ssv").write_text(
+        '<ssv:ParameterSet xmlns:ssv="http://ssp-standard.org/SSP1/SystemStructureParameterValues" version="1.0" '
+        'name="s"><ssv:Parameters>\n<ssv:Parameter name="ToyMas.mass"><ssv:Real value="3"/></ssv:Parameter>'
+        "</ssv:Parameters></ssv:ParameterSet>"
+    )
+    assert run(fmus / "ToyMass.fmu", "--step", "0.1", "--duration", "1", "--parameters", tmp_path / "set.ssv",
+               "--output", tmp_path / "out") == 1  # fmt: skip
+    assert "set.ssv, line 2): ToyMass.fmu has no such variable; did you mean ToyMass.mass" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
     ("arguments", "meant"),
     [
         (["a.ssp"], True), (["--step", "1", "b.FMU"], True), (["c.ssd", "--help"], True), (["isolation"], False),
-        (["isolation", "--ssp", "a.ssp"], False), (["--system", "a.ssd"], False), ([], False),
+        (["isolation", "--ssp", "a.ssp"], False), (["some/where"], True), (["--system", "a.ssd"], False), ([], False),
     ],
 )  # fmt: skip
 def test_which_run_is_meant(arguments, meant):

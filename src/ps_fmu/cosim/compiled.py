@@ -79,7 +79,7 @@ class CompiledLoop:
         types = POINTER(_Loop), c_void_p, c_void_p, c_int64, c_double, POINTER(c_int), POINTER(Timing), POINTER(End)
         self._run_steps.argtypes, self._run_steps.restype = types, c_int
         self._timing, self._end = None if laps is None else laps.timing, End()
-        self._plan, self._rows, self._effects = plan, rows, plan.effects
+        self.plan, self._rows, self._effects = plan, rows, plan.effects
         self._parts = list(list_parts(plan))
         operations = (_Operation * len(self._parts))(*map(_make_operation, self._parts))
         sizes = [sum(len(s.gathers) + len(s.calls) for s in stages) for stages in plan.list_phases()]
@@ -94,7 +94,7 @@ class CompiledLoop:
         for group in self._effects:
             group.prepare(times)
         loop.rows_done = 0
-        loop.phase = phase = self._plan.find_phase(float(times[0])) if len(times) else 0
+        loop.phase = phase = self.plan.find_phase(float(times[0])) if len(times) else 0
         loop.next_operation = self._ends[phase - 1] if phase else 0
         goal = self._rows.block[first:].ctypes.data, times.ctypes.data, len(times)
         end = self._end
@@ -103,8 +103,8 @@ class CompiledLoop:
                 call, time = self._parts[loop.next_operation - 1], float(times[loop.rows_done])
                 assert isinstance(call, Call)
                 if end.ending:
-                    call.give_up(end, time, self._plan.step)
-                call.check(status, time, self._plan.step)
+                    call.give_up(end, time, self.plan.step)
+                call.check(status, time, self.plan.step)
         finally:
             done, loop.rows_done = loop.rows_done, 0  # whoever counts rows meanwhile counts too few
             self._rows.filled = first + done
@@ -138,7 +138,6 @@ def _make_operation(part: Gather | EffectGroup | Call) -> _Operation:
     references, orders, values = (None if array is None else array.ctypes.data for array in arrays_of)
     if part.span is not None:
         span = part.span.numbers.ctypes.data
-        return _Operation(_DO_SPAN, int(part.repeatable), span, None, None, part.instance.address, part.address)
+        return _Operation(_DO_SPAN, 0, span, None, None, part.instance.address, part.address)
     kind = _CALL[part.function]
-    count = int(part.repeatable) if part.function == "fmi2DoStep" else len(part.names)
-    return _Operation(kind, count, references, orders, values, part.instance.address, part.address)
+    return _Operation(kind, len(part.names), references, orders, values, part.instance.address, part.address)

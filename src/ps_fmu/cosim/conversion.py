@@ -13,7 +13,7 @@ from fmpy.model_description import ModelDescription, ModelVariable
 
 from .hops import Conversion, End, Hop, Transformation
 from .units import find_conversion, find_fmu_unit
-from .values import EXPECTED, parse_value
+from .values import EXPECTED, fits_int32, parse_value
 
 INTEGERS = ("Integer", "Enumeration")
 _VALID_FOR = {"Linear": ("Real",), "Boolean": ("Boolean",), "Integer": INTEGERS, "Enumeration": ("Enumeration",)}
@@ -79,6 +79,8 @@ def _make_table(transformation: Transformation, here: End, there: End) -> dict[i
                 value = parse_value(transformation.kind, text)
                 if value is None:
                     raise ValueError(f"expected {EXPECTED[transformation.kind]}, got {text!r}")
+                if not fits_int32(int(value)):
+                    raise ValueError(f"the map entry {text} does not fit a 32-bit integer")
                 sides.append(int(value))
         if sides[0] in table:
             raise ValueError(f"the source value {entry[0]!r} occurs twice")

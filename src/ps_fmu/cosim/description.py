@@ -15,6 +15,7 @@ from fmpy.model_description import ModelDescription, ModelVariable
 from .archive import check_archive, compute_digest, read_member
 from .errors import SystemFileError, UsageError
 from .structure import PortName, System, Value, suggest_names
+from .values import fits_int32, parse_real
 from .xmlfile import MAXIMUM_BYTES, parse_xml
 
 log = logging.getLogger("ps_fmu.cosim")
@@ -41,7 +42,7 @@ def _read_description(path: Path, _digest: str, lenient: bool) -> ModelDescripti
     root = parse_xml(read_member(path, "modelDescription.xml", MAXIMUM_BYTES), path / "modelDescription.xml")
     if root.attributes.get("fmiVersion") != "2.0":
         version = root.attributes.get("fmiVersion")
-        raise SystemFileError(path, f"expected an FMU of FMI 2.0, got fmiVersion {version!r}")
+        raise SystemFileError(path, f"expected an FMU of FMI 2.0, got fmiVersion {version!r}: export it as that")
     description = _parse(path, lenient)
     if description.coSimulation is None:
         raise SystemFileError(path, "the FMU is not for co-simulation: export it as a co-simulation FMU")
@@ -98,6 +99,13 @@ def read_start(variable: ModelVariable) -> Value:
     return text if variable.type == "String" else int(text)
 
 
+def read_tolerance(description: ModelDescription) -> float | None:
+    """The relative tolerance that the default experiment of an FMU states; None for what is no number above 0."""
+    own = description.defaultExperiment
+    tolerance = None if own is None or own.tolerance is None else parse_real(str(own.tolerance))
+    return tolerance if tolerance is not None and tolerance > 0.0 else None
+
+
 def get_unit(variable: ModelVariable) -> str | None:
     """Unit of a variable, its own or that of its declared type; None where the FMU states none."""
     declared = variable.declaredType.unit if variable.declaredType is not None else None
@@ -125,7 +133,7 @@ def convert_value(variable: ModelVariable, value: Value) -> Value:
         if not math.isfinite(result):
             raise UsageError(f"expected a finite number, got {value!r}")
     elif kind in ("Integer", "Enumeration") and isinstance(value, int) and not isinstance(value, bool):
-        if not -(2**31) <= value < 2**31:
+        if not fits_int32(value):
             raise UsageError(f"{value} does not fit a 32-bit integer")
         result = value
     elif kind == "Boolean" and isinstance(value, bool):

@@ -77,7 +77,12 @@ class DiscardedStep(SlaveError):
 
 
 class SlaveEnded(DiscardedStep):
-    """An FMU that has ended the simulation by itself: no failure (fmi2Discard, and fmi2Terminated is true)."""
+    """An FMU that has ended the simulation by itself: no failure (fmi2Discard, and fmi2Terminated is true).
+
+    ``time`` [s] is that of the last row, ``during`` the call of a plan that showed it.
+    """
+
+    during: object = None
 
 
 class ConvergenceError(CosimError):

@@ -16,11 +16,12 @@ from enum import Enum, auto
 from pathlib import Path
 from typing import Any, NoReturn
 
+from fmpy import platform, sharedLibraryExtension
 from fmpy.fmi2 import FMU2Slave
 from fmpy.model_description import ModelDescription
 
 from . import guard, pythonfmu
-from .description import convert_value, index_variables
+from .description import convert_value, index_variables, read_tolerance
 from .errors import DiscardedStep, SlaveEnded, SlaveError, SystemFileError, UsageError, name_status
 from .guard import End
 from .messages import MessageLog, forget, listen
@@ -28,6 +29,7 @@ from .structure import Component, Value
 from .unpacked import discard_unpacked, leave_no_bytecode, provide_unpacked, release_unpacked
 from .values import parse_real
 
+_NOT_LOADED = "component {!r} cannot be loaded on this platform"
 _LOADING = threading.Lock()  # the working directory, which FMPy changes, is that of all threads
 
 OK, WARNING, DISCARD, ERROR, FATAL, PENDING = range(6)
@@ -81,6 +83,7 @@ class FmuInstance:
         self.source = component.source
         self.variables = index_variables(description)
         self.derives: bool = description.coSimulation.providesDirectionalDerivative
+        self._tolerance = read_tolerance(description)
         self.runs_python = (description.generationTool or "").startswith("PythonFMU")
         self.messages = MessageLog(self.name)
         self.warnings = 0
@@ -123,8 +126,12 @@ class FmuInstance:
     # ---- the life of an instance -------------------------------------------------------------------------
 
     def set_up(self, start_time: float) -> None:
-        """fmi2SetupExperiment, without a stop time: the end of a run is not known when it begins."""
-        self._call("fmi2SetupExperiment", 0, 0.0, start_time, 0, 0.0, time=start_time)
+        """fmi2SetupExperiment, without a stop time: the end of a run is not known when it begins.
+
+        The tolerance is that of the FMU's default experiment, if it states one: its solver is set for that.
+        """
+        given = self._tolerance is not None
+        self._call("fmi2SetupExperiment", int(given), self._tolerance or 0.0, start_time, 0, 0.0, time=start_time)
 
     def enter_initialisation(self, time: float) -> None:
         """fmi2EnterInitializationMode."""
@@ -347,8 +354,20 @@ def quote(messages: Sequence[str]) -> str:
     return "\n  The FMU says:\n" + "\n".join("    " + line.replace("\n", "\n    ") for line in messages)
 
 
+def find_binary(component: Component, description: ModelDescription, folder: Path) -> Path:
+    """The library of an unpacked FMU for this platform.  Raises :class:`SystemFileError` if there is none."""
+    name = f"{description.coSimulation.modelIdentifier}{sharedLibraryExtension}"
+    path = folder / "binaries" / platform / name
+    if path.is_file():
+        return path
+    others = sorted(other.name for other in folder.glob("binaries/*") if other.is_dir())
+    text = f"{_NOT_LOADED.format(component.name)}: the FMU has no binaries/{platform}/{name}; it has binaries for "
+    raise SystemFileError(component.source, f"{text}{', '.join(others) or 'none'}: ask its maker for {platform}")
+
+
 def load_library(component: Component, description: ModelDescription, folder: Path) -> FMU2Slave:
     """Load the library; FMPy changes the working directory for that and leaves it changed when it fails."""
+    find_binary(component, description, folder)
     with _LOADING:
         directory = Path.cwd()
         try:
@@ -359,10 +378,7 @@ def load_library(component: Component, description: ModelDescription, folder: Pa
                 instanceName=component.name,
             )
         except Exception as error:
-            raise SystemFileError(
-                component.source,
-                f"component {component.name!r} cannot be loaded on this platform: "
-                + str(error).replace(f"{folder}{os.sep}", ""),
-            ) from error
+            text = f"{_NOT_LOADED.format(component.name)}: " + str(error).replace(f"{folder}{os.sep}", "")
+            raise SystemFileError(component.source, text) from error
         finally:
             os.chdir(directory)

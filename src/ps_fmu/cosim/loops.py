@@ -23,6 +23,10 @@ Phase = TypeVar("Phase")
 class StepLoop(Protocol):
     """Runs steps of a plan."""
 
+    @property
+    def plan(self) -> Plan | None:
+        """What is done in each step; None where that depends on what comes out."""
+
     def advance(self, times: Array, interrupted: c_int) -> None:
         """Run one step from each of the ``times`` [s]; ends early, after a step, once ``interrupted`` is not zero.
 
@@ -54,7 +58,7 @@ class PythonLoop:
     """
 
     def __init__(self, plan: Plan, rows: Rows) -> None:
-        self._plan, self._rows, self._effects = plan, rows, plan.effects
+        self.plan, self._rows, self._effects = plan, rows, plan.effects
         self._spans = plan.list_spans()
         self._phases = [
             [
@@ -72,7 +76,7 @@ class PythonLoop:
 
     def advance(self, times: Array, interrupted: c_int) -> None:
         """See :class:`StepLoop`."""
-        plan, rows, spans = self._plan, self._rows, self._spans
+        plan, rows, spans = self.plan, self._rows, self._spans
         for group in self._effects:
             group.prepare(times)
         fed = [(*rows.find_place(s.port), iter(s.sample(times + plan.step, plan.step))) for s in plan.signals]
@@ -108,7 +112,7 @@ class TimedPythonLoop:
     """The same steps; the clock is read after each part."""
 
     def __init__(self, plan: Plan, rows: Rows, laps: Laps) -> None:
-        self._plan, self._rows, self._laps = plan, rows, laps
+        self.plan, self._rows, self._laps = plan, rows, laps
         numbered = list(zip(laps.firsts, plan.stages, strict=True))
         ends = list(accumulate(map(len, plan.list_phases())))
         self._phases = [numbered[begin:end] for begin, end in zip((0, *ends[:-1]), ends, strict=True)]
@@ -116,7 +120,7 @@ class TimedPythonLoop:
 
     def advance(self, times: Array, interrupted: c_int) -> None:
         """See :class:`StepLoop`."""
-        plan, rows, laps = self._plan, self._rows, self._laps
+        plan, rows, laps = self.plan, self._rows, self._laps
         for group in plan.effects:
             group.prepare(times)
         fed = [(*rows.find_place(s.port), s.sample(times + plan.step, plan.step)) for s in plan.signals]
@@ -154,7 +158,7 @@ class TimedPythonLoop:
             status = called.invoke()
             before = self._note(place, before, time)
             if status:
-                called.check(status, time, self._plan.step)
+                called.check(status, time, self.plan.step)
 
     def _note(self, place: int, before: int, time: float) -> int:
         after = perf_counter_ns()

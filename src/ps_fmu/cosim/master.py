@@ -28,7 +28,6 @@ from .guard import ProcessGuard
 from .initialisation import initialise, load, read_first_row
 from .interrupt import note_interrupts
 from .isolation.instance import Isolation
-from .plan import find_fed
 from .recording.beside import DeliveryBeside
 from .recording.delivery import Delivery, Observer
 from .rows import Column, Rows
@@ -40,6 +39,7 @@ from .signals import Signal, bind_signals, derive_outputs, get_first_values
 from .stopwatch import Stopwatch
 from .structure import PortName, System, Value
 from .substeps import RepeatingLoop
+from .wires import find_fed
 
 log = logging.getLogger("ps_fmu.cosim")
 
@@ -337,7 +337,7 @@ class Master:
         self.faults.settle(self._instances, fed)
         maker = LoopMaker(  # refers to no Master, so that it goes when nobody needs it any longer
             self.scheme, self._own, self._descriptions, self._instances, self.wiring, self._rows, self.clock.start,
-            self._set.keys(), self._obstacle is None, self._signals, self._compiled, self.step, self._stopwatch,
+            self._set.keys(), self._signals, self._compiled, self.step, self._stopwatch,
             self.faults,
         )  # fmt: skip
         self._loop = RepeatingLoop(self._instances, self._rows, self.step, maker.make, self._obstacle, self.faults)

@@ -16,19 +16,18 @@ import numpy as np
 from fmpy.model_description import ModelDescription
 from numpy.typing import NDArray
 
-from .conversion import combine, find_end
+from .conversion import INTEGERS, combine, find_end
 from .description import find_variable
 from .errors import SystemFileError, UsageError
 from .hops import Conversion, End, list_items
 from .rows import Array, Column, Derived
-from .structure import PortName, System, suggest_names
-from .values import Value, parse_value
+from .structure import PortName, System, SystemInput, suggest_names
+from .values import Value, fits_int32, parse_value
 from .xmlfile import read_bytes
 
 AT_ONCE = 1e-6
 """A row so many steps after a communication point counts as there: decimal fractions are not exact."""
 MAXIMUM_BYTES = 256 * 2**20
-_LOWEST, _HIGHEST = -(2**31), 2**31 - 1
 
 
 @dataclass(frozen=True)
@@ -80,12 +79,13 @@ def read_signals(path: Path) -> dict[str, Signal]:
     try:
         text = read_bytes(path, MAXIMUM_BYTES).decode("utf-8-sig")
     except UnicodeError as error:
-        raise SystemFileError(path, f"is not in UTF-8: {error}") from error
+        raise SystemFileError(path, f"is not in UTF-8, save it as such: {error}") from error
     rows = csv.reader(io.StringIO(text, newline=None), skipinitialspace=True)
     try:
         head = [name.strip() for name in next(rows, [])]
-        if head[:1] != ["time"] or len(head) < 2 or len(set(head)) != len(head) or "" in head:
-            raise SystemFileError(path, "expected a head such as time,input_1,input_2 with different names", 1)
+        if reason := _find_fault(head):
+            text = f"expected a head such as time,input_1,input_2 with different names: {reason}"
+            raise SystemFileError(path, text, 1)
         table: list[tuple[float, list[str]]] = []
         lines = []
         for row in rows:
@@ -110,30 +110,41 @@ def read_signals(path: Path) -> dict[str, Signal]:
     }
 
 
+def _find_fault(head: Sequence[str]) -> str | None:
+    """What is wrong with the first line of a file of inputs; None if nothing is."""
+    if head[:1] != ["time"]:
+        if len(head) == 1 and set(head[0]) & set(";\t"):
+            return "the columns are not separated by commas"
+        return f"the first column is called {head[0]!r}" if head else "the file is empty"
+    if len(head) < 2:
+        return "there is no input"
+    again = next((name for place, name in enumerate(head) if name in head[:place]), None)
+    if again is not None:
+        return f"{again!r} occurs twice"
+    return f"column {head.index('') + 1} has no name" if "" in head else None
+
+
 def bind_signals(
     system: System, descriptions: Mapping[str, ModelDescription], signals: Mapping[str, Signal]
 ) -> list[BoundSignal]:
     """Signals with the inputs of components that they feed.
 
     A name is that of an input of the system, or ``component.variable`` of an input that no connection feeds.  Raises
-    :class:`UsageError`: no such input, one that is connected, one of Strings, units that cannot be converted;
-    :class:`SystemFileError` with the line: a value of another type, or none of the enumeration.
+    :class:`UsageError`: no such input, one that is connected, one of Strings; an input of the system, fed or not, whose
+    type is another than that of what it leads to, or whose unit cannot be converted; :class:`SystemFileError` with the
+    line: a value of another type, or none of the enumeration.
     """
-    inputs = {item.name: item for item in system.inputs}
+    inputs = {item.name: _convert_input(system, item, descriptions) for item in system.inputs}
     connected = {connection.target for connection in system.connections}
     bound = []
     for name, signal in signals.items():
         if name in inputs:
-            item = inputs[name]
-            ends = [_find_end(port, descriptions) for port, _ in item.targets]
-            start = End(item.end.type or ends[0].type, item.end.unit or ends[0].unit, item.end.items or ends[0].items)
-            ways = zip(item.targets, ends, strict=True)
-            try:
-                targets = tuple((port, combine(start, hops, end)) for (port, hops), end in ways)
-            except ValueError as error:
-                raise UsageError(f"{system.path}: input {name!r} of the system: {error}") from None
+            start, targets = inputs[name]
         else:
-            port = _find_open(system, descriptions, name, [*inputs], connected)
+            try:
+                port = _find_open(system, descriptions, name, [*inputs], connected)
+            except UsageError as error:
+                raise UsageError(f"{signal.origin}, line 1: {error}") from None
             start, targets = _find_end(port, descriptions), ((port, Conversion()),)
         bound.append(_bind(name, signal, start, targets, descriptions))
     return bound
@@ -149,6 +160,23 @@ def get_first_values(signals: Sequence[BoundSignal], start: float, step: float) 
     }
 
 
+def _convert_input(
+    system: System, item: SystemInput, descriptions: Mapping[str, ModelDescription]
+) -> tuple[End, tuple[tuple[PortName, Conversion], ...]]:
+    """What an input of the system is, and the ways from it."""
+    ends = [_find_end(port, descriptions) for port, _ in item.targets]
+    start = End(item.end.type or ends[0].type, item.end.unit or ends[0].unit, item.end.items or ends[0].items)
+    targets = []
+    for (port, hops), end in zip(item.targets, ends, strict=True):
+        try:
+            if start.type != end.type and {start.type, end.type} != set(INTEGERS):
+                raise ValueError(f"line {item.line}: it is {start.type}, and {port}, which it leads to, {end.type}")
+            targets.append((port, combine(start, hops, end)))
+        except ValueError as error:
+            raise UsageError(f"{system.path}: input {item.name!r} of the system: {error}") from None
+    return start, tuple(targets)
+
+
 def _bind(
     name: str,
     signal: Signal,
@@ -158,11 +186,11 @@ def _bind(
 ) -> BoundSignal:
     kind = "Integer" if start.type == "Enumeration" else start.type or "Real"
     if kind == "String":
-        raise UsageError(f"input {name!r}: Strings cannot be read from {signal.origin}: set a start value")
+        raise UsageError(f"{signal.origin}, line 1: input {name!r}: Strings cannot be read here: set a start value")
     values = np.empty(len(signal.texts))
     for row, text in enumerate(signal.texts):
         value = parse_value(kind, text)
-        if value is None or isinstance(value, str) or (kind == "Integer" and not _LOWEST <= value <= _HIGHEST):
+        if value is None or isinstance(value, str) or (kind == "Integer" and not fits_int32(int(value))):
             text = f"input {name!r}: expected a value of type {start.type}, got {text!r}"
             raise SystemFileError(Path(signal.origin), text, signal.lines[row])
         if start.items and value not in start.items.values():

@@ -28,7 +28,8 @@ def resolve_start_values(
     for name, parameter in component.parameters.items():
         where = f"parameter {component.name}.{name} ({parameter.origin})"
         if name not in variables:
-            text = f"{where}: {component.source.name} has no such variable{suggest_names(name, variables)}"
+            near = suggest_names(name, [*variables, *(f"{component.name}.{known}" for known in variables)])
+            text = f"{where}: {component.source.name} has no such variable{near}"
             (remarks if parameter.bound else problems).append(text + (": ignored" if parameter.bound else ""))
             continue
         variable = variables[name]

@@ -18,6 +18,7 @@ from fmpy.model_description import ModelDescription
 from .errors import DiscardedStep, SlaveEnded, SlaveError
 from .faults.active import ActiveFaults, Memories
 from .fmu_instance import FmuInstance
+from .last_step import finish_step
 from .loops import StepLoop
 from .rows import Array, Rows
 
@@ -94,7 +95,8 @@ class RepeatingLoop:
         self._keep_now_and_then()
         try:
             self.loop.advance(times, interrupted)
-        except SlaveEnded:
+        except SlaveEnded as ended:
+            finish_step(self.loop.plan, rows, ended, float(times[rows.filled - first]))
             raise
         except DiscardedStep as error:
             if self._obstacle is not None:
@@ -154,10 +156,13 @@ class RepeatingLoop:
             kept = self._keep()
             last = now + size >= end
             size = end - now if last else size
+            loop = self._make_loop(size)
             try:
-                self._make_loop(size).advance(np.array([now]), interrupted)
-            except SlaveEnded:
-                rows.go_back(filled)
+                loop.advance(np.array([now]), interrupted)
+            except SlaveEnded as ended:
+                if not (last and finish_step(loop.plan, rows, ended, now)):
+                    rows.go_back(filled)
+                    ended.time = time
                 raise
             except DiscardedStep as again:
                 rows.go_back(filled)

@@ -6,33 +6,11 @@ A value ``v`` in a unit is ``factor * v + offset`` in SI base units.
 from __future__ import annotations
 
 import math
-from pathlib import Path
 
 from fmpy.model_description import ModelDescription, ModelVariable
 
 from .description import get_unit
-from .errors import SystemFileError
 from .hops import EXPONENTS, Unit
-from .values import parse_real
-from .xmlfile import Element
-
-
-def read_units(group: Element | None, path: Path) -> dict[str, Unit]:
-    """The units of an ``ssd:Units``, ``ssv:Units`` or ``ssb:Units``.
-
-    Raises :class:`SystemFileError` with the line: no name, no base unit, a number that is none, a factor of zero.
-    """
-    units = {}
-    for element in group.children if group is not None else ():
-        name, base = element.attributes.get("name"), element.find("ssc:BaseUnit")
-        if name is None or base is None:
-            raise SystemFileError(path, "a unit needs a name and an ssc:BaseUnit", element.line)
-        numbers = {key: _read_number(base, key, path) for key in (*EXPONENTS, "factor", "offset")}
-        factor = 1.0 if numbers["factor"] is None else numbers["factor"]
-        if factor == 0.0:
-            raise SystemFileError(path, f"unit {name!r}: the factor must not be zero", base.line)
-        units[name] = Unit(name, tuple(numbers[key] or 0.0 for key in EXPONENTS), factor, numbers["offset"] or 0.0)
-    return units
 
 
 def find_fmu_unit(variable: ModelVariable, description: ModelDescription) -> Unit | None:
@@ -70,11 +48,3 @@ def find_conversion(start: Unit | None, end: Unit | None) -> tuple[float, float]
         if unit.factor == 0.0 or not (math.isfinite(unit.factor) and math.isfinite(unit.offset)):
             raise ValueError(f"the unit {unit.name!r} has factor {unit.factor!r} and offset {unit.offset!r}")
     return start.factor / end.factor, (start.offset - end.offset) / end.factor
-
-
-def _read_number(element: Element, name: str, path: Path) -> float | None:
-    text = element.attributes.get(name)
-    value = None if text is None else parse_real(text)
-    if text is not None and (value is None or not math.isfinite(value)):
-        raise SystemFileError(path, f"{name}: expected a finite number, got {text!r}", element.line)
-    return value

@@ -10,6 +10,8 @@ Value = float | int | bool | str
 _REAL = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?")
 _INTEGER = re.compile(r"[+-]?\d+")
 _BOOLEAN = {"true": True, "1": True, "false": False, "0": False}
+MOST_DIGITS = 300
+"""Of a whole number that is read: it is out of range anyway, and thousands take long."""
 EXPECTED = {"Real": "a finite number", "Integer": "a whole number", "Boolean": "true or false"}
 
 
@@ -26,7 +28,12 @@ def parse_value(kind: str, text: str) -> Value | None:
     if kind == "Real":
         return parse_real(text)
     if kind == "Integer":
-        return int(stripped) if _INTEGER.fullmatch(stripped) and len(stripped) < 20 else None
+        return int(stripped) if _INTEGER.fullmatch(stripped) and len(stripped) <= MOST_DIGITS else None
     if kind == "Boolean":
         return _BOOLEAN.get(stripped)
     return text
+
+
+def fits_int32(value: int) -> bool:
+    """Whether a whole number is one of FMI 2.0, which has 32 bits."""
+    return -(2**31) <= value < 2**31

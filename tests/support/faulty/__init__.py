@@ -11,13 +11,18 @@ from ps_fmu.slavekit.launcher.c_program import find_fmi_headers
 HERE = Path(__file__).parent
 
 
-def build(folder: Path) -> Path:
-    """Faulty.fmu in a folder."""
+def compile_c(source: Path, library: Path) -> Path:
+    """A library of one source with the headers of FMI 2.0."""
     compiler = ["cc"] if shutil.which("cc") else [sys.executable, "-m", "ziglang", "cc"]
-    library = folder / "Faulty.so"
     flags = ["-std=c11", "-D_GNU_SOURCE", "-O1", "-fno-optimize-sibling-calls", "-fPIC", "-shared"]
     flags += ["-Wall", "-Wno-infinite-recursion", "-I", str(find_fmi_headers())]
-    subprocess.run([*compiler, *flags, str(HERE / "faulty.c"), "-o", str(library), "-lm", "-lpthread"], check=True)
+    subprocess.run([*compiler, *flags, str(source), "-o", str(library), "-lm", "-lpthread"], check=True)
+    return library
+
+
+def build(folder: Path) -> Path:
+    """Faulty.fmu in a folder."""
+    library = compile_c(HERE / "faulty.c", folder / "Faulty.so")
     with zipfile.ZipFile(folder / "Faulty.fmu", "w") as archive:
         archive.write(HERE / "modelDescription.xml", "modelDescription.xml")
         archive.write(library, "binaries/linux64/Faulty.so")

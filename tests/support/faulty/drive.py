@@ -17,7 +17,6 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from ps_fmu.cosim import Master, read_system
-from ps_fmu.cosim.isolation import guest_process
 from ps_fmu.cosim.isolation.instance import Isolation
 from support.cosim import Collect, ssd_text
 
@@ -28,15 +27,15 @@ PATIENCE_S = 30.0
 
 def run(folder, fault, where):
     """The report of one run; ``where``: isolated, inside, or unlimited for isolated without a time-out."""
-    guest_process.LIFE_TIMEOUT_S = TIMEOUT_S
     limit = 1e4 if where == "unlimited" else TIMEOUT_S
+    isolation = Isolation(step_timeout_s=limit, call_timeout_s=limit)
     collect, ended, error = Collect(), None, None
     with tempfile.TemporaryDirectory() as place:
         path = Path(place, "test.ssd")
         path.write_text(ssd_text({"other": "Faulty", fault: "Faulty"}, [f"other.y -> {fault}.u"]))
         try:
             system = read_system(path, folder)
-            with Master(system, H, isolation=None if where == "inside" else Isolation(step_timeout_s=limit)) as master:
+            with Master(system, H, isolation=None if where == "inside" else isolation) as master:
                 master.initialise()
                 master.run(STEPS * H, [collect])
                 ended = str(master.ended) if master.ended else None

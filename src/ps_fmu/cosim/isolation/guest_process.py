@@ -30,8 +30,6 @@ SPIN_NS = 0
 A step of two FMUs took 13.9 us so on two processors, and 12.0 us with 10 000; but on a machine with more to do than
 processors, 10 000 take two to three times as long.
 """
-LIFE_TIMEOUT_S = 60.0
-"""Calls that are no steps may take so long at least: FMUs load data and start tools in them [s]."""
 ENDING_S = 2.0
 """So long may a process take to end by itself [s]."""
 KEPT_LINES = 8
@@ -121,13 +119,13 @@ class GuestProcess:
     Parameters
     ----------
     library: of the FMU
-    timeout_s: how long a call of a step may take [s]
+    timeouts_s: how long a call of a step may take, and any other [s]
     show: takes each line that the process writes to its standard output or error
     interrupts: address of an int; waiting ends when it is above 1
     """
 
     def __init__(
-        self, library: Path, timeout_s: float, show: Callable[[str], None], interrupts: int | None = None
+        self, library: Path, timeouts_s: tuple[float, float], show: Callable[[str], None], interrupts: int | None = None
     ) -> None:
         functions = load_library()
         size = functions.channel_bytes() + DATA_BYTES
@@ -145,7 +143,7 @@ class GuestProcess:
         client.channel = ctypes.addressof(c_char.from_buffer(self._memory))
         client.library, client.data_bytes = os.fsencode(library), DATA_BYTES
         client.guest, client.spin_ns = self._process.pid, SPIN_NS
-        client.step_ns, client.life_ns = (int(1e9 * s) for s in (timeout_s, max(timeout_s, LIFE_TIMEOUT_S)))
+        client.step_ns, client.life_ns = (int(1e9 * s) for s in timeouts_s)
         client.interrupts = interrupts
         self.lines: deque[str] = deque(maxlen=KEPT_LINES)
         """The last that the process wrote."""

@@ -10,12 +10,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NoReturn
 
-from fmpy import platform, sharedLibraryExtension
 from fmpy.fmi2 import FMU2Slave
 from fmpy.model_description import ModelDescription
 
 from ..errors import SlaveError
-from ..fmu_instance import FAMILY, FATAL, OK, WARNING, FmuInstance, InstancePhase, at_time, quote
+from ..fmu_instance import FAMILY, FATAL, OK, WARNING, FmuInstance, InstancePhase, at_time, find_binary, quote
 from ..guard import End, find_interrupts
 from ..messages import forget
 from ..structure import Component, System
@@ -24,6 +23,7 @@ from . import guest_process
 from .guest_process import GuestProcess, Outcome, find_library, load_library
 
 STEP_TIMEOUT_S = 60.0
+CALL_TIMEOUT_S = 60.0
 
 _LATER = ("SetReal", "SetInteger", "SetBoolean", "GetReal", "GetInteger", "GetBoolean", "DoStep")
 _instantiating = threading.Lock()  # the library knows one next client
@@ -36,12 +36,20 @@ class Isolation:
     Parameters
     ----------
     names: of components; None: all
-    step_timeout_s: after this time [s] the process is ended, and the run with it; all other calls get at least
-        :data:`.guest_process.LIFE_TIMEOUT_S`
+    step_timeout_s: after this time [s] the process is ended, and the run with it
+    call_timeout_s: the same for a call that is of no step, as to instantiate, initialise, terminate and free, in which
+        FMUs load data and start tools [s]; None: :data:`CALL_TIMEOUT_S`, or that of a step if it is longer
     """
 
     names: frozenset[str] | None = None
     step_timeout_s: float = STEP_TIMEOUT_S
+    call_timeout_s: float | None = None
+
+    @property
+    def timeouts_s(self) -> tuple[float, float]:
+        """How long a call of a step may take, and any other [s]."""
+        longest = self.call_timeout_s
+        return self.step_timeout_s, max(self.step_timeout_s, CALL_TIMEOUT_S) if longest is None else longest
 
     def check(self, system: System) -> None:
         """Raises :class:`UsageError` for a name that is none of the system's, and where FMUs cannot be isolated."""
@@ -53,7 +61,7 @@ class Isolation:
         """Load an FMU where it belongs.  Raises as :class:`FmuInstance`."""
         if self.names is not None and component.name not in self.names:
             return FmuInstance(component, description)
-        return IsolatedInstance(component, description, self.step_timeout_s)
+        return IsolatedInstance(component, description, self.timeouts_s)
 
 
 class IsolatedInstance(FmuInstance):
@@ -61,8 +69,8 @@ class IsolatedInstance(FmuInstance):
 
     shares_process = False
 
-    def __init__(self, component: Component, description: ModelDescription, step_timeout_s: float) -> None:
-        self._timeout_s = step_timeout_s
+    def __init__(self, component: Component, description: ModelDescription, timeouts_s: tuple[float, float]) -> None:
+        self._step_timeout_s, self._call_timeout_s = self._timeouts_s = timeouts_s
         self._guest: GuestProcess | None = None
         try:
             super().__init__(component, description)
@@ -81,8 +89,8 @@ class IsolatedInstance(FmuInstance):
 
     def _load(self, component: Component, description: ModelDescription) -> FMU2Slave:
         identifier = description.coSimulation.modelIdentifier
-        library = self._folder / "binaries" / platform / f"{identifier}{sharedLibraryExtension}"
-        self._guest = GuestProcess(library.absolute(), self._timeout_s, self._show, find_interrupts())
+        library = find_binary(component, description, self._folder)
+        self._guest = GuestProcess(library.absolute(), self._timeouts_s, self._show, find_interrupts())
         return FMU2Slave(
             guid=description.guid,
             unzipDirectory=str(self._folder),
@@ -163,9 +171,7 @@ class IsolatedInstance(FmuInstance):
         )  # fmt: skip
 
     def _limit(self, function: str) -> float:
-        if function.removeprefix("fmi2") in _LATER:
-            return self._timeout_s
-        return max(self._timeout_s, guest_process.LIFE_TIMEOUT_S)
+        return self._step_timeout_s if function.removeprefix("fmi2") in _LATER else self._call_timeout_s
 
     def free(self) -> None:
         """As :meth:`FmuInstance.free`, and end the process.  Raises :class:`SlaveError` if that ended by itself."""

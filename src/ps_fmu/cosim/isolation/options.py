@@ -1,4 +1,4 @@
-"""The options ``--isolate``, ``--isolate-only`` and ``--step-timeout`` of commands that run FMUs."""
+"""The options ``--isolate``, ``--isolate-only`` and the time-outs of commands that run FMUs."""
 
 from __future__ import annotations
 
@@ -6,8 +6,7 @@ import argparse
 import math
 
 from ..errors import UsageError
-from .guest_process import LIFE_TIMEOUT_S
-from .instance import STEP_TIMEOUT_S, Isolation
+from .instance import CALL_TIMEOUT_S, STEP_TIMEOUT_S, Isolation
 
 LONGEST_S = 1e6
 
@@ -26,8 +25,12 @@ def add_isolation_options(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument(
         "--step-timeout", type=float, metavar="S",
-        help=f"end the run when a call of an isolated FMU in a step takes longer, in seconds ({STEP_TIMEOUT_S:g}; "
-        f"other calls may take {LIFE_TIMEOUT_S:g} s)",
+        help=f"end the run when a call of an isolated FMU in a step takes longer, in seconds ({STEP_TIMEOUT_S:g})",
+    )  # fmt: skip
+    parser.add_argument(
+        "--call-timeout", type=float, metavar="S",
+        help="the same for all other calls: to instantiate, initialise, terminate and free an FMU, in seconds "
+        f"({CALL_TIMEOUT_S:g}, or the time-out of a step if that is longer)",
     )  # fmt: skip
 
 
@@ -36,12 +39,14 @@ def read_isolation(arguments: argparse.Namespace) -> Isolation | None:
 
     Raises :class:`UsageError`: a time-out that is no time, or without isolated FMUs.
     """
-    timeout = arguments.step_timeout
+    timeouts = {"--step-timeout": arguments.step_timeout, "--call-timeout": arguments.call_timeout}
+    given = {name: value for name, value in timeouts.items() if value is not None}
     if not arguments.isolate and not arguments.isolate_only:
-        if timeout is not None:
-            raise UsageError("--step-timeout: only FMUs with processes of their own can be ended; give --isolate, too")
+        for name in given:
+            raise UsageError(f"{name}: only FMUs with processes of their own can be ended; give --isolate, too")
         return None
-    if timeout is not None and not (math.isfinite(timeout) and 0.0 < timeout <= LONGEST_S):
-        raise UsageError(f"--step-timeout: expected a time above 0 s and up to {LONGEST_S:g} s, got {timeout!r}")
+    for name, value in given.items():
+        if not (math.isfinite(value) and 0.0 < value <= LONGEST_S):
+            raise UsageError(f"{name}: expected a time above 0 s and up to {LONGEST_S:g} s, got {value!r}")
     named = None if arguments.isolate else frozenset(arguments.isolate_only)
-    return Isolation(named, STEP_TIMEOUT_S if timeout is None else timeout)
+    return Isolation(named, given.get("--step-timeout", STEP_TIMEOUT_S), given.get("--call-timeout"))

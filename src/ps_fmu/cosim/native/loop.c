@@ -27,7 +27,7 @@ typedef enum {
 } Kind;
 
 /* What is done with `count` numbers.  TAKE: values[i] = outputs[places[i]].  SET, GET: `places` are value references.
-   DO_STEP: `count` is 1 if the step may be repeated.  DO_SPAN: a step over another time; `places` are the two doubles
+   DO_SPAN: a step over another time; `places` are the two doubles
    that say how much later than the step it begins, and how long it is [s].  TAKE_LINES: TAKE, then the Lines that
    `component` is.  SET_DERIVATIVES: `outputs` are the orders.  CHANGE: `component` is the Effects of faults on the
    values.  INTS and INTEGERS are Booleans, too: both are int in FMI 2.0. */
@@ -101,8 +101,8 @@ static int carry_out(const Operation *o, double time, double step)
         return (int)o->function.set_reals(o->component, o->places, n, o->values);
     case SET_INTEGERS:
         return (int)o->function.set_integers(o->component, o->places, n, o->values);
-    case DO_STEP: /* noSetFMUStatePriorToCurrentPoint */
-        return (int)o->function.do_step(o->component, time, step, o->count == 0 ? fmi2True : fmi2False);
+    case DO_STEP: /* fmi2True: as in plan.py */
+        return (int)o->function.do_step(o->component, time, step, fmi2True);
     case GET_REALS:
         return (int)o->function.get_reals(o->component, o->places, n, o->values);
     case GET_INTEGERS:
@@ -115,7 +115,7 @@ static int carry_out(const Operation *o, double time, double step)
         return (int)o->function.set_derivatives(o->component, o->places, n, o->outputs, o->values);
     case DO_SPAN: {
         const double *span = o->places;
-        return (int)o->function.do_step(o->component, time + span[0], span[1], o->count == 0 ? fmi2True : fmi2False);
+        return (int)o->function.do_step(o->component, time + span[0], span[1], fmi2True);
     }
     case CHANGE_DOUBLES:
         change_doubles(o->component, o->values);

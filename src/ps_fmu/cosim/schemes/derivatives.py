@@ -9,9 +9,9 @@ import numpy as np
 
 from ..errors import SlaveError
 from ..fmu_instance import FmuInstance
-from ..plan import Wires
 from ..rows import Array
 from ..structure import PortName
+from ..wires import Wires
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ import numpy as np
 
 from ..fmu_instance import FmuInstance
 from ..loops import StepLoop
+from ..plan import Plan
 from ..rows import Array, Rows
 from .columns import SchemeColumn
 from .history import InputHistory
@@ -32,6 +33,8 @@ class EstimatingLoop:
     order: of the global error of the scheme
     columns: of the scheme
     """
+
+    plan: Plan | None = None
 
     def __init__(
         self,

@@ -14,10 +14,11 @@ from time import perf_counter_ns
 import numpy as np
 
 from ..fmu_instance import FmuInstance
-from ..plan import Plan, Stage, Wires
+from ..plan import Plan, Stage
 from ..rows import Array
 from ..stopwatch import Stopwatch
 from ..structure import PortName
+from ..wires import Wires
 from .columns import SchemeColumn
 from .derivatives import Link, derive, list_links
 from .history import InputHistory
@@ -40,6 +41,8 @@ class IteratedLoop:
     columns: of the scheme
     stopwatch: times each call
     """
+
+    plan: Plan | None = None
 
     def __init__(
         self,

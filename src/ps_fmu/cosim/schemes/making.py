@@ -11,11 +11,11 @@ from ..faults.active import ActiveFaults
 from ..fmu_instance import FmuInstance
 from ..graph import Wiring
 from ..loops import StepLoop, make_loop
-from ..plan import make_plan, make_wires
 from ..rows import Rows
 from ..signals import BoundSignal
 from ..stopwatch import Stopwatch
 from ..structure import PortName
+from ..wires import make_plan, make_wires
 from .columns import SchemeColumn
 from .estimate import EstimatingLoop
 from .history import InputHistory
@@ -36,7 +36,6 @@ class LoopMaker:
     rows: where the outputs go
     start: of the simulation [s]
     cut: connected inputs that the user has set: they keep that value
-    repeatable: discarded steps may be made again in parts
     signals: inputs of the run, which lie in the rows
     compiled: run the steps in C where they can be
     whole: communication step [s]; the stopwatch, if there is one, times steps of this size
@@ -51,7 +50,6 @@ class LoopMaker:
     rows: Rows
     start: float
     cut: Collection[PortName]
-    repeatable: bool
     signals: Sequence[BoundSignal]
     compiled: bool
     whole: float
@@ -63,7 +61,7 @@ class LoopMaker:
         scheme, instances, rows = self.scheme, self.instances, self.rows
         stopwatch = self.stopwatch if step == self.whole else None
         if scheme.is_plain:
-            rest = self.cut, self.repeatable, self.signals, self.faults
+            rest = self.cut, self.signals, self.faults
             plan = make_plan(instances, self.wiring, rows, step, scheme.order, *rest)
             return make_loop(plan, rows, self.compiled, stopwatch)
         whole = self._make_single(step, stopwatch)
@@ -76,8 +74,7 @@ class LoopMaker:
         """A loop that makes each step once, and the histories of its inputs."""
         scheme = self.scheme
         wires = make_wires(self.instances, self.wiring, self.cut, self.signals)
-        repeatable = scheme.is_iterated or scheme.error_estimate
-        setting = Setting(scheme, self.descriptions, wires, self.rows, self.start, step, repeatable)
+        setting = Setting(scheme, self.descriptions, wires, self.rows, self.start, step)
         if scheme.is_iterated:
             loop = IteratedLoop(setting, self.instances, self.columns, stopwatch)
             return loop, loop.histories

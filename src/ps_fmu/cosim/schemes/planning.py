@@ -10,8 +10,9 @@ import numpy as np
 from fmpy.model_description import ModelDescription
 
 from ..fmu_instance import FmuInstance
-from ..plan import Call, Gather, Move, Plan, Span, Stage, Wires, make_derivatives, make_step
+from ..plan import Call, Gather, Move, Plan, Span, Stage
 from ..rows import Rows
+from ..wires import Wires, make_derivatives, make_step
 from .history import Extension, Grid, InputHistory
 from .resolving import find_period
 from .scheme import Rate, Scheme
@@ -21,8 +22,7 @@ from .scheme import Rate, Scheme
 class Setting:
     """What all parts of a plan share.
 
-    ``start`` [s] is that of the simulation, ``step`` [s] the base step; ``descriptions`` those of the FMUs.  With
-    ``repeatable`` FMUs may be set back to a state from before the step.
+    ``start`` [s] is that of the simulation, ``step`` [s] the base step; ``descriptions`` those of the FMUs.
     """
 
     scheme: Scheme
@@ -31,7 +31,6 @@ class Setting:
     rows: Rows
     start: float
     step: float
-    repeatable: bool = False
     now: c_double = field(default_factory=c_double)
 
 
@@ -66,7 +65,7 @@ def make_sequel(setting: Setting, instance: FmuInstance, stepped_before: Sequenc
     offsets = [k * length - (rate.steps - 1) * h for k in range(rate.parts)]
     plain = rate == Rate()
     spans = [None if plain else Span(offset, length) for offset in offsets]
-    calls = [make_step(instance, setting.now, h, setting.repeatable, span) for span in spans]
+    calls = [make_step(instance, setting.now, h, span) for span in spans]
     moves = tuple(setting.wires.list_moves([instance]))
     place = next((k for k, g in enumerate(gathers) if g.inputs.dtype == np.float64), None)
     extend = None if place is None or scheme.extrapolation == "hold" else _Extender(

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ..errors import SystemFileError
+from ..hops import EXPONENTS
 from ..xmlfile import Element
 
 
@@ -79,6 +80,9 @@ RULES = {
     "ssc:LinearTransformation": _make_rule("", "", "factor offset"),
     "ssd:Annotations": _make_rule("ssc:Annotation"),
     "ssd:DefaultExperiment": _make_rule("ssd:Annotations", "", "startTime stopTime"),
+    "ssc:Unit": _make_rule("ssc:BaseUnit", "name"),
+    "ssc:BaseUnit": _make_rule("", "", f"{' '.join(EXPONENTS)} factor offset"),
+    "ssc:Item": _make_rule("", "name value"),
     "ssd:Enumerations": _make_rule("ssc:Enumeration"),
     "ssd:Units": _make_rule("ssc:Unit"),
     "ssv:ParameterSet": _make_rule("ssv:Parameters ssv:Enumerations ssv:Units ssv:Annotations", "version name"),
@@ -90,6 +94,7 @@ for _name, _kind in _TYPES.items():
     RULES[f"ssv:{_name}"] = _make_rule("", "value", "unit" if _kind == "Real" else "name")
 for _name in _TRANSFORMATIONS.split()[1:]:
     RULES[_name] = _make_rule("ssc:MapEntry")
+RULES["ssc:Enumeration"] = _make_rule("ssc:Item", "", "name")  # a type, which names one, or the enumeration itself
 RULES["ssc:MapEntry"] = _make_rule("", "source target")
 
 REFUSED = {

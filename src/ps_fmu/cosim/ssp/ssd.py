@@ -14,13 +14,13 @@ from ..archive import check_archive, read_member
 from ..errors import SystemFileError
 from ..hops import End, Hop, Items, Unit
 from ..structure import Connector, Parameter
-from ..units import read_units
 from ..values import parse_real
 from ..xmlfile import MAXIMUM_BYTES, Element, parse_xml, read_xml
+from .definitions import read_items, read_units
 from .dialect import check_element, check_version, get_only_child, get_type, is_type
 from .mapping import apply_mapping, read_hop
 from .sources import DEEPEST, MOST_CONNECTORS, MOST_ELEMENTS, MOST_SYSTEMS, SSD_NAME, Sources
-from .ssv import read_items, read_parameter_set
+from .ssv import read_parameter_set
 
 FMU_TYPE = "application/x-fmu-sharedlibrary"
 SSD_TYPE = "application/x-ssp-definition"

@@ -7,9 +7,9 @@ from pathlib import Path
 from ..errors import SystemFileError
 from ..hops import Items
 from ..structure import ParameterSet
-from ..units import read_units
 from ..values import EXPECTED, Value, parse_value
 from ..xmlfile import Element, read_xml
+from .definitions import read_items, read_units
 from .dialect import check_element, check_version, get_type
 
 
@@ -60,25 +60,6 @@ def read_parameter_set(root: Element, path: Path, shown: Path | None = None) -> 
             if entry.tag == "ssv:Enumeration":
                 items[name] = enumerations.get(entry.attributes.get("name", ""), {})
     return ParameterSet(values, units, origins, notes, read_units(root.find("ssv:Units"), path), items)
-
-
-def read_items(group: Element | None, path: Path) -> dict[str, Items]:
-    """The enumerations of an ``ssd:Enumerations`` or ``ssv:Enumerations`` by name.
-
-    Raises :class:`SystemFileError` with the line: no name, an item without name and value.
-    """
-    found: dict[str, Items] = {}
-    for element in group.children if group is not None else ():
-        items = {}
-        for item in element.all("ssc:Item"):
-            name, value = item.attributes.get("name"), parse_value("Integer", item.attributes.get("value", ""))
-            if name is None or not isinstance(value, int):
-                raise SystemFileError(path, "an item of an enumeration needs a name and a whole number", item.line)
-            items[name] = value
-        if "name" not in element.attributes:
-            raise SystemFileError(path, "an enumeration needs a name", element.line)
-        found[element.attributes["name"]] = items
-    return found
 
 
 def _read_value(entry: Element, name: str, path: Path) -> Value:

@@ -1,0 +1,170 @@
+"""FMUs of others as in FMPy: events in steps, an early end, resources, all types, states with start values."""
+
+import os
+import shutil
+import sys
+import zipfile
+from pathlib import Path
+
+import netCDF4
+import numpy as np
+import pytest
+from support import behaviours
+from support.cosim import HEAD, Collect
+
+from ps_fmu.cli import main
+from ps_fmu.cosim import Master, SlaveError, read_system
+from ps_fmu.cosim.isolation.instance import Isolation
+
+ROOT = Path(__file__).parents[2]
+REFERENCE = "PS_FMU_REFERENCE_FMUS"
+"""Names a folder with a build of the Reference FMUs (FMI 2.0, linux64)."""
+PORTS = {
+    "stair": '<ssd:Connector name="counter" kind="output"><ssc:Integer/></ssd:Connector>',
+    "through": '<ssd:Connector name="whole_in" kind="input"><ssc:Integer/></ssd:Connector>',
+}
+STAIRS = [
+    '<ssd:Connection startElement="stair" startConnector="counter" endElement="through" endConnector="whole_in"/>'
+]
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the FMUs are compiled for Linux")
+
+
+@pytest.fixture(scope="module")
+def fmus(tmp_path_factory):
+    return behaviours.build(tmp_path_factory.mktemp("behaviours"))
+
+
+@pytest.fixture(scope="module")
+def against_fmpy():
+    sys.path.insert(0, str(ROOT / "benchmarks"))
+    try:
+        import against_fmpy
+    finally:
+        sys.path.pop(0)
+    return against_fmpy
+
+
+ENDS = {"decay": 10.0, "drop": 3.0, "oscillator": 20.0, "resource": 1.0, "stair": 9.0, "through": 2.0}
+
+
+@pytest.mark.parametrize("isolate", [False, True])
+def test_all_rows_equal_those_of_fmpy(fmus, against_fmpy, isolate):
+    found = list(against_fmpy.compare_all(sorted(fmus.glob("*.fmu")), isolate))
+    assert {one.name: one.end for one in found if "->" not in one.name} == ENDS
+    wired = {f"{name} -> through": end for name, end in ENDS.items() if name != "through"}
+    assert {one.name: one.end for one in found if "->" in one.name} == wired
+    assert [one for one in found if one.where] == []
+
+
+@pytest.mark.skipif(REFERENCE not in os.environ, reason=f"{REFERENCE} names no folder with the Reference FMUs")
+@pytest.mark.parametrize("isolate", [False, True])
+def test_the_reference_fmus(against_fmpy, isolate):
+    found = list(against_fmpy.compare_all(sorted(Path(os.environ[REFERENCE]).glob("*.fmu")), isolate))
+    assert [one.name for one in found][:6] == [
+        "BouncingBall", "Dahlquist", "Feedthrough", "Resource", "Stair", "VanDerPol",
+    ]  # fmt: skip
+    assert [one for one in found if one.where] == []
+    assert {one.end for one in found if "Stair" in one.name} == {9.0}
+
+
+def test_a_difference_is_seen(fmus, against_fmpy, tmp_path, monkeypatch):
+    shutil.copy(fmus / "decay.fmu", tmp_path)
+    really = against_fmpy.simulate_by_fmpy
+    monkeypatch.setattr(against_fmpy, "simulate_by_fmpy", lambda *given: spoil(really(*given)))
+    (found,) = against_fmpy.compare_all([tmp_path / "decay.fmu"])
+    assert (found.difference, found.where) == (pytest.approx(1e-9), "decay.x")
+
+
+def spoil(rows):
+    rows["x"][7] += 1e-9
+    return rows
+
+
+def write(folder, names, wires=()):
+    """A system of these models."""
+    components = "".join(
+        f'<ssd:Component name="{name}" source="{name}.fmu"><ssd:Connectors>{PORTS.get(name, "")}</ssd:Connectors>'
+        "</ssd:Component>\n"
+        for name in names
+    )
+    path = folder / "test.ssd"
+    path.write_text(
+        f"{HEAD}<ssd:Elements>{components}</ssd:Elements><ssd:Connections>{''.join(wires)}</ssd:Connections>"
+        "</ssd:System></ssd:SystemStructureDescription>"
+    )
+    return path
+
+
+def run(path, fmus, step, duration, isolation, scheme="jacobi"):
+    collect = Collect()
+    with Master(read_system(path, fmus), step, scheme, isolation=isolation) as master:
+        master.initialise()
+        master.run(duration, [collect])
+        names = [column.name for column in master.columns]
+        return collect.time, dict(zip(names, collect.values.T, strict=True)), master.ended
+
+
+@pytest.mark.usefixtures("each_loop")
+@pytest.mark.parametrize("isolation", [None, Isolation(), Isolation(frozenset({"stair"}))])
+@pytest.mark.parametrize("scheme", ["jacobi", "gauss-seidel"])
+@pytest.mark.parametrize("names", [("decay", "stair", "through"), ("through", "stair", "decay")])
+def test_the_step_that_ends_a_simulation_is_stored(fmus, tmp_path, isolation, scheme, names):
+    """The stair says that it has reached the end of the step; all others make that step, too."""
+    time, rows, ended = run(write(tmp_path, names, STAIRS), fmus, 0.2, 12.0, isolation, scheme)
+    assert (ended.component, ended.time, len(time)) == ("stair", pytest.approx(9.0), 46)
+    assert rows["stair.counter"][-2:].tolist() == [9, 10]
+    assert rows["through.whole_out"][-2:].tolist() == [9, 9 if scheme == "jacobi" else 10]
+    np.testing.assert_allclose(rows["decay.x"], 0.9 ** np.round(time / 0.1), rtol=1e-12)
+
+
+def test_two_that_end_in_one_step(fmus, tmp_path):
+    shutil.copytree(fmus, tmp_path / "fmus")
+    shutil.copy(fmus / "stair.fmu", tmp_path / "fmus" / "again.fmu")
+    path = write(tmp_path, ("again", "stair", "decay"))
+    time, rows, ended = run(path, tmp_path / "fmus", 0.2, 12.0, None)
+    assert (ended.component, len(time)) == ("again", 46)
+    assert rows["again.counter"][-1] == rows["stair.counter"][-1] == 10
+
+
+@pytest.mark.parametrize("isolation", [None, Isolation()])
+def test_an_end_inside_of_a_step_has_no_row(fmus, tmp_path, isolation):
+    time, rows, ended = run(write(tmp_path, ("stair", "decay")), fmus, 0.7, 14.0, isolation)
+    assert time[-1] == ended.time == pytest.approx(8.4)
+    assert rows["stair.counter"][-1] == 9
+    assert "last successful time 9 s" in str(ended)
+
+
+def test_a_resource_that_is_not_there(fmus, tmp_path):
+    with zipfile.ZipFile(fmus / "resource.fmu") as old, zipfile.ZipFile(tmp_path / "resource.fmu", "w") as new:
+        for name in old.namelist():
+            if not name.startswith("resources"):
+                new.writestr(name, old.read(name))
+    with pytest.raises(SlaveError, match=r"resource: fmi2EnterInitializationMode(?s:.*)cannot open .*/y\.txt"):
+        run(write(tmp_path, ["resource"]), tmp_path, 0.1, 1.0, None)
+
+
+def test_a_state_with_a_start_value(fmus, tmp_path, capsys):
+    (tmp_path / "start.ssv").write_text(
+        '<ssv:ParameterSet xmlns:ssv="http://ssp-standard.org/SSP1/SystemStructureParameterValues" version="1.0" '
+        'name="s"><ssv:Parameters><ssv:Parameter name="x"><ssv:Real value="0.5"/></ssv:Parameter>'
+        '<ssv:Parameter name="k"><ssv:Real value="2"/></ssv:Parameter></ssv:Parameters></ssv:ParameterSet>'
+    )
+    out = tmp_path / "out"
+    arguments = ["run", fmus / "decay.fmu", "--parameters", tmp_path / "start.ssv", "--output", out, "--no-figures"]
+    assert main(list(map(str, arguments))) == 0
+    with netCDF4.Dataset(out / "results.nc") as file:
+        found = np.array(file["run"]["decay.x"][:])
+    np.testing.assert_allclose(found, 0.5 * 0.8 ** np.arange(101), rtol=1e-12)
+
+
+@pytest.mark.parametrize("isolation", [None, Isolation()])
+@pytest.mark.parametrize(
+    ("stated", "given"), [("1e-07", 1e-7), ("0", -1.0), ("-1", -1.0), ("INF", -1.0), (None, -1.0)]
+)
+def test_the_tolerance_that_an_fmu_states_is_given_to_it(fmus, tmp_path, rewrite, isolation, stated, given):
+    old = f' tolerance="{behaviours.TOLERANCE}"'
+    fmu = rewrite(fmus / "decay.fmu", {old: "" if stated is None else f' tolerance="{stated}"'})
+    system = read_system(write(tmp_path, ["decay"]), fmu.parent)
+    with Master(system, 0.1, isolation=isolation) as master:
+        master.initialise()
+        assert master.get("decay.tolerance") == given
