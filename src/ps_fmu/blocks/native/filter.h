@@ -55,8 +55,14 @@ INSTRUCTIONS static void FILTER(const Lowpass *filter, const double *rows, int64
 {
     const int64_t columns = filter->columns, step = filter->factor * columns;
     int64_t k = 0;
-    for (; count - k >= OUTPUTS; k += OUTPUTS)
+    for (; count - k >= OUTPUTS; k += OUTPUTS) {
+        /* The rows that the next group needs besides: no processor guesses them from panels of columns. */
+        const char *next = (const char *)(rows + (k + OUTPUTS - 1) * step + filter->length * columns);
+        if (count - k >= 2 * OUTPUTS)
+            for (int64_t place = 0; place < OUTPUTS * step * 8; place += 64) /* B */
+                __builtin_prefetch(next + place);
         GROUP(filter, rows + k * step, result + k * columns, OUTPUTS);
+    }
     for (; k < count; k++)
         GROUP(filter, rows + k * step, result + k * columns, 1);
 }
