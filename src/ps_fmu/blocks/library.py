@@ -25,6 +25,6 @@ def find_library() -> CDLL | None:
         log.info("blocks of rows are worked on in numpy: %s", error)
         return None
     library.filter_rows.argtypes, library.filter_rows.restype = (c_void_p, c_void_p, c_int64, c_void_p), None
-    types = c_void_p, c_int64, c_double, c_void_p, c_int64, c_double, c_void_p
-    library.count_values.argtypes, library.count_values.restype = types, None
+    types = c_void_p, c_int64, c_double, c_void_p, c_void_p, c_void_p
+    library.add_values.argtypes, library.add_values.restype = types, None
     return library

@@ -166,19 +166,17 @@ class _Tally:
 
     def __init__(self, distributions: list[Distribution]) -> None:
         self.distributions = distributions
-        self.sums = np.zeros(len(distributions))
 
     def add(self, place: int, values: Array) -> None:
         """Add values (n,) of a signal."""
-        self.sums[place] += values.sum()
-        self.distributions[place].add(np.abs(values))
+        self.distributions[place].add(values)
 
     def conclude(self, index: PointingIndex) -> IndexStatistics:
         count = self.distributions[0].count
         return IndexStatistics(
             index=index,
             count=count,
-            bias=self.sums / count,
+            bias=np.array([one.mean for one in self.distributions]),
             rms=np.array([one.rms for one in self.distributions]),
             peak=np.array([one.peak for one in self.distributions]),
             quantiles=tuple(
