@@ -18,6 +18,7 @@ from ..cosim.recording.columns_on_disk import read_rows, write_rows
 from ..cosim.recording.recorder import CHUNK_ROWS
 from .index_record import CONFIDENCE, PROBABILITIES, VECTORS, CaseIndices, IndexLog
 from .origin import write_texts
+from .results_file import ResultsFile
 
 Array = NDArray[np.float64]
 
@@ -29,16 +30,18 @@ _SYMBOLS = ("APE", "MPE", "RPE", "PDE")
 _LABELS = {"axis": ("x", "y", "z"), "axis_xy": ("x", "y")}
 
 
-def finish_file(path: Path, indices: IndexLog) -> None:
+def finish_file(path: Path, indices: IndexLog, results: ResultsFile | None = None) -> None:
     """Add the tables of the indices to a results.nc and compress it, if there is one.
 
     Columns are compressed where that halves them, or nearly so: those that are constant or slow, half of the default
-    system's.  What is left is noise, which would shrink by a fifth and take four times as long.
+    system's.  What is left is noise, which would shrink by a fifth and take four times as long.  ``results`` may
+    have it open, and is closed if all goes well.
 
     Raises OSError if it cannot be written; the file is there then, as the runs left it.
     """
     import netCDF4
 
+    results = results or ResultsFile()
     if not path.is_file():
         return
     size, free = path.stat().st_size, shutil.disk_usage(path.parent).free
@@ -47,9 +50,10 @@ def finish_file(path: Path, indices: IndexLog) -> None:
     beside = path.with_name(f".{path.name}.part")
     try:
         beside.unlink(missing_ok=True)
-        with netCDF4.Dataset(path) as old, netCDF4.Dataset(beside, "w", format="NETCDF4") as new:
+        with results.read(path) as old, netCDF4.Dataset(beside, "w", format="NETCDF4") as new:
             _copy_group(old, new)
             _write_tables(new, indices)
+        results.close()
         beside.replace(path)
     except RuntimeError as error:  # of HDF5
         raise OSError(f"{path}: stays as it is, and cannot be compressed: {error}") from error
