@@ -7,19 +7,16 @@ loop.
 
 from __future__ import annotations
 
-import argparse
-import json
 import sys
-import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 from time import perf_counter, process_time, thread_time
 
 import numpy as np
+from command import FMUS, ROOT, run_in_rounds
 from numpy.typing import NDArray
 
 from ps_fmu.cosim import Column, Master, Observer, Recorder, System, read_system
-from ps_fmu.runs.built_fmus import ensure_built
 from ps_fmu.runs.cases import Bounds
 from ps_fmu.runs.index_record import IndexRecord
 from ps_fmu.runs.jitter_record import JitterRecord
@@ -27,7 +24,6 @@ from ps_fmu.runs.jitter_record import JitterRecord
 Array = NDArray[np.float64]
 Cost = dict[str, float]
 
-ROOT = Path(__file__).resolve().parents[1]
 STEP, STORAGE_STEP = 1e-4, 1e-3  # s
 DURATION = 5.0  # s of a round
 CLOCKS = {"processor": process_time, "loop": thread_time, "wall": perf_counter}
@@ -55,21 +51,11 @@ class Blocks:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Measure and print; returns the exit code."""
-    p = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
-    p.add_argument("--rounds", type=int, default=5, metavar="N", help="rounds of 5 s simulated (%(default)s)")
-    p.add_argument("--output", type=Path, metavar="FILE", help="write the figures as JSON")
-    arguments = p.parse_args(argv)
-    if arguments.rounds < 1:
-        p.error(f"--rounds: expected at least 1, got {arguments.rounds}")
-    fmus = ROOT / "build" / "fmus"
-    ensure_built(fmus, ROOT)
-    system = read_system(ROOT / "system" / "SystemStructure.ssd", fmus)
-    with tempfile.TemporaryDirectory(prefix="ps_fmu_bench_") as folder:
-        result = measure(system, arguments.rounds, Path(folder))
-    print(report(result))
-    if arguments.output is not None:
-        arguments.output.write_text(json.dumps(result, indent=2) + "\n", encoding="utf-8")
-    return 0
+    system = ROOT / "system" / "SystemStructure.ssd"
+    return run_in_rounds(
+        argv, __doc__, 5, f"{DURATION:g} s",
+        lambda rounds, folder: measure(read_system(system, FMUS), rounds, folder), report,
+    )  # fmt: skip
 
 
 def measure(system: System, rounds: int, folder: Path, duration: float = DURATION) -> dict[str, Cost]:

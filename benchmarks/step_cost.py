@@ -9,11 +9,8 @@ the rounds.  Then libcosim and Ecos, and two systems in two threads.  Exit code 
 
 from __future__ import annotations
 
-import argparse
-import json
 import platform
 import sys
-import tempfile
 from collections import deque
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -26,6 +23,7 @@ import numpy as np
 import step_times
 from c_fmus import build_c_fmus
 from calls import measure_each_fmu, measure_fmpy_lists
+from command import FMUS, ROOT, run_in_rounds
 from contenders import Contender, CoSimulation, StockFmus, Textbook
 from figures import find_missed, report
 from importers import IMPORTERS, in_importer
@@ -34,9 +32,7 @@ from threads import throughput_of_two
 from tqdm import tqdm
 
 from ps_fmu.cosim import System, read_system
-from ps_fmu.runs.built_fmus import ensure_built
 
-ROOT = Path(__file__).resolve().parents[1]
 SSD = ROOT / "system" / "SystemStructure.ssd"
 ALL_FMUS = ROOT / "system" / "LineOfSight.ssd"
 STEP = 1e-4  # s
@@ -50,27 +46,16 @@ SAME = 1e-9
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Measure, print, compare with the targets; returns the exit code."""
-    p = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
-    p.add_argument("--rounds", type=int, default=25, metavar="N", help="rounds of 0.8 s simulated (%(default)s)")
-    p.add_argument("--output", type=Path, metavar="FILE", help="write the figures as JSON")
-    arguments = p.parse_args(argv)
-    if arguments.rounds < 1:
-        p.error(f"--rounds: expected at least 1, got {arguments.rounds}")
+    return run_in_rounds(argv, __doc__, 25, f"{STEP * STEPS:g} s", measure_all, report, find_missed)
 
-    fmus = ROOT / "build" / "fmus"
-    ensure_built(fmus, ROOT)
-    with tempfile.TemporaryDirectory(prefix="ps_fmu_bench_") as folder:
-        result = measure(read_system(SSD, fmus), arguments.rounds, Path(folder))
-    result["all_fmus_to_four"] = compare_systems(read_system(ALL_FMUS, fmus), read_system(SSD, fmus), arguments.rounds)
-    result["us_per_single_step"] = step_times.measure(fmus, repeats=min(arguments.rounds, step_times.REPEATS))
+
+def measure_all(rounds: int, folder: Path) -> dict[str, Any]:
+    """The figures of :func:`measure`, of all FMUs, of single steps, and what they were measured with."""
+    result = measure(read_system(SSD, FMUS), rounds, folder)
+    result["all_fmus_to_four"] = compare_systems(read_system(ALL_FMUS, FMUS), read_system(SSD, FMUS), rounds)
+    result["us_per_single_step"] = step_times.measure(FMUS, repeats=min(rounds, step_times.REPEATS))
     result["us_of_reference"] = step_times.measure_reference()
-    result |= {"python": platform.python_version(), "numpy": np.__version__, "machine": platform.machine()}
-    print(report(result))
-    if arguments.output is not None:
-        arguments.output.write_text(json.dumps(result, indent=2) + "\n", encoding="utf-8")
-    texts = find_missed(result)
-    print(*texts, sep="\n", end="\n" if texts else "", file=sys.stderr)
-    return 1 if texts else 0
+    return result | {"python": platform.python_version(), "numpy": np.__version__, "machine": platform.machine()}
 
 
 def measure(system: System, rounds: int, folder: Path) -> dict[str, Any]:

@@ -12,6 +12,7 @@ import pytest
 import xarray
 
 from ps_fmu.cosim import Column, Master, Recorder, RecorderError, UsageError
+from ps_fmu.cosim.recording.columns_on_disk import read_rows, write_rows
 from ps_fmu.cosim.recording.decimate import Decimator
 from ps_fmu.cosim.recording.recorder import TIME_UNITS
 
@@ -183,6 +184,52 @@ def test_decimation_by_a_large_factor_is_done_in_stages():
     np.testing.assert_allclose(found[inside, 1], np.sin(2 * np.pi * 0.3 * found[inside, 0]), atol=0.02)
 
 
+def test_a_file_that_is_open_takes_several_runs_and_stays_open(path):
+    path.parent.mkdir()
+    values = rows(700)
+    with netCDF4.Dataset(path, "w") as file:
+        for run in ("passive", "active"):
+            with Recorder(path, run, columns=COLUMNS, step=0.1, append=True, file=file) as recorder:
+                feed(recorder, values, 0.1)
+            assert file.isopen()
+            on_disk = subprocess.run([sys.executable, "-c", READ, path], capture_output=True, text=True, check=True)
+            assert on_disk.stdout.split() == [run, "700"]
+        with pytest.raises(RecorderError, match="is closed"):
+            feed(recorder, values)
+    with netCDF4.Dataset(path) as data:
+        for run in ("passive", "active"):
+            np.testing.assert_array_equal(data[run]["plant.angle"][:], values[:, 3])
+
+
+@pytest.mark.parametrize("fast", [True, False])
+def test_rows_on_disk_are_written_and_read_whatever_netcdf4_offers(tmp_path, fast):
+    """Without the methods that netCDF4 does not document, by the documented way."""
+
+    class Documented:
+        def __init__(self, variable):
+            self.variable, self.dtype = variable, variable.dtype
+
+        def __setitem__(self, part, values):
+            self.variable[part] = values
+
+        def __getitem__(self, part):
+            return self.variable[part]
+
+    with netCDF4.Dataset(tmp_path / "rows.nc", "w") as file:
+        file.createDimension("time", None)
+        for kind in ("f8", "i4", "i1"):
+            variable = file.createVariable(kind, kind, ("time",))
+            one = variable if fast else Documented(variable)
+            write_rows(one, 0, np.arange(3.0))
+            write_rows(one, 3, np.arange(8.0)[::2])
+            write_rows(one, 7, np.empty(0))
+            np.testing.assert_array_equal(variable[:], [0, 1, 2, 0, 2, 4, 6])
+            found = read_rows(one, 1, 5)
+            assert found.dtype == variable.dtype
+            np.testing.assert_array_equal(found, [1, 2, 0, 2])
+            assert read_rows(one, 2, 2).size == 0
+
+
 def test_memory_does_not_grow_with_the_rows(path):
     columns = [Column(f"plant.y_{i}", "m", "Real", "") for i in range(60)]
     block = np.random.default_rng(1).standard_normal((1000, 60))  # 0.5 MB
@@ -235,6 +282,15 @@ def test_an_interrupted_run_can_be_read(make_system, path):
     with netCDF4.Dataset(path) as data:
         np.testing.assert_allclose(data["run"]["clock.clock"][:], np.arange(7) * 0.01)
 
+
+READ = """
+import os, sys
+os.environ["HDF5_USE_FILE_LOCKING"] = "FALSE"  # another process writes it
+import netCDF4
+with netCDF4.Dataset(sys.argv[1]) as file:
+    run = list(file.groups)[-1]
+    print(run, len(file[run]["time"]))
+"""
 
 PROCESS = """
     import os, resource, signal, sys

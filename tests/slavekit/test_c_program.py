@@ -7,6 +7,7 @@ import os
 
 import pytest
 
+from ps_fmu.blocks.native import BLOCKS
 from ps_fmu.cosim.isolation.program import ISOLATION
 from ps_fmu.cosim.native import LOOP
 from ps_fmu.fmucheck.host.compile import HOST
@@ -14,7 +15,7 @@ from ps_fmu.interface.numerics_program import NUMERICS
 from ps_fmu.slavekit.launcher import c_program
 from ps_fmu.slavekit.launcher.compile import LAUNCHER
 
-PROGRAMS = {program.name: program for program in (LAUNCHER, HOST, LOOP, ISOLATION, NUMERICS)}
+PROGRAMS = {program.name: program for program in (LAUNCHER, HOST, LOOP, ISOLATION, BLOCKS, NUMERICS)}
 # For Windows zig compiles its C library first: a minute on a machine that has not done so before.
 LEFT_OUT = () if os.environ.get("PS_FMU_COMPILE") == "all" else ("win64",)
 TARGETS = [(name, p) for name, program in PROGRAMS.items() for p in program.targets if p not in LEFT_OUT]

@@ -9,9 +9,13 @@ Array = NDArray[np.float64]
 
 #: Twice the area of a triangle, for points that span one, that is rounding.
 _FLAT = 1e-14
-#: How often the points below a line between their neighbours are left out at once, before the others are visited one by
-#: one: 0.14 us a step for the hulls of a run of 5 s, where 0 times take 0.28 us and 8 times 0.15 us.
-_SWEEPS = 3
+#: In each direction, and in the opposite one, is an extreme point, and what lies inside of these is no corner.  First
+#: few directions for many points, then more for those that are left: of 10000 points of a run 100.
+_DIRECTIONS = [
+    np.stack([np.cos(np.pi * np.arange(n) / n), np.sin(np.pi * np.arange(n) / n)], axis=1) for n in (4, 16)
+]
+#: How far inside, in the size of the points: far more than rounding.
+_MARGIN = 1e-9
 
 
 def convex_hull(points: Array) -> Array:
@@ -22,6 +26,8 @@ def convex_hull(points: Array) -> Array:
     A. M. Andrew, Inf. Process. Lett. 9(5), 1979: lower and upper chain of the sorted points.  ``scipy.spatial`` needs
     0.2 us for each point, and 0.3 s to be imported: more than a run of 100 s saves by it.
     """
+    for directions in _DIRECTIONS:
+        points = _leave_out_inner(points, directions)
     points = points[np.lexsort((points[:, 1], points[:, 0]))]
     new = np.ones(len(points), dtype=bool)
     new[1:] = (points[1:] != points[:-1]).any(axis=1)
@@ -31,21 +37,25 @@ def convex_hull(points: Array) -> Array:
     # Image points are micrometres.
     scaled = np.ascontiguousarray(((points - points.mean(axis=0)) / np.ptp(points, axis=0).max()).T)
     places = np.arange(len(points))
-    lower, upper = _walk(*_sweep(places, scaled)), _walk(*_sweep(places[::-1], scaled[:, ::-1]))
+    lower, upper = _walk(places, scaled), _walk(places[::-1], scaled[:, ::-1])
     corners = lower[:-1] + upper[:-1]
     if len(corners) < 3:  # the sorted ends are those of the line
         return points[[0, -1]]
     return points[corners]
 
 
-def _sweep(places: NDArray[np.intp], points: Array) -> tuple[NDArray[np.intp], Array]:
-    """Leave out points (2, m) where a chain through all of them turns right: they are no corners of the hull."""
-    for _ in range(_SWEEPS):
-        (x, y), (x_next, y_next) = points[:, 1:-1] - points[:, :-2], points[:, 2:] - points[:, :-2]
-        kept = np.ones(len(places), dtype=bool)
-        kept[1:-1] = x * y_next - y * x_next > -_FLAT
-        places, points = places[kept], points[:, kept]
-    return places, points
+def _leave_out_inner(points: Array, directions: Array) -> Array:
+    """Those of the points (m, 2) that do not lie inside the polygon of the extreme ones in the directions (n, 2)."""
+    heights = directions @ points.T
+    extreme = points[np.concatenate((heights.argmax(axis=1), heights.argmin(axis=1)))]
+    edges = np.roll(extreme, -1, axis=0) - extreme  # counter-clockwise, as the directions are
+    edges = edges[edges.any(axis=1)]
+    starts = extreme[(np.roll(extreme, -1, axis=0) != extreme).any(axis=1)]
+    if len(starts) < 3:
+        return points
+    outward = np.stack([edges[:, 1], -edges[:, 0]], axis=1) / np.hypot(edges[:, 0], edges[:, 1])[:, None]
+    beyond = (outward @ points.T - (outward * starts).sum(axis=1)[:, None]).max(axis=0)
+    return points[beyond > -_MARGIN * np.ptp(extreme, axis=0).max()]
 
 
 def _walk(places: NDArray[np.intp], points: Array) -> list[int]:

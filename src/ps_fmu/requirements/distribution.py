@@ -16,6 +16,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from ..blocks.histogram import LogarithmicBins, Totals
 from ..pointing.confidence import effective_samples, least_samples
 
 Array = NDArray[np.float64]
@@ -24,8 +25,8 @@ BINS_PER_DECADE = 2000
 DECADES = 6  # on either side of the limit
 KEPT = 2**16
 
-_LOWEST = -DECADES * BINS_PER_DECADE  # number of the bin that ends a millionth of the limit
-BINS = 2 * DECADES * BINS_PER_DECADE + 2
+_IN_LIMITS = LogarithmicBins(-DECADES, DECADES, BINS_PER_DECADE)
+BINS = len(_IN_LIMITS.edges)
 """Of the histogram; the last holds all that is beyond."""
 _SEED = 20081115
 
@@ -43,11 +44,9 @@ class Distribution:
     def __init__(self, limit: float, expected: int, kept: int | None = None) -> None:
         self.limit = limit
         self.count = 0
-        self.peak = 0.0
-        """Largest value."""
         self.counts: NDArray[np.int64] = np.zeros(BINS, dtype=np.int64)
         """Values in each bin."""
-        self._squares = 0.0  # sum, of values in limits
+        self._totals = Totals()
         width = -(-expected // (kept or KEPT))
         self._chosen = np.arange(-(-expected // width)) * width
         if width > 1:
@@ -55,27 +54,29 @@ class Distribution:
         self._series: list[Array] = []
 
     def add(self, values: Array) -> None:
-        """Add magnitudes (n,)."""
+        """Add values (n,), finite; their magnitudes count."""
         if not len(values):
             return
         first, last = np.searchsorted(self._chosen, (self.count, self.count + len(values)))
         if last > first:  # in most blocks of a long run none is kept
-            self._series.append(values[self._chosen[first:last] - self.count] / self.limit)
+            self._series.append(np.abs(values[self._chosen[first:last] - self.count]) / self.limit)
         self.count += len(values)
-        self.peak = max(self.peak, float(values.max()))
-        shares = values / self.limit
-        self._squares += float(shares @ shares)
-        with np.errstate(divide="ignore"):
-            bins = np.ceil(np.log10(shares) * BINS_PER_DECADE)
-        places = np.clip(bins - _LOWEST, 0, BINS - 1).astype(np.int64)
-        lowest = int(places.min())
-        found = np.bincount(places - lowest)
-        self.counts[lowest : lowest + len(found)] += found
+        _IN_LIMITS.add(values, self.limit, self.counts, self._totals)
+
+    @property
+    def mean(self) -> float:
+        """Mean of all values, with their signs."""
+        return self._totals.sum / self.count
+
+    @property
+    def peak(self) -> float:
+        """Largest magnitude; 0 without values."""
+        return self._totals.peak
 
     @property
     def rms(self) -> float:
         """Root of the mean square of all values."""
-        return self.limit * math.sqrt(self._squares / self.count)
+        return self.limit * math.sqrt(self._totals.squares / self.count)
 
     @property
     def is_constant(self) -> bool:
@@ -85,7 +86,7 @@ class Distribution:
     @property
     def identity(self) -> tuple[int, float, float]:
         """What two different runs do not have in common."""
-        return self.count, self.peak, self._squares
+        return self.count, self.peak, self._totals.squares
 
     def value(self, rank: int) -> float:
         """The value of a rank, from 1, among all in ascending order, rounded up to the edge of its bin."""
@@ -122,7 +123,5 @@ def list_edges(limit: float, peak: float) -> Array:
 
 
 def _find_edges(limit: float, peak: float, places: NDArray[np.intp]) -> Array:
-    """Of some bins, by their places; all of them take 0.2 ms."""
-    edges = limit * 10.0 ** ((places + _LOWEST) / BINS_PER_DECADE)
-    edges[places == BINS - 1] = math.inf
-    return np.asarray(np.minimum(edges, peak))
+    """Of some bins, by their places."""
+    return np.asarray(np.minimum(limit * _IN_LIMITS.edges[places], peak))

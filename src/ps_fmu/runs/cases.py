@@ -127,6 +127,7 @@ def run_case(
     costs = system.costs.begin(case.name) if options.profile else None
     with (
         system.warnings.collect(),
+        system.results.close_on_failure(),
         Master(
             structure, options.step_s, options.scheme, descriptions=system.descriptions,
             stopwatch=None if costs is None else costs.stopwatch, isolation=options.isolation, faults=system.faults,
@@ -180,6 +181,7 @@ def _make_recorder(
         select=select_stored(master.columns, options.observe),
         attributes=attributes,
         append=True,
+        file=system.results.find(path),
     )
 
 

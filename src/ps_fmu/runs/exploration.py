@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..cosim.recording.columns_on_disk import read_rows
 from ..mechanism.geometry import Geometry
 from ..mechanism.inverse_kinematics import trilaterate
 from ..mechanism.rotations import rotation_matrix
@@ -125,9 +126,7 @@ def show_mechanism(system: RunSystem, results: Path, runs: Sequence[tuple[str, s
     known = {f"plant.{variable.name}" for variable in system.descriptions["plant"].modelVariables}
     if not {*MOTION, *JOINTS, *NOMINAL_POSITION} <= known:
         return None
-    import netCDF4
-
-    with netCDF4.Dataset(results) as file:
+    with system.results.read(results) as file:
         motions = [(label, motion) for label, group in runs if (motion := read_motion(file[group]))]
     if len(motions) < len(runs):
         return None
@@ -167,10 +166,10 @@ def read_motion(stored: Any) -> Means | None:
     if not set(MOTION) <= stored.variables.keys():
         return None
     observer = MeanObserver([Column(name, stored[name].units) for name in MOTION], MOTION, bins=MOTION_BINS // 2)
-    for first in range(0, len(stored["time"]), READ_ROWS):
-        part = slice(first, first + READ_ROWS)
-        rows = np.column_stack([np.asarray(stored[name][part]) for name in MOTION])
-        observer.block(first, np.asarray(stored["time"][part]), rows)
+    count = len(stored["time"])
+    for first in range(0, count, READ_ROWS):
+        time, *rows = (read_rows(stored[name], first, min(first + READ_ROWS, count)) for name in ("time", *MOTION))
+        observer.block(first, time, np.column_stack(rows))
     return observer.result()
 
 

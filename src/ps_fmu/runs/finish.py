@@ -14,9 +14,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..cosim.recording.columns_on_disk import read_rows, write_rows
 from ..cosim.recording.recorder import CHUNK_ROWS
 from .index_record import CONFIDENCE, PROBABILITIES, VECTORS, CaseIndices, IndexLog
 from .origin import write_texts
+from .results_file import ResultsFile
 
 Array = NDArray[np.float64]
 
@@ -28,16 +30,18 @@ _SYMBOLS = ("APE", "MPE", "RPE", "PDE")
 _LABELS = {"axis": ("x", "y", "z"), "axis_xy": ("x", "y")}
 
 
-def finish_file(path: Path, indices: IndexLog) -> None:
+def finish_file(path: Path, indices: IndexLog, results: ResultsFile | None = None) -> None:
     """Add the tables of the indices to a results.nc and compress it, if there is one.
 
     Columns are compressed where that halves them, or nearly so: those that are constant or slow, half of the default
-    system's.  What is left is noise, which would shrink by a fifth and take four times as long.
+    system's.  What is left is noise, which would shrink by a fifth and take four times as long.  ``results`` may
+    have it open, and is closed if all goes well.
 
     Raises OSError if it cannot be written; the file is there then, as the runs left it.
     """
     import netCDF4
 
+    results = results or ResultsFile()
     if not path.is_file():
         return
     size, free = path.stat().st_size, shutil.disk_usage(path.parent).free
@@ -46,9 +50,10 @@ def finish_file(path: Path, indices: IndexLog) -> None:
     beside = path.with_name(f".{path.name}.part")
     try:
         beside.unlink(missing_ok=True)
-        with netCDF4.Dataset(path) as old, netCDF4.Dataset(beside, "w", format="NETCDF4") as new:
+        with results.read(path) as old, netCDF4.Dataset(beside, "w", format="NETCDF4") as new:
             _copy_group(old, new)
             _write_tables(new, indices)
+        results.close()
         beside.replace(path)
     except RuntimeError as error:  # of HDF5
         raise OSError(f"{path}: stays as it is, and cannot be compressed: {error}") from error
@@ -62,45 +67,46 @@ def _copy_group(old: Any, new: Any) -> None:
     All is defined before the first value is written: HDF5 flushes all there is at a value that follows a definition,
     which took 0.25 s of 0.67 s for two runs of 1 s.
     """
-    for variable, copied in _define_group(old, new):
-        if variable.dimensions != ("time",):
+    for variable, copied, rows in _define_group(old, new):
+        if rows is None:
             copied[...] = np.asarray(variable[...], dtype=object if variable.dtype is str else None)
             continue
-        for first in range(0, len(variable), _BLOCK_ROWS):
-            last = min(first + _BLOCK_ROWS, len(variable))
-            copied[first:last] = variable[first:last]
+        for first in range(0, rows, _BLOCK_ROWS):
+            write_rows(copied, first, read_rows(variable, first, min(first + _BLOCK_ROWS, rows)))
 
 
-def _define_group(old: Any, new: Any) -> list[tuple[Any, Any]]:
-    """As :func:`_copy_group`, without values; returns each variable and that which takes its values."""
-    pairs: list[tuple[Any, Any]] = []
+def _define_group(old: Any, new: Any) -> list[tuple[Any, Any, int | None]]:
+    """As :func:`_copy_group`, without values; returns each variable, that which takes its values, and its rows if it
+    has any.
+    """
+    pairs: list[tuple[Any, Any, int | None]] = []
+    count = len(old.dimensions["time"]) if "time" in old.dimensions else 0
     new.setncatts({name: old.getncattr(name) for name in old.ncattrs()})
     for dimension in old.dimensions.values():
         new.createDimension(dimension.name, None if dimension.isunlimited() else len(dimension))
     for variable in old.variables.values():
         variable.set_auto_maskandscale(False)
         rows = variable.dimensions == ("time",)
-        kept = _keep_rows(variable) if rows else {}
+        kept = _keep_rows(variable, count) if rows else {}
         copied = new.createVariable(variable.name, variable.dtype, variable.dimensions, **kept)
         for one in (variable, copied) if rows else ():  # by default up to 64 MB of each variable stay in memory
             one.set_var_chunk_cache(size=2 * CHUNK_ROWS * 8, nelems=7)
         copied.set_auto_maskandscale(False)
         copied.setncatts({name: variable.getncattr(name) for name in variable.ncattrs()})
-        pairs.append((variable, copied))
+        pairs.append((variable, copied, count if rows else None))
     for name, group in old.groups.items():
         pairs += _define_group(group, new.createGroup(name))
     return pairs
 
 
-def _keep_rows(variable: Any) -> dict[str, Any]:
-    """How a column is stored: chunks no longer than it is, compressed or not."""
-    count = len(variable)
+def _keep_rows(variable: Any, count: int) -> dict[str, Any]:
+    """How a column of ``count`` rows is stored: chunks no longer than it is, compressed or not."""
     chunks = {"chunksizes": (max(1, min(CHUNK_ROWS, count)),)}
     if count <= 3 * _SAMPLE_ROWS:
-        sample = variable[:]  # each access takes 0.2 ms
+        sample = read_rows(variable, 0, count)
     else:
         starts = (0, count // 2, count - _SAMPLE_ROWS)
-        sample = np.concatenate([variable[first : first + _SAMPLE_ROWS] for first in starts])
+        sample = np.concatenate([read_rows(variable, first, first + _SAMPLE_ROWS) for first in starts])
     if not len(sample) or _compress(sample) > WORTH:
         return chunks
     return {**chunks, "zlib": True, "complevel": LEVEL, "shuffle": True}

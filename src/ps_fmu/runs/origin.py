@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -36,15 +37,19 @@ COMMENT = (
 
 
 def write_origin(path: Path, options: RunOptions, system: RunSystem) -> None:
-    """Make a results.nc without runs.  Raises OSError if it cannot be written."""
+    """Make a results.nc without runs, which ``system`` keeps open.  Raises OSError if it cannot be written."""
     import netCDF4
 
     path.parent.mkdir(parents=True, exist_ok=True)
     path.unlink(missing_ok=True)  # whoever still reads an older result keeps it
     try:
-        with netCDF4.Dataset(path, "w", format="NETCDF4") as file:
-            _write(file, options, system)
+        file = netCDF4.Dataset(path, "w", format="NETCDF4")
+        system.results.keep(path, file)
+        _write(file, options, system)
+        file.sync()
     except BaseException as error:
+        with suppress(OSError, RuntimeError):
+            system.results.close()
         path.unlink(missing_ok=True)  # nobody is to take half of it for results
         if isinstance(error, RuntimeError):  # of HDF5
             raise OSError(f"{path}: cannot be written: {error}") from error

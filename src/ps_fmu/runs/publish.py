@@ -52,9 +52,11 @@ def publish(options: RunOptions, system: RunSystem, findings: Findings) -> None:
     of the user or of the scenario.
     """
     try:
-        finish_file(options.output / RESULTS, system.indices)
+        finish_file(options.output / RESULTS, system.indices, system.results)
     except OSError as error:  # the rows are there; nothing else is to be lost
         system.warnings.add(str(error))
+    finally:
+        system.results.close()
     verdicts = system.judge.conclude()
     remarks = list_remarks(verdicts)
     required = {"verdicts": [verdict.as_dict() for verdict in verdicts]} if verdicts else {}

@@ -22,6 +22,7 @@ from .index_record import IndexLog
 from .judge import RunJudge, read_judge
 from .options import OptionError, RunOptions
 from .recorded import PATH, provide_recording
+from .results_file import ResultsFile
 from .warning_log import WarningLog
 
 SEED = "disturbance.seed"
@@ -48,6 +49,8 @@ class RunSystem:
     """The requirements, and what is needed for their verdicts."""
     indices: IndexLog = field(default_factory=IndexLog)
     """The pointing error indices of the runs."""
+    results: ResultsFile = field(default_factory=ResultsFile)
+    """results.nc, open between the runs."""
     costs: CostLog = field(default_factory=CostLog)
     """Where the time of the runs goes, if the options ask for it."""
     faults: FaultFile | None = None

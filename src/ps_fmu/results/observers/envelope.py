@@ -82,15 +82,30 @@ class EnvelopeObserver(ColumnObserver):
         while self._rows + count > self._bins * self._rows_per_bin:
             self._join_pairs()
         width, begun = self._rows_per_bin, self._rows % self._rows_per_bin
-        starts = np.maximum(np.arange(-begun, count, width), 0)
         first = self._rows // width
-        used = slice(first, first + len(starts))
-        low, high = self._low[:, used], self._high[:, used]
-        np.minimum(low, np.minimum.reduceat(samples, starts, axis=1), out=low)
-        np.maximum(high, np.maximum.reduceat(samples, starts, axis=1), out=high)
-        new = int(begun > 0)  # the first bin may have begun in an earlier block
-        self._time[used][new:] = time[starts[new:]]
         self._rows += count
+        if begun:  # the first bin began in an earlier block
+            end = min(width - begun, count)
+            self._widen(slice(first, first + 1), samples[:, :end], end)
+            time, samples, first = time[end:], samples[:, end:], first + 1
+        whole = len(time) // width
+        used, inside = slice(first, first + whole), whole * width
+        self._time[used] = time[:inside:width]
+        self._widen(used, samples[:, :inside], width)
+        if inside < len(time):
+            self._time[first + whole] = time[inside]
+            self._widen(slice(first + whole, first + whole + 1), samples[:, inside:], len(time) - inside)
+
+    def _widen(self, bins: slice, samples: Array, width: int) -> None:
+        """Widen some bins by ``width`` samples each."""
+        for kept, extreme in ((self._low, np.minimum), (self._high, np.maximum)):
+            rest = samples
+            if width & (width - 1) == 0 and rest.shape[1] > width:  # as all bins are: pairs cost a third of reduceat
+                for _ in range(width.bit_length() - 1):
+                    rest = extreme(rest[:, ::2], rest[:, 1::2])
+            elif rest.shape[1]:
+                rest = extreme.reduceat(rest, np.arange(0, rest.shape[1], width), axis=1)
+            extreme(kept[:, bins], rest, out=kept[:, bins])
 
     def _join_pairs(self) -> None:
         half = self._bins // 2

@@ -16,6 +16,7 @@ from .statistics import Statistics
 Array = NDArray[np.float64]
 
 FLAT = 1e-8  # determinant over squared trace below which the corners of a hull lie on a line, to rounding
+BATCH_ROWS = 10_000  # looked at together: most batches of a long run have no point outside of the hull
 MARGIN = 1e-6  # of the ellipse's size: far more than rounding
 
 
@@ -63,10 +64,24 @@ class ScatterObserver(ColumnObserver):
         self._stride = 1
         self._rows = 0
         self._points = np.empty((0, 2))
+        self._held = np.empty((2, BATCH_ROWS))
+        self._filled = 0
 
     def take(self, time: Array, samples: Array) -> None:
-        """Widen the hull by the block's points and keep each ``stride``-th of them."""
-        self._statistics.take(time, samples)
+        """Hold the rows; look at them when there is no room for more."""
+        taken = 0
+        while taken < samples.shape[1]:
+            count = min(BATCH_ROWS - self._filled, samples.shape[1] - taken)
+            self._held[:, self._filled : self._filled + count] = samples[:, taken : taken + count]
+            taken += count
+            self._filled += count
+            if self._filled == BATCH_ROWS:
+                self._evaluate()
+
+    def _evaluate(self) -> None:
+        """Widen the hull by the points that are held, and keep each ``stride``-th of them."""
+        samples, self._filled = self._held[:, : self._filled], 0
+        self._statistics.take(np.empty(0), samples)
         points = samples.T
         wider = points[self._polygon.find_outside(points)]
         if len(wider):
@@ -80,6 +95,8 @@ class ScatterObserver(ColumnObserver):
 
     def result(self) -> Scatter:
         """The scatter so far; raises ``ValueError`` if no row has been seen."""
+        if self._filled:
+            self._evaluate()
         statistics = self._statistics.result()
         centre = statistics.mean
         radius = np.hypot(*(self._points - centre).T)

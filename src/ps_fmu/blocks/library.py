@@ -1,0 +1,30 @@
+"""The compiled library of this room."""
+
+from __future__ import annotations
+
+import logging
+import platform
+import sys
+from ctypes import CDLL, c_double, c_int64, c_void_p
+from functools import cache
+
+from .native import BLOCKS
+
+log = logging.getLogger("ps_fmu.blocks")
+
+
+@cache
+def find_library() -> CDLL | None:
+    """The library; None if there is none for this platform, or none that can be loaded."""
+    path = BLOCKS.path("linux64") if sys.platform == "linux" and platform.machine() == "x86_64" else None
+    if path is None:
+        return None
+    try:
+        library = CDLL(str(path))
+    except OSError as error:
+        log.info("blocks of rows are worked on in numpy: %s", error)
+        return None
+    library.filter_rows.argtypes, library.filter_rows.restype = (c_void_p, c_void_p, c_int64, c_void_p), None
+    types = c_void_p, c_int64, c_double, c_void_p, c_void_p, c_void_p
+    library.add_values.argtypes, library.add_values.restype = types, None
+    return library

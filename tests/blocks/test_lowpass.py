@@ -1,0 +1,45 @@
+"""The compiled low-pass gives the bits of numpy, whatever is filtered beside a column."""
+
+import numpy as np
+import pytest
+
+from ps_fmu.blocks import lowpass
+from ps_fmu.blocks.lowpass import Lowpass
+
+
+def run(taps, factor, rows):
+    one = Lowpass(taps, factor, rows.shape[1])
+    result = np.full((one.count(len(rows)), rows.shape[1]), np.nan)
+    one.run(rows, result)
+    return result
+
+
+@pytest.mark.parametrize("factor", [1, 2, 5])
+@pytest.mark.parametrize("columns", [1, 3, 4, 7, 8, 31, 32, 33, 94])
+def test_c_and_numpy_agree_to_the_bit(columns, factor, monkeypatch):
+    rng = np.random.default_rng(columns)
+    rows, taps = rng.standard_normal((150, columns)), rng.standard_normal(23)
+    compiled = run(taps, factor, rows)
+    assert lowpass.find_library() is not None
+    monkeypatch.setattr(lowpass, "find_library", lambda: None)
+    np.testing.assert_array_equal(run(taps, factor, rows), compiled)
+    windows = np.lib.stride_tricks.sliding_window_view(rows, len(taps), axis=0)[::factor]
+    np.testing.assert_allclose(compiled, windows @ taps, rtol=0.0, atol=1e-12)
+
+
+def test_a_column_and_a_row_do_not_depend_on_their_neighbours():
+    rng = np.random.default_rng(5)
+    rows, taps = rng.standard_normal((200, 40)), rng.standard_normal(31)
+    whole = run(taps, 3, rows)
+    for columns in (slice(0, 2), slice(7, 8), slice(5, 30)):
+        np.testing.assert_array_equal(run(taps, 3, np.ascontiguousarray(rows[:, columns])), whole[:, columns])
+    np.testing.assert_array_equal(run(taps, 3, rows[3 * 11 :]), whole[11:])
+
+
+def test_arrays_that_do_not_fit_are_refused():
+    one, rows = Lowpass(np.ones(5), 2, 3), np.ones((9, 3))
+    with pytest.raises(ValueError, match="9 rows make 3, not 4"):
+        one.run(rows, np.empty((4, 3)))
+    for wrong in (np.ones((9, 4)), np.ones((9, 6))[:, ::2], np.ones((9, 3), dtype=np.float32)):
+        with pytest.raises(ValueError, match="contiguous rows of 3 doubles"):
+            one.run(wrong, np.empty((3, 3)))
