@@ -11,7 +11,7 @@ import ctypes
 import os
 import threading
 from collections.abc import Iterable, Mapping, Sequence
-from ctypes import CFUNCTYPE, byref, c_char_p, c_double, c_int, c_size_t, c_uint, c_void_p
+from ctypes import CFUNCTYPE, byref, c_char, c_char_p, c_double, c_int, c_size_t, c_uint, c_void_p
 from enum import Enum, auto
 from pathlib import Path
 from typing import Any, NoReturn
@@ -196,6 +196,28 @@ class FmuInstance:
         """fmi2FreeFMUstate."""
         if self.phase not in (InstancePhase.FATAL, InstancePhase.FREED):
             self._call("fmi2FreeFMUstate", byref(c_void_p(state)))
+
+    def write_state(self) -> bytes:
+        """The state now as bytes, by fmi2SerializeFMUstate: for a file, and :meth:`read_state`."""
+        state = self.get_state()
+        try:
+            size = c_size_t()
+            self._call("fmi2SerializedFMUstateSize", c_void_p(state), byref(size))
+            content = (c_char * size.value)()
+            self._call("fmi2SerializeFMUstate", c_void_p(state), content, size)
+        finally:
+            self.free_state(state)
+        return content.raw
+
+    def read_state(self, content: bytes) -> None:
+        """Go on from the state of :meth:`write_state`, by fmi2DeSerializeFMUstate."""
+        state = c_void_p()
+        array = (c_char * len(content)).from_buffer_copy(content)
+        self._call("fmi2DeSerializeFMUstate", array, c_size_t(len(content)), byref(state))
+        try:
+            self.set_state(state.value or 0)
+        finally:
+            self.free_state(state.value or 0)
 
     # ---- variables ---------------------------------------------------------------------------------------
 
