@@ -74,6 +74,8 @@ class FmuInstance:
 
     shares_process = True
     """Its library is loaded into this process."""
+    most_state_bytes: int | None = None
+    """The largest state that :meth:`write_state` can write; None: any."""
 
     def __init__(self, component: Component, description: ModelDescription) -> None:
         self.name = component.name
@@ -203,6 +205,11 @@ class FmuInstance:
         try:
             size = c_size_t()
             self._call("fmi2SerializedFMUstateSize", c_void_p(state), byref(size))
+            if self.most_state_bytes is not None and size.value > self.most_state_bytes:
+                raise UsageError(
+                    f"{self.name}: its state has {size.value} bytes, and {self.most_state_bytes} at most pass from a "
+                    "process of its own: run it without one (--isolate)"
+                )
             content = (c_char * size.value)()
             self._call("fmi2SerializeFMUstate", c_void_p(state), content, size)
         finally:

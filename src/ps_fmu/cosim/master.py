@@ -14,9 +14,9 @@ from typing import Self
 
 from fmpy.model_description import ModelDescription
 
-from .clock import StepClock
 from .checkpoint.checkpoints import NoCheckpoints, RunKeeper
 from .checkpoint.parts import MasterParts
+from .clock import StepClock
 from .closing import end_all
 from .compiled import CompiledLoop
 from .description import convert_value, explain_unsettable, find_variable, read_descriptions

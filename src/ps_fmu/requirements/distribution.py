@@ -12,11 +12,13 @@ them.  More values are worth no less: the number is from below.
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..pointing.confidence import effective_samples, least_samples
+from ..results.observers.kept import State, check_array
 
 Array = NDArray[np.float64]
 
@@ -71,6 +73,25 @@ class Distribution:
         lowest = int(places.min())
         found = np.bincount(places - lowest)
         self.counts[lowest : lowest + len(found)] += found
+
+    def save_state(self) -> dict[str, Any]:
+        """What a checkpoint keeps: the bins that are filled, not all of them."""
+        bins = np.flatnonzero(self.counts)
+        return {
+            "count": self.count, "peak": self.peak, "squares": self._squares, "bins": bins, "counts": self.counts[bins],
+            "series": np.concatenate([np.zeros(0), *self._series]),
+        }  # fmt: skip
+
+    def load_state(self, state: State) -> None:
+        """Go on from a state of :meth:`save_state`.  Raises KeyError or ValueError for one that is none."""
+        bins, counts = (check_array(name, state[name], self.counts, grows=True) for name in ("bins", "counts"))
+        if len(bins) != len(counts) or (len(bins) and not 0 <= bins.min() <= bins.max() < BINS):
+            raise ValueError(f"bins: expected numbers from 0 to {BINS - 1}")
+        series = check_array("series", state["series"], np.zeros(0), grows=True)
+        self.count, self.peak, self._squares = int(state["count"]), float(state["peak"]), float(state["squares"])
+        self.counts[:] = 0
+        self.counts[bins] = counts
+        self._series = [series] if len(series) else []
 
     @property
     def rms(self) -> float:

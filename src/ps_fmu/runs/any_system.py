@@ -6,8 +6,7 @@ import json
 import re
 import unicodedata
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from pathlib import Path
+from dataclasses import fields, replace
 
 import netCDF4
 import numpy as np
@@ -15,7 +14,6 @@ from fmpy.model_description import ModelDescription
 
 from ..cosim.clock import count_steps
 from ..cosim.description import read_descriptions
-from ..cosim.isolation.instance import Isolation
 from ..cosim.master import Master
 from ..cosim.recording.recorder import Recorder
 from ..cosim.recording.selection import matches
@@ -29,33 +27,15 @@ from ..results.summary import plain
 from ..slavekit.pack.files import write_atomically
 from .cases import show_progress
 from .cost_log import RunCosts
-from .options import MOST_STEPS, PLOT, RESULTS, SUMMARY, OptionError
+from .keeping import CaseKeeper, keep_run
+from .kept_options import SYSTEM
+from .options import MOST_STEPS, PLOT, RESULTS, SUMMARY, AnyRun, OptionError
 from .setup import select_stored
 from .warning_log import WarningLog
 
 GROUP = "run"
 """Name of the group in results.nc."""
 _FORBIDDEN = re.compile(r"[/\x00-\x1f\x7f]")
-
-
-@dataclass(frozen=True)
-class AnyRun:
-    """The options of a run of any system; what is None the system or its FMUs say."""
-
-    system: Path
-    output: Path
-    duration_s: float | None = None
-    step_s: float | None = None
-    storage_step_s: float | None = None
-    parameters: tuple[Path, ...] = ()
-    inputs: Path | None = None
-    observe: tuple[str, ...] = ()
-    scheme: str = "jacobi"
-    outside: bool = False
-    progress: bool = True
-    figures: bool = True
-    profile: bool = False
-    isolation: Isolation | None = None
 
 
 def run_any(options: AnyRun) -> None:
@@ -66,7 +46,19 @@ def run_any(options: AnyRun) -> None:
     OptionError: an option that the system cannot honour, or that is missing and nothing states.
     CosimError, OSError: the system cannot be read or run, or results cannot be written; the rows so far are stored.
     """
+    kept = {field.name: getattr(options, field.name) for field in fields(options)}
+    with keep_run(options.output, SYSTEM, options.system.name, kept, last=SUMMARY, resume=options.resume):
+        _run(options)
+
+
+def _run(options: AnyRun) -> None:
     warnings = WarningLog()
+    keeper = CaseKeeper(
+        options.output, GROUP, options.checkpoint_s, resume=options.resume, source=options.source, anew=options.anew,
+        notes=lambda: {"warnings": list(warnings.texts)},
+    )  # fmt: skip
+    for text in keeper.kept_notes.get("warnings", ()):
+        warnings.add(str(text))
     with warnings.collect():
         system = _read(options)
         descriptions = read_descriptions(system, lenient=True)
@@ -78,6 +70,7 @@ def run_any(options: AnyRun) -> None:
         with Master(
             system, step, options.scheme, descriptions=descriptions, inputs=signals, also=also,
             isolation=options.isolation, stopwatch=None if costs is None else costs.stopwatch,
+            start_time=keeper.start_time,
         ) as master:  # fmt: skip
             names = select_stored(master.columns, options.observe)
             all_stored = make_stored_names([column.name for column in master.columns])
@@ -85,7 +78,7 @@ def run_any(options: AnyRun) -> None:
             for text in (*master.wiring.remarks, *_list_silent(system, descriptions, signals)):
                 warnings.add(text)
             master.initialise()
-            _record(master, options, duration, all_stored, names, system, costs)
+            _record(master, options, duration, all_stored, names, system, costs, keeper)
             ended = master.ended
         more: dict[str, object] = {} if ended is None else {"ended_by": ended.component, "ended_at_s": ended.time}
         if costs is not None:
@@ -177,6 +170,7 @@ def _record(
     names: Sequence[str],
     system: System,
     costs: RunCosts | None,
+    keeper: CaseKeeper,
 ) -> None:
     columns = [
         replace(column, name=stored[column.name], description=_describe(column, stored[column.name]))
@@ -184,6 +178,7 @@ def _record(
     ]
     attributes: dict[str, str | float] = {
         "system": str(options.system), "scheme": options.scheme, "step_s": master.step, "duration_s": duration,
+        **keeper.attributes,
     }  # fmt: skip
     with (
         show_progress(system.labels.get("name", options.system.stem), duration, options.progress) as show,
@@ -204,6 +199,7 @@ def _record(
             [recorder] if costs is None else costs.time([recorder]),
             progress=lambda t, wall, factor: show(min(t - start, duration), wall, factor),
             beside=True,
+            checkpoints=keeper.checkpoints,
         )
 
 

@@ -124,7 +124,8 @@ class Checkpoints:
         """
         if self._folder is not None:
             parts.check_abilities()
-            observers = [getattr(observer, "observed", observer) for observer in observers]
+            parts.save_fmus()  # before anything is computed: they may refuse it
+            observers = [_unwrap(observer) for observer in observers]
             for observer in observers:
                 if not isinstance(observer, Stateful):
                     raise CheckpointError(
@@ -162,7 +163,7 @@ class Checkpoints:
         parts = self._parts
         try:
             tree = {"index": index, "began": self._first, "left": left, "fmus": parts.save_fmus(), **parts.save_rows()}
-        except SlaveError as error:
+        except (SlaveError, UsageError) as error:
             if any(one.phase is not InstancePhase.RUNNING for one in parts.instances.values()):
                 raise
             log.warning("no checkpoint at t = %.9g s: %s", parts.clock.time(index), error)
@@ -250,9 +251,9 @@ class Checkpoints:
     def _restore_observers(self, kept: Sequence[Mapping[str, State]]) -> None:
         names = [name_observer(observer) for observer in self._observers]
         if names != [one["name"] for one in kept]:
+            there = ", ".join(str(one["name"]) for one in kept)
             raise CheckpointError(
-                f"the checkpoint is of a run with other observers: {', '.join(str(one['name']) for one in kept)} there, "
-                f"{', '.join(names)} here"
+                f"the checkpoint is of a run with other observers: {there} there, {', '.join(names)} here"
             )
         self._open_journals([one["journal"] for one in kept])
         for observer, one in zip(self._observers, kept, strict=True):
@@ -260,7 +261,8 @@ class Checkpoints:
             try:
                 observer.load_state(one["state"])
             except (KeyError, ValueError, TypeError) as error:
-                raise CheckpointError(f"the state of the observer {one['name']} in the checkpoint: {error!r}") from error
+                text = f"the state of the observer {one['name']} in the checkpoint does not fit: {error!r}"
+                raise CheckpointError(text) from error
 
     def _open_journals(self, kept: Sequence[Mapping[str, State] | None]) -> None:
         if self._folder is None:
@@ -270,6 +272,13 @@ class Checkpoints:
                 journal = self._folder.open_journal(place, observer.journal_width, one)
                 self._journals.append(journal)
                 observer.use_journal(journal)
+
+
+def _unwrap(observer: Observer) -> Observer:
+    """That which has the state, where one passes its rows on to another, ``observed``."""
+    while (inner := getattr(observer, "observed", None)) is not None:
+        observer = inner
+    return observer
 
 
 def _find_start(own: Mapping[str, State], kept: Mapping[str, State]) -> str | None:

@@ -1,8 +1,9 @@
 """The file of a checkpoint: a ZIP archive, not compressed, of ``checkpoint.json`` and ``arrays.bin``.
 
-The JSON holds the tree of the state; an array, or bytes, stands in it as ``{"$array": k}`` or ``{"$bytes": k}``, the
-k-th entry of the list ``arrays`` of dtype, shape and offset in ``arrays.bin``, where all lie one behind the other, little
-endian.  Numbers that JSON has not are ``{"$number": "nan"}``.
+The JSON holds the tree of the state; an array, or bytes, stands in it as ``{"$array": k}`` or ``{"$bytes": k}``, for
+the k-th entry of the list ``arrays``: dtype, size and offset in ``arrays.bin``, where all lie one behind the other,
+little endian.  Beside it stand the shape, and whether it lies there column by column.  Numbers that JSON has not are
+``{"$number": "nan"}``.
 
 A file may come from anywhere: nothing in it is executed, and no size in it is believed.
 """
@@ -36,7 +37,7 @@ def write_file(path: Path, tree: Mapping[str, State]) -> None:
     content = _encode(tree, arrays)
     entries, offset = [], 0
     for array in arrays:
-        entries.append({"dtype": array.dtype.str, "shape": array.shape, "offset": offset})
+        entries.append({"dtype": array.dtype.str, "size": array.size, "offset": offset})
         offset += array.nbytes
     head = json.dumps({"format": FORMAT, "arrays": entries, "content": content}, allow_nan=False)
     begun = path.with_name(f".{path.name}{_BEGUN}")
@@ -46,7 +47,7 @@ def write_file(path: Path, tree: Mapping[str, State]) -> None:
                 archive.writestr(HEAD, head)
                 with archive.open(ARRAYS, "w", force_zip64=True) as member:
                     for array in arrays:
-                        member.write(array.reshape(-1).view(np.uint8).data)
+                        member.write(array.view(np.uint8).data)
             file.flush()
             os.fsync(file.fileno())
         begun.replace(path)
@@ -95,11 +96,12 @@ def _encode(value: State, arrays: list[NDArray[Any]]) -> Any:
     if value is None or isinstance(value, bool | str):
         return value
     if isinstance(value, np.ndarray):
-        array = np.ascontiguousarray(value, dtype=value.dtype.newbyteorder("<"))
+        columns = value.flags.f_contiguous and not value.flags.c_contiguous  # numpy sums in the order of the memory
+        array = np.ascontiguousarray(value.T if columns else value, dtype=value.dtype.newbyteorder("<"))
         if array.dtype.str not in DTYPES:
             raise TypeError(f"a checkpoint holds no array of {value.dtype}")
-        arrays.append(array)
-        return {"$array": len(arrays) - 1, "shape": list(value.shape)}  # of 0 dimensions, too
+        arrays.append(array.reshape(-1))
+        return {"$array": len(arrays) - 1, "shape": list(value.shape), "by_columns": columns}
     if isinstance(value, bytes):
         arrays.append(np.frombuffer(value, np.uint8))
         return {"$bytes": len(arrays) - 1}
@@ -124,7 +126,8 @@ def _decode(value: Any, arrays: list[NDArray[Any]]) -> State:
     if not isinstance(value, dict):
         return value
     if "$array" in value:
-        return arrays[_read_count(value["$array"])].reshape([_read_count(n) for n in value["shape"]]).copy()
+        shape = [_read_count(n) for n in value["shape"]]
+        return arrays[_read_count(value["$array"])].reshape(shape, order="F" if value["by_columns"] else "C").copy("K")
     if "$bytes" in value:
         return arrays[_read_count(value["$bytes"])].tobytes()
     if "$number" in value:
@@ -145,11 +148,10 @@ def _read_member(archive: zipfile.ZipFile, name: str, most: int | None) -> bytes
 def _read_array(entry: Any, data: bytes) -> NDArray[Any]:
     if entry["dtype"] not in DTYPES:
         raise ValueError(f"an array of {entry['dtype']!r}; expected one of {', '.join(DTYPES)}")
-    dtype, shape = np.dtype(entry["dtype"]), [_read_count(n) for n in entry["shape"]]
-    size, offset = math.prod(shape), _read_count(entry["offset"])
+    dtype, size, offset = np.dtype(entry["dtype"]), _read_count(entry["size"]), _read_count(entry["offset"])
     if offset + size * dtype.itemsize > len(data):
         raise ValueError(f"an array ends behind the end of {ARRAYS}")
-    return np.frombuffer(data, dtype, size, offset).astype(dtype.newbyteorder("=")).reshape(shape)
+    return np.frombuffer(data, dtype, size, offset).astype(dtype.newbyteorder("="))
 
 
 def _read_count(value: Any) -> int:

@@ -44,8 +44,8 @@ class Journal:
             raise CheckpointError(f"{path}: rows of the checkpoint: {error.strerror or error}") from error
 
     def append(self, rows: Array) -> None:
-        """Add rows (rows, width)."""
-        if self.failure is not None or not len(rows):
+        """Add rows (rows, width); once it is closed they are in no checkpoint, and left out."""
+        if self.failure is not None or self._file.closed or not len(rows):
             return
         data = np.ascontiguousarray(rows, dtype="<f8").reshape(-1).view(np.uint8).data
         try:

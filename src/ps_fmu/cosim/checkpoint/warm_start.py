@@ -18,9 +18,9 @@ class WarmStart:
     """Has a run begin in the state of a checkpoint, at its time.
 
     The master is made with the ``start_time`` of :attr:`time` and its own start values.  Where these are not those of
-    the checkpoint's run, inputs and tunable parameters are set, as by an event there.  A fixed parameter is in the state
-    of its FMU and cannot change, unless that FMU begins ``anew``: it is initialised with its new values at that time,
-    gets the outputs of the others, and has none of its state of before.
+    the checkpoint's run, inputs and tunable parameters are set, as by an event there.  A fixed parameter is in the
+    state of its FMU and cannot change, unless that FMU begins ``anew``: it is initialised with its new values at that
+    time, gets the outputs of the others, and has none of its state of before.
 
     Parameters
     ----------

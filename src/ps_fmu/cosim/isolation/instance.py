@@ -60,6 +60,7 @@ class IsolatedInstance(FmuInstance):
     """An instance in a process of its own.  Whatever happens to that process is a :class:`SlaveError` here."""
 
     shares_process = False
+    most_state_bytes = guest_process.DATA_BYTES // 2
 
     def __init__(self, component: Component, description: ModelDescription, step_timeout_s: float) -> None:
         self._timeout_s = step_timeout_s

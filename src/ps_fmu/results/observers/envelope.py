@@ -58,6 +58,8 @@ class EnvelopeObserver(ColumnObserver):
     Bins start one row wide; when the run outgrows them they are joined in pairs.
     """
 
+    KEPT = ("_rows_per_bin", "_rows", "_time", "_low", "_high")
+
     def __init__(
         self,
         columns: Sequence[NamedColumn],

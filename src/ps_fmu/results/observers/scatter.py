@@ -5,11 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...pointing.hull import convex_hull
+from .kept import State, check_array
 from .observer import ColumnObserver, NamedColumn
 from .statistics import Statistics
 
@@ -63,6 +65,19 @@ class ScatterObserver(ColumnObserver):
         self._stride = 1
         self._rows = 0
         self._points = np.empty((0, 2))
+
+    KEPT = ("_stride", "_rows", "_points")
+    GROWING = ("_points",)
+
+    def save_state(self) -> dict[str, Any]:
+        """As :meth:`ColumnObserver.save_state`."""
+        return {**super().save_state(), "hull": self._polygon.hull, "statistics": self._statistics.save_state()}
+
+    def load_state(self, state: State) -> None:
+        """As :meth:`ColumnObserver.load_state`."""
+        super().load_state(state)
+        self._statistics.load_state(state["statistics"])
+        self._polygon = _Polygon(check_array("hull", state["hull"], self._polygon.hull, grows=True))
 
     def take(self, time: Array, samples: Array) -> None:
         """Widen the hull by the block's points and keep each ``stride``-th of them."""
