@@ -27,7 +27,7 @@ from ..results.summary import plain
 from ..slavekit.pack.files import write_atomically
 from .cases import show_progress
 from .cost_log import RunCosts
-from .keeping import CaseKeeper, keep_run
+from .keeping import CaseKeeper, keep_run, leave_no_empty_file
 from .kept_options import SYSTEM
 from .options import MOST_STEPS, PLOT, RESULTS, SUMMARY, AnyRun, OptionError
 from .setup import select_stored
@@ -59,7 +59,7 @@ def _run(options: AnyRun) -> None:
     )  # fmt: skip
     for text in keeper.kept_notes.get("warnings", ()):
         warnings.add(str(text))
-    with warnings.collect():
+    with leave_no_empty_file(options.output / RESULTS), warnings.collect():
         system = _read(options)
         descriptions = read_descriptions(system, lenient=True)
         system = replace(system, experiment=complete_experiment(system, descriptions))

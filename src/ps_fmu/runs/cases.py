@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ..cosim import Column, CosimError, Event, Master, Observer, Recorder, Value
 from ..cosim.terminals import read_terminal_variables
-from .keeping import CaseKeeper
+from .keeping import CaseKeeper, leave_no_empty_file
 from .mismatch import list_mismatches
 from .options import RESULTS, RunOptions
 from .origin import format_settings, write_origin
@@ -139,6 +139,7 @@ def run_case(
     structure = system.structure.with_parameters(case.values)
     costs = system.costs.begin(case.name) if options.profile else None
     with (
+        leave_no_empty_file(options.output / RESULTS),
         system.warnings.collect(),
         Master(
             structure, options.step_s, options.scheme, descriptions=system.descriptions,

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from ..cosim import Event, Observer
 from ..cosim.checkpoint.checkpoints import Checkpoints
 from ..cosim.checkpoint.folder import CheckpointFolder
+from ..cosim.checkpoint.state import CheckpointError
 from ..cosim.checkpoint.warm_start import WarmStart
 from .kept_options import note_complete, write_run
 from .options import CHECKPOINTS, OptionError
@@ -103,6 +104,18 @@ def find_source(source: Path, case: str) -> Path:
             raise OptionError(f"--from: {source} has no checkpoint of {case}; it has {', '.join(known) or 'none'}")
         return folder
     return source
+
+
+@contextmanager
+def leave_no_empty_file(results: Path) -> Iterator[None]:
+    """Remove a file of results that the body makes, if it is refused to go on or to begin from a checkpoint."""
+    there = results.exists()
+    try:
+        yield
+    except CheckpointError:
+        if not there:
+            results.unlink(missing_ok=True)
+        raise
 
 
 @contextmanager

@@ -9,7 +9,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from ..cosim.checkpoint.state import CheckpointError
 from .kept_options import can_go_on
 from .options import CHECKPOINTS, PLOT, REPORT, RESULTS, SUMMARY, OptionError
 
@@ -32,13 +31,11 @@ def hold_folder(folder: Path, resume: bool = False) -> Iterator[None]:
     """Lock an existing folder against other runs, and set the results of an earlier run aside, during the body.
 
     Nobody can take them for the results of a run that stops early.  They are removed once new results are stored, and
-    put back if none are, as after a misspelt parameter, or where a checkpoint is refused.  With ``resume`` the
-    checkpoints stay.  Raises :class:`OptionError` if another run uses the folder.
+    put back if none are, as after a misspelt parameter.  With ``resume`` the checkpoints stay.  Raises :class:`OptionError` if another run uses the folder.
     """
     lock = lock_folder(folder)
     names = (RESULTS, SUMMARY, REPORT, PLOT, *(() if resume else (CHECKPOINTS,)))
     aside = {folder / name: folder / f"{name}.earlier" for name in names}
-    refused = False
     try:
         for path, earlier in aside.items():
             _remove(earlier)  # of a run that was killed
@@ -46,11 +43,8 @@ def hold_folder(folder: Path, resume: bool = False) -> Iterator[None]:
                 path.replace(earlier)
         try:
             yield
-        except CheckpointError:
-            refused = True
-            raise
         finally:
-            stored = (folder / RESULTS).exists() and not refused
+            stored = (folder / RESULTS).exists()
             for path, earlier in aside.items():
                 if stored:
                     _remove(earlier)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from pathlib import Path
 
-from ..description import convert_value, explain_unsettable, find_variable
+from ..description import convert_value, explain_unsettable, find_variable, read_start
 from ..errors import CosimError, UsageError
 from ..structure import PortName, parse_port
 from .files import read_file
@@ -77,21 +77,21 @@ class WarmStart:
     def _find_changes(self, parts: MasterParts) -> Mapping[PortName, State]:
         """Start values that are other ones than in the checkpoint's run, and can be set now."""
         own, kept = parts.list_starts(), self._kept["run"]["starts"]
-        found: dict[PortName, State] = {}
+        changes: dict[PortName, State] = {}
         refused = []
         for name in sorted({*own, *kept}):
             port = parse_port(name)
             if port.component in self._anew or own.get(name) == kept.get(name):
                 continue
             variable = find_variable(parts.descriptions[port.component], port.variable)
-            value = own.get(name, variable.start)
-            if value is None:
-                refused.append(f"{name}: the FMU states no start value to go back to; give it one")
-            elif convert_value(variable, value) != convert_value(variable, kept.get(name, variable.start)):
-                if reason := explain_unsettable(variable, True):
-                    refused.append(f"{name} {reason}; it is {kept.get(name, variable.start)} there, {value} here")
-                else:
-                    found[port] = convert_value(variable, value)
+            default = read_start(variable)
+            value, there = (convert_value(variable, found.get(name, default)) for found in (own, kept))
+            if value == there:
+                continue
+            if reason := explain_unsettable(variable, True):
+                refused.append(f"{name} {reason}; it is {there} there, {value} here")
+            else:
+                changes[port] = value
         if refused:
             anew = " ".join(sorted({text.partition(".")[0] for text in refused}))
             raise CheckpointError(
@@ -99,7 +99,7 @@ class WarmStart:
                 + "\n".join(f"- {text}" for text in refused)
                 + f"\nLeave them as they are there, or have these FMUs begin anew, without their state: --anew {anew}"
             )
-        return found
+        return changes
 
     def _check_latest(self, parts: MasterParts) -> State:
         latest = self._kept["latest"]
