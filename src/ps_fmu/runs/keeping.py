@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -18,7 +19,7 @@ from ..cosim.checkpoint.folder import CheckpointFolder
 from ..cosim.checkpoint.state import CheckpointError
 from ..cosim.checkpoint.warm_start import WarmStart
 from .kept_options import note_complete, write_run
-from .options import CHECKPOINTS, OptionError
+from .options import CHECKPOINTS, RESULTS, OptionError
 
 Array = NDArray[np.float64]
 
@@ -124,7 +125,7 @@ def keep_run(
 ) -> Iterator[None]:
     """Note what runs during the body, and that it is complete once the file ``last`` is in the output folder.
 
-    Raises OSError.
+    Where nothing was stored, there is nothing to go on with, and the note is removed.  Raises OSError.
     """
     if options["checkpoint_s"] is None:
         yield
@@ -134,7 +135,9 @@ def keep_run(
     try:
         yield
     finally:
-        if (output / last).is_file():
+        if not resume and not (output / RESULTS).exists():
+            shutil.rmtree(output / CHECKPOINTS, ignore_errors=True)
+        elif (output / last).is_file():
             with suppress(OSError):  # all results are there
                 note_complete(output)
                 for folder in (output / CHECKPOINTS).iterdir():

@@ -31,7 +31,8 @@ def hold_folder(folder: Path, resume: bool = False) -> Iterator[None]:
     """Lock an existing folder against other runs, and set the results of an earlier run aside, during the body.
 
     Nobody can take them for the results of a run that stops early.  They are removed once new results are stored, and
-    put back if none are, as after a misspelt parameter.  With ``resume`` the checkpoints stay.  Raises :class:`OptionError` if another run uses the folder.
+    put back if none are, as after a misspelt parameter.  With ``resume`` the checkpoints stay.  Raises
+    :class:`OptionError` if another run uses the folder.
     """
     lock = lock_folder(folder)
     names = (RESULTS, SUMMARY, REPORT, PLOT, *(() if resume else (CHECKPOINTS,)))
