@@ -1,5 +1,6 @@
 """``ps-fmu`` in a process that ends by SIGKILL at a chosen moment: ``killed.py KIND NUMBER ARGUMENT ...``.
 
+``interrupt``: Ctrl-C after so many rows.
 ``rows``: some turns of the threads after so many rows have gone to the recorders, wherever the threads are, also
 within netCDF; ``names``: before a file gets its name for the so-many-th time.  Without such a moment nobody is killed.
 """
@@ -23,22 +24,33 @@ def kill() -> None:
 
 def kill_after_rows(number: int) -> None:
     """Among so many rows: some turns of the threads after the block that holds the row."""
-    original, turns = Recorder.block, random.Random(number).randrange(3000)
-    seen = 0
+    turns = random.Random(number).randrange(3000)
 
     def wait_and_kill() -> None:
         for _ in range(turns):
             time.sleep(0.0)  # gives way to the other threads
         kill()
 
+    act_after_rows(number, lambda: threading.Thread(target=wait_and_kill, daemon=True).start())
+
+
+def act_after_rows(number: int, act) -> None:
+    """At the block that holds the row."""
+    original, seen = Recorder.block, 0
+
     def block(self, first_index, times, values):
         nonlocal seen
         before, seen = seen, seen + len(times)
         if before <= number < seen:
-            threading.Thread(target=wait_and_kill, daemon=True).start()
+            act()
         original(self, first_index, times, values)
 
     Recorder.block = block
+
+
+def interrupt_after_rows(number: int) -> None:
+    """As Ctrl-C does."""
+    act_after_rows(number, lambda: os.kill(os.getpid(), signal.SIGINT))
 
 
 def kill_before_name(number: int) -> None:
@@ -56,5 +68,6 @@ def kill_before_name(number: int) -> None:
 
 
 if __name__ == "__main__":
-    {"rows": kill_after_rows, "names": kill_before_name}[sys.argv[1]](int(sys.argv[2]))
+    kinds = {"rows": kill_after_rows, "names": kill_before_name, "interrupt": interrupt_after_rows}
+    kinds[sys.argv[1]](int(sys.argv[2]))
     sys.exit(main(sys.argv[3:]))

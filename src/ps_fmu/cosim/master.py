@@ -362,7 +362,7 @@ class Master:
         rows, clock = self._rows, self.clock
         begin, began = self.time, wall_clock.perf_counter()
         try:
-            while self._index < end:
+            while self._index < end or interrupted:
                 while schedule and schedule[0][0] == self._index:
                     _, port, value = schedule.pop(0)
                     self._apply(port, value)
@@ -378,11 +378,12 @@ class Master:
                     delivery.hand_over()
                 if self._index == end:
                     delivery.wait()
-                keeper.arrive(self._index, len(schedule), delivery, bool(interrupted))
                 if progress is not None:
                     wall = wall_clock.perf_counter() - began
                     progress(self.time, wall, (self.time - begin) / wall)
-                if interrupted:
+                stops = bool(interrupted)  # once: Ctrl-C may come at any moment
+                keeper.arrive(self._index, len(schedule), delivery, stops)
+                if stops:
                     raise KeyboardInterrupt
         except BaseException as error:
             delivery.conclude(error)

@@ -13,7 +13,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Protocol
 
-from ..errors import CosimError, SlaveError, UsageError
+from ..errors import SlaveError, UsageError
 from ..events import Schedule
 from ..fmu_instance import InstancePhase
 from ..recording.delivery import Delivery, Observer, name_observer
@@ -237,8 +237,6 @@ class Checkpoints:
             if self._left < 0:
                 raise ValueError(f"{self._left} events to come")
         except (KeyError, ValueError, TypeError, AttributeError, IndexError, OverflowError) as error:
-            if isinstance(error, CosimError):
-                raise
             raise CheckpointError(f"{path}: is a damaged checkpoint: {error!r}") from error
         assert self._folder is not None
         for newer in self._folder.list_files():

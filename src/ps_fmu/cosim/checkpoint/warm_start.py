@@ -6,7 +6,7 @@ from collections.abc import Collection, Mapping
 from pathlib import Path
 
 from ..description import convert_value, explain_unsettable, find_variable, read_start
-from ..errors import CosimError, UsageError
+from ..errors import UsageError
 from ..structure import PortName, parse_port
 from .files import read_file
 from .folder import CheckpointFolder
@@ -70,8 +70,6 @@ class WarmStart:
             self._feed_new(parts, time)
             parts.rows.store_latest()
         except (KeyError, ValueError, TypeError, AttributeError, IndexError) as error:
-            if isinstance(error, CosimError):
-                raise
             raise self._make_damaged(error) from error
 
     def _find_changes(self, parts: MasterParts) -> Mapping[PortName, State]:

@@ -103,7 +103,9 @@ class ArrivalObserver(ColumnObserver):
         self._during, self._after = (self._load_statistics(state[name]) for name in ("during", "after"))
         times = [state["began_s"], state["ended_s"]]
         self._began_s, self._ended_s = (None if time is None else float(time) for time in times)
-        self._settled, self._final = bool(state["settled"]), None
+        if not isinstance(state["settled"], bool):
+            raise ValueError(f"settled: expected true or false, found {state['settled']!r}")
+        self._settled, self._final = state["settled"], None
         if state["final"] is not None:
             time, values = state["final"]
             self._final = float(time), check_array("final", values, np.zeros(len(self.names) - 1))
