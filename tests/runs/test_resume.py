@@ -98,7 +98,9 @@ def test_a_killed_run_ends_with_the_results_of_an_undisturbed_one(inputs, undist
     done = start(inputs, *words, driver=(str(DRIVER), kind, str(number)))
     while done.returncode == -signal.SIGKILL:
         again = ("rows", str(rng.randrange(2 * rows)))  # perhaps it is killed again
-        done = start(inputs, "--resume", str(tmp_path / "out"), "--no-figures", driver=(str(DRIVER), *again))
+        begun = (tmp_path / "out" / "checkpoint" / "run.json").is_file()  # else it was killed before it began
+        more = ["--resume", str(tmp_path / "out"), "--no-figures"] if begun else words
+        done = start(inputs, *more, driver=(str(DRIVER), *again))
     assert done.returncode == expected.returncode, done.stderr
     assert list_differences(folder, tmp_path / "out") == []
     assert tables(done.stdout) == tables(expected.stdout)

@@ -89,6 +89,8 @@ def report_end(program: str, why: str, output: Path, code: int) -> int:
     """Say why a run failed and where its results are; returns the exit code."""
     results = output / RESULTS
     kept = f"results so far: {results}" if results.is_file() else "nothing was stored"
+    if not results.is_file() and results.with_name(f"{RESULTS}.earlier").is_file():
+        kept = f"the results of before stay: {results}"
     if (output / REPORT).is_file():  # the last that is written: the run is complete, and what it found is the failure
         kept = f"all results are written: {output}"
     print(f"{program}: {why}\n{program}: {kept}", file=sys.stderr)
