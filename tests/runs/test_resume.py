@@ -34,7 +34,8 @@ signal = "plant.payload_rotation"
 index = "RPE"
 at = "uniform"
 window = "50 ms"
-probability = 0.95
+probability = 0.5
+confidence = 0.5
 interpretation = "temporal"
 limit = "1 mrad"
 
@@ -46,6 +47,7 @@ settling = "0.1 s"
 index = "jitter"
 window = "20 ms"
 statistic = "rms"
+confidence = 0.5
 limit = "1 mm"
 """
 
