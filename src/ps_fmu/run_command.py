@@ -25,7 +25,7 @@ from .results.style import prepare_drawing
 from .runs import scenarios
 from .runs.built_fmus import find_built_folder, provide_fmus
 from .runs.keeping import keep_run
-from .runs.kept_options import SCENARIO, SYSTEM, read_run
+from .runs.kept_options import SCENARIO, read_run
 from .runs.options import REPORT, SCHEMES, AnyRun, OptionError, RunOptions, Scenario, claim_folder
 from .runs.output import hold_folder, leave_no_empty_folder, report_end
 from .runs.registry import find_scenarios
@@ -148,11 +148,14 @@ def read_resumed(arguments: argparse.Namespace, defaults: argparse.Namespace) ->
     options = {**kept.options, "resume": True}
     if not arguments.figures:
         options["figures"] = False
-    if kept.kind == SYSTEM:
-        return AnyRun(**options)
-    if (scenario := find_all_scenarios().get(kept.name)) is None:
+    scenario = find_all_scenarios().get(kept.name) if kept.kind == SCENARIO else None
+    if kept.kind == SCENARIO and scenario is None:
         raise OptionError(f"--resume: there is no scenario {kept.name!r} any longer")
-    return RunOptions(scenario=scenario, **options)
+    try:
+        return AnyRun(**options) if scenario is None else RunOptions(scenario=scenario, **options)
+    except TypeError as error:
+        where = kept.options["output"]
+        raise OptionError(f"--resume: the options of the run in {where} are damaged: {error}") from error
 
 
 def _choose_output(arguments: argparse.Namespace) -> Path:

@@ -148,6 +148,7 @@ def test_what_does_not_go_on_says_why_and_loses_nothing(stopped, run, tmp_path):
         ('"package": "', '"package": "0', "is of ps_fmu 0"),
         ('"kind": "scenario"', '"kind": "else"', "is damaged"),
         ('"seed": 1', '"seed": "1"', "is damaged"),
+        ('"duration_s": 0.6', '"duration_s": null', "are damaged"),
         ('"name": "isolation"', '"name": "nothing"', "there is no scenario 'nothing'"),
         ("own.toml", "other.toml", "is not as it was when the run began"),
         ("{", "[", "cannot be read"),
