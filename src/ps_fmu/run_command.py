@@ -12,8 +12,10 @@ import argparse
 import sys
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
+from dataclasses import fields
 from pathlib import Path
 
+from .cosim.checkpoint.options import add_checkpoint_options
 from .cosim.errors import CosimError, UsageError
 from .cosim.isolation.options import add_isolation_options, read_isolation
 from .cosim.ssp.reading import read_system
@@ -23,7 +25,9 @@ from .results.style import prepare_drawing
 from .runs import scenarios
 from .runs.built_fmus import find_built_folder, provide_fmus
 from .runs.faults_option import add_faults_option, find_faults
-from .runs.options import SCHEMES, OptionError, RunOptions, Scenario
+from .runs.keeping import keep_run
+from .runs.kept_options import SCENARIO, read_run
+from .runs.options import REPORT, SCHEMES, AnyRun, OptionError, RunOptions, Scenario, claim_folder
 from .runs.output import hold_folder, leave_no_empty_folder, report_end
 from .runs.registry import find_scenarios
 from .slavekit.pack.errors import BuildError
@@ -92,6 +96,11 @@ def add_arguments(p: argparse.ArgumentParser, found: Mapping[str, Scenario]) -> 
         help="draw no PNG files; the report keeps its charts, and has no pictures",
     )  # fmt: skip
     add_faults_option(p)
+    add_checkpoint_options(p)
+    p.add_argument(
+        "--resume", type=Path, metavar="DIR",
+        help="go on with the run whose results are in DIR, from its last checkpoint, with the options that it has",
+    )  # fmt: skip
     p.add_argument(
         "--disturbance", type=Path, metavar="FILE",
         help="recorded force and torque on the bus, CSV or netCDF, in place of the noise",
@@ -125,7 +134,32 @@ def read_options(scenario: Scenario, arguments: argparse.Namespace) -> RunOption
         profile=arguments.profile,
         isolation=isolation,
         faults=find_faults(arguments.faults),
+        checkpoint_s=arguments.checkpoint,
+        source=arguments.source,
+        anew=tuple(arguments.anew),
     ).claim_output()
+
+
+def read_resumed(arguments: argparse.Namespace, defaults: argparse.Namespace) -> RunOptions | AnyRun:
+    """The options of the run to go on with.  Raises OptionError, also for an option that is given besides."""
+    given = vars(arguments) | {"resume": None, "figures": True}
+    if others := [name for name, value in given.items() if name in defaults and value != getattr(defaults, name)]:
+        raise OptionError(
+            f"--resume: the run goes on with the options that it has, so that {others[0]} cannot be given: to change "
+            "something, begin a run --from its checkpoint"
+        )
+    kept = read_run(claim_folder(arguments.resume.absolute()))
+    options = {**kept.options, "resume": True}
+    if not arguments.figures:
+        options["figures"] = False
+    scenario = find_all_scenarios().get(kept.name) if kept.kind == SCENARIO else None
+    if kept.kind == SCENARIO and scenario is None:
+        raise OptionError(f"--resume: there is no scenario {kept.name!r} any longer")
+    try:
+        return AnyRun(**options) if scenario is None else RunOptions(scenario=scenario, **options)
+    except TypeError as error:
+        where = kept.options["output"]
+        raise OptionError(f"--resume: the options of the run in {where} are damaged: {error}") from error
 
 
 def _choose_output(arguments: argparse.Namespace) -> Path:
@@ -148,7 +182,9 @@ def build_and_run(options: RunOptions) -> None:
         provide_fmus(options.fmus, options.system)
     if options.figures:
         prepare_drawing()
-    options.scenario.run(options)
+    kept = {field.name: getattr(options, field.name) for field in fields(options)}
+    with keep_run(options.output, SCENARIO, options.scenario.name, kept, last=REPORT, resume=options.resume):
+        options.scenario.run(options)
 
 
 def main(arguments: Sequence[str] | None = None, program: str = "run.py") -> int:
@@ -161,10 +197,17 @@ def main(arguments: Sequence[str] | None = None, program: str = "run.py") -> int
 def run(arguments: argparse.Namespace, command_line: argparse.ArgumentParser) -> int:
     """Run the scenario of parsed arguments; returns the exit code.  ``command_line``: the parser, for its errors."""
     program = command_line.prog
-    with leave_no_empty_folder(_choose_output(arguments)), ExitStack() as stack:
+    with leave_no_empty_folder(arguments.resume or _choose_output(arguments)), ExitStack() as stack:
         try:
-            options = read_options(find_all_scenarios()[arguments.scenario], arguments)
-            stack.enter_context(hold_folder(options.output))
+            if arguments.resume is not None:
+                options = read_resumed(arguments, command_line.parse_args([]))
+                if isinstance(options, AnyRun):
+                    from .system_command import run_system
+
+                    return run_system(options, program)
+            else:
+                options = read_options(find_all_scenarios()[arguments.scenario], arguments)
+            stack.enter_context(hold_folder(options.output, options.resume))
         except OptionError as error:
             command_line.error(str(error))
         except OSError as error:  # the product's files or the user's home are not there

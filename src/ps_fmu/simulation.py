@@ -55,6 +55,10 @@ def simulate(
     figures: bool = True,
     output: str | PathLike[str] | None = None,
     progress: bool = True,
+    checkpoint: float | None = None,
+    resume: bool = False,
+    source: str | PathLike[str] | None = None,
+    anew: Sequence[str] = (),
 ) -> Result:
     """Run a scenario as ``ps-fmu run`` does; its results, whether they meet requirements or not.
 
@@ -82,6 +86,10 @@ def simulate(
     figures: draw PNG files.
     output: folder to write into, and to keep.  By default one for temporary files, removed with the result.
     progress: show a progress bar on the error stream.
+    checkpoint: keep the state each so many seconds of simulation, in the folder ``checkpoint`` of ``output``.
+    resume: go on with the run in ``output`` from its last checkpoint; with the arguments that it was begun with.
+    source: begin in the state of a checkpoint, or of a run by the folder of its results.
+    anew: FMUs that begin anew then, without their state, and so with other fixed parameters.
 
     Raises
     ------
@@ -92,10 +100,12 @@ def simulate(
     if scenario not in found:
         raise OptionError(f"scenario: there is no {scenario!r}; expected one of {', '.join(found)}")
     chosen = found[scenario]
+    if resume and (output is None or checkpoint is None):
+        raise OptionError("resume: expected the output folder of the run, and the time between checkpoints")
     own = None if system is None else find_file(Path(system))
     folder = Path(tempfile.mkdtemp(prefix="ps_fmu_") if output is None else output).absolute()
     try:
-        with leave_no_empty_folder(folder), hold_folder(claim_folder(folder)):
+        with leave_no_empty_folder(folder), hold_folder(claim_folder(folder), resume):
             files = [find_file(Path(file)) for file in parameter_files]
             if parameters:
                 files.append(folder / PARAMETERS)
@@ -118,6 +128,10 @@ def simulate(
                 progress=progress,
                 figures=figures,
                 faults=None if faults is None else find_file(Path(faults)),
+                checkpoint_s=checkpoint,
+                resume=resume,
+                source=None if source is None else Path(source),
+                anew=tuple(anew),
             )
             with redirect_stdout(io.StringIO()) as printed, suppress(NotMetError):
                 build_and_run(options)

@@ -11,13 +11,14 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
+from .cosim.checkpoint.options import add_checkpoint_options
 from .cosim.errors import CosimError, UsageError
 from .cosim.isolation.options import add_isolation_options, read_isolation
 from .cosim.schemes.options import add_scheme_options, read_scheme
 from .cosim.ssp.sources import SSD_NAME
-from .runs.any_system import AnyRun, run_any
+from .runs.any_system import run_any
 from .runs.faults_option import add_faults_option, find_faults
-from .runs.options import PLOT, RESULTS, OptionError, claim_folder
+from .runs.options import PLOT, RESULTS, AnyRun, OptionError, claim_folder
 from .runs.output import hold_folder, leave_no_empty_folder, report_end
 from .terminal import reason
 
@@ -56,6 +57,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--profile", action="store_true", help="say where the time goes, and when the longest step was")
     add_isolation_options(parser)
     add_scheme_options(parser)
+    add_checkpoint_options(parser)
     add("--no-figures", dest="figures", action="store_false", help="draw no plot")
 
 
@@ -77,16 +79,23 @@ def run(arguments: argparse.Namespace, command_line: argparse.ArgumentParser) ->
     """Run the system of parsed arguments; returns the exit code.  ``command_line``: the parser, for its errors."""
     program = command_line.prog
     try:
-        options = read_options(arguments)
-        with leave_no_empty_folder(options.output), hold_folder(claim_folder(options.output)):
-            try:
-                run_any(options)
-            except KeyboardInterrupt:
-                return report_end(program, "interrupted", options.output, 130)
-            except (CosimError, OSError) as error:
-                return report_end(program, reason(error), options.output, 1)
+        return run_system(read_options(arguments), program)
     except OptionError as error:
         command_line.error(str(error))
+
+
+def run_system(options: AnyRun, program: str) -> int:
+    """Run the system of checked options; returns the exit code.
+
+    Raises OptionError for an option that cannot be honoured, as the system shows.
+    """
+    with leave_no_empty_folder(options.output), hold_folder(claim_folder(options.output), options.resume):
+        try:
+            run_any(options)
+        except KeyboardInterrupt:
+            return report_end(program, "interrupted", options.output, 130)
+        except (CosimError, OSError) as error:
+            return report_end(program, reason(error), options.output, 1)
     print(f"results in {options.output}: {RESULTS}{f', {PLOT}' if (options.output / PLOT).is_file() else ''}")
     return 0
 
@@ -125,6 +134,9 @@ def read_options(arguments: argparse.Namespace) -> AnyRun:
         profile=arguments.profile,
         isolation=isolation,
         faults=faults,
+        checkpoint_s=arguments.checkpoint,
+        source=arguments.source,
+        anew=tuple(arguments.anew),
     )
 
 

@@ -11,7 +11,7 @@ import ctypes
 import os
 import threading
 from collections.abc import Iterable, Mapping, Sequence
-from ctypes import CFUNCTYPE, byref, c_char_p, c_double, c_int, c_size_t, c_uint, c_void_p
+from ctypes import CFUNCTYPE, byref, c_char, c_char_p, c_double, c_int, c_size_t, c_uint, c_void_p
 from enum import Enum, auto
 from pathlib import Path
 from typing import Any, NoReturn
@@ -77,6 +77,8 @@ class FmuInstance:
 
     shares_process = True
     """Its library is loaded into this process."""
+    most_state_bytes: int | None = None
+    """The largest state that :meth:`write_state` can write; None: any."""
 
     def __init__(self, component: Component, description: ModelDescription) -> None:
         self.name = component.name
@@ -205,6 +207,33 @@ class FmuInstance:
         """fmi2FreeFMUstate."""
         if self.phase not in (InstancePhase.FATAL, InstancePhase.FREED):
             self._call("fmi2FreeFMUstate", byref(c_void_p(state)))
+
+    def write_state(self) -> bytes:
+        """The state now as bytes, by fmi2SerializeFMUstate: for a file, and :meth:`read_state`."""
+        state = self.get_state()
+        try:
+            size = c_size_t()
+            self._call("fmi2SerializedFMUstateSize", c_void_p(state), byref(size))
+            if self.most_state_bytes is not None and size.value > self.most_state_bytes:
+                raise UsageError(
+                    f"{self.name}: its state has {size.value} bytes, and {self.most_state_bytes} at most pass from a "
+                    "process of its own: run it without one (--isolate)"
+                )
+            content = (c_char * size.value)()
+            self._call("fmi2SerializeFMUstate", c_void_p(state), content, size)
+        finally:
+            self.free_state(state)
+        return content.raw
+
+    def read_state(self, content: bytes) -> None:
+        """Go on from the state of :meth:`write_state`, by fmi2DeSerializeFMUstate."""
+        state = c_void_p()
+        array = (c_char * len(content)).from_buffer_copy(content)
+        self._call("fmi2DeSerializeFMUstate", array, c_size_t(len(content)), byref(state))
+        try:
+            self.set_state(state.value or 0)
+        finally:
+            self.free_state(state.value or 0)
 
     # ---- variables ---------------------------------------------------------------------------------------
 

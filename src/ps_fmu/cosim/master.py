@@ -14,6 +14,8 @@ from typing import Self
 
 from fmpy.model_description import ModelDescription
 
+from .checkpoint.checkpoints import NoCheckpoints, RunKeeper
+from .checkpoint.parts import MasterParts
 from .clock import StepClock
 from .closing import end_all
 from .compiled import CompiledLoop
@@ -28,7 +30,7 @@ from .guard import ProcessGuard
 from .initialisation import initialise, load, read_first_row
 from .interrupt import note_interrupts
 from .isolation.instance import Isolation
-from .recording.beside import DeliveryBeside
+from .recording.beside import make_delivery
 from .recording.delivery import Delivery, Observer
 from .rows import Column, Rows
 from .schemes.columns import lay_out
@@ -245,6 +247,7 @@ class Master:
         progress: Progress | None = None,
         *,
         beside: bool = False,
+        checkpoints: RunKeeper | None = None,
     ) -> None:
         """Advance by ``duration`` [s]; the first run begins with row 0, each later one with the row after.
 
@@ -253,7 +256,7 @@ class Master:
         raised.
 
         With ``beside`` the observers work in a thread beside the loop: they see the same blocks, a little later, and
-        must not use this object.
+        must not use this object.  ``checkpoints`` keep the run, and have it go on, see :class:`.Checkpoints`.
 
         An FMU that ends the simulation by itself (fmi2Discard with fmi2Terminated) is no failure: :attr:`ended` is it.
 
@@ -265,13 +268,21 @@ class Master:
             raise UsageError("the system is closed" if self._closed else "call initialise() first")
         if self._ended is not None:
             raise UsageError(f"the simulation has ended: {self._ended}")
-        end = self._index + self.clock.steps(duration)
+        keeper, steps = checkpoints or NoCheckpoints(), self.clock.steps(duration)
+        parts = MasterParts(
+            self.system, self._descriptions, self._instances, self.wiring, self._rows, self.clock, self.scheme,
+            self.faults, self._set, self.columns, lambda: self._loop, self._make_plan,
+        )  # fmt: skip
+        first, self._index = keeper.begin(parts, self._index, steps, observers)
+        end = first + steps
         self.clock.check_end(end)
-        schedule = make_schedule(events, self.clock, self._index, end, self._check)
+        schedule = keeper.skip(make_schedule(events, self.clock, first, end, self._check))
         self._running = True
         try:
             with note_interrupts() as interrupted:
-                self._advance(end, schedule, self._make_delivery(observers, beside), progress, interrupted)
+                count = (lambda: 0 if self._loop is None else self._loop.count_rows()) if beside else None
+                delivery = make_delivery(self._rows, self.clock, self.columns, observers, count)
+                self._advance(end, schedule, delivery, progress, interrupted, keeper)
         except SlaveEnded as ended:
             self._ended = ended
             log.warning("%s", ended)
@@ -282,6 +293,7 @@ class Master:
             raise
         finally:
             self._running = False
+            keeper.end()
 
     def close(self) -> None:
         """Terminate and free all FMUs; safe to call twice.  Raises the first :class:`SlaveError`."""
@@ -343,17 +355,13 @@ class Master:
         self._loop = RepeatingLoop(self._instances, self._rows, self.step, maker.make, self._obstacle, self.faults)
 
     def _advance(
-        self,
-        end: int,
-        schedule: Schedule,
-        delivery: Delivery,
-        progress: Progress | None,
-        interrupted: c_int,
-    ) -> None:
+        self, end: int, schedule: Schedule, delivery: Delivery, progress: Progress | None, interrupted: c_int,
+        keeper: RunKeeper,
+    ) -> None:  # fmt: skip
         rows, clock = self._rows, self.clock
         begin, began = self.time, wall_clock.perf_counter()
         try:
-            while self._index < end:
+            while self._index < end or interrupted:
                 while schedule and schedule[0][0] == self._index:
                     _, port, value = schedule.pop(0)
                     self._apply(port, value)
@@ -362,15 +370,12 @@ class Master:
                     self._loop.forget()
                     self._make_plan()
                 stop = self.faults.find_change(self._index, min(end, schedule[0][0]) if schedule else end)
-                count = min(stop - self._index, rows.capacity - rows.filled)
-                before = rows.filled
+                count = min(keeper.limit(stop) - self._index, rows.capacity - rows.filled)
                 try:
                     self._loop.advance(clock.times(self._index, count), interrupted)
                     self._guard.check()
                 finally:
-                    self._index += rows.filled - before
-                if interrupted:
-                    raise KeyboardInterrupt
+                    self._index = rows.first_index + rows.filled - 1
                 if rows.filled == rows.capacity or self._index == end:
                     delivery.hand_over()
                 if self._index == end:
@@ -378,20 +383,16 @@ class Master:
                 if progress is not None:
                     wall = wall_clock.perf_counter() - began
                     progress(self.time, wall, (self.time - begin) / wall)
-            if interrupted:  # while the observers took the last block
-                raise KeyboardInterrupt
+                stops = bool(interrupted)  # once: Ctrl-C may come at any moment
+                keeper.arrive(self._index, len(schedule), delivery, stops)
+                if stops:
+                    raise KeyboardInterrupt
         except BaseException as error:
             delivery.conclude(error)
         finally:
             delivery.close()
             if delivery.failed_at is not None:
                 self._index = delivery.failed_at
-
-    def _make_delivery(self, observers: Sequence[Observer], beside: bool) -> Delivery:
-        parts = self._rows, self.clock, self.columns, observers
-        if not beside:
-            return Delivery(*parts)
-        return DeliveryBeside(*parts, lambda: 0 if self._loop is None else self._loop.count_rows())
 
     def _abort(self) -> None:
         """Free everything after a failure, without hiding it behind another one."""

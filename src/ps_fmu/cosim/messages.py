@@ -9,6 +9,7 @@ from __future__ import annotations
 import itertools
 import logging
 from collections import deque
+from collections.abc import Iterable
 from ctypes import byref
 
 from fmpy import calloc, free
@@ -71,6 +72,14 @@ class MessageLog:
         log.warning("%s: %s%s", self.component, line, "" if time is None else f", first at t = {time:.9g} s")
         if len(self._shown) > REMEMBERED:
             log.warning("%s: too many different messages; the rest is only counted", self.component)
+
+    def list_shown(self) -> list[str]:
+        """The texts that have been logged."""
+        return sorted(self._shown)
+
+    def note_shown(self, lines: Iterable[str]) -> None:
+        """Take texts as logged, as by a run that is gone on with."""
+        self._shown.update(itertools.islice(lines, REMEMBERED + 1))
 
     def show_held(self) -> None:
         """Log the errors that belong to no exception."""

@@ -208,6 +208,13 @@ class Rows:
         with self.lock:
             self.filled = filled
 
+    def restore(self, first_index: int, block: Array, latest: Array) -> None:
+        """Take over the unfinished block of another run, as it lies in :attr:`block`, and its latest outputs."""
+        with self.lock:
+            self.block[: len(block)] = block
+            self.latest[:] = latest
+            self.first_index, self.filled = first_index, len(block)
+
     @contextmanager
     def aside(self) -> Iterator[None]:
         """During the body rows go into another block, which is forgotten after it."""

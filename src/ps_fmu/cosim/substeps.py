@@ -79,7 +79,10 @@ class RepeatingLoop:
         self._rows, self._step, self._make_loop = rows, step, make_loop
         self.loop = make_loop(step)
         self._obstacle, self._faults = obstacle, faults
-        self._warned: set[str] = set()
+        self.warned: set[str] = set()
+        """FMUs of which the user knows that they discard steps."""
+        self.is_between_steps = True
+        """Whether the FMUs are where the rows end; not after an interrupted repetition."""
         self._kept: _Kept | None = None
         self._kept_at = 0.0
         self._since: list[Array] = []  # times of the steps since then [s]
@@ -112,6 +115,7 @@ class RepeatingLoop:
                     self._divide(float(times[done]), error, interrupted)
                 finally:
                     self._show_only(None)
+            self.is_between_steps = rows.filled > first + done
             self.forget()
         else:
             self._since.append(times[: rows.filled - first])
@@ -188,8 +192,8 @@ class RepeatingLoop:
 
     def _warn(self, error: DiscardedStep) -> None:
         """Once for each FMU."""
-        if error.component not in self._warned:
-            self._warned.add(error.component)
+        if error.component not in self.warned:
+            self.warned.add(error.component)
             log.warning(
                 "%s: discarded the step at t = %.9g s; this and later ones are repeated in parts",
                 error.component, error.time,

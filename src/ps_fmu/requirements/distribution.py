@@ -12,12 +12,14 @@ them.  More values are worth no less: the number is from below.
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..blocks.histogram import LogarithmicBins, Totals
 from ..pointing.confidence import effective_samples, least_samples
+from ..results.observers.kept import State, check_array
 
 Array = NDArray[np.float64]
 
@@ -72,6 +74,26 @@ class Distribution:
     def peak(self) -> float:
         """Largest magnitude; 0 without values."""
         return self._totals.peak
+
+    def save_state(self) -> dict[str, Any]:
+        """What a checkpoint keeps: the bins that are filled, not all of them."""
+        bins, totals = np.flatnonzero(self.counts), self._totals
+        return {
+            "count": self.count, "sum": totals.sum, "squares": totals.squares, "peak": totals.peak,
+            "bins": bins, "counts": self.counts[bins], "series": np.concatenate([np.zeros(0), *self._series]),
+        }  # fmt: skip
+
+    def load_state(self, state: State) -> None:
+        """Go on from a state of :meth:`save_state`.  Raises KeyError or ValueError for one that is none."""
+        bins, counts = (check_array(name, state[name], self.counts, grows=True) for name in ("bins", "counts"))
+        if len(bins) != len(counts) or (len(bins) and not 0 <= bins.min() <= bins.max() < BINS):
+            raise ValueError(f"bins: expected numbers from 0 to {BINS - 1}")
+        series = check_array("series", state["series"], np.zeros(0), grows=True)
+        self.count = int(state["count"])
+        self._totals = Totals(*(float(state[name]) for name in ("sum", "squares", "peak")))
+        self.counts[:] = 0
+        self.counts[bins] = counts
+        self._series = [series] if len(series) else []
 
     @property
     def rms(self) -> float:

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..results.observers.kept import State, check_array
 from .distribution import Distribution
 from .requirement import Requirement
 from .targets import NamedColumn, Target, find_targets
@@ -47,7 +49,7 @@ class RequirementRecord:
         self._windows = (rows - self._first - self._count) // self._stride + 1
         self._places = [place for target in self.targets for place in target.places]
         self._pending: list[Array] = []
-        self._waiting = 0
+        self._waiting = self._each = 0
         self.rows = 0
         """Rows seen after the settling."""
 
@@ -72,11 +74,32 @@ class RequirementRecord:
         rest = joined[len(found) * self._stride :].copy()
         self._pending, self._waiting = [rest], len(rest)
 
+    def save_state(self) -> dict[str, Any]:
+        """What a checkpoint keeps; valid until the next block."""
+        found = [one.save_state() for one in self.distributions]
+        return {"rows": self.rows, "pending": self._pending, "each": self._each, "distributions": found}
+
+    def load_state(self, state: State) -> None:
+        """Go on from a state of :meth:`save_state`.  Raises KeyError or ValueError for one that is none."""
+        like = np.zeros((0, len(self._places)))
+        self._pending = [check_array("pending", one, like, grows=True) for one in state["pending"]]
+        self.rows, self._waiting = int(state["rows"]), sum(map(len, self._pending))
+        self.distributions = []
+        if state["distributions"]:
+            self._make_distributions(int(state["each"]))
+            for own, kept in zip(self.distributions, state["distributions"], strict=True):
+                own.load_state(kept)
+
+    def _make_distributions(self, each: int) -> None:
+        """``each``: values of a window."""
+        self._each = each
+        expected = max(1, self._windows) * each
+        self.distributions = [Distribution(target.limit, expected) for target in self.targets]
+
     def _add(self, found: Array) -> None:
         """Add values (windows, r, signals)."""
         if not self.distributions:
-            expected = max(1, self._windows) * found.shape[1]
-            self.distributions = [Distribution(target.limit, expected) for target in self.targets]
+            self._make_distributions(found.shape[1])
         place = 0
         for target, distribution in zip(self.targets, self.distributions, strict=True):
             own = found[:, :, place : place + len(target.places)]

@@ -6,8 +6,7 @@ import json
 import re
 import unicodedata
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from pathlib import Path
+from dataclasses import fields, replace
 
 import netCDF4
 import numpy as np
@@ -18,13 +17,12 @@ from ..cosim.description import read_descriptions
 from ..cosim.errors import UsageError
 from ..cosim.faults.acted import ActedFault
 from ..cosim.faults.reading import read_faults
-from ..cosim.isolation.instance import Isolation
 from ..cosim.master import Master
 from ..cosim.recording.recorder import Recorder
 from ..cosim.recording.selection import matches
 from ..cosim.rows import Array, Column
 from ..cosim.schemes.resolving import resolve_scheme
-from ..cosim.schemes.scheme import Scheme
+from ..cosim.schemes.scheme import make_scheme
 from ..cosim.signals import Signal, read_signals
 from ..cosim.ssp.reading import read_parameters, read_system
 from ..cosim.ssp.single import complete_experiment, fit_duration, read_single
@@ -35,34 +33,15 @@ from ..slavekit.pack.files import write_atomically
 from .cases import show_progress
 from .cost_log import RunCosts
 from .fault_report import find_spans, list_faults, tabulate_faults
-from .options import MOST_STEPS, PLOT, RESULTS, SUMMARY, OptionError
+from .keeping import CaseKeeper, keep_run, leave_no_empty_file
+from .kept_options import SYSTEM
+from .options import MOST_STEPS, PLOT, RESULTS, SUMMARY, AnyRun, OptionError
 from .setup import select_stored
 from .warning_log import WarningLog
 
 GROUP = "run"
 """Name of the group in results.nc."""
 _FORBIDDEN = re.compile(r"[/\x00-\x1f\x7f]")
-
-
-@dataclass(frozen=True)
-class AnyRun:
-    """The options of a run of any system; what is None the system or its FMUs say."""
-
-    system: Path
-    output: Path
-    duration_s: float | None = None
-    step_s: float | None = None
-    storage_step_s: float | None = None
-    parameters: tuple[Path, ...] = ()
-    inputs: Path | None = None
-    observe: tuple[str, ...] = ()
-    scheme: Scheme = Scheme()
-    outside: bool = False
-    progress: bool = True
-    figures: bool = True
-    profile: bool = False
-    isolation: Isolation | None = None
-    faults: Path | None = None
 
 
 def run_any(options: AnyRun) -> None:
@@ -73,8 +52,20 @@ def run_any(options: AnyRun) -> None:
     OptionError: an option that the system cannot honour, or that is missing and nothing states.
     CosimError, OSError: the system cannot be read or run, or results cannot be written; the rows so far are stored.
     """
+    kept = {field.name: getattr(options, field.name) for field in fields(options)}
+    with keep_run(options.output, SYSTEM, options.system.name, kept, last=SUMMARY, resume=options.resume):
+        _run(options)
+
+
+def _run(options: AnyRun) -> None:
     warnings = WarningLog()
-    with warnings.collect():
+    keeper = CaseKeeper(
+        options.output, GROUP, options.checkpoint_s, resume=options.resume, source=options.source, anew=options.anew,
+        notes=lambda: {"warnings": list(warnings.texts)},
+    )  # fmt: skip
+    for text in keeper.kept_notes.get("warnings", ()):
+        warnings.add(str(text))
+    with leave_no_empty_file(options.output / RESULTS), warnings.collect():
         system = _read(options)
         descriptions = read_descriptions(system, lenient=True)
         system = replace(system, experiment=complete_experiment(system, descriptions))
@@ -84,12 +75,13 @@ def run_any(options: AnyRun) -> None:
         faults = None if options.faults is None else read_faults(options.faults)
         costs = RunCosts() if options.profile else None
         try:
-            scheme = resolve_scheme(options.scheme, system, descriptions, step)
+            scheme = resolve_scheme(make_scheme(options.scheme), system, descriptions, step)
         except UsageError as error:
             raise OptionError(f"--scheme and --rate: {error}") from error
         with Master(
             system, step, scheme, descriptions=descriptions, inputs=signals, also=also,
             isolation=options.isolation, stopwatch=None if costs is None else costs.stopwatch, faults=faults,
+            start_time=keeper.start_time,
         ) as master:  # fmt: skip
             names = select_stored(master.columns, options.observe)
             all_stored = make_stored_names([column.name for column in master.columns])
@@ -98,7 +90,7 @@ def run_any(options: AnyRun) -> None:
             for text in (*master.wiring.remarks, *master.faults.remarks, *_list_silent(system, descriptions, signals)):
                 warnings.add(text)
             master.initialise()
-            _record(master, options, duration, all_stored, names, system, costs)
+            _record(master, options, duration, all_stored, names, system, costs, keeper)
             ended, acted = master.ended, {GROUP: master.faults.list_acted(master.time)}
         more: dict[str, object] = {} if ended is None else {"ended_by": ended.component, "ended_at_s": ended.time}
         if costs is not None:
@@ -195,6 +187,7 @@ def _record(
     names: Sequence[str],
     system: System,
     costs: RunCosts | None,
+    keeper: CaseKeeper,
 ) -> None:
     columns = [
         replace(column, name=stored[column.name], description=_describe(column, stored[column.name]))
@@ -202,6 +195,7 @@ def _record(
     ]
     attributes: dict[str, str | float] = {
         "system": str(options.system), "scheme": str(master.scheme), "step_s": master.step, "duration_s": duration,
+        **keeper.attributes,
     }  # fmt: skip
     if planned := master.faults.list_acted(master.time + duration):
         attributes["faults"] = "; ".join(fault.text for fault in planned)
@@ -224,6 +218,7 @@ def _record(
             [recorder] if costs is None else costs.time([recorder]),
             progress=lambda t, wall, factor: show(min(t - start, duration), wall, factor),
             beside=True,
+            checkpoints=keeper.checkpoints,
         )
 
 

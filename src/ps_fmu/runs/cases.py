@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from ..cosim import Column, CosimError, Event, Master, Observer, Recorder, Value
 from ..cosim.faults.acted import ActedFault
 from ..cosim.terminals import read_terminal_variables
+from .keeping import CaseKeeper, leave_no_empty_file
 from .mismatch import list_mismatches
 from .options import RESULTS, RunOptions
 from .origin import format_settings, write_origin
@@ -70,6 +71,13 @@ class Bounds:
 
     columns: tuple[Column, ...]
 
+    def save_state(self) -> dict[str, object]:
+        """Nothing: each block is looked at by itself."""
+        return {}
+
+    def load_state(self, state: Mapping[str, object]) -> None:
+        """As :meth:`save_state`."""
+
     def block(self, _first_index: int, time: Array, values: Array) -> None:
         """Look at the rows (rows, columns); ``time`` (rows,) in s."""
         flat = values.reshape(-1)
@@ -118,19 +126,28 @@ def run_case(
     """
     duration = options.duration_s if duration_s is None else duration_s
     wall = [0.0]
+    keeper = CaseKeeper(
+        options.output, case.name, options.checkpoint_s, resume=options.resume, source=options.source,
+        anew=options.anew, notes=lambda: {"warnings": list(system.warnings.texts), "wall_s": before_s + wall[0]},
+    )  # fmt: skip
+    before_s = float(keeper.kept_notes.get("wall_s", 0.0))
+    for text in keeper.kept_notes.get("warnings", ()):
+        system.warnings.add(str(text))
 
     def note(simulated: float, passed: float, factor: float) -> None:
         wall[0] = passed
-        show(simulated, passed, factor)
+        show(simulated - (keeper.start_time or 0.0), passed, factor)
 
     structure = system.structure.with_parameters(case.values)
     costs = system.costs.begin(case.name) if options.profile else None
     with (
+        leave_no_empty_file(options.output / RESULTS),
         system.warnings.collect(),
         system.results.close_on_failure(),
         Master(
             structure, options.step_s, options.scheme, descriptions=system.descriptions,
             stopwatch=None if costs is None else costs.stopwatch, isolation=options.isolation, faults=system.faults,
+            start_time=keeper.start_time,
         ) as master,
     ):
         texts = (
@@ -150,23 +167,25 @@ def run_case(
         )
         with (
             show_progress(case.name, duration, options.progress) as show,
-            _make_recorder(system, master, options, case, duration) as recorder,
+            _make_recorder(system, master, options, case, duration, keeper.attributes) as recorder,
         ):
-            observers: list[Observer] = [Bounds(master.columns), recorder, *analysis.observers, *own]
+            judging = [keeper.shift_observer(observer, options.step_s) for observer in (*analysis.observers, *own)]
+            observers: list[Observer] = [Bounds(master.columns), recorder, *judging]
             watched = observers if costs is None else costs.time(observers)
-            master.run(duration, watched, case.events, note, beside=True)
-        return Outcome(case, duration, wall[0], master.faults.list_acted(master.time)), analysis
+            events = keeper.shift_events(case.events)
+            master.run(duration, watched, events, note, beside=True, checkpoints=keeper.checkpoints)
+        return Outcome(case, duration, before_s + wall[0], master.faults.list_acted(master.time)), analysis
 
 
 def _make_recorder(
-    system: RunSystem, master: Master, options: RunOptions, case: Case, duration_s: float
+    system: RunSystem, master: Master, options: RunOptions, case: Case, duration_s: float, more: Mapping[str, float]
 ) -> Recorder:
     path = options.output / RESULTS
     if not path.exists():
         write_origin(path, options, system)
     attributes: dict[str, str | float] = {
         "scenario": options.scenario.name, "scheme": options.scheme, "step_s": options.step_s, "duration_s": duration_s,
-        "settings": format_settings(case.values, case.events),
+        "settings": format_settings(case.values, case.events), **more,
     }  # fmt: skip
     if planned := master.faults.list_acted(duration_s):
         attributes["faults"] = "; ".join(fault.text for fault in planned)

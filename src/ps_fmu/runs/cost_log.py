@@ -25,7 +25,8 @@ class TimedObserver:
     """Another observer, whose work is timed."""
 
     def __init__(self, observer: Observer) -> None:
-        self._observer = observer
+        self._observer = self.observed = observer
+        """That of which a checkpoint keeps the state."""
         self.observer_name = type(observer).__name__
         self.spent_s = 0.0
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +26,7 @@ from ..pointing.indices import (
 )
 from ..requirements.decision import quantile_of_record
 from ..requirements.distribution import Distribution
+from ..results.observers.kept import State, check_array
 from ..results.observers.observer import ColumnObserver, NamedColumn
 from .jitter_record import IMAGE_POINT, ROTATION
 
@@ -131,6 +133,29 @@ class IndexRecord(ColumnObserver):
                 self._held[:, : self._width] = self._held[:, -self._width :]
                 self._filled, self._first = self._width, 0
 
+    def save_state(self) -> dict[str, Any]:
+        """As :meth:`ColumnObserver.save_state`."""
+        tallies = [[self._evaluated.index(index), tally.save_state()] for index, tally in self._tallies.items()]
+        return {"held": self._held[:, self._first : self._filled], "first": self._first, "tallies": tallies}
+
+    def load_state(self, state: State) -> None:
+        """As :meth:`ColumnObserver.load_state`."""
+        held, first = state["held"], state["first"]
+        check_array("held", held.T, self._held.T, grows=True)
+        if first not in (0, self._width) or not self._width <= first + held.shape[1] < self._held.shape[1]:
+            raise ValueError(f"held: {held.shape[1]} rows from {first} on, with room for {self._held.shape[1]}")
+        self._first, self._filled = first, first + held.shape[1]
+        self._held[:, self._first : self._filled] = held
+        self._tallies.clear()
+        for place, kept in state["tallies"]:
+            self._make_tally(self._evaluated[place]).load_state(kept)
+
+    def _make_tally(self, index: PointingIndex) -> _Tally:
+        every_row = isinstance(index, AbsoluteError | RelativeError)
+        expected = self._rows if every_row else max(1, self._rows // self._width)
+        self._tallies[index] = _Tally([Distribution(SCALE, expected, KEPT) for _ in self.names])
+        return self._tallies[index]
+
     def _evaluate(self) -> None:
         """Add what is held to the tallies; a window that is not full has an APE all the same."""
         new = slice(self._width, self._filled)
@@ -146,11 +171,8 @@ class IndexRecord(ColumnObserver):
                     self._add(index, place, values.ravel())
 
     def _add(self, index: PointingIndex, place: int, values: Array) -> None:
-        if index not in self._tallies:
-            every_row = isinstance(index, AbsoluteError | RelativeError)
-            expected = self._rows if every_row else max(1, self._rows // self._width)
-            self._tallies[index] = _Tally([Distribution(SCALE, expected, KEPT) for _ in self.names])
-        self._tallies[index].add(place, values)
+        tally = self._tallies.get(index) or self._make_tally(index)
+        tally.add(place, values)
 
     def result(self) -> tuple[IndexStatistics, ...]:
         """The indices that the run was long enough for; none if no row has been seen.  The run is over then."""
@@ -169,6 +191,13 @@ class _Tally:
     def add(self, place: int, values: Array) -> None:
         """Add values (n,) of a signal."""
         self.distributions[place].add(values)
+
+    def save_state(self) -> dict[str, Any]:
+        return {"distributions": [one.save_state() for one in self.distributions]}
+
+    def load_state(self, state: State) -> None:
+        for own, kept in zip(self.distributions, state["distributions"], strict=True):
+            own.load_state(kept)
 
     def conclude(self, index: PointingIndex) -> IndexStatistics:
         count = self.distributions[0].count

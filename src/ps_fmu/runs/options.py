@@ -10,11 +10,12 @@ from pathlib import Path
 
 from ..cosim.clock import count_steps
 from ..cosim.isolation.instance import Isolation
-from ..cosim.schemes.scheme import ORDERS
+from ..cosim.schemes.scheme import ORDERS, Scheme
 
 MOST_STEPS = 10**10  # of a run: 1e6 s at 1e-4 s, some hours
 RESULTS, SUMMARY, REPORT = "results.nc", "summary.json", "report.html"  # in the output folder
 PLOT = "plot.png"  # of a run of any system
+CHECKPOINTS = "checkpoint"  # folder in the output folder
 SCHEMES = ORDERS
 
 
@@ -73,6 +74,10 @@ class RunOptions:
     figures: bool = True  # draw PNG files; the report has its charts without them
     isolation: Isolation | None = None  # which FMUs get processes of their own
     faults: Path | None = None  # what happens to signals and parameters, see ps_fmu.cosim.faults.reading
+    checkpoint_s: float | None = None  # simulated time between checkpoints, see ps_fmu.runs.keeping; None: none
+    resume: bool = False  # go on from the checkpoints in the output folder
+    source: Path | None = None  # checkpoint to begin from: a file, a folder of them, or the output folder of a run
+    anew: tuple[str, ...] = ()  # components that have none of their state there
 
     def __post_init__(self) -> None:
         if self.scheme not in SCHEMES:
@@ -90,6 +95,7 @@ class RunOptions:
                     f"--storage-step: {self.storage_step_s!r} s is longer than the run of {self.duration_s!r} s"
                 )
         check_seed(self.seed)
+        check_keeping(self.checkpoint_s, self.source, self.anew, self.output)
         for path in self.parameters:
             if not path.is_file():
                 raise OptionError(f"--parameters: there is no file {path}")
@@ -126,10 +132,50 @@ class RunOptions:
         return replace(self, output=folder)
 
 
+@dataclass(frozen=True)
+class AnyRun:
+    """The options of a run of any system; what is None the system or its FMUs say."""
+
+    system: Path
+    output: Path
+    duration_s: float | None = None
+    step_s: float | None = None
+    storage_step_s: float | None = None
+    parameters: tuple[Path, ...] = ()
+    inputs: Path | None = None
+    observe: tuple[str, ...] = ()
+    scheme: str | Scheme = "jacobi"
+    outside: bool = False
+    progress: bool = True
+    figures: bool = True
+    profile: bool = False
+    isolation: Isolation | None = None
+    faults: Path | None = None
+    checkpoint_s: float | None = None
+    resume: bool = False
+    source: Path | None = None
+    anew: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        check_keeping(self.checkpoint_s, self.source, self.anew, self.output)
+
+
 def check_seed(seed: int) -> None:
     """Raises :class:`OptionError` for a seed outside the positive half of FMI's Integer."""
     if not 0 <= seed < 2**31:
         raise OptionError(f"--seed: expected a whole number from 0 to 2147483647, got {seed}")
+
+
+def check_keeping(interval_s: float | None, source: Path | None, anew: tuple[str, ...], output: Path) -> None:
+    """Raises :class:`OptionError` for options of checkpoints that no run could honour."""
+    if interval_s is not None and not (math.isfinite(interval_s) and interval_s > 0.0):
+        raise OptionError(f"--checkpoint: expected a time above 0 s, got {interval_s!r}")
+    if anew and source is None:
+        raise OptionError("--anew: is for a run that begins --from a checkpoint")
+    if source is not None and not source.exists():
+        raise OptionError(f"--from: there is no {source}")
+    if source is not None and output.resolve() in (source.resolve(), *source.resolve().parents):
+        raise OptionError(f"--from: {source} is in the output folder, which gets new results: name another --output")
 
 
 def claim_folder(folder: Path) -> Path:

@@ -115,6 +115,8 @@ def format_command(options: RunOptions) -> str:
         ("--requirements", [options.requirements.name] if options.requirements else []),
         ("--disturbance", [options.disturbance.name] if options.disturbance else []),
         *(("--observe", [pattern]) for pattern in options.observe),
+        ("--from", [options.source.name] if options.source else []),
+        ("--anew", options.anew),
     ):
         words += [option, *values] if values else []
     return shlex.join(words)

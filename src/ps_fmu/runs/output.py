@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import os
+import shutil
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from .options import PLOT, REPORT, RESULTS, SUMMARY, OptionError
+from .kept_options import can_go_on
+from .options import CHECKPOINTS, PLOT, REPORT, RESULTS, SUMMARY, OptionError
 
 
 @contextmanager
@@ -25,17 +27,19 @@ def leave_no_empty_folder(folder: Path) -> Iterator[None]:
 
 
 @contextmanager
-def hold_folder(folder: Path) -> Iterator[None]:
+def hold_folder(folder: Path, resume: bool = False) -> Iterator[None]:
     """Lock an existing folder against other runs, and set the results of an earlier run aside, during the body.
 
     Nobody can take them for the results of a run that stops early.  They are removed once new results are stored, and
-    put back if none are, as after a misspelt parameter.  Raises :class:`OptionError` if another run uses the folder.
+    put back if none are, as after a misspelt parameter.  With ``resume`` the checkpoints stay.  Raises
+    :class:`OptionError` if another run uses the folder.
     """
     lock = lock_folder(folder)
-    aside = {folder / name: folder / f"{name}.earlier" for name in (RESULTS, SUMMARY, REPORT, PLOT)}
+    names = (RESULTS, SUMMARY, REPORT, PLOT, *(() if resume else (CHECKPOINTS,)))
+    aside = {folder / name: folder / f"{name}.earlier" for name in names}
     try:
         for path, earlier in aside.items():
-            earlier.unlink(missing_ok=True)  # of a run that was killed
+            _remove(earlier)  # of a run that was killed
             if path.exists():
                 path.replace(earlier)
         try:
@@ -44,12 +48,21 @@ def hold_folder(folder: Path) -> Iterator[None]:
             stored = (folder / RESULTS).exists()
             for path, earlier in aside.items():
                 if stored:
-                    earlier.unlink(missing_ok=True)
+                    _remove(earlier)
                 elif earlier.exists():
+                    _remove(path)
                     earlier.replace(path)
     finally:
         if lock is not None:
             os.close(lock)
+
+
+def _remove(path: Path) -> None:
+    """Remove a file, or a folder with all that is in it."""
+    if path.is_dir() and not path.is_symlink():
+        shutil.rmtree(path)
+    else:
+        path.unlink(missing_ok=True)
 
 
 def lock_folder(folder: Path) -> int | None:
@@ -76,7 +89,12 @@ def report_end(program: str, why: str, output: Path, code: int) -> int:
     """Say why a run failed and where its results are; returns the exit code."""
     results = output / RESULTS
     kept = f"results so far: {results}" if results.is_file() else "nothing was stored"
+    if not results.is_file() and results.with_name(f"{RESULTS}.earlier").is_file():
+        kept = f"the results of before stay: {results}"
     if (output / REPORT).is_file():  # the last that is written: the run is complete, and what it found is the failure
         kept = f"all results are written: {output}"
     print(f"{program}: {why}\n{program}: {kept}", file=sys.stderr)
+    if can_go_on(output):
+        command = "python system/run.py" if program == "run.py" else program
+        print(f"{program}: to go on from the last checkpoint: {command} --resume {output}", file=sys.stderr)
     return code

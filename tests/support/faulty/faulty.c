@@ -246,6 +246,31 @@ fmi2Status fmi2FreeFMUstate(fmi2Component c, fmi2FMUstate *state)
     return fmi2OK;
 }
 
+fmi2Status fmi2SerializedFMUstateSize(fmi2Component c, fmi2FMUstate state, size_t *size)
+{
+    (void)c, (void)state;
+    *size = sizeof(State);
+    return fmi2OK;
+}
+
+fmi2Status fmi2SerializeFMUstate(fmi2Component c, fmi2FMUstate state, fmi2Byte bytes[], size_t size)
+{
+    (void)c;
+    if (size != sizeof(State))
+        return fmi2Error;
+    memcpy(bytes, state, size);
+    return fmi2OK;
+}
+
+fmi2Status fmi2DeSerializeFMUstate(fmi2Component c, const fmi2Byte bytes[], size_t size, fmi2FMUstate *state)
+{
+    (void)c;
+    if (size != sizeof(State) || (*state = malloc(size)) == NULL)
+        return fmi2Error;
+    memcpy(*state, bytes, size);
+    return fmi2OK;
+}
+
 fmi2Status fmi2GetRealStatus(fmi2Component c, const fmi2StatusKind what, double *value)
 {
     *value = ((Instance *)c)->successful;
@@ -267,9 +292,6 @@ ABSENT(SetBoolean, const fmi2ValueReference r[], size_t n, const int v[])
 ABSENT(SetString, const fmi2ValueReference r[], size_t n, const fmi2String v[])
 ABSENT(GetBoolean, const fmi2ValueReference r[], size_t n, int v[])
 ABSENT(GetString, const fmi2ValueReference r[], size_t n, fmi2String v[])
-ABSENT(SerializedFMUstateSize, fmi2FMUstate s, size_t *n)
-ABSENT(SerializeFMUstate, fmi2FMUstate s, fmi2Byte b[], size_t n)
-ABSENT(DeSerializeFMUstate, const fmi2Byte b[], size_t n, fmi2FMUstate *s)
 ABSENT(GetDirectionalDerivative, const fmi2ValueReference u[], size_t n, const fmi2ValueReference k[], size_t m,
        const double d[], double e[])
 ABSENT(SetRealInputDerivatives, const fmi2ValueReference r[], size_t n, const int o[], const double v[])

@@ -68,6 +68,7 @@ class IsolatedInstance(FmuInstance):
     """An instance in a process of its own.  Whatever happens to that process is a :class:`SlaveError` here."""
 
     shares_process = False
+    most_state_bytes = guest_process.DATA_BYTES // 2
 
     def __init__(self, component: Component, description: ModelDescription, timeouts_s: tuple[float, float]) -> None:
         self._step_timeout_s, self._call_timeout_s = self._timeouts_s = timeouts_s

@@ -57,7 +57,7 @@ class DeliveryBeside(Delivery):
         self._free: LifoQueue[Block] = LifoQueue()
         for _ in range(WAITING_BLOCKS):
             self._free.put(rows.make_block())
-        self._handed: SimpleQueue[_Handed | Event | None] = SimpleQueue()
+        self._handed: SimpleQueue[_Handed | Event | Callable[[], None] | None] = SimpleQueue()
         self._thread: Thread | None = Thread(target=self._work, name="observers", daemon=True)
         self._thread.start()
 
@@ -67,6 +67,10 @@ class DeliveryBeside(Delivery):
         free = self._free.get()  # first: Ctrl-C may end the wait, and rows are completed once
         first = self.rows.first_index
         self._handed.put(_Handed(first, *self.rows.exchange(free)))
+
+    def call(self, function: Callable[[], None]) -> None:
+        """As :meth:`Delivery.call`, in the thread; not after an observer has failed."""
+        self._handed.put(function)
 
     def wait(self) -> None:
         """Return when the observers have all that was handed over.  Raises what one of them raised."""
@@ -104,9 +108,15 @@ class DeliveryBeside(Delivery):
             if isinstance(item, Event):
                 item.set()
                 continue
-            if self._failure is None:
-                self._serve_block(item)
-            self._free.put(item.block)
+            if isinstance(item, _Handed):
+                if self._failure is None:
+                    self._serve_block(item)
+                self._free.put(item.block)
+            elif self._failure is None:
+                try:
+                    item()
+                except BaseException as error:
+                    self._note(error)
 
     def _serve_block(self, item: _Handed) -> None:
         self._next = item.first_index + len(item.values)
@@ -136,3 +146,16 @@ class DeliveryBeside(Delivery):
     def _note(self, failure: BaseException | None) -> None:
         if failure is not None:
             self._failure, self.failed_at = failure, max(self._next - 1, 0)
+
+
+def make_delivery(
+    rows: Rows,
+    clock: StepClock,
+    columns: Sequence[Column],
+    observers: Sequence[Observer],
+    count_rows: Callable[[], int] | None,
+) -> Delivery:
+    """One beside the loop, if there is a function that counts the rows of the block at any time."""
+    if count_rows is None:
+        return Delivery(rows, clock, columns, observers)
+    return DeliveryBeside(rows, clock, columns, observers, count_rows)

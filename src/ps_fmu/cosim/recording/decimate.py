@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import cache
 from math import ceil, inf
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -75,6 +76,15 @@ class Decimator:
         for stage in self._stages:
             values = stage.push(values)
         return values
+
+    def save_state(self) -> dict[str, Any]:
+        """The rows that wait in each stage, for a checkpoint."""
+        return {"waiting": [stage.waiting_rows for stage in self._stages]}
+
+    def load_state(self, state: Mapping[str, Any]) -> None:
+        """Go on from a state of :meth:`save_state`.  Raises KeyError or ValueError for one that is none."""
+        for stage, rows in zip(self._stages, state["waiting"], strict=True):
+            stage.load_rows(rows)
 
     def finish(self) -> Array:
         """The rows that are left at the end of the run; the last one is repeated behind it."""
@@ -147,6 +157,17 @@ class _Stage:
         self._rows = np.empty((0, self._n_columns))
         self._waiting = slice(0, 0)
         """Of the rows: from k m - M on, where k is the number of the next row to come out."""
+
+    @property
+    def waiting_rows(self) -> Array:
+        return self._rows[self._waiting]
+
+    def load_rows(self, rows: Array) -> None:
+        if rows.dtype != np.float64 or rows.ndim != 2 or rows.shape[1] != self._n_columns:
+            raise ValueError(f"rows of a filter: expected {self._n_columns} columns, found {rows.dtype} {rows.shape}")
+        self._rows, self._waiting = np.empty((0, self._n_columns)), slice(0, 0)
+        if len(rows):
+            self._append(rows)
 
     def push(self, values: Array) -> Array:
         if len(values) == 0:

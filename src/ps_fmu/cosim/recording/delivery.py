@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Protocol, runtime_checkable
 
 import numpy as np
@@ -49,6 +49,10 @@ class Delivery:
         if failure := self._serve_rows():
             raise failure
 
+    def call(self, function: Callable[[], None]) -> None:
+        """Call a function when the observers have all that was handed over, and nothing more."""
+        function()
+
     def wait(self) -> None:
         """Return when the observers have all that was handed over.  Raises what :meth:`serve` returns."""
 
@@ -82,11 +86,11 @@ class Delivery:
             try:
                 observer.block(first, time[:usable], values[:usable])
             except BaseException as raised:
-                raised.add_note(f"Raised by the observer {_name(observer)}.")
+                raised.add_note(f"Raised by the observer {name_observer(observer)}.")
                 if failure is None:
                     failure = raised
                 else:
-                    failure.add_note(f"The observer {_name(observer)} failed, too: {raised}")
+                    failure.add_note(f"The observer {name_observer(observer)} failed, too: {raised}")
         return failure
 
 
@@ -104,7 +108,7 @@ def count_finite(values: Array) -> int:
     return len(values) if finite.all() else int(np.argmin(finite.all(axis=1)))
 
 
-def _name(observer: Observer) -> str:
+def name_observer(observer: Observer) -> str:
     """What messages call it: its class, or what it says itself."""
     return str(getattr(observer, "observer_name", type(observer).__name__))
 

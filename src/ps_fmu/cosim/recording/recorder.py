@@ -19,6 +19,7 @@ from typing import Any, Self
 
 import numpy as np
 
+from ..checkpoint.state import RowJournal
 from ..clock import count_steps
 from ..errors import RecorderError, UsageError
 from ..rows import Array, Column
@@ -103,6 +104,7 @@ class Recorder:
         self._last_write = wall_clock.perf_counter()
         self._dataset: Any = file
         self._stays_open = file is not None
+        self._journal: RowJournal | None = None
         self._check_space(CHUNK_ROWS)
         with self._guard():
             self._create(run, attributes or {}, append)
@@ -141,6 +143,33 @@ class Recorder:
         self._times = np.concatenate((self._times, time[first :: self.factor]))
         self._expected = first_index + len(values)
         self._keep(self._decimator.push(values if self._takes_all else values[:, self._places]))
+
+    @property
+    def journal_width(self) -> int:
+        """Numbers in a row of the journal of a checkpoint: the time, then the columns."""
+        return 1 + len(self._columns)
+
+    def use_journal(self, journal: RowJournal) -> None:
+        """Add the rows that are stored to a journal, too: a file of netCDF that a kill has torn is not read again."""
+        self._journal = journal
+
+    def save_state(self) -> dict[str, Any]:
+        """What a checkpoint keeps besides the journal."""
+        seen = {"began": self._began, "expected": self._expected, "seen_early": self._seen_early}
+        return {**seen, "times": self._times, "filter": self._decimator.save_state()}
+
+    def load_state(self, state: Mapping[str, Any]) -> None:
+        """Store the rows of the journal, and go on behind them.  Raises KeyError or ValueError: no such state."""
+        journal, self._journal = self._journal, None
+        assert journal is not None
+        for rows in journal.read():
+            self._times = np.ascontiguousarray(rows[:, 0])
+            self._keep(rows[:, 1:])
+        self._journal = journal
+        self._times = np.asarray(state["times"], dtype=np.float64).reshape(-1)
+        self._decimator.load_state(state["filter"])
+        found = [state[name] for name in ("began", "expected", "seen_early")]
+        self._began, self._expected, self._seen_early = (None if one is None else int(one) for one in found)
 
     def close(self) -> None:
         """Write what is pending and close the file; safe to call twice.  Raises :class:`RecorderError`."""
@@ -202,6 +231,8 @@ class Recorder:
         return variable
 
     def _keep(self, rows: Array) -> None:
+        if self._journal is not None:
+            self._journal.append(np.column_stack((self._times[: len(rows)], rows)))
         begin, end = self._n_pending, self._n_pending + len(rows)
         if end > self._pending.shape[1]:
             larger = np.empty((len(self._pending), 2 * end))

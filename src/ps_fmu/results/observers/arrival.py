@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from .kept import State, check_array
 from .observer import ColumnObserver, NamedColumn
 from .statistics import SignalStatistics, Statistics
 
@@ -22,6 +24,15 @@ class LastRow(ColumnObserver):
     def __init__(self, columns: Sequence[NamedColumn], names: Sequence[str]) -> None:
         super().__init__(columns, names)
         self._last: Array | None = None
+
+    def save_state(self) -> dict[str, Any]:
+        """As :meth:`ColumnObserver.save_state`."""
+        return {"last": self._last}
+
+    def load_state(self, state: State) -> None:
+        """As :meth:`ColumnObserver.load_state`."""
+        last = state["last"]
+        self._last = None if last is None else check_array("last", last, np.zeros(len(self.names)))
 
     def block(self, first_index: int, time: Array, values: Array) -> None:
         """As in :class:`ColumnObserver`; the other rows are not looked at."""
@@ -75,6 +86,36 @@ class ArrivalObserver(ColumnObserver):
         self._ended_s: float | None = None
         self._settled = False
         self._final: tuple[float, Array] | None = None
+
+    def save_state(self) -> dict[str, Any]:
+        """As :meth:`ColumnObserver.save_state`."""
+        return {
+            "during": None if self._during is None else self._during.save_state(),
+            "after": None if self._after is None else self._after.save_state(),
+            "began_s": self._began_s,
+            "ended_s": self._ended_s,
+            "settled": self._settled,
+            "final": None if self._final is None else list(self._final),
+        }
+
+    def load_state(self, state: State) -> None:
+        """As :meth:`ColumnObserver.load_state`."""
+        self._during, self._after = (self._load_statistics(state[name]) for name in ("during", "after"))
+        times = [state["began_s"], state["ended_s"]]
+        self._began_s, self._ended_s = (None if time is None else float(time) for time in times)
+        if not isinstance(state["settled"], bool):
+            raise ValueError(f"settled: expected true or false, found {state['settled']!r}")
+        self._settled, self._final = state["settled"], None
+        if state["final"] is not None:
+            time, values = state["final"]
+            self._final = float(time), check_array("final", values, np.zeros(len(self.names) - 1))
+
+    def _load_statistics(self, state: State | None) -> Statistics | None:
+        if state is None:
+            return None
+        found = self._statistics()
+        found.load_state(state)
+        return found
 
     def take(self, time: Array, samples: Array) -> None:
         """Add the rows of the block to the statistics of the motion or to those after it."""

@@ -26,6 +26,8 @@ class DriftObserver(ColumnObserver):
     start_s, end_s: the window [s]; rows after its start and up to its end count
     """
 
+    KEPT = ("_weights", "_sums")
+
     def __init__(self, columns: Sequence[NamedColumn], names: Sequence[str], *, start_s: float, end_s: float) -> None:
         if not end_s > start_s:
             raise ValueError(f"window: expected an end after its start {start_s!r} s, got {end_s!r} s")

@@ -8,10 +8,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from .kept import State, check_array
 from .observer import ColumnObserver, NamedColumn
 
 Array = NDArray[np.float64]
@@ -57,6 +59,8 @@ class EnvelopeObserver(ColumnObserver):
 
     Bins start one row wide; when the run outgrows them they are joined in pairs.
     """
+
+    KEPT = ("_rows_per_bin", "_rows")
 
     def __init__(
         self,
@@ -115,6 +119,24 @@ class EnvelopeObserver(ColumnObserver):
         self._low[:, half:] = np.inf
         self._high[:, half:] = -np.inf
         self._rows_per_bin *= 2
+
+    def save_state(self) -> dict[str, Any]:
+        """As :meth:`ColumnObserver.save_state`: the bins that are used."""
+        used = math.ceil(self._rows / self._rows_per_bin)
+        bins = {"time": self._time[:used], "low": self._low[:, :used], "high": self._high[:, :used]}
+        return {**super().save_state(), **bins}
+
+    def load_state(self, state: State) -> None:
+        """As :meth:`ColumnObserver.load_state`."""
+        super().load_state(state)
+        used = len(state["time"])
+        if self._rows_per_bin < 1 or used != math.ceil(self._rows / self._rows_per_bin) or used > self._bins:
+            raise ValueError(f"time: {used} bins of {self._rows_per_bin} rows for {self._rows} rows")
+        self._low[:], self._high[:] = np.inf, -np.inf
+        for name, own in (("time", self._time[None]), ("low", self._low), ("high", self._high)):
+            found = np.atleast_2d(state[name])
+            check_array(name, found, own[:, :used])
+            own[:, :used] = found
 
     def result(self) -> Envelope:
         """The envelope so far; raises ``ValueError`` if no row has been seen."""

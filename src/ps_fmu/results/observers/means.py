@@ -37,6 +37,8 @@ class MeanObserver(ColumnObserver):
     Bins start one row wide; when the run outgrows them they are joined in pairs.
     """
 
+    KEPT = ("_rows_per_bin", "_rows", "_time", "_sum")
+
     def __init__(self, columns: Sequence[NamedColumn], names: Sequence[str], *, bins: int = 1500) -> None:
         super().__init__(columns, names)
         if bins < 1:

@@ -11,10 +11,12 @@ import difflib
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from typing import Protocol
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+
+from .kept import State, load_attributes, save_attributes
 
 Array = NDArray[np.float64]
 
@@ -68,6 +70,11 @@ class ColumnObserver(ABC):
     Raises ``KeyError`` when a name is not among the columns, ``ValueError`` when there are no names.
     """
 
+    KEPT: ClassVar[tuple[str, ...]] = ()
+    """Attributes that change during a run: a checkpoint keeps them."""
+    GROWING: ClassVar[tuple[str, ...]] = ()
+    """Those that are arrays whose length changes."""
+
     def __init__(self, columns: Sequence[NamedColumn], names: Sequence[str], *, start_s: float = -math.inf) -> None:
         if not names:
             raise ValueError("names: at least one column is needed")
@@ -83,6 +90,17 @@ class ColumnObserver(ABC):
             # Samples of one signal side by side: numpy sums pairwise and transforms along the last axis.
             samples = np.ascontiguousarray(values[first:, self._indices].T, dtype=np.float64)
             self.take(time[first:], samples)
+
+    def save_state(self) -> dict[str, Any]:
+        """What a checkpoint keeps; valid until the next block."""
+        return save_attributes(self, self.KEPT)
+
+    def load_state(self, state: State) -> None:
+        """Go on from a state of :meth:`save_state` of an observer made in the same way.
+
+        Raises KeyError or ValueError for a state that is none of this observer.
+        """
+        load_attributes(self, self.KEPT, state, self.GROWING)
 
     @abstractmethod
     def take(self, time: Array, samples: Array) -> None:

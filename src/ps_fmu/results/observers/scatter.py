@@ -5,11 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...pointing.hull import convex_hull
+from .kept import State, check_array
 from .observer import ColumnObserver, NamedColumn
 from .statistics import Statistics
 
@@ -66,6 +68,25 @@ class ScatterObserver(ColumnObserver):
         self._points = np.empty((0, 2))
         self._held = np.empty((2, BATCH_ROWS))
         self._filled = 0
+
+    KEPT = ("_stride", "_rows", "_points")
+    GROWING = ("_points",)
+
+    def save_state(self) -> dict[str, Any]:
+        """As :meth:`ColumnObserver.save_state`."""
+        seen = {"hull": self._polygon.hull, "statistics": self._statistics.save_state()}
+        return {**super().save_state(), **seen, "held": self._held[:, : self._filled]}
+
+    def load_state(self, state: State) -> None:
+        """As :meth:`ColumnObserver.load_state`."""
+        super().load_state(state)
+        self._statistics.load_state(state["statistics"])
+        self._polygon = _Polygon(check_array("hull", state["hull"], self._polygon.hull, grows=True))
+        held = check_array("held", state["held"].T, self._held.T, grows=True)
+        if len(held) >= BATCH_ROWS:
+            raise ValueError(f"held: expected less than {BATCH_ROWS} rows, found {len(held)}")
+        self._filled = len(held)
+        self._held[:, : self._filled] = held.T
 
     def take(self, time: Array, samples: Array) -> None:
         """Hold the rows; look at them when there is no room for more."""

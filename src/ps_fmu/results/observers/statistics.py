@@ -35,6 +35,8 @@ class SignalStatistics:
 class Statistics(ColumnObserver):
     """Mean, RMS, standard deviation and peak of the named columns."""
 
+    KEPT = ("_count", "_mean", "_squares", "_peak")
+
     def __init__(self, columns: Sequence[NamedColumn], names: Sequence[str], *, start_s: float = -math.inf) -> None:
         super().__init__(columns, names, start_s=start_s)
         self._count = 0

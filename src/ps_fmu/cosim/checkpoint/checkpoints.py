@@ -1,0 +1,287 @@
+"""Checkpoints of a run: when they are taken, and how a run goes on from one.
+
+A checkpoint belongs to a communication point.  It has the states of the FMUs there, the outputs, the rows of the
+unfinished block, and the states of the observers, which have seen all blocks before.  So blocks are cut as without
+checkpoints, and a run that goes on gives the same results, to the last bit.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Protocol
+
+from ..errors import SlaveError, UsageError
+from ..events import Schedule
+from ..fmu_instance import InstancePhase
+from ..recording.delivery import Delivery, Observer, name_observer
+from .folder import CheckpointFolder
+from .journal import Journal
+from .parts import MasterParts, find_difference
+from .state import CheckpointError, Journaled, State, Stateful
+from .warm_start import WarmStart
+
+log = logging.getLogger("ps_fmu.cosim")
+
+
+class RunKeeper(Protocol):
+    """Whom a master tells how far its run is."""
+
+    def begin(self, parts: MasterParts, index: int, steps: int, observers: Sequence[Observer]) -> tuple[int, int]:
+        """A run of ``steps`` from communication point ``index`` on begins; returns where it began, and where it is."""
+
+    def skip(self, schedule: Schedule) -> Schedule:
+        """The events of the run that are to come."""
+
+    def limit(self, stop: int) -> int:
+        """The last communication point to step to at once, ``stop`` at most."""
+
+    def arrive(self, index: int, left: int, delivery: Delivery, interrupted: bool) -> None:
+        """The run is at a communication point; ``left`` events are to come."""
+
+    def end(self) -> None:
+        """The run is over, whatever ended it."""
+
+
+class NoCheckpoints:
+    """Keeps nothing."""
+
+    def begin(self, parts: MasterParts, index: int, steps: int, observers: Sequence[Observer]) -> tuple[int, int]:
+        """See :class:`RunKeeper`."""
+        return index, index
+
+    def skip(self, schedule: Schedule) -> Schedule:
+        """See :class:`RunKeeper`."""
+        return schedule
+
+    def limit(self, stop: int) -> int:
+        """See :class:`RunKeeper`."""
+        return stop
+
+    def arrive(self, index: int, left: int, delivery: Delivery, interrupted: bool) -> None:
+        """See :class:`RunKeeper`."""
+
+    def end(self) -> None:
+        """See :class:`RunKeeper`."""
+
+
+class Checkpoints:
+    """Takes checkpoints of a run, and has it go on from the last one.
+
+    The run is made by the same calls as for the first time, with ``resume``: a new master with the same arguments, its
+    initialisation, observers that are made in the same way, ``run`` with the same duration and events.
+
+    Parameters
+    ----------
+    folder: of the checkpoints, of this run alone; None: none are taken
+    interval: simulated time between them [s], rounded up to whole steps
+    resume: go on from the last checkpoint in the folder; from the start of the run if there is none
+    source: begin in the state of another run
+    notes: what else is to be kept; :attr:`kept_notes` has it when the run goes on
+
+    Raises :class:`UsageError` for an interval that is no time, :class:`CheckpointError` if the checkpoints to go on
+    from are damaged.
+
+    Example::
+
+        with Master(system, 1e-4) as master:
+            master.initialise()
+            master.run(100.0, [recorder], checkpoints=Checkpoints(Path("kept"), 10.0, resume=True))
+    """
+
+    def __init__(
+        self,
+        folder: Path | None,
+        interval: float = math.inf,
+        *,
+        resume: bool = False,
+        source: WarmStart | None = None,
+        notes: Callable[[], Mapping[str, State]] = dict,
+    ) -> None:
+        if not interval > 0.0:
+            raise UsageError(f"checkpoint: expected a time above 0 s between checkpoints, got {interval!r}")
+        self._folder = None if folder is None else CheckpointFolder(folder)
+        self._interval, self._source, self._notes = interval, source, notes
+        self._found = self._folder.read() if resume and self._folder is not None else None
+        self._left: int | None = None  # events that were to come where the run goes on
+        self.last_time: float | None = None
+        """Time of the last checkpoint that was written or gone on from [s]."""
+        self._journals: list[Journal] = []
+        self._observers: Sequence[Observer] = ()
+
+    @property
+    def kept_notes(self) -> Mapping[str, State]:
+        """The notes of the checkpoint that the run goes on from; nothing without one."""
+        return {} if self._found is None else dict(self._found[1].get("notes") or {})
+
+    def begin(self, parts: MasterParts, index: int, steps: int, observers: Sequence[Observer]) -> tuple[int, int]:
+        """See :class:`RunKeeper`.
+
+        Raises :class:`CheckpointError`: an FMU or an observer has no state that can be kept; the checkpoint is of
+        another run, or damaged.  :class:`SlaveError`: an FMU refuses its state.
+        """
+        if self._folder is not None:
+            parts.check_abilities()
+            parts.save_fmus()  # before anything is computed: they may refuse it
+            observers = [_unwrap(observer) for observer in observers]
+            for observer in observers:
+                if not isinstance(observer, Stateful):
+                    raise CheckpointError(
+                        f"{name_observer(observer)}: no checkpoints are possible: the observer has no save_state and "
+                        "load_state"
+                    )
+        self._parts, self._observers = parts, observers
+        self._first, self._steps = index, steps
+        if self._found is not None:
+            index = self._restore(*self._found)
+        else:
+            if self._source is not None:
+                self._source.apply(parts)
+            if self._folder is not None:
+                self._folder.clear()
+            self._open_journals([None] * len(observers))
+        self._identity = {**parts.identify(), "starts": parts.list_starts()} if self._folder is not None else {}
+        self._every = max(1, math.ceil(self._interval / parts.clock.step - 1e-6)) if self._interval < math.inf else 0
+        self._set_due(index)
+        return self._first, index
+
+    def skip(self, schedule: Schedule) -> Schedule:
+        """See :class:`RunKeeper`."""
+        return schedule if self._left is None else schedule[len(schedule) - self._left :]
+
+    def limit(self, stop: int) -> int:
+        """See :class:`RunKeeper`."""
+        return min(stop, self._due)
+
+    def arrive(self, index: int, left: int, delivery: Delivery, interrupted: bool) -> None:
+        """See :class:`RunKeeper`: a checkpoint is taken if it is due, at the end of the run, and before it is
+        interrupted."""
+        if self._folder is None or not (index >= self._due or interrupted) or not self._is_between_steps():
+            return
+        parts = self._parts
+        try:
+            tree = {"index": index, "began": self._first, "left": left, "fmus": parts.save_fmus(), **parts.save_rows()}
+        except (SlaveError, UsageError) as error:
+            if any(one.phase is not InstancePhase.RUNNING for one in parts.instances.values()):
+                raise
+            log.warning("no checkpoint at t = %.9g s: %s", parts.clock.time(index), error)
+        else:
+            delivery.call(lambda: self._write(index, tree))
+        self._set_due(index)
+
+    def end(self) -> None:
+        """See :class:`RunKeeper`."""
+        for journal in self._journals:
+            journal.close()
+
+    def _set_due(self, index: int) -> None:
+        end = self._first + self._steps
+        self._due = end
+        if self._every and index < end:
+            self._due = min(end, self._first + ((index - self._first) // self._every + 1) * self._every)
+
+    def _is_between_steps(self) -> bool:
+        """Whether all FMUs are at the communication point: a step that was interrupted in parts is none."""
+        loop = self._parts.get_loop()
+        running = all(one.phase is InstancePhase.RUNNING for one in self._parts.instances.values())
+        return running and loop is not None and loop.is_between_steps
+
+    def _write(self, index: int, tree: dict[str, State]) -> None:
+        """The rest of a checkpoint: what the observers have seen, which are between two blocks now."""
+        assert self._folder is not None
+        try:
+            journals = iter(self._journals)
+            kept = []
+            for observer in self._observers:
+                assert isinstance(observer, Stateful)
+                kept.append(
+                    {
+                        "name": name_observer(observer),
+                        "state": dict(observer.save_state()),
+                        "journal": next(journals).sync() if isinstance(observer, Journaled) else None,
+                    }
+                )
+            tree = {**tree, "run": self._identity, "observers": kept, "notes": dict(self._notes())}
+            self._folder.write(index, tree)
+        except OSError as error:
+            log.warning("%s: no checkpoint is written: %s", self._folder.path, error.strerror or error)
+        else:
+            self.last_time = self._parts.clock.time(index)
+
+    def _restore(self, path: Path, kept: Mapping[str, State]) -> int:
+        """Go on from a checkpoint; returns its communication point."""
+        parts = self._parts
+        try:
+            if difference := find_difference(parts.identify(), kept["run"]) or _find_start(
+                parts.list_starts(), kept["run"]["starts"]
+            ):
+                raise CheckpointError(
+                    f"{path}: is of another run, which cannot go on here: {difference}.  Resume with what it was begun "
+                    "with, or begin anew"
+                )
+            index, began = int(kept["index"]), int(kept["began"])
+            if index > began + self._steps:
+                raise CheckpointError(
+                    f"{path}: is at t = {parts.clock.time(index):.9g} s, after the end of this run, "
+                    f"{parts.clock.time(began + self._steps):.9g} s: expected a duration that is not shorter"
+                )
+            if index != int(kept["first"]) + len(kept["rows"]) - 1 or not 0 <= began <= index:
+                raise ValueError("its rows do not end where it is")
+            self._restore_observers(kept["observers"])
+            for name in parts.instances:
+                parts.load_fmu(name, kept["fmus"][name])
+            parts.load_rows(kept)
+            self._left = int(kept["left"])
+            if self._left < 0:
+                raise ValueError(f"{self._left} events to come")
+        except (KeyError, ValueError, TypeError, AttributeError, IndexError, OverflowError) as error:
+            raise CheckpointError(f"{path}: is a damaged checkpoint: {error!r}") from error
+        assert self._folder is not None
+        for newer in self._folder.list_files():
+            if newer == path:
+                break
+            newer.unlink(missing_ok=True)  # damaged
+        self._first, self.last_time = began, parts.clock.time(index)
+        return index
+
+    def _restore_observers(self, kept: Sequence[Mapping[str, State]]) -> None:
+        names = [name_observer(observer) for observer in self._observers]
+        if names != [one["name"] for one in kept]:
+            there = ", ".join(str(one["name"]) for one in kept)
+            raise CheckpointError(
+                f"the checkpoint is of a run with other observers: {there} there, {', '.join(names)} here"
+            )
+        self._open_journals([one["journal"] for one in kept])
+        for observer, one in zip(self._observers, kept, strict=True):
+            assert isinstance(observer, Stateful)
+            try:
+                observer.load_state(one["state"])
+            except (KeyError, ValueError, TypeError) as error:
+                text = f"the state of the observer {one['name']} in the checkpoint does not fit: {error!r}"
+                raise CheckpointError(text) from error
+
+    def _open_journals(self, kept: Sequence[Mapping[str, State] | None]) -> None:
+        if self._folder is None:
+            return
+        for place, (observer, one) in enumerate(zip(self._observers, kept, strict=True)):
+            if isinstance(observer, Journaled):
+                journal = self._folder.open_journal(place, observer.journal_width, one)
+                self._journals.append(journal)
+                observer.use_journal(journal)
+
+
+def _unwrap(observer: Observer) -> Observer:
+    """That which has the state, where one passes its rows on to another, ``observed``."""
+    while (inner := getattr(observer, "observed", None)) is not None:
+        observer = inner
+    return observer
+
+
+def _find_start(own: Mapping[str, State], kept: Mapping[str, State]) -> str | None:
+    """The first start value that is another one."""
+    for name in sorted({*own, *kept}):
+        if own.get(name) != kept.get(name):
+            return f"another start value of {name}: {kept.get(name)!r} there, {own.get(name)!r} here"
+    return None

@@ -1,0 +1,160 @@
+"""The file of a checkpoint: a ZIP archive, not compressed, of ``checkpoint.json`` and ``arrays.bin``.
+
+The JSON holds the tree of the state; an array, or bytes, stands in it as ``{"$array": k}`` or ``{"$bytes": k}``, for
+the k-th entry of the list ``arrays``: dtype, size and offset in ``arrays.bin``, where all lie one behind the other,
+little endian.  Beside it stand the shape, and whether it lies there column by column.  Numbers that JSON has not are
+``{"$number": "nan"}``.
+
+A file may come from anywhere: nothing in it is executed, and no size in it is believed.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import zipfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .state import CheckpointError, State
+
+FORMAT = 1
+HEAD, ARRAYS = "checkpoint.json", "arrays.bin"
+MOST_HEAD_BYTES = 2**26
+DTYPES = ("<f8", "<i8", "<i4", "|b1", "|u1")
+"""Those of arrays that a checkpoint can hold."""
+_BEGUN = ".part"
+
+
+def write_file(path: Path, tree: Mapping[str, State]) -> None:
+    """Write a checkpoint so that ``path`` is complete or not there.  Raises OSError; nothing is left then."""
+    arrays: list[NDArray[Any]] = []
+    content = _encode(tree, arrays)
+    entries, offset = [], 0
+    for array in arrays:
+        entries.append({"dtype": array.dtype.str, "size": array.size, "offset": offset})
+        offset += array.nbytes
+    head = json.dumps({"format": FORMAT, "arrays": entries, "content": content}, allow_nan=False)
+    begun = path.with_name(f".{path.name}{_BEGUN}")
+    try:
+        with begun.open("wb") as file:
+            with zipfile.ZipFile(file, "w", zipfile.ZIP_STORED) as archive:
+                archive.writestr(HEAD, head)
+                with archive.open(ARRAYS, "w", force_zip64=True) as member:
+                    for array in arrays:
+                        member.write(array.view(np.uint8).data)
+            file.flush()
+            os.fsync(file.fileno())
+        begun.replace(path)
+    except BaseException:
+        begun.unlink(missing_ok=True)
+        raise
+    sync_folder(path.parent)
+
+
+def read_file(path: Path) -> dict[str, State]:
+    """The state in a checkpoint.  Raises :class:`CheckpointError` for a file that is none, or is damaged."""
+    try:
+        with zipfile.ZipFile(path) as archive:
+            head, data = _read_member(archive, HEAD, MOST_HEAD_BYTES), _read_member(archive, ARRAYS, None)
+        document = json.loads(head)
+        if not isinstance(document, dict) or document.get("format") != FORMAT:
+            found = document.get("format") if isinstance(document, dict) else None
+            raise ValueError(f"expected the format {FORMAT}, found {found!r}")
+        arrays = [_read_array(entry, data) for entry in document["arrays"]]
+        content = _decode(document["content"], arrays)
+        if not isinstance(content, dict):
+            raise ValueError("its content is no set of named values")
+    except OSError as error:
+        raise CheckpointError(f"{path}: cannot be read: {error.strerror or error}") from error
+    except (
+        zipfile.BadZipFile, ValueError, KeyError, TypeError, IndexError, RecursionError, MemoryError,
+        NotImplementedError, RuntimeError, OverflowError,
+    ) as error:  # fmt: skip
+        raise CheckpointError(f"{path}: is no checkpoint, or a damaged one: {error}") from error
+    return content
+
+
+def sync_folder(folder: Path) -> None:
+    """Have the names in a folder on the disk, where the system can."""
+    try:
+        handle = os.open(folder, os.O_RDONLY)
+    except OSError:  # Windows has no such handles
+        return
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
+
+
+def _encode(value: State, arrays: list[NDArray[Any]]) -> Any:
+    if value is None or isinstance(value, bool | str):
+        return value
+    if isinstance(value, np.ndarray):
+        columns = value.flags.f_contiguous and not value.flags.c_contiguous  # numpy sums in the order of the memory
+        array = np.ascontiguousarray(value.T if columns else value, dtype=value.dtype.newbyteorder("<"))
+        if array.dtype.str not in DTYPES:
+            raise TypeError(f"a checkpoint holds no array of {value.dtype}")
+        arrays.append(array.reshape(-1))
+        return {"$array": len(arrays) - 1, "shape": list(value.shape), "by_columns": columns}
+    if isinstance(value, bytes):
+        arrays.append(np.frombuffer(value, np.uint8))
+        return {"$bytes": len(arrays) - 1}
+    if isinstance(value, np.generic):
+        return _encode(value.item(), arrays)
+    if isinstance(value, float):
+        return value if math.isfinite(value) else {"$number": repr(value)}
+    if isinstance(value, int):
+        return value
+    if isinstance(value, Mapping):
+        if wrong := [name for name in value if not isinstance(name, str) or name.startswith("$")]:
+            raise TypeError(f"a checkpoint holds no entry named {wrong[0]!r}")
+        return {name: _encode(item, arrays) for name, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_encode(item, arrays) for item in value]
+    raise TypeError(f"a checkpoint holds no {type(value).__name__}")
+
+
+def _decode(value: Any, arrays: list[NDArray[Any]]) -> State:
+    if isinstance(value, list):
+        return [_decode(item, arrays) for item in value]
+    if not isinstance(value, dict):
+        return value
+    if "$array" in value:
+        shape = [_read_count(n) for n in value["shape"]]
+        return arrays[_read_count(value["$array"])].reshape(shape, order="F" if value["by_columns"] else "C").copy("K")
+    if "$bytes" in value:
+        return arrays[_read_count(value["$bytes"])].tobytes()
+    if "$number" in value:
+        return float(value["$number"])
+    return {name: _decode(item, arrays) for name, item in value.items()}
+
+
+def _read_member(archive: zipfile.ZipFile, name: str, most: int | None) -> bytes:
+    """A member, whose size is that in the file: what is compressed could be any size."""
+    info = archive.getinfo(name)
+    if info.compress_type != zipfile.ZIP_STORED or info.file_size != info.compress_size or info.flag_bits & 1:
+        raise ValueError(f"{name} is compressed or encrypted")
+    if most is not None and info.file_size > most:
+        raise ValueError(f"{name} has {info.file_size} bytes, expected {most} at most")
+    return archive.read(info)
+
+
+def _read_array(entry: Any, data: bytes) -> NDArray[Any]:
+    if entry["dtype"] not in DTYPES:
+        raise ValueError(f"an array of {entry['dtype']!r}; expected one of {', '.join(DTYPES)}")
+    dtype, size, offset = np.dtype(entry["dtype"]), _read_count(entry["size"]), _read_count(entry["offset"])
+    if offset + size * dtype.itemsize > len(data):
+        raise ValueError(f"an array ends behind the end of {ARRAYS}")
+    return np.frombuffer(data, dtype, size, offset).astype(dtype.newbyteorder("="))
+
+
+def _read_count(value: Any) -> int:
+    if type(value) is not int or not 0 <= value < 2**48:
+        raise ValueError(f"expected a whole number from 0 on, found {value!r}")
+    return value

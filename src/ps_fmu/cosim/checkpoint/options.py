@@ -1,0 +1,22 @@
+"""``--checkpoint``, ``--from`` and ``--anew`` of the commands that run a system."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+
+def add_checkpoint_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of a run that can be gone on with, or that begins where another one was, to a parser."""
+    parser.add_argument(
+        "--checkpoint", type=float, metavar="S",
+        help="keep the state of the run each S seconds of simulation, in the folder checkpoint of the results",
+    )  # fmt: skip
+    parser.add_argument(
+        "--from", dest="source", type=Path, metavar="CHECKPOINT",
+        help="begin in the state of a checkpoint, or of a run by the folder of its results",
+    )  # fmt: skip
+    parser.add_argument(
+        "--anew", nargs="+", action="extend", default=[], metavar="NAME",
+        help="with --from: FMUs that begin anew, without their state, and so with other fixed parameters",
+    )  # fmt: skip

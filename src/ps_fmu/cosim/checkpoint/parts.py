@@ -1,0 +1,165 @@
+"""What a checkpoint takes of a master, how it is given back, and what has to be the same for that."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from fmpy.model_description import ModelDescription
+
+from ... import __version__
+from ..clock import StepClock
+from ..faults.active import ActiveFaults
+from ..fmu_instance import FmuInstance
+from ..graph import Wiring
+from ..rows import Column, Rows
+from ..schemes.scheme import Scheme
+from ..structure import PortName, System, Value, parse_port
+from ..substeps import RepeatingLoop
+from .state import CheckpointError, State
+
+_ABILITIES = {"canGetAndSetFMUstate": "gives no state", "canSerializeFMUstate": "gives its state in memory only"}
+
+
+@dataclass(frozen=True, eq=False)
+class MasterParts:
+    """The parts of a master that is between two steps."""
+
+    system: System
+    descriptions: Mapping[str, ModelDescription]
+    instances: Mapping[str, FmuInstance]
+    wiring: Wiring
+    rows: Rows
+    clock: StepClock
+    scheme: Scheme
+    faults: ActiveFaults
+    values_set: dict[PortName, Value]
+    """What the user, or an event, has set; a connected input in it has left its connection."""
+    columns: Sequence[Column]
+    get_loop: Callable[[], RepeatingLoop | None]
+    make_plan: Callable[[], None]
+    """Makes the plan of the steps, and the loop, anew."""
+
+    def check_abilities(self) -> None:
+        """Raises :class:`CheckpointError` for what a checkpoint cannot keep: the memory of faults and of schemes, and
+        the state of an FMU that cannot be written into a file."""
+        if self.faults.recorded:
+            raise CheckpointError("no checkpoints are possible with --faults: what they remember is not kept")
+        if not self.scheme.is_plain:
+            raise CheckpointError(
+                f"no checkpoints are possible with the scheme {self.scheme}: its memory of inputs is not kept.  Take "
+                "jacobi or gauss-seidel, without rates, extrapolation and estimates"
+            )
+        for name, description in self.descriptions.items():
+            for ability, lack in _ABILITIES.items():
+                if not getattr(description.coSimulation, ability):
+                    raise CheckpointError(
+                        f"{name}: no checkpoints are possible: the FMU {lack} ({ability} is false).  Run without them, "
+                        "or export the FMU with states: its tool may have an option for that"
+                    )
+
+    def identify(self) -> dict[str, State]:
+        """What a checkpoint and the run that goes on from it have in common."""
+        return {
+            "package": __version__,
+            "step": self.clock.step,
+            "scheme": str(self.scheme),
+            "start": self.clock.start,
+            "fmus": {c.name: _hash_file(c.source) for c in self.system.components},
+            "connections": _list_wires(self.wiring),
+            "columns": [f"{column.name} {column.unit} {column.type}" for column in self.columns],
+        }
+
+    def list_starts(self) -> dict[str, State]:
+        """Start values by component.variable."""
+        return {f"{name}.{v}": value for name, own in self.wiring.starts.items() for v, value in own.items()}
+
+    def save_fmus(self) -> dict[str, State]:
+        """The states of all FMUs as bytes, with what the user has been told of each.  Raises :class:`SlaveError`."""
+        return {
+            name: {
+                "state": instance.write_state(),
+                "warnings": instance.warnings,
+                "shown": instance.messages.list_shown(),
+            }
+            for name, instance in self.instances.items()
+        }
+
+    def load_fmu(self, name: str, kept: Mapping[str, State]) -> None:
+        """Give an FMU its state back.  Raises :class:`SlaveError`."""
+        instance = self.instances[name]
+        instance.read_state(bytes(kept["state"]))
+        instance.warnings = int(kept["warnings"])
+        instance.messages.note_shown(map(str, kept["shown"]))
+
+    def save_rows(self) -> dict[str, State]:
+        """The rows of the unfinished block, as the FMUs have left them, and what was set."""
+        rows, loop = self.rows, self.get_loop()
+        return {
+            "first": rows.first_index,
+            "rows": rows.block[: rows.filled].copy(),
+            "latest": rows.latest.copy(),
+            "set": {str(port): value for port, value in self.values_set.items()},
+            "repeated": sorted(loop.warned) if loop is not None else [],
+        }
+
+    def load_rows(self, kept: Mapping[str, State]) -> None:
+        """Take over what :meth:`save_rows` has saved."""
+        rows, block, latest = self.rows, kept["rows"], kept["latest"]
+        if block.shape[1:] != latest.shape or latest.shape != rows.latest.shape or len(block) > rows.capacity:
+            raise ValueError(f"rows of the shape {block.shape}, expected up to {rows.block.shape}")
+        if not (block.dtype == latest.dtype == np.float64) or int(kept["first"]) < 0:
+            raise ValueError("rows that are no numbers")
+        rows.restore(int(kept["first"]), block, latest)
+        self.load_values_set(kept)
+
+    def load_values_set(self, kept: Mapping[str, State]) -> None:
+        """What was set is set, and the plan of the steps is made for it."""
+        values = {parse_port(name): value for name, value in kept["set"].items()}
+        for port in values:
+            if port.variable not in self.instances[port.component].variables:
+                raise ValueError(f"there is no variable {port}")
+        self.values_set.clear()
+        self.values_set.update(values)
+        self.make_plan()
+        loop = self.get_loop()
+        if loop is not None:
+            loop.warned.update(map(str, kept["repeated"]))
+
+
+def find_difference(own: Mapping[str, Any], kept: Mapping[str, Any]) -> str | None:
+    """In what a run differs from that of a checkpoint, in words; None if in nothing."""
+    names = {"package": "version of ps_fmu", "step": "step (s)", "scheme": "scheme", "start": "start time (s)"}
+    for name, what in names.items():
+        if own[name] != kept.get(name):
+            return f"another {what}: {kept.get(name)!r} there, {own[name]!r} here"
+    fmus = kept.get("fmus")
+    if not isinstance(fmus, dict) or own["fmus"].keys() != fmus.keys():
+        return f"other components: {', '.join(fmus or ())} there, {', '.join(own['fmus'])} here"
+    if others := [component for component, found in own["fmus"].items() if found != fmus[component]]:
+        return f"another FMU behind {', '.join(others)}: its content is not the same"
+    for name, what in (("connections", "wiring"), ("columns", "recorded variables")):
+        here, there = set(own[name]), set(kept.get(name) or ())
+        if here != there:
+            which = sorted(here ^ there)[0]
+            return f"another {what}: {which!r} is {'not there' if which in here else 'not here'}"
+        if list(own[name]) != list(kept[name]):
+            return f"another order of the {what}"
+    return None
+
+
+def _hash_file(path: Any) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def _list_wires(wiring: Wiring) -> list[str]:
+    wires = []
+    for connection in wiring.connections:
+        conversion = wiring.conversions.get(connection.target)
+        how = "" if conversion is None or conversion.changes_nothing else f" by {conversion!r}"
+        wires.append(f"{connection.source} -> {connection.target}{how}")
+    return wires

@@ -1,0 +1,331 @@
+"""A master goes on from a checkpoint with the same bits; what does not fit is refused by name."""
+
+import json
+import re
+import signal
+import zipfile
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from pythonfmu.builder import FmuBuilder
+from support import faulty
+from support.cosim import Collect, ssd_text
+
+from ps_fmu.cosim import Master, SlaveError, UsageError, read_system
+from ps_fmu.cosim.checkpoint.checkpoints import Checkpoints
+from ps_fmu.cosim.checkpoint.state import CheckpointError
+from ps_fmu.cosim.checkpoint.warm_start import WarmStart
+from ps_fmu.cosim.fmu_instance import FmuInstance
+from ps_fmu.cosim.isolation.instance import Isolation
+
+H = 0.01
+STEPS = 60
+EVENTS = [(0.11, "mass.mass", 3.0), (0.3, "first.increment", 4), (0.3, "mass.force", 0.25), (0.41, "mass.force", -1.0)]
+
+
+class Keep(Collect):
+    """Observer that keeps everything, with a state."""
+
+    def save_state(self):
+        return {"firsts": list(self.firsts), "times": list(self._times), "values": list(self._values)}
+
+    def load_state(self, state):
+        self.firsts, self._times, self._values = state["firsts"], state["times"], state["values"]
+
+
+class Stop(Exception):
+    """Ends a run as a kill would."""
+
+
+@pytest.fixture(scope="session")
+def with_states(tmp_path_factory):
+    """Toys whose state can be written; the mass and the counter have all of theirs in their variables."""
+    from conftest import ROOT
+
+    folder = tmp_path_factory.mktemp("with_states")
+    for name in ("mass", "counter", "gain"):
+        source = ROOT / "tests" / "cosim" / "toys" / f"toy_{name}.py"
+        FmuBuilder.build_FMU(source, dest=folder, canGetAndSetFMUstate=True, canSerializeFMUstate=True)
+    return folder
+
+
+@pytest.fixture
+def mixed(make_system, with_states):
+    """Reals, Integers and Booleans, in a loop and in a chain."""
+    return make_system(
+        {"mass": "ToyMass", "gain": "ToyGain", "first": "ToyCounter", "second": "ToyCounter"},
+        ["mass.position -> gain.u", "gain.y -> mass.force", "first.odd -> second.enabled"],
+        with_states,
+    )
+
+
+def run(system, checkpoints=None, *, stop_s=None, steps=STEPS, events=EVENTS, beside=False, **options):
+    """All rows of a run; with ``stop_s`` it ends there."""
+    keep = Keep()
+
+    def watch(simulated, _wall, _factor):
+        if stop_s is not None and simulated >= stop_s:
+            raise Stop
+
+    with Master(system, H, block_rows=7, **options) as master:
+        master.initialise()
+        try:
+            master.run(steps * H, [keep], events, watch, beside=beside, checkpoints=checkpoints)
+        except Stop:
+            assert stop_s is not None
+    return keep
+
+
+def check_same(found, expected):
+    assert found.firsts == expected.firsts
+    assert found.time.tobytes() == expected.time.tobytes()
+    assert found.values.tobytes() == expected.values.tobytes()
+
+
+@pytest.mark.parametrize(
+    ("scheme", "compiled", "stop_s"),
+    [("jacobi", True, 0.08), ("jacobi", False, 0.31), ("gauss-seidel", True, 0.55), ("gauss-seidel", False, 0.42)],
+)
+def test_it_goes_on_bit_for_bit(mixed, tmp_path, scheme, compiled, stop_s):
+    options = {"scheme": scheme, "compiled": compiled, "beside": compiled}
+    run(mixed, Checkpoints(tmp_path, 0.05), stop_s=stop_s, **options)
+    assert 1 <= len(list(tmp_path.glob("row-*.zip"))) <= 2
+    check_same(run(mixed, Checkpoints(tmp_path, 0.05, resume=True), **options), run(mixed, **options))
+    again = run(mixed, Checkpoints(tmp_path, 0.05, resume=True), **options)  # it is at its end already
+    check_same(again, run(mixed, **options))
+
+
+def test_the_first_checkpoint_may_be_missing(mixed, tmp_path):
+    check_same(run(mixed, Checkpoints(tmp_path, 10.0, resume=True)), run(mixed))
+
+
+def test_isolated_fmus_go_on_bit_for_bit(mixed, tmp_path):
+    only = Isolation(frozenset(("mass", "second")))
+    run(mixed, Checkpoints(tmp_path, 0.05), stop_s=0.4, isolation=only)
+    check_same(run(mixed, Checkpoints(tmp_path, 0.05, resume=True), isolation=only), run(mixed))
+
+
+def test_a_state_that_is_too_large_for_the_shared_memory_is_refused_before_the_run(mixed, tmp_path, monkeypatch):
+    from ps_fmu.cosim.isolation.instance import IsolatedInstance
+
+    monkeypatch.setattr(IsolatedInstance, "most_state_bytes", 10)
+    with pytest.raises(UsageError, match=r"mass: its state has \d+ bytes, and 10 at most .*--isolate"):
+        run(mixed, Checkpoints(tmp_path, 0.05), isolation=Isolation(frozenset(("mass",))))
+
+
+def test_steps_in_parts_go_on_bit_for_bit(tmp_path, caplog):
+    """Of an FMU that discards each step from 0.05 s on; the user is told once."""
+    faulty.build(tmp_path)
+    path = tmp_path / "test.ssd"
+    path.write_text(ssd_text({"other": "Faulty", "partial": "Faulty"}, ["other.y -> partial.u"]))
+    system, kept = read_system(path, tmp_path), tmp_path / "kept"
+    expected = run(system, steps=20, events=())
+    run(system, Checkpoints(kept, 0.03), stop_s=0.13, steps=20, events=())
+    caplog.clear()
+    check_same(run(system, Checkpoints(kept, 0.03, resume=True), steps=20, events=()), expected)
+    assert "repeated in parts" not in caplog.text
+
+
+def test_ctrl_c_leaves_a_checkpoint_at_the_point_reached(mixed, tmp_path):
+    keep = Keep()
+
+    def press(simulated, _wall, _factor):
+        if simulated >= 0.26 and not pressed:
+            pressed.append(simulated)
+            signal.raise_signal(signal.SIGINT)
+
+    pressed = []
+    with pytest.raises(KeyboardInterrupt), Master(mixed, H, block_rows=7) as master:
+        master.initialise()
+        master.run(STEPS * H, [keep], EVENTS, press, checkpoints=Checkpoints(tmp_path, 10.0))
+    reached = len(keep.time) - 1
+    assert [path.name for path in tmp_path.glob("row-*.zip")] == [f"row-{reached:012d}.zip"]
+    check_same(run(mixed, Checkpoints(tmp_path, 10.0, resume=True)), run(mixed))
+
+
+def test_a_damaged_checkpoint_gives_way_to_the_one_before(mixed, tmp_path, caplog):
+    run(mixed, Checkpoints(tmp_path, 0.05), stop_s=0.4)
+    _, newest = sorted(tmp_path.glob("row-*.zip"))
+    newest.write_bytes(newest.read_bytes()[:-40])
+    check_same(run(mixed, Checkpoints(tmp_path, 0.05, resume=True)), run(mixed))
+    assert "the one before is taken" in caplog.text
+
+
+def test_messages_are_told_once(mixed, tmp_path, answer, caplog):
+    answer("mass", "fmi2DoStep", 1, n=3, really=True)
+    run(mixed, Checkpoints(tmp_path, 0.05), stop_s=0.2)
+    assert caplog.text.count("fmi2DoStep returned fmi2Warning") == 1
+    run(mixed, Checkpoints(tmp_path, 0.05, resume=True))
+    assert caplog.text.count("fmi2DoStep returned fmi2Warning") == 1
+
+
+# ---- what is refused -------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def kept(mixed, tmp_path):
+    folder = tmp_path / "kept"
+    run(mixed, Checkpoints(folder, 0.05), stop_s=0.4)
+    return folder
+
+
+def change_fmu(system, folder):
+    """The system with another FMU behind the name of the mass's."""
+    source = system.component("mass").source
+    other = folder / source.name
+    with zipfile.ZipFile(source) as old, zipfile.ZipFile(other, "w") as new:
+        for name in old.namelist():
+            new.writestr(name, old.read(name))
+        new.writestr("resources/more.txt", "another")
+    components = [replace(c, source=other) if c.name == "mass" else c for c in system.components]
+    return replace(system, components=tuple(components))
+
+
+@pytest.mark.parametrize(
+    ("what", "words"),
+    [
+        ("fmu", "another FMU behind mass: its content is not the same"),
+        ("wiring", "another wiring: 'first.odd -> second.enabled' is not here"),
+        ("scheme", "another scheme: 'jacobi' there, 'gauss-seidel' here"),
+        ("start", r"another start time \(s\): 0.0 there, 1.0 here"),
+        ("value", "another start value of mass.mass: None there, 5.0 here"),
+        ("version", "another version of ps_fmu: '0.0.1' there"),
+        ("duration", "is at t = 0.35 s, after the end of this run, 0.3 s"),
+        ("damaged", "no checkpoint, or a damaged one"),
+    ],
+)
+def test_another_run_does_not_go_on(mixed, kept, tmp_path, what, words):
+    newest = max(kept.glob("row-*.zip"))
+    options, system = {}, mixed
+    if what == "fmu":
+        system = change_fmu(mixed, tmp_path)
+    elif what == "wiring":
+        system = replace(mixed, connections=mixed.connections[:-1])
+    elif what == "scheme":
+        options["scheme"] = "gauss-seidel"
+    elif what == "start":
+        options |= {"start_time": 1.0, "events": ()}
+    elif what == "value":
+        system = mixed.with_parameters({"mass.mass": 5.0})
+    elif what == "duration":
+        options |= {"steps": 30, "events": ()}
+    elif what == "damaged":
+        for path in kept.glob("row-*.zip"):
+            path.write_bytes(b"PK")
+    else:
+        edit(newest, lambda head: head["content"]["run"].update(package="0.0.1"))
+    with pytest.raises(CheckpointError, match=words):
+        run(system, Checkpoints(kept, 0.05, resume=True), **options)
+    assert newest.is_file()
+
+
+def test_another_step_does_not_go_on(mixed, kept):
+    with pytest.raises(CheckpointError, match=r"another step \(s\): 0.01 there, 0.005 here"), Master(mixed, 0.005) as m:
+        m.initialise()
+        m.run(1.0, [Keep()], checkpoints=Checkpoints(kept, 0.05, resume=True))
+
+
+def edit(path, change):
+    """Change the JSON of a checkpoint."""
+    with zipfile.ZipFile(path) as archive:
+        head, data = json.loads(archive.read("checkpoint.json")), archive.read("arrays.bin")
+    change(head)
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("checkpoint.json", json.dumps(head))
+        archive.writestr("arrays.bin", data)
+
+
+def test_fmus_without_states_are_named(oscillator, tmp_path):
+    with pytest.raises(CheckpointError, match=r"mass: no checkpoints are possible.*canGetAndSetFMUstate is false"):
+        run(oscillator, Checkpoints(tmp_path / "kept", 0.05), events=())
+
+
+def test_observers_without_states_are_named(mixed, tmp_path):
+    with (
+        pytest.raises(CheckpointError, match="Collect: no checkpoints are possible"),
+        Master(mixed, H) as master,
+    ):
+        master.initialise()
+        master.run(H, [Collect()], checkpoints=Checkpoints(tmp_path, 0.05))
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda content: content.update(latest=3.0),
+        lambda content: content.update(rows=content["latest"]),
+        lambda content: content.update(first="0"),
+        lambda content: content.update(index=-5),
+        lambda content: content.update(left=-1),
+        lambda content: content.update(set={"mass.nothing": 1.0}),
+        lambda content: content.update(set={"nobody": 1.0}),
+        lambda content: content.update(observers=[]),
+        lambda content: content["observers"][0].update(state={}),
+        lambda content: content.pop("fmus"),
+        lambda content: content["fmus"].pop("mass"),
+        lambda content: content["fmus"]["mass"].update(state="text"),
+        lambda content: content["run"].update(fmus=[]),
+        lambda content: content["run"].update(columns=None),
+    ],
+)
+def test_a_tampered_checkpoint_is_refused(mixed, kept, change):
+    edit(max(kept.glob("row-*.zip")), lambda head: change(head["content"]))
+    with pytest.raises(CheckpointError):
+        run(mixed, Checkpoints(kept, 0.05, resume=True))
+
+
+def test_a_state_that_the_fmu_refuses_is_its_error(mixed, kept, monkeypatch):
+    monkeypatch.setattr(FmuInstance, "set_state", lambda self, _: self.check("fmi2SetFMUstate", 3, None))
+    with pytest.raises(SlaveError, match="mass: fmi2SetFMUstate returned fmi2Error"):
+        run(mixed, Checkpoints(kept, 0.05, resume=True))
+
+
+@pytest.mark.parametrize("interval", [0.0, -1.0, float("nan")])
+def test_an_impossible_interval_is_refused(tmp_path, interval):
+    with pytest.raises(UsageError, match="expected a time above 0 s"):
+        Checkpoints(tmp_path, interval)
+
+
+# ---- warm start --------------------------------------------------------------------------------------------------
+
+
+def begin(system, source, steps, events=()):
+    keep = Keep()
+    with Master(system, H, block_rows=7, start_time=source.time) as master:
+        master.initialise()
+        master.run(steps * H, [keep], events, checkpoints=Checkpoints(None, source=source))
+    return keep
+
+
+def test_a_run_from_a_checkpoint_is_a_run_with_an_event_there(mixed, tmp_path):
+    run(mixed, Checkpoints(tmp_path, 10.0), steps=30, events=EVENTS[:1])
+    other = begin(mixed.with_parameters({"mass.mass": 7.0, "first.increment": 4}), WarmStart(tmp_path), 20)
+    whole = run(mixed, steps=50, events=[*EVENTS[:1], (0.3, "mass.mass", 7.0), (0.3, "first.increment", 4)])
+    np.testing.assert_array_equal(other.values, whole.values[30:])
+    np.testing.assert_allclose(other.time, whole.time[30:], rtol=1e-12)
+
+
+def test_fixed_parameters_do_not_change_unless_the_fmu_begins_anew(mixed, tmp_path):
+    run(mixed, Checkpoints(tmp_path, 10.0), steps=30, events=())
+    other = mixed.with_parameters({"second.label": "new"})
+    words = re.compile("second.label is a fixed parameter.*--anew second", re.DOTALL)
+    with pytest.raises(CheckpointError, match=words):
+        begin(other, WarmStart(tmp_path), 10)
+    rows = begin(other, WarmStart(tmp_path, ["second"]), 10).values
+    whole = run(mixed, steps=40, events=()).values
+    with Master(mixed, H) as master:
+        names = [column.name for column in master.columns]
+    count, own = names.index("second.count"), [k for k, name in enumerate(names) if not name.startswith("second")]
+    np.testing.assert_array_equal(rows[:, own], whole[30:, own])
+    assert rows[0, count] == 0.0
+    assert whole[30, count] > 0.0
+
+
+def test_a_warm_start_of_another_system_is_refused(mixed, kept, tmp_path):
+    with pytest.raises(CheckpointError, match="is of another system: another FMU behind mass"):
+        begin(change_fmu(mixed, tmp_path), WarmStart(kept), 10)
+    with pytest.raises(UsageError, match="there is no component 'nobody'"):
+        begin(mixed, WarmStart(kept, ["nobody"]), 10)
+    with pytest.raises(CheckpointError, match="there is no checkpoint in this folder"):
+        WarmStart(tmp_path)
