@@ -6,11 +6,6 @@ import subprocess
 import sys
 from pathlib import Path
 
-import pytest
-
-from ps_fmu.cosim.guard import find_library
-
-pytestmark = pytest.mark.skipif(find_library() is None, reason="no compiled loop here")
 HEAD = """
 import ctypes, os, signal, sys, threading
 from ps_fmu.cosim import guard
