@@ -23,7 +23,7 @@ from .description import convert_value, explain_unsettable, find_variable, read_
 from .errors import CosimError, SlaveEnded, UsageError
 from .events import Event, Progress, Schedule, make_schedule
 from .fmu_instance import FmuInstance, InstancePhase
-from .graph import OpenInput, check_wiring
+from .graph import KnownVariables, OpenInput, check_wiring
 from .guard import ProcessGuard
 from .initialisation import initialise, load, read_first_row
 from .interrupt import note_interrupts
@@ -96,7 +96,8 @@ class Master:
         if isolation is not None:
             isolation.check(system)
         self._descriptions = read_descriptions(system) if descriptions is None else descriptions
-        self.wiring = check_wiring(system, self._descriptions)
+        self._known = KnownVariables(self._descriptions)
+        self.wiring = check_wiring(system, self._descriptions, self._known)
         self._signals = bind_signals(system, self._descriptions, inputs or {})
         more = {c.source for c in system.connections} | {item.source for item in system.outputs} | set(also)
         self._layout = make_layout(self._descriptions, more, self._signals)
@@ -216,7 +217,7 @@ class Master:
         if self._closed:
             raise UsageError("reset: the system is closed: make a new Master")
         system = self._system.with_parameters(start_values or {})
-        self.wiring = check_wiring(system, self._descriptions)
+        self.wiring = check_wiring(system, self._descriptions, self._known)
         self._drop_loop()
         self.system, self._index, self._ended = system, 0, None
         self._set.clear()
