@@ -237,7 +237,7 @@ class ResidualJitter(_WindowIndex):
     def _evaluate(self, windows: Array, step: float) -> Array:
         ramp = _ramp(windows.shape[1])
         deviation = windows - windows.mean(axis=1, keepdims=True)
-        trend = np.empty_like(deviation)  # with the same axis the fastest: else all that follows takes five times as long
+        trend = np.empty_like(deviation)  # its axes in the same order: else what follows takes five times as long
         np.multiply(ramp[:, None], (ramp @ deviation)[:, None], out=trend)
         return np.asarray(np.subtract(deviation, trend, out=deviation))
 
