@@ -16,6 +16,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from .cosim.errors import UsageError
+from .cosim.isolation.options import make_isolation
 from .cosim.ssp_xml import start_values_xml
 from .cosim.structure import Parameter, Value, suggest_names
 from .product.files import find_file, find_product
@@ -51,6 +53,8 @@ def simulate(
     storage_step: float | None = None,
     observe: str | Sequence[str] = (),
     requirements: str | PathLike[str] | None = None,
+    isolate: bool | Sequence[str] = False,
+    step_timeout: float | None = None,
     figures: bool = True,
     output: str | PathLike[str] | None = None,
     progress: bool = True,
@@ -77,6 +81,9 @@ def simulate(
     scheme: order of exchange, ``"jacobi"`` or ``"gauss-seidel"``.
     observe: a pattern such as ``plant.payload_*``, or several, of the outputs to store, by default all.
     requirements: a TOML file, own or of ps_fmu; the verdicts are ``summary["verdicts"]``.
+    isolate: run each FMU in a process of its own, or those of the components that are named: an FMU that crashes or
+        hangs ends the run with a message, and this process goes on.
+    step_timeout: seconds that a call of an isolated FMU in a step may take, by default 60.
     figures: draw PNG files.
     output: folder to write into, and to keep.  By default one for temporary files, removed with the result.
     progress: show a progress bar on the error stream.
@@ -90,6 +97,10 @@ def simulate(
     if scenario not in found:
         raise OptionError(f"scenario: there is no {scenario!r}; expected one of {', '.join(found)}")
     chosen = found[scenario]
+    try:
+        isolation = make_isolation([isolate] if isinstance(isolate, str) else isolate, step_timeout)
+    except UsageError as error:
+        raise OptionError(str(error)) from error
     own = None if system is None else find_file(Path(system))
     folder = Path(tempfile.mkdtemp(prefix="ps_fmu_") if output is None else output).absolute()
     try:
@@ -115,6 +126,7 @@ def simulate(
                 fmus=None if own is not None and own.suffix.lower() == ".ssp" else find_built_folder(),
                 progress=progress,
                 figures=figures,
+                isolation=isolation,
             )
             with redirect_stdout(io.StringIO()) as printed, suppress(NotMetError):
                 build_and_run(options)

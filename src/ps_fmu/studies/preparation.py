@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from ..cosim import write_ssp
+from ..cosim import UsageError, write_ssp
 from ..cosim.rows import make_layout
 from ..cosim.structure import Experiment
 from ..pointing.indices import AbsoluteError, MeanError, PointingIndex, RelativeError, ResidualJitter
@@ -40,6 +40,7 @@ def make_options(study: Study, output: Path, run: Any = None) -> RunOptions:
         parameters=study.parameters,
         scheme=study.scheme,
         requirements=study.requirements,
+        isolation=study.isolation,
         fmus=study.fmus,
         progress=False,
     )
@@ -54,6 +55,11 @@ def load_study_system(study: Study) -> RunSystem:
         system = load_system(make_options(study, Path()))
     except OptionError as error:
         raise StudyError(f"{study.path}, [study], {_as_key(str(error))}") from error
+    if study.isolation is not None:
+        try:
+            study.isolation.check(system.structure)
+        except UsageError as error:
+            raise study.error("isolate", str(error)) from error
     columns = make_layout(system.descriptions).columns
     for observed in study.observed:
         find_signals(observed, columns)
@@ -88,7 +94,7 @@ def make_bundle(study: Study, system: RunSystem) -> Bundle:
         stored = find_columns(study.signals, make_layout(system.descriptions).columns)
     task = Task(
         study.step_s, study.duration_s, study.scheme, study.runs, study.observed, result_versions(), stored,
-        None if study.signals is None else study.signals.step_s,
+        None if study.signals is None else study.signals.step_s, study.isolation,
     )  # fmt: skip
     files = {SYSTEM: archive, TASK: task.as_json()}
     if study.requirements is not None:

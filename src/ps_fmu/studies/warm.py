@@ -7,6 +7,7 @@ from contextlib import contextmanager, suppress
 
 from ..cosim import CosimError, Master, System, Value
 from ..cosim.description import read_descriptions
+from ..cosim.isolation.instance import Isolation
 
 
 class WarmSystem:
@@ -16,12 +17,13 @@ class WarmSystem:
     ----------
     step_s: communication step, s.
     scheme: order of exchange, as :class:`..cosim.Master` has it.
+    isolation: which FMUs get processes of their own, which stay, too.
     """
 
-    def __init__(self, system: System, step_s: float, scheme: str) -> None:
+    def __init__(self, system: System, step_s: float, scheme: str, isolation: Isolation | None = None) -> None:
         self.system = system
         self.descriptions = read_descriptions(system)
-        self._step_s, self._scheme = step_s, scheme
+        self._step_s, self._scheme, self._isolation = step_s, scheme, isolation
         self._master: Master | None = None
 
     @contextmanager
@@ -48,6 +50,8 @@ class WarmSystem:
     def _start(self, values: Mapping[str, Value]) -> Master:
         """The Master before its initialisation, with these values in place of those of the run before."""
         if self._master is None:
-            self._master = Master(self.system, self._step_s, self._scheme, descriptions=self.descriptions)
+            self._master = Master(
+                self.system, self._step_s, self._scheme, descriptions=self.descriptions, isolation=self._isolation
+            )
         self._master.reset(values)
         return self._master

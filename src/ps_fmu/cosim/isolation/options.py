@@ -1,9 +1,10 @@
-"""The options ``--isolate``, ``--isolate-only`` and ``--step-timeout`` of commands that run FMUs."""
+"""Which FMUs are isolated, as users say it: ``--isolate``, ``--isolate-only`` and ``--step-timeout``, or in Python."""
 
 from __future__ import annotations
 
 import argparse
 import math
+from collections.abc import Collection
 
 from ..errors import UsageError
 from .guest_process import LIFE_TIMEOUT_S
@@ -36,12 +37,24 @@ def read_isolation(arguments: argparse.Namespace) -> Isolation | None:
 
     Raises :class:`UsageError`: a time-out that is no time, or without isolated FMUs.
     """
-    timeout = arguments.step_timeout
-    if not arguments.isolate and not arguments.isolate_only:
+    return make_isolation(arguments.isolate or arguments.isolate_only, arguments.step_timeout)
+
+
+def make_isolation(isolate: bool | Collection[str], timeout: float | None = None) -> Isolation | None:
+    """Which FMUs get processes of their own; None if none does.
+
+    Parameters
+    ----------
+    isolate: the names of their components; True: all.
+    timeout: of a call in a step, s; None: the usual one.
+
+    Raises :class:`UsageError`: a time-out that is no time, or without isolated FMUs.
+    """
+    if not isolate:
         if timeout is not None:
             raise UsageError("--step-timeout: only FMUs with processes of their own can be ended; give --isolate, too")
         return None
     if timeout is not None and not (math.isfinite(timeout) and 0.0 < timeout <= LONGEST_S):
         raise UsageError(f"--step-timeout: expected a time above 0 s and up to {LONGEST_S:g} s, got {timeout!r}")
-    named = None if arguments.isolate else frozenset(arguments.isolate_only)
+    named = None if isinstance(isolate, bool) else frozenset(isolate)
     return Isolation(named, STEP_TIMEOUT_S if timeout is None else timeout)
