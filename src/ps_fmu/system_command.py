@@ -8,14 +8,19 @@ from __future__ import annotations
 
 import argparse
 import math
+import shlex
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
-from .cosim.errors import CosimError, UsageError
+from .cosim.errors import CosimError, MissingFmuError, UsageError
 from .cosim.isolation.options import add_isolation_options, read_isolation
+from .product.files import find_file, find_product
 from .runs.any_system import AnyRun, run_any
+from .runs.built_fmus import find_built_folder, provide_fmus
 from .runs.options import PLOT, RESULTS, SCHEMES, OptionError, claim_folder
 from .runs.output import hold_folder, leave_no_empty_folder, report_end
+from .slavekit.pack.errors import BuildError
 from .terminal import reason
 
 ABOUT = (
@@ -47,17 +52,27 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     add("--output", type=Path, metavar="DIR", help="folder of the results (results/SYSTEM)")
     add("--scheme", choices=SCHEMES, default=SCHEMES[0], help="order of exchange (%(default)s)")
+    add(
+        "--fmus", type=Path, metavar="DIR",
+        help="folder with the FMUs of an .ssd, found by their file names; those of ps_fmu's own systems are found and "
+        "built without it",
+    )  # fmt: skip
     add("--outside", action="store_true", help="let the system use files outside of its folder or archive")
     add("--profile", action="store_true", help="say where the time goes, and when the longest step was")
     add_isolation_options(parser)
     add("--no-figures", dest="figures", action="store_false", help="draw no plot")
 
 
+_FLAGS = ("--isolate", "--no-figures", "--outside", "--profile")
+"""Options of both commands without a value."""
+
+
 def is_meant(arguments: Sequence[str]) -> bool:
-    """Whether the arguments of ``ps-fmu run`` name a system and not a scenario, which ``--system`` could have."""
+    """Whether the arguments of ``ps-fmu run`` name a system and not a scenario: values of options may look like one."""
     for before, argument in zip(("", *arguments), arguments, strict=False):
-        if Path(argument).suffix.lower() in (".ssp", ".ssd", ".fmu") and before not in ("--system", "--ssp"):
-            return not argument.startswith("-")
+        is_value = before.startswith("-") and "=" not in before and not any(flag.startswith(before) for flag in _FLAGS)
+        if not is_value and not argument.startswith("-") and Path(argument).suffix.lower() in (".ssp", ".ssd", ".fmu"):
+            return True
     return False
 
 
@@ -68,25 +83,49 @@ def run(arguments: argparse.Namespace, command_line: argparse.ArgumentParser) ->
         options = read_options(arguments)
         with leave_no_empty_folder(options.output), hold_folder(claim_folder(options.output)):
             try:
+                if is_own(options.system) and options.fmus is None:
+                    options = replace(options, fmus=find_built_folder())
+                    provide_fmus(find_built_folder(), options.system)
                 run_any(options)
             except KeyboardInterrupt:
                 return report_end(program, "interrupted", options.output, 130)
-            except (CosimError, OSError) as error:
-                return report_end(program, reason(error), options.output, 1)
+            except (BuildError, CosimError, OSError) as error:
+                return report_end(program, reason(error) + _suggest_folder(options, error), options.output, 1)
     except OptionError as error:
         command_line.error(str(error))
     print(f"results in {options.output}: {RESULTS}{f', {PLOT}' if (options.output / PLOT).is_file() else ''}")
     return 0
 
 
+def is_own(system: Path) -> bool:
+    """Whether a system description is one of ps_fmu, whose FMUs it can build."""
+    try:
+        return system.suffix.lower() == ".ssd" and system.resolve().parent == find_product().system.resolve()
+    except FileNotFoundError:
+        return False
+
+
+def _suggest_folder(options: AnyRun, error: Exception) -> str:
+    """What to type for an FMU that is not where the system says; nothing for other errors."""
+    if not isinstance(error, MissingFmuError) or options.system.suffix.lower() != ".ssd":
+        return ""
+    command = shlex.join(["ps-fmu", "run", str(options.system), "--fmus"])
+    folder = find_built_folder()
+    if options.fmus is None and (folder / error.fmu.name).is_file():
+        return f"\nThere is one in {folder}: {command} {shlex.quote(str(folder))}"
+    return f"\n{command} DIR takes FMUs by their file names from a folder"
+
+
 def read_options(arguments: argparse.Namespace) -> AnyRun:
     """Checked options.  Raises OptionError."""
-    system: Path = arguments.system
+    system: Path = find_file(arguments.system)
     files = [("--parameters", path) for path in arguments.parameters]
     files += [("--input", arguments.input)] if arguments.input is not None else []
     for name, path in [("SYSTEM", system), *files]:
         if not path.exists():
             raise OptionError(f"{name}: there is no file {path}")
+    if arguments.fmus is not None and not arguments.fmus.is_dir():
+        raise OptionError(f"--fmus: there is no folder {arguments.fmus}")
     try:
         isolation = read_isolation(arguments)
     except UsageError as error:
@@ -103,6 +142,7 @@ def read_options(arguments: argparse.Namespace) -> AnyRun:
         observe=tuple(arguments.observe),
         scheme=arguments.scheme,
         outside=arguments.outside,
+        fmus=arguments.fmus,
         figures=arguments.figures,
         profile=arguments.profile,
         isolation=isolation,

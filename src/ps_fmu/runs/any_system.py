@@ -52,6 +52,8 @@ class AnyRun:
     observe: tuple[str, ...] = ()
     scheme: str = "jacobi"
     outside: bool = False
+    fmus: Path | None = None
+    """Folder with FMUs, found by file name; those that are not there lie where the system says."""
     progress: bool = True
     figures: bool = True
     profile: bool = False
@@ -121,7 +123,7 @@ def _read(options: AnyRun) -> System:
     sets = [read_parameters(path).entries() for path in options.parameters]
     if options.system.suffix.lower() == ".fmu":
         return read_single(options.system, sets)
-    return read_system(options.system, outside=options.outside, lenient=True, values=sets)
+    return read_system(options.system, options.fmus, outside=options.outside, lenient=True, values=sets)
 
 
 def _choose_times(options: AnyRun, system: System) -> tuple[float, float]:
