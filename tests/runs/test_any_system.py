@@ -223,8 +223,7 @@ def test_fmus_of_a_description_from_a_folder(fmus, built_fmus, tmp_path, capsys)
     path.write_text(path.read_text().replace("ToyRelay", "ManipulatorPlant"))
     assert run(*arguments) == 1
     assert f"There is one in {built_fmus}: ps-fmu run {path} --fmus {built_fmus}" in capsys.readouterr().err
-    with pytest.raises(SystemExit):
-        run(*arguments, "--fmus", tmp_path / "none")
+    assert run(*arguments, "--fmus", tmp_path / "none") == 2
     assert f"--fmus: there is no folder {tmp_path}/none" in capsys.readouterr().err
 
 
