@@ -6,8 +6,8 @@ and the instance's log list, once per exception.  After one to three exceptions 
 exception for a printf format, and tells nothing to hosts that have logging off.  :func:`guard_method` makes up for
 all that.
 
-What it reads of the bases of a class, to see whether that is a slave, it never releases: :func:`find_stand_in` leaves it
-little to read.
+What it reads of the bases of a class, to see whether that is a slave, it never releases: :func:`find_stand_in` leaves
+it little to read.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ class _Brief(type):
         return "<class 'a.Fmi2Slave'>"
 
     @property
-    def __mro__(cls) -> tuple[type, type]:  # type: ignore[override]
+    def __mro__(cls) -> tuple[type, type]:
         return _Nothing, cls
 
 
