@@ -29,7 +29,7 @@ ALLOWED_FAILURES = 20
 """Deaths of workers that a batch may see; with dask's 3 a few random ones would break innocent batches."""
 
 _BOUNDED = {
-    "distributed.worker.profile.enabled": False,  # some 15 kB a second in each worker, for a profile that nobody looks at
+    "distributed.worker.profile.enabled": False,  # 15 kB a second in each worker, and nobody looks at it
     "distributed.admin.log-length": 1000,
     "distributed.admin.low-level-log-length": 100,  # of each kind of event; of transitions of tasks
     "distributed.admin.system-monitor.log-length": 600,  # half-seconds
