@@ -15,6 +15,7 @@ import pytest
 import ps_fmu
 from ps_fmu import simulation
 from ps_fmu.cosim import CosimError, read_parameters
+from ps_fmu.cosim.isolation.instance import Isolation
 from ps_fmu.pointing import AbsoluteError, DriftError, MeanError, RelativeError, ResidualJitter
 from ps_fmu.runs.options import OptionError
 from ps_fmu.runs.publish import NotMetError
@@ -250,6 +251,21 @@ def test_all_arguments_arrive(taken, tmp_path):
     assert (options.system, options.fmus) == (tmp_path / "other.ssp", None)  # the archive has its own
 
 
+@pytest.mark.parametrize(
+    ("isolate", "names"), [(True, None), ("plant", {"plant"}), (["plant", "isolator"], {"plant", "isolator"})]
+)
+def test_isolation_reaches_a_run(taken, isolate, names):
+    simulate(isolate=isolate, step_timeout=3.0)
+    assert taken[0].isolation == Isolation(names, 3.0)
+    simulate()
+    assert taken[1].isolation is None
+
+
+def test_isolated_fmus_give_the_same_rows(result):
+    other = simulate(parameters=VALUES, isolate=["disturbance"], **SHORT)
+    assert other.active.equals(result.active)
+
+
 def test_a_single_pattern_is_not_taken_for_many(taken):
     simulate("isolation", observe="plant.*", progress=False)
     assert taken[0].observe == ("plant.*",)
@@ -264,6 +280,9 @@ def test_a_single_pattern_is_not_taken_for_many(taken):
         ({"parameters": {"plant.payload.weight": 1.0}}, CosimError, r"plant.payload.weight \(.*parameters.ssv, line"),
         ({"parameters": {"plant.payload.mass": float("nan")}}, CosimError, "expected a finite number"),
         ({"parameter_files": ["none.ssv"]}, OptionError, "--parameters: there is no file none.ssv"),
+        ({"step_timeout": 5.0}, OptionError, "--step-timeout: only FMUs with processes of their own"),
+        ({"isolate": True, "step_timeout": -1.0}, OptionError, "--step-timeout: expected a time above 0 s"),
+        ({"isolate": ["plnt"]}, CosimError, "there is no component 'plnt'; the system has"),
         ({"disturbance": "none.csv"}, OptionError, "--disturbance: there is no file none.csv"),
         ({"system": "none.ssd"}, CosimError, "none.ssd: there is no system description"),
     ],

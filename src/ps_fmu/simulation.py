@@ -16,6 +16,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from .cosim.errors import UsageError
+from .cosim.isolation.options import make_isolation
 from .cosim.ssp.xml_parts import start_values_xml
 from .cosim.structure import Parameter, Value, suggest_names
 from .product.files import find_file, find_product
@@ -52,6 +54,8 @@ def simulate(
     observe: str | Sequence[str] = (),
     requirements: str | PathLike[str] | None = None,
     faults: str | PathLike[str] | None = None,
+    isolate: bool | Sequence[str] = False,
+    step_timeout: float | None = None,
     figures: bool = True,
     output: str | PathLike[str] | None = None,
     progress: bool = True,
@@ -83,6 +87,9 @@ def simulate(
     observe: a pattern such as ``plant.payload_*``, or several, of the outputs to store, by default all.
     requirements: a TOML file, own or of ps_fmu; the verdicts are ``summary["verdicts"]``.
     faults: a file of faults, JSON or YAML, see docs/faults.md; what acted is ``summary["faults"]``.
+    isolate: run each FMU in a process of its own, or those of the components that are named: an FMU that crashes or
+        hangs ends the run with a message, and this process goes on.
+    step_timeout: seconds that a call of an isolated FMU in a step may take, by default 60.
     figures: draw PNG files.
     output: folder to write into, and to keep.  By default one for temporary files, removed with the result.
     progress: show a progress bar on the error stream.
@@ -102,6 +109,10 @@ def simulate(
     chosen = found[scenario]
     if resume and (output is None or checkpoint is None):
         raise OptionError("resume: expected the output folder of the run, and the time between checkpoints")
+    try:
+        isolation = make_isolation([isolate] if isinstance(isolate, str) else isolate, step_timeout)
+    except UsageError as error:
+        raise OptionError(str(error)) from error
     own = None if system is None else find_file(Path(system))
     folder = Path(tempfile.mkdtemp(prefix="ps_fmu_") if output is None else output).absolute()
     try:
@@ -132,6 +143,7 @@ def simulate(
                 resume=resume,
                 source=None if source is None else Path(source),
                 anew=tuple(anew),
+                isolation=isolation,
             )
             with redirect_stdout(io.StringIO()) as printed, suppress(NotMetError):
                 build_and_run(options)

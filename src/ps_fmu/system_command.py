@@ -8,18 +8,23 @@ from __future__ import annotations
 
 import argparse
 import math
+import shlex
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from .cosim.checkpoint.options import add_checkpoint_options
-from .cosim.errors import CosimError, UsageError
+from .cosim.errors import CosimError, MissingFmuError, UsageError
 from .cosim.isolation.options import add_isolation_options, read_isolation
 from .cosim.schemes.options import add_scheme_options, read_scheme
 from .cosim.ssp.sources import SSD_NAME
+from .product.files import find_file, find_product
 from .runs.any_system import run_any
+from .runs.built_fmus import find_built_folder, provide_fmus
 from .runs.faults_option import add_faults_option, find_faults
 from .runs.options import PLOT, RESULTS, AnyRun, OptionError, claim_folder
 from .runs.output import hold_folder, leave_no_empty_folder, report_end
+from .slavekit.pack.errors import BuildError
 from .terminal import reason
 
 SUFFIXES = (".ssp", ".ssd", ".fmu")
@@ -53,6 +58,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="variables to store and draw, such as 'plant.*'; may be repeated (all outputs)",
     )  # fmt: skip
     add("--output", type=Path, metavar="DIR", help="folder of the results (results/SYSTEM)")
+    add(
+        "--fmus", type=Path, metavar="DIR",
+        help="folder with the FMUs of an .ssd, found by their file names; those of ps_fmu's own systems are found and "
+        "built without it",
+    )  # fmt: skip
     add("--outside", action="store_true", help="let the system use files outside of its folder or archive")
     add("--profile", action="store_true", help="say where the time goes, and when the longest step was")
     add_isolation_options(parser)
@@ -61,8 +71,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--no-figures", dest="figures", action="store_false", help="draw no plot")
 
 
+_FLAGS = ("--error-estimate", "--isolate", "--no-figures", "--outside", "--profile")
+"""Options of both commands without a value."""
+
+
 def is_meant(arguments: Sequence[str]) -> bool:
-    """Whether the arguments of ``ps-fmu run`` name a system and not a scenario, which ``--system`` could have.
+    """Whether the arguments of ``ps-fmu run`` name a system and not a scenario: values of options may look like one.
 
     A first argument that is a file, or a path with a slash, is meant as a system, too, though it cannot be run.
     """
@@ -70,8 +84,9 @@ def is_meant(arguments: Sequence[str]) -> bool:
     if not str(first).startswith("-") and (first.is_file() or (first / SSD_NAME).is_file() or len(first.parts) > 1):
         return bool(arguments)
     for before, argument in zip(("", *arguments), arguments, strict=False):
-        if Path(argument).suffix.lower() in SUFFIXES and before not in ("--system", "--ssp"):
-            return not argument.startswith("-")
+        is_value = before.startswith("-") and "=" not in before and not any(flag.startswith(before) for flag in _FLAGS)
+        if not is_value and not argument.startswith("-") and Path(argument).suffix.lower() in SUFFIXES:
+            return True
     return False
 
 
@@ -91,18 +106,40 @@ def run_system(options: AnyRun, program: str) -> int:
     """
     with leave_no_empty_folder(options.output), hold_folder(claim_folder(options.output), options.resume):
         try:
+            if is_own(options.system) and options.fmus is None:
+                options = replace(options, fmus=find_built_folder())
+                provide_fmus(find_built_folder(), options.system)
             run_any(options)
         except KeyboardInterrupt:
             return report_end(program, "interrupted", options.output, 130)
-        except (CosimError, OSError) as error:
-            return report_end(program, reason(error), options.output, 1)
+        except (BuildError, CosimError, OSError) as error:
+            return report_end(program, reason(error) + _suggest_folder(options, error), options.output, 1)
     print(f"results in {options.output}: {RESULTS}{f', {PLOT}' if (options.output / PLOT).is_file() else ''}")
     return 0
 
 
+def is_own(system: Path) -> bool:
+    """Whether a system description is one of ps_fmu, whose FMUs it can build."""
+    try:
+        return system.suffix.lower() == ".ssd" and system.resolve().parent == find_product().system.resolve()
+    except FileNotFoundError:
+        return False
+
+
+def _suggest_folder(options: AnyRun, error: Exception) -> str:
+    """What to type for an FMU that is not where the system says; nothing for other errors."""
+    if not isinstance(error, MissingFmuError) or options.system.suffix.lower() != ".ssd":
+        return ""
+    command = shlex.join(["ps-fmu", "run", str(options.system), "--fmus"])
+    folder = find_built_folder()
+    if options.fmus is None and (folder / error.fmu.name).is_file():
+        return f"\nThere is one in {folder}: {command} {shlex.quote(str(folder))}"
+    return f"\n{command} DIR takes FMUs by their file names from a folder"
+
+
 def read_options(arguments: argparse.Namespace) -> AnyRun:
     """Checked options.  Raises OptionError."""
-    system: Path = arguments.system
+    system: Path = find_file(arguments.system)
     files = [("--parameters", path) for path in arguments.parameters]
     files += [("--input", arguments.input)] if arguments.input is not None else []
     faults = find_faults(arguments.faults)
@@ -114,6 +151,8 @@ def read_options(arguments: argparse.Namespace) -> AnyRun:
         what = f"a folder without {SSD_NAME}" if system.is_dir() else "another file"
         known = "an archive (.ssp), a system description (.ssd) or an FMU (.fmu)"
         raise OptionError(f"SYSTEM: expected {known}; {system} is {what}")
+    if arguments.fmus is not None and not arguments.fmus.is_dir():
+        raise OptionError(f"--fmus: there is no folder {arguments.fmus}")
     try:
         isolation, scheme = read_isolation(arguments), read_scheme(arguments)
     except UsageError as error:
@@ -130,6 +169,7 @@ def read_options(arguments: argparse.Namespace) -> AnyRun:
         observe=tuple(arguments.observe),
         scheme=scheme,
         outside=arguments.outside,
+        fmus=arguments.fmus,
         figures=arguments.figures,
         profile=arguments.profile,
         isolation=isolation,

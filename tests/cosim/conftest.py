@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import zipfile
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -10,6 +11,7 @@ from typing import Any
 import pytest
 from pythonfmu.builder import FmuBuilder
 from support.cosim import OSCILLATOR, Collect, ssd_text
+from support.relays import make_relay
 
 from ps_fmu.cosim import System, loops, read_system
 from ps_fmu.cosim.fmu_instance import ACCESS, STEP, FmuInstance
@@ -112,3 +114,27 @@ def collect() -> Collect:
 def not_ended(monkeypatch: pytest.MonkeyPatch) -> None:
     """A slave of plain pythonfmu that refuses a step says that it has ended the simulation; here it does not."""
     monkeypatch.setattr(FmuInstance, "_has_ended", lambda self: False)
+
+
+@pytest.fixture
+def relay_folder(toys: Path, tmp_path: Path) -> Path:
+    """A folder with a relay, one in mm, one in m, one each in K and degrees Celsius, and two with enumerations."""
+    resources = tmp_path / "resources"
+    resources.mkdir()
+    plain = Path(shutil.copy(toys / "ToyRelay.fmu", resources))
+    for name, unit in (("Metre", "m"), ("Milli", "mm"), ("Second", "s"), ("Kelvin", "K"), ("Celsius", "degC")):
+        make_relay(plain, resources / f"{name}.fmu", {"real_in": unit, "real_out": unit})
+    make_relay(plain, resources / "English.fmu", items=[("red", 1), ("green", 2), ("blue", 3)])
+    make_relay(plain, resources / "German.fmu", items=[("rot", 10), ("gruen", 20), ("blau", 30)])
+    return tmp_path
+
+
+@pytest.fixture
+def open_text(relay_folder: Path) -> Callable[..., System]:
+    """Reads a description that lies in ``relay_folder``."""
+
+    def read(text: str, **options: Any) -> System:
+        (relay_folder / "SystemStructure.ssd").write_text(text, encoding="utf-8")
+        return read_system(relay_folder, **options)
+
+    return read

@@ -6,11 +6,6 @@ import subprocess
 import sys
 from pathlib import Path
 
-import pytest
-
-from ps_fmu.cosim.guard import find_library
-
-pytestmark = pytest.mark.skipif(find_library() is None, reason="no compiled loop here")
 HEAD = """
 import ctypes, os, signal, sys, threading
 from ps_fmu.cosim import guard
@@ -41,16 +36,30 @@ def run(text):
     )  # fmt: skip
 
 
+def test_interrupts_of_a_run_are_forgotten_with_its_end():
+    ended = run("""
+count = ctypes.c_int.from_address(guard.find_interrupts())
+seen = []
+with guard.arm(True):
+    for _ in range(2):
+        try:
+            signal.raise_signal(signal.SIGINT)
+        except KeyboardInterrupt:
+            seen.append(count.value)
+print(seen, count.value)
+""")
+    assert ended.stdout == "[1, 2] 0\n", ended.stderr
+
+
 def test_ctrl_c_is_taken_though_another_thread_is_armed():
     ended = run("""
 other = Thread()
-try:
-    with guard.arm(True):
+with guard.arm(True):
+    try:
         os.kill(os.getpid(), signal.SIGINT)
         print(ctypes.c_int.in_dll(library, "guard_interrupts").value)
-except KeyboardInterrupt:
-    pass
-print(ctypes.c_int.in_dll(library, "guard_interrupts").value)
+    except KeyboardInterrupt:
+        print(ctypes.c_int.in_dll(library, "guard_interrupts").value)
 other.end()
 """)
     assert ended.stdout.split()[-1:] == ["1"], ended.stderr

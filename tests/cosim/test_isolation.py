@@ -21,7 +21,6 @@ from ps_fmu.cosim.fmu_instance import InstancePhase
 from ps_fmu.cosim.isolation.instance import IsolatedInstance, Isolation
 from ps_fmu.cosim.isolation.options import add_isolation_options, read_isolation
 
-pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="processes of their own are for Linux")
 ROOT = Path(__file__).parents[2]
 H = 0.01
 

@@ -16,7 +16,6 @@ from support.faulty.cases import ALL, INSIDE, ISOLATED, UNLIMITED
 
 DRIVE = Path(faulty.__file__).with_name("drive.py")
 DOCUMENT = Path(__file__).parents[2] / "docs" / "misbehaving.md"
-pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="processes of their own are for Linux")
 
 
 @pytest.fixture(scope="module")

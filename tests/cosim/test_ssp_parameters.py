@@ -5,12 +5,11 @@ import shutil
 import zipfile
 
 import pytest
-from support.relays import UNITS, binding, description, make_relay, mapping, port, relay, system, wire
+from support.relays import LINEAR, UNITS, binding, description, make_relay, mapping, port, relay, system, wire
 
 from ps_fmu.cosim import Master, SystemFileError, UsageError, WiringError, read_parameters, read_system
 
 H = 0.1
-LINEAR = '<ssc:LinearTransformation factor="2" offset="3"/>'
 
 
 @pytest.fixture

@@ -1,12 +1,14 @@
 """The stopwatch of the steps: it changes no result, counts each step, and knows every part."""
 
+import gc
 import math
 
 import pytest
 from support.cosim import Collect
 
 from ps_fmu.cosim import Master
-from ps_fmu.cosim.stopwatch import EXCHANGE, Stopwatch
+from ps_fmu.cosim.plan import Plan
+from ps_fmu.cosim.stopwatch import EXCHANGE, Laps, Stopwatch
 
 H = 0.01
 STEPS = 40
@@ -71,3 +73,18 @@ def test_a_warning_is_counted_and_costs_no_step(system, answer, compiled):
     assert costs.steps == STEPS
     assert sum(part.total_s for part in costs.parts.values()) <= costs.total_s * (1.0 + 1e-12)
     assert max(part.longest_s for part in costs.parts.values()) <= costs.longest_s
+
+
+@pytest.mark.parametrize("compiled", [True, False], ids=["C", "Python"])
+def test_it_does_not_grow_with_the_resets_of_a_master(system, compiled):
+    stopwatch = Stopwatch()
+    held = []
+    with Master(system, H, stopwatch=stopwatch, compiled=compiled) as master:
+        for number in range(5):
+            master.reset({"mass.mass": 1.0 + number})
+            master.initialise()
+            master.run(STEPS * H)
+            gc.collect()
+            held.append(sum(isinstance(one, Plan | Laps) for one in gc.get_objects()))
+    assert held[1:] == held[:-1]
+    assert stopwatch.read().steps == 5 * STEPS

@@ -10,8 +10,6 @@ import pytest
 from ps_fmu.cosim import temporary
 from ps_fmu.cosim.temporary import LOCK, make_temporary, remove_temporary
 
-pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="files are not locked on Windows")
-
 
 @pytest.fixture(autouse=True)
 def above(tmp_path, monkeypatch):

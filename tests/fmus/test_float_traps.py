@@ -7,8 +7,6 @@ from pathlib import Path
 import pytest
 from support.host import unpack
 
-pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="feenableexcept is a function of glibc")
-
 HOST = """
 import ctypes, sys
 import numpy as np

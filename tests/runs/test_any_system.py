@@ -299,10 +299,35 @@ def test_a_parameter_with_a_misspelt_component(fmus, tmp_path, capsys):
     [
         (["a.ssp"], True), (["--step", "1", "b.FMU"], True), (["c.ssd", "--help"], True), (["isolation"], False),
         (["isolation", "--ssp", "a.ssp"], False), (["some/where"], True), (["--system", "a.ssd"], False), ([], False),
+        (["isolation", "--output", "out.fmu"], False), (["isolation", "--output=out.fmu"], False),
+        (["--output=out.fmu", "a.ssp"], True), (["--output", "out.fmu", "--profile", "a.ssp"], True),
+        (["--isolate", "a.fmu"], True), (["--isolate-only", "a.fmu"], False), (["--no-fig", "a.fmu"], True),
     ],
 )  # fmt: skip
 def test_which_run_is_meant(arguments, meant):
     assert system_command.is_meant(arguments) is meant
+
+
+def test_a_system_of_ps_fmu_finds_its_fmus_from_any_folder(built_fmus, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert run("Instrument.ssd", "--duration", "0.001", "--no-figures", "--output", "out") == 0
+    assert json.loads((tmp_path / "out" / "summary.json").read_text())["components"]["plant"] == "ManipulatorPlant.fmu"
+
+
+def test_fmus_of_a_description_from_a_folder(fmus, built_fmus, tmp_path, capsys):
+    path = tmp_path / "own.ssd"
+    path.write_text(description(system(relay("a"))))
+    arguments = path, "--step", "0.1", "--duration", "1", "--no-figures", "--output", tmp_path / "out"
+    assert run(*arguments) == 1
+    error = capsys.readouterr().err
+    assert f"there is no FMU {tmp_path}/resources/ToyRelay.fmu" in error
+    assert f"ps-fmu run {path} --fmus DIR takes FMUs by their file names from a folder" in error
+    assert run(*arguments, "--fmus", fmus) == 0
+    path.write_text(path.read_text().replace("ToyRelay", "ManipulatorPlant"))
+    assert run(*arguments) == 1
+    assert f"There is one in {built_fmus}: ps-fmu run {path} --fmus {built_fmus}" in capsys.readouterr().err
+    assert run(*arguments, "--fmus", tmp_path / "none") == 2
+    assert f"--fmus: there is no folder {tmp_path}/none" in capsys.readouterr().err
 
 
 def test_a_scenario_says_what_runs_a_foreign_system(archive, tmp_path, capsys):

@@ -1,9 +1,30 @@
 """The script that the native library starts, without the library."""
 
 import importlib
+import shutil
 import sys
 
+from ps_fmu.slavekit.author import guard
 from ps_fmu.slavekit.pack.entry import write_entry
+
+
+def test_the_library_is_shown_a_class_with_one_base(tmp_path, monkeypatch):
+    """It executes the script with locals of their own, takes the name of a class from there and the class from the
+    module."""
+    package = tmp_path / "toy_of_the_search"
+    package.mkdir()
+    (package / "toy.py").write_text("class Toy: pass\n")
+    (package / "slavekit" / "author").mkdir(parents=True)
+    shutil.copy(guard.__file__, package / "slavekit" / "author" / "guard.py")
+    script = tmp_path / "entry_of_the_search.py"
+    script.write_bytes(write_entry("toy_of_the_search", "toy", "Toy"))
+    monkeypatch.syspath_prepend(str(tmp_path))
+    module = importlib.import_module("entry_of_the_search")
+    found = {}
+    exec(compile(script.read_text(), script, "exec"), vars(module), found)
+    (shown,) = (name for name, value in found.items() if isinstance(value, type))
+    assert [repr(base) for base in found[shown].__mro__] == ["", "<class 'a.Fmi2Slave'>"]
+    assert getattr(module, shown).__module__ == "toy_of_the_search.toy"
 
 
 def test_an_import_in_another_thread_misses_no_entry(tmp_path, monkeypatch):

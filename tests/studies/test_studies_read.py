@@ -82,6 +82,10 @@ def test_what_is_no_number_of_metres_is_refused(given, problem):
         ("[study]", "[studi]", "studi: unknown"),
         ("[study]", "[study", "not a TOML file"),
         ("seed = 7", "seed = 7\ncontrol_variates = 10", "not that of the closed form"),
+        ("seed = 7", 'seed = 7\nisolate = ["toi"]', r"\[study\], isolate: .*'toi'"),
+        ("seed = 7", 'seed = 7\nisolate = 1', "isolate: expected a name, or a list of names"),
+        ("seed = 7", 'seed = 7\nstep_timeout = "1 s"', "step_timeout: only FMUs with .* give isolate, too"),
+        ("seed = 7", 'seed = 7\nisolate = true\nstep_timeout = "0 s"', "step_timeout: expected a time"),
         ("seed = 7", 'seed = 7\nrequirements = "none.toml"', "requirements: there is no file"),
     ],
 )  # fmt: skip

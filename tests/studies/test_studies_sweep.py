@@ -128,6 +128,29 @@ def undisturbed():
     return compute
 
 
+@pytest.fixture
+def held(make_prepared, tmp_path_factory):
+    """A study of 40 cases whose last one waits while a file is there: the changes that make it, and the file.
+
+    So whatever disturbs the study comes before its end, however slow this machine is.
+    """
+    gate = tmp_path_factory.getbasetemp() / "gate"  # the same for all tests, so that their studies are the same
+    last = make_prepared(changes=MANY).plan.values(39)["toy.gain"]
+    changes = {**MANY, "[[vary]]\nparameter = \"gain\"": (
+        f'[runs.active]\n"toy.gate" = {json.dumps(str(gate))}\n"toy.held" = {last!r}\n[[vary]]\nparameter = "gain"'
+    )}  # fmt: skip
+    gate.touch()
+    yield changes, gate
+    gate.unlink(missing_ok=True)
+
+
+def count_stored(folder):
+    """Cases in the parts so far."""
+    if not (folder / "manifest.json").is_file():
+        return 0
+    return 40 - len(list_missing(folder, plan_hash(folder), 40))
+
+
 def test_a_study_on_this_machine_says_what_it_says(write_study, make_prepared, sweep, undisturbed, tmp_path):
     study = write_study()
     code, printed, errors = sweep(study)
@@ -196,13 +219,14 @@ def test_cases_that_kill_their_process_do_not_take_others_along(write_study, swe
 @pytest.mark.parametrize("kill", range(KILLS))
 @pytest.mark.parametrize("victim", ["worker", "case", "client", "interrupt"])
 def test_a_disturbed_study_ends_with_the_rows_of_an_undisturbed_one(
-    write_study, make_prepared, start, sweep, undisturbed, tmp_path, victim, kill
+    write_study, make_prepared, start, sweep, undisturbed, held, tmp_path, victim, kill
 ):
     rng = random.Random(f"{victim} {kill}")
-    study, folder = write_study(changes=MANY), tmp_path / "out"
+    changes, gate = held
+    study, folder = write_study(changes=changes), tmp_path / "out"
     process = start(study)
-    after = rng.randint(1, 8)
-    wait_until(lambda: len(list((folder / "parts").glob("*.parquet"))) >= after or process.poll() is not None)
+    after = rng.randint(1, 30)
+    wait_until(lambda: count_stored(folder) >= after or process.poll() is not None)
     time.sleep(rng.random())
     assert process.poll() is None, process.communicate()
     children = psutil.Process(process.pid).children(recursive=True)
@@ -212,38 +236,42 @@ def test_a_disturbed_study_ends_with_the_rows_of_an_undisturbed_one(
         rng.choice(cases if victim == "case" else workers).kill()
     else:
         process.send_signal(signal.SIGKILL if victim == "client" else signal.SIGINT)
+        process.wait(timeout=PATIENCE_S)
+        wait_until(lambda: not any(one.is_running() and one.status() != "zombie" for one in cases), 30.0)
+        assert 39 in list_missing(folder, plan_hash(folder), 40)  # it was in the middle
+    gate.unlink()
     _, errors = process.communicate(timeout=PATIENCE_S)
     if victim == "interrupt":
         assert process.returncode == 130, errors
         assert "--resume" in errors
     if victim in ("client", "interrupt"):
-        assert list_missing(folder, plan_hash(folder), 40)  # it was in the middle
-        wait_until(lambda: not any(one.is_running() and one.status() != "zombie" for one in cases), 30.0)
         code, _, errors = sweep(study, "--resume")
         assert code == 0, errors
     else:
         assert process.returncode == 0, errors
     rows, _ = read(folder)
-    assert rows == undisturbed(make_prepared(changes=MANY), tmp_path)
+    assert rows == undisturbed(make_prepared(changes=changes), tmp_path)
 
 
 @pytest.mark.parametrize("kill", range(KILLS))
 def test_a_study_that_loses_its_scheduler_is_resumed_elsewhere(
-    write_study, make_prepared, start, sweep, undisturbed, hand_started, tmp_path, kill
+    write_study, make_prepared, start, sweep, undisturbed, hand_started, held, tmp_path, kill
 ):
     address, processes = hand_started
-    study, folder = write_study(changes=MANY), tmp_path / "out"
+    changes, gate = held
+    study, folder = write_study(changes=changes), tmp_path / "out"
     process = start(study, "--scheduler", address)
-    wait_until(lambda: len(list((folder / "parts").glob("*.parquet"))) > kill or process.poll() is not None)
+    wait_until(lambda: count_stored(folder) > 3 * kill or process.poll() is not None)
     assert process.poll() is None, process.communicate()
     end_with_children(processes[0])
+    gate.unlink()
     _, errors = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 1
     assert "--resume" in errors
     code, _, errors = sweep(study, "--resume")
     assert code == 0, errors
     rows, _ = read(folder)
-    assert rows == undisturbed(make_prepared(changes=MANY), tmp_path)
+    assert rows == undisturbed(make_prepared(changes=changes), tmp_path)
 
 
 def test_another_plan_or_another_fmu_is_not_resumed(write_study, toy_fmus, start, sweep, tmp_path):

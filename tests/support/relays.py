@@ -25,6 +25,12 @@ PORTS = "".join(
     for way in ("in", "out")
 )
 
+LINEAR = '<ssc:LinearTransformation factor="2" offset="3"/>'
+TABLE = (
+    '<ssc:IntegerMappingTransformation><ssc:MapEntry source="1" target="2"/><ssc:MapEntry source="2" target="9"/>'
+    "</ssc:IntegerMappingTransformation>"
+)
+
 
 def relay(name: str, bindings: str = "", source: str = "ToyRelay.fmu", ports: str = PORTS) -> str:
     """A component."""
@@ -68,6 +74,14 @@ def description(inside: str, after: str = "") -> str:
     return (
         f"{head}{inside}</ssd:System>{after}<ssd:Units>{UNITS}</ssd:Units></ssd:SystemStructureDescription>"
     )
+
+
+def make_chain(
+    inside: str, name: str = "real", first: str = "ToyRelay.fmu", second: str = "ToyRelay.fmu", **attributes: str
+) -> str:
+    """The description of two relays and one connection between them."""
+    both = relay("a", source=first) + relay("b", source=second)
+    return description(system(both, wire(f"a/{name}_out", f"b/{name}_in", inside, **attributes)))
 
 
 def binding(values: str, attributes: str = "", more: str = "", units: str = "") -> str:

@@ -33,6 +33,14 @@ class SystemFileError(CosimError, ValueError):
         self.line = line
 
 
+class MissingFmuError(SystemFileError):
+    """An FMU that is not where a system description says; ``fmu`` is where it was looked for last."""
+
+    def __init__(self, path: Path, text: str, line: int | None, fmu: Path) -> None:
+        super().__init__(path, text, line)
+        self.fmu = fmu
+
+
 class WiringError(CosimError, ValueError):
     """A system whose parts do not fit together; ``problems`` lists every reason that was found."""
 

@@ -61,12 +61,15 @@ class Wiring:
     remarks: tuple[str, ...] = ()
 
 
-def check_wiring(system: System, descriptions: Mapping[str, ModelDescription]) -> Wiring:
+def check_wiring(
+    system: System, descriptions: Mapping[str, ModelDescription], known: KnownVariables | None = None
+) -> Wiring:
     """Check a system against the model descriptions of its components.
 
-    Raises :class:`WiringError` that lists everything that does not fit.
+    ``known``: of the same descriptions, kept from an earlier check.  Raises :class:`WiringError` that lists everything
+    that does not fit.
     """
-    known = _Known(descriptions)
+    known = known or KnownVariables(descriptions)
     variables, ends = known.variables, known.ends
     problems, remarks = _check_instances(system, descriptions), [*system.remarks]
     starts: dict[str, dict[str, Value]] = {}
@@ -107,7 +110,7 @@ def check_wiring(system: System, descriptions: Mapping[str, ModelDescription]) -
     )
 
 
-class _Known:
+class KnownVariables:
     """What the FMUs say of their variables, by component and name; components of one FMU share it."""
 
     def __init__(self, descriptions: Mapping[str, ModelDescription]) -> None:

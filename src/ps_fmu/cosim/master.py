@@ -25,7 +25,7 @@ from .events import Event, Progress, Schedule, make_schedule
 from .faults.active import make_faults
 from .faults.event import FaultFile
 from .fmu_instance import FmuInstance, InstancePhase
-from .graph import OpenInput, check_wiring
+from .graph import KnownVariables, OpenInput, check_wiring
 from .guard import ProcessGuard
 from .initialisation import initialise, load, read_first_row
 from .interrupt import note_interrupts
@@ -104,7 +104,8 @@ class Master:
             isolation.check(system)
         self._descriptions = read_descriptions(system) if descriptions is None else descriptions
         self.scheme = resolve_scheme(scheme, system, self._descriptions, size)
-        self.wiring = check_wiring(system, self._descriptions)
+        self._known = KnownVariables(self._descriptions)
+        self.wiring = check_wiring(system, self._descriptions, self._known)
         self._signals = bind_signals(system, self._descriptions, inputs or {})
         self.faults = make_faults(faults, system, self._descriptions, self.clock)
         more = {c.source for c in system.connections} | {item.source for item in system.outputs}
@@ -226,7 +227,7 @@ class Master:
         if self._closed:
             raise UsageError("reset: the system is closed: make a new Master")
         system = self._system.with_parameters(start_values or {})
-        self.wiring = check_wiring(system, self._descriptions)
+        self.wiring = check_wiring(system, self._descriptions, self._known)
         self._drop_loop()
         self.system, self._index, self._ended = system, 0, None
         self._set.clear()

@@ -179,7 +179,7 @@ class Rows:
 
     def store_latest(self) -> None:
         """The latest outputs are the next row."""
-        self.rows[self.filled][:] = self.latest_row
+        self.block[self.filled] = self.latest
         self.filled += 1
 
     def complete(self) -> Array:

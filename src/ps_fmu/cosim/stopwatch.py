@@ -66,11 +66,15 @@ class Timing(Structure):
     )
 
 
+Part = tuple[str, str]
+"""Component and function of a call; :data:`EXCHANGE` and nothing for what is copied."""
+
+
 @dataclass
 class Laps:
-    """The times of one plan's parts; the entry after the last part is the whole step."""
+    """The times of the parts of alike plans; the entry after the last part is the whole step."""
 
-    parts: Sequence[Call | Gather | EffectGroup]
+    parts: Sequence[Part]
     firsts: Sequence[int]
     """Place of the first part of each stage."""
     spent_ns: NDArray[np.int64] = field(init=False)
@@ -92,29 +96,34 @@ class Laps:
 
 
 class Stopwatch:
-    """Times the steps of a run: the loops of all its plans write into it."""
+    """Times the steps of one run after the other: the loops of all their plans write into it.
+
+    It keeps no plan.  Those of the same calls in the same order, as after each reset of a Master, share their place, so
+    that it does not grow with their number.
+    """
 
     def __init__(self) -> None:
-        self._laps: list[Laps] = []
+        self._laps: dict[tuple[object, ...], Laps] = {}
 
     def begin(self, plan: Plan) -> Laps:
         """Where the loop of a plan notes its times."""
         counts = [len(stage.gathers) + len(stage.calls) for stage in plan.stages]
-        self._laps.append(Laps(tuple(list_parts(plan)), tuple(accumulate(counts[:-1], initial=0))))
-        return self._laps[-1]
+        firsts = tuple(accumulate(counts[:-1], initial=0))
+        parts = tuple(map(_name_part, list_parts(plan)))
+        return self._laps.setdefault((parts, firsts), Laps(parts, firsts))
 
     def read(self) -> StepCosts:
         """What has been noted so far."""
         parts: dict[str, PartCost] = {}
-        for laps in self._laps:
-            for place, part in enumerate(laps.parts):
-                name = part.instance.name if isinstance(part, Call) else EXCHANGE
-                _add(parts.setdefault(name, PartCost()), part, laps, place)
-        whole = max(self._laps, key=lambda laps: laps.longest_ns[-1], default=None)
+        every = self._laps.values()
+        for laps in every:
+            for place, (name, function) in enumerate(laps.parts):
+                _add(parts.setdefault(name, PartCost()), function, laps, place)
+        whole = max(every, key=lambda laps: laps.longest_ns[-1], default=None)
         return StepCosts(
-            steps=sum(laps.timing.steps for laps in self._laps),
+            steps=sum(laps.timing.steps for laps in every),
             parts=parts,
-            total_s=sum(int(laps.spent_ns[-1]) for laps in self._laps) * 1e-9,
+            total_s=sum(int(laps.spent_ns[-1]) for laps in every) * 1e-9,
             longest_s=0.0 if whole is None else float(whole.longest_ns[-1]) * 1e-9,
             longest_at=float("nan") if whole is None else float(whole.longest_at[-1]),
         )
@@ -126,11 +135,15 @@ def list_parts(plan: Plan) -> Iterator[Gather | EffectGroup | Call]:
         yield from chain(stage.gathers, stage.calls)
 
 
-def _add(cost: PartCost, part: Call | Gather | EffectGroup, laps: Laps, place: int) -> None:
+def _name_part(part: Call | Gather | EffectGroup) -> Part:
+    return (part.instance.name, part.function) if isinstance(part, Call) else (EXCHANGE, "")
+
+
+def _add(cost: PartCost, function: str, laps: Laps, place: int) -> None:
     spent, longest = float(laps.spent_ns[place]) * 1e-9, float(laps.longest_ns[place]) * 1e-9
-    if not isinstance(part, Call) or part.function.startswith("fmi2Set"):
+    if not function or function.startswith("fmi2Set"):
         cost.set_s += spent
-    elif part.function.startswith("fmi2Get"):
+    elif function.startswith("fmi2Get"):
         cost.get_s += spent
     else:
         cost.step_s += spent

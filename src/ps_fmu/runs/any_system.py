@@ -131,7 +131,7 @@ def _read(options: AnyRun) -> System:
     sets = [read_parameters(path).entries() for path in options.parameters]
     if options.system.suffix.lower() == ".fmu":
         return read_single(options.system, sets)
-    return read_system(options.system, outside=options.outside, lenient=True, values=sets)
+    return read_system(options.system, options.fmus, outside=options.outside, lenient=True, values=sets)
 
 
 def _choose_times(options: AnyRun, system: System) -> tuple[float, float]:

@@ -146,6 +146,8 @@ class AnyRun:
     observe: tuple[str, ...] = ()
     scheme: str | Scheme = "jacobi"
     outside: bool = False
+    fmus: Path | None = None
+    """Folder with FMUs, found by file name; those that are not there lie where the system says."""
     progress: bool = True
     figures: bool = True
     profile: bool = False

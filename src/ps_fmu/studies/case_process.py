@@ -33,6 +33,7 @@ class CaseProcess:
     timeout_s: of a case, s; None: none.
     memory_bytes: resident memory at which a case is ended; None: no limit.
     most_cases: after which the process is replaced; None: never.
+    isolates: it has processes of FMUs beside it, whose memory counts, too.
     """
 
     def __init__(
@@ -41,9 +42,10 @@ class CaseProcess:
         timeout_s: float | None = None,
         memory_bytes: int | None = None,
         most_cases: int | None = None,
+        isolates: bool = False,
     ) -> None:
         self._folder, self._timeout, self._memory = folder, timeout_s, memory_bytes
-        self._wanted = most_cases
+        self._wanted, self._isolates = most_cases, isolates
         self._left: int | None = None
         self._process: subprocess.Popen[bytes] | None = None
         self._printed: IO[bytes] | None = None
@@ -185,7 +187,8 @@ class CaseProcess:
 
         assert self._process is not None and self._memory is not None
         try:
-            used = psutil.Process(self._process.pid).memory_info().rss
+            own = psutil.Process(self._process.pid)
+            used = sum(one.memory_info().rss for one in [own, *(own.children() if self._isolates else ())])
         except psutil.Error:  # it has ended: the pipe will say so
             return
         if used > self._memory:

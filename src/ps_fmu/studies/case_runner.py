@@ -41,12 +41,13 @@ class CaseRunner:
         check_versions(self.task.versions)
         path = folder / FAULTS
         faults = read_faults(path) if path.is_file() else None
-        self.warm = WarmSystem(read_system(folder / SYSTEM), self.task.step_s, self.task.scheme, faults)
+        task = self.task
+        self.warm = WarmSystem(read_system(folder / SYSTEM), task.step_s, task.scheme, faults, task.isolation)
         self.columns = make_layout(self.warm.descriptions).columns
         path = folder / REQUIREMENTS
         self.requirements = read_requirements(path) if path.is_file() else ()
         self.must_end = False
-        """An FMU has returned fmi2Fatal: nothing more should run in this process (FMI 2.0.4, section 2.1.3)."""
+        """An FMU in this process has returned fmi2Fatal: nothing more should run there (FMI 2.0.4, section 2.1.3)."""
 
     def run(self, index: int, values: Mapping[str, Value], signals: Path | None = None) -> Row:
         """The row of a case; one that fails has its error in it.
@@ -64,7 +65,7 @@ class CaseRunner:
                 raise
             except Exception as error:  # whatever is wrong with this case: the study goes on
                 row |= {"status": FAILED, "error": f"{type(error).__name__}: {reason(error)}"[:LONGEST_TEXT]}
-                self.must_end = isinstance(error, SlaveError) and error.status == FATAL_STATUS
+                self.must_end = self._is_fatal(error)
         row["warnings"] = "\n".join(warnings)[:LONGEST_TEXT] or None
         row["wall_s"] = time.perf_counter() - began
         return row
@@ -82,6 +83,12 @@ class CaseRunner:
                     master.run(self.task.duration_s, [Bounds(master.columns), *records, *judging, *recorders])
             row |= {f"{name}.{key}": value for record in records for key, value in record.metrics().items()}
         return row | describe_verdicts(judge)
+
+    def _is_fatal(self, error: Exception) -> bool:
+        if not isinstance(error, SlaveError) or error.status != FATAL_STATUS:
+            return False
+        isolation = self.task.isolation
+        return isolation is None or not isolation.covers(error.component)
 
     @contextmanager
     def _make_recorder(self, run: str, master: Master, file: Path | None) -> Iterator[Sequence[Recorder]]:

@@ -28,6 +28,14 @@ NO_WORKER_S = 60.0  # that workers may take to come, or to come back
 ALLOWED_FAILURES = 20
 """Deaths of workers that a batch may see; with dask's 3 a few random ones would break innocent batches."""
 
+_BOUNDED = {
+    "distributed.worker.profile.enabled": False,  # 15 kB a second in each worker, and nobody looks at it
+    "distributed.admin.log-length": 1000,
+    "distributed.admin.low-level-log-length": 100,  # of each kind of event; of transitions of tasks
+    "distributed.admin.system-monitor.log-length": 600,  # half-seconds
+}
+"""What dask keeps of the past: its processes stop growing after minutes instead of hours."""
+
 
 @contextmanager
 def connect(address: str | None, workers: int | None) -> Iterator[Any]:
@@ -40,7 +48,7 @@ def connect(address: str | None, workers: int | None) -> Iterator[Any]:
         from distributed import Client, LocalCluster
     except ImportError as error:
         raise ClusterError("a study needs dask: pip install 'ps-fmu[sweep]'") from error
-    settings = {
+    settings = _BOUNDED | {
         "distributed.scheduler.allowed-failures": ALLOWED_FAILURES,
         "distributed.nanny.pre-spawn-environ": {**dask.config.get("distributed.nanny.pre-spawn-environ", {}),
                                                 **ONE_THREAD},

@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from ..cosim import write_ssp
+from ..cosim import UsageError, write_ssp
 from ..cosim.clock import StepClock
 from ..cosim.faults.active import make_faults
 from ..cosim.rows import make_layout
@@ -43,6 +43,7 @@ def make_options(study: Study, output: Path, run: Any = None) -> RunOptions:
         scheme=study.scheme,
         requirements=study.requirements,
         faults=study.faults,
+        isolation=study.isolation,
         fmus=study.fmus,
         progress=False,
     )
@@ -59,6 +60,11 @@ def load_study_system(study: Study) -> RunSystem:
         raise StudyError(f"{study.path}, [study], {_as_key(str(error))}") from error
     clock = StepClock(0.0, study.step_s)
     make_faults(system.faults, system.structure, system.descriptions, clock).check_end(study.duration_s)
+    if study.isolation is not None:
+        try:
+            study.isolation.check(system.structure)
+        except UsageError as error:
+            raise study.error("isolate", str(error)) from error
     columns = make_layout(system.descriptions).columns
     for observed in study.observed:
         find_signals(observed, columns)
@@ -93,7 +99,7 @@ def make_bundle(study: Study, system: RunSystem) -> Bundle:
         stored = find_columns(study.signals, make_layout(system.descriptions).columns)
     task = Task(
         study.step_s, study.duration_s, study.scheme, study.runs, study.observed, result_versions(), stored,
-        None if study.signals is None else study.signals.step_s,
+        None if study.signals is None else study.signals.step_s, study.isolation,
     )  # fmt: skip
     files = {SYSTEM: archive, TASK: task.as_json()}
     if study.requirements is not None:

@@ -40,7 +40,9 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
-from ..cosim import Value
+from ..cosim import UsageError, Value
+from ..cosim.isolation.instance import Isolation
+from ..cosim.isolation.options import make_isolation
 from ..cosim.structure import COMPONENT_NAME
 from ..pointing.index import PointingIndex
 from ..product.files import find_file, find_product
@@ -72,7 +74,7 @@ from .table_reader import TableReader
 TABLES = ("study", "runs", "vary", "correlate", "observe", "signals")
 STUDY_KEYS = (
     "name", "system", "duration", "step", "scheme", "parameters", "requirements", "plan", "cases", "seed", "seeds",
-    "timeout", "control_variates", "faults",
+    "timeout", "control_variates", "faults", "isolate", "step_timeout",
 )  # fmt: skip
 KEYS_OF = {
     VALUES: ("values",),
@@ -122,6 +124,7 @@ def read_study(path: Path) -> Study:
         observed=tuple(_read_observed(path, content)),
         timeout_s=table.time("timeout", None),
         control_variates=table.whole("control_variates", 1, MOST_CASES, 0),
+        isolation=_read_isolation(table),
         signals=read_signals(path, content),
         faults=None if faults is None else _find(path, faults, "faults", table),
     )
@@ -160,6 +163,16 @@ def _read_cases(table: TableReader, plan: str) -> int | None:
     if cases > MOST_CASES:
         raise table.error("cases", f"{cases} are too many: expected at most {MOST_CASES}")
     return cases
+
+
+def _read_isolation(table: TableReader) -> Isolation | None:
+    chosen = table.table.get("isolate", False)
+    isolate = chosen if isinstance(chosen, bool) else table.names("isolate")
+    try:
+        return make_isolation(isolate, table.time("step_timeout", None))
+    except UsageError as error:
+        problem = str(error).removeprefix("--step-timeout: ").replace("--isolate", "isolate")
+        raise table.error("step_timeout", problem) from error
 
 
 def _read_runs(path: Path, content: Mapping[str, Any]) -> dict[str, dict[str, Value]]:

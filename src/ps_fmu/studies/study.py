@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from ..cosim import Value
+from ..cosim.isolation.instance import Isolation
 from ..pointing.indices import PointingIndex
 from ..requirements.reading import INDICES
 from .numbers import Number
@@ -144,6 +145,8 @@ class Study:
     """Of a case; None: it may take as long as it takes."""
     control_variates: int = 0
     """Cases of the closed form; 0: no control variate."""
+    isolation: Isolation | None = None
+    """Which FMUs get processes of their own, beside that of the cases."""
     signals: Signals | None = None
     """What is stored of the signals; None: nothing."""
     faults: Path | None = None

@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from ..results.style import prepare_drawing
 from ..runs.built_fmus import find_built_folder, provide_fmus
 from ..runs.options import claim_folder
 from ..runs.output import lock_folder
@@ -123,6 +124,8 @@ def compute(options: SweepOptions, prepared: Prepared, folder: Path) -> None:
     with connect(options.scheduler, options.workers) as client:
         if dashboard := find_dashboard(client):
             print(f"dask's dashboard: {dashboard}", file=sys.stderr)
+
+        prepare_drawing()  # while the workers start
 
         def run(cases: Sequence[int], stored: Collection[int], report: Report) -> None:
             Dispatcher(client, plan, name, prepared.bundle, folder, report).run(cases, stored)

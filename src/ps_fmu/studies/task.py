@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ..cosim import Value
+from ..cosim.isolation.instance import Isolation
 from ..results.summary import versions
 from .study import Observed
 
@@ -31,18 +32,26 @@ class Task:
     """Names of the outputs that are stored of chosen cases."""
     stored_step_s: float | None = None
     """Between stored rows; None: every step."""
+    isolation: Isolation | None = None
+    """Which FMUs get processes of their own."""
 
     def as_json(self) -> bytes:
         """The content of the file; :meth:`from_json` reads it."""
-        found = {**vars(self), "observed": [observed.as_dict() for observed in self.observed]}
+        own = self.isolation
+        isolation = None if own is None else {**vars(own), "names": None if own.names is None else sorted(own.names)}
+        observed = [observed.as_dict() for observed in self.observed]
+        found = {**vars(self), "observed": observed, "isolation": isolation}
         return json.dumps(found).encode()
 
     @classmethod
     def from_json(cls, text: bytes) -> Task:
         """What :meth:`as_json` has written."""
         found: dict[str, Any] = json.loads(text)
+        own: dict[str, Any] | None = found["isolation"]
+        names = None if own is None or own["names"] is None else frozenset(own["names"])
         return cls(**{**found, "observed": tuple(map(Observed.from_dict, found["observed"])),
-                      "stored": tuple(found["stored"])})  # fmt: skip
+                      "stored": tuple(found["stored"]),
+                      "isolation": None if own is None else Isolation(**{**own, "names": names})})  # fmt: skip
 
 
 def result_versions() -> dict[str, str]:

@@ -8,6 +8,7 @@ from contextlib import contextmanager, suppress
 from ..cosim import CosimError, Master, System, Value
 from ..cosim.description import read_descriptions
 from ..cosim.faults.event import FaultFile
+from ..cosim.isolation.instance import Isolation
 
 
 class WarmSystem:
@@ -18,12 +19,20 @@ class WarmSystem:
     step_s: communication step, s.
     scheme: order of exchange, as :class:`..cosim.Master` has it.
     faults: what happens in each run.
+    isolation: which FMUs get processes of their own, which stay, too.
     """
 
-    def __init__(self, system: System, step_s: float, scheme: str, faults: FaultFile | None = None) -> None:
+    def __init__(
+        self,
+        system: System,
+        step_s: float,
+        scheme: str,
+        faults: FaultFile | None = None,
+        isolation: Isolation | None = None,
+    ) -> None:
         self.system = system
         self.descriptions = read_descriptions(system)
-        self._step_s, self._scheme, self._faults = step_s, scheme, faults
+        self._step_s, self._scheme, self._faults, self._isolation = step_s, scheme, faults, isolation
         self._master: Master | None = None
 
     @contextmanager
@@ -51,7 +60,8 @@ class WarmSystem:
         """The Master before its initialisation, with these values in place of those of the run before."""
         if self._master is None:
             self._master = Master(
-                self.system, self._step_s, self._scheme, descriptions=self.descriptions, faults=self._faults
+                self.system, self._step_s, self._scheme, descriptions=self.descriptions, faults=self._faults,
+                isolation=self._isolation,
             )
         self._master.reset(values)
         return self._master

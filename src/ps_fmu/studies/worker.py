@@ -13,11 +13,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from .bundle import Bundle
+from .bundle import TASK, Bundle
 from .case_process import CaseProcess
 from .parts import encode_part, write_part
 from .rows import Row
 from .signals import FOLDER, name_file
+from .task import Task
 
 MANIFEST = "manifest.json"  # in the output folder
 Job = tuple[int, Mapping[str, Any]]
@@ -117,7 +118,8 @@ def _borrow(bundle: Bundle, timeout_s: float | None) -> Any:
         if found is None:
             if bundle.sha256 not in _FOLDERS:
                 _FOLDERS[bundle.sha256] = bundle.unpack(_find_scratch())
-            found = CaseProcess(_FOLDERS[bundle.sha256], timeout_s, _find_memory_limit())
+            isolates = Task.from_json(bundle.files[TASK]).isolation is not None
+            found = CaseProcess(_FOLDERS[bundle.sha256], timeout_s, _find_memory_limit(), isolates=isolates)
     try:
         yield found
     except BaseException:

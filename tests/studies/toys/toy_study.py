@@ -18,16 +18,19 @@ class ToyStudy(Fmi2Slave):
         self.seed = 1
         self.mode = "none"
         self.once = ""
+        self.gate = ""
+        self.held = 0.0
         self.x = 0.0
         self.y = 0.0
         self.large = False
         self.u = 0.0
         fixed = {"causality": Fmi2Causality.parameter, "variability": Fmi2Variability.fixed}
-        for name in ("gain", "offset", "slowness"):
+        for name in ("gain", "offset", "slowness", "held"):
             self.register_variable(Real(name, **fixed))
         self.register_variable(Integer("seed", **fixed))
         self.register_variable(String("mode", **fixed))
         self.register_variable(String("once", **fixed))
+        self.register_variable(String("gate", **fixed))
         self.register_variable(Real("u", causality=Fmi2Causality.input))
         for name in ("x", "y"):
             self.register_variable(
@@ -43,6 +46,8 @@ class ToyStudy(Fmi2Slave):
         if self.once and not os.path.exists(self.once):
             open(self.once, "w").close()
             os._exit(9)
+        while self.gate and self.gain == self.held and os.path.exists(self.gate):
+            time.sleep(0.02)
         if self.mode != "none" and current_time > 0.05:
             self.break_down()
         time.sleep(self.slowness)

@@ -44,7 +44,7 @@ SetRealInputDerivatives GetRealOutputDerivatives GetStatus GetRealStatus GetInte
 GetStringStatus
 """
 FUNCTIONS = tuple(f"fmi2{name}" for name in _KINDS.split())
-ALIVE, KILLED, EXITED, HANGS, INTERRUPTED = range(5)  # Fate of client.c
+ALIVE, KILLED, EXITED, HANGS, INTERRUPTED = range(5)  # Fate of client.h
 CHANGES = {
     1: "changed the rounding of floating-point numbers, so that its results are not those of any other tool",
     2: "closed file descriptors that belong to its host",
@@ -53,7 +53,7 @@ CHANGES = {
 
 
 class _Client(Structure):
-    """The beginning of ``Client`` of client.c."""
+    """The beginning of ``Client`` of client.h."""
 
     _fields_ = (
         ("channel", c_void_p),
@@ -101,7 +101,7 @@ def find_library() -> Path:
 
 @cache
 def load_library() -> ctypes.CDLL:
-    """The functions of client.c that are not of FMI.  Raises as :func:`find_library`."""
+    """The functions of client.c and later.c that are not of FMI.  Raises as :func:`find_library`."""
     library = ctypes.CDLL(str(find_library()))
     for function in (library.channel_bytes, library.client_bytes):
         function.argtypes, function.restype = (), c_uint64

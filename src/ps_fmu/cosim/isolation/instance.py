@@ -57,11 +57,15 @@ class Isolation:
         for name in sorted(self.names or ()):
             system.component(name)
 
+    def covers(self, name: str) -> bool:
+        """Whether the FMU of a component has a process of its own."""
+        return self.names is None or name in self.names
+
     def make_instance(self, component: Component, description: ModelDescription) -> FmuInstance:
         """Load an FMU where it belongs.  Raises as :class:`FmuInstance`."""
-        if self.names is not None and component.name not in self.names:
-            return FmuInstance(component, description)
-        return IsolatedInstance(component, description, self.timeouts_s)
+        if self.covers(component.name):
+            return IsolatedInstance(component, description, self.timeouts_s)
+        return FmuInstance(component, description)
 
 
 class IsolatedInstance(FmuInstance):

@@ -1,9 +1,10 @@
-"""The options ``--isolate``, ``--isolate-only`` and the time-outs of commands that run FMUs."""
+"""Which FMUs are isolated, as users say it: ``--isolate``, ``--isolate-only`` and the time-outs, or in Python."""
 
 from __future__ import annotations
 
 import argparse
 import math
+from collections.abc import Collection
 
 from ..errors import UsageError
 from .instance import CALL_TIMEOUT_S, STEP_TIMEOUT_S, Isolation
@@ -39,14 +40,31 @@ def read_isolation(arguments: argparse.Namespace) -> Isolation | None:
 
     Raises :class:`UsageError`: a time-out that is no time, or without isolated FMUs.
     """
-    timeouts = {"--step-timeout": arguments.step_timeout, "--call-timeout": arguments.call_timeout}
+    return make_isolation(
+        arguments.isolate or arguments.isolate_only, arguments.step_timeout, arguments.call_timeout
+    )
+
+
+def make_isolation(
+    isolate: bool | Collection[str], step_timeout: float | None = None, call_timeout: float | None = None
+) -> Isolation | None:
+    """Which FMUs get processes of their own; None if none does.
+
+    Parameters
+    ----------
+    isolate: the names of their components; True: all.
+    step_timeout, call_timeout: of a call in a step, and of any other [s]; None: the usual ones.
+
+    Raises :class:`UsageError`: a time-out that is no time, or without isolated FMUs.
+    """
+    timeouts = {"--step-timeout": step_timeout, "--call-timeout": call_timeout}
     given = {name: value for name, value in timeouts.items() if value is not None}
-    if not arguments.isolate and not arguments.isolate_only:
+    if not isolate:
         for name in given:
             raise UsageError(f"{name}: only FMUs with processes of their own can be ended; give --isolate, too")
         return None
     for name, value in given.items():
         if not (math.isfinite(value) and 0.0 < value <= LONGEST_S):
             raise UsageError(f"{name}: expected a time above 0 s and up to {LONGEST_S:g} s, got {value!r}")
-    named = None if arguments.isolate else frozenset(arguments.isolate_only)
-    return Isolation(named, given.get("--step-timeout", STEP_TIMEOUT_S), given.get("--call-timeout"))
+    named = None if isinstance(isolate, bool) else frozenset(isolate)
+    return Isolation(named, STEP_TIMEOUT_S if step_timeout is None else step_timeout, call_timeout)

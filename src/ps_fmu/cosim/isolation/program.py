@@ -16,8 +16,8 @@ _LINUX = Target(
 ISOLATION = Program(
     "isolation",
     Path(__file__).parent,
-    sources=("client.c", "guest.c"),
-    headers=("channel.h", "waiting.h"),
+    sources=("client.c", "later.c", "calls.c", "guest.c"),
+    headers=("channel.h", "client.h", "waiting.h"),
     targets={"linux64": _LINUX},
 )
 """The library that the master and the processes of the FMUs load.

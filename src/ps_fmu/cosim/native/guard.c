@@ -169,8 +169,10 @@ EXPORTED void guard_disarm(int interrupt)
 {
     if (--armed_here == 0)
         sigaltstack(&stack_before, NULL);
-    if (interrupt && --takes_interrupts == 0)
+    if (interrupt && --takes_interrupts == 0) {
         sigaction(SIGINT, &interrupt_before, NULL);
+        guard_interrupts = 0; /* those of this run do not end what is called next */
+    }
     if (--armed > 0)
         return;
     for (int k = 0; k < N_CRASHES; k++)

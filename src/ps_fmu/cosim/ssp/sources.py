@@ -8,7 +8,7 @@ from pathlib import Path, PurePosixPath
 from urllib.parse import unquote
 
 from ..archive import MAXIMUM_BYTES, extract
-from ..errors import SystemFileError
+from ..errors import MissingFmuError, SystemFileError
 from ..structure import UnpackedFolder
 from ..xmlfile import Element
 
@@ -94,4 +94,4 @@ class Sources:
                 return place.absolute()  # a thread that loads an FMU changes the working directory of all
         known = " and no ".join(str(self.locate(place)) for place in places)
         text = f"{what}: there is no FMU {known}; build it, or say where it is"
-        raise SystemFileError(ssd, text, element.line)
+        raise MissingFmuError(ssd, text, element.line, path)

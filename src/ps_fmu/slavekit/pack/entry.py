@@ -27,9 +27,11 @@ try:
             if _place not in _module.__path__:
                 sys.path_importer_cache.pop(_place, None)  # it may remember an earlier folder of this name
                 _module.__path__ = [*filter(os.path.isdir, _module.__path__), _place]
-    {model} = {load}
-    globals()["{model}"] = {model}  # the library executes this file with locals of their own
-    importlib.import_module("{package}.slavekit.author.guard").keep_alive(globals())  # see there
+    globals()["{model}"] = {load}
+    _guard = importlib.import_module("{package}.slavekit.author.guard")
+    _guard.keep_alive(globals())  # see there
+    if locals() is not globals():  # of the library, which looks there for the name of the class and then in the module
+        {model} = _guard.find_stand_in()
 except BaseException as _error:
     _report = traceback.TracebackException.from_exception(_error)
     _own = __name__ + ".py", "pythonfmu_slave.py", os.path.join("importlib", "__init__.py")
