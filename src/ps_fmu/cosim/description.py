@@ -13,7 +13,7 @@ from fmpy.model_description import ModelDescription, ModelVariable
 
 from .archive import check_archive, compute_digest, read_member
 from .errors import SystemFileError, UsageError
-from .structure import System, Value, suggest_names
+from .structure import PortName, System, Value, suggest_names
 from .xmlfile import MAXIMUM_BYTES, parse_xml
 
 log = logging.getLogger("ps_fmu.cosim")
@@ -139,6 +139,20 @@ def convert_value(variable: ModelVariable, value: Value) -> Value:
     if (low is not None and result < low) or (high is not None and result > high):
         raise UsageError(f"{value!r} is outside [{variable.min or '-inf'}, {variable.max or 'inf'}]")
     return result
+
+
+def check_value(description: ModelDescription, port: PortName, value: Value, running: bool) -> Value:
+    """What :func:`convert_value` makes of the ``value`` of a component's variable, if the master may set that now.
+
+    Raises :class:`UsageError` with the variable's name.
+    """
+    variable = find_variable(description, port.variable)
+    if reason := explain_unsettable(variable, running):
+        raise UsageError(f"{port} {reason}")
+    try:
+        return convert_value(variable, value)
+    except UsageError as error:
+        raise UsageError(f"{port}: {error}") from None
 
 
 def _bound(text: str | None) -> float | None:

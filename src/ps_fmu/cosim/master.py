@@ -9,6 +9,7 @@ import logging
 import time as wall_clock
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from ctypes import c_int
+from functools import partial
 from types import TracebackType
 from typing import Self
 
@@ -17,9 +18,10 @@ from fmpy.model_description import ModelDescription
 from .beside import DeliveryBeside
 from .clock import StepClock
 from .closing import end_all
+from .columns import choose_columns
 from .compiled import CompiledLoop
 from .delivery import Delivery, Observer
-from .description import convert_value, explain_unsettable, find_variable, read_descriptions
+from .description import check_value, find_variable, read_descriptions
 from .errors import CosimError, SlaveEnded, UsageError
 from .events import Event, Progress, Schedule, make_schedule
 from .fmu_instance import FmuInstance, InstancePhase
@@ -30,8 +32,8 @@ from .interrupt import note_interrupts
 from .isolation.instance import Isolation
 from .loops import StepLoop, make_loop
 from .plan import SCHEMES, make_plan
-from .rows import Column, Rows, make_layout
-from .signals import Signal, bind_signals, derive_outputs, get_first_values
+from .rows import Column, Rows
+from .signals import Signal, bind_signals, get_first_values
 from .stopwatch import Stopwatch
 from .structure import PortName, System, Value
 from .substeps import RepeatingLoop, find_obstacle
@@ -56,6 +58,8 @@ class Master:
     descriptions: those of the FMUs by component, where they have been read before: each takes some 50 ms
     inputs: over time, by the name of an input of the system or by ``component.variable``, see :func:`.read_signals`
     also: variables to record beside the outputs
+    only: names of the columns to record.  Other outputs are read only where a connection carries them, and are columns
+        then; results are the same.  By default all
     stopwatch: times each call of an FMU; the steps take some 0.5 us longer
     isolation: which FMUs get processes of their own; by default none
 
@@ -80,6 +84,7 @@ class Master:
         descriptions: Mapping[str, ModelDescription] | None = None,
         inputs: Mapping[str, Signal] | None = None,
         also: Collection[PortName] = (),
+        only: Collection[str] | None = None,
         stopwatch: Stopwatch | None = None,
         isolation: Isolation | None = None,
     ) -> None:
@@ -98,9 +103,8 @@ class Master:
         self._descriptions = read_descriptions(system) if descriptions is None else descriptions
         self.wiring = check_wiring(system, self._descriptions)
         self._signals = bind_signals(system, self._descriptions, inputs or {})
-        more = {c.source for c in system.connections} | {item.source for item in system.outputs} | set(also)
-        self._layout = make_layout(self._descriptions, more, self._signals)
-        self._derived = derive_outputs(system, self._descriptions, self._layout.columns)
+        self._choose_columns = partial(choose_columns, system, self._descriptions, self._signals, also)
+        self._layout, self._derived = self._choose_columns(only)
         self._block_rows = block_rows
         self._rows = Rows(self._layout, block_rows, self._derived)
         self._instances: dict[str, FmuInstance] = {}
@@ -172,7 +176,8 @@ class Master:
         port = self._find_port(name)
         if self._closed:
             raise UsageError(f"{name}: the system is closed")
-        self._apply(port, self._check_value(port, value, running=self._loop is not None))
+        running = self._loop is not None
+        self._apply(port, check_value(self._descriptions[port.component], port, value, running))
 
     # ---- life --------------------------------------------------------------------------------------------
 
@@ -198,7 +203,9 @@ class Master:
             self._abort()
             raise
 
-    def reset(self, start_values: Mapping[str, Value] | None = None) -> None:
+    def reset(
+        self, start_values: Mapping[str, Value] | None = None, *, only: Collection[str] | None = None
+    ) -> None:
         """Back to before the initialisation, without loading anything; :meth:`initialise` follows.
 
         The results are those of a new Master with ``system.with_parameters(start_values)``, to the last bit.  It is
@@ -208,6 +215,7 @@ class Master:
         ----------
         start_values: of parameters and inputs, by ``component.variable``; they replace those of the system.  What was
             given to an earlier reset, or to :meth:`set`, is forgotten.
+        only: other columns to record from now on, as in the constructor; by default those so far.
 
         Raises :class:`UsageError` or :class:`WiringError` before anything is done: closed, during a run, no such
         variable, not of its type.  :class:`SlaveError`: the system is closed then.
@@ -215,6 +223,8 @@ class Master:
         self._refuse_while_running("reset")
         if self._closed:
             raise UsageError("reset: the system is closed: make a new Master")
+        if only is not None:
+            self._layout, self._derived = self._choose_columns(only)
         system = self._system.with_parameters(start_values or {})
         self.wiring = check_wiring(system, self._descriptions)
         self._drop_loop()
@@ -305,18 +315,9 @@ class Master:
         find_variable(self._descriptions[port.component], port.variable)
         return port
 
-    def _check_value(self, port: PortName, value: Value, running: bool) -> Value:
-        variable = find_variable(self._descriptions[port.component], port.variable)
-        if reason := explain_unsettable(variable, running):
-            raise UsageError(f"{port} {reason}")
-        try:
-            return convert_value(variable, value)
-        except UsageError as error:
-            raise UsageError(f"{port}: {error}") from None
-
     def _check_event(self, name: str, value: Value) -> tuple[PortName, Value]:
         port = self._find_port(name)
-        return port, self._check_value(port, value, running=True)
+        return port, check_value(self._descriptions[port.component], port, value, running=True)
 
     def _apply(self, port: PortName, value: Value) -> None:
         new = port not in self._set
