@@ -2,7 +2,6 @@
 
 from pathlib import Path
 
-import numpy as np
 import pytest
 from support.cosim import Collect, ssd_text
 
@@ -68,20 +67,26 @@ def test_an_fmu_is_asked_for_nothing_else(mixed, monkeypatch):
         assert not [name for component, name in asked if component == "gain" and "Get" in name]
 
 
-def test_a_reset_chooses_anew(mixed):
-    collect = [Collect() for _ in range(3)]
+def test_columns_are_chosen_anew_after_a_reset(mixed):
+    found = []
     with Master(mixed, H, only=["gain.y"]) as master:
-        for columns, only, rows in ((7, None, collect[0]), (9, ["gain.y", "second.count", "second.odd"], collect[1]),
-                                    (9, None, collect[2])):  # fmt: skip
-            master.reset(only=only)
-            assert len(master.columns) == columns
-            master.initialise()
-            master.run(0.5, [rows])
+        for only in (["gain.y"], ["gain.y", "second.count", "second.odd"], None):
+            master.reset()
+            master.record(only)
+            for _ in range(2):  # a reset alone keeps the choice
+                collect = Collect()
+                master.initialise()
+                master.run(0.5, [collect])
+                found.append(dict(zip((column.name for column in master.columns), collect.values.T, strict=True)))
+                with pytest.raises(UsageError, match="record: the system is initialised"):
+                    master.record(None)
+                master.reset()
         with pytest.raises(UsageError, match="no column"):
-            master.reset(only=["gain.x"])
-        assert len(master.columns) == 9
-    np.testing.assert_array_equal(collect[1].values, collect[2].values)
-    assert collect[0].values.shape == (51, 7)
+            master.record(["gain.x"])
+        assert len(master.columns) == 10
+    assert [len(columns) for columns in found] == [7, 7, 9, 9, 10, 10]
+    for columns in found:
+        assert all(values.tobytes() == found[-1][name].tobytes() for name, values in columns.items())
 
 
 def test_an_unknown_name_is_refused_before_anything_is_loaded(mixed):

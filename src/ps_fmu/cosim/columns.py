@@ -8,44 +8,62 @@ from dataclasses import replace
 from fmpy.model_description import ModelDescription
 
 from .errors import UsageError
-from .rows import Derived, RowLayout, make_layout
+from .rows import Column, Rows, make_layout
 from .signals import BoundSignal, derive_outputs
 from .structure import PortName, System, suggest_names
 
 
-def choose_columns(
-    system: System,
-    descriptions: Mapping[str, ModelDescription],
-    signals: Sequence[BoundSignal],
-    also: Collection[PortName] = (),
-    only: Collection[str] | None = None,
-) -> tuple[RowLayout, list[Derived]]:
-    """The columns of the rows, and those that are computed from them.
+class RunColumns:
+    """The columns of a run: what is read of the FMUs, and what is computed from that.
 
     Parameters
     ----------
     signals: inputs of the run, which are recorded in any case
     also: variables to record beside the outputs
-    only: names of columns to record; what connections carry is read, too, and is a column.  None: all.  The columns
-        keep their order and their names.
-
-    Raises :class:`UsageError` for a name in ``only`` that no column has.
+    only: as for :meth:`choose`
     """
-    wired = {connection.source for connection in system.connections}
-    more = wired | {item.source for item in system.outputs} | set(also)
-    layout = make_layout(descriptions, more, signals)
-    derived = derive_outputs(system, descriptions, layout.columns)
-    if only is None:
-        return layout, derived
-    names = [column.name for column in layout.columns]
-    known = {*names, *(item.column.name for item in derived)}
-    for name in only:
-        if name not in known:
-            raise UsageError(f"only: there is no column {name!r}{suggest_names(name, known)}")
-    wanted = set(only)
-    shown = [item for item in derived if item.column.name in wanted]
-    wanted |= {names[item.place] for item in shown}
-    ports = (*layout.real, *layout.discrete)
-    less = make_layout(descriptions, more, signals, wired | {port for port in ports if str(port) in wanted})
-    places = {column.name: place for place, column in enumerate(less.columns)}
-    return less, [replace(item, place=places[names[item.place]]) for item in shown]
+
+    def __init__(
+        self,
+        system: System,
+        descriptions: Mapping[str, ModelDescription],
+        signals: Sequence[BoundSignal],
+        also: Collection[PortName] = (),
+        only: Collection[str] | None = None,
+    ) -> None:
+        self._wired = {connection.source for connection in system.connections}
+        self._more = self._wired | {item.source for item in system.outputs} | set(also)
+        self._descriptions, self._signals = descriptions, signals
+        self._layout = self._all = make_layout(descriptions, self._more, signals)
+        self._derived = self._all_derived = derive_outputs(system, descriptions, self._all.columns)
+        self.choose(only)
+
+    @property
+    def every(self) -> tuple[Column, ...]:
+        """All columns, in the order of those of a block."""
+        return (*self._layout.columns, *(item.column for item in self._derived))
+
+    def choose(self, only: Collection[str] | None) -> None:
+        """Leave out all columns but those of these names and what connections carry; None: none is left out.
+
+        Order, names and values of the others stay.  Raises :class:`UsageError` for a name that no column has.
+        """
+        if only is None:
+            self._layout, self._derived = self._all, self._all_derived
+            return
+        names = [column.name for column in self._all.columns]
+        known = [*names, *(item.column.name for item in self._all_derived)]
+        for name in only:
+            if name not in known:
+                raise UsageError(f"only: there is no column {name!r}{suggest_names(name, known)}")
+        wanted = set(only)
+        shown = [item for item in self._all_derived if item.column.name in wanted]
+        wanted |= {names[item.place] for item in shown}
+        ports = {port for port in (*self._all.real, *self._all.discrete) if str(port) in wanted}
+        self._layout = make_layout(self._descriptions, self._more, self._signals, self._wired | ports)
+        places = {column.name: place for place, column in enumerate(self._layout.columns)}
+        self._derived = [replace(item, place=places[names[item.place]]) for item in shown]
+
+    def make_rows(self, capacity: int) -> Rows:
+        """Room for so many rows at a time."""
+        return Rows(self._layout, capacity, self._derived)

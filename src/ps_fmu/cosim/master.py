@@ -9,7 +9,6 @@ import logging
 import time as wall_clock
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from ctypes import c_int
-from functools import partial
 from types import TracebackType
 from typing import Self
 
@@ -18,7 +17,7 @@ from fmpy.model_description import ModelDescription
 from .beside import DeliveryBeside
 from .clock import StepClock
 from .closing import end_all
-from .columns import choose_columns
+from .columns import RunColumns
 from .compiled import CompiledLoop
 from .delivery import Delivery, Observer
 from .description import check_value, find_variable, read_descriptions
@@ -32,7 +31,7 @@ from .interrupt import note_interrupts
 from .isolation.instance import Isolation
 from .loops import StepLoop, make_loop
 from .plan import SCHEMES, make_plan
-from .rows import Column, Rows
+from .rows import Column
 from .signals import Signal, bind_signals, get_first_values
 from .stopwatch import Stopwatch
 from .structure import PortName, System, Value
@@ -58,8 +57,7 @@ class Master:
     descriptions: those of the FMUs by component, where they have been read before: each takes some 50 ms
     inputs: over time, by the name of an input of the system or by ``component.variable``, see :func:`.read_signals`
     also: variables to record beside the outputs
-    only: names of the columns to record.  Other outputs are read only where a connection carries them, and are columns
-        then; results are the same.  By default all
+    only: names of the columns to record; other outputs are neither read nor columns unless a connection carries them
     stopwatch: times each call of an FMU; the steps take some 0.5 us longer
     isolation: which FMUs get processes of their own; by default none
 
@@ -103,10 +101,9 @@ class Master:
         self._descriptions = read_descriptions(system) if descriptions is None else descriptions
         self.wiring = check_wiring(system, self._descriptions)
         self._signals = bind_signals(system, self._descriptions, inputs or {})
-        self._choose_columns = partial(choose_columns, system, self._descriptions, self._signals, also)
-        self._layout, self._derived = self._choose_columns(only)
+        self._columns = RunColumns(system, self._descriptions, self._signals, also, only)
         self._block_rows = block_rows
-        self._rows = Rows(self._layout, block_rows, self._derived)
+        self._rows = self._columns.make_rows(block_rows)
         self._instances: dict[str, FmuInstance] = {}
         self._compiled, self._stopwatch = compiled, stopwatch
         self._loop: RepeatingLoop | None = None
@@ -123,7 +120,7 @@ class Master:
     @property
     def columns(self) -> tuple[Column, ...]:
         """All recorded outputs, inputs of the run and outputs of the system, in the order of the columns of a block."""
-        return (*self._layout.columns, *(item.column for item in self._derived))
+        return self._columns.every
 
     @property
     def open_inputs(self) -> tuple[OpenInput, ...]:
@@ -176,10 +173,19 @@ class Master:
         port = self._find_port(name)
         if self._closed:
             raise UsageError(f"{name}: the system is closed")
-        running = self._loop is not None
-        self._apply(port, check_value(self._descriptions[port.component], port, value, running))
+        self._apply(port, check_value(self._descriptions[port.component], port, value, self._loop is not None))
 
     # ---- life --------------------------------------------------------------------------------------------
+
+    def record(self, only: Collection[str] | None) -> None:
+        """Before :meth:`initialise`: record these columns from there on, also after a reset; see the constructor.
+
+        Raises :class:`UsageError`: no such column, or the system is initialised.
+        """
+        if self._loop is not None or self._closed:
+            raise UsageError("record: the system is initialised, or closed: reset it first")
+        self._columns.choose(only)
+        self._rows = self._columns.make_rows(self._block_rows)
 
     def initialise(self) -> None:
         """Load all FMUs unless they are, set start values, pass the initial values round, read the outputs: row 0.
@@ -203,19 +209,14 @@ class Master:
             self._abort()
             raise
 
-    def reset(
-        self, start_values: Mapping[str, Value] | None = None, *, only: Collection[str] | None = None
-    ) -> None:
+    def reset(self, start_values: Mapping[str, Value] | None = None) -> None:
         """Back to before the initialisation, without loading anything; :meth:`initialise` follows.
 
         The results are those of a new Master with ``system.with_parameters(start_values)``, to the last bit.  It is
         done by fmi2Reset; an FMU that refuses that is instantiated anew.
 
-        Parameters
-        ----------
-        start_values: of parameters and inputs, by ``component.variable``; they replace those of the system.  What was
-            given to an earlier reset, or to :meth:`set`, is forgotten.
-        only: other columns to record from now on, as in the constructor; by default those so far.
+        ``start_values`` of parameters and inputs, by ``component.variable``, replace those of the system.  What was
+        given to an earlier reset, or to :meth:`set`, is forgotten.
 
         Raises :class:`UsageError` or :class:`WiringError` before anything is done: closed, during a run, no such
         variable, not of its type.  :class:`SlaveError`: the system is closed then.
@@ -223,14 +224,12 @@ class Master:
         self._refuse_while_running("reset")
         if self._closed:
             raise UsageError("reset: the system is closed: make a new Master")
-        if only is not None:
-            self._layout, self._derived = self._choose_columns(only)
         system = self._system.with_parameters(start_values or {})
         self.wiring = check_wiring(system, self._descriptions)
         self._drop_loop()
         self.system, self._index, self._ended = system, 0, None
         self._set.clear()
-        self._rows = Rows(self._layout, self._block_rows, self._derived)
+        self._rows = self._columns.make_rows(self._block_rows)
         try:
             for instance in self._instances.values():
                 instance.reset()

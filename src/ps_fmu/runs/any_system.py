@@ -82,6 +82,8 @@ def run_any(options: AnyRun) -> None:
             names = select_stored(master.columns, options.observe)
             all_stored = make_stored_names([column.name for column in master.columns])
             stored = {name: all_stored[name] for name in names}
+            if options.observe:
+                master.record(names)
             for text in (*master.wiring.remarks, *_list_silent(system, descriptions, signals)):
                 warnings.add(text)
             master.initialise()
