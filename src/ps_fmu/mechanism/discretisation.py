@@ -17,8 +17,6 @@ _FACTORS = np.array([1.0 / math.factorial(k + 1) for k in range(16)]).reshape(4,
 _MOST_HALVINGS = 30
 #: Of the balancing; the plant needs two.  Couplings of 1e300 in one direction only need ten.
 _MOST_SWEEPS = 20
-#: Norm of A h from which balancing goes on as long as it brings anything; below, to halve A h is cheaper.
-_FEW_HALVINGS = 8.0 * _SHORT
 #: Part in the norm of A h, balanced, of what acts in one direction only.
 _LITTLE = 0.01
 _SMALLEST = float(np.finfo(np.float64).tiny)
@@ -64,30 +62,27 @@ def _balance(A: Array, h: float) -> tuple[Array, float]:
 
     Powers of two, so that nothing is rounded: what is computed with them has the same bits whatever they are.  All rows
     and columns are balanced at once, each by half of what it lacks: with all of it, two that share an element would
-    swap their sizes for ever.  It ends where the norm is small, or not much larger and hardly falling, or once no
-    factor is larger than two: further ones hardly change the norm, and take several times as long.  Where a row is
-    zero, its column may be scaled at will and comes to a little, and likewise a row whose column is zero.
+    swap their sizes for ever.  It ends where the norm is small enough for the series, or once no factor is larger than
+    two: further ones hardly change the norm, and take several times as long.  Where a row is zero, its column may be
+    scaled at will and comes to a little, and likewise a row whose column is zero.
     """
     sizes, little = np.abs(A), _LITTLE / h
     own = sizes.diagonal().copy()
     np.fill_diagonal(sizes, 0.0)
     # Sums of elements as small as 1e-300 may underflow to zero, which has no logarithm.
     no_row, no_column = (np.where(sizes.any(axis=axis), _SMALLEST, little) for axis in (1, 0))
-    scale = found = np.ones(len(A))
-    size = math.inf
-    for _ in range(_MOST_SWEEPS):
+    scale = np.ones(len(A))
+    largest, size = math.inf, math.inf
+    for _ in range(_MOST_SWEEPS + 1):
         # Sums of the scaled matrix are products: 4 us for the plant, where to scale it and to sum takes 20.
         rows, columns = (sizes @ scale) / scale + no_row, ((1.0 / scale) @ sizes) * scale + no_column
-        before, now = size, h * float((columns + own).max())
-        if now < size:
-            found, size = scale, now
-        if size <= _SHORT or 0.5 * before < now <= _FEW_HALVINGS:
+        size = h * float((columns + own).max())
+        if size <= _SHORT or not largest > 1.0:
             break
         steps = np.rint(0.25 * (np.log2(rows) - np.log2(columns)))
-        if not np.abs(steps).max() > 1.0:
-            break
-        scale = scale * np.exp2(steps)
-    return found, size
+        scale *= np.exp2(steps)
+        largest = np.abs(steps).max()
+    return scale, size
 
 
 def _sum_series(X: Array) -> tuple[Array, Array]:

@@ -108,17 +108,17 @@ class Balance:
         self.start[:], self._time[0], self._first[0] = x, t, from_centre
 
     @np.errstate(over="raise", divide="raise", invalid="raise")
-    def settle(self, model: PlantModel, x: Array, t: float, place: Place | None = None) -> Array:
+    def settle(self, model: PlantModel, x: Array, t: float, at: Place | None = None) -> Array:
         """The state whose base is and moves such that all bodies have the true momentum and centre of mass.
 
         ``model`` served up to ``t``, s, and its state is ``x``.  After a long time about rest the place of the base is
-        left as it is.  ``place``: as for :meth:`find_momentum`.
+        left as it is.  ``at``: as for :meth:`find_momentum`.
         """
         d, n = model.dynamics, model.dynamics.n
         q_b, (t_b, r_b) = d.slices["q_b"], d.base_places()
         v_t = slice(n + t_b.start, n + t_b.stop)
         lasted, turned = t - float(self._time[0]), x[r_b] - self.start[r_b]
-        momentum, com_B = self.find_momentum(model, x, place)
+        momentum, com_B = self.find_momentum(model, x, at)
         impulse, over_time = self._find_outer(model, x, lasted)
         mass = d.M[t_b.start, t_b.start]
         ends = (self.start, self._true, self._com_B), (x, momentum, com_B)
@@ -187,23 +187,23 @@ class Balance:
         push = of_linear - lasted * find_linear(start) - smooth
         return find_linear(moved) - other, push
 
-    def find_momentum(self, model: PlantModel, x: Array, place: Place | None = None) -> tuple[Array, Array]:
+    def find_momentum(self, model: PlantModel, x: Array, at: Place | None = None) -> tuple[Array, Array]:
         """As :func:`find_momentum`, of the state ``x`` of a model, modes and rods included.
 
-        ``place``: of the platform by :func:`find_displacements`, if that is known.
+        ``at``: where the platform is by :func:`find_displacements`, if that is known.
         """
         d, n = model.dynamics, model.dynamics.n
         ds = servo_slices(n)[1]
         d_f, e_c, (t_b, r_b) = d.slices["d_f"], d.slices["e_c"], d.base_places()
-        if place is None:
+        if at is None:
             geometry = self._system.manipulator.geometry
             lengths = geometry.nominal_lengths + find_displacements(model, x)
             found = forward_kinematics(geometry, lengths, d.pose.translation_B, d.pose.rotation_BP)
             J = jacobians(geometry, found.translation_B, found.R, found.legs)
-            place = Place(Pose(found.translation_B, found.R), J)
+            at = Place(Pose(found.translation_B, found.R), J)
         rate = x[n : 2 * n]
         speeds = np.concatenate([rate[d_f], rate[r_b], x[ds] + rate[e_c]])
-        momentum, com_B = find_momentum(self._system, place.pose, rate[t_b], speeds, place.jacobians)
+        momentum, com_B = find_momentum(self._system, at.pose, rate[t_b], speeds, at.jacobians)
         for modes in (d.slices["x_m"], d.slices["x_t"]):
             coupling = d.M[d.slices["q_b"], modes] * d.active[modes]
             momentum += coupling @ rate[modes]
