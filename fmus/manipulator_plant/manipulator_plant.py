@@ -13,8 +13,8 @@ from ps_fmu.interface.ports import make_output_ports, make_parameter_ports, refu
 from ps_fmu.mechanism.centre import N_CENTRE, Centre
 from ps_fmu.mechanism.curvature import N_PATH, Curve, count_curve, find_curve, find_ends, places_on_path, stay
 from ps_fmu.mechanism.initial_motion import STILL
-from ps_fmu.mechanism.linear_model import Plant, PlantModel
-from ps_fmu.mechanism.momentum import Balance, count_balance
+from ps_fmu.mechanism.linear_model import Place, Plant, PlantModel
+from ps_fmu.mechanism.momentum import Balance, count_balance, find_displacements
 from ps_fmu.mechanism.mounted import (
     LOCKED,
     N_MOTION,
@@ -164,8 +164,7 @@ class ManipulatorPlant(Slave):
 
     def split_map(self, h: float) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
         """x at the end of a step, then y from it."""
-        split = self.maps.split_map(h)
-        return None if split is None else (self._with_command(split[0]), self._with_command(split[1]))
+        return self.maps.split_map(h, len(self.command))
 
     def before_map(self, h: float) -> Sequence[Element]:
         """The reference of the coarse servos goes to the command, within the stroke and limited in rate."""
@@ -249,13 +248,14 @@ class ManipulatorPlant(Slave):
     def _replace_model(self, centre: Centre, way: Way, u: NDArray[np.float64], t: float) -> None:
         moving = bool(centre.speeds.any())
         others = find_ends(self.model, centre, way) if moving and not self.prescribed else ()
-        model, *ends = self.plant.linearise_about_all([centre, *others])
+        now = find_displacements(self.model, self.x)[None, :]
+        (model, *ends), place = self.plant.linearise_and_place([centre, *others], now)
         if self.prescribed:
             impulse = promised_impulse(self.model.dynamics)
             self.x[impulse] += relative_momentum_taken(self.model, model, self.x)
             curve = stay(model, way.half if moving else 0.0)
         else:
-            self.x[:] = self.balance.settle(self.model, self.x, t)
+            self.x[:] = self.balance.settle(self.model, self.x, t, Place(place.pose[0], place.jacobians[0]))
             curve = find_curve(model, ends, way, u) if moving else stay(model)
             self.balance.go_on(self.x, t, -float(curve.half[0]))
         self.since[:] = -curve.half[0], curve.half[0] ** 2

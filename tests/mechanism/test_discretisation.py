@@ -66,6 +66,18 @@ def test_random_systems_in_units_that_do_not_fit(seed, spread):
         np.testing.assert_allclose(Bd / units[:, None], second, rtol=1e-9, atol=1e-11)
 
 
+def test_units_of_powers_of_two_change_no_bit():
+    """Balancing ends when the series is good enough, wherever that is."""
+    random = np.random.default_rng(11)
+    A, B = oscillators([0.5, 20.0, 300.0])
+    A = A + random.standard_normal(A.shape)
+    units = 2.0 ** random.integers(-20, 20, len(A))
+    Ad, Bd = zero_order_hold(A, B, 1e-4)
+    in_units = zero_order_hold(A * units / units[:, None], B / units[:, None], 1e-4)
+    assert in_units[0].tobytes() == (Ad * units / units[:, None]).tobytes()
+    assert in_units[1].tobytes() == (Bd / units[:, None]).tobytes()
+
+
 def test_a_system_without_states():
     Ad, Bd = zero_order_hold(np.zeros((0, 0)), np.zeros((0, 4)), 1e-4)
     assert (Ad.shape, Bd.shape) == ((0, 0), (0, 4))

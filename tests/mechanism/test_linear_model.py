@@ -12,6 +12,7 @@ from ps_fmu.mechanism.centre import Centre
 from ps_fmu.mechanism.discretisation import zero_order_hold
 from ps_fmu.mechanism.dynamics import Pose
 from ps_fmu.mechanism.forward_kinematics import forward_kinematics
+from ps_fmu.mechanism.kinematics import jacobians
 from ps_fmu.mechanism.linear_model import Plant, momentum
 from ps_fmu.mechanism.parameters import Optics
 from ps_fmu.mechanism.quaternions import from_rotation_matrix, from_rotation_vector, to_rotation_matrix
@@ -251,7 +252,16 @@ def test_models_made_together_are_those_made_one_by_one_to_the_bit():
         for size in (1.0, 1e-3, 1.0, 1e-6)
     ]
     centres.insert(2, at_rest)
-    for together, centre in zip(PLANT.linearise_about_all(centres), centres, strict=True):
+    beside = random.uniform(-0.02, 0.02, (2, 6))
+    models, places = PLANT.linearise_and_place(centres, beside)
+    geometry = PAPER.manipulator.geometry
+    for k, displacements in enumerate(beside):
+        found = forward_kinematics(geometry, geometry.nominal_lengths + displacements)
+        np.testing.assert_allclose(places.pose.translation_B[k], found.translation_B, rtol=0.0, atol=1e-15)
+        np.testing.assert_allclose(places.pose.rotation_BP[k], found.R, rtol=0.0, atol=2e-15)
+        J = jacobians(geometry, found.translation_B, found.R)
+        np.testing.assert_allclose(places.jacobians[k].J_pl, J.J_pl, rtol=0.0, atol=1e-13)
+    for together, centre in zip(models, centres, strict=True):
         alone = PLANT.linearise_about(centre)
         for ours, theirs in zip(together.matrices(), alone.matrices(), strict=True):
             assert ours.tobytes() == theirs.tobytes()

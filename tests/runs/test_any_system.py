@@ -12,6 +12,7 @@ from support.relays import description, port, relay, system, wire
 
 from ps_fmu import system_command
 from ps_fmu.cli import main
+from ps_fmu.cosim import Master
 from ps_fmu.runs.any_system import make_stored_names
 from ps_fmu.runs.output import hold_folder
 
@@ -88,6 +89,21 @@ def test_one_of_two_names_that_netcdf_does_not_tell_apart_is_drawn(fmus, tmp_pat
     assert run(path, "--step", "0.1", "--observe", "x_y.real_out", "--output", out) == 0
     assert set(read(out)) == {"time", "x_y.real_out_2"}
     assert (out / "plot.png").is_file()
+
+
+def test_outputs_that_are_not_stored_are_not_read(fmus, tmp_path, monkeypatch):
+    read_columns = []
+    go = Master.run
+    monkeypatch.setattr(
+        Master, "run", lambda self, *args, **options: read_columns.append({c.name for c in self.columns})
+        or go(self, *args, **options),
+    )  # fmt: skip
+    for extra in ((), ("--observe", "*.position")):
+        out = tmp_path / f"out{len(extra)}"
+        options = "--step", "0.1", "--duration", "1", "--output", out, "--no-figures", *extra
+        assert run(fmus / "ToyMass.fmu", *options) == 0
+    assert read_columns[1] == {"ToyMass.position"} < read_columns[0]
+    assert read(tmp_path / "out2")["ToyMass.position"].tolist() == read(tmp_path / "out0")["ToyMass.position"].tolist()
 
 
 def test_a_single_fmu_and_its_inputs(fmus, tmp_path, capsys):

@@ -1,12 +1,16 @@
 """``--observe``: fewer outputs in results.nc, and everything else as without it."""
 
 import json
+from contextlib import suppress
+from functools import partialmethod
 
 import netCDF4
 import numpy as np
 import pytest
 
+from ps_fmu.cosim import Master
 from ps_fmu.runs.options import OptionError
+from ps_fmu.runs.publish import NotMetError
 
 QUICK = {"step_s": 1e-3, "storage_step_s": 2e-3, "figures": False}
 PATTERNS = ("plant.los.?", "isolator.saturated")
@@ -43,3 +47,38 @@ def test_a_pattern_without_outputs_is_refused_before_anything_is_stored(make_opt
     with pytest.raises(OptionError, match=r"--observe: no output matches 'plant\.los\.z'; did you mean plant\.los"):
         options.scenario.run(options)
     assert not any(options.output.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("scenario", "case", "duration", "step"),
+    [("isolation", "active", 0.5, 1e-3), ("slew", "isolator_on", 40.0, 1e-2)],
+)
+def test_what_is_not_read_changes_no_bit(make_options, monkeypatch, tmp_path, scenario, case, duration, step):
+    """Requirements are judged, indices and figures made, from the outputs that they need."""
+    required = tmp_path / "requirements.toml"
+    required.write_text(
+        '[[requirement]]\nname = "bus"\nindex = "APE"\nsignal = "plant.base_rotation.x"\nlimit = "1 deg"\n'
+        f'case = "{case}"\nprobability = 0.9\nconfidence = 0.9\ninterpretation = "temporal"\n'
+    )
+    widths, found = [], []
+    record = Master.record
+
+    def choose(master, only, *, really):
+        if really:
+            record(master, only)
+        widths.append(len(master.columns))
+
+    for really in (True, False):
+        monkeypatch.setattr(Master, "record", partialmethod(choose, really=really))
+        options = make_options(
+            scenario, duration, step_s=step, storage_step_s=step, figures=False, observe=PATTERNS, requirements=required
+        )
+        with suppress(NotMetError):  # 0.5 s say too little
+            options.scenario.run(options)
+        summary = json.loads((options.output / "summary.json").read_text())
+        with netCDF4.Dataset(options.output / "results.nc") as file:
+            stored = {f"{case}/{name}": variable[:].data.tobytes() for case, group in file.groups.items()
+                      for name, variable in group.variables.items()}  # fmt: skip
+        found.append(({key: value for key, value in summary.items() if key != "real_time_factor"}, stored))
+    assert found[0] == found[1]
+    assert max(widths[:2]) < 0.6 * min(widths[2:])

@@ -209,3 +209,18 @@ def test_a_file_that_cannot_be_written_is_no_failure_of_the_case(opened, tmp_pat
     (tmp_path / "file").write_text("")
     with pytest.raises((OSError, RecorderError)):
         runner.run(0, prepared.plan.values(0), tmp_path / "file" / name_file(0))
+
+
+def test_a_case_reads_what_its_metrics_and_its_file_need(opened, tmp_path, monkeypatch):
+    read = []
+    run = Master.run
+    monkeypatch.setattr(
+        Master, "run", lambda self, *args: read.append([column.name for column in self.columns]) or run(self, *args)
+    )
+    prepared, folder = opened({**signals('variables = ["toy.error.y"]\ncases = [0]'), '"toy.error"': '"toy.error.x"'})
+    runner = CaseRunner(prepared.bundle.unpack(tmp_path))
+    rows = [runner.run(0, prepared.plan.values(0), path) for path in (None, folder / FOLDER / name_file(0), None)]
+    few, more = ["toy.error.x", "toy.large"], ["toy.error.x", "toy.error.y", "toy.large"]
+    assert read == [few, more, few]
+    assert rows[0].keys() >= {"active.toy.error.x.APE.rms", "active.toy.large.share"}
+    assert all({**row, "wall_s": 0.0} == {**rows[0], "wall_s": 0.0} for row in rows)

@@ -9,6 +9,7 @@ import numpy as np
 
 from .errors import UsageError
 from .rows import Array
+from .structure import System
 
 ON_GRID = 1e-6
 """A time within this fraction of a step counts as a communication point (decimal fractions are not exact)."""
@@ -76,3 +77,14 @@ class StepClock:
             raise UsageError(
                 f"step: {self.step!r} s is too small at t = {time!r} s, where times are rounded to {rounding:.1e} s"
             )
+
+
+def make_clock(system: System, step: float | None = None, start_time: float | None = None) -> StepClock:
+    """The clock of a run; what is None is that of the system's default experiment.
+
+    Raises :class:`UsageError`: no step, or see :class:`StepClock`.
+    """
+    size = system.experiment.step if step is None else step
+    if size is None:
+        raise UsageError(f"step: not given, and {system.path} states none in its default experiment")
+    return StepClock(system.experiment.start_time if start_time is None else start_time, size)

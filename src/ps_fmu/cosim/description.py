@@ -150,10 +150,11 @@ def convert_value(variable: ModelVariable, value: Value) -> Value:
     return result
 
 
-def check_value(
-    descriptions: Mapping[str, ModelDescription], port: PortName, value: Value, running: bool
-) -> Value:
-    """``value`` as the type of a variable that may be set.  Raises :class:`UsageError`."""
+def check_value(descriptions: Mapping[str, ModelDescription], port: PortName, value: Value, running: bool) -> Value:
+    """What :func:`convert_value` makes of the ``value`` of a component's variable, if the master may set that now.
+
+    Raises :class:`UsageError` with the variable's name.
+    """
     variable = find_variable(descriptions[port.component], port.variable)
     if reason := explain_unsettable(variable, running):
         raise UsageError(f"{port} {reason}")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from time import perf_counter
 
 from .clock import StepClock
 from .errors import UsageError
@@ -41,3 +42,16 @@ def make_schedule(
             )
         schedule.append((index, port, checked))
     return sorted(schedule, key=lambda event: event[0])
+
+
+def time_progress(progress: Progress | None, begin: float) -> Callable[[float], None]:
+    """What tells ``progress`` of a run that begins now, at ``begin`` [s], when it is given the simulated time [s]."""
+    if progress is None:
+        return lambda time: None
+    began = perf_counter()
+
+    def note(time: float) -> None:
+        wall = perf_counter() - began
+        progress(time, wall, (time - begin) / wall)
+
+    return note

@@ -6,7 +6,6 @@ Fixed step; :mod:`.schemes` has the schemes.  Row 0 holds the outputs after init
 from __future__ import annotations
 
 import logging
-import time as wall_clock
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from ctypes import c_int
 from types import TracebackType
@@ -16,12 +15,13 @@ from fmpy.model_description import ModelDescription
 
 from .checkpoint.checkpoints import NoCheckpoints, RunKeeper
 from .checkpoint.parts import MasterParts
-from .clock import StepClock
+from .clock import make_clock
 from .closing import end_all
+from .columns import RunColumns
 from .compiled import CompiledLoop
 from .description import check_value, find_variable, read_descriptions
 from .errors import CosimError, SlaveEnded, UsageError
-from .events import Event, Progress, Schedule, make_schedule
+from .events import Event, Progress, Schedule, make_schedule, time_progress
 from .faults.active import make_faults
 from .faults.event import FaultFile
 from .fmu_instance import FmuInstance, InstancePhase
@@ -29,15 +29,14 @@ from .graph import KnownVariables, OpenInput, check_wiring
 from .guard import ProcessGuard
 from .initialisation import initialise, load, read_first_row
 from .interrupt import note_interrupts
-from .isolation.instance import Isolation
+from .isolation.instance import Isolation, find_maker
 from .recording.beside import make_delivery
 from .recording.delivery import Delivery, Observer
-from .rows import Column, Rows
-from .schemes.columns import lay_out
+from .rows import Column
 from .schemes.making import LoopMaker
 from .schemes.resolving import explain_no_repeat, resolve_scheme
 from .schemes.scheme import Scheme, make_scheme
-from .signals import Signal, bind_signals, derive_outputs, get_first_values
+from .signals import Signal, bind_signals, get_first_values
 from .stopwatch import Stopwatch
 from .structure import PortName, System, Value
 from .substeps import RepeatingLoop
@@ -63,6 +62,7 @@ class Master:
     descriptions: those of the FMUs by component, where they have been read before: each takes some 50 ms
     inputs: over time, by the name of an input of the system or by ``component.variable``, see :func:`.read_signals`
     also: variables to record beside the outputs
+    only: names of the columns to record; other outputs are neither read nor columns unless a connection carries them
     stopwatch: times each call of an FMU; the steps take some 0.5 us longer
     isolation: which FMUs get processes of their own; by default none
     faults: what happens to signals and parameters, see :func:`.faults.reading.read_faults`
@@ -88,39 +88,30 @@ class Master:
         descriptions: Mapping[str, ModelDescription] | None = None,
         inputs: Mapping[str, Signal] | None = None,
         also: Collection[PortName] = (),
+        only: Collection[str] | None = None,
         stopwatch: Stopwatch | None = None,
         isolation: Isolation | None = None,
         faults: FaultFile | None = None,
     ) -> None:
-        scheme = make_scheme(scheme)
-        if block_rows < 1:
-            raise UsageError(f"block_rows: expected at least 1, got {block_rows!r}")
-        size = system.experiment.step if step is None else step
-        if size is None:
-            raise UsageError(f"step: not given, and {system.path} states none in its default experiment")
-        self.clock = StepClock(system.experiment.start_time if start_time is None else start_time, size)
+        self.clock = make_clock(system, step, start_time)
         self.system = self._system = system
-        if isolation is not None:
-            isolation.check(system)
+        self._make_instance = find_maker(isolation, system)
         self._descriptions = read_descriptions(system) if descriptions is None else descriptions
-        self.scheme = resolve_scheme(scheme, system, self._descriptions, size)
+        self.scheme = resolve_scheme(make_scheme(scheme), system, self._descriptions, self.step)
         self._known = KnownVariables(self._descriptions)
         self.wiring = check_wiring(system, self._descriptions, self._known)
         self._signals = bind_signals(system, self._descriptions, inputs or {})
         self.faults = make_faults(faults, system, self._descriptions, self.clock)
-        more = {c.source for c in system.connections} | {item.source for item in system.outputs}
-        more |= {*also, *self.faults.recorded}
-        self._own, self._layout = lay_out(self.scheme, system, self._descriptions, more, self._signals)
-        self._derived = derive_outputs(system, self._descriptions, self._layout.columns)
+        more = {*also, *self.faults.recorded}
+        self._columns = RunColumns(system, self._descriptions, self._signals, self.scheme, more, only)
         self._block_rows = block_rows
-        self._rows = Rows(self._layout, block_rows, self._derived)
+        self._rows = self._columns.make_rows(block_rows)
         self._instances: dict[str, FmuInstance] = {}
         self._compiled, self._stopwatch = compiled, stopwatch
         self._loop: RepeatingLoop | None = None
         self._obstacle = explain_no_repeat(self.scheme, self._descriptions)
         self._ended: SlaveEnded | None = None
         self._guard = ProcessGuard()
-        self._make_instance = FmuInstance if isolation is None else isolation.make_instance
         self._set: dict[PortName, Value] = {}
         self._closed = self._running = False
         self._index = 0
@@ -130,7 +121,7 @@ class Master:
     @property
     def columns(self) -> tuple[Column, ...]:
         """All recorded outputs, inputs of the run and outputs of the system, in the order of the columns of a block."""
-        return (*self._layout.columns, *(item.column for item in self._derived))
+        return self._columns.every
 
     @property
     def open_inputs(self) -> tuple[OpenInput, ...]:
@@ -186,6 +177,16 @@ class Master:
 
     # ---- life --------------------------------------------------------------------------------------------
 
+    def record(self, only: Collection[str] | None) -> None:
+        """Before :meth:`initialise`: record these columns from there on, also after a reset; see the constructor.
+
+        Raises :class:`UsageError`: no such column, or the system is initialised.
+        """
+        if self._loop is not None or self._closed:
+            raise UsageError("record: the system is initialised, or closed: reset it first")
+        self._columns.choose(only)
+        self._rows = self._columns.make_rows(self._block_rows)
+
     def initialise(self) -> None:
         """Load all FMUs unless they are, set start values, pass the initial values round, read the outputs: row 0.
 
@@ -215,10 +216,8 @@ class Master:
         The results are those of a new Master with ``system.with_parameters(start_values)``, to the last bit.  It is
         done by fmi2Reset; an FMU that refuses that is instantiated anew.
 
-        Parameters
-        ----------
-        start_values: of parameters and inputs, by ``component.variable``; they replace those of the system.  What was
-            given to an earlier reset, or to :meth:`set`, is forgotten.
+        ``start_values`` of parameters and inputs, by ``component.variable``, replace those of the system.  What was
+        given to an earlier reset, or to :meth:`set`, is forgotten.
 
         Raises :class:`UsageError` or :class:`WiringError` before anything is done: closed, during a run, no such
         variable, not of its type.  :class:`SlaveError`: the system is closed then.
@@ -232,7 +231,7 @@ class Master:
         self.system, self._index, self._ended = system, 0, None
         self._set.clear()
         self.faults.reset()
-        self._rows = Rows(self._layout, self._block_rows, self._derived)
+        self._rows = self._columns.make_rows(self._block_rows)
         try:
             for instance in self._instances.values():
                 instance.reset()
@@ -349,9 +348,8 @@ class Master:
         fed = find_fed(self._instances, self.wiring, self._set.keys(), self._signals)
         self.faults.settle(self._instances, fed)
         maker = LoopMaker(  # refers to no Master, so that it goes when nobody needs it any longer
-            self.scheme, self._own, self._descriptions, self._instances, self.wiring, self._rows, self.clock.start,
-            self._set.keys(), self._signals, self._compiled, self.step, self._stopwatch,
-            self.faults,
+            self.scheme, self._columns.own, self._descriptions, self._instances, self.wiring, self._rows,
+            self.clock.start, self._set.keys(), self._signals, self._compiled, self.step, self._stopwatch, self.faults,
         )  # fmt: skip
         self._loop = RepeatingLoop(self._instances, self._rows, self.step, maker.make, self._obstacle, self.faults)
 
@@ -360,7 +358,7 @@ class Master:
         keeper: RunKeeper,
     ) -> None:  # fmt: skip
         rows, clock = self._rows, self.clock
-        begin, began = self.time, wall_clock.perf_counter()
+        note = time_progress(progress, self.time)
         try:
             while self._index < end or interrupted:
                 while schedule and schedule[0][0] == self._index:
@@ -381,9 +379,7 @@ class Master:
                     delivery.hand_over()
                 if self._index == end:
                     delivery.wait()
-                if progress is not None:
-                    wall = wall_clock.perf_counter() - began
-                    progress(self.time, wall, (self.time - begin) / wall)
+                note(self.time)
                 stops = bool(interrupted)  # once: Ctrl-C may come at any moment
                 keeper.arrive(self._index, len(schedule), delivery, stops)
                 if stops:

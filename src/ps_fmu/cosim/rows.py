@@ -84,11 +84,12 @@ def make_layout(
     descriptions: Mapping[str, ModelDescription],
     more: Collection[PortName] = (),
     signals: Sequence[OwnColumn] = (),
+    only: Collection[PortName] | None = None,
 ) -> RowLayout:
     """Columns of all outputs of all components, in the order of the components and of their variables.
 
     Strings are left out: they have no place in an array of numbers.  ``more``: other variables to take in;
-    ``signals`` come after the outputs of their kind.
+    ``signals`` come after the outputs of their kind; ``only``: leave out all other variables.
     """
     real: dict[PortName, Column] = {}
     discrete: dict[PortName, Column] = {}
@@ -96,6 +97,8 @@ def make_layout(
         for variable in description.modelVariables:
             port = PortName(name, variable.name)
             if (variable.causality != "output" and port not in more) or variable.type == "String":
+                continue
+            if only is not None and port not in only:
                 continue
             column = Column(str(port), get_unit(variable) or "1", variable.type, variable.description or "", name)
             (discrete if variable.type in DISCRETE_TYPES else real)[port] = column

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import factorial
+import math
 
 import numpy as np
 
@@ -12,10 +12,10 @@ from .quantities import Array
 _SHORT = 0.8
 #: Factors of phi(X) = (exp(X) - 1) / X up to X**15, in rows of four (M. Paterson and L. Stockmeyer, SIAM J. Comput. 2,
 #: 1973).
-_FACTORS = np.array([1.0 / factorial(k + 1) for k in range(16)]).reshape(4, 4)
+_FACTORS = np.array([1.0 / math.factorial(k + 1) for k in range(16)]).reshape(4, 4)
 #: Each doubling costs a binary digit of what is slow: after so many, 1e-7 of it is left to chance.
 _MOST_HALVINGS = 30
-#: Of the balancing; the plant needs three.  Couplings of 1e300 in one direction only need ten.
+#: Of the balancing; the plant needs two.  Couplings of 1e300 in one direction only need ten.
 _MOST_SWEEPS = 20
 #: Part in the norm of A h, balanced, of what acts in one direction only.
 _LITTLE = 0.01
@@ -44,9 +44,8 @@ def zero_order_hold(A: Array, B: Array, h: float) -> tuple[Array, Array]:
     if not (np.isfinite(A).all() and np.isfinite(B).all()):
         return nothing
     with np.errstate(over="ignore", invalid="ignore"):
-        scale = _balance(A, _LITTLE / h)
+        scale, size = _balance(A, h)
         X = A * h * scale / scale[:, None]
-        size = np.abs(X).sum(axis=0).max(initial=0.0)
         if not size <= _SHORT * 2.0**_MOST_HALVINGS:
             return nothing
         halvings = int(np.ceil(np.log2(size / _SHORT))) if size > _SHORT else 0
@@ -57,28 +56,33 @@ def zero_order_hold(A: Array, B: Array, h: float) -> tuple[Array, Array]:
         return exponential * scale[:, None] / scale, phi @ (B * h / scale[:, None]) * scale[:, None]
 
 
-def _balance(A: Array, little: float) -> Array:
+def _balance(A: Array, h: float) -> tuple[Array, float]:
     """Diagonal ``s`` (n,) for which ``A s / s[:, None]`` has rows and columns of about the same size (E. E. Osborne,
-    J. ACM 7, 1960).
+    J. ACM 7, 1960); and no less than the largest sum of a column then, times h.
 
-    Powers of two, so that nothing is rounded.  All rows and columns are balanced at once, each by half of what it
-    lacks: with all of it, two that share an element would swap their sizes for ever.  Once no factor is larger than
-    two, further ones hardly change the norm, and take several times as long.  Where a row is zero, its column may be
-    scaled at will and comes to ``little``, and likewise a row whose column is zero.
+    Powers of two, so that nothing is rounded: what is computed with them has the same bits whatever they are.  All rows
+    and columns are balanced at once, each by half of what it lacks: with all of it, two that share an element would
+    swap their sizes for ever.  It ends where the norm is small enough for the series, or once no factor is larger than
+    two: further ones hardly change the norm, and take several times as long.  Where a row is zero, its column may be
+    scaled at will and comes to a little, and likewise a row whose column is zero.
     """
-    sizes = np.abs(A)
+    sizes, little = np.abs(A), _LITTLE / h
+    own = sizes.diagonal().copy()
     np.fill_diagonal(sizes, 0.0)
     # Sums of elements as small as 1e-300 may underflow to zero, which has no logarithm.
     no_row, no_column = (np.where(sizes.any(axis=axis), _SMALLEST, little) for axis in (1, 0))
     scale = np.ones(len(A))
-    for _ in range(_MOST_SWEEPS):
+    largest, size = math.inf, math.inf
+    for _ in range(_MOST_SWEEPS + 1):
         # Sums of the scaled matrix are products: 4 us for the plant, where to scale it and to sum takes 20.
         rows, columns = (sizes @ scale) / scale + no_row, ((1.0 / scale) @ sizes) * scale + no_column
+        size = h * float((columns + own).max())
+        if size <= _SHORT or not largest > 1.0:
+            break
         steps = np.rint(0.25 * (np.log2(rows) - np.log2(columns)))
         scale *= np.exp2(steps)
-        if not np.abs(steps).max() > 1.0:
-            break
-    return scale
+        largest = np.abs(steps).max()
+    return scale, size
 
 
 def _sum_series(X: Array) -> tuple[Array, Array]:

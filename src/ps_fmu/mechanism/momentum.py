@@ -12,7 +12,7 @@ from .convection import COARSE, FINE, N_SPEEDS, TURN
 from .dynamics import FlexibleSystem, Pose
 from .forward_kinematics import forward_kinematics
 from .kinematics import Jacobians, jacobians
-from .linear_model import PlantModel
+from .linear_model import Place, PlantModel
 from .quantities import Array
 from .rotations import cross, rotation_from_vector, skew, turn_vector
 from .signals import count_states, servo_slices
@@ -68,6 +68,12 @@ def find_momentum(
     return total, first / (float(np.sum(m_u) + np.sum(m_l)) + payload.mass + bus.mass)
 
 
+def find_displacements(model: PlantModel, x: Array) -> Array:
+    """(6,) m, of all legs from their nominal lengths in the state ``x`` of a model, stretched rods included."""
+    d = model.dynamics
+    return np.concatenate([x[servo_slices(d.n)[0]] + x[d.slices["e_c"]], x[d.slices["d_f"]]])
+
+
 def count_balance(n: int) -> int:
     """Numbers that a :class:`Balance` keeps, for ``n`` coordinates."""
     return 14 + count_states(n)
@@ -102,17 +108,17 @@ class Balance:
         self.start[:], self._time[0], self._first[0] = x, t, from_centre
 
     @np.errstate(over="raise", divide="raise", invalid="raise")
-    def settle(self, model: PlantModel, x: Array, t: float) -> Array:
+    def settle(self, model: PlantModel, x: Array, t: float, at: Place | None = None) -> Array:
         """The state whose base is and moves such that all bodies have the true momentum and centre of mass.
 
         ``model`` served up to ``t``, s, and its state is ``x``.  After a long time about rest the place of the base is
-        left as it is.
+        left as it is.  ``at``: as for :meth:`find_momentum`.
         """
         d, n = model.dynamics, model.dynamics.n
         q_b, (t_b, r_b) = d.slices["q_b"], d.base_places()
         v_t = slice(n + t_b.start, n + t_b.stop)
         lasted, turned = t - float(self._time[0]), x[r_b] - self.start[r_b]
-        momentum, com_B = self.find_momentum(model, x)
+        momentum, com_B = self.find_momentum(model, x, at)
         impulse, over_time = self._find_outer(model, x, lasted)
         mass = d.M[t_b.start, t_b.start]
         ends = (self.start, self._true, self._com_B), (x, momentum, com_B)
@@ -181,18 +187,23 @@ class Balance:
         push = of_linear - lasted * find_linear(start) - smooth
         return find_linear(moved) - other, push
 
-    def find_momentum(self, model: PlantModel, x: Array) -> tuple[Array, Array]:
-        """As :func:`find_momentum`, of the state ``x`` of a model, modes and rods included."""
+    def find_momentum(self, model: PlantModel, x: Array, at: Place | None = None) -> tuple[Array, Array]:
+        """As :func:`find_momentum`, of the state ``x`` of a model, modes and rods included.
+
+        ``at``: where the platform is by :func:`find_displacements`, if that is known.
+        """
         d, n = model.dynamics, model.dynamics.n
-        s, ds, _ = servo_slices(n)
+        ds = servo_slices(n)[1]
         d_f, e_c, (t_b, r_b) = d.slices["d_f"], d.slices["e_c"], d.base_places()
-        geometry = self._system.manipulator.geometry
-        lengths = geometry.nominal_lengths + np.concatenate([x[s] + x[e_c], x[d_f]])
-        found = forward_kinematics(geometry, lengths, d.pose.translation_B, d.pose.rotation_BP)
+        if at is None:
+            geometry = self._system.manipulator.geometry
+            lengths = geometry.nominal_lengths + find_displacements(model, x)
+            found = forward_kinematics(geometry, lengths, d.pose.translation_B, d.pose.rotation_BP)
+            J = jacobians(geometry, found.translation_B, found.R, found.legs)
+            at = Place(Pose(found.translation_B, found.R), J)
         rate = x[n : 2 * n]
         speeds = np.concatenate([rate[d_f], rate[r_b], x[ds] + rate[e_c]])
-        J = jacobians(geometry, found.translation_B, found.R, found.legs)
-        momentum, com_B = find_momentum(self._system, Pose(found.translation_B, found.R), rate[t_b], speeds, J)
+        momentum, com_B = find_momentum(self._system, at.pose, rate[t_b], speeds, at.jacobians)
         for modes in (d.slices["x_m"], d.slices["x_t"]):
             coupling = d.M[d.slices["q_b"], modes] * d.active[modes]
             momentum += coupling @ rate[modes]

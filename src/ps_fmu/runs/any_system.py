@@ -86,6 +86,8 @@ def _run(options: AnyRun) -> None:
             names = select_stored(master.columns, options.observe)
             all_stored = make_stored_names([column.name for column in master.columns])
             stored = {name: all_stored[name] for name in names}
+            if options.observe:
+                master.record(names)
             master.faults.check_end(duration)
             for text in (*master.wiring.remarks, *master.faults.remarks, *_list_silent(system, descriptions, signals)):
                 warnings.add(text)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Protocol, TypeVar
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from ..cosim import Column, CosimError, Event, Master, Observer, Recorder, Value
 from ..cosim.faults.acted import ActedFault
 from ..cosim.terminals import read_terminal_variables
+from .index_record import SIGNALS
 from .keeping import CaseKeeper, leave_no_empty_file
 from .mismatch import list_mismatches
 from .options import RESULTS, RunOptions
@@ -113,13 +114,15 @@ def run_case(
     case: Case,
     analyse: Callable[[tuple[Column, ...]], A],
     *,
+    needs: Collection[str] | None = None,
     duration_s: float | None = None,
 ) -> tuple[Outcome, A]:
     """Run one case from its start to ``duration_s`` (by default that of the options) and free the FMUs.
 
-    ``analyse`` makes the analysis of the run once its columns are known; the lead-in of the case is left out of the
-    pointing error indices, which ``system`` collects.  The outputs are stored in the case's group of results.nc; what
-    the user should know is added to the warnings of ``system``.
+    ``analyse`` makes the analysis of the run once its columns are known.  ``needs`` names what it looks at: with an
+    option for what is stored, no other outputs are read.  None: all are read in any case.  The lead-in of the case is
+    left out of the pointing error indices, which ``system`` collects.  The outputs are stored in the case's group of
+    results.nc; what the user should know is added to the warnings of ``system``.
 
     Raises :class:`ps_fmu.cosim.CosimError` (what is wrong, where and when) and KeyboardInterrupt; the analysis and
     the file have then all complete rows.
@@ -157,6 +160,8 @@ def run_case(
         master.faults.check_end(duration)
         for text in texts:
             system.warnings.add(text)
+        if options.observe and needs is not None:
+            master.record(_list_needed(system, options, case, master.columns, needs))
         master.initialise()
         analysis = analyse(master.columns)
         steps = round(duration / options.step_s)
@@ -175,6 +180,14 @@ def run_case(
             events = keeper.shift_events(case.events)
             master.run(duration, watched, events, note, beside=True, checkpoints=keeper.checkpoints)
         return Outcome(case, duration, before_s + wall[0], master.faults.list_acted(master.time)), analysis
+
+
+def _list_needed(
+    system: RunSystem, options: RunOptions, case: Case, columns: Sequence[Column], needs: Collection[str]
+) -> set[str]:
+    """Names of the columns that are stored, observed or judged, as far as the system has them."""
+    seen = {*needs, *SIGNALS, *system.judge.list_signals(case.name, columns)}
+    return {*select_stored(columns, options.observe), *(column.name for column in columns if column.name in seen)}
 
 
 def _make_recorder(

@@ -20,7 +20,7 @@ from ..results.tables import Table, format_angles, format_number
 from .cases import Case, Outcome, run_case
 from .fault_report import find_spans
 from .index_record import PROBABILITIES, WINDOW_S, IndexLog
-from .jitter_record import JitterRecord
+from .jitter_record import JITTER_SIGNALS, JitterRecord
 from .options import RunOptions
 from .setup import RunSystem
 
@@ -139,6 +139,7 @@ def compare(
                 lead_s=lead_steps * options.step_s,
             ),
             judge,
+            needs=JITTER_SIGNALS,
             duration_s=steps * options.step_s,
         )
         for name, enabled in zip(CASES, (False, True), strict=True)

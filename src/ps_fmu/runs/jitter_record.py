@@ -24,6 +24,8 @@ IMAGE_POINT = ("plant.los.x", "plant.los.y")
 ORIENTATION = tuple(f"plant.orientation.{angle}" for angle in ("roll", "pitch", "yaw"))
 REACHABLE = "commander.reachable"
 SATURATED = "isolator.saturated"
+JITTER_SIGNALS = (*ROTATION, *IMAGE_POINT, *ORIENTATION, REACHABLE, SATURATED)
+"""What a :class:`JitterRecord` looks at."""
 PICTURE_BINS = 3000  # of the envelope, at most: more than a figure has pixels
 EXPLORED_BINS = 24_000  # the same where one zooms in: 1.5 MB in a report with two cases
 MAX_SEGMENT_ROWS = 2**18  # 26 s at 1e-4 s; a spectrum from 0.04 Hz in 2 MB per signal

@@ -36,6 +36,12 @@ class RunJudge:
         self._records.extend((case, record) for record in records)
         return records
 
+    def list_signals(self, case: str, columns: Sequence[Column]) -> set[str]:
+        """Names of the columns that the requirements of a case look at."""
+        wanted = [requirement for requirement in self.requirements if requirement.judges(case)]
+        targets = [target for requirement in wanted for target in find_targets(requirement, columns)]
+        return {columns[place].name for target in targets for place in target.places}
+
     def list_distributions(self) -> Iterator[tuple[Requirement, str, str, Distribution]]:
         """Requirement, case, target and its distribution, of all that have values."""
         for case, record in self._records:

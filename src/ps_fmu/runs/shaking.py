@@ -139,7 +139,7 @@ def _record(system: System, shaking: Shaking, names: Sequence[str]) -> Array:
     end = shaking.settling + shaking.period
     kept = round(shaking.period / (shaking.step * shaking.stride)) + 2
     rows = round(end / shaking.step) - shaking.stride * np.arange(kept)[::-1]
-    with Master(system, shaking.step) as master:
+    with Master(system, shaking.step, only=names) as master:
         master.initialise()
         samples = SampleObserver(master.columns, names, rows.tolist())
         master.run(end, [samples])

@@ -37,6 +37,8 @@ JUDGED = (
     *FORCE,
     REACHABLE,
 )
+SLEW_SIGNALS = (*JUDGED, MOVING)
+"""What a :class:`SlewRecord` looks at."""
 NONE = np.full(3, np.nan)
 
 

@@ -20,7 +20,7 @@ from ..runs.cases import Bounds
 from ..runs.judge import RunJudge
 from ..terminal import reason
 from .bundle import FAULTS, REQUIREMENTS, SYSTEM, TASK
-from .indices import IndexRecord, SwitchRecord
+from .indices import IndexRecord, SwitchRecord, find_signals
 from .parts import move_durably
 from .rows import ANSWER, DONE, FAILED, HISTOGRAM, LONGEST_TEXT, Row, VersionError
 from .task import Task, result_versions
@@ -46,6 +46,7 @@ class CaseRunner:
         self.columns = make_layout(self.warm.descriptions).columns
         path = folder / REQUIREMENTS
         self.requirements = read_requirements(path) if path.is_file() else ()
+        self._needed = list_needed(self.task, self.columns)
         self.must_end = False
         """An FMU in this process has returned fmi2Fatal: nothing more should run there (FMI 2.0.4, section 2.1.3)."""
 
@@ -74,7 +75,8 @@ class CaseRunner:
         judge = RunJudge(self.requirements)
         row: Row = {}
         for name, own in self.task.runs.items():
-            with self.warm.prepare({**values, **own}) as master:
+            needed = {*self._needed, *judge.list_signals(name, self.columns)}
+            with self.warm.prepare({**values, **own}, needed | set(() if file is None else self.task.stored)) as master:
                 records = make_records(self.task, master.columns)
                 judging = judge.observe(
                     name, master.columns, self.task.step_s, round(self.task.duration_s / self.task.step_s)
@@ -131,6 +133,12 @@ def store(path: Path | None) -> Iterator[Path | None]:
 def make_records(task: Task, columns: tuple[Column, ...]) -> list[IndexRecord | SwitchRecord]:
     """The observers of a run whose metrics go into a row."""
     return [*(IndexRecord(observed, columns, task.step_s) for observed in task.observed), SwitchRecord(columns)]
+
+
+def list_needed(task: Task, columns: Sequence[Column]) -> set[str]:
+    """Names of the columns that these records look at."""
+    switches = {column.name for column in columns if column.type == "Boolean"}
+    return switches.union(*(find_signals(observed, columns) for observed in task.observed))
 
 
 def describe_verdicts(judge: RunJudge) -> Row:

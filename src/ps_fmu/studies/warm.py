@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager, suppress
 
 from ..cosim import CosimError, Master, System, Value
@@ -36,13 +36,16 @@ class WarmSystem:
         self._master: Master | None = None
 
     @contextmanager
-    def prepare(self, values: Mapping[str, Value]) -> Iterator[Master]:
+    def prepare(self, values: Mapping[str, Value], only: Collection[str] | None = None) -> Iterator[Master]:
         """The system at its start with other start values, by ``component.variable``, ready to run in the body.
+
+        ``only``: names of the outputs that are needed; None: all.
 
         After an error the FMUs are loaded anew.  Raises :class:`..cosim.CosimError`.
         """
         try:
             master = self._start(values)
+            master.record(only)
             master.initialise()
             yield master
         except BaseException:

@@ -6,7 +6,7 @@ So the plan of the steps, its loop in C and the life of an instance are the same
 from __future__ import annotations
 
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NoReturn
 
@@ -192,3 +192,14 @@ class IsolatedInstance(FmuInstance):
                 release_unpacked(self._folder)
                 self.phase = InstancePhase.FREED
             self.guest.close()
+
+
+def find_maker(isolation: Isolation | None, system: System) -> Callable[[Component, ModelDescription], FmuInstance]:
+    """What loads the FMUs of a system: into this process, or as :class:`Isolation` says.
+
+    Raises :class:`UsageError` as :meth:`Isolation.check`.
+    """
+    if isolation is None:
+        return FmuInstance
+    isolation.check(system)
+    return isolation.make_instance

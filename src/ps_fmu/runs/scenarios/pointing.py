@@ -20,7 +20,7 @@ from ..fault_report import find_spans
 from ..options import RESULTS, OptionError, RunOptions, Scenario
 from ..pointing.exploration import explore_pointing
 from ..pointing.loop import MeasuredLoop, build_loop, make_shaking, measure_loop, read_tracker
-from ..pointing.record import Plan, PointingRecord, RecordMaker
+from ..pointing.record import NAMES, Plan, PointingRecord, RecordMaker
 from ..pointing.report import CASES, Pointing, describe, draw_all, list_results, make_tables
 from ..publish import Findings, publish
 from ..setup import RunSystem, load_system
@@ -56,7 +56,7 @@ def run(options: RunOptions) -> None:
     records: list[PointingRecord] = []
     for name, enabled in zip(CASES, (False, True), strict=True):
         outcome, record = run_case(
-            system, options, make_case(name, enabled, plan, target), RecordMaker(plan, options.step_s)
+            system, options, make_case(name, enabled, plan, target), RecordMaker(plan, options.step_s), needs=NAMES
         )
         outcomes.append(outcome)
         records.append(record.result())

@@ -17,7 +17,7 @@ from ..options import RESULTS, OptionError, RunOptions, Scenario
 from ..publish import Findings, publish
 from ..setup import load_system
 from ..slew_exploration import explore_slews
-from ..slew_record import SlewRecord
+from ..slew_record import SLEW_SIGNALS, SlewRecord
 from ..slew_report import CASES, Slews, describe_run, draw_slews, list_results, make_tables
 from ..slew_verdict import (
     describe_reactions,
@@ -58,7 +58,7 @@ def run(options: RunOptions) -> None:
         at_rest = dict.fromkeys(TARGET, 0.0)
         events = [(start_s, port, angle) for port, angle in zip(TARGET, target, strict=True)]
         case = Case(name, {**at_rest, "isolator.enabled": enabled}, events)
-        outcome, record = run_case(system, options, case, SlewRecord)
+        outcome, record = run_case(system, options, case, SlewRecord, needs=SLEW_SIGNALS)
         outcomes.append(outcome)
         found.append(record.result())
     slews = Slews(target, start_s, *found)

@@ -29,6 +29,13 @@ def allocate_aligned(*shape: int) -> Array:
     return raw[first : first + n].reshape(shape)
 
 
+def copy_aligned(matrix: Array) -> Array:
+    """A copy that starts on a cache line, C-contiguous as numpy's fastest product wants it."""
+    copy = allocate_aligned(*matrix.shape)
+    copy[:] = matrix
+    return copy
+
+
 class Buffer:
     """All values of one slave, laid out as its :class:`BufferLayout` says.
 

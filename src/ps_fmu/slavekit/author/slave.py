@@ -24,6 +24,7 @@ import numpy as np
 from pythonfmu.enums import Fmi2Status
 
 from ... import __version__
+from .buffer import copy_aligned
 from .far import blame
 from .guard import ModelError, Refused, guard_class_method, guard_method, report
 from .layout import BufferLayout
@@ -129,7 +130,7 @@ class Slave(Stepper):
             self._check_finite("configure()")
             outputs = self.output_map()
             if outputs is not None:
-                matrix = self._check_matrix("output_map", outputs, self.y.size)
+                matrix = copy_aligned(self._check_matrix("output_map", outputs, self.y.size))
                 self.y[:] = matrix @ self._source[: matrix.shape[1]]
                 self._check_finite("output_map()")
         except BaseException as error:

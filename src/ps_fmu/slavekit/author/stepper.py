@@ -9,7 +9,7 @@ from math import inf, isfinite
 import numpy as np
 
 from .blocks import make_blocks, store_by_columns
-from .buffer import Array, allocate_aligned
+from .buffer import Array
 from .core import FOUND_DUE, Elements, Map, OutputLimits
 from .elements import Element
 from .far import blame
@@ -301,10 +301,10 @@ class Stepper(Tables):
         )
 
     def _make_map(self, what: str, matrix: Array, target: Array) -> Map:
-        given = self._check_matrix(what, matrix, target.size)
-        used = np.flatnonzero(given.any(axis=0))
+        by_columns = store_by_columns(self._check_matrix(what, matrix, target.size))
+        used = np.flatnonzero(by_columns.any(axis=1))
         taken = slice(int(used[0]), int(used[-1]) + 1) if used.size else slice(0, 0)
-        return Map.make(make_blocks(store_by_columns(given[:, taken])), self._source[taken], target)
+        return Map.make(make_blocks(by_columns[taken]), self._source[taken], target)
 
     def _compile_elements(self, before: Sequence[Element], after: Sequence[Element]) -> Elements:
         lists, elements = self._compiled
@@ -314,16 +314,14 @@ class Stepper(Tables):
         return elements
 
     def _check_matrix(self, what: str, matrix: Array, rows: int) -> Array:
-        """An aligned copy, C-contiguous as numpy's fastest product wants it."""
+        """The matrix as numbers."""
         shape = (rows, self._source.size)
         given = np.asarray(matrix, dtype=np.float64)
         if given.ndim != 2 or len(given) != rows or given.shape[1] > shape[1]:
             raise ValueError(f"{type(self).__name__}.{what} has shape {given.shape}; expected {shape}")
         if not np.isfinite(given).all():
             raise ModelError(f"{type(self).__name__}.{what} has elements that are not finite")
-        copy = allocate_aligned(*given.shape)
-        copy[:] = given
-        return copy
+        return given
 
     def _compute_limits(self) -> OutputLimits | None:
         limits = self.limits()

@@ -66,7 +66,7 @@ def record(system: System, case: Case, duration: float, seed: int, values: Mappi
     targets = {f"commander.target.{axis}": angle for axis, angle in zip(("roll", "pitch", "yaw"), angles, strict=True)}
     given = {"disturbance.seed": seed, "isolator.enabled": active, **targets, **(values or {})}
     rows = round(SETTLING / STEP) + STRIDE * np.arange(round(duration / (STRIDE * STEP)))
-    with Master(system.with_parameters(given), STEP) as master:
+    with Master(system.with_parameters(given), STEP, only=SIGNALS) as master:
         master.initialise()
         samples = SampleObserver(master.columns, SIGNALS, rows.tolist())
         master.run(round((SETTLING + duration) / STEP) * STEP, [samples])

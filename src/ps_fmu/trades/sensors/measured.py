@@ -111,7 +111,7 @@ def measure_bias(system: System, isolation: SensedIsolation, duration: float = 1
         CORNER: BIAS_CORNER,
     }
     rows = np.arange(1, 201) * round(duration / STEP / 200)
-    with Master(system.with_parameters(values), STEP) as master:
+    with Master(system.with_parameters(values), STEP, only=LINE_OF_SIGHT) as master:
         master.initialise()
         samples = SampleObserver(master.columns, LINE_OF_SIGHT[:1], rows.tolist())
         master.run(duration, [samples])
@@ -135,7 +135,7 @@ def _measure(system: System, trade: Trade, name: str, corner: float, duration: f
         CORNER: corner,
     }
     start = find_settling(corner)
-    with Master(system.with_parameters(values), STEP) as master:
+    with Master(system.with_parameters(values), STEP, only=LINE_OF_SIGHT) as master:
         master.initialise()
         statistics = Statistics(master.columns, LINE_OF_SIGHT, start_s=start)
         master.run(round((start + duration) / STEP) * STEP, [statistics])
