@@ -76,9 +76,9 @@ class GaussianNoise:
         """
         for layer in self._layers:
             for index, part in _find_stretches(layer, time):
-                blocks = [self._get(layer, i).values for i in (index, index + 1)]
                 if not often:
                     yield
+                blocks = [self._get(layer, i).values for i in (index, index + 1)]
                 begin, shifts = index * 0.5 * layer.period, [layer.points // 2, 0]
                 add_rows(wrench[part], time[part], blocks, shifts, begin, layer.rate, self._arithmetic)
                 yield
