@@ -39,20 +39,18 @@ def explore_slews(slews: Slews, system: RunSystem, results: Path) -> Exploration
         Axis("time", "s", on.relative.time),
         charts,
     )
-    settled = _chart_settled(slews, results)
+    settled = _chart_settled(slews, system, results)
     runs = [(case, name) for (case, _), name in zip(CASES, GROUPS, strict=True)]
     return Exploration([group, *settled], mechanism=show_mechanism(system, results, runs))
 
 
-def _chart_settled(slews: Slews, results: Path) -> list[ChartGroup]:
+def _chart_settled(slews: Slews, system: RunSystem, results: Path) -> list[ChartGroup]:
     """Rotation of the payload after the profile, from the stored rows; none if the run ends before, or has none."""
-    import netCDF4
-
     began_s = slews.on.arrival.ended_s
     if slews.on.arrival.after is None or began_s is None:
         return []
     rows, span, step_s, highest = [], (began_s, began_s), 1.0, None
-    with netCDF4.Dataset(results) as file:
+    with system.results.read(results) as file:
         for (label, colour), name in zip(CASES, GROUPS, strict=True):
             group = file[name]
             if not set(ROTATION) <= group.variables.keys():
