@@ -182,7 +182,8 @@ def test_hints_of_the_description_are_rates(oscillator, caplog, tmp_path):
     assert own["second.F"].tobytes() == run(oscillator, "jacobi")["second.F"].tobytes(), "what the user says, counts"
     with caplog.at_level(logging.WARNING):
         run(hinted, "jacobi", h=0.02)
-    assert "first: the step that the system states of 0.03 s is no whole multiple or fraction" in caplog.text
+    assert "first: its step of 0.03 s is no whole multiple or fraction of the step of 0.02 s" in caplog.text
+    assert "second" not in caplog.text
 
 
 def test_the_only_step_that_an_fmu_takes_is_its_rate(oscillator, tmp_path):
@@ -385,14 +386,22 @@ def test_blocks_beside_the_loop_and_a_reset(oscillator, scheme):
             master.reset()
 
 
-def test_a_value_that_is_set_begins_the_lines_anew(oscillator):
-    """The connection is cut: the other input goes on along its line, after a step without slope."""
+def test_a_value_that_is_set_cuts_a_loop(oscillator):
+    """The other input is wired yet, so the second is seen by nobody, and the first sees it."""
     with Master(oscillator, H, Scheme("iterated", "linear")) as master:
+        rows = Keep([column.name for column in master.columns])
         master.initialise()
-        master.run(0.1)
-        master.set("second.v", 0.25)
-        master.run(0.1)
-        assert master.get("second.v") == 0.25
+        master.run(5 * H, [rows])
+        master.set("first.F", 0.0)
+        master.run(END - 5 * H, [rows])
+        assert master.get("first.F") == 0.0
+    assert rows["loop_1.passes"][1:6].min() >= 1.0
+    assert rows["loop_1.passes"][6:].max() == 0.0
+    part = make_oscillator().parts["first"]
+    free = [rows["first.x"][5], rows["first.v"][5]]
+    for k in range(5, len(rows.time)):
+        np.testing.assert_allclose([rows["first.x"][k], rows["first.v"][k]], free, atol=1e-12)
+        free = expm(H * part.A) @ free
 
 
 # ---- what is refused ---------------------------------------------------------------------------------------------
