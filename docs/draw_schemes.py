@@ -17,9 +17,9 @@ from matplotlib.figure import Figure
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "tests"))  # the FMUs of the tests
 
-from support.linear import Keep, make_oscillator, make_quarter_truck  # noqa: E402
+from support.linear import make_oscillator, make_quarter_truck, run  # noqa: E402
 
-from ps_fmu.cosim import Master, Scheme  # noqa: E402
+from ps_fmu.cosim import Scheme  # noqa: E402
 
 SYSTEMS = {
     "two-mass oscillator": (make_oscillator, ("first.x", "second.F"), 2.0),  # end of the run, s
@@ -52,10 +52,7 @@ def measure(steps=STEPS):
 
 def find_error(coupled, system, scheme, h, end, outputs):
     """The error of one run with steps of h, s."""
-    with Master(system, h, scheme) as master:
-        rows = Keep([column.name for column in master.columns])
-        master.initialise()
-        master.run(end, [rows])
+    rows = run(system, scheme, h, end)
     exact = coupled.solve(rows.time)
     half = len(rows.time) // 2
     return max(np.abs(rows[n] - exact[n])[half:].max() / np.abs(exact[n]).max() for n in outputs)

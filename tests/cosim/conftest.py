@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 from pythonfmu.builder import FmuBuilder
 from support.cosim import OSCILLATOR, Collect, ssd_text
+from support.linear import Coupled, make_oscillator
 from support.relays import make_relay
 
 from ps_fmu.cosim import System, loops, read_system
@@ -38,6 +39,26 @@ def make_system(toys: Path, tmp_path: Path) -> Callable[..., System]:
         return read_system(path, resources)
 
     return make
+
+
+@pytest.fixture(scope="session")
+def build(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., System]:
+    """Compile a linear system once: ``build(make, **options)``, see :mod:`support.linear`."""
+    built: dict[tuple[object, ...], System] = {}
+
+    def get(make: Callable[[], Coupled], **options: object) -> System:
+        key = make, tuple(options.items())
+        if key not in built:
+            built[key] = make().build(tmp_path_factory.mktemp("linear"), **options)
+        return built[key]
+
+    return get
+
+
+@pytest.fixture(scope="session")
+def masses(build: Callable[..., System]) -> System:
+    """Two masses in a loop, which are exact within their steps."""
+    return build(make_oscillator)
 
 
 @pytest.fixture

@@ -12,10 +12,11 @@ import zipfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from ps_fmu.cosim import System, read_system
+from ps_fmu.cosim import Master, Scheme, System, read_system
 from ps_fmu.slavekit.launcher.c_program import find_fmi_headers
 
 HERE = Path(__file__).parent
@@ -237,6 +238,16 @@ def make_added_mass(share: float) -> Coupled:
     return Coupled({"body": body, "load": load}, {"body.F": "load.F", "load.a": "body.a"})
 
 
+def make_heavy() -> Coupled:
+    """The load answers with three times what the body has: a fixed-point iteration runs away."""
+    return make_added_mass(3.0)
+
+
+def make_light() -> Coupled:
+    """The load answers with half of what the body has."""
+    return make_added_mass(0.5)
+
+
 @dataclass
 class Keep:
     """Observer that keeps all rows by the names of the columns."""
@@ -257,3 +268,12 @@ class Keep:
     def time(self) -> Array:
         """Times [s]."""
         return np.concatenate(self.times)
+
+
+def run(system: System, scheme: str | Scheme, h: float = 0.01, end: float = 2.0, **options: Any) -> Keep:
+    """All rows of a run with steps of ``h`` up to ``end`` [s]; options as of the master."""
+    with Master(system, h, scheme, **options) as master:
+        rows = Keep([column.name for column in master.columns])
+        master.initialise()
+        master.run(end, [rows])
+    return rows

@@ -42,9 +42,9 @@ def lay_out(
     signals: Sequence[OwnColumn],
 ) -> tuple[list[SchemeColumn], RowLayout]:
     """The columns of a scheme, and the layout of all; arguments as of :func:`..rows.make_layout`."""
-    taken = [column.name for column in make_layout(descriptions, more, signals).columns]
-    own = list_columns(scheme, system, taken)
-    return own, make_layout(descriptions, more, (*signals, *own))
+    layout = make_layout(descriptions, more, signals)
+    own = list_columns(scheme, system, [column.name for column in layout.columns])
+    return own, make_layout(descriptions, more, (*signals, *own)) if own else layout
 
 
 def list_columns(scheme: Scheme, system: System, taken: Collection[str]) -> list[SchemeColumn]:

@@ -75,6 +75,9 @@ class IteratedLoop:
         self._plan = plan
         self._runner = StageRunner(plan, None if stopwatch is None else stopwatch.begin(plan))
         self._period = period
+        for column in columns:  # those of a loop that has been cut stay 0
+            values, place = setting.rows.find_place(column.port)
+            values[place] = 0.0
 
     def advance(self, times: Array, interrupted: c_int) -> None:
         """See :class:`.loops.StepLoop`.  Raises :class:`ConvergenceError`, too."""

@@ -37,16 +37,14 @@ def resolve_scheme(
         system.component(name)
     rates = dict(scheme.rates)
     for component in system.components:
-        if component.name not in rates:
-            origin, stated = _find_step(component.step, descriptions[component.name])
-            rate = None if stated is None else find_rate(stated, step)
-            if rate is not None:
-                rates[component.name] = rate
-            elif stated is not None:
-                rates[component.name] = Rate()
+        stated = component.step or _find_own_step(descriptions[component.name])
+        if stated is not None and component.name not in rates:
+            rate = find_rate(stated, step)
+            rates[component.name] = rate or Rate()
+            if rate is None:
                 log.warning(
-                    "%s: %s of %.9g s is no whole multiple or fraction of the step of %.9g s: it makes that step",
-                    component.name, origin, stated, step,
+                    "%s: its step of %.9g s is no whole multiple or fraction of the step of %.9g s: it makes that step",
+                    component.name, stated, step,
                 )  # fmt: skip
     scheme = replace(scheme, rates=rates)
     period = find_period(scheme)
@@ -81,15 +79,13 @@ def explain_no_repeat(scheme: Scheme, descriptions: Mapping[str, ModelDescriptio
     return "the scheme has rates, extrapolates, iterates or estimates errors"
 
 
-def _find_step(hint: float | None, description: ModelDescription) -> tuple[str, float | None]:
-    """What states a step of a component, and the step [s]; None where nothing does."""
-    if hint is not None:
-        return "the step that the system states", hint
+def _find_own_step(description: ModelDescription) -> float | None:
+    """The step [s] of an FMU that takes steps of one size only; None if it takes others, or states none."""
     own = description.defaultExperiment
     if description.coSimulation.canHandleVariableCommunicationStepSize or own is None or own.stepSize is None:
-        return "", None
+        return None
     step = parse_real(str(own.stepSize))
-    return "the step of its FMU", step if step is not None and step > 0.0 else None
+    return step if step is not None and step > 0.0 else None
 
 
 def _check_estimate(scheme: Scheme, descriptions: Mapping[str, ModelDescription]) -> None:
@@ -98,7 +94,9 @@ def _check_estimate(scheme: Scheme, descriptions: Mapping[str, ModelDescription]
     for name, rate in scheme.rates.items():
         if rate == Rate():
             continue
-        raise UsageError(f"error estimate: half steps need one step for all components, but {name} has the rate {rate}")
+        raise UsageError(
+            f"error estimate: half steps need one step for all components, but {name} has the rate {rate}: give it 1"
+        )
     if obstacle := find_obstacle(descriptions):
         raise UsageError(f"error estimate: half steps cannot be made: {obstacle}")
 
@@ -113,4 +111,5 @@ def _check_iteration(scheme: Scheme, system: System, descriptions: Mapping[str, 
                     "gauss-seidel"
                 )
             if (rate := scheme.get_rate(name)) != Rate():
-                raise UsageError(f"{where} has the rate {rate}: components of a loop are iterated with the base step")
+                text = "components of a loop are iterated with the base step: give it the rate 1"
+                raise UsageError(f"{where} has the rate {rate}: {text}")
