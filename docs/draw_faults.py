@@ -2,7 +2,7 @@
 
 Usage: python docs/draw_faults.py [OUTPUT.png]
 
-It needs the FMUs (make fmus) and takes half a minute.
+It needs the FMUs (make fmus) and takes a minute.
 """
 
 from __future__ import annotations
@@ -21,19 +21,19 @@ ROOT = Path(__file__).parents[1]
 EXAMPLES = {  # file: system, s to simulate
     "accelerometer_fails": ("InertialSensors.ssd", 20.0),
     "voice_coil_sticks": ("VoiceCoils.ssd", 20.0),
-    "tracker_loses_lock": ("LineOfSight.ssd", 28.0),
+    "tracker_loses_lock": ("LineOfSight.ssd", 53.0),
 }
 ROTATION = [f"plant.payload_rotation.{axis}" for axis in "xy"]
 
 
-def simulate(name, step=1e-4, faulty=True):
+def simulate(name, step=1e-4, faulty=True, duration=None):
     """Times (n,) [s], angle of the line of sight to where it looked at first (n,) [rad], the faults that acted."""
-    system, duration = EXAMPLES[name]
+    system, whole = EXAMPLES[name]
     faults = read_faults(ROOT / "system" / "faults" / f"{name}.json") if faulty else None
     with Master(read_system(ROOT / "system" / system, ROOT / "build" / "fmus"), step, faults=faults) as master:
         master.initialise()
         observer = HistoryObserver(master.columns, ROTATION)
-        master.run(duration, [observer])
+        master.run(duration or whole, [observer])
         acted = master.faults.list_acted(master.time)
     angle = np.hypot(*observer.result())
     return step * np.arange(len(angle)), angle, acted

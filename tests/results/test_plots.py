@@ -4,11 +4,13 @@ import sys
 
 import numpy as np
 import pytest
+from matplotlib import image
+from matplotlib.colors import to_rgb
 
 from ps_fmu.results import plots
 from ps_fmu.results.observers.envelope import EnvelopeObserver
 from ps_fmu.results.observers.scatter import ScatterObserver
-from ps_fmu.results.style import DOTS_PER_INCH, engineering, largest, pretty
+from ps_fmu.results.style import DOTS_PER_INCH, FAULT, engineering, largest, pretty
 
 
 def png_size(path):
@@ -50,6 +52,20 @@ def test_the_same_data_give_the_same_bytes(tmp_path, envelopes):
     for name in ("a.png", "b.png"):
         plots.draw_time_histories(tmp_path / name, *envelopes)
     assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
+
+
+@pytest.mark.parametrize("shaded", [(), ((1.0, 2.0),)])
+def test_spans_with_faults_are_shaded_in_each_panel(tmp_path, envelopes, shaded):
+    """In four panels of two columns, and in two above one another: a quarter of their width."""
+    panels = [plots.Panel(envelope.names[0], envelope, "rad") for envelope in envelopes]
+    plots.draw_time_histories(tmp_path / "histories.png", *envelopes, shaded=shaded)
+    plots.draw_histories(tmp_path / "panels.png", panels, shaded=shaded)
+    colour = to_rgb(FAULT)
+    mixed = np.array([1.0 - 0.25 * (1.0 - part) for part in colour])  # a share of 25 % on white
+    for name in ("histories", "panels"):
+        picture = image.imread(tmp_path / f"{name}.png")[..., :3]
+        share = np.all(np.abs(picture - mixed) < 0.01, axis=-1).mean()
+        assert (0.02 < share < 0.25) if shaded else share < 1e-3
 
 
 def test_time_histories_of_different_signals_are_refused(tmp_path, envelopes, columns, feed):
