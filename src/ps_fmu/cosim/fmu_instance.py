@@ -101,6 +101,7 @@ class FmuInstance:
             raise
 
     def _load(self, component: Component, description: ModelDescription) -> FMU2Slave:
+        find_binary(component, description, self._folder)
         fmu = load_library(component, description, self._folder)
         if pythonfmu.is_plain(fmu.dll) and (problem := pythonfmu.find_missing_in(self._folder)):
             raise SystemFileError(component.source, problem)
@@ -396,7 +397,6 @@ def find_binary(component: Component, description: ModelDescription, folder: Pat
 
 def load_library(component: Component, description: ModelDescription, folder: Path) -> FMU2Slave:
     """Load the library; FMPy changes the working directory for that and leaves it changed when it fails."""
-    find_binary(component, description, folder)
     with _LOADING:
         directory = Path.cwd()
         try:
