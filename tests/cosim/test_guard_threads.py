@@ -124,3 +124,37 @@ print(within.sp is not None and within.sp != before.sp)
 other.end()
 """)
     assert ended.stdout.split() == ["True"], ended.stderr
+
+
+def test_names_of_calls_in_two_threads_do_not_stay():
+    """Entered and left in turn: a process that ends well afterwards says nothing."""
+    ended = run("""
+class Caller(Thread):
+    def run(self):
+        with guard.name_call("second: fmi2GetReal"):
+            self.ready.set()
+            assert self.go.wait(20)
+with guard.name_call("first: fmi2GetReal"):
+    caller = Caller()
+caller.end()
+""")
+    assert (ended.returncode, ended.stderr) == (0, "")
+
+
+def test_exit_in_a_thread_names_its_own_call():
+    ended = run("""
+exit_process = ctypes.CDLL(None).exit
+class Caller(Thread):
+    def run(self):
+        with guard.name_call("second: fmi2GetReal"):
+            self.ready.set()
+            assert self.go.wait(20)
+            exit_process(0)
+with guard.name_call("first: fmi2GetReal"):
+    caller = Caller()
+    with guard.name_call("nested: fmi2SetReal"):
+        pass
+    caller.end()
+""")
+    assert ended.returncode == 1
+    assert ended.stderr == "second: fmi2GetReal: called exit(): the process ends\n"

@@ -12,7 +12,7 @@ import signal
 import weakref
 from collections.abc import Iterator
 from contextlib import contextmanager
-from ctypes import Structure, c_char, c_int, c_void_p
+from ctypes import Structure, c_int, c_void_p, create_string_buffer
 from functools import cache
 
 from fmpy import platform
@@ -87,17 +87,16 @@ def arm(interrupts: bool) -> Iterator[None]:
 
 @contextmanager
 def name_call(place: str) -> Iterator[None]:
-    """If the process ends within, its last words name this place."""
-    library = find_library()
-    if library is None:
+    """If the process ends within, its last words name this place; threads have places of their own."""
+    if find_library() is None:
         yield
         return
-    text = (c_char * _PLACE_BYTES).in_dll(library, "guard_place")
-    before, text.value = text.value, place.encode()[: _PLACE_BYTES - 1]
+    library, before, left = _load_locked(), *(create_string_buffer(_PLACE_BYTES) for _ in range(2))
+    library.guard_name(place.encode()[: _PLACE_BYTES - 1], before)
     try:
         yield
     finally:
-        text.value = before
+        library.guard_name(before, left)
 
 
 def find_interrupts() -> int | None:

@@ -44,9 +44,42 @@ static __thread char own_stack[STACK_BYTES]; /* after an overflow of the stack t
 static __thread stack_t stack_before;
 static __thread int armed_here;
 
-/* Ctrl-C so far, and the call outside of the steps that is under way, for messages; Python reads and writes both. */
+/* Ctrl-C so far; Python reads and writes it. */
 EXPORTED volatile int guard_interrupts;
-EXPORTED char guard_place[256];
+
+/* The calls outside of the steps that are under way, for messages: one a thread, empty if there is none. */
+enum { N_PLACES = 64, PLACE_BYTES = 256 };
+static char places[N_PLACES][PLACE_BYTES];
+static __thread int own_place = -1;
+
+static const char *find_own_place(void)
+{
+    return own_place < 0 ? "" : places[own_place];
+}
+
+/* That of any thread: Ctrl-C comes to the main one, whichever hangs. */
+static const char *find_any_place(void)
+{
+    for (int k = 0; k < N_PLACES; k++)
+        if (places[k][0] != '\0')
+            return places[k];
+    return "";
+}
+
+/* Name the call that this thread makes next, or none, ""; returns what it was.  The caller holds Python's lock, so one
+   thread at a time is here.  Without a free place, the call has no name. */
+EXPORTED void guard_name(const char *text, char *previous)
+{
+    strcpy(previous, find_own_place());
+    for (int k = 0; own_place < 0 && k < N_PLACES; k++)
+        if (places[k][0] == '\0')
+            own_place = k;
+    if (own_place < 0)
+        return;
+    strncpy(places[own_place], text, PLACE_BYTES - 1);
+    if (text[0] == '\0')
+        own_place = -1;
+}
 
 static void say(const char *text)
 {
@@ -72,8 +105,9 @@ static void on_crash(int number, siginfo_t *info, void *context)
     (void)info, (void)context;
     if (can_leave())
         leave(CRASHED, number);
-    if (way_out != NULL || guard_place[0] != '\0') {
-        say(guard_place[0] != '\0' ? guard_place : "an FMU in the steps");
+    const char *place = find_own_place();
+    if (way_out != NULL || place[0] != '\0') {
+        say(place[0] != '\0' ? place : "an FMU in the steps");
         say(": crashed, and the process with it; --isolate gives FMUs processes of their own\n");
     }
     for (int k = 0; k < N_CRASHES; k++)
@@ -92,8 +126,8 @@ static void on_interrupt(int number, siginfo_t *info, void *context)
         interrupt_before.sa_handler(number);
     if (guard_interrupts > 1 && can_leave())
         leave(INTERRUPTED, number);
-    if (guard_interrupts > 1 && way_out == NULL && guard_place[0] != '\0') {
-        say(guard_place);
+    if (guard_interrupts > 1 && way_out == NULL && find_any_place()[0] != '\0') {
+        say(find_any_place());
         say(": did not return, and was interrupted: the process ends\n");
         _exit(130);
     }
@@ -118,9 +152,9 @@ static void on_exit_in_steps(int code, void *unused)
 static void on_exit_elsewhere(int code, void *unused)
 {
     (void)unused;
-    if (guard_place[0] == '\0')
+    if (find_own_place()[0] == '\0')
         return;
-    say(guard_place);
+    say(find_own_place());
     say(": called exit(): the process ends\n");
     _exit(code != 0 ? code : 1);
 }
