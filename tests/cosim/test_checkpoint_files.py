@@ -85,6 +85,8 @@ MADE_UP = {
     "another array": head({"a": {"$array": 5, "shape": [1], "by_columns": False}}, [entry()]),
     "another shape": head({"a": {"$array": 0, "shape": [2], "by_columns": False}}, [entry()]),
     "an enormous shape": head({"a": {"$array": 0, "shape": [2**47, 2**47], "by_columns": False}}, [entry()]),
+    "an array twice": head({"a": {"$bytes": 0}, "b": {"$bytes": 0}}, [entry()]),
+    "arrays in one place": head(arrays=[entry(), entry()]),
     "a wrong number": head({"a": {"$number": "1+1"}}),
 }
 

@@ -1,6 +1,7 @@
 """A master goes on from a checkpoint with the same bits; what does not fit is refused by name."""
 
 import json
+import math
 import re
 import signal
 import zipfile
@@ -220,6 +221,43 @@ def test_another_run_does_not_go_on(mixed, kept, tmp_path, what, words):
     assert newest.is_file()
 
 
+@pytest.mark.parametrize(
+    "events",
+    [
+        EVENTS[:-1],
+        EVENTS[1:],
+        [(0.2, *EVENTS[0][1:]), *EVENTS[1:]],
+        [*EVENTS[:2], (0.3, "mass.force", 0.5), EVENTS[-1]],
+        [*EVENTS, (0.33, "mass.force", 0.0)],
+    ],
+)
+def test_other_events_in_the_past_are_refused(mixed, kept, events):
+    """The checkpoint is at 0.35 s; what is to come may differ."""
+    if events == EVENTS[:-1]:
+        assert len(run(mixed, Checkpoints(kept, 0.05, resume=True), events=events).time) == STEPS + 1
+        return
+    with pytest.raises(CheckpointError, match=r"until t = 0.35 s it has had other events"):
+        run(mixed, Checkpoints(kept, 0.05, resume=True), events=events)
+
+
+def test_components_may_have_any_names(with_states, tmp_path):
+    """Such as those of nested systems."""
+    text = ssd_text({"m": "ToyMass", "g": "ToyGain", "c": "ToyCounter"}, ["m.position -> g.u", "g.y -> m.force"])
+    for plain, name in (("m", "inner.mass"), ("g", "a b"), ("c", "inner")):
+        text = text.replace(f'"{plain}"', f'"{name}"')
+    path = tmp_path / "test.ssd"
+    path.write_text(text)
+    system, kept = read_system(path, with_states, lenient=True), tmp_path / "kept"
+    events = [(0.1, "inner.mass.mass", 3.0), (0.2, "a b.u", 0.5)]
+    run(system, Checkpoints(kept, 0.05), stop_s=0.4, events=events)
+    check_same(run(system, Checkpoints(kept, 0.05, resume=True), events=events), run(system, events=events))
+    other = system.with_parameters({"inner.mass.mass": 7.0})
+    whole = run(system, steps=70, events=[*events, (0.6, "inner.mass.mass", 7.0)])
+    np.testing.assert_array_equal(begin(other, WarmStart(kept), 10).values, whole.values[60:])
+    with pytest.raises(CheckpointError, match=r"--anew 'a b' inner$"):
+        begin(system.with_parameters({"inner.label": "new", "a b.gain": 3.0}), WarmStart(kept), 10)
+
+
 def test_another_step_does_not_go_on(mixed, kept):
     with pytest.raises(CheckpointError, match=r"another step \(s\): 0.01 there, 0.005 here"), Master(mixed, 0.005) as m:
         m.initialise()
@@ -254,10 +292,15 @@ def test_observers_without_states_are_named(mixed, tmp_path):
     "change",
     [
         lambda content: content.update(latest=3.0),
-        lambda content: content.update(rows=content["latest"]),
+        lambda content: content.update(rows=content["latest"], latest=content["rows"]),
         lambda content: content.update(first="0"),
         lambda content: content.update(index=-5),
-        lambda content: content.update(left=-1),
+        lambda content: content.update(events=-1),
+        lambda content: content.update(events=[[1, "mass.force", 0.5]]),
+        lambda content: content.pop("events"),
+        lambda content: content.update(set={"mass": 1.0}),
+        lambda content: content["fmus"]["mass"].update(state=10**15),
+        lambda content: content.update(index=math.inf),
         lambda content: content.update(set={"mass.nothing": 1.0}),
         lambda content: content.update(set={"nobody": 1.0}),
         lambda content: content.update(observers=[]),

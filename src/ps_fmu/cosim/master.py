@@ -101,7 +101,7 @@ class Master:
         self._known = KnownVariables(self._descriptions)
         self.wiring = check_wiring(system, self._descriptions, self._known)
         self._signals = bind_signals(system, self._descriptions, inputs or {})
-        self.faults = make_faults(faults, system, self._descriptions, self.clock)
+        self.faults = make_faults(faults, system, self._descriptions, self.clock, self.scheme)
         more = {*also, *self.faults.recorded}
         self._columns = RunColumns(system, self._descriptions, self._signals, self.scheme, more, only)
         self._block_rows = block_rows

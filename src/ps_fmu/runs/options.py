@@ -9,8 +9,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ..cosim.clock import count_steps
+from ..cosim.errors import UsageError
 from ..cosim.isolation.instance import Isolation
-from ..cosim.schemes.scheme import ORDERS, Scheme
+from ..cosim.schemes.scheme import ORDERS, Scheme, make_scheme
 
 MOST_STEPS = 10**10  # of a run: 1e6 s at 1e-4 s, some hours
 RESULTS, SUMMARY, REPORT = "results.nc", "summary.json", "report.html"  # in the output folder
@@ -96,6 +97,7 @@ class RunOptions:
                 )
         check_seed(self.seed)
         check_keeping(self.checkpoint_s, self.source, self.anew, self.output)
+        check_together(make_scheme(self.scheme), self.faults, self.checkpoint_s, self.source)
         for path in self.parameters:
             if not path.is_file():
                 raise OptionError(f"--parameters: there is no file {path}")
@@ -160,6 +162,7 @@ class AnyRun:
 
     def __post_init__(self) -> None:
         check_keeping(self.checkpoint_s, self.source, self.anew, self.output)
+        check_together(make_scheme(self.scheme), self.faults, self.checkpoint_s, self.source)
 
 
 def check_seed(seed: int) -> None:
@@ -178,6 +181,28 @@ def check_keeping(interval_s: float | None, source: Path | None, anew: tuple[str
         raise OptionError(f"--from: there is no {source}")
     if source is not None and output.resolve() in (source.resolve(), *source.resolve().parents):
         raise OptionError(f"--from: {source} is in the output folder, which gets new results: name another --output")
+
+
+def check_together(
+    scheme: Scheme, faults: Path | None, interval_s: float | None, source: Path | None
+) -> None:
+    """Raises :class:`OptionError` for faults, checkpoints and schemes that do not go together.
+
+    ``scheme``: as given, or better as resolved for the system, whose files may state rates.
+    """
+    try:
+        if faults is not None:
+            scheme.require_plain("--faults")
+        if interval_s is not None:
+            scheme.require_plain("--checkpoint")
+    except UsageError as error:
+        raise OptionError(str(error)) from error
+    if faults is not None and interval_s is not None:
+        raise OptionError("--checkpoint: cannot be combined with --faults: what faults remember is in no checkpoint")
+    if faults is not None and source is not None:
+        raise OptionError(
+            "--from: cannot be combined with --faults: the run of the checkpoint has not recorded what their inputs get"
+        )
 
 
 def claim_folder(folder: Path) -> Path:

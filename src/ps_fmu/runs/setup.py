@@ -13,6 +13,7 @@ from ..cosim.description import convert_value, find_variable, get_unit, index_va
 from ..cosim.faults.active import make_faults
 from ..cosim.faults.event import FaultFile
 from ..cosim.faults.reading import read_faults
+from ..cosim.schemes.scheme import make_scheme
 from ..cosim.recording.selection import select_names
 from ..cosim.rows import Column, make_layout
 from ..cosim.structure import Parameter, parse_port
@@ -115,7 +116,8 @@ def load_system(options: RunOptions, defaults: Mapping[str, Value] | None = None
     structure = structure.with_parameters(first).with_parameters(given)
     descriptions = read_descriptions(structure)
     faults = None if options.faults is None else read_faults(options.faults)
-    seen = make_faults(faults, structure, descriptions, StepClock(0.0, options.step_s)).recorded
+    clock, scheme = StepClock(0.0, options.step_s), make_scheme(options.scheme)
+    seen = make_faults(faults, structure, descriptions, clock, scheme).recorded
     columns = make_layout(descriptions, seen).columns
     select_stored(columns, options.observe)
     system = RunSystem(structure, descriptions, given, judge=read_judge(options, columns), faults=faults)

@@ -105,7 +105,8 @@ class Checkpoints:
         self._folder = None if folder is None else CheckpointFolder(folder)
         self._interval, self._source, self._notes = interval, source, notes
         self._found = self._folder.read() if resume and self._folder is not None else None
-        self._left: int | None = None  # events that were to come where the run goes on
+        self._schedule: Schedule = []
+        self._past: list[State] | None = None  # what had happened where the run goes on
         self.last_time: float | None = None
         """Time of the last checkpoint that was written or gone on from [s]."""
         self._journals: list[Journal] = []
@@ -114,7 +115,8 @@ class Checkpoints:
     @property
     def kept_notes(self) -> Mapping[str, State]:
         """The notes of the checkpoint that the run goes on from; nothing without one."""
-        return {} if self._found is None else dict(self._found[1].get("notes") or {})
+        notes = {} if self._found is None else self._found[1].get("notes")
+        return notes if isinstance(notes, dict) else {}
 
     def begin(self, parts: MasterParts, index: int, steps: int, observers: Sequence[Observer]) -> tuple[int, int]:
         """See :class:`RunKeeper`.
@@ -133,9 +135,9 @@ class Checkpoints:
                         "load_state"
                     )
         self._parts, self._observers = parts, observers
-        self._first, self._steps = index, steps
+        self._first, self._steps, self._index = index, steps, index
         if self._found is not None:
-            index = self._restore(*self._found)
+            self._index = index = self._restore(*self._found)
         else:
             if self._source is not None:
                 self._source.apply(parts)
@@ -148,8 +150,23 @@ class Checkpoints:
         return self._first, index
 
     def skip(self, schedule: Schedule) -> Schedule:
-        """See :class:`RunKeeper`."""
-        return schedule if self._left is None else schedule[len(schedule) - self._left :]
+        """See :class:`RunKeeper`.
+
+        Raises :class:`CheckpointError` if what has happened is not what the checkpoint has in it.
+        """
+        self._schedule = list(schedule)
+        past = self._past
+        if past is None:
+            return schedule
+        left = schedule[len(past) :]
+        if _list_events(schedule[: len(past)]) != past or (left and left[0][0] < self._index):
+            assert self._found is not None
+            raise CheckpointError(
+                f"{self._found[0]}: is of another run, which cannot go on here: until t = "
+                f"{self._parts.clock.time(self._index):.9g} s it has had other events.  Resume with what it was begun "
+                "with, or begin anew"
+            )
+        return left
 
     def limit(self, stop: int) -> int:
         """See :class:`RunKeeper`."""
@@ -161,8 +178,10 @@ class Checkpoints:
         if self._folder is None or not (index >= self._due or interrupted) or not self._is_between_steps():
             return
         parts = self._parts
+        past = _list_events(self._schedule[: len(self._schedule) - left])
         try:
-            tree = {"index": index, "began": self._first, "left": left, "fmus": parts.save_fmus(), **parts.save_rows()}
+            where = {"index": index, "began": self._first, "events": past}
+            tree = {**where, "fmus": parts.save_fmus(), **parts.save_rows()}
         except (SlaveError, UsageError) as error:
             if any(one.phase is not InstancePhase.RUNNING for one in parts.instances.values()):
                 raise
@@ -233,9 +252,9 @@ class Checkpoints:
             for name in parts.instances:
                 parts.load_fmu(name, kept["fmus"][name])
             parts.load_rows(kept)
-            self._left = int(kept["left"])
-            if self._left < 0:
-                raise ValueError(f"{self._left} events to come")
+            if not isinstance(kept["events"], list):
+                raise ValueError("its events are no list")
+            self._past = kept["events"]
         except (KeyError, ValueError, TypeError, AttributeError, IndexError, OverflowError) as error:
             raise CheckpointError(f"{path}: is a damaged checkpoint: {error!r}") from error
         assert self._folder is not None
@@ -277,6 +296,10 @@ def _unwrap(observer: Observer) -> Observer:
     while (inner := getattr(observer, "observed", None)) is not None:
         observer = inner
     return observer
+
+
+def _list_events(schedule: Schedule) -> list[State]:
+    return [[index, str(port), value] for index, port, value in schedule]
 
 
 def _find_start(own: Mapping[str, State], kept: Mapping[str, State]) -> str | None:

@@ -13,6 +13,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import struct
 import zipfile
 from collections.abc import Mapping
 from pathlib import Path
@@ -66,7 +67,7 @@ def read_file(path: Path) -> dict[str, State]:
         if not isinstance(document, dict) or document.get("format") != FORMAT:
             found = document.get("format") if isinstance(document, dict) else None
             raise ValueError(f"expected the format {FORMAT}, found {found!r}")
-        arrays = [_read_array(entry, data) for entry in document["arrays"]]
+        arrays = _read_arrays(document["arrays"], data)
         content = _decode(document["content"], arrays)
         if not isinstance(content, dict):
             raise ValueError("its content is no set of named values")
@@ -74,7 +75,7 @@ def read_file(path: Path) -> dict[str, State]:
         raise CheckpointError(f"{path}: cannot be read: {error.strerror or error}") from error
     except (
         zipfile.BadZipFile, ValueError, KeyError, TypeError, IndexError, RecursionError, MemoryError,
-        NotImplementedError, RuntimeError, OverflowError,
+        NotImplementedError, RuntimeError, OverflowError, EOFError, struct.error,
     ) as error:  # fmt: skip
         raise CheckpointError(f"{path}: is no checkpoint, or a damaged one: {error}") from error
     return content
@@ -120,16 +121,16 @@ def _encode(value: State, arrays: list[NDArray[Any]]) -> Any:
     raise TypeError(f"a checkpoint holds no {type(value).__name__}")
 
 
-def _decode(value: Any, arrays: list[NDArray[Any]]) -> State:
+def _decode(value: Any, arrays: list[NDArray[Any] | None]) -> State:
     if isinstance(value, list):
         return [_decode(item, arrays) for item in value]
     if not isinstance(value, dict):
         return value
     if "$array" in value:
         shape = [_read_count(n) for n in value["shape"]]
-        return arrays[_read_count(value["$array"])].reshape(shape, order="F" if value["by_columns"] else "C").copy("K")
+        return _take(arrays, value["$array"]).reshape(shape, order="F" if value["by_columns"] else "C")
     if "$bytes" in value:
-        return arrays[_read_count(value["$bytes"])].tobytes()
+        return _take(arrays, value["$bytes"]).tobytes()
     if "$number" in value:
         return float(value["$number"])
     return {name: _decode(item, arrays) for name, item in value.items()}
@@ -143,6 +144,27 @@ def _read_member(archive: zipfile.ZipFile, name: str, most: int | None) -> bytes
     if most is not None and info.file_size > most:
         raise ValueError(f"{name} has {info.file_size} bytes, expected {most} at most")
     return archive.read(info)
+
+
+def _take(arrays: list[NDArray[Any] | None], place: Any) -> NDArray[Any]:
+    """An array, once: a short file that names one a million times must not fill the memory."""
+    found, arrays[place] = arrays[_read_count(place)], None
+    if found is None:
+        raise ValueError(f"array {place} is there twice")
+    return found
+
+
+def _read_arrays(entries: Any, data: bytes) -> list[NDArray[Any] | None]:
+    """The arrays, which lie one behind the other, so that all have the size of the file together."""
+    arrays: list[NDArray[Any] | None] = []
+    end = 0
+    for entry in entries:
+        if entry["offset"] != end:
+            raise ValueError(f"an array begins at {entry['offset']!r}, the one before it ends at {end}")
+        array = _read_array(entry, data)
+        end += array.nbytes
+        arrays.append(array)
+    return arrays
 
 
 def _read_array(entry: Any, data: bytes) -> NDArray[Any]:

@@ -12,12 +12,13 @@ from fmpy.model_description import ModelDescription
 
 from ... import __version__
 from ..clock import StepClock
+from ..errors import UsageError
 from ..faults.active import ActiveFaults
 from ..fmu_instance import FmuInstance
 from ..graph import Wiring
 from ..rows import Column, Rows
 from ..schemes.scheme import Scheme
-from ..structure import PortName, System, Value, parse_port
+from ..structure import PortName, System, Value
 from ..substeps import RepeatingLoop
 from .state import CheckpointError, State
 
@@ -61,6 +62,16 @@ class MasterParts:
                         "or export the FMU with states: its tool may have an option for that"
                     )
 
+    def find_port(self, name: str) -> PortName:
+        """A variable by its name in a checkpoint.  Raises ValueError if there is none."""
+        try:
+            port = self.system.find_port(name)
+        except UsageError as error:
+            raise ValueError(str(error)) from error
+        if port.variable not in self.instances[port.component].variables:
+            raise ValueError(f"there is no variable {port}")
+        return port
+
     def identify(self) -> dict[str, State]:
         """What a checkpoint and the run that goes on from it have in common."""
         return {
@@ -90,8 +101,10 @@ class MasterParts:
 
     def load_fmu(self, name: str, kept: Mapping[str, State]) -> None:
         """Give an FMU its state back.  Raises :class:`SlaveError`."""
-        instance = self.instances[name]
-        instance.read_state(bytes(kept["state"]))
+        instance, state = self.instances[name], kept["state"]
+        if not isinstance(state, bytes):
+            raise TypeError(f"the state of {name} is no row of bytes")
+        instance.read_state(state)
         instance.warnings = int(kept["warnings"])
         instance.messages.note_shown(map(str, kept["shown"]))
 
@@ -118,10 +131,7 @@ class MasterParts:
 
     def load_values_set(self, kept: Mapping[str, State]) -> None:
         """What was set is set, and the plan of the steps is made for it."""
-        values = {parse_port(name): value for name, value in kept["set"].items()}
-        for port in values:
-            if port.variable not in self.instances[port.component].variables:
-                raise ValueError(f"there is no variable {port}")
+        values = {self.find_port(name): value for name, value in kept["set"].items()}
         self.values_set.clear()
         self.values_set.update(values)
         self.make_plan()

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
+import shlex
 from collections.abc import Collection, Mapping
 from pathlib import Path
 
 from ..description import convert_value, explain_unsettable, find_variable, read_start
 from ..errors import UsageError
-from ..structure import PortName, parse_port
+from ..structure import PortName
 from .files import read_file
 from .folder import CheckpointFolder
 from .parts import MasterParts, find_difference
@@ -43,7 +45,9 @@ class WarmStart:
             run = self._kept["run"]
             self.time: float = float(run["start"]) + int(self._kept["index"]) * float(run["step"])
             """Of the checkpoint [s]."""
-        except (KeyError, TypeError, ValueError) as error:
+            if not math.isfinite(self.time):
+                raise ValueError(f"a time of {self.time} s")
+        except (KeyError, TypeError, ValueError, OverflowError) as error:
             raise self._make_damaged(error) from error
 
     def apply(self, parts: MasterParts) -> None:
@@ -63,22 +67,23 @@ class WarmStart:
             for name in parts.instances.keys() - self._anew:
                 parts.load_fmu(name, self._kept["fmus"][name])
             parts.rows.restore(0, parts.rows.block[:0], self._check_latest(parts))
-            values = {name: v for name, v in self._kept["set"].items() if parse_port(name).component not in self._anew}
+            kept = self._kept["set"].items()
+            values = {name: value for name, value in kept if parts.find_port(name).component not in self._anew}
             parts.load_values_set({"set": values, "repeated": self._kept["repeated"]})
             for port, value in changes.items():
                 parts.instances[port.component].set({port.variable: value}, time)
             self._feed_new(parts, time)
             parts.rows.store_latest()
-        except (KeyError, ValueError, TypeError, AttributeError, IndexError) as error:
+        except (KeyError, ValueError, TypeError, AttributeError, IndexError, OverflowError) as error:
             raise self._make_damaged(error) from error
 
     def _find_changes(self, parts: MasterParts) -> Mapping[PortName, State]:
         """Start values that are other ones than in the checkpoint's run, and can be set now."""
         own, kept = parts.list_starts(), self._kept["run"]["starts"]
         changes: dict[PortName, State] = {}
-        refused = []
+        refused, fixed = [], set()
         for name in sorted({*own, *kept}):
-            port = parse_port(name)
+            port = parts.find_port(name)
             if port.component in self._anew or own.get(name) == kept.get(name):
                 continue
             variable = find_variable(parts.descriptions[port.component], port.variable)
@@ -88,10 +93,11 @@ class WarmStart:
                 continue
             if reason := explain_unsettable(variable, True):
                 refused.append(f"{name} {reason}; it is {there} there, {value} here")
+                fixed.add(port.component)
             else:
                 changes[port] = value
         if refused:
-            anew = " ".join(sorted({text.partition(".")[0] for text in refused}))
+            anew = shlex.join(sorted(fixed))
             raise CheckpointError(
                 f"{self.path}: these values are in the states of the FMUs and cannot change:\n"
                 + "\n".join(f"- {text}" for text in refused)

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from ..clock import StepClock
 from ..fmu_instance import FmuInstance
 from ..rows import Array, Latest
+from ..schemes.scheme import Scheme
 from ..structure import PortName, System
 from ..values import Value
 from . import effects
@@ -26,10 +27,21 @@ Memories = list[tuple[Effect, Array]]
 
 
 def make_faults(
-    file: FaultFile | None, system: System, descriptions: Mapping[str, ModelDescription], clock: StepClock
+    file: FaultFile | None,
+    system: System,
+    descriptions: Mapping[str, ModelDescription],
+    clock: StepClock,
+    scheme: Scheme,
 ) -> ActiveFaults:
-    """The faults of a file at work in a system.  Raises :class:`SystemFileError`, see :func:`.binding.bind_faults`."""
-    return ActiveFaults(None if file is None else bind_faults(file, system, descriptions, clock), clock)
+    """The faults of a file at work in a system.
+
+    Raises :class:`UsageError` for a scheme that they do not go with: what rates, lines and iterations make of an input
+    has no place for them; :class:`SystemFileError`, see :func:`.binding.bind_faults`.
+    """
+    if file is None:
+        return ActiveFaults(None, clock)
+    scheme.require_plain("faults")
+    return ActiveFaults(bind_faults(file, system, descriptions, clock), clock)
 
 
 class ActiveFaults:
