@@ -13,7 +13,7 @@ from pythonfmu.builder import FmuBuilder
 from support import faulty
 from support.cosim import Collect, ssd_text
 
-from ps_fmu.cosim import Master, SlaveError, UsageError, read_system
+from ps_fmu.cosim import Master, Recorder, SlaveError, UsageError, read_system
 from ps_fmu.cosim.checkpoint.checkpoints import Checkpoints
 from ps_fmu.cosim.checkpoint.state import CheckpointError
 from ps_fmu.cosim.checkpoint.warm_start import WarmStart
@@ -238,6 +238,30 @@ def test_other_events_in_the_past_are_refused(mixed, kept, events):
         return
     with pytest.raises(CheckpointError, match=r"until t = 0.35 s it has had other events"):
         run(mixed, Checkpoints(kept, 0.05, resume=True), events=events)
+
+
+@pytest.mark.parametrize(
+    "change", [{"select": ["gain.y", "mass.position"]}, {"storage_step": 2 * H}], ids=["columns", "storage"]
+)
+def test_a_recorder_of_other_rows_does_not_go_on(mixed, tmp_path, change):
+    """As many columns are no proof that they are the same."""
+
+    def record(stop, resume, **options):
+        def watch(simulated, _wall, _factor):
+            if simulated >= stop:
+                raise Stop
+
+        options = {"select": ["mass.position", "gain.y"], **options}
+        with Master(mixed, H, block_rows=7) as master:
+            master.initialise()
+            with Recorder(tmp_path / "a.nc", "run", columns=master.columns, step=H, **options) as recorder:
+                master.run(0.6, [recorder], (), watch, checkpoints=Checkpoints(tmp_path / "kept", 0.05, resume=resume))
+
+    with pytest.raises(Stop):
+        record(0.4, False)
+    with pytest.raises(CheckpointError, match="the state of the observer Recorder .*other columns, or another storage"):
+        record(1.0, True, **change)
+    record(1.0, True)
 
 
 def test_components_may_have_any_names(with_states, tmp_path):

@@ -219,8 +219,11 @@ def test_any_system_goes_on(inputs, run, tmp_path, capsys):
     words = [str(tmp_path / "own.ssp"), "--step", "1e-4", "--duration", "0.4", "--observe", "plant.*", "--no-figures"]
     assert run(*words, "--output", tmp_path / "whole")[0] == 0
     again = [*words, "--checkpoint", "0.05", "--output", str(tmp_path / "out")]
-    done = start(inputs, *again, driver=(str(DRIVER), "rows", "3000"))
+    done = start(inputs, *again, driver=(str(DRIVER), "names", "8"))
     assert done.returncode == -signal.SIGKILL, done.stderr
+    assert [path.name for path in sorted((tmp_path / "out" / "checkpoint" / "run").glob("row-*"))] == [
+        "row-000000002000.zip", "row-000000002500.zip",
+    ]  # fmt: skip
     code, said = run("--resume", tmp_path / "out")
     assert code == 0, said
     assert list_differences(tmp_path / "whole", tmp_path / "out") == []
@@ -254,6 +257,15 @@ def test_simulate_goes_on(tmp_path, monkeypatch):
     with pytest.raises(OSError, match="as if"):
         ps_fmu.simulate("isolation", **options)
     monkeypatch.undo()
+    for change, words in (
+        ({"storage_step": 1e-3}, "another value of storage_step_s: None there, 0.001 here"),
+        ({"observe": "plant.*"}, "another value of observe"),
+        ({"output": tmp_path / "new"}, "there is no run with checkpoints in"),
+    ):
+        with pytest.raises(ps_fmu.runs.options.OptionError, match=words):
+            ps_fmu.simulate("isolation", **{**options, **change}, resume=True)
+    with pytest.raises(ps_fmu.runs.options.OptionError, match="is one of 'isolation', this is one of 'slew'"):
+        ps_fmu.simulate("slew", **options, resume=True)
     ps_fmu.simulate("isolation", **options, resume=True)
     assert list_differences(Path(whole.output), tmp_path / "out") == []
     with pytest.raises(ps_fmu.runs.options.OptionError, match="expected the output folder"):

@@ -57,9 +57,9 @@ def kill_before_name(number: int) -> None:
     """Files get their names when they are complete: checkpoints, results, summary, report."""
     seen = 0
 
-    def watch(event, _arguments):
+    def watch(event, arguments):
         nonlocal seen
-        if event == "os.rename":
+        if event == "os.rename" and not str(arguments[1]).endswith(".pyc"):
             seen += 1
             if seen > number:
                 kill()

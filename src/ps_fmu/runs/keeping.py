@@ -18,7 +18,7 @@ from ..cosim.checkpoint.checkpoints import Checkpoints
 from ..cosim.checkpoint.folder import CheckpointFolder
 from ..cosim.checkpoint.state import CheckpointError
 from ..cosim.checkpoint.warm_start import WarmStart
-from .kept_options import note_complete, write_run
+from .kept_options import check_options, note_complete, write_run
 from .options import CHECKPOINTS, RESULTS, OptionError
 
 Array = NDArray[np.float64]
@@ -125,12 +125,15 @@ def keep_run(
 ) -> Iterator[None]:
     """Note what runs during the body, and that it is complete once the file ``last`` is in the output folder.
 
-    Where nothing was stored, there is nothing to go on with, and the note is removed.  Raises OSError.
+    Where nothing was stored, there is nothing to go on with, and the note is removed.  Raises OSError, and
+    :class:`OptionError` for a run that cannot ``resume`` with these options.
     """
     if options["checkpoint_s"] is None:
         yield
         return
-    if not resume:
+    if resume:
+        check_options(output, kind, name, options)
+    else:
         write_run(output, kind, name, options)
     try:
         yield

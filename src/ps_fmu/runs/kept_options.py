@@ -84,6 +84,22 @@ def read_run(output: Path) -> KeptRun:
     return KeptRun(kind, name, {**options, "output": output})
 
 
+def check_options(output: Path, kind: str, name: str, options: Mapping[str, Any]) -> None:
+    """Raises :class:`OptionError` as :func:`read_run`, and for options with which the run in the folder cannot go on.
+
+    Whether figures are drawn is free.
+    """
+    kept = read_run(output)
+    if (kept.kind, kept.name) != (kind, name):
+        raise OptionError(f"--resume: the run in {output} is one of {kept.name!r}, this is one of {name!r}")
+    for key, value in kept.options.items():
+        if key not in ("figures", "output") and _encode(value) != _encode(options[key]):
+            raise OptionError(
+                f"--resume: the run in {output} was begun with another value of {key}: {_encode(value)!r} there, "
+                f"{_encode(options[key])!r} here: it goes on with the options that it has"
+            )
+
+
 def _write(output: Path, document: Mapping[str, Any]) -> None:
     write_atomically(output / CHECKPOINTS / RUN, json.dumps(document, indent=1) + "\n")
 

@@ -156,10 +156,13 @@ class Recorder:
     def save_state(self) -> dict[str, Any]:
         """What a checkpoint keeps besides the journal."""
         seen = {"began": self._began, "expected": self._expected, "seen_early": self._seen_early}
-        return {**seen, "times": self._times, "filter": self._decimator.save_state()}
+        stored = {"names": [column.name for column in self._columns], "factor": self.factor}
+        return {**seen, **stored, "times": self._times, "filter": self._decimator.save_state()}
 
     def load_state(self, state: Mapping[str, Any]) -> None:
         """Store the rows of the journal, and go on behind them.  Raises KeyError or ValueError: no such state."""
+        if state["names"] != [column.name for column in self._columns] or state["factor"] != self.factor:
+            raise ValueError("other columns, or another storage step")
         journal, self._journal = self._journal, None
         assert journal is not None
         for rows in journal.read():
