@@ -15,6 +15,7 @@ from support.cosim import HEAD, Collect
 from ps_fmu.cli import main
 from ps_fmu.cosim import Master, SlaveError, read_system
 from ps_fmu.cosim.isolation.instance import Isolation
+from ps_fmu.cosim.schemes.scheme import Rate, Scheme
 
 ROOT = Path(__file__).parents[2]
 REFERENCE = "PS_FMU_REFERENCE_FMUS"
@@ -124,6 +125,31 @@ def test_two_that_end_in_one_step(fmus, tmp_path):
     time, rows, ended = run(path, tmp_path / "fmus", 0.2, 12.0, None)
     assert (ended.component, len(time)) == ("again", 46)
     assert rows["again.counter"][-1] == rows["stair.counter"][-1] == 10
+
+
+@pytest.mark.usefixtures("each_loop")
+@pytest.mark.parametrize("order", ["jacobi", "gauss-seidel"])
+@pytest.mark.parametrize(
+    ("rates", "step", "last"),
+    [
+        ({"stair": Rate(parts=4)}, 0.2, 9.0), ({"stair": Rate(3)}, 0.2, 9.0), ({"through": Rate(7)}, 0.2, 9.0),
+        ({"stair": Rate(parts=4)}, 0.7, 8.4), ({"stair": Rate(4)}, 0.2, 9.4),
+    ],
+    ids=str,
+)  # fmt: skip
+def test_an_end_with_rates(fmus, tmp_path, order, rates, step, last):
+    """The last row is that of a base step which all have made."""
+    path = write(tmp_path, ("decay", "stair", "through"), STAIRS)
+    time, rows, ended = run(path, fmus, step, 20 * step if step > 0.5 else 12.0, None, Scheme(order, rates=rates))
+    assert time[-1] == ended.time == pytest.approx(last)
+    np.testing.assert_allclose(rows["decay.x"], 0.9 ** np.round(time / 0.1), rtol=1e-12)
+
+
+@pytest.mark.parametrize("scheme", [Scheme(error_estimate=True), Scheme("iterated")], ids=str)
+def test_an_end_where_steps_are_made_again(fmus, tmp_path, scheme):
+    time, rows, ended = run(write(tmp_path, ("decay", "stair")), fmus, 0.2, 12.0, None, scheme)
+    assert time[-1] == ended.time
+    assert time[-1] == pytest.approx(8.8)
 
 
 @pytest.mark.parametrize("isolation", [None, Isolation()])

@@ -99,7 +99,9 @@ class RepeatingLoop:
         try:
             self.loop.advance(times, interrupted)
         except SlaveEnded as ended:
-            finish_step(self.loop.plan, rows, ended, float(times[rows.filled - first]))
+            begin = float(times[rows.filled - first])
+            if not finish_step(self.loop.plan, rows, ended, begin):
+                ended.time = begin  # parts of a step may have ended later
             raise
         except DiscardedStep as error:
             if self._obstacle is not None:
