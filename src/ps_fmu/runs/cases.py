@@ -200,7 +200,7 @@ def _make_recorder(
         "scenario": options.scenario.name, "scheme": options.scheme, "step_s": options.step_s, "duration_s": duration_s,
         "settings": format_settings(case.values, case.events), **more,
     }  # fmt: skip
-    if planned := master.faults.list_acted(duration_s):
+    if planned := master.faults.list_acted(master.time + duration_s):
         attributes["faults"] = "; ".join(fault.text for fault in planned)
     if case.lead_s:
         attributes["lead_in_s"] = case.lead_s

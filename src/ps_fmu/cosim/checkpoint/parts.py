@@ -151,13 +151,13 @@ def find_difference(own: Mapping[str, Any], kept: Mapping[str, Any]) -> str | No
         return f"other components: {', '.join(fmus or ())} there, {', '.join(own['fmus'])} here"
     if others := [component for component, found in own["fmus"].items() if found != fmus[component]]:
         return f"another FMU behind {', '.join(others)}: its content is not the same"
-    for name, what in (("connections", "wiring"), ("columns", "recorded variables")):
+    for name, what in (("connections", "another wiring"), ("columns", "other recorded variables, as by --observe")):
         here, there = set(own[name]), set(kept.get(name) or ())
         if here != there:
             which = sorted(here ^ there)[0]
-            return f"another {what}: {which!r} is {'not there' if which in here else 'not here'}"
+            return f"{what}: {which!r} is {'not there' if which in here else 'not here'}"
         if list(own[name]) != list(kept[name]):
-            return f"another order of the {what}"
+            return f"{what}: they are in another order"
     return None
 
 
