@@ -147,7 +147,7 @@ def test_an_end_with_rates(fmus, tmp_path, order, rates, step, last):
 
 @pytest.mark.parametrize("scheme", [Scheme(error_estimate=True), Scheme("iterated")], ids=str)
 def test_an_end_where_steps_are_made_again(fmus, tmp_path, scheme):
-    time, rows, ended = run(write(tmp_path, ("decay", "stair")), fmus, 0.2, 12.0, None, scheme)
+    time, _, ended = run(write(tmp_path, ("decay", "stair")), fmus, 0.2, 12.0, None, scheme)
     assert time[-1] == ended.time
     assert time[-1] == pytest.approx(8.8)
 

@@ -13,9 +13,9 @@ from ..cosim.description import convert_value, find_variable, get_unit, index_va
 from ..cosim.faults.active import make_faults
 from ..cosim.faults.event import FaultFile
 from ..cosim.faults.reading import read_faults
-from ..cosim.schemes.scheme import make_scheme
 from ..cosim.recording.selection import select_names
 from ..cosim.rows import Column, make_layout
+from ..cosim.schemes.scheme import make_scheme
 from ..cosim.structure import Parameter, parse_port
 from ..results.summary import FmuFile
 from .cost_log import CostLog

@@ -10,8 +10,8 @@ from typing import Any
 from ..cosim import UsageError, write_ssp
 from ..cosim.clock import StepClock
 from ..cosim.faults.active import make_faults
-from ..cosim.schemes.scheme import make_scheme
 from ..cosim.rows import make_layout
+from ..cosim.schemes.scheme import make_scheme
 from ..cosim.structure import Experiment
 from ..pointing.indices import AbsoluteError, MeanError, PointingIndex, RelativeError, ResidualJitter
 from ..runs.options import OptionError, RunOptions, Scenario
@@ -59,8 +59,8 @@ def load_study_system(study: Study) -> RunSystem:
         system = load_system(make_options(study, Path()))
     except OptionError as error:
         raise StudyError(f"{study.path}, [study], {_as_key(str(error))}") from error
-    clock = StepClock(0.0, study.step_s)
-    make_faults(system.faults, system.structure, system.descriptions, clock, make_scheme(study.scheme)).check_end(study.duration_s)
+    clock, scheme = StepClock(0.0, study.step_s), make_scheme(study.scheme)
+    make_faults(system.faults, system.structure, system.descriptions, clock, scheme).check_end(study.duration_s)
     if study.isolation is not None:
         try:
             study.isolation.check(system.structure)
