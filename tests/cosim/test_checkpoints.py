@@ -259,7 +259,7 @@ def test_a_recorder_of_other_rows_does_not_go_on(mixed, tmp_path, change):
 
     with pytest.raises(Stop):
         record(0.4, False)
-    with pytest.raises(CheckpointError, match=r"state of the observer Recorder .*other columns, or another storage step"):
+    with pytest.raises(CheckpointError, match=r"state of the observer Recorder .*other columns, or another storage"):
         record(1.0, True, **change)
     record(1.0, True)
 
