@@ -1,8 +1,8 @@
 """What checkpoints cost: the default scenario's run with one each 10 s of simulation, against one without.
 
 Both run in turn, round by round; the figures are medians over the rounds, of the seconds and of the ratio of the two in
-a round: wall time, processor time of the process, and processor time of the loop's thread.  The states of the observers, and the files, are written in the thread beside the
-loop.
+a round: wall time, processor time of the process, and processor time of the loop's thread.  The states of the
+observers, and the files, are written in the thread beside the loop.
 """
 
 from __future__ import annotations
