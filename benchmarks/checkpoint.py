@@ -1,8 +1,8 @@
 """What checkpoints cost: the default scenario's run with one each 10 s of simulation, against one without.
 
-Both run in turn, round by round; the figures are medians over the rounds: wall time, processor time of the process, and
-processor time of the loop's thread.  The states of the observers, and the files, are written in the thread beside the
-loop.
+Both run in turn, round by round; the figures are medians over the rounds, of the seconds and of the ratio of the two in
+a round: wall time, processor time of the process, and processor time of the loop's thread.  The states of the
+observers, and the files, are written in the thread beside the loop.
 """
 
 from __future__ import annotations
@@ -42,23 +42,27 @@ def main(argv: Sequence[str] | None = None) -> int:
     system = read_system(ROOT / "system" / "SystemStructure.ssd", folder)
     found = measure(system, arguments.rounds, arguments.duration)
     print(f"{'':10}{'without (s)':>14}{'with (s)':>12}{'more':>9}")
-    for clock, (without, with_them) in found.items():
-        print(f"{clock:10}{without:14.4f}{with_them:12.4f}{100.0 * (with_them / without - 1.0):+8.2f} %")
+    for clock, (without, with_them, ratio) in found.items():
+        print(f"{clock:10}{without:14.4f}{with_them:12.4f}{100.0 * (ratio - 1.0):+8.2f} %")
     if arguments.output is not None:
         arguments.output.write_text(json.dumps({"interval_s": INTERVAL, **found}, indent=1) + "\n")
     return 0
 
 
-def measure(system: System, rounds: int, duration: float) -> dict[str, tuple[float, float]]:
-    """Median seconds of a run without and with checkpoints, by clock."""
+def measure(system: System, rounds: int, duration: float) -> dict[str, tuple[float, float, float]]:
+    """Median seconds of a run without and with checkpoints, and median ratio, by clock."""
     ways = [partial(run, system, duration, keeps) for keeps in (False, True)]
     ways[1]()  # files are in memory, libraries are loaded
     times: list[list[dict[str, float]]] = [[], []]
     for number in range(rounds):
         for way in (0, 1) if number % 2 == 0 else (1, 0):
             times[way].append(ways[way]())
-    without, with_them = ({clock: median(one[clock] for one in each) for clock in CLOCKS} for each in times)
-    return {clock: (without[clock], with_them[clock]) for clock in CLOCKS}
+    found = {}
+    for clock in CLOCKS:
+        without, with_them = ([one[clock] for one in each] for each in times)
+        ratios = [b / a for a, b in zip(without, with_them, strict=True)]
+        found[clock] = median(without), median(with_them), median(ratios)
+    return found
 
 
 def run(system: System, duration: float, keeps: bool) -> dict[str, float]:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from support.cosim import Collect
 
-from ps_fmu.cosim import Master, compiled, fmu_instance, guard, loops
+from ps_fmu.cosim import Master, compiled, guard, library, loops
 from ps_fmu.cosim.description import read_descriptions
 from ps_fmu.cosim.graph import check_wiring
 from ps_fmu.cosim.initialisation import initialise, load
@@ -124,11 +124,11 @@ def test_libraries_are_loaded_one_at_a_time(monkeypatch, tmp_path):
             return "alone"
         return "together"
 
-    monkeypatch.setattr(fmu_instance, "FMU2Slave", fmpy)
+    monkeypatch.setattr(library, "FMU2Slave", fmpy)
     description = SimpleNamespace(guid="", coSimulation=SimpleNamespace(modelIdentifier=""))
     with ThreadPoolExecutor(2) as pool:
         components = [SimpleNamespace(name=name) for name in "ab"]
-        loads = [pool.submit(fmu_instance.load_library, c, description, tmp_path) for c in components]
+        loads = [pool.submit(library.load_library, c, description, tmp_path) for c in components]
     assert [load.result() for load in loads] == ["alone", "alone"]
 
 

@@ -99,7 +99,7 @@ def test_a_killed_run_ends_with_the_results_of_an_undisturbed_one(inputs, undist
     number = rng.randrange(rows if kind == "rows" else NAMES)
     done = start(inputs, *words, driver=(str(DRIVER), kind, str(number)))
     while done.returncode == -signal.SIGKILL:
-        again = ("rows", str(rng.randrange(2 * rows)))  # perhaps it is killed again
+        again = ("rows", str(rng.randrange(4 * rows)))  # perhaps it is killed again
         begun = (tmp_path / "out" / "checkpoint" / "run.json").is_file()  # else it was killed before it began
         more = ["--resume", str(tmp_path / "out"), "--no-figures"] if begun else words
         done = start(inputs, *more, driver=(str(DRIVER), *again))

@@ -2,7 +2,8 @@
 
 ``interrupt``: Ctrl-C after so many rows.
 ``rows``: some turns of the threads after so many rows have gone to the recorders, wherever the threads are, also
-within netCDF; ``names``: before a file gets its name for the so-many-th time.  Without such a moment nobody is killed.
+within netCDF, and at the latest when the recorder is closed; ``names``: before a file gets its name for the so-many-th
+time.  Without such a moment nobody is killed.
 """
 
 from __future__ import annotations
@@ -31,7 +32,11 @@ def kill_after_rows(number: int) -> None:
             time.sleep(0.0)  # gives way to the other threads
         kill()
 
-    act_after_rows(number, lambda: threading.Thread(target=wait_and_kill, daemon=True).start())
+    def act() -> None:
+        Recorder.close = lambda self: kill()
+        threading.Thread(target=wait_and_kill, daemon=True).start()
+
+    act_after_rows(number, act)
 
 
 def act_after_rows(number: int, act) -> None:

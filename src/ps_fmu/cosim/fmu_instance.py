@@ -8,15 +8,11 @@ co-simulation).
 from __future__ import annotations
 
 import ctypes
-import os
-import threading
 from collections.abc import Iterable, Mapping, Sequence
 from ctypes import CFUNCTYPE, byref, c_char, c_char_p, c_double, c_int, c_size_t, c_uint, c_void_p
 from enum import Enum, auto
-from pathlib import Path
 from typing import Any, NoReturn
 
-from fmpy import platform, sharedLibraryExtension
 from fmpy.fmi2 import FMU2Slave
 from fmpy.model_description import ModelDescription
 
@@ -24,13 +20,11 @@ from . import guard, pythonfmu
 from .description import convert_value, index_variables, read_tolerance
 from .errors import DiscardedStep, SlaveEnded, SlaveError, SystemFileError, UsageError, name_status
 from .guard import End
+from .library import find_binary, load_library
 from .messages import MessageLog, forget, listen
 from .structure import Component, Value
 from .unpacked import discard_unpacked, leave_no_bytecode, provide_unpacked, release_unpacked
 from .values import parse_real
-
-_NOT_LOADED = "component {!r} cannot be loaded on this platform"
-_LOADING = threading.Lock()  # the working directory, which FMPy changes, is that of all threads
 
 OK, WARNING, DISCARD, ERROR, FATAL, PENDING = range(6)
 LAST_SUCCESSFUL_TIME, TERMINATED = 2, 3  # fmi2StatusKind
@@ -382,32 +376,3 @@ def quote(messages: Sequence[str]) -> str:
     if not messages:
         return "\n  The FMU logged nothing."
     return "\n  The FMU says:\n" + "\n".join("    " + line.replace("\n", "\n    ") for line in messages)
-
-
-def find_binary(component: Component, description: ModelDescription, folder: Path) -> Path:
-    """The library of an unpacked FMU for this platform.  Raises :class:`SystemFileError` if there is none."""
-    name = f"{description.coSimulation.modelIdentifier}{sharedLibraryExtension}"
-    path = folder / "binaries" / platform / name
-    if path.is_file():
-        return path
-    others = sorted(other.name for other in folder.glob("binaries/*") if other.is_dir())
-    text = f"{_NOT_LOADED.format(component.name)}: the FMU has no binaries/{platform}/{name}; it has binaries for "
-    raise SystemFileError(component.source, f"{text}{', '.join(others) or 'none'}: ask its maker for {platform}")
-
-
-def load_library(component: Component, description: ModelDescription, folder: Path) -> FMU2Slave:
-    """Load the library; FMPy changes the working directory for that and leaves it changed when it fails."""
-    with _LOADING:
-        directory = Path.cwd()
-        try:
-            return FMU2Slave(
-                guid=description.guid,
-                unzipDirectory=str(folder),
-                modelIdentifier=description.coSimulation.modelIdentifier,
-                instanceName=component.name,
-            )
-        except Exception as error:
-            text = f"{_NOT_LOADED.format(component.name)}: " + str(error).replace(f"{folder}{os.sep}", "")
-            raise SystemFileError(component.source, text) from error
-        finally:
-            os.chdir(directory)

@@ -14,8 +14,9 @@ from fmpy.fmi2 import FMU2Slave
 from fmpy.model_description import ModelDescription
 
 from ..errors import SlaveError
-from ..fmu_instance import FAMILY, FATAL, OK, WARNING, FmuInstance, InstancePhase, at_time, find_binary, quote
+from ..fmu_instance import FAMILY, FATAL, OK, WARNING, FmuInstance, InstancePhase, at_time, quote
 from ..guard import End, find_interrupts
+from ..library import find_binary
 from ..messages import forget
 from ..structure import Component, System
 from ..unpacked import release_unpacked
