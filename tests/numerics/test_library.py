@@ -61,6 +61,29 @@ def test_all_instructions_give_the_same_bits_and_numpy_the_same_numbers(make, mo
     np.testing.assert_allclose(made[0], expected, rtol=0.0, atol=SAME * rms)
 
 
+def test_a_source_without_the_library_takes_no_compiled_work_over(monkeypatch):
+    """Sources leave each other memory; noise of numpy differs by rounding, so it tells who has made it."""
+    compiled = make_noise()
+    monkeypatch.setattr(library, "find_arithmetic", lambda: None)
+    assert make_noise().tobytes() != compiled.tobytes()
+
+
+@pytest.mark.parametrize("compiled", [True, False])
+def test_times_of_any_layout_and_type(compiled, monkeypatch):
+    """Every second one of an array; whole numbers."""
+    if not compiled:
+        monkeypatch.setattr(library, "find_arithmetic", lambda: None)
+    sources = (
+        GaussianNoise(NOISE.wrench_psd_B, NOISE.band, seed=3, period=20.0),
+        WheelSource(SpeedProfile(200.0, 300.0, 1.0, 2.0), np.ones(3), np.ones(3), (1, 101)),
+        SampleTable(np.random.default_rng(3).standard_normal((50, 12))[:, ::2], 10.0),
+    )
+    for source in sources:
+        for times in (np.linspace(0.0, 4.0, 101)[::2], np.arange(5)):
+            expected = source(np.array(times, dtype=np.float64))
+            assert source(times).tobytes() == expected.tobytes()
+
+
 def test_the_best_instructions_are_chosen():
     assert library.find_arithmetic().instructions == KNOWN[-1].instructions
     assert library.find_arithmetic("none such") is None
