@@ -32,6 +32,19 @@ def make_wheel(final=300.0):
     return source(np.linspace(0.0, 4.0, 1003))
 
 
+def make_jumping_wheel():
+    """Ramps of a step, with rows at their ends: rounding decides whether these are within."""
+    starts = np.arange(1, 60) * 0.1
+    rows = [
+        WheelSource(SpeedProfile(200.0, 300.0, start, 1e-4), np.ones(3), np.ones(3), (1, 101))(
+            np.array([start, start + 1e-4])
+        )
+        for start in starts
+    ]
+    assert {start + 1e-4 - start < 1e-4 for start in starts} == {True, False}
+    return np.concatenate(rows)
+
+
 def read_table():
     values = np.random.default_rng(3).standard_normal((50, 6))
     return SampleTable(values, 10.0, start=1.0)(np.sort(np.concatenate([np.linspace(-3.0, 13.0, 200), [1.1, 2.0]])))
@@ -41,6 +54,7 @@ MAKERS = {
     "noise": make_noise,
     "noise without a compiled transform": lambda: make_noise(37.3),
     "wheel": make_wheel,
+    "wheel with short ramps": make_jumping_wheel,
     "steady wheel": lambda: make_wheel(200.0),
     "table": read_table,
     "normal numbers": lambda: draw_normal((1, 2), 9, 255),
