@@ -32,6 +32,19 @@ def make_wheel(final=300.0):
     return source(np.linspace(0.0, 4.0, 1003))
 
 
+def make_jumping_wheel():
+    """Ramps of a step, with rows at their ends: rounding decides whether these are within."""
+    starts = np.arange(1, 60) * 0.1
+    rows = [
+        WheelSource(SpeedProfile(200.0, 300.0, start, 1e-4), np.ones(3), np.ones(3), (1, 101))(
+            np.array([start, start + 1e-4])
+        )
+        for start in starts
+    ]
+    assert {start + 1e-4 - start < 1e-4 for start in starts} == {True, False}
+    return np.concatenate(rows)
+
+
 def read_table():
     values = np.random.default_rng(3).standard_normal((50, 6))
     return SampleTable(values, 10.0, start=1.0)(np.sort(np.concatenate([np.linspace(-3.0, 13.0, 200), [1.1, 2.0]])))
@@ -41,6 +54,7 @@ MAKERS = {
     "noise": make_noise,
     "noise without a compiled transform": lambda: make_noise(37.3),
     "wheel": make_wheel,
+    "wheel with short ramps": make_jumping_wheel,
     "steady wheel": lambda: make_wheel(200.0),
     "table": read_table,
     "normal numbers": lambda: draw_normal((1, 2), 9, 255),
@@ -59,6 +73,29 @@ def test_all_instructions_give_the_same_bits_and_numpy_the_same_numbers(make, mo
     assert all(values.tobytes() == made[0].tobytes() for values in made)
     rms = np.sqrt((expected**2).mean(axis=0)).max()
     np.testing.assert_allclose(made[0], expected, rtol=0.0, atol=SAME * rms)
+
+
+def test_a_source_without_the_library_takes_no_compiled_work_over(monkeypatch):
+    """Sources leave each other memory; noise of numpy differs by rounding, so it tells who has made it."""
+    compiled = make_noise()
+    monkeypatch.setattr(library, "find_arithmetic", lambda: None)
+    assert make_noise().tobytes() != compiled.tobytes()
+
+
+@pytest.mark.parametrize("compiled", [True, False])
+def test_times_of_any_layout_and_type(compiled, monkeypatch):
+    """Every second one of an array; whole numbers."""
+    if not compiled:
+        monkeypatch.setattr(library, "find_arithmetic", lambda: None)
+    sources = (
+        GaussianNoise(NOISE.wrench_psd_B, NOISE.band, seed=3, period=20.0),
+        WheelSource(SpeedProfile(200.0, 300.0, 1.0, 2.0), np.ones(3), np.ones(3), (1, 101)),
+        SampleTable(np.random.default_rng(3).standard_normal((50, 12))[:, ::2], 10.0),
+    )
+    for source in sources:
+        for times in (np.linspace(0.0, 4.0, 101)[::2], np.arange(5)):
+            expected = source(np.array(times, dtype=np.float64))
+            assert source(times).tobytes() == expected.tobytes()
 
 
 def test_the_best_instructions_are_chosen():

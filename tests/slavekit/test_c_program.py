@@ -4,9 +4,14 @@ import dataclasses
 import hashlib
 import json
 import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
 
 import pytest
 
+import ps_fmu
 from ps_fmu.blocks.native import BLOCKS
 from ps_fmu.cosim.isolation.program import ISOLATION
 from ps_fmu.cosim.native import LOOP
@@ -52,3 +57,45 @@ def test_a_mistake_in_the_source_is_told(tmp_path):
 
 def test_a_platform_that_nothing_was_made_for():
     assert LAUNCHER.path("linux32") is None
+
+
+def copy_program(program, folder):
+    """The library for Linux and its record alone."""
+    copied = dataclasses.replace(program, folder=folder)
+    copied.path("linux64").parent.mkdir()
+    copied.path("linux64").write_bytes(program.path("linux64").read_bytes())
+    copied.record.write_bytes(program.record.read_bytes())
+    return copied
+
+
+def test_a_library_that_is_not_the_recorded_one_is_not_loaded(tmp_path):
+    """Cut short, or that of another program: to load it would end this process by SIGBUS, or a call by SIGSEGV."""
+    program = copy_program(BLOCKS, tmp_path)
+    path = program.path("linux64")
+    assert program.find_whole("linux64") == path
+    for content in (path.read_bytes()[:1000], LOOP.path("linux64").read_bytes()):
+        path.write_bytes(content)
+        with pytest.raises(OSError, match=r"blocks\.so: is damaged, or of another version: install ps_fmu again"):
+            program.find_whole("linux64")
+    path.unlink()
+    with pytest.raises(FileNotFoundError):
+        program.find_whole("linux64")
+
+
+@pytest.mark.parametrize("cut", [1000, 20_000])
+def test_work_goes_on_in_numpy_with_damaged_libraries(tmp_path, cut):
+    """In a copy of the package whose folder has a space in its name."""
+    package = tmp_path / "a copy" / "ps_fmu"
+    shutil.copytree(Path(ps_fmu.__file__).parent, package, ignore=shutil.ignore_patterns("__pycache__"))
+    for program in (NUMERICS, BLOCKS, LOOP):
+        path = package / program.path("linux64").relative_to(Path(ps_fmu.__file__).parent)
+        path.write_bytes(path.read_bytes()[:cut] if cut < path.stat().st_size else b"")
+    script = (
+        f"import sys; sys.path.insert(0, {str(package.parent)!r})\n"
+        "from ps_fmu.numerics import library; from ps_fmu.blocks.library import find_library\n"
+        "from ps_fmu.cosim.compiled import is_available\n"
+        "assert library.__file__.startswith(sys.path[0])\n"
+        "print(library.find_arithmetic(), find_library(), is_available())\n"
+    )
+    found = subprocess.run([sys.executable, "-I", "-c", script], capture_output=True, text=True, check=False)
+    assert (found.returncode, found.stdout) == (0, "None None False\n"), found.stderr

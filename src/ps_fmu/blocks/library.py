@@ -16,11 +16,10 @@ log = logging.getLogger("ps_fmu.blocks")
 @cache
 def find_library() -> CDLL | None:
     """The library; None if there is none for this platform, or none that can be loaded."""
-    path = BLOCKS.path("linux64") if sys.platform == "linux" and platform.machine() == "x86_64" else None
-    if path is None:
+    if sys.platform != "linux" or platform.machine() != "x86_64":
         return None
     try:
-        library = CDLL(str(path))
+        library = CDLL(str(BLOCKS.find_whole("linux64")))
     except OSError as error:
         log.info("blocks of rows are worked on in numpy: %s", error)
         return None

@@ -48,7 +48,7 @@ class End(Structure):
 @cache
 def load_library() -> ctypes.CDLL:
     """The library of the loop.  Raises OSError if there is none for this platform, or none that can be loaded."""
-    path = LOOP.path(platform)
+    path = LOOP.find_whole(platform)
     if path is None:
         raise OSError(f"there is no compiled loop for {platform}")
     library = ctypes.CDLL(str(path))

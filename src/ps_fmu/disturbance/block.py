@@ -11,6 +11,7 @@ from itertools import pairwise
 import numpy as np
 
 from ..mechanism.quantities import Array
+from ..numerics import library
 from .sample_table import SampleTable
 from .smooth import Weight, crossfade, ramp
 from .spectrum import Layer
@@ -42,8 +43,8 @@ class _LayerTables:
         self._weights = window
         self._rising: dict[tuple[float, int], Array] = {}
         # Sources in other threads take from these, too: each method of a deque is one step for them.
-        self.spare: dict[int, deque[Synthesis]] = {}
-        """By the number of independent sources."""
+        self.spare: dict[tuple[bytes, int], deque[Synthesis]] = {}
+        """By the instructions that are used and the number of independent sources."""
         self.spare_rows: deque[Array] = deque(maxlen=_MOST_SPARE)
 
     def get_sizes(self, start: float, phase: int) -> Array:
@@ -84,7 +85,9 @@ class BlockShape:
         self.layer, self.factor = layer, np.ascontiguousarray(factor)
         self.tables = _make_tables(layer.key, layer.rate, layer.period, layer.numbers.tobytes(), rise_time)
         # Of the layer, not of the shape: a source that is reset need not fetch its memory from the system again.
-        self._spare = self.tables.spare.setdefault(factor.shape[1], deque(maxlen=1))
+        arithmetic = library.find_arithmetic()
+        instructions = b"" if arithmetic is None else arithmetic.instructions
+        self._spare = self.tables.spare.setdefault((instructions, factor.shape[1]), deque(maxlen=1))
         self._spare_rows = self.tables.spare_rows
         self.n_parts = self._count_parts()
         """In which a block is made, at most."""

@@ -68,6 +68,8 @@ def add_rows(
     if arithmetic is None or rows.shape != (time.size, _COMPILED_COLUMNS):
         rows += _read_sum(tables, shifts, (time - start) * rate)
         return
+    tables = [np.ascontiguousarray(table, dtype=np.float64) for table in tables]
+    time = np.ascontiguousarray(time, dtype=np.float64)
     one, other = (find_address(table) for table in (tables[0], tables[-1]))
     both = Tables(one, other if len(tables) == 2 else None, len(tables[0]), shifts[0], shifts[-1], start, rate)
     arithmetic.add_rows(byref(both), find_address(time), time.size, find_address(rows))

@@ -53,7 +53,8 @@ class SpeedProfile:
         """Rate of change of the speed at the times (n,), rad/s2; a jump has none."""
         if self.duration == 0.0 or self.initial == self.final:
             return np.zeros(time.size)
-        during = (time >= self.start) & (time < self.start + self.duration)
+        since = time - self.start  # rounded as in the compiled library, where it decides on the last row of the ramp
+        during = (since >= 0.0) & (since < self.duration)
         return np.where(during, (self.final - self.initial) / self.duration, 0.0)
 
     def speed(self, time: Array) -> Array:

@@ -7,6 +7,8 @@ same in numpy: their results differ by rounding.
 from __future__ import annotations
 
 import ctypes
+import hashlib
+import json
 import logging
 import platform
 import sys
@@ -96,10 +98,22 @@ def _load() -> ctypes.CDLL | None:
     if name is None or sys.maxsize < 2**32:
         return None
     try:
-        return ctypes.CDLL(str(Path(__file__).parent / name))
+        return ctypes.CDLL(str(_find_whole(Path(__file__).parent, name)))
     except OSError as error:
         log.info("noise is made without the compiled library: %s", error)
         return None
+
+
+def _find_whole(folder: Path, name: str) -> Path:
+    """The library, if it is the one that was recorded when it was made; else raises OSError.
+
+    One that was cut short would end the process when it is loaded, one of another version when it is called.
+    """
+    path, platform_name = folder / name, name.partition("/")[0]
+    made = json.loads((folder / "numerics.json").read_bytes())["made"]
+    if hashlib.sha256(path.read_bytes()).hexdigest() != made[platform_name]:
+        raise OSError(f"{path}: is damaged, or of another version: install ps_fmu again")
+    return path
 
 
 def clear() -> None:

@@ -160,7 +160,7 @@ class WheelSource:
 
     def __call__(self, time: Array) -> Array:
         """Force (N) and torque (N.m) in B at its origin at the times (n,) in s, shape (n, 6)."""
-        wrench = np.zeros((time.size, 6))
+        wrench, time = np.zeros((time.size, 6)), np.ascontiguousarray(time, dtype=np.float64)
         for first in range(0, time.size, self.rows_at_once):
             part = slice(first, first + self.rows_at_once)
             if self._ramp is not None:

@@ -62,6 +62,20 @@ class Program:
         target = self.targets.get(platform)
         return None if target is None else self.folder / platform / target.result
 
+    def find_whole(self, platform: str) -> Path | None:
+        """As :meth:`path`, for a library that this process is to load.
+
+        Raises OSError if there is none, or another one than was recorded: one that was cut short ends the process when
+        it is loaded, one of another version when it is called.
+        """
+        path = self.path(platform)
+        if path is None:
+            return None
+        made = json.loads(self.record.read_bytes())["made"]
+        if _compute_digest(path.read_bytes()) != made[platform]:
+            raise OSError(f"{path}: is damaged, or of another version: install ps_fmu again")
+        return path
+
     @property
     def record(self) -> Path:
         """The file that says what was made from what."""
