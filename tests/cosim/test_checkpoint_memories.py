@@ -261,7 +261,9 @@ def test_another_scheme_does_not_go_on(masses, tmp_path, other, words):
         lambda content: content["scheme"].reverse(),
         lambda content: content["scheme"][0].pop("memory"),
         lambda content: content["scheme"][0].update(first=0.0),
-        lambda content: content["scheme"][-1].update(jacobian=content["scheme"][-1]["largest"]),
+        lambda content: content["scheme"][-1].update(
+            jacobian=content["scheme"][-1]["largest"], largest=content["scheme"][-1]["jacobian"]
+        ),
     ],
 )
 def test_tampered_memories_of_schemes_are_refused(masses, tmp_path, change):

@@ -14,7 +14,7 @@ from ..checkpoint.state import State, copy_into
 from ..clock import StepClock
 from ..fmu_instance import FmuInstance
 from ..rows import Array, Latest
-from ..structure import PortName, System, parse_port
+from ..structure import PortName, System
 from ..values import Value
 from . import effects
 from .acted import ActedFault, identify, list_acted
@@ -120,15 +120,14 @@ class ActiveFaults:
             raise ValueError(f"faults at the communication point {index}")
         self.reset()
         self.switch(index)
-        types = {} if self.bound is None else self.bound.types
+        ports = {str(port): port for port in self.recorded}
         for name, base in state["bases"].items():
-            port = parse_port(name)
-            found = type(base)
-            if found is not _BASES[types[port]]:
+            port, found = ports[name], type(base)
+            if found is not _BASES[self._type(port)]:
                 raise ValueError(f"{name} has the value {base!r} without faults")
             self._bases[port] = base
         for kept in state["memories"]:
-            fault, port = self._faults[int(kept["fault"])], parse_port(kept["input"])
+            fault, port = self._faults[int(kept["fault"])], ports[kept["input"]]
             if fault not in self._acting or port not in fault.inputs:
                 raise ValueError(f"the fault {fault.event.key} does not act on {port}")
             effect = self._find_effect(fault, port)
