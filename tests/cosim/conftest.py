@@ -42,6 +42,26 @@ def make_system(toys: Path, tmp_path: Path) -> Callable[..., System]:
 
 
 @pytest.fixture(scope="session")
+def with_states(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Toys whose state can be written: all that they have is in their variables."""
+    folder = tmp_path_factory.mktemp("with_states")
+    for name in ("mass", "counter", "gain", "relay"):
+        states = {"canGetAndSetFMUstate": True, "canSerializeFMUstate": True}
+        FmuBuilder.build_FMU(TOYS / f"toy_{name}.py", dest=folder, **states)
+    return folder
+
+
+@pytest.fixture
+def mixed(make_system: Callable[..., System], with_states: Path) -> System:
+    """Reals, Integers and Booleans, in a loop and in a chain."""
+    return make_system(
+        {"mass": "ToyMass", "gain": "ToyGain", "first": "ToyCounter", "second": "ToyCounter"},
+        ["mass.position -> gain.u", "gain.y -> mass.force", "first.odd -> second.enabled"],
+        with_states,
+    )
+
+
+@pytest.fixture(scope="session")
 def build(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., System]:
     """Compile a linear system once: ``build(make, **options)``, see :mod:`support.linear`."""
     built: dict[tuple[object, ...], System] = {}

@@ -1,6 +1,5 @@
 """A master goes on from a checkpoint with the same bits; what does not fit is refused by name."""
 
-import json
 import math
 import re
 import signal
@@ -9,8 +8,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from pythonfmu.builder import FmuBuilder
 from support import faulty
+from support.checkpoints import EVENTS, STEPS, H, Keep, Stop, check_same, edit, run
 from support.cosim import Collect, ssd_text
 
 from ps_fmu.cosim import Master, Recorder, SlaveError, UsageError, read_system
@@ -19,69 +18,6 @@ from ps_fmu.cosim.checkpoint.state import CheckpointError
 from ps_fmu.cosim.checkpoint.warm_start import WarmStart
 from ps_fmu.cosim.fmu_instance import FmuInstance
 from ps_fmu.cosim.isolation.instance import Isolation
-
-H = 0.01
-STEPS = 60
-EVENTS = [(0.11, "mass.mass", 3.0), (0.3, "first.increment", 4), (0.3, "mass.force", 0.25), (0.41, "mass.force", -1.0)]
-
-
-class Keep(Collect):
-    """Observer that keeps everything, with a state."""
-
-    def save_state(self):
-        return {"firsts": list(self.firsts), "times": list(self._times), "values": list(self._values)}
-
-    def load_state(self, state):
-        self.firsts, self._times, self._values = state["firsts"], state["times"], state["values"]
-
-
-class Stop(Exception):
-    """Ends a run as a kill would."""
-
-
-@pytest.fixture(scope="session")
-def with_states(tmp_path_factory):
-    """Toys whose state can be written; the mass and the counter have all of theirs in their variables."""
-    from conftest import ROOT
-
-    folder = tmp_path_factory.mktemp("with_states")
-    for name in ("mass", "counter", "gain"):
-        source = ROOT / "tests" / "cosim" / "toys" / f"toy_{name}.py"
-        FmuBuilder.build_FMU(source, dest=folder, canGetAndSetFMUstate=True, canSerializeFMUstate=True)
-    return folder
-
-
-@pytest.fixture
-def mixed(make_system, with_states):
-    """Reals, Integers and Booleans, in a loop and in a chain."""
-    return make_system(
-        {"mass": "ToyMass", "gain": "ToyGain", "first": "ToyCounter", "second": "ToyCounter"},
-        ["mass.position -> gain.u", "gain.y -> mass.force", "first.odd -> second.enabled"],
-        with_states,
-    )
-
-
-def run(system, checkpoints=None, *, stop_s=None, steps=STEPS, events=EVENTS, beside=False, **options):
-    """All rows of a run; with ``stop_s`` it ends there."""
-    keep = Keep()
-
-    def watch(simulated, _wall, _factor):
-        if stop_s is not None and simulated >= stop_s:
-            raise Stop
-
-    with Master(system, H, block_rows=7, **options) as master:
-        master.initialise()
-        try:
-            master.run(steps * H, [keep], events, watch, beside=beside, checkpoints=checkpoints)
-        except Stop:
-            assert stop_s is not None
-    return keep
-
-
-def check_same(found, expected):
-    assert found.firsts == expected.firsts
-    assert found.time.tobytes() == expected.time.tobytes()
-    assert found.values.tobytes() == expected.values.tobytes()
 
 
 @pytest.mark.parametrize(
@@ -286,16 +222,6 @@ def test_another_step_does_not_go_on(mixed, kept):
     with pytest.raises(CheckpointError, match=r"another step \(s\): 0.01 there, 0.005 here"), Master(mixed, 0.005) as m:
         m.initialise()
         m.run(1.0, [Keep()], checkpoints=Checkpoints(kept, 0.05, resume=True))
-
-
-def edit(path, change):
-    """Change the JSON of a checkpoint."""
-    with zipfile.ZipFile(path) as archive:
-        head, data = json.loads(archive.read("checkpoint.json")), archive.read("arrays.bin")
-    change(head)
-    with zipfile.ZipFile(path, "w") as archive:
-        archive.writestr("checkpoint.json", json.dumps(head))
-        archive.writestr("arrays.bin", data)
 
 
 def test_fmus_without_states_are_named(oscillator, tmp_path):

@@ -83,8 +83,6 @@ def test_a_run_of_any_system_says_what_acted_and_marks_it(oscillator, tmp_path, 
         ({}, ("--faults", "none.json"), 2, "--faults: there is no file none.json"),
         ({}, ("--scheme", "iterated"), 2, "--faults: cannot be combined with the scheme iterated: expected jacobi or"),
         ({}, ("--rate", "mass=1/2"), 2, "--faults: cannot be combined with the scheme jacobi, mass 1/2"),
-        ({}, ("--checkpoint", "0.5"), 2, "--checkpoint: cannot be combined with --faults"),
-        ({}, ("--from", "."), 2, "--from: cannot be combined with --faults"),
     ],
 )
 def test_what_cannot_be_done_ends_the_run_before_it_begins(oscillator, tmp_path, capsys, event, more, code, text):

@@ -3,6 +3,7 @@
 ``PS_FMU_KILLS=30`` disturbs each scenario so often, instead of once.
 """
 
+import json
 import os
 import random
 import signal
@@ -16,6 +17,9 @@ import pytest
 from support.same_results import list_differences
 
 from ps_fmu.cosim import Recorder
+from ps_fmu.cosim.schemes.scheme import Iteration, Rate, Scheme
+from ps_fmu.runs.kept_options import SYSTEM, read_run, write_run
+from ps_fmu.runs.options import OptionError
 
 ROOT = Path(__file__).parents[2]
 DRIVER = ROOT / "tests" / "support" / "killed.py"
@@ -50,6 +54,17 @@ statistic = "rms"
 confidence = 0.5
 limit = "1 mm"
 """
+
+
+FAULTS = {
+    "defaults": {"model": "plant"},
+    "events": [
+        {"time": 0.03, "variable": "base_acceleration.x", "action": "delay", "value": 0.05},
+        {"time": 0.03, "variable": "base_acceleration.y", "action": "dropout", "probability": 0.5},
+        {"time": 0.03, "variable": "base_acceleration.z", "action": "freeze", "duration": 0.2},
+        {"time": 0.1, "variable": "base_angular_acceleration.x", "action": "noise", "rms": 1e-6},
+    ],
+}
 
 
 def start(folder, *words, driver=()):
@@ -227,6 +242,54 @@ def test_any_system_goes_on(inputs, run, tmp_path, capsys):
     code, said = run("--resume", tmp_path / "out")
     assert code == 0, said
     assert list_differences(tmp_path / "whole", tmp_path / "out") == []
+
+
+def test_a_run_with_faults_goes_on(inputs, run, tmp_path):
+    path, out = tmp_path / "faults.json", tmp_path / "out"
+    path.write_text(json.dumps(FAULTS))
+    words = ["isolation", "--duration", "0.2", "--no-figures", "--faults", str(path)]
+    assert run(*words, "--output", tmp_path / "whole")[0] == 0
+    again = [*words, "--checkpoint", "0.03", "--output", str(out)]
+    done = start(inputs, *again, driver=(str(DRIVER), "names", "13"))
+    assert done.returncode == -signal.SIGKILL, done.stderr
+    assert 1 <= len(list((out / "checkpoint" / "active").glob("row-*.zip"))) <= 2  # it is the second case
+    path.write_text(json.dumps({**FAULTS, "end": 0.19}))
+    code, said = run("--resume", out)
+    assert code == 2
+    assert "faults.json is not as it was when the run began" in said
+    path.write_text(json.dumps(FAULTS))
+    code, said = run("--resume", out, "--no-figures")
+    assert code == 0, said
+    assert list_differences(tmp_path / "whole", out) == []
+
+
+def test_a_run_by_another_scheme_goes_on(inputs, run, tmp_path):
+    from ps_fmu.cli import main
+
+    assert main(["ssp", "--output", str(tmp_path / "own.ssp")]) == 0
+    words = [str(tmp_path / "own.ssp"), "--step", "1e-4", "--duration", "0.2", "--observe", "plant.*", "--no-figures"]
+    words += ["--scheme", "gauss-seidel", "--extrapolate", "linear", "--rate", "isolator=5"]
+    assert run(*words, "--output", tmp_path / "whole")[0] == 0
+    again = [*words, "--checkpoint", "0.0303", "--output", str(tmp_path / "out")]
+    done = start(inputs, *again, driver=(str(DRIVER), "names", "6"))
+    assert done.returncode == -signal.SIGKILL, done.stderr
+    code, said = run("--resume", tmp_path / "out", "--no-figures")
+    assert code == 0, said
+    assert list_differences(tmp_path / "whole", tmp_path / "out") == []
+
+
+def test_all_of_a_scheme_is_kept(tmp_path):
+    kept = tmp_path / "checkpoint" / "run.json"
+    for scheme in (
+        Scheme("gauss-seidel", "smoothed", {"a": Rate(3), "b": Rate(parts=4)}), Scheme("jacobi", error_estimate=True),
+        Scheme("iterated", "linear", iteration=Iteration("newton", 1e-7, 1e-11, 7)), "gauss-seidel",
+    ):  # fmt: skip
+        write_run(tmp_path, SYSTEM, "any", {"system": Path(__file__), "scheme": scheme})
+        assert read_run(tmp_path).options["scheme"] == scheme
+    text = json.dumps({"order": "iterated", "extrapolation": "hold", "rates": {"a": "0"}, "iteration": {}})
+    kept.write_text(kept.read_text().replace('"gauss-seidel"', text))
+    with pytest.raises(OptionError, match="is damaged"):
+        read_run(tmp_path)
 
 
 def test_ctrl_c_names_the_command_that_goes_on(inputs, undisturbed, tmp_path):

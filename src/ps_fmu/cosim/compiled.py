@@ -80,6 +80,7 @@ class CompiledLoop:
         self._run_steps.argtypes, self._run_steps.restype = types, c_int
         self._timing, self._end = None if laps is None else laps.timing, End()
         self.plan, self._rows, self._effects = plan, rows, plan.effects
+        self.memories = plan.memories
         self._parts = list(list_parts(plan))
         operations = (_Operation * len(self._parts))(*map(_make_operation, self._parts))
         sizes = [sum(len(s.gathers) + len(s.calls) for s in stages) for stages in plan.list_phases()]

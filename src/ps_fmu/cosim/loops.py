@@ -12,6 +12,7 @@ from operator import call, length_hint
 from time import perf_counter_ns
 from typing import Protocol, TypeVar
 
+from .checkpoint.state import Stateful
 from .compiled import CompiledLoop, is_available
 from .plan import Gather, Plan, Stage
 from .rows import Array, Rows
@@ -26,6 +27,10 @@ class StepLoop(Protocol):
     @property
     def plan(self) -> Plan | None:
         """What is done in each step; None where that depends on what comes out."""
+
+    @property
+    def memories(self) -> Sequence[Stateful]:
+        """What goes from step to step beside the outputs and what faults remember, in an order that the plan fixes."""
 
     def advance(self, times: Array, interrupted: c_int) -> None:
         """Run one step from each of the ``times`` [s]; ends early, after a step, once ``interrupted`` is not zero.
@@ -59,6 +64,7 @@ class PythonLoop:
 
     def __init__(self, plan: Plan, rows: Rows) -> None:
         self.plan, self._rows, self._effects = plan, rows, plan.effects
+        self.memories = plan.memories
         self._spans = plan.list_spans()
         self._phases = [
             [
@@ -113,6 +119,7 @@ class TimedPythonLoop:
 
     def __init__(self, plan: Plan, rows: Rows, laps: Laps) -> None:
         self.plan, self._rows, self._laps = plan, rows, laps
+        self.memories = plan.memories
         numbered = list(zip(laps.firsts, plan.stages, strict=True))
         ends = list(accumulate(map(len, plan.list_phases())))
         self._phases = [numbered[begin:end] for begin, end in zip((0, *ends[:-1]), ends, strict=True)]

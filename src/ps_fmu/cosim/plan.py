@@ -15,6 +15,7 @@ from typing import Any, NoReturn, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from .checkpoint.state import Stateful
 from .errors import SlaveEnded
 from .faults.effects import EffectGroup
 from .fmu_instance import FmuInstance
@@ -145,6 +146,7 @@ class Plan:
     """The stages of a step.  ``now`` [s], where it begins, is an argument of every fmi2DoStep.
 
     Steps that differ come in turn: ``phases`` says how many stages each of them has, the first one at ``start`` [s].
+    ``memories`` go from step to step, beside those of faults.
     """
 
     stages: tuple[Stage, ...]
@@ -153,6 +155,7 @@ class Plan:
     signals: tuple[BoundSignal, ...] = ()
     phases: tuple[int, ...] = ()
     start: float = 0.0
+    memories: tuple[Stateful, ...] = ()
 
     def find_phase(self, time: float) -> int:
         """Which of the phases the step from ``time`` [s] on is."""

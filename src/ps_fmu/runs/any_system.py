@@ -78,7 +78,7 @@ def _run(options: AnyRun) -> None:
             scheme = resolve_scheme(make_scheme(options.scheme), system, descriptions, step)
         except UsageError as error:
             raise OptionError(f"--scheme and --rate: {error}") from error
-        check_together(scheme, options.faults, options.checkpoint_s, options.source)
+        check_together(scheme, options.faults)
         with Master(
             system, step, scheme, descriptions=descriptions, inputs=signals, also=also,
             isolation=options.isolation, stopwatch=None if costs is None else costs.stopwatch, faults=faults,

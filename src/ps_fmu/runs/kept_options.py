@@ -6,13 +6,13 @@ import hashlib
 import json
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 from .. import __version__
 from ..cosim.isolation.instance import Isolation
-from ..cosim.schemes.scheme import Scheme
+from ..cosim.schemes.scheme import Iteration, Scheme, read_rate
 from ..slavekit.pack.files import write_atomically
 from .options import CHECKPOINTS, OptionError
 
@@ -119,7 +119,7 @@ def _read(output: Path) -> dict[str, Any]:
 
 def _list_files(options: Mapping[str, Any]) -> list[Path]:
     """Files whose content decides on the results, but for the FMUs, which are in each checkpoint."""
-    single = [options.get(name) for name in ("system", "requirements", "disturbance", "inputs")]
+    single = [options.get(name) for name in ("system", "requirements", "disturbance", "inputs", "faults")]
     return [path.absolute() for path in (*single, *options.get("parameters", ())) if path is not None]
 
 
@@ -135,7 +135,9 @@ def _encode(value: Any) -> Any:
         return {"names": None if value.names is None else sorted(value.names), "step_timeout_s": value.step_timeout_s,
                 "call_timeout_s": value.call_timeout_s}  # fmt: skip
     if isinstance(value, Scheme):
-        return value.order  # others have no checkpoints
+        return {"order": value.order, "extrapolation": value.extrapolation, "error_estimate": value.error_estimate,
+                "rates": {name: str(rate) for name, rate in value.rates.items()},
+                "iteration": asdict(value.iteration)}  # fmt: skip
     return [_encode(one) for one in value] if isinstance(value, tuple) else value
 
 
@@ -177,18 +179,33 @@ def _read_isolation(value: Any) -> Isolation:
     return Isolation(None if names is None else frozenset(_read_texts(names)), step, call)
 
 
+def _read_scheme(value: Any) -> str | Scheme:
+    if isinstance(value, str):
+        return value
+    how = value["iteration"]
+    iteration = Iteration(
+        _read_text(how["method"]), _read_number(how["relative"]), _read_number(how["absolute"]),
+        _read_whole(how["limit"]),
+    )  # fmt: skip
+    rates = {name: read_rate(_read_text(text)) for name, text in value["rates"].items()}
+    return Scheme(
+        _read_text(value["order"]), _read_text(value["extrapolation"]), rates, iteration,
+        _read_flag(value["error_estimate"]),
+    )  # fmt: skip
+
+
 def _or_none(read: Callable[[Any], Any]) -> Callable[[Any], Any]:
     return lambda value: None if value is None else read(value)
 
 
 _READERS: Mapping[str, Callable[[Any], Any]] = {
     **dict.fromkeys(("system",), _read_path),
-    **dict.fromkeys(("requirements", "disturbance", "fmus", "inputs", "source"), _or_none(_read_path)),
+    **dict.fromkeys(("requirements", "disturbance", "fmus", "inputs", "faults", "source"), _or_none(_read_path)),
     "parameters": lambda value: tuple(_read_path(one) for one in value),
     **dict.fromkeys(("apart", "observe", "anew"), _read_texts),
     **dict.fromkeys(("duration_s", "step_s", "storage_step_s", "checkpoint_s"), _or_none(_read_number)),
     "seed": _read_whole,
-    "scheme": _read_text,
+    "scheme": _read_scheme,
     **dict.fromkeys(("profile", "figures", "outside"), _read_flag),
     "isolation": _or_none(_read_isolation),
 }

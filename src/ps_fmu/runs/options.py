@@ -97,7 +97,7 @@ class RunOptions:
                 )
         check_seed(self.seed)
         check_keeping(self.checkpoint_s, self.source, self.anew, self.output)
-        check_together(make_scheme(self.scheme), self.faults, self.checkpoint_s, self.source)
+        check_together(make_scheme(self.scheme), self.faults)
         for path in self.parameters:
             if not path.is_file():
                 raise OptionError(f"--parameters: there is no file {path}")
@@ -162,7 +162,7 @@ class AnyRun:
 
     def __post_init__(self) -> None:
         check_keeping(self.checkpoint_s, self.source, self.anew, self.output)
-        check_together(make_scheme(self.scheme), self.faults, self.checkpoint_s, self.source)
+        check_together(make_scheme(self.scheme), self.faults)
 
 
 def check_seed(seed: int) -> None:
@@ -183,26 +183,16 @@ def check_keeping(interval_s: float | None, source: Path | None, anew: tuple[str
         raise OptionError(f"--from: {source} is in the output folder, which gets new results: name another --output")
 
 
-def check_together(
-    scheme: Scheme, faults: Path | None, interval_s: float | None, source: Path | None
-) -> None:
-    """Raises :class:`OptionError` for faults, checkpoints and schemes that do not go together.
+def check_together(scheme: Scheme, faults: Path | None) -> None:
+    """Raises :class:`OptionError` for faults with a scheme that they do not go together with.
 
     ``scheme``: as given, or better as resolved for the system, whose files may state rates.
     """
     try:
         if faults is not None:
             scheme.require_plain("--faults")
-        if interval_s is not None:
-            scheme.require_plain("--checkpoint")
     except UsageError as error:
         raise OptionError(str(error)) from error
-    if faults is not None and interval_s is not None:
-        raise OptionError("--checkpoint: cannot be combined with --faults: what faults remember is in no checkpoint")
-    if faults is not None and source is not None:
-        raise OptionError(
-            "--from: cannot be combined with --faults: the run of the checkpoint has not recorded what their inputs get"
-        )
 
 
 def claim_folder(folder: Path) -> Path:

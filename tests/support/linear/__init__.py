@@ -125,6 +125,7 @@ def describe(
     flags = {
         "canInterpolateInputs": interpolates,
         "canGetAndSetFMUstate": states,
+        "canSerializeFMUstate": states,
         "providesDirectionalDerivative": derives,
         "canHandleVariableCommunicationStepSize": fixed_step is None,
     }

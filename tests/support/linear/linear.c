@@ -178,6 +178,33 @@ fmi2Status fmi2FreeFMUstate(fmi2Component c, fmi2FMUstate *state)
     return fmi2OK;
 }
 
+fmi2Status fmi2SerializedFMUstateSize(fmi2Component c, fmi2FMUstate state, size_t *size)
+{
+    (void)c, (void)state;
+    *size = sizeof(State);
+    return fmi2OK;
+}
+
+fmi2Status fmi2SerializeFMUstate(fmi2Component c, fmi2FMUstate state, fmi2Byte bytes[], size_t size)
+{
+    (void)c;
+    if (size < sizeof(State))
+        return fmi2Error;
+    memcpy(bytes, state, sizeof(State));
+    return fmi2OK;
+}
+
+fmi2Status fmi2DeSerializeFMUstate(fmi2Component c, const fmi2Byte bytes[], size_t size, fmi2FMUstate *state)
+{
+    (void)c;
+    if (size != sizeof(State))
+        return fmi2Error;
+    if (*state == NULL)
+        *state = malloc(sizeof(State));
+    memcpy(*state, bytes, sizeof(State));
+    return fmi2OK;
+}
+
 #define DONE(name) fmi2Status fmi2##name(fmi2Component c) { (void)c; return fmi2OK; }
 DONE(EnterInitializationMode)
 DONE(ExitInitializationMode)
@@ -199,9 +226,6 @@ ABSENT(SetString, const fmi2ValueReference r[], size_t n, const fmi2String v[])
 ABSENT(GetInteger, const fmi2ValueReference r[], size_t n, int v[])
 ABSENT(GetBoolean, const fmi2ValueReference r[], size_t n, int v[])
 ABSENT(GetString, const fmi2ValueReference r[], size_t n, fmi2String v[])
-ABSENT(SerializedFMUstateSize, fmi2FMUstate s, size_t *n)
-ABSENT(SerializeFMUstate, fmi2FMUstate s, fmi2Byte b[], size_t n)
-ABSENT(DeSerializeFMUstate, const fmi2Byte b[], size_t n, fmi2FMUstate *s)
 ABSENT(GetRealOutputDerivatives, const fmi2ValueReference r[], size_t n, const int o[], double v[])
 ABSENT(GetStatus, const fmi2StatusKind what, fmi2Status *value)
 ABSENT(GetRealStatus, const fmi2StatusKind what, fmi2Real *value)

@@ -249,9 +249,9 @@ class Checkpoints:
             if index != int(kept["first"]) + len(kept["rows"]) - 1 or not 0 <= began <= index:
                 raise ValueError("its rows do not end where it is")
             self._restore_observers(kept["observers"])
-            for name in parts.instances:
-                parts.load_fmu(name, kept["fmus"][name])
             parts.load_rows(kept)
+            for name in parts.instances:  # behind the values that faults set in them anew
+                parts.load_fmu(name, kept["fmus"][name])
             if not isinstance(kept["events"], list):
                 raise ValueError("its events are no list")
             self._past = kept["events"]

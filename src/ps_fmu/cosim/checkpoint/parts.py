@@ -45,15 +45,7 @@ class MasterParts:
     """Makes the plan of the steps, and the loop, anew."""
 
     def check_abilities(self) -> None:
-        """Raises :class:`CheckpointError` for what a checkpoint cannot keep: the memory of faults and of schemes, and
-        the state of an FMU that cannot be written into a file."""
-        if self.faults.recorded:
-            raise CheckpointError("no checkpoints are possible with --faults: what they remember is not kept")
-        if not self.scheme.is_plain:
-            raise CheckpointError(
-                f"no checkpoints are possible with the scheme {self.scheme}: its memory of inputs is not kept.  Take "
-                "jacobi or gauss-seidel, without rates, extrapolation and estimates"
-            )
+        """Raises :class:`CheckpointError` for an FMU whose state cannot be written into a file."""
         for name, description in self.descriptions.items():
             for ability, lack in _ABILITIES.items():
                 if not getattr(description.coSimulation, ability):
@@ -77,11 +69,12 @@ class MasterParts:
         return {
             "package": __version__,
             "step": self.clock.step,
-            "scheme": str(self.scheme),
+            "scheme": _describe_scheme(self.scheme),
             "start": self.clock.start,
             "fmus": {c.name: _hash_file(c.source) for c in self.system.components},
             "connections": _list_wires(self.wiring),
             "columns": [f"{column.name} {column.unit} {column.type}" for column in self.columns],
+            "faults": self.faults.identify(),
         }
 
     def list_starts(self) -> dict[str, State]:
@@ -109,7 +102,8 @@ class MasterParts:
         instance.messages.note_shown(map(str, kept["shown"]))
 
     def save_rows(self) -> dict[str, State]:
-        """The rows of the unfinished block, as the FMUs have left them, and what was set."""
+        """The rows of the unfinished block, as the FMUs have left them, what was set, and what faults and the scheme
+        remember."""
         rows, loop = self.rows, self.get_loop()
         return {
             "first": rows.first_index,
@@ -117,17 +111,21 @@ class MasterParts:
             "latest": rows.latest.copy(),
             "set": {str(port): value for port, value in self.values_set.items()},
             "repeated": sorted(loop.warned) if loop is not None else [],
+            "faults": self.faults.save_state(),
+            "scheme": [memory.save_state() for memory in loop.loop.memories] if loop is not None else [],
         }
 
     def load_rows(self, kept: Mapping[str, State]) -> None:
-        """Take over what :meth:`save_rows` has saved."""
+        """Take over what :meth:`save_rows` has saved; the states of FMUs are given back after it."""
         rows, block, latest = self.rows, kept["rows"], kept["latest"]
         if block.shape[1:] != latest.shape or latest.shape != rows.latest.shape or len(block) > rows.capacity:
             raise ValueError(f"rows of the shape {block.shape}, expected up to {rows.block.shape}")
         if not (block.dtype == latest.dtype == np.float64) or int(kept["first"]) < 0:
             raise ValueError("rows that are no numbers")
         rows.restore(int(kept["first"]), block, latest)
+        self.faults.load_state(kept["faults"])
         self.load_values_set(kept)
+        self.load_scheme(kept)
 
     def load_values_set(self, kept: Mapping[str, State]) -> None:
         """What was set is set, and the plan of the steps is made for it."""
@@ -138,6 +136,14 @@ class MasterParts:
         loop = self.get_loop()
         if loop is not None:
             loop.warned.update(map(str, kept["repeated"]))
+
+    def load_scheme(self, kept: Mapping[str, State]) -> None:
+        """Let the scheme remember what it did; the plan of the steps, which begins anew, has been made."""
+        loop = self.get_loop()
+        assert loop is not None
+        for memory, state in zip(loop.loop.memories, kept["scheme"], strict=True):
+            memory.load_state(state)
+        self.rows.latest[:] = kept["latest"]  # a new plan has set the columns of the scheme to 0
 
 
 def find_difference(own: Mapping[str, Any], kept: Mapping[str, Any]) -> str | None:
@@ -151,7 +157,11 @@ def find_difference(own: Mapping[str, Any], kept: Mapping[str, Any]) -> str | No
         return f"other components: {', '.join(fmus or ())} there, {', '.join(own['fmus'])} here"
     if others := [component for component, found in own["fmus"].items() if found != fmus[component]]:
         return f"another FMU behind {', '.join(others)}: its content is not the same"
-    for name, what in (("connections", "another wiring"), ("columns", "other recorded variables, as by --observe")):
+    for name, what in (
+        ("connections", "another wiring"),
+        ("columns", "other recorded variables, as by --observe or --faults"),
+        ("faults", "other faults"),
+    ):  # fmt: skip
         here, there = set(own[name]), set(kept.get(name) or ())
         if here != there:
             which = sorted(here ^ there)[0]
@@ -159,6 +169,13 @@ def find_difference(own: Mapping[str, Any], kept: Mapping[str, Any]) -> str | No
         if list(own[name]) != list(kept[name]):
             return f"{what}: they are in another order"
     return None
+
+
+def _describe_scheme(scheme: Scheme) -> str:
+    if not scheme.is_iterated:
+        return str(scheme)
+    how = scheme.iteration
+    return f"{scheme}, by {how.method} to {how.relative!r} or {how.absolute!r} in {how.limit} iterations"
 
 
 def _hash_file(path: Any) -> str:

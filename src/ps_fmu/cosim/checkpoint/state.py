@@ -21,13 +21,21 @@ class CheckpointError(CosimError, OSError):
 
 @runtime_checkable
 class Stateful(Protocol):
-    """An observer whose state can be kept and given back: it goes on as if it had seen all rows itself."""
+    """Whose state can be kept and given back: an observer goes on as if it had seen all rows itself, a part of the
+    exchange as if it had made all steps."""
 
     def save_state(self) -> Mapping[str, State]:
         """The state now; what is in it is not changed later."""
 
     def load_state(self, state: Mapping[str, State]) -> None:
-        """Take over a state of an observer that was made in the same way.  Raises ValueError or KeyError: no such."""
+        """Take over a state of one that was made in the same way.  Raises ValueError or KeyError: no such."""
+
+
+def copy_into(target: Array, kept: State) -> None:
+    """Overwrite an array in place.  Raises ValueError unless what was kept is an array of its type and shape."""
+    if not isinstance(kept, np.ndarray) or kept.dtype != target.dtype or kept.shape != target.shape:
+        raise ValueError(f"expected numbers of the shape {target.shape}, found {getattr(kept, 'shape', kept)!r}")
+    target[:] = kept
 
 
 class RowJournal(Protocol):

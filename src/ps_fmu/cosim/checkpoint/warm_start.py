@@ -9,6 +9,7 @@ from pathlib import Path
 
 from ..description import convert_value, explain_unsettable, find_variable, read_start
 from ..errors import UsageError
+from ..schemes.resolving import find_period
 from ..structure import PortName
 from .files import read_file
 from .folder import CheckpointFolder
@@ -22,7 +23,8 @@ class WarmStart:
     The master is made with the ``start_time`` of :attr:`time` and its own start values.  Where these are not those of
     the checkpoint's run, inputs and tunable parameters are set, as by an event there.  A fixed parameter is in the
     state of its FMU and cannot change, unless that FMU begins ``anew``: it is initialised with its new values at that
-    time, gets the outputs of the others, and has none of its state of before.
+    time, gets the outputs of the others, and has none of its state of before.  Lines of inputs go on, or begin anew
+    where an FMU does.  Faults of the other run are over.
 
     Parameters
     ----------
@@ -60,8 +62,10 @@ class WarmStart:
             raise UsageError(f"anew: there is no component {unknown[0]!r}; there are {', '.join(parts.instances)}")
         try:
             own = parts.identify()
-            if difference := find_difference(own, {**self._kept["run"], "start": own["start"]}):
+            free = {name: own[name] for name in ("start", "faults")}
+            if difference := find_difference(own, {**self._kept["run"], **free}):
                 raise CheckpointError(f"{self.path}: is of another system: {difference}")
+            self._check_rates(parts)
             changes = self._find_changes(parts)
             time = parts.clock.start
             for name in parts.instances.keys() - self._anew:
@@ -70,8 +74,12 @@ class WarmStart:
             kept = self._kept["set"].items()
             values = {name: value for name, value in kept if parts.find_port(name).component not in self._anew}
             parts.load_values_set({"set": values, "repeated": self._kept["repeated"]})
-            for port, value in changes.items():
-                parts.instances[port.component].set({port.variable: value}, time)
+            if not self._anew:
+                parts.load_scheme(self._kept)
+            bases = {parts.system.find_port(name): value for name, value in self._kept["faults"]["bases"].items()}
+            for port, value in {**bases, **changes}.items():
+                if port.component not in self._anew:
+                    parts.instances[port.component].set({port.variable: value}, time)
             self._feed_new(parts, time)
             parts.rows.store_latest()
         except (KeyError, ValueError, TypeError, AttributeError, IndexError, OverflowError) as error:
@@ -104,6 +112,15 @@ class WarmStart:
                 + f"\nLeave them as they are there, or have these FMUs begin anew, without their state: --anew {anew}"
             )
         return changes
+
+    def _check_rates(self, parts: MasterParts) -> None:
+        """Raises :class:`CheckpointError` where a component is within a step of its own: rates begin anew here."""
+        period, index = find_period(parts.scheme), int(self._kept["index"])
+        if index % period:
+            raise CheckpointError(
+                f"{self.path}: is within a step of a component: rates come round after {period} steps, and it is at "
+                f"step {index} of its run.  Begin from a checkpoint at a multiple of {period * parts.clock.step:.9g} s"
+            )
 
     def _check_latest(self, parts: MasterParts) -> State:
         latest = self._kept["latest"]

@@ -52,6 +52,13 @@ def describe(fault: Fault, clock: StepClock) -> str:
     return f"{format_time(clock.time(fault.first))}: {fault.signal}{target} {_describe_action(fault)}{until}"
 
 
+def identify(fault: Fault, clock: StepClock) -> str:
+    """All that decides on what a fault does, in a line."""
+    event, inputs = fault.event, ", ".join(map(str, fault.inputs))
+    exact = fault.first, fault.last, fault.value, fault.delay_steps, event.probability, event.rms, event.density
+    return f"{describe(fault, clock)}; seen by {inputs or 'nothing'}; {exact}; seed {event.seed}"
+
+
 def format_time(time: float) -> str:
     """A time [s] to the millisecond, or with as many digits as it needs."""
     return f"{time:.3f} s" if abs(time - round(time, 3)) <= 1e-9 * max(1.0, abs(time)) else f"{time:.9g} s"

@@ -10,6 +10,7 @@ import numpy as np
 from fmpy.model_description import ModelDescription
 from numpy.typing import NDArray
 
+from ..checkpoint.state import State, copy_into
 from ..clock import StepClock
 from ..fmu_instance import FmuInstance
 from ..rows import Array, Latest
@@ -17,13 +18,14 @@ from ..schemes.scheme import Scheme
 from ..structure import PortName, System
 from ..values import Value
 from . import effects
-from .acted import ActedFault, list_acted
+from .acted import ActedFault, identify, list_acted
 from .binding import BoundFaults, Fault, bind_faults
 from .effects import Effect, EffectGroup, to_int
 from .event import BIAS, DELAY, DROPOUT, NOISE, OVERRIDE, SCALE, FaultFile
 from .samples import Samples
 
 Memories = list[tuple[Effect, Array]]
+_BASES = {"Real": float, "Integer": int, "Enumeration": int, "Boolean": bool, "String": str}
 
 
 def make_faults(
@@ -102,6 +104,47 @@ class ActiveFaults:
     def list_acted(self, time: float) -> tuple[ActedFault, ...]:
         """What acts in a step before a time [s]."""
         return list_acted(self._faults, self._clock, time)
+
+    def identify(self) -> list[str]:
+        """What has to be the same for a state of these faults to fit."""
+        return [identify(fault, self._clock) for fault in self._faults]
+
+    def save_state(self) -> dict[str, State]:
+        """The values that were there without faults, and what the effects that have begun remember."""
+        places = {fault: place for place, fault in enumerate(self._faults)}
+        return {
+            "index": self._index,
+            "bases": {str(port): base for port, base in self._bases.items()},
+            "memories": [
+                {"fault": places[fault], "input": str(port), "memory": effect.memory.copy()}
+                for (fault, port), effect in self._effects.items()
+                if effect.has_begun
+            ],
+        }
+
+    def load_state(self, state: Mapping[str, State]) -> None:
+        """Take over a state of the same faults; :meth:`settle` has to follow.
+
+        Raises ValueError, KeyError or IndexError: no such.
+        """
+        index = int(state["index"])
+        if index < 0:
+            raise ValueError(f"faults at the communication point {index}")
+        self.reset()
+        self.switch(index)
+        ports = {str(port): port for port in self.recorded}
+        for name, base in state["bases"].items():
+            port, found = ports[name], type(base)
+            if found is not _BASES[self._type(port)]:
+                raise ValueError(f"{name} has the value {base!r} without faults")
+            self._bases[port] = base
+        for kept in state["memories"]:
+            fault, port = self._faults[int(kept["fault"])], ports[kept["input"]]
+            if fault not in self._acting or port not in fault.inputs:
+                raise ValueError(f"the fault {fault.event.key} does not act on {port}")
+            effect = self._find_effect(fault, port)
+            copy_into(effect.memory, kept["memory"])
+            effect.check_memory()
 
     def note(self, port: PortName, value: Value) -> bool:
         """An input or parameter gets another value from outside; whether faults act on it."""

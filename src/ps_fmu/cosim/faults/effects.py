@@ -19,6 +19,7 @@ from ..rows import Array
 # Kinds, as in effects.c.
 OVERRIDE, BIAS, SCALE, ADD, REPLACE_LOST, HOLD, DELAY = range(7)
 LOWEST, HIGHEST = -(2**31), 2**31 - 1
+_MOST_STEPS = 2.0**53  # doubles have each whole number up to there
 _BEGAN, _LAST, _FIRST = 0, 1, 2  # places in the memory: step of the first use, step of the last, what is held
 
 
@@ -48,6 +49,17 @@ class Effect:
     def forget(self) -> None:
         """Be as before the first use."""
         self.memory.fill(-1.0)
+
+    @property
+    def has_begun(self) -> bool:
+        """Whether there is something in the memory."""
+        return bool(self.memory[_BEGAN] >= 0.0)
+
+    def check_memory(self) -> None:
+        """Raises ValueError unless the steps in the memory, by which it is read, are whole numbers from 0 on."""
+        began, last = self.memory[_BEGAN], self.memory[_LAST]
+        if not (began.is_integer() and 0.0 <= began < _MOST_STEPS and last.is_integer() and -1.0 <= last < _MOST_STEPS):
+            raise ValueError(f"an effect from step {began} to {last}")
 
     @property
     def is_constant(self) -> bool:

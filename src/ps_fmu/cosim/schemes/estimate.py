@@ -12,6 +12,7 @@ from ctypes import c_int
 
 import numpy as np
 
+from ..checkpoint.state import State, Stateful, copy_into
 from ..fmu_instance import FmuInstance
 from ..loops import StepLoop
 from ..plan import Plan
@@ -52,11 +53,20 @@ class EstimatingLoop:
         self._factor = 2.0**order / (2.0**order - 1.0)
         self._largest = np.abs(rows.real.values)
         self._shown: int | None = None
+        self.memories: list[Stateful] = [*whole[0].memories, *half[0].memories, self]
         self._columns = [
             (rows.real.places[column.port], _list_places(instances[column.members[0]], rows))
             for column in columns
             if column.kind == "error_estimate"
         ]
+
+    def save_state(self) -> dict[str, State]:
+        """The largest values so far, which errors are relative to."""
+        return {"largest": self._largest.copy()}
+
+    def load_state(self, state: Mapping[str, State]) -> None:
+        """Take over the largest values of the same columns.  Raises ValueError or KeyError: no such."""
+        copy_into(self._largest, state["largest"])
 
     def count_rows(self) -> int:
         """As :meth:`.loops.StepLoop.count_rows`: without those of half steps."""

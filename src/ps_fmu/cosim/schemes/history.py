@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from ctypes import Structure, addressof, c_double, c_int64, c_void_p
 from dataclasses import dataclass
 from functools import cached_property
@@ -13,6 +13,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from ..checkpoint.state import State, copy_into
 from ..rows import Array
 
 
@@ -67,6 +68,15 @@ class InputHistory:
         """Take over the samples of another history of the same inputs."""
         self._memory[:] = other._memory
         self._first[:] = other._first
+
+    def save_state(self) -> dict[str, State]:
+        """The samples; lines begin anew from them in each step of the component."""
+        return {"memory": self._memory.copy(), "first": self._first.copy()}
+
+    def load_state(self, state: Mapping[str, State]) -> None:
+        """Take over samples of the same inputs.  Raises ValueError or KeyError: no such."""
+        copy_into(self._memory, state["memory"])
+        copy_into(self._first, state["first"])
 
     def describe(self, part: Extension) -> _Lines:
         """A part of the component's step as data."""

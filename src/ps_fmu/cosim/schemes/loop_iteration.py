@@ -13,6 +13,7 @@ from time import perf_counter_ns
 
 import numpy as np
 
+from ..checkpoint.state import Stateful
 from ..fmu_instance import FmuInstance
 from ..plan import Plan, Stage
 from ..rows import Array
@@ -71,6 +72,9 @@ class IteratedLoop:
             loop = _Loop(setting, [instances[name] for name in order], columns) if looped else None
             self._groups.append((turns, loop))
         self.histories: list[InputHistory] = [s.history for s in sequels if s.history is not None]
+        self.memories: list[Stateful] = [
+            *self.histories, *(loop.solver for _, loop in self._groups if loop is not None)
+        ]  # fmt: skip
         plan = Plan(tuple(stages), setting.now, setting.step, tuple(wires.signals))
         self._plan = plan
         self._runner = StageRunner(plan, None if stopwatch is None else stopwatch.begin(plan))
@@ -116,7 +120,7 @@ class _Loop:
         self._places = np.array([setting.rows.real.places[port] for port in self._unknowns], dtype=np.intp)
         by_name = {member.name: member for member in members}
         nominal = [by_name[port.component].get_nominal(port.variable) for port in self._unknowns]
-        self._solver = InterfaceSolver(setting.scheme.iteration, np.array(nominal))
+        self.solver = InterfaceSolver(setting.scheme.iteration, np.array(nominal))
         exact = all(member.derives for member in members)
         self._links: list[Link] | None = list_links(members, setting.wires) if exact else None
         own = {column.kind: column for column in columns if set(column.members) == set(names)}
@@ -144,7 +148,7 @@ class _Loop:
                 end = time + self._step
                 return None if self._links is None else derive(self._links, self._unknowns, end)
 
-            found = self._solver.solve(evaluate, rows.real.values[places], differentiate)
+            found = self.solver.solve(evaluate, rows.real.values[places], differentiate)
         except NotConverged as failure:
             names = [member.name for member in self._members]
             raise failure.explain("in the step from", names, self._unknowns, time) from None

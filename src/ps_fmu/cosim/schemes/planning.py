@@ -160,5 +160,7 @@ def make_scheme_plan(
     ]
     stages = tuple(stage for phase in phases for stage in phase)
     sizes = tuple(len(phase) for phase in phases)
-    plan = Plan(stages, setting.now, setting.step, tuple(setting.wires.signals), sizes, setting.start)
-    return plan, [sequel.history for sequel in sequels if sequel.history is not None]
+    histories = [sequel.history for sequel in sequels if sequel.history is not None]
+    signals = tuple(setting.wires.signals)
+    plan = Plan(stages, setting.now, setting.step, signals, sizes, setting.start, tuple(histories))
+    return plan, histories

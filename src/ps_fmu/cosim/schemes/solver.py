@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from ..checkpoint.state import State, copy_into
 from ..errors import ConvergenceError
 from ..rows import Array
 from .scheme import Iteration
@@ -61,6 +62,22 @@ class InterfaceSolver:
         self._floor = iteration.absolute * nominal
         self._largest = _SMALLEST * nominal
         self._jacobian: Array | None = None
+
+    def save_state(self) -> dict[str, State]:
+        """What the next solution begins with."""
+        return {
+            "largest": self._largest.copy(),
+            "jacobian": None if self._jacobian is None else np.ascontiguousarray(self._jacobian).copy(),
+        }
+
+    def load_state(self, state: Mapping[str, State]) -> None:
+        """Take over the state of a solver for the same values.  Raises ValueError or KeyError: no such."""
+        copy_into(self._largest, state["largest"])
+        jacobian: Array | None = None
+        if state["jacobian"] is not None:
+            jacobian = np.empty((len(self._largest), len(self._largest)))
+            copy_into(jacobian, state["jacobian"])
+        self._jacobian = jacobian
 
     def solve(self, evaluate: Callable[[Array], Array], z: Array, derive: Callable[[], Array | None]) -> Solution:
         """Find z, from a first guess; the last call of ``evaluate`` is that of the solution.
