@@ -71,6 +71,7 @@ def prepare_drawing() -> Thread:
 def draw(path: Path, width: float, height: float, paint: Callable[[Figure], None]) -> None:
     """Let ``paint`` draw on a figure of ``width`` x ``height`` inches and write it as PNG to ``path``."""
     from matplotlib import rc_context
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     with rc_context(STYLE):
@@ -78,7 +79,7 @@ def draw(path: Path, width: float, height: float, paint: Callable[[Figure], None
         paint(figure)
         image = io.BytesIO()
         # No metadata: the same data give the same bytes.
-        figure.savefig(image, format="png", metadata={"Software": None})
+        FigureCanvasAgg(figure).print_png(image, metadata={"Software": None})
     write_atomically(path, image.getvalue())
 
 
