@@ -34,6 +34,7 @@ REFERENCE = "#555555"
 FAULT = "#CC79A7"
 
 DOTS_PER_INCH = 150
+COMPRESSION = 4  # of zlib; 6, the default, takes a fifth longer, for files 1 to 4 % smaller
 
 STYLE: dict[Any, Any] = {
     "font.size": 13.0,
@@ -81,7 +82,7 @@ def draw(path: Path, width: float, height: float, paint: Callable[[Figure], None
         # No metadata: the same data give the same bytes.
         canvas = FigureCanvasAgg(figure)
         _lay_out(figure)
-        canvas.print_png(image, metadata={"Software": None})
+        canvas.print_png(image, metadata={"Software": None}, pil_kwargs={"compress_level": COMPRESSION})
     write_atomically(path, image.getvalue())
 
 
