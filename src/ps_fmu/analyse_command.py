@@ -13,9 +13,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from . import trades
-from .paper.analysis import Analysis, AnalysisOptions, find_analyses_in, find_figure_analyses, import_and_call
+from .paper.analysis import Analysis, AnalysisOptions, find_analyses_in, find_figure_analyses
 from .product.files import find_file, find_product
 from .runs.built_fmus import find_built_folder
+from .runs.registry import import_and_call
 from .terminal import reason
 
 if TYPE_CHECKING:

@@ -4,13 +4,14 @@ import sys
 
 import numpy as np
 import pytest
-from matplotlib import image
+from matplotlib import image, rc_context
 from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
 
 from ps_fmu.results import plots
 from ps_fmu.results.observers.envelope import EnvelopeObserver
 from ps_fmu.results.observers.scatter import ScatterObserver
-from ps_fmu.results.style import DOTS_PER_INCH, FAULT, engineering, largest, pretty
+from ps_fmu.results.style import DOTS_PER_INCH, FAULT, STYLE, draw, engineering, largest, pretty
 
 
 def png_size(path):
@@ -80,6 +81,28 @@ def test_spectra(tmp_path, level):
     passive = level / (1.0 + frequency) * np.ones((2, 1))
     plots.draw_spectra(tmp_path / "a.png", frequency, passive, passive * 1e-4, ["a.x", "a.y"], "rad")
     assert png_size(tmp_path / "a.png") == (10.0 * DOTS_PER_INCH, 8.5 * DOTS_PER_INCH)
+
+
+def test_a_picture_is_what_matplotlib_saves(tmp_path):
+    """Pixel by pixel, though the layout is found without the small ticks of logarithmic axes."""
+
+    def paint(figure):
+        for axes in figure.subplots(2, 2, sharex=True).flat:
+            axes.loglog([0.3, 700.0], [2e-3, 5.0])
+            axes.set(xlabel="frequency (Hz)", ylabel="PSD", title="x")
+        figure.suptitle("Spectra")
+
+    draw(tmp_path / "a.png", 8.0, 6.0, paint)
+    with rc_context(STYLE):
+        figure = Figure(figsize=(8.0, 6.0), dpi=DOTS_PER_INCH, layout="constrained")
+        paint(figure)
+        figure.savefig(tmp_path / "b.png")
+    found, expected = (image.imread(tmp_path / name) for name in ("a.png", "b.png"))
+    np.testing.assert_array_equal(found, expected)
+    for axes in figure.axes:
+        axes.minorticks_off()
+    figure.savefig(tmp_path / "b.png")
+    assert np.any(image.imread(tmp_path / "b.png") != expected)  # small ticks are there
 
 
 def test_spectra_of_another_shape_are_refused(tmp_path):

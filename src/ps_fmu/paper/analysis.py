@@ -12,7 +12,7 @@ from importlib import import_module
 from pathlib import Path
 from pkgutil import iter_modules
 from types import ModuleType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from ..product.files import find_product
 from ..runs.built_fmus import find_built_folder
@@ -59,7 +59,7 @@ class Analysis:
     """One line for ``--help``."""
     analyse: Callable[..., AnalysisResult]
     """Takes :class:`AnalysisOptions`, and ``found``, what its ``jobs`` left by their names; see
-    :func:`import_and_call`."""
+    :func:`ps_fmu.runs.registry.import_and_call`."""
     needs_fmus: bool = True
     """False: it needs neither FMUs nor a system description."""
     system: str = SYSTEM
@@ -70,11 +70,6 @@ class Analysis:
     """Seconds of one processor without its ``jobs``, for the order of several analyses and the remaining time."""
     jobs: Callable[[AnalysisOptions], Sequence[Job]] | None = None
     """What can be done before, in other processes; None: nothing."""
-
-
-def import_and_call(module: str, function: str, *args: Any, **options: Any) -> Any:
-    """Call a function of a module that is imported only now, so that a declaration costs nothing."""
-    return getattr(import_module(module), function)(*args, **options)
 
 
 def find_figure_analyses() -> dict[str, Analysis]:

@@ -34,6 +34,7 @@ REFERENCE = "#555555"
 FAULT = "#CC79A7"
 
 DOTS_PER_INCH = 150
+COMPRESSION = 4  # of zlib; 6, the default, takes a fifth longer, for files 1 to 4 % smaller
 
 STYLE: dict[Any, Any] = {
     "font.size": 13.0,
@@ -71,6 +72,7 @@ def prepare_drawing() -> Thread:
 def draw(path: Path, width: float, height: float, paint: Callable[[Figure], None]) -> None:
     """Let ``paint`` draw on a figure of ``width`` x ``height`` inches and write it as PNG to ``path``."""
     from matplotlib import rc_context
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     with rc_context(STYLE):
@@ -78,8 +80,28 @@ def draw(path: Path, width: float, height: float, paint: Callable[[Figure], None
         paint(figure)
         image = io.BytesIO()
         # No metadata: the same data give the same bytes.
-        figure.savefig(image, format="png", metadata={"Software": None})
+        canvas = FigureCanvasAgg(figure)
+        _lay_out(figure)
+        canvas.print_png(image, metadata={"Software": None}, pil_kwargs={"compress_level": COMPRESSION})
     write_atomically(path, image.getvalue())
+
+
+def _lay_out(figure: Figure) -> None:
+    """Place the axes, so that nothing overlaps, and leave them there.
+
+    Small ticks without labels take no room of their own, but most of the time: they are away meanwhile.
+    """
+    from matplotlib.ticker import NullLocator
+
+    rulers = [axis for axes in figure.axes for axis in (axes.xaxis, axes.yaxis)]
+    locators = [axis.get_minor_locator() for axis in rulers]
+    for axis in rulers:
+        axis.set_minor_locator(NullLocator())
+    if (engine := figure.get_layout_engine()) is not None:
+        engine.execute(figure)
+    figure.set_layout_engine("none")
+    for axis, locator in zip(rulers, locators, strict=True):
+        axis.set_minor_locator(locator)
 
 
 _PREFIXES = {-12: "p", -9: "n", -6: "\N{MICRO SIGN}", -3: "m", 0: "", 3: "k", 6: "M"}

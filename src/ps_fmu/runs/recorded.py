@@ -9,36 +9,31 @@ from pathlib import Path
 
 import numpy as np
 
-from ..cosim import Value
 from ..disturbance.csv_table import MAX_ROWS, read_columns
 from ..disturbance.kinds.recording import HEADER
 from ..mechanism.quantities import Array, ParameterError
 from ..slavekit.author.units import parse_unit
 from .options import OptionError, RunOptions
 
-PATH = "disturbance.recording.path"
 CONVERTED = "disturbance.csv"  # in the output folder
 _NETCDF = (b"CDF", b"\x89HDF")  # first bytes: classic, and netCDF-4
 _TIMES = {"second": "s", "sec": "s", "millisecond": "ms", "minute": "min", "hour": "h"}
 
 
-def provide_recording(options: RunOptions) -> dict[str, Value]:
-    """Start values that make the disturbance source a recording of the options' file; none without one.
+def provide_recording(options: RunOptions, path: Path) -> Path:
+    """A recording as the CSV file that the disturbance source reads: ``path`` itself, or a copy in the output folder.
 
     Raises :class:`OptionError` for a file that cannot be used: with its name, and the line or variable.
     """
-    path = options.disturbance
-    if path is None:
-        return {}
     try:
         with path.open("rb") as file:
             first = file.read(4)
         if first.startswith(_NETCDF):
             table = read_netcdf(path)
-            path = options.output / CONVERTED
-            np.savetxt(path, table, fmt="%.17g", delimiter=",", header=",".join(HEADER), comments="")
+            read = options.output / CONVERTED
+            np.savetxt(read, table, fmt="%.17g", delimiter=",", header=",".join(HEADER), comments="")
         else:
-            table = read_columns(path, HEADER, "")
+            table, read = read_columns(path, HEADER, ""), path
     except ParameterError as error:
         raise OptionError(f"--disturbance: {error.problem}") from error
     except OSError as error:
@@ -46,10 +41,10 @@ def provide_recording(options: RunOptions) -> dict[str, Value]:
     begin, end = table[0, 0], table[-1, 0]
     if begin >= options.duration_s or end <= 0.0:
         raise OptionError(
-            f"--disturbance: {options.disturbance} holds {begin:g} to {end:g} s, the run lasts from 0 to "
+            f"--disturbance: {path} holds {begin:g} to {end:g} s, the run lasts from 0 to "
             f"{options.duration_s:g} s"
         )
-    return {PATH: str(path.absolute())}
+    return read.absolute()
 
 
 def read_netcdf(path: Path) -> Array:

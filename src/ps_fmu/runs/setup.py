@@ -22,11 +22,11 @@ from .cost_log import CostLog
 from .index_record import IndexLog
 from .judge import RunJudge, read_judge
 from .options import OptionError, RunOptions
-from .recorded import PATH, provide_recording
 from .results_file import ResultsFile
 from .warning_log import WarningLog
 
 SEED = "disturbance.seed"
+RECORDING_PATH = "disturbance.recording.path"
 NOISE, MULTISINE = "disturbance.noise.enabled", "disturbance.noise.multisine"
 LOWEST_NOISE, HIGHEST_NOISE = "disturbance.noise.band.min", "disturbance.noise.band.max"  # Hz
 #: Highest frequency of the noise over the rate of the steps.  What is above half that rate would fold down to low
@@ -102,13 +102,14 @@ def load_system(options: RunOptions, defaults: Mapping[str, Value] | None = None
     given: dict[str, Parameter] = {}
     for path in options.parameters:
         given |= read_parameters(path).entries()
-    if options.disturbance is not None and PATH in given:
-        raise OptionError(f"--disturbance: {given[PATH].origin} sets {PATH}, too; expected one of both")
-    if options.disturbance is not None and {PATH, MULTISINE} & set(defaults or {}):
+    if options.disturbance is not None and RECORDING_PATH in given:
+        origin = given[RECORDING_PATH].origin
+        raise OptionError(f"--disturbance: {origin} sets {RECORDING_PATH}, too; expected one of both")
+    if options.disturbance is not None and {RECORDING_PATH, MULTISINE} & set(defaults or {}):
         raise OptionError(
             f"--disturbance: the scenario {options.scenario.name} has a disturbance of its own, and its results need it"
         )
-    recorded = provide_recording(options)
+    recorded = _read_disturbance(options)
     structure = read_system(options.system, options.fmus)
     disturbed = parse_port(SEED).component in {component.name for component in structure.components}
     own = {SEED: options.seed} if disturbed else {}  # a system of somebody's own may have no disturbance source
@@ -122,6 +123,15 @@ def load_system(options: RunOptions, defaults: Mapping[str, Value] | None = None
     select_stored(columns, options.observe)
     system = RunSystem(structure, descriptions, given, judge=read_judge(options, columns), faults=faults)
     return system if HIGHEST_NOISE in given or not disturbed else _limit_noise(system, options.step_s)
+
+
+def _read_disturbance(options: RunOptions) -> dict[str, Value]:
+    """Start values that make the disturbance source a recording of the options' file; none without one."""
+    if options.disturbance is None:
+        return {}
+    from .recorded import provide_recording  # with all kinds of disturbance, which runs without one do not need
+
+    return {RECORDING_PATH: str(provide_recording(options, options.disturbance))}
 
 
 def select_stored(columns: Sequence[Column], patterns: Sequence[str]) -> list[str]:

@@ -1,150 +1,17 @@
-"""A slew to a commanded inertial direction with the line-of-sight loop, under noise and reaction wheels.
-
-The target's attitude in inertial space goes to the tracker, and the roll, pitch and yaw that lead there from the base's
-initial attitude go to the commander, which knows nothing of the motion of the base.  Twice, with the loop off and on.
-For five seconds something hides the target.
-"""
+"""A slew to a commanded inertial direction with the line-of-sight loop."""
 
 from __future__ import annotations
 
-import numpy as np
-from tqdm import tqdm
+from functools import partial
 
-from ...mechanism.quaternions import from_rotation_matrix, multiply
-from ...mechanism.rotations import rotation_matrix
-from ...results.tables import Table
-from ...theory.line_of_sight import PointingLoop
-from ..cases import Case, Outcome, run_case
-from ..comparison import TARGET, Orientation, TargetError, explain_refusal, read_target, to_degrees
-from ..fault_report import find_spans
-from ..options import RESULTS, OptionError, RunOptions, Scenario
-from ..pointing.exploration import explore_pointing
-from ..pointing.loop import MeasuredLoop, build_loop, make_shaking, measure_loop, read_tracker
-from ..pointing.record import NAMES, Plan, PointingRecord, RecordMaker
-from ..pointing.report import CASES, Pointing, describe, draw_all, list_results, make_tables
-from ..publish import Findings, publish
-from ..setup import RunSystem, load_system
-
-DEFAULT_TARGET = (float(np.radians(8.5)), 0.0, 0.0)
-START_S = 1.0  # the target changes
-HIDDEN_AT, HIDDEN_S = 2.0 / 3.0, 5.0  # of the duration; s
-SHORTEST_S = 3.0
-NEEDED = ("plant", "commander", "isolator", "tracker", "pointing")
-WHEEL = {"disturbance.wheel_1.enabled": True}
-
-HOW = (
-    "The isolator's accelerometers hold the payload above the split frequency, the line-of-sight loop below it. The "
-    "target's attitude in inertial space goes to the tracker, the roll, pitch and yaw that lead there from the initial "
-    "attitude of the base to the commander. While the target is out of the tracker's field, or hidden, the loop keeps "
-    "its last force."
-)
-
-
-def run(options: RunOptions) -> None:
-    """Run the scenario; writes results.nc, summary.json, figures and report.html, prints the tables.
-
-    Raises :class:`TargetError` after that if the target is out of reach.
-    """
-    if options.duration_s < SHORTEST_S:
-        raise OptionError(f"--duration: expected {SHORTEST_S:g} s at least, got {options.duration_s:g} s")
-    system = load_system(options, WHEEL)
-    _check_components(system)
-    given = read_target(system)
-    target = given if any(given) else DEFAULT_TARGET
-    plan = make_plan(system, options, target)
-    outcomes: list[Outcome] = []
-    records: list[PointingRecord] = []
-    for name, enabled in zip(CASES, (False, True), strict=True):
-        outcome, record = run_case(
-            system, options, make_case(name, enabled, plan, target), RecordMaker(plan, options.step_s), needs=NAMES
-        )
-        outcomes.append(outcome)
-        records.append(record.result())
-    off, on = records
-    tracker = read_tracker(system)
-    there = target if on.reachable else (0.0, 0.0, 0.0)
-    loop = build_loop(system, np.array(there), options.step_s)
-    measured = _measure(system, options, loop, make_plan(system, options, there), there)
-    pointing = Pointing(off, on, tracker, loop, measured, to_degrees(target))
-    text, tables = [HOW, *describe(pointing)], make_tables(pointing)
-    _show(text[1:], tables)
-    shaded = find_spans(outcomes[-1].faults, outcomes[-1].simulated_s)
-    publish(
-        options,
-        system,
-        Findings(
-            title="Pointing: a slew with the line-of-sight loop",
-            text=text,
-            tables=tables,
-            pictures=draw_all(pointing, options.output, shaded) if options.figures else [],
-            outcomes=outcomes,
-            orientation_deg=to_degrees(target),
-            rms_passive_rad=None,
-            rms_active_rad=None,
-            rejection_percent=None,
-            more={"pointing": list_results(pointing)},
-            explored=explore_pointing(pointing, system, options.output / RESULTS),
-        ),
-    )
-    if not on.reachable:
-        raise TargetError(explain_refusal(to_degrees(target)))
-
-
-def make_plan(system: RunSystem, options: RunOptions, target: Orientation) -> Plan:
-    """When the target moves and is hidden, and the attitude it has then."""
-    step = options.step_s
-    start_s = np.ceil(START_S / step - 1e-6) * step
-    hidden_s = round(HIDDEN_AT * options.duration_s / step) * step
-    hidden = (float(hidden_s), float(hidden_s + round(HIDDEN_S / step) * step))
-    base = np.array([system.get_number(f"plant.initial_attitude.{k}") for k in "wxyz"])
-    attitude = multiply(base / np.linalg.norm(base), from_rotation_matrix(rotation_matrix(np.array(target))))
-    w, x, y, z = map(float, attitude)
-    return Plan(float(start_s), hidden if hidden[1] < options.duration_s else None, options.duration_s, (w, x, y, z))
-
-
-def make_case(name: str, enabled: bool, plan: Plan, target: Orientation) -> Case:
-    """One run: at first the target is where the payload looks."""
-    attitude = [f"tracker.target_attitude.{k}" for k in "wxyz"]
-    values = {**dict.fromkeys(TARGET, 0.0), "pointing.enabled": enabled}
-    events: list[tuple[float, str, float | bool]] = [
-        *((plan.start_s, port, angle) for port, angle in zip(TARGET, target, strict=True)),
-        *((plan.start_s, port, number) for port, number in zip(attitude, plan.target, strict=True)),
-    ]
-    if plan.hidden:
-        events += [(plan.hidden[0], "tracker.target_visible", False), (plan.hidden[1], "tracker.target_visible", True)]
-    return Case(name, values, events)
-
-
-def _measure(
-    system: RunSystem, options: RunOptions, loop: PointingLoop, plan: Plan, target: Orientation
-) -> dict[str, MeasuredLoop]:
-    """The loop measured on the FMUs at the target, with nothing but the shaking."""
-    shaking = make_shaking(options.step_s, read_tracker(system).sample_time)
-    values = dict(zip(TARGET, target, strict=True))
-    with tqdm(total=3 * shaking.seeds, unit="run", disable=not options.progress, desc="loop cut open") as bar:
-        return measure_loop(system.structure, loop, shaking, values, plan.target, options.seed, bar.update)
-
-
-def _check_components(system: RunSystem) -> None:
-    names = {component.name for component in system.structure.components}
-    if missing := [name for name in NEEDED if name not in names]:
-        raise OptionError(
-            f"--system: the scenario pointing needs the components {', '.join(NEEDED)}; {system.structure.path} has no "
-            f"{' and no '.join(missing)}: take system/LineOfSight.ssd"
-        )
-
-
-def _show(text: list[str], tables: list[Table]) -> None:
-    for part in tables:
-        print(f"{part.caption}\n{part.to_text()}\n")
-    print(*text, sep="\n")
-
+from ..options import Scenario
+from ..registry import import_and_call
 
 SCENARIO = Scenario(
     "pointing",
     "a slew to an inertial direction with the line-of-sight loop, off, then on",
-    run,
+    partial(import_and_call, "ps_fmu.runs.pointing.scenario", "run"),
     duration_s=90.0,
     system="LineOfSight.ssd",
-    cases=CASES,
+    cases=partial(import_and_call, "ps_fmu.runs.pointing.scenario", "list_cases"),
 )

@@ -1,112 +1,16 @@
-"""A slew without disturbance: from (0, 0, 0) to (8.5, 0, 0) deg, or to the target of a parameter file.
-
-Twice, with the isolator off and on: where the platform arrives, how the bus reacts, what the slew shakes.
-"""
+"""A slew without disturbance, with the isolator off and on."""
 
 from __future__ import annotations
 
-import math
+from functools import partial
 
-from ...pointing.rejection import rejection_percent
-from ...results.tables import Table, format_angles
-from ..cases import Case, run_case
-from ..comparison import TARGET, TargetError, explain_refusal, read_target
-from ..fault_report import find_spans
-from ..jitter_record import ROTATION
-from ..options import RESULTS, OptionError, RunOptions, Scenario
-from ..publish import Findings, publish
-from ..setup import load_system
-from ..slew_exploration import explore_slews
-from ..slew_record import SLEW_SIGNALS, SlewRecord
-from ..slew_report import CASES, Slews, describe_run, draw_slews, list_results, make_tables
-from ..slew_verdict import (
-    describe_reactions,
-    find_reactions,
-    list_requirements,
-    list_verdicts,
-    tabulate_reactions,
-    tabulate_requirements,
-)
-
-DEFAULT_TARGET = (math.radians(8.5), 0.0, 0.0)
-START_S = 1.0  # the target changes
-
-DIRECTION = (
-    "The nominal orientation is what the coarse legs set. The relative orientation, of the platform on the bus, "
-    "includes the fine legs. With the isolator off they come back to rest, and it equals the nominal one. With the "
-    "isolator on it does not, and must not: the slew turns the bus the other way (momentum is conserved), and the "
-    "isolator keeps the payload's direction in inertial space, so on the turned bus the payload differs from the "
-    "nominal orientation by the rotation of the bus. The fine legs add just that. The payload follows the bus slowly, "
-    "by the high-pass of the isolator (1e-4 Hz by default): that is the rotation that is left to the payload."
-)
-
-
-def run(options: RunOptions) -> None:
-    """Run the scenario; writes results.nc, summary.json, figures and report.html, prints the tables.
-
-    Raises after that :class:`TargetError` if the target is out of reach, and :class:`..publish.NotMetError` for
-    requirements that are not met.
-    """
-    start_s = math.ceil(START_S / options.step_s - 1e-6) * options.step_s
-    if options.duration_s <= start_s:
-        raise OptionError(f"--duration: the slew begins at {start_s:g} s, got {options.duration_s:g} s")
-    system = load_system(options, {"disturbance.noise.enabled": False})
-    given = read_target(system)
-    target = given if any(given) else DEFAULT_TARGET
-    found, outcomes = [], []
-    for name, enabled in zip(CASES, (False, True), strict=True):
-        at_rest = dict.fromkeys(TARGET, 0.0)
-        events = [(start_s, port, angle) for port, angle in zip(TARGET, target, strict=True)]
-        case = Case(name, {**at_rest, "isolator.enabled": enabled}, events)
-        outcome, record = run_case(system, options, case, SlewRecord, needs=SLEW_SIGNALS)
-        outcomes.append(outcome)
-        found.append(record.result())
-    slews = Slews(target, start_s, *found)
-
-    required = list_requirements(slews) if slews.on.reachable else []
-    reactions = find_reactions(system, slews)
-    tables, text = make_tables(slews), describe_run(slews)
-    if reactions:
-        tables.insert(0, tabulate_reactions(reactions))
-    if required:
-        text += [*describe_reactions(reactions), DIRECTION]
-        _show(tabulate_requirements(required))  # in the report they are the verdicts
-    for part in tables:
-        _show(part)
-    print(*text, sep="\n")
-    moved = slews.on.arrival.during is not None
-    passive, active = (slew.during(ROTATION, "rms") for slew in (slews.off, slews.on))
-    shaded = find_spans(outcomes[-1].faults, outcomes[-1].simulated_s)
-    publish(
-        options,
-        system,
-        Findings(
-            title=f"Slew from (0, 0, 0) to {format_angles(slews.target_deg)} deg",
-            text=text,
-            tables=tables,
-            pictures=draw_slews(slews, options.output, shaded) if options.figures else [],
-            outcomes=outcomes,
-            orientation_deg=slews.orientation_deg,
-            rms_passive_rad=passive.tolist() if moved else None,
-            rms_active_rad=active.tolist() if moved else None,
-            rejection_percent=rejection_percent(passive, active).tolist() if moved else None,
-            more={"slew": {**list_results(slews), **list_verdicts(required, reactions)}},
-            verdicts=[one.show() for one in required],
-            explored=explore_slews(slews, system, options.output / RESULTS),
-        ),
-    )
-    if not slews.on.reachable:
-        raise TargetError(explain_refusal(slews.target_deg))
-
-
-def _show(table: Table) -> None:
-    print(f"{table.caption}\n{table.to_text()}\n")
-
+from ..options import Scenario
+from ..registry import import_and_call
 
 SCENARIO = Scenario(
     "slew",
     "a slew without disturbance, the isolator off, then on",
-    run,
+    partial(import_and_call, "ps_fmu.runs.slew_scenario", "run"),
     duration_s=100.0,  # the profile, then at least 60 s to settle
-    cases=CASES,
+    cases=partial(import_and_call, "ps_fmu.runs.slew_scenario", "list_cases"),
 )

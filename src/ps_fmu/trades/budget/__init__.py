@@ -2,7 +2,8 @@
 
 from functools import partial
 
-from ...paper.analysis import Analysis, import_and_call
+from ...paper.analysis import Analysis
+from ...runs.registry import import_and_call
 
 ANALYSIS = Analysis(
     "budget",

@@ -2,7 +2,8 @@
 
 from functools import partial
 
-from ...analysis import Analysis, import_and_call
+from ....runs.registry import import_and_call
+from ...analysis import Analysis
 
 ANALYSIS = Analysis(
     "transmissibility",

@@ -3,7 +3,8 @@
 from functools import partial
 
 from ....runs.options import Scenario
-from ...analysis import Analysis, import_and_call
+from ....runs.registry import import_and_call
+from ...analysis import Analysis
 
 SCENARIO = Scenario(
     "stability",

@@ -23,8 +23,7 @@ from ....runs.cases import Case, run_case
 from ....runs.jitter_record import ORIENTATION, ROTATION
 from ....runs.options import OptionError, RunOptions
 from ....runs.publish import Findings, publish
-from ....runs.recorded import PATH
-from ....runs.setup import NOISE, RunSystem, load_system
+from ....runs.setup import NOISE, RECORDING_PATH, RunSystem, load_system
 from ....theory.loop import Loop, loop_of
 from ...bus_cases import CASES, case_start_values
 from ...cosimulation import SampleRecord
@@ -94,7 +93,7 @@ def load_shaken_system(options: RunOptions) -> RunSystem:
         path, np.column_stack([time, np.outer(pulse(time), PULSE_B)]), fmt="%.10g", delimiter=",",
         header=",".join(RECORDING), comments="",
     )  # fmt: skip
-    return load_system(options, {NOISE: False, PATH: str(path)})
+    return load_system(options, {NOISE: False, RECORDING_PATH: str(path)})
 
 
 def pulse(time: Array) -> Array:

@@ -1,0 +1,132 @@
+"""Reaction wheels that run through their speeds, without and with the isolator: the waterfall and its worst crossing.
+
+By default one wheel runs up from 0 to 6000 rpm over the whole run.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from ...cosim import Value
+from ...results.report import Picture
+from ...results.tables import Table
+from ...results.waterfall import Waterfall, draw_waterfall
+from ..comparison import (
+    CASES,
+    HEADER,
+    Comparison,
+    TargetError,
+    compare,
+    draw_comparison,
+    explain_refusal,
+    make_index_table,
+    make_rows,
+    read_target,
+)
+from ..exploration import explore_comparison
+from ..options import RESULTS, OptionError, RunOptions
+from ..publish import Findings, publish
+from ..setup import NOISE, RunSystem, load_system
+from .crossings import Wheel, find_crossings, measure_crossings
+from .report import (
+    CaseLines,
+    describe_speed,
+    describe_worst,
+    list_worst,
+    make_waterfall,
+    tabulate_crossings,
+)
+from .setup import build_loop, list_modes, make_response, read_wheels
+from .spectrogram import FEWEST_ROWS, make_spectrogram
+
+TOP_SPEED = 6000.0 * 2.0 * np.pi / 60.0  # rad/s
+BEYOND = 2.0  # times the highest mode: how far the waterfall goes; higher lines move the payload little
+
+ABOUT = (
+    "Each harmonic of a wheel shakes the bus with an amplitude that grows with the square of the speed. Where its "
+    "frequency crosses a natural mode, the payload answers most. The peak amplitude of a crossing is that of the one "
+    "harmonic in the run; beside it stands what a wheel that stayed at this speed would make, in closed form for plant "
+    "and isolator. A fast run-up ends below it, because a resonance takes time to build up."
+)
+
+
+def list_cases() -> tuple[str, ...]:
+    """Names of the runs."""
+    return CASES
+
+
+def run(options: RunOptions) -> None:
+    """Run the scenario; writes results.nc, summary.json, figures and report.html, prints the tables.
+
+    Raises :class:`TargetError` after that if the target is out of reach.
+    """
+    if options.steps < FEWEST_ROWS:
+        raise OptionError(f"--duration: expected {FEWEST_ROWS} steps at least, got {options.steps}")
+    system = load_system(options, make_defaults(options.duration_s))
+    wheels = read_wheels(system)
+    found = compare(system, options, read_target(system), explored=True, history=True)
+    cases, waterfall = analyse(system, options, found, wheels)
+    jitter = Table("Jitter of the payload: rotation by vibration, axes of P", HEADER, make_rows(found))
+    crossings, indices = tabulate_crossings(cases), make_index_table(found, system.indices)
+    worst = [describe_worst(name, case.crossings) for name, case in cases.items()]
+    print(jitter.to_text(), "", crossings.caption, crossings.to_text(), "", *worst, sep="\n")
+    refused = explain_refusal(found.target_deg)
+    publish(
+        options,
+        system,
+        Findings(
+            title=f"Reaction wheels: {', '.join(describe_speed(wheel, options.duration_s) for wheel in wheels)}",
+            text=[*([] if found.reachable else [refused]), *worst, ABOUT],
+            tables=[crossings, jitter, indices],
+            pictures=draw_wheels(found, waterfall, options.output) if options.figures else [],
+            outcomes=found.outcomes,
+            orientation_deg=found.orientation_deg,
+            rms_passive_rad=found.rms_passive.tolist(),
+            rms_active_rad=found.rms_active.tolist(),
+            rejection_percent=found.rejection.tolist(),
+            more={**found.entry, "worst_crossing": list_worst(cases)},
+            explored=replace(
+                explore_comparison(found, system, options.output / RESULTS), waterfalls=[waterfall]
+            ),
+        ),
+    )
+    if not found.reachable:
+        raise TargetError(refused)
+
+
+def draw_wheels(found: Comparison, waterfall: Waterfall, folder: Path) -> list[Picture]:
+    """Draw the waterfall and the pictures of the comparison as PNG files in ``folder``."""
+    path = folder / "waterfall.png"
+    draw_waterfall(path, waterfall)
+    return [Picture(path, waterfall.caption), *draw_comparison(found, folder)]
+
+
+def make_defaults(duration_s: float) -> dict[str, Value]:
+    """Start values without a parameter file: the first wheel runs up over the whole run, and nothing else acts."""
+    wheel: dict[str, Value] = {
+        "enabled": True, "initial_speed": 0.0, "final_speed": TOP_SPEED, "ramp_start": 0.0, "ramp_duration": duration_s,
+    }  # fmt: skip
+    return {NOISE: False, **{f"disturbance.wheel_1.{name}": value for name, value in wheel.items()}}
+
+
+def analyse(
+    system: RunSystem, options: RunOptions, found: Comparison, wheels: Sequence[Wheel]
+) -> tuple[dict[str, CaseLines], Waterfall]:
+    """Spectrogram and crossings of both runs by their names, and the waterfall of both."""
+    step = options.step_s
+    loop = build_loop(system, np.radians(found.orientation_deg).tolist())
+    modes = list_modes(loop, step)
+    lines = max(wheel.highest for wheel in wheels)
+    highest = BEYOND * max((mode.frequency for mode in modes), default=lines)
+    cases = {}
+    for name, record in zip(CASES, (found.passive, found.active), strict=True):
+        crossings = find_crossings(
+            wheels, modes, options.duration_s, make_response(loop, step, active=name == "active")
+        )
+        spectrogram = make_spectrogram(record.rotation, step, highest)
+        cases[name] = CaseLines(spectrogram, measure_crossings(crossings, record.rotation, step))
+    return cases, make_waterfall(cases, wheels, modes, "Waterfall: rotation of the payload")
