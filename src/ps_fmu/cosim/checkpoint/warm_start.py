@@ -76,7 +76,7 @@ class WarmStart:
             parts.load_values_set({"set": values, "repeated": self._kept["repeated"]})
             if not self._anew:
                 parts.load_scheme(self._kept)
-            bases = {parts.system.find_port(name): value for name, value in self._kept["faults"]["bases"].items()}
+            bases = {parts.find_port(name): value for name, value in self._kept["faults"]["bases"].items()}
             for port, value in {**bases, **changes}.items():
                 if port.component not in self._anew:
                     parts.instances[port.component].set({port.variable: value}, time)
