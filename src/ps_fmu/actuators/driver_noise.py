@@ -7,6 +7,7 @@ from collections.abc import Generator
 import numpy as np
 
 from ..mechanism.quantities import Array
+from ..numerics.normal import transform
 
 _BLOCK = 512  # samples that one key makes: larger ones would stall a step, smaller ones take longer for each sample
 
@@ -43,7 +44,8 @@ class WhiteNoise:
             if known != number:
                 uniform = self._draw(number)
                 yield left + 1
-                block = _transform(*uniform)
+                block = np.empty((_BLOCK, self._channels))
+                transform(uniform.reshape(1, 2, -1), block.reshape(1, -1))
                 self._last = number, block
             blocks.append(block)
             yield left
@@ -54,12 +56,6 @@ class WhiteNoise:
         """What a block is made from, (2, _BLOCK / 2, channels), from 0 to 1."""
         key = np.random.SeedSequence((self._seed, number % 2**32))
         return np.random.Generator(np.random.Philox(key)).random((2, _BLOCK // 2, self._channels))
-
-
-def _transform(u: Array, v: Array) -> Array:
-    """Box-Muller: normal numbers (2 n, channels) from uniform ones (n, channels)."""
-    radius, angle = np.sqrt(-2.0 * np.log1p(-u)), 2.0 * np.pi * v
-    return np.concatenate([radius * np.cos(angle), radius * np.sin(angle)])
 
 
 def sample_deviation(density: float, h: float) -> float:
