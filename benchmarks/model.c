@@ -65,8 +65,9 @@ static bool fill(Core *core, FILE *file)
     core->plain = s.n_maps > 0 ? CORE_MAP : CORE_TABLE;
     core->data = take(file, s.n_data, sizeof(double));
     core->table = take(file, s.n_rows * s.n_target, sizeof(double));
-    core->kept = make_room(s.n_target, sizeof(double));
-    if (core->data == NULL || core->table == NULL || core->kept == NULL)
+    core->kept_spans = make_room(1, sizeof(Span));
+    core->kept_values = make_room(s.n_target, sizeof(double));
+    if (core->data == NULL || core->table == NULL || core->kept_spans == NULL || core->kept_values == NULL)
         return false;
     core->target = core->data + s.target;
     for (core->n_maps = 0; core->n_maps < s.n_maps; core->n_maps++)
@@ -106,7 +107,8 @@ void fmi2FreeInstance(fmi2Component c)
     }
     free(core->data);
     free((void *)core->table);
-    free(core->kept);
+    free(core->kept_spans);
+    free(core->kept_values);
     if (((Instance *)c)->noise != NULL)
         noise_free(((Instance *)c)->noise);
     free(c);

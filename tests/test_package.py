@@ -20,7 +20,7 @@ MAY_IMPORT = {
     "control": {"mechanism"},
     "disturbance": {"mechanism", "numerics"},
     "sensors": {"mechanism", "numerics"},
-    "actuators": {"mechanism"},
+    "actuators": {"mechanism", "numerics"},
     "theory": PHYSICS,
     "slavekit": set(),
     "blocks": {"slavekit"},

@@ -27,6 +27,14 @@ def test_white_and_of_unit_variance():
     assert np.abs((x**4).mean(axis=0) - 3.0).max() < np.sqrt(96.0) * bound
 
 
+def test_the_transform_is_that_of_box_and_muller():
+    """The first half of a block has the cosines, the other one the sines."""
+    u, v = np.random.Generator(np.random.Philox(np.random.SeedSequence((5, 2)))).random((2, 256, 3))
+    radius = np.sqrt(-2.0 * np.log1p(-u))
+    expected = np.concatenate([radius * np.cos(2.0 * np.pi * v), radius * np.sin(2.0 * np.pi * v)])
+    np.testing.assert_allclose(WhiteNoise(5, 3)(1024, 512), expected, rtol=0.0, atol=1e-13)
+
+
 def test_density():
     """White up to half the rate: density squared times band is the variance."""
     assert sample_deviation(2.0, 1e-4) ** 2 == pytest.approx(2.0**2 * 5000.0)

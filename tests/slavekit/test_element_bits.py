@@ -5,6 +5,7 @@ import pytest
 from support.bench import N_INPUTS, Bench
 
 from ps_fmu.slavekit.author.core import OutputLimits
+from ps_fmu.slavekit.author.elements import Delay, Linear, Product, ring_size
 from ps_fmu.slavekit.author.plain import make_plain_step
 
 
@@ -44,3 +45,46 @@ def test_random_programs_have_the_same_bits(instructions, seed):
             bench.core.count += 1
         outcomes.add(done)
     assert True in outcomes
+
+
+@pytest.mark.parametrize("density", [0.0, 0.1, 0.4, 1.0])
+def test_matrices_with_few_and_with_many_zeros(instructions, density):
+    """By rows or by columns, in Python and by the kernels: the sums of a loop, in its order."""
+    bench, random = Bench(), np.random.default_rng(int(10 * density))
+    sources = random.permutation(np.r_[bench.layout.source])[:10]
+    targets = np.r_[bench.layout.a, bench.layout.memory][:8]
+    matrix = random.standard_normal((8, 10)) * (random.random((8, 10)) < density)
+    bench.use([Linear(sources, matrix, targets)], [])
+    bench.data[bench.layout.source] = random.standard_normal(12)
+    bench.u[1] = -0.0
+    operands = bench.data.copy()
+    operands[bench.layout.r] = bench.core.arrays["table"][0]
+    expected = []
+    for factors in matrix.tolist():
+        total = 0.0
+        for factor, source in zip(factors, sources, strict=True):
+            total += factor * float(operands[source])
+        expected.append(total)
+    before = bench.data.copy()
+    assert bench.by_kernel(instructions)
+    found = bench.data.copy()
+    assert found[targets].tobytes() == np.array(expected).tobytes()
+    bench.data[:] = before
+    assert make_plain_step(bench.core)()
+    assert bench.data.tobytes() == found.tobytes()
+
+
+def test_states_written_before_the_map_come_back_when_the_step_is_refused(instructions):
+    bench = Bench()
+    bench.use(
+        [Product(bench.u[0:2], bench.u[1:3], bench.x[1:3]), Product(bench.u[2:3], bench.u[2:3], bench.memory[0:1])],
+        [Delay(bench.y[0:2], bench.memory[10 : 10 + ring_size(2, 3)], 3)],
+    )
+    bench.x[:] = 0.5
+    bench.u[:] = 2.0, 3.0, 4.0
+    for _ in range(4):
+        assert bench.by_kernel(instructions)
+    bench.u[:] = 2.0, 3.0, 1e200  # its square is infinite
+    before = bench.data.copy()
+    assert not bench.by_kernel(instructions)
+    assert bench.data.tobytes() == before.tobytes()

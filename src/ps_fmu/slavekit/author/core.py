@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from .blocks import Matrix
 from .buffer import Array, allocate_aligned
-from .instructions import Instruction, find_address, write_words
+from .instructions import DELAY, Instruction, find_address, find_spans, write_words
 from .layout import BufferLayout
 
 REFERENCE = 2**31 - 1
@@ -39,10 +39,11 @@ class Elements:
 
     def __init__(self, before: Sequence[Instruction] = (), after: Sequence[Instruction] = ()) -> None:
         self.before, self.after = tuple(before), tuple(after)
+        self.every = (*self.before, *self.after)
         self.words = write_words(self.before), write_words(self.after)
 
 
-_MAGIC = 0x33302D65726F63  # "core-03"
+_MAGIC = 0x34302D65726F63  # "core-04"
 NOTHING, MAP, TABLE = range(3)
 FOUND_DUE = 2
 """Value of ``pending`` if an element has found, before the map, that an event is due before this step."""
@@ -97,7 +98,8 @@ class Core(ctypes.Structure):
         ("n_maps", c_int64), ("table", c_void_p), ("n_rows", c_int64),
         ("row", c_void_p), ("n_row", c_int64),
         ("before", c_void_p), ("after", c_void_p), ("n_before", c_int64), ("n_after", c_int64),
-        ("undo_places", c_void_p), ("undo_values", c_void_p), ("scratch", c_void_p), ("kept", c_void_p),
+        ("spans", c_void_p), ("n_spans", c_int64), ("kept_spans", c_void_p), ("kept_values", c_void_p),
+        ("scratch", c_void_p),
         ("lower", c_void_p), ("upper", c_void_p), ("n_limited", c_int64), ("limit_flag", c_int64),
         ("stepping", c_int64), ("pending", c_int64), ("watching", c_int64), ("finishing", c_int64),
         ("time", c_double), ("step", c_double),
@@ -110,6 +112,7 @@ class Core(ctypes.Structure):
     n_target: int
     n_maps: int
     n_row: int
+    n_spans: int
     n_rows: int
     stepping: int
     pending: int
@@ -158,11 +161,8 @@ class Core(ctypes.Structure):
         self.elements = elements
         self.n_before, self.n_after = len(elements.before), len(elements.after)
         self.before, self.after = (ctypes.addressof(words) for words in elements.words)
-        every = (*elements.before, *elements.after)
-        n = self.n_row + sum(element.most_writes for element in every)
-        sizes = [element.matrix.shape[1] + element.n_source for element in every if element.matrix is not None]
-        self._point(undo_places=np.zeros(n, dtype=np.int64), undo_values=np.zeros(n))
-        self._point(scratch=allocate_aligned(max(sizes, default=0)))
+        self._point(scratch=allocate_aligned(max((element.count_scratch() for element in elements.every), default=0)))
+        self._make_room_to_undo()
 
     def use_nothing(self) -> None:
         """No step is a plain one."""
@@ -175,6 +175,19 @@ class Core(ctypes.Structure):
         if limits is not None:
             self._point(lower=limits.lower, upper=limits.upper)
             self.n_limited, self.limit_flag = limits.lower.size, limits.flag
+
+    def _make_room_to_undo(self) -> None:
+        """For what the row and the elements write, known beforehand, the results, and a row of each ring."""
+        first, target, row = (find_address(self.arrays[name]) or 0 for name in ("data", "target", "row"))
+        kept_as_target = range((target - first) // 8, (target - first) // 8 + self.n_target if self.n_after else 0)
+        written = {place for element in self.elements.every for place in element.list_writes()}
+        written |= set(range((row - first) // 8, (row - first) // 8 + self.n_row))
+        spans = find_spans([place for place in written if place not in kept_as_target])
+        rings = [element.n for element in self.elements.every if element.kind == DELAY]
+        room = np.zeros((len(spans) + len(rings) + 1, 2), dtype=np.int64)
+        self._point(spans=spans, kept_spans=room)
+        self._point(kept_values=np.zeros(int(spans[:, 1].sum()) + sum(rings) + self.n_target))
+        self.n_spans = len(spans)
 
     def _point(self, **arrays: NDArray[Any]) -> None:
         self.arrays |= arrays
@@ -197,7 +210,7 @@ def make_core(layout: BufferLayout, data: Array) -> Core:
     core.arrays, core.source = {}, source
     core._point(
         data=data, kinds=layout.kinds, low=layout.low, high=layout.high,
-        target=target, row=data[layout.r], kept=np.empty_like(target),
+        target=target, row=data[layout.r],
     )  # fmt: skip
     core.use_elements(Elements())
     return core

@@ -31,13 +31,17 @@ from .instructions import (
     RAMP,
     SAMPLE,
     SINE,
+    SPARSE,
     WATCH,
     Finder,
     Instruction,
     Operand,
+    Places,
 )
 
 _SAME = 1e-6  # relative: intervals this close to a multiple of the step are one
+_SPARSE = 5
+"""Time of a column of a dense matrix over that of an entry of a sparse one, in the kernel."""
 
 
 def count_steps(name: str, interval: float, h: float, most: int | None = None) -> int:
@@ -165,6 +169,9 @@ class Linear(Element):
             raise ValueError(f"matrix has shape {matrix.shape}; expected {(target.size, source.size)}")
         if not np.isfinite(matrix).all():
             raise ValueError("matrix has elements that are not finite")
+        entries = max(int(np.count_nonzero(matrix, axis=1).max()), 1)
+        if target.size * entries <= _SPARSE * source.size:
+            return _instruct_sparse(target, source, matrix, entries)
         columns = store_by_columns(matrix)
         return Instruction(LINEAR, target, source, matrix=columns, n=target.size, n_source=source.size)
 
@@ -317,6 +324,13 @@ class Count(Element):
         high = find.constants("above", self.above, n, finite=False)
         kept = find.memory("kept", self.kept, 2 * n)
         return Instruction(COUNT, target, source, kept, high=high, n=n, n_source=target.size)
+
+
+def _instruct_sparse(target: Places, source: Places, matrix: Array, entries: int) -> Instruction:
+    """As many ``entries`` of each row, in their order: all that are not zero, and the first of the others."""
+    columns = np.sort(np.argsort(matrix == 0.0, axis=1, kind="stable")[:, :entries], axis=1)
+    factors = np.take_along_axis(matrix, columns, axis=1).copy()
+    return Instruction(SPARSE, target, source[columns].ravel(), matrix=factors, n=target.size, n_source=entries)
 
 
 def _count(what: str, value: int, least: int) -> int:

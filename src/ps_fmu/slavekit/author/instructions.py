@@ -18,10 +18,11 @@ Places = NDArray[np.int64]
 """Places in the buffer, (n,)."""
 Operand = Array | Places
 """A view of the buffer, or places in it."""
+_NEAR = 16  # numbers
 
 (
-    SAMPLE, RAMP, PRODUCT, LINEAR, CLIP, EXCESS, SINE, QUANTISE, HOLD, DELAY, WATCH, COUNT,
-) = range(1, 13)  # fmt: skip
+    SAMPLE, RAMP, PRODUCT, LINEAR, CLIP, EXCESS, SINE, QUANTISE, HOLD, DELAY, WATCH, COUNT, SPARSE,
+) = range(1, 14)  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,16 +36,24 @@ class Instruction:
     low: Array | None = None
     high: Array | None = None
     matrix: Array | None = None
-    """By columns, see :func:`.blocks.store_by_columns`."""
+    """LINEAR: by columns, see :func:`.blocks.store_by_columns`.  SPARSE: (n, n_source), for as many ``source``."""
     n: int = 0
     n_source: int = 0
     clock: int = -1
     steps: int = 0
 
-    @property
-    def most_writes(self) -> int:
-        """Not fewer than the numbers that it writes."""
-        return 3 * self.n + 2
+    def list_writes(self) -> list[int]:
+        """Places that it writes, without a ring."""
+        written = [] if self.target is None else self.target.tolist()
+        if self.second is not None and self.kind in (HOLD, COUNT):
+            written += self.second.tolist()
+        return written if self.clock < 0 else [*written, self.clock]
+
+    def count_scratch(self) -> int:
+        """Numbers that the kernel needs beside the buffer."""
+        if self.matrix is None:
+            return 0
+        return self.n if self.kind == SPARSE else self.matrix.shape[1] + self.n_source
 
 
 class Words(ctypes.Structure):
@@ -65,6 +74,19 @@ def write_words(instructions: Sequence[Instruction]) -> ctypes.Array[Words]:
         addresses = (find_address(array) for array in (e.source, e.second, e.target, e.low, e.high, e.matrix))
         words[k] = Words(e.kind, e.n, *addresses, stride, e.n_source, e.clock, e.steps)
     return words
+
+
+def find_spans(places: Sequence[int]) -> Places:
+    """Spans of the buffer with all these places, (spans, 2): where each begins, and how many numbers it has.
+
+    Near ones are one span: to copy a few numbers more takes less time than to begin again.
+    """
+    found = np.unique(np.array(places, dtype=np.int64))
+    if not found.size:
+        return np.empty((0, 2), dtype=np.int64)
+    ends = np.flatnonzero(np.diff(found) > _NEAR)
+    first, last = found[np.append(0, ends + 1)], found[np.append(ends, -1)]
+    return np.stack([first, last - first + 1], axis=1)
 
 
 def find_address(array: NDArray[Any] | None) -> int | None:

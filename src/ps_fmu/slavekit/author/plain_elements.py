@@ -24,6 +24,7 @@ from .instructions import (
     RAMP,
     SAMPLE,
     SINE,
+    SPARSE,
     WATCH,
     Instruction,
 )
@@ -156,6 +157,25 @@ def _make_linear(data: _Numbers, e: Instruction, step: float) -> Run:
     return run
 
 
+def _make_sparse(data: _Numbers, e: Instruction, step: float) -> Run:
+    assert e.matrix is not None and e.source is not None
+    targets, sources = _list(e.target), e.source.reshape(e.n, e.n_source).tolist()
+    rows = [list(zip(*row, strict=True)) for row in zip(e.matrix.tolist(), sources, strict=True)]
+
+    def run() -> bool:
+        sums = []
+        for row in rows:
+            total = 0.0
+            for factor, source in row:
+                total += factor * data[source]
+            sums.append(total)
+        for target, value in zip(targets, sums, strict=True):
+            data[target] = value
+        return False
+
+    return run
+
+
 def _make_clip(data: _Numbers, e: Instruction, step: float) -> Run:
     rows = list(zip(_list(e.target), _list(e.low), _list(e.high), strict=True))
 
@@ -245,4 +265,5 @@ _MAKERS: dict[int, Callable[[_Numbers, Instruction, float], Run]] = {
     DELAY: _make_delay,
     WATCH: _make_watch,
     COUNT: _make_count,
+    SPARSE: _make_sparse,
 }

@@ -4,7 +4,7 @@
 
 #include <stdint.h>
 
-#define CORE_MAGIC 0x33302d65726f63ull /* "core-03" */
+#define CORE_MAGIC 0x34302d65726f63ull /* "core-04" */
 
 /* Asked for the String variable of this value reference, a slave answers with the address of its core, in decimal; 0: it
    wants none.  No model description lists it. */
@@ -32,7 +32,8 @@ enum {
     ELEMENT_HOLD,
     ELEMENT_DELAY,
     ELEMENT_WATCH,
-    ELEMENT_COUNT
+    ELEMENT_COUNT,
+    ELEMENT_SPARSE
 };
 
 /* The same as the class Instruction in instructions.py.  Lists of places are places in `data`. */
@@ -40,11 +41,16 @@ typedef struct Element {
     int64_t kind, n;          /* n: length of `target`, and of the lists that go with it element by element */
     const int64_t *source, *second, *target;
     const double *low, *high; /* constants, n each */
-    const double *matrix;     /* n_source columns of `stride`, as that of the map */
+    const double *matrix;     /* n_source columns of `stride`, as that of the map; SPARSE: n rows of n_source */
     int64_t stride, n_source;
     int64_t clock;            /* place of a counter */
     int64_t steps;
 } Element;
+
+/* Numbers side by side in `data`. */
+typedef struct Span {
+    int64_t place, n;
+} Span;
 
 /* Rows of a matrix, from `row` on, with the columns in which any of them is not zero.  blocks.py chooses them. */
 typedef struct Block {
@@ -91,10 +97,11 @@ typedef struct Core {
     int64_t n_row;            /* 0: the map has no row of a table among its operands */
     const Element *before, *after;
     int64_t n_before, n_after;
-    int64_t *undo_places;     /* for as many writes as a step makes at most */
-    double *undo_values;
-    double *scratch;          /* for the largest LINEAR: its result, then its operand */
-    double *kept;             /* (n_target) */
+    const Span *spans;        /* what the row and the elements write, but for `target` and rings */
+    int64_t n_spans;
+    Span *kept_spans;         /* room for all that a step writes, to undo it: where, and what was there */
+    double *kept_values;
+    double *scratch;          /* for the largest LINEAR: its result, then its operand; for the result of a SPARSE */
     const double *lower, *upper; /* of the first n_limited of target */
     int64_t n_limited;           /* 0: there are none */
     int64_t limit_flag;          /* place in target that becomes 1 where one was met; -1: none */

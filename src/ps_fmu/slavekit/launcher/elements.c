@@ -1,5 +1,6 @@
 #include "elements.h"
 
+#include <float.h>
 #include <math.h>
 #include <stddef.h>
 
@@ -8,38 +9,56 @@
 #pragma STDC FP_CONTRACT OFF
 #endif
 
-void run_put(Run *run, int64_t place, double value)
+void run_keep(Run *run, int64_t place, int64_t n)
 {
-    const int64_t n = run->n_undo++;
-    run->places[n] = place;
-    run->values[n] = run->data[place];
-    run->data[place] = value;
+    *run->kept++ = (Span){place, n};
+    copy(run->kept_value, run->data + place, n);
+    run->kept_value += n;
 }
 
-void run_undo(Run *run, int64_t n)
+void run_undo(Run *run)
 {
-    while (run->n_undo > n) {
-        run->n_undo--;
-        run->data[run->places[run->n_undo]] = run->values[run->n_undo];
+    while (run->kept > run->core->kept_spans) {
+        const Span *span = --run->kept;
+        run->kept_value -= span->n;
+        copy(run->data + span->place, run->kept_value, span->n);
     }
 }
 
-/* Write the result k of an element; not finite: false. */
-static bool put(Run *run, int64_t place, double value)
+/* Whether a number is finite, without a jump: the loops below ask it of all their results together. */
+static int is_finite(double value)
 {
-    run_put(run, place, value);
-    return isfinite(value);
+    return fabs(value) <= DBL_MAX;
 }
 
-/* Do one thing for each k; the step is refused where a result is not finite. */
-#define FOR_EACH(n, expression)                                                                                        \
-    for (int64_t k = 0; k < (n); k++)                                                                                  \
-        if (!(expression))                                                                                             \
-    return false
+/* target[k] <- an expression in k, one after the other; false if a result is not finite. */
+#define PUT_EACH(expression)                                                                                           \
+    do {                                                                                                               \
+        const int64_t *target = e->target;                                                                             \
+        int finite = 1;                                                                                                \
+        for (int64_t k = 0, n = e->n; k < n; k++) {                                                                    \
+            const double result = (expression);                                                                        \
+            data[target[k]] = result;                                                                                  \
+            finite &= is_finite(result);                                                                               \
+        }                                                                                                              \
+        return finite;                                                                                                 \
+    } while (0)
 
 static double clip(double value, double low, double high)
 {
     return value < low ? low : value > high ? high : value;
+}
+
+/* Copy numbers, one after the other; 0 if one is not finite: a state may have been made up. */
+static int move(double *data, const int64_t *target, const int64_t *source, int64_t n)
+{
+    int finite = 1;
+    for (int64_t k = 0; k < n; k++) {
+        const double value = data[source[k]];
+        data[target[k]] = value;
+        finite &= is_finite(value);
+    }
+    return finite;
 }
 
 /* A clock that begins again after `steps`. */
@@ -49,30 +68,36 @@ static double next_tick(double clock, int64_t steps)
     return next > (double)steps - 0.5 ? 0.0 : next;
 }
 
-static bool sample(Run *run, const Element *e)
+static bool sample(double *data, const Element *e)
 {
-    double *data = run->data;
+    int finite = 1;
     if (data[e->clock] == 0.0)
-        FOR_EACH(e->n, put(run, e->target[k], data[e->source[k]]));
-    return put(run, e->clock, next_tick(data[e->clock], e->steps));
+        finite = move(data, e->target, e->source, e->n);
+    data[e->clock] = next_tick(data[e->clock], e->steps);
+    return finite & is_finite(data[e->clock]);
 }
 
-static bool hold(Run *run, const Element *e)
+static bool hold(double *data, const Element *e)
 {
-    double *data = run->data;
     double clock = next_tick(data[e->clock], e->steps);
     if (clock == 0.0)
-        FOR_EACH(e->n, put(run, e->second[k], data[e->target[k]]));
-    FOR_EACH(e->n, put(run, e->target[k], data[e->second[k]]));
-    return put(run, e->clock, clock);
+        move(data, e->second, e->target, e->n);
+    const int finite = move(data, e->target, e->second, e->n);
+    data[e->clock] = clock;
+    return finite & is_finite(clock);
 }
 
-static bool ramp(Run *run, const Element *e)
+static bool ramp(double *data, const Element *e, double step)
 {
-    double *data = run->data;
-    FOR_EACH(e->n, put(run, e->target[k],
-                       clip((data[e->source[k]] - data[e->second[k]]) / run->core->step, e->low[k], e->high[k])));
-    return true;
+    const int64_t *source = e->source, *second = e->second;
+    const double *low = e->low, *high = e->high;
+    PUT_EACH(clip((data[source[k]] - data[second[k]]) / step, low[k], high[k]));
+}
+
+static bool product(double *data, const Element *e)
+{
+    const int64_t *source = e->source, *second = e->second;
+    PUT_EACH(data[source[k]] * data[second[k]]);
 }
 
 static bool linear(Run *run, const Element *e)
@@ -82,82 +107,173 @@ static bool linear(Run *run, const Element *e)
         x[j] = data[e->source[j]];
     if (!run->by->product(e->matrix, e->stride, x, e->n_source, w))
         return false;
-    FOR_EACH(e->n, put(run, e->target[k], w[k]));
+    for (int64_t k = 0; k < e->n; k++)
+        data[e->target[k]] = w[k];
     return true;
 }
 
-static bool clip_values(Run *run, const Element *e)
+/* The sums of n rows of as many terms each, a number that the compiler knows. */
+static inline __attribute__((always_inline)) int add_terms(const double *data, const Element *e, double *w,
+                                                           const int64_t terms)
 {
-    double *data = run->data;
+    const int64_t *source = e->source;
+    const double *factor = e->matrix;
+    int finite = 1;
+    for (int64_t k = 0, n = e->n; k < n; k++, source += terms, factor += terms) {
+        double sum = 0.0;
+        for (int64_t j = 0; j < terms; j++)
+            sum += factor[j] * data[source[j]];
+        w[k] = sum;
+        finite &= is_finite(sum);
+    }
+    return finite;
+}
+
+/* As `linear`, of the places alone whose factors are not zero, and of others with zeros up to as many in each row. */
+static bool sparse(const Run *run, const Element *e)
+{
+    double *data = run->data, *w = run->core->scratch;
+    int finite;
+    switch (e->n_source) {
+    case 1:
+        finite = add_terms(data, e, w, 1);
+        break;
+    case 2:
+        finite = add_terms(data, e, w, 2);
+        break;
+    case 3:
+        finite = add_terms(data, e, w, 3);
+        break;
+    case 4:
+        finite = add_terms(data, e, w, 4);
+        break;
+    default:
+        finite = add_terms(data, e, w, e->n_source);
+    }
+    for (int64_t k = 0; k < e->n; k++)
+        data[e->target[k]] = w[k];
+    return finite;
+}
+
+static bool clip_values(double *data, const Element *e)
+{
     bool met = false;
+    int finite = 1;
     for (int64_t k = 0; k < e->n; k++) {
         double value = data[e->target[k]];
         if (value < e->low[k] || value > e->high[k]) {
             met = true;
-            if (!put(run, e->target[k], clip(value, e->low[k], e->high[k])))
-                return false;
+            value = clip(value, e->low[k], e->high[k]);
+            data[e->target[k]] = value;
+            finite &= is_finite(value);
         }
     }
-    return !met || e->clock < 0 || put(run, e->clock, 1.0);
+    if (met && e->clock >= 0)
+        data[e->clock] = 1.0;
+    return finite;
 }
 
-static double excess(double value, double low, double high)
+static double compute_excess(double value, double low, double high)
 {
     double above = value - high, below = value - low;
     return (above > 0.0 ? above : 0.0) + (below < 0.0 ? below : 0.0);
+}
+
+static bool excess(double *data, const Element *e)
+{
+    const int64_t *source = e->source;
+    const double *low = e->low, *high = e->high;
+    PUT_EACH(compute_excess(data[source[k]], low[k], high[k]));
+}
+
+static bool sine(double *data, const Element *e)
+{
+    PUT_EACH(sin(e->low[k] * data[e->source[k]] + e->high[k]));
+}
+
+/* The nearest whole number, of two the even one, as rint, without a call: from 2^52 on, doubles are whole. */
+static double find_nearest(double value)
+{
+    const double whole = copysign(4503599627370496.0, value);
+    return fabs(value) < 4503599627370496.0 ? copysign((value + whole) - whole, value) : value;
+}
+
+static bool quantise(double *data, const Element *e)
+{
+    const int64_t *target = e->target;
+    const double *resolution = e->low;
+    int finite = 1;
+    for (int64_t k = 0; k < e->n; k++)
+        if (resolution[k] != 0.0) {
+            double result = find_nearest(data[target[k]] / resolution[k]) * resolution[k];
+            data[target[k]] = result;
+            finite &= is_finite(result);
+        }
+    return finite;
 }
 
 /* `clock` is the place of the next row of the ring.  It comes from a state that may have been made up. */
 static bool delay(Run *run, const Element *e)
 {
     double *data = run->data, next = data[e->clock];
-    int64_t rows = e->n_source, ring = e->second[0];
+    const int64_t rows = e->n_source, n = e->n;
     if (!(next >= 0.0 && next < (double)rows))
         return false;
-    int64_t row = (int64_t)next, old = (row - e->steps + rows) % rows;
-    for (int64_t k = 0; k < e->n; k++) {
-        double value = data[e->target[k]], delayed = e->steps > 0 ? data[ring + old * e->n + k] : value;
-        if (!put(run, ring + row * e->n + k, value) || !put(run, e->target[k], delayed))
-            return false;
+    const int64_t row = (int64_t)next, late = row - e->steps, old = late < 0 ? late + rows : late;
+    run_keep(run, e->second[0] + row * n, n);
+    double *newest = data + e->second[0] + row * n;
+    const double *oldest = data + e->second[0] + old * n;
+    int finite = 1;
+    for (int64_t k = 0; k < n; k++) {
+        const double value = data[e->target[k]], delayed = e->steps > 0 ? oldest[k] : value;
+        newest[k] = value;
+        data[e->target[k]] = delayed;
+        finite &= is_finite(value) & is_finite(delayed);
     }
-    return put(run, e->clock, (double)((row + 1) % rows));
+    data[e->clock] = row + 1 < rows ? (double)(row + 1) : 0.0;
+    return finite;
 }
 
 /* `target`, where there is one, keeps the values of the step before. */
 static bool watch(Run *run, const Element *e)
 {
     double *data = run->data;
-    bool far = false, apart = false, resting = e->target != NULL;
+    int far = 0, apart = 0, resting = e->target != NULL, finite = 1;
     for (int64_t k = 0; k < e->n; k++) {
-        double value = data[e->source[k]], distance = fabs(value - data[e->second[k]]);
-        far = far || distance > e->high[k];
-        apart = apart || distance > e->low[k];
+        const double value = data[e->source[k]], distance = fabs(value - data[e->second[k]]);
+        far |= distance > e->high[k];
+        apart |= distance > e->low[k];
         if (e->target != NULL) {
-            resting = resting && value == data[e->target[k]];
-            if (!put(run, e->target[k], value))
-                return false;
+            resting &= value == data[e->target[k]];
+            data[e->target[k]] = value;
+            finite &= is_finite(value);
         }
     }
     run->due = run->due || far || (resting && apart);
-    return true;
+    return finite;
 }
 
 /* `second` holds n times whether the value was above, then n counts. */
-static bool count(Run *run, const Element *e)
+static bool count(double *data, const Element *e)
 {
-    double *data = run->data, sum = 0.0;
+    const bool each = e->n_source == e->n;
+    int finite = 1;
+    double sum = 0.0;
     for (int64_t k = 0; k < e->n; k++) {
-        int64_t was = e->second[k], counted = e->second[e->n + k];
-        bool above = fabs(data[e->source[k]]) > e->high[k];
-        if (above && data[was] == 0.0 && !put(run, counted, data[counted] + 1.0))
-            return false;
-        if (!put(run, was, above ? 1.0 : 0.0))
-            return false;
+        const int64_t was = e->second[k], counted = e->second[e->n + k];
+        const bool above = fabs(data[e->source[k]]) > e->high[k];
+        if (above && data[was] == 0.0)
+            data[counted] += 1.0;
+        data[was] = above ? 1.0 : 0.0;
+        finite &= is_finite(data[counted]);
         sum += data[counted];
-        if (e->n_source == e->n && !put(run, e->target[k], data[counted]))
-            return false;
+        if (each)
+            data[e->target[k]] = data[counted];
     }
-    return e->n_source == e->n || put(run, e->target[0], sum);
+    if (each)
+        return finite;
+    data[e->target[0]] = sum;
+    return is_finite(sum);
 }
 
 static bool run_element(Run *run, const Element *e)
@@ -165,35 +281,31 @@ static bool run_element(Run *run, const Element *e)
     double *data = run->data;
     switch (e->kind) {
     case ELEMENT_SAMPLE:
-        return sample(run, e);
+        return sample(data, e);
     case ELEMENT_RAMP:
-        return ramp(run, e);
+        return ramp(data, e, run->core->step);
     case ELEMENT_PRODUCT:
-        FOR_EACH(e->n, put(run, e->target[k], data[e->source[k]] * data[e->second[k]]));
-        return true;
+        return product(data, e);
     case ELEMENT_LINEAR:
         return linear(run, e);
     case ELEMENT_CLIP:
-        return clip_values(run, e);
+        return clip_values(data, e);
     case ELEMENT_EXCESS:
-        FOR_EACH(e->n, put(run, e->target[k], excess(data[e->source[k]], e->low[k], e->high[k])));
-        return true;
+        return excess(data, e);
     case ELEMENT_SINE:
-        FOR_EACH(e->n, put(run, e->target[k], sin(e->low[k] * data[e->source[k]] + e->high[k])));
-        return true;
+        return sine(data, e);
     case ELEMENT_QUANTISE:
-        for (int64_t k = 0; k < e->n; k++)
-            if (e->low[k] != 0.0 && !put(run, e->target[k], rint(data[e->target[k]] / e->low[k]) * e->low[k]))
-                return false;
-        return true;
+        return quantise(data, e);
     case ELEMENT_HOLD:
-        return hold(run, e);
+        return hold(data, e);
     case ELEMENT_DELAY:
         return delay(run, e);
     case ELEMENT_WATCH:
         return watch(run, e);
     case ELEMENT_COUNT:
-        return count(run, e);
+        return count(data, e);
+    case ELEMENT_SPARSE:
+        return sparse(run, e);
     default:
         return false;
     }

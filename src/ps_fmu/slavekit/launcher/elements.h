@@ -3,6 +3,7 @@
 #define PS_FMU_ELEMENTS_H
 
 #include <stdbool.h>
+#include <string.h>
 
 #include "core.h"
 
@@ -22,22 +23,26 @@ typedef struct {
 /* One step under way. */
 typedef struct {
     Core *core;
-    double *data;   /* of the core, as are `places` and `values`: not looked up again at each write */
-    int64_t *places;
-    double *values;
+    double *data;       /* of the core */
     const Arithmetic *by;
-    int64_t n_undo; /* writes so far */
-    bool due;       /* a WATCH has found that an event is due */
+    Span *kept;         /* the next free ones of the core's kept_spans and kept_values */
+    double *kept_value;
+    bool due;           /* a WATCH has found that an event is due */
 } Run;
 
-/* Write a number to a place of `data`, so that it can be undone. */
-void run_put(Run *run, int64_t place, double value);
+static inline void copy(double *target, const double *source, int64_t n)
+{
+    memcpy(target, source, (size_t)n * sizeof(double));
+}
+
+/* Keep n numbers as they are now, before they are written. */
+void run_keep(Run *run, int64_t place, int64_t n);
 
 /* Do elements in their order; false if a number is not finite or a delay's memory is impossible.  The caller has to undo
    then. */
 bool run_elements(Run *run, const Element *elements, int64_t n);
 
-/* Take back all writes but the first n. */
-void run_undo(Run *run, int64_t n);
+/* Put back all that was kept. */
+void run_undo(Run *run);
 
 #endif

@@ -77,11 +77,6 @@ static const double *next_row(const Core *core, int64_t width)
     return row < 0 || row >= core->n_rows ? NULL : core->table + row * width;
 }
 
-static void copy(double *target, const double *source, int64_t n)
-{
-    memcpy(target, source, (size_t)n * sizeof(double));
-}
-
 /* The results, into `target`.  False: a map is not finite, and those before it have written theirs. */
 static bool compute(Core *core, const Arithmetic *by)
 {
@@ -108,8 +103,7 @@ static bool prepare(Run *run)
         const double *row = next_row(core, core->n_row);
         if (row == NULL)
             return false;
-        for (int64_t i = 0; i < core->n_row; i++)
-            run_put(run, core->row - core->data + i, row[i]);
+        copy(core->row, row, core->n_row);
     }
     if (!run_elements(run, core->before, core->n_before))
         return false;
@@ -125,25 +119,20 @@ static bool prepare(Run *run)
 static bool finish(Run *run)
 {
     Core *core = run->core;
-    const int64_t before = run->n_undo;
-    const bool keep = core->n_maps > 1 || core->n_after > 0; /* else a map that is not finite has written nothing */
-    if (keep)
-        copy(core->kept, core->target, core->n_target);
-    if (compute(core, run->by) && run_elements(run, core->after, core->n_after))
-        return true;
-    run_undo(run, before);
-    if (keep)
-        copy(core->target, core->kept, core->n_target);
-    return false;
+    return compute(core, run->by) && run_elements(run, core->after, core->n_after);
 }
 
 static bool step(Core *core, const Arithmetic *by)
 {
     if (core->plain == CORE_NOTHING)
         return false;
-    Run run = {core, core->data, core->undo_places, core->undo_values, by, 0, false};
+    Run run = {core, core->data, by, core->kept_spans, core->kept_values, false};
+    if (core->n_maps > 1 || core->n_after > 0) /* else a map that is not finite has written nothing */
+        run_keep(&run, core->target - core->data, core->n_target);
+    for (const Span *span = core->spans; span < core->spans + core->n_spans; span++)
+        run_keep(&run, span->place, span->n);
     if (!prepare(&run) || !finish(&run)) {
-        run_undo(&run, 0);
+        run_undo(&run);
         return false;
     }
     if (core->n_limited > 0)

@@ -138,6 +138,19 @@ static bool allow_run(const Core *core, fmi2ValueReference first, size_t n, uint
     return common == kind;
 }
 
+/* Store n numbers from `first` on. */
+static void store_run(Core *core, fmi2ValueReference first, const fmi2Real value[], size_t n)
+{
+    uint8_t any = 0;
+    for (size_t k = 0; k < n; k++)
+        any |= core->kinds[first + k];
+    if (!(any & CORE_EVENT))
+        memcpy(core->data + first, value, n * sizeof *value);
+    else
+        for (size_t k = 0; k < n; k++)
+            store(core, first + (fmi2ValueReference)k, value[k]);
+}
+
 static bool allow_values(const Core *core, fmi2ValueReference first, const fmi2Real value[], size_t n)
 {
     const double *low = core->low + first, *high = core->high + first;
@@ -171,8 +184,10 @@ bool native_SetReal(const Instance *m, const fmi2ValueReference vr[], size_t n, 
         if (!allow_run(core, vr[i], k, CORE_REAL | CORE_SET) || !allow_values(core, vr[i], value + i, k))
             return false;
     }
-    for (size_t i = 0; i < n; i++)
-        store(core, vr[i], value[i]);
+    for (size_t i = 0, k; i < n; i += k) {
+        k = run_length(vr + i, n - i);
+        store_run(core, vr[i], value + i, k);
+    }
     return true;
 }
 
