@@ -77,3 +77,18 @@ def test_another_file_takes_the_place_of_the_open_one(tmp_path):
     with results.read(tmp_path / "a.nc") as file:
         assert file.isopen() and file is not first
     assert not file.isopen()
+
+
+def test_the_file_of_a_run_that_was_given_up_is_closed_by_the_next_one(tmp_path):
+    """Not by whoever collects it: another thread may be in the libraries of netCDF then."""
+    import gc
+
+    path = tmp_path / "a.nc"
+    first = ResultsFile()
+    dataset = netCDF4.Dataset(path, "w")
+    first.keep(path, dataset)
+    del first
+    gc.collect()
+    assert dataset.isopen()
+    assert ResultsFile().find(path) is None
+    assert not dataset.isopen()

@@ -2,6 +2,9 @@
 
 To open it takes as long as a run of 0.3 s, because netCDF looks at each of its 700 variables, and to close it half of
 that.  Between two runs all there is lies on the disk, so that whatever ends the process leaves it readable.
+
+A dataset is closed by name alone: one that Python collects is closed in whatever thread collects it, and the libraries
+of netCDF crash if another thread is in them.
 """
 
 from __future__ import annotations
@@ -10,6 +13,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
+
+_open: dict[Path, Any] = {}
+"""The datasets that are open, also those of runs that were given up."""
 
 
 class ResultsFile:
@@ -23,10 +29,14 @@ class ResultsFile:
         """Take a dataset that is open for writing; another one is closed."""
         self.close()
         self._path, self._dataset = path, dataset
+        _open[path] = dataset
 
     def find(self, path: Path) -> Any:
-        """The dataset of a file, if that is the one, and is open; else None."""
-        return self._dataset if self._path == path and self._dataset is not None and self._dataset.isopen() else None
+        """The dataset of a file, if that is the one, and is open; else None, and a run given up has it no longer."""
+        if self._path == path and self._dataset is not None and self._dataset.isopen():
+            return self._dataset
+        _close(path)
+        return None
 
     @contextmanager
     def read(self, path: Path) -> Iterator[Any]:
@@ -52,5 +62,11 @@ class ResultsFile:
     def close(self) -> None:
         """Close the file.  Safe to call twice."""
         dataset, self._dataset = self._dataset, None
-        if dataset is not None and dataset.isopen():
-            dataset.close()
+        if dataset is not None and self._path is not None and _open.get(self._path) is dataset:
+            _close(self._path)
+
+
+def _close(path: Path) -> None:
+    dataset = _open.pop(path, None)
+    if dataset is not None and dataset.isopen():
+        dataset.close()
