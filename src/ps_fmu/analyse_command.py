@@ -16,7 +16,7 @@ from . import trades
 from .paper.analysis import Analysis, AnalysisOptions, find_analyses_in, find_figure_analyses
 from .product.files import find_file, find_product
 from .runs.built_fmus import find_built_folder
-from .runs.registry import import_and_call
+from .runs.late import import_and_call
 from .terminal import reason
 
 if TYPE_CHECKING:

@@ -59,7 +59,7 @@ class Analysis:
     """One line for ``--help``."""
     analyse: Callable[..., AnalysisResult]
     """Takes :class:`AnalysisOptions`, and ``found``, what its ``jobs`` left by their names; see
-    :func:`ps_fmu.runs.registry.import_and_call`."""
+    :func:`ps_fmu.runs.late.import_and_call`."""
     needs_fmus: bool = True
     """False: it needs neither FMUs nor a system description."""
     system: str = SYSTEM

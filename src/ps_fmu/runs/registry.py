@@ -5,21 +5,15 @@ from __future__ import annotations
 import pkgutil
 from importlib import import_module
 from types import ModuleType
-from typing import Any
 
 from .options import Scenario
-
-
-def import_and_call(module: str, function: str, *args: Any, **options: Any) -> Any:
-    """Call a function of a module that is imported only now, so that a declaration costs nothing."""
-    return getattr(import_module(module), function)(*args, **options)
 
 
 def find_scenarios(*packages: ModuleType) -> dict[str, Scenario]:
     """Scenarios by name, in the order of the packages, then by the names of their files.
 
     A module or package directly inside one of ``packages`` declares a scenario as ``SCENARIO``; one without it is
-    passed over.  All are imported, so ``SCENARIO`` names what takes long to import by :func:`import_and_call`.
+    passed over.  All are imported, so ``SCENARIO`` names what takes long to import by :func:`.late.import_and_call`.
     Raises ``ValueError`` if two scenarios have the same name.
     """
     scenarios: dict[str, Scenario] = {}

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from functools import partial
 
+from ..late import import_and_call
 from ..options import Scenario
-from ..registry import import_and_call
 
 SCENARIO = Scenario(
     "slew",

@@ -3,7 +3,7 @@
 from functools import partial
 
 from ...paper.analysis import Analysis
-from ...runs.registry import import_and_call
+from ...runs.late import import_and_call
 
 ANALYSIS = Analysis(
     "budget",

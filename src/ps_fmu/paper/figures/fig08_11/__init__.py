@@ -2,7 +2,7 @@
 
 from functools import partial
 
-from ....runs.registry import import_and_call
+from ....runs.late import import_and_call
 from ...analysis import Analysis
 
 ANALYSIS = Analysis(

@@ -2,8 +2,8 @@
 
 from functools import partial
 
+from ....runs.late import import_and_call
 from ....runs.options import Scenario
-from ....runs.registry import import_and_call
 from ...analysis import Analysis
 
 SCENARIO = Scenario(
