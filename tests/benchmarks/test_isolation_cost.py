@@ -7,7 +7,6 @@ from pathlib import Path
 import pytest
 
 BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
-pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="processes of their own are for Linux")
 
 
 def test_a_few_steps():

@@ -27,7 +27,6 @@ PORTS = {
 STAIRS = [
     '<ssd:Connection startElement="stair" startConnector="counter" endElement="through" endConnector="whole_in"/>'
 ]
-pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the FMUs are compiled for Linux")
 
 
 @pytest.fixture(scope="module")

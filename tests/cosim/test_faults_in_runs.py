@@ -1,7 +1,6 @@
 """Faults and the rest of a run: neutral ones, steps that are repeated, processes, refusals, what is said of them."""
 
 import json
-import sys
 
 import numpy as np
 import pytest
@@ -102,7 +101,6 @@ def test_steps_in_parts_see_the_fault_of_the_whole_step(discarding, make_system,
     assert found["partial"] == pytest.approx(found["good"], rel=1e-12)
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="processes of their own are for Linux")
 def test_isolated_fmus_see_the_same_faults(oscillator, tmp_path):
     signal = {"time": 0.1, "model": "spring", "variable": "position"}
     mass = {"time": 0.2, "model": "mass", "variable": "mass", "action": "bias", "value": 1.0, "duration": 0.1}
