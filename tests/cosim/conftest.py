@@ -179,3 +179,19 @@ def open_text(relay_folder: Path) -> Callable[..., System]:
         return read_system(relay_folder, **options)
 
     return read
+
+
+@pytest.fixture
+def mixed_chain(make_system):
+    """Reals, Integers and Booleans, in a loop of two and in a chain whose last output nobody takes."""
+    return make_system(
+        {"mass": "ToyMass", "first": "ToyCounter", "spring": "ToySpring", "second": "ToyCounter", "gain": "ToyGain"},
+        [
+            "mass.position -> spring.position",
+            "mass.velocity -> spring.velocity",
+            "spring.force -> mass.force",
+            "first.odd -> second.enabled",
+            "first.count -> second.increment",
+            "second.half -> gain.u",
+        ],
+    )

@@ -12,22 +12,6 @@ H = 0.01
 WIRED = {"mass.position", "mass.velocity", "spring.force", "first.odd", "first.count", "second.half"}
 
 
-@pytest.fixture
-def mixed(make_system):
-    """Reals, Integers and Booleans, in a loop of two and in a chain whose last output nobody takes."""
-    return make_system(
-        {"mass": "ToyMass", "first": "ToyCounter", "spring": "ToySpring", "second": "ToyCounter", "gain": "ToyGain"},
-        [
-            "mass.position -> spring.position",
-            "mass.velocity -> spring.velocity",
-            "spring.force -> mass.force",
-            "first.odd -> second.enabled",
-            "first.count -> second.increment",
-            "second.half -> gain.u",
-        ],
-    )
-
-
 def run(system, only, events=(), **options):
     """Rows by the names of their columns, a dictionary in the order of the columns."""
     collect = Collect()
@@ -43,9 +27,9 @@ def run(system, only, events=(), **options):
 @pytest.mark.parametrize("scheme", ["jacobi", "gauss-seidel"])
 @pytest.mark.parametrize("compiled", [True, False])
 @pytest.mark.parametrize("only", [(), ("second.count", "gain.y", "gain.y", "mass.velocity"), ("second.odd",)])
-def test_what_is_left_has_the_same_bits(mixed, scheme, compiled, only):
+def test_what_is_left_has_the_same_bits(mixed_chain, scheme, compiled, only):
     events = [(0.25, "first.increment", 3)]
-    every, some = (run(mixed, names, events, scheme=scheme, compiled=compiled) for names in (None, only))
+    every, some = (run(mixed_chain, names, events, scheme=scheme, compiled=compiled) for names in (None, only))
     assert set(some) == WIRED | set(only)
     assert list(some) == [name for name in every if name in some]
     assert len(some) < len(every)
@@ -53,13 +37,13 @@ def test_what_is_left_has_the_same_bits(mixed, scheme, compiled, only):
         assert values.tobytes() == every[name].tobytes()
 
 
-def test_an_fmu_is_asked_for_nothing_else(mixed, monkeypatch):
+def test_an_fmu_is_asked_for_nothing_else(mixed_chain, monkeypatch):
     asked = []
     access = FmuInstance.access
     monkeypatch.setattr(
         FmuInstance, "access", lambda self, name: asked.append((self.name, name)) or access(self, name)
     )
-    with Master(mixed, H, only=["mass.position"]) as master:
+    with Master(mixed_chain, H, only=["mass.position"]) as master:
         master.initialise()
         asked.clear()
         master.set("gain.u", 2.0)
@@ -67,9 +51,9 @@ def test_an_fmu_is_asked_for_nothing_else(mixed, monkeypatch):
         assert not [name for component, name in asked if component == "gain" and "Get" in name]
 
 
-def test_columns_are_chosen_anew_after_a_reset(mixed):
+def test_columns_are_chosen_anew_after_a_reset(mixed_chain):
     found = []
-    with Master(mixed, H, only=["gain.y"]) as master:
+    with Master(mixed_chain, H, only=["gain.y"]) as master:
         for only in (["gain.y"], ["gain.y", "second.count", "second.odd"], None):
             master.reset()
             master.record(only)
@@ -89,9 +73,9 @@ def test_columns_are_chosen_anew_after_a_reset(mixed):
         assert all(values.tobytes() == found[-1][name].tobytes() for name, values in columns.items())
 
 
-def test_an_unknown_name_is_refused_before_anything_is_loaded(mixed):
+def test_an_unknown_name_is_refused_before_anything_is_loaded(mixed_chain):
     with pytest.raises(UsageError, match=r"only: there is no column 'gain\.z'; did you mean gain\.y"):
-        Master(mixed, H, only=["mass.position", "gain.z"])
+        Master(mixed_chain, H, only=["mass.position", "gain.z"])
 
 
 def test_outputs_of_the_system_keep_names_and_values(toys: Path, tmp_path: Path):

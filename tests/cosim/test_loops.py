@@ -20,22 +20,6 @@ from ps_fmu.cosim.wires import make_plan
 H = 0.01
 
 
-@pytest.fixture
-def mixed(make_system):
-    """Reals, Integers and Booleans, in a loop of two and in a chain."""
-    return make_system(
-        {"mass": "ToyMass", "first": "ToyCounter", "spring": "ToySpring", "second": "ToyCounter", "gain": "ToyGain"},
-        [
-            "mass.position -> spring.position",
-            "mass.velocity -> spring.velocity",
-            "spring.force -> mass.force",
-            "first.odd -> second.enabled",
-            "first.count -> second.increment",
-            "second.half -> gain.u",
-        ],
-    )
-
-
 def both(system, *, events=(), steps=200, **options):
     """Rows and warnings of a run in C and of one in Python, in two parts."""
     found = []
@@ -53,9 +37,9 @@ def both(system, *, events=(), steps=200, **options):
 
 @pytest.mark.parametrize("scheme", ["jacobi", "gauss-seidel"])
 @pytest.mark.parametrize("block_rows", [1, 7, 1000])
-def test_all_kinds_of_numbers_bit_for_bit(mixed, scheme, block_rows):
+def test_all_kinds_of_numbers_bit_for_bit(mixed_chain, scheme, block_rows):
     events = [(0.5, "first.increment", 3), (0.3, "second.enabled", False), (0.3, "mass.force", 0.25)]
-    in_c, in_python = both(mixed, scheme=scheme, block_rows=block_rows, events=events)
+    in_c, in_python = both(mixed_chain, scheme=scheme, block_rows=block_rows, events=events)
     assert len(in_c[0]) == 201
     np.testing.assert_array_equal(in_c[0], in_python[0])
     assert in_c[1].tobytes() == in_python[1].tobytes()
@@ -63,20 +47,20 @@ def test_all_kinds_of_numbers_bit_for_bit(mixed, scheme, block_rows):
 
 
 @pytest.mark.parametrize("function", ["fmi2SetReal", "fmi2DoStep", "fmi2GetReal"])
-def test_warnings_are_counted_the_same_and_cost_no_step(mixed, answer, caplog, function):
+def test_warnings_are_counted_the_same_and_cost_no_step(mixed_chain, answer, caplog, function):
     answer("spring", function, 1, n=0, really=True)
     with caplog.at_level(logging.WARNING):
-        in_c, in_python = both(mixed)
+        in_c, in_python = both(mixed_chain)
     assert in_c[1].tobytes() == in_python[1].tobytes()
     assert in_c[2] == in_python[2]
     assert in_c[2]["spring"] == 200
 
 
-def test_time_that_is_up_ends_between_two_steps(mixed, monkeypatch):
-    descriptions = read_descriptions(mixed)
-    wiring, rows, instances = check_wiring(mixed, descriptions), Rows(make_layout(descriptions), 10), {}
-    load(mixed, descriptions, instances)
-    initialise(instances, mixed, wiring, {}, 0.0)
+def test_time_that_is_up_ends_between_two_steps(mixed_chain, monkeypatch):
+    descriptions = read_descriptions(mixed_chain)
+    wiring, rows, instances = check_wiring(mixed_chain, descriptions), Rows(make_layout(descriptions), 10), {}
+    load(mixed_chain, descriptions, instances)
+    initialise(instances, mixed_chain, wiring, {}, 0.0)
     loop = loops.make_loop(make_plan(instances, wiring, rows, H, "jacobi", ()), rows, compiled=True)
     times = H * np.arange(5)
     monkeypatch.setattr(compiled, "BUDGET_S", -1.0)
@@ -91,15 +75,16 @@ def test_time_that_is_up_ends_between_two_steps(mixed, monkeypatch):
         instance.free()
 
 
-def test_a_run_in_slices_of_time_is_the_same_run(mixed, monkeypatch):
-    whole, _ = both(mixed, steps=800)
+def test_a_run_in_slices_of_time_is_the_same_run(mixed_chain, monkeypatch):
+    whole, _ = both(mixed_chain, steps=800)
     monkeypatch.setattr(compiled, "BUDGET_S", 0.0)  # a few milliseconds, as fine as the clock is
-    sliced, _ = both(mixed, steps=800)
+    sliced, _ = both(mixed_chain, steps=800)
     assert sliced[1].tobytes() == whole[1].tobytes()
 
 
-def test_two_systems_in_two_threads(mixed):
-    with Master(mixed, H) as first, Master(mixed, H, "gauss-seidel") as second, ThreadPoolExecutor(2) as pool:
+def test_two_systems_in_two_threads(mixed_chain):
+    first_run, second_run = Master(mixed_chain, H), Master(mixed_chain, H, "gauss-seidel")
+    with first_run as first, second_run as second, ThreadPoolExecutor(2) as pool:
         pair = [(first, Collect()), (second, Collect())]
         for master, _ in pair:
             master.initialise()
@@ -107,7 +92,7 @@ def test_two_systems_in_two_threads(mixed):
             done.result()
     for (_, collect), scheme in zip(pair, ("jacobi", "gauss-seidel"), strict=True):
         alone = Collect()
-        with Master(mixed, H, scheme, compiled=False) as master:
+        with Master(mixed_chain, H, scheme, compiled=False) as master:
             master.initialise()
             master.run(3.0, [alone])
         assert collect.values.tobytes() == alone.values.tobytes()
@@ -132,9 +117,9 @@ def test_libraries_are_loaded_one_at_a_time(monkeypatch, tmp_path):
     assert [load.result() for load in loads] == ["alone", "alone"]
 
 
-def test_without_a_library_python_runs_the_steps(mixed, monkeypatch, tmp_path, caplog):
+def test_without_a_library_python_runs_the_steps(mixed_chain, monkeypatch, tmp_path, caplog):
     def is_in_c():
-        with Master(mixed, H) as master:
+        with Master(mixed_chain, H) as master:
             master.initialise()
             return master.runs_in_c
 
