@@ -7,7 +7,6 @@
 #include <sys/wait.h>
 
 #include "client.h"
-#include "waiting.h"
 
 enum { SLICE_NS = 20000000 };
 
@@ -102,7 +101,7 @@ EXPORTED void interrupt_isolated(Client *c);
 static int await(Client *c, int64_t patience_ns)
 {
     uint32_t *done = &c->channel->done;
-    if (spin(done, c->number, c->spin_ns))
+    if (spin(done, c->number, c->spin_ns, &c->patience))
         return 1;
     const int64_t until = now_ns() + patience_ns;
     for (;;) {

@@ -10,6 +10,7 @@
 
 #include "channel.h"
 #include "fmi2Functions.h"
+#include "waiting.h"
 
 enum { MOST_LEARNT = 32 };
 
@@ -40,6 +41,7 @@ typedef struct {
     char *texts; /* strings that the last call returned */
     Operation sent[MOST_OPERATIONS];
     uint32_t n_sent, number;
+    Patience patience;
     uint64_t used;
     fmi2Boolean under_way, complete;
     Learnt learnt[MOST_LEARNT];

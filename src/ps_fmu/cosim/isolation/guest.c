@@ -326,6 +326,7 @@ __attribute__((visibility("default"))) void serve_isolated(void *memory, int par
 {
     const struct rlimit none = {0, 0};
     pthread_t watch;
+    Patience patience = {0};
     channel = memory;
     master = parent;
     setrlimit(RLIMIT_CORE, &none); /* the signal tells of a crash */
@@ -333,7 +334,7 @@ __attribute__((visibility("default"))) void serve_isolated(void *memory, int par
         _exit(1);
     keep_environment();
     for (uint32_t number = 1;; number++) {
-        if (!spin(&channel->posted, number, spin_ns))
+        if (!spin(&channel->posted, number, spin_ns, &patience))
             while (__atomic_load_n(&channel->posted, __ATOMIC_ACQUIRE) != number)
                 sleep_on(&channel->posted, number - 1, &channel->guest_sleeps, SLEEP_NS);
         run_batch(number % LOOK_EVERY == 0);

@@ -24,11 +24,11 @@ from .program import ISOLATION
 
 DATA_BYTES = 16 << 20
 """Memory for the values of one exchange; only what is used takes space."""
-SPIN_NS = 0
-"""So long do both sides look at the memory, beyond a first moment, before they sleep [ns].
+SPIN_NS = 50_000
+"""So long do both sides look at the memory before they sleep [ns], as long as that is not in vain (waiting.h).
 
-A step of two FMUs took 13.9 us so on two processors, and 12.0 us with 10 000; but on a machine with more to do than
-processors, 10 000 take two to three times as long.
+A step of two FMUs takes 4.3 to 5.7 us so on two free processors of a virtual machine, and 35 to 50 us where both sides
+sleep at once: a processor that is halted wakes slowly. With more to do than processors it takes 20 to 120 us either way.
 """
 ENDING_S = 2.0
 """So long may a process take to end by itself [s]."""

@@ -24,19 +24,54 @@ static inline void pause_briefly(void)
 #endif
 }
 
-/* Whether the number became `wanted` within `spin_ns`.  Other processes that are ready to run get the processor. */
-static inline bool spin(const uint32_t *number, uint32_t wanted, int64_t spin_ns)
+/* Whether looking at the memory again and again is worth it.  Where the other process has a processor to run on, its
+   answer comes within microseconds, and sleeping and being woken takes ten times as long.  Where it has none, to look
+   only keeps it from running: after some looks in vain a process sleeps at once for a number of waits, then tries again,
+   and sleeps for twice as many if that was in vain, too. */
+typedef struct {
+    uint32_t in_vain; /* looks in succession */
+    uint32_t asleep;  /* waits for which to sleep at once */
+    uint32_t penalty;
+} Patience;
+
+enum { LOOKS = 32, MOST_IN_VAIN = 3, LEAST_PENALTY = 64, MOST_PENALTY = 4096 };
+
+static inline bool look(const uint32_t *number, uint32_t wanted)
 {
-    const int64_t until = now_ns() + spin_ns;
-    do {
-        for (int k = 0; k < 32; k++) {
-            if (__atomic_load_n(number, __ATOMIC_ACQUIRE) == wanted)
-                return true;
-            pause_briefly();
-        }
-        sched_yield();
-    } while (now_ns() < until);
+    for (int k = 0; k < LOOKS; k++) {
+        if (__atomic_load_n(number, __ATOMIC_ACQUIRE) == wanted)
+            return true;
+        pause_briefly();
+    }
     return false;
+}
+
+/* Whether the number became `wanted` within about `spin_ns`.  Other processes that are ready to run get the processor. */
+static inline bool spin(const uint32_t *number, uint32_t wanted, int64_t spin_ns, Patience *patience)
+{
+    if (look(number, wanted))
+        return true;
+    if (patience->asleep > 0) {
+        patience->asleep--;
+        return false;
+    }
+    for (const int64_t until = now_ns() + spin_ns; now_ns() < until;) {
+        sched_yield();
+        if (look(number, wanted)) {
+            if (now_ns() > until) /* others had the processor in between */
+                break;
+            patience->in_vain = patience->penalty = 0;
+            return true;
+        }
+    }
+    if (++patience->in_vain >= MOST_IN_VAIN) {
+        patience->penalty = patience->penalty == 0 ? LEAST_PENALTY : patience->penalty * 2;
+        if (patience->penalty > MOST_PENALTY)
+            patience->penalty = MOST_PENALTY;
+        patience->asleep = patience->penalty;
+        patience->in_vain = MOST_IN_VAIN - 1;
+    }
+    return __atomic_load_n(number, __ATOMIC_ACQUIRE) == wanted;
 }
 
 /* Sleep until the number is no longer `old`, at most `slice_ns`; `sleeps` tells the other process to wake this one. */
