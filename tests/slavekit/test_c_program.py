@@ -12,15 +12,15 @@ from pathlib import Path
 import pytest
 
 import ps_fmu
-from ps_fmu.blocks.native import BLOCKS
 from ps_fmu.cosim.isolation.program import ISOLATION
 from ps_fmu.cosim.native import LOOP
 from ps_fmu.fmucheck.host.compile import HOST
 from ps_fmu.interface.numerics_program import NUMERICS
+from ps_fmu.reduction.native import REDUCTION
 from ps_fmu.slavekit.launcher import c_program
 from ps_fmu.slavekit.launcher.compile import LAUNCHER
 
-PROGRAMS = {program.name: program for program in (LAUNCHER, HOST, LOOP, ISOLATION, BLOCKS, NUMERICS)}
+PROGRAMS = {program.name: program for program in (LAUNCHER, HOST, LOOP, ISOLATION, REDUCTION, NUMERICS)}
 # For Windows zig compiles its C library first: a minute on a machine that has not done so before.
 LEFT_OUT = () if os.environ.get("PS_FMU_COMPILE") == "all" else ("win64",)
 TARGETS = [(name, p) for name, program in PROGRAMS.items() for p in program.targets if p not in LEFT_OUT]
@@ -70,12 +70,12 @@ def copy_program(program, folder):
 
 def test_a_library_that_is_not_the_recorded_one_is_not_loaded(tmp_path):
     """Cut short, or that of another program: to load it would end this process by SIGBUS, or a call by SIGSEGV."""
-    program = copy_program(BLOCKS, tmp_path)
+    program = copy_program(REDUCTION, tmp_path)
     path = program.path("linux64")
     assert program.find_whole("linux64") == path
     for content in (path.read_bytes()[:1000], LOOP.path("linux64").read_bytes()):
         path.write_bytes(content)
-        with pytest.raises(OSError, match=r"blocks\.so: is damaged, or of another version: install ps_fmu again"):
+        with pytest.raises(OSError, match=r"reduction\.so: is damaged, or of another version: install ps_fmu again"):
             program.find_whole("linux64")
     path.unlink()
     with pytest.raises(FileNotFoundError):
@@ -87,12 +87,12 @@ def test_work_goes_on_in_numpy_with_damaged_libraries(tmp_path, cut):
     """In a copy of the package whose folder has a space in its name."""
     package = tmp_path / "a copy" / "ps_fmu"
     shutil.copytree(Path(ps_fmu.__file__).parent, package, ignore=shutil.ignore_patterns("__pycache__"))
-    for program in (NUMERICS, BLOCKS, LOOP):
+    for program in (NUMERICS, REDUCTION, LOOP):
         path = package / program.path("linux64").relative_to(Path(ps_fmu.__file__).parent)
         path.write_bytes(path.read_bytes()[:cut] if cut < path.stat().st_size else b"")
     script = (
         f"import sys; sys.path.insert(0, {str(package.parent)!r})\n"
-        "from ps_fmu.numerics import library; from ps_fmu.blocks.library import find_library\n"
+        "from ps_fmu.numerics import library; from ps_fmu.reduction.library import find_library\n"
         "from ps_fmu.cosim.compiled import is_available\n"
         "assert library.__file__.startswith(sys.path[0])\n"
         "print(library.find_arithmetic(), find_library(), is_available())\n"
