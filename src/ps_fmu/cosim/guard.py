@@ -68,7 +68,7 @@ def find_library() -> ctypes.CDLL | None:
 @cache
 def _load_locked() -> ctypes.PyDLL:
     """The library for calls that keep the interpreter's lock: one thread at a time counts."""
-    return ctypes.PyDLL(str(LOOP.path(platform)))
+    return ctypes.PyDLL(str(LOOP.find_whole(platform)))
 
 
 @contextmanager
