@@ -16,6 +16,6 @@ REDUCTION = Program(
     "reduction",
     Path(__file__).parent,
     sources=("filter.c", "histogram.c"),
-    headers=("filter.h", "processor.h"),
+    headers=("filter.h", "../../processor.h"),
     targets={"linux64": _LINUX},
 )
