@@ -18,7 +18,8 @@ MOTION = "".join(
 CONNECTIONS = f"{FORCE}</VariableConnection>\n{MOTION}"
 SIGNAL = '<SignalConnection><Variable simulator="{}" name="{}"/><Signal function="{}" name="{}"/></SignalConnection>'
 OUT = (
-    '<SignalConnection><Signal function="double" name="out"/><Variable simulator="first" name="F"/></SignalConnection>\n'
+    '<SignalConnection><Signal function="double" name="out"/>'
+    '<Variable simulator="first" name="F"/></SignalConnection>\n'
 )
 DOUBLED = f"{SIGNAL.format('second', 'F', 'double', 'in')}\n{OUT}"
 FUNCTIONS = '<Functions><LinearTransformation name="double" factor="2" offset="1e-3"/></Functions>\n'

@@ -6,14 +6,14 @@ A connection of two variables has no direction in the file: the causality of the
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ..description import index_variables, read_description
 from ..errors import SystemFileError
 from ..hops import Hop, Transformation
 from ..ssp.sources import MOST_ELEMENTS, Sources
-from ..structure import Component, Connection, Experiment, Parameter, PortName, System, suggest_names
+from ..structure import Component, Connection, Connector, Experiment, Parameter, PortName, System, suggest_names
 from ..values import EXPECTED, Value, parse_real, parse_value
 from ..xmlfile import Element, read_xml
 from .dialect import ROOT, VALUES, check_element, find_only, get_name, list_checked
@@ -42,6 +42,7 @@ class _Reader:
     def __init__(self, path: Path, sources: Sources) -> None:
         self._path, self._sources = path, sources
         self._components: dict[str, Component] = {}
+        self._connectors: dict[PortName, Connector] = {}
 
     def read(self) -> System:
         root = read_xml(self._path, texts=True)
@@ -59,12 +60,17 @@ class _Reader:
                 raise self._make_error(f"there are two simulators named {component.name!r}", element)
             self._components[component.name] = component
         connections = tuple(self._list_connections(root))
+        components = [replace(one, connectors=self._list_connectors(name)) for name, one in self._components.items()]
         remarks = tuple(self._list_remarks(root))
         experiment = self._read_experiment(root)
         labels = {"name": self._path.stem}
         if (about := find_only(root, "Description", self._path)) is not None:
             labels["description"] = about.text.strip()
-        return System(self._path, tuple(self._components.values()), connections, experiment, labels, remarks=remarks)
+        return System(self._path, tuple(components), connections, experiment, labels, remarks=remarks)
+
+    def _list_connectors(self, component: str) -> tuple[Connector, ...]:
+        """Those that connections name."""
+        return tuple(connector for port, connector in self._connectors.items() if port.component == component)
 
     def _make_error(self, text: str, element: Element) -> SystemFileError:
         return SystemFileError(self._path, text, element.line)
@@ -186,7 +192,9 @@ class _Reader:
         variables = index_variables(read_description(self._components[component].source, lenient=True))
         if name not in variables:
             raise self._make_error(f"{component} has no variable {name!r}{suggest_names(name, variables)}", element)
-        return PortName(component, name), str(variables[name].causality)
+        port, causality = PortName(component, name), str(variables[name].causality)
+        self._connectors.setdefault(port, Connector(name, causality, None, None, element.line))
+        return port, causality
 
     def _direct(self, element: Element) -> tuple[PortName, PortName]:
         """Source and target of a VariableConnection."""
