@@ -38,5 +38,5 @@ def in_importer(
     run = subprocess.run([*command, str(rounds)], capture_output=True, text=True)
     if run.returncode != 0:
         raise RuntimeError(f"{importer}: {run.stdout}{run.stderr}")
-    costs, values = run.stdout.splitlines()[-2:]
+    costs, values = [line for line in run.stdout.splitlines() if line.startswith(("[", "{"))][-2:]  # FMUs print, too
     return json.loads(costs), json.loads(values)

@@ -13,6 +13,7 @@ import sys
 import tempfile
 from collections.abc import Iterator
 from dataclasses import replace
+from fnmatch import fnmatch
 from pathlib import Path
 
 from importers import IMPORTERS, in_importer
@@ -29,7 +30,9 @@ TINY = 1e-300
 
 def find_systems(folder: Path) -> Iterator[Path]:
     """System descriptions and archives below a folder."""
-    yield from sorted(path for path in folder.rglob("*") if path.suffix.lower() in (".ssp", ".ssd"))
+    for path in sorted(folder.rglob("*")):
+        if path.suffix.lower() in (".ssp", ".ssd") or fnmatch(path.name, "OspSystemStructure*.xml"):
+            yield path
 
 
 def try_system(path: Path, output: Path) -> tuple[int, str]:

@@ -63,7 +63,8 @@ def measure(system: System, rounds: int, folder: Path) -> dict[str, Any]:
     print("building the FMUs to compare with ...", file=sys.stderr)
     for name in ("stock", "C", "structured", "noisy", "quiet"):
         (folder / name).mkdir()
-    stock, probes = build_stock(folder / "stock"), build_probes(folder)
+    models = {component.source.stem for component in system.components}
+    stock, probes = build_stock(folder / "stock", models), build_probes(folder)
     ours = CoSimulation(system, STEP, STEPS)
     fewer = min(rounds, MOST_OF_OTHERS)
     longest = max((rounds + 1) * STEPS, (2 * fewer + 1) * STEPS_OF_THREADS) + 1

@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 import shutil
 import tempfile
+from collections.abc import Collection
 from pathlib import Path
 
 from ps_fmu.product.files import find_product
@@ -79,9 +80,10 @@ class Probe(Slave):
 '''
 
 
-def build_stock(output: Path) -> dict[str, Path]:
-    """Build our four slaves with stock accessors into ``output``; model name of ours -> FMU."""
-    return {_model(folder): _stock(_build(folder, output, _SUBCLASS)) for folder in find_folders(find_product().fmus)}
+def build_stock(output: Path, models: Collection[str]) -> dict[str, Path]:
+    """Build some of our slaves with stock accessors into ``output``; model name of ours -> FMU."""
+    folders = {_model(folder): folder for folder in find_folders(find_product().fmus)}
+    return {model: _stock(_build(folders[model], output, _SUBCLASS)) for model in sorted(models)}
 
 
 def build_probes(output: Path) -> tuple[Path, Path]:

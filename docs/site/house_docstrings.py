@@ -14,8 +14,13 @@ field of a dataclass, ``mass: float  # kg``, becomes its text.  A bar, as in |x|
 
 from __future__ import annotations
 
+import ast
 import inspect
 import re
+import sys
+from collections.abc import Iterator
+from functools import cache
+from types import ModuleType
 from typing import Any
 
 from sphinx.application import Sphinx
@@ -99,13 +104,28 @@ def _convert_list(rest: list[str]) -> list[str]:
     return made
 
 
+@cache
+def _list_classes(module: ModuleType) -> dict[str, list[str]]:
+    """The lines of each class of a module, by its qualified name; none if there is no source."""
+    try:
+        source = inspect.getsource(module)
+    except (OSError, TypeError):
+        return {}
+    lines = source.splitlines()
+    return {name: lines[node.lineno - 1 : node.end_lineno] for name, node in _walk_classes(ast.parse(source), "")}
+
+
+def _walk_classes(tree: ast.AST, prefix: str) -> Iterator[tuple[str, ast.ClassDef]]:
+    for node in ast.iter_child_nodes(tree):
+        if isinstance(node, ast.ClassDef):
+            yield prefix + node.name, node
+            yield from _walk_classes(node, f"{prefix}{node.name}.")
+
+
 def describe_fields(found: type) -> list[str]:
     """A list of the fields of a class that have a comment in their line, with it."""
-    try:
-        source = inspect.getsource(found)
-    except (OSError, TypeError):
-        return []
-    fields = [match for line in source.splitlines() if (match := _FIELD.match(line))]
+    source = _list_classes(sys.modules[found.__module__]).get(found.__qualname__, [])
+    fields = [match for line in source if (match := _FIELD.match(line))]
     if not fields:
         return []
     made = ["", ".. rubric:: Fields", ""]

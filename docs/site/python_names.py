@@ -14,16 +14,48 @@ import inspect
 import re
 from collections.abc import Iterator
 from functools import cache
+from types import ModuleType
 from typing import Any
 
 from docutils import nodes
 from sphinx.application import Sphinx
+from sphinx.domains.python import ObjectEntry, PythonDomain
+from sphinx.environment import BuildEnvironment
 
 _ROLE = re.compile(r":(class|func|meth|attr|data|mod|exc|obj):`(~?)(\.*[A-Za-z_][\w.]*)`")
 
 
+class IndexedPythonDomain(PythonDomain):
+    """Sphinx's domain, which looks for a name among all full ones only if the last part of one is the last part of it.
+
+    Most names in signatures are those of other packages; to compare each with 6000 took a sixth of the build.
+    """
+
+    def find_obj(
+        self, env: BuildEnvironment, modname: str, classname: str, name: str, type: str | None, searchmode: int = 0
+    ) -> list[tuple[str, ObjectEntry]]:
+        """As the method that it stands in for."""
+        if _get_last(name.removesuffix("()")) not in self._list_last():
+            return []
+        return super().find_obj(env, modname, classname, name, type, searchmode)
+
+    def _list_last(self) -> frozenset[str]:
+        """The last parts of all names that there are now."""
+        if self._counted != len(self.objects):
+            self._last, self._counted = frozenset(map(_get_last, self.objects)), len(self.objects)
+        return self._last
+
+    _last: frozenset[str] = frozenset()
+    _counted = 0
+
+
+def _get_last(name: str) -> str:
+    return name.rpartition(".")[2]
+
+
 def setup(app: Sphinx) -> dict[str, Any]:
-    """Register both steps; called by Sphinx."""
+    """Register domain and both steps; called by Sphinx."""
+    app.add_domain(IndexedPythonDomain, override=True)
     app.connect("autodoc-process-docstring", _process)
     app.connect("missing-reference", _find_missing)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
@@ -82,9 +114,8 @@ def _exists(full: str) -> bool:
     """Whether there is a module, or something in it, of a full name."""
     parts = full.split(".")
     for count in range(len(parts), 0, -1):
-        try:
-            found: Any = importlib.import_module(".".join(parts[:count]))
-        except ImportError:
+        found: Any = _find_module(".".join(parts[:count]))
+        if found is None:
             continue
         for part in parts[count:]:
             if part in getattr(found, "__annotations__", {}):  # a field of a dataclass without a default
@@ -94,6 +125,18 @@ def _exists(full: str) -> bool:
             found = getattr(found, part)
         return True
     return hasattr(builtins, full)
+
+
+@cache
+def _find_module(name: str) -> ModuleType | None:
+    """A module; None if there is none of this name.  What is in no package is not looked for: that takes longest."""
+    package = name.rpartition(".")[0]
+    if package and not hasattr(_find_module(package), "__path__"):
+        return None
+    try:
+        return importlib.import_module(name)
+    except ImportError:
+        return None
 
 
 @cache

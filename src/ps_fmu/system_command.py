@@ -16,6 +16,7 @@ from pathlib import Path
 from .cosim.checkpoint.options import add_checkpoint_options
 from .cosim.errors import CosimError, MissingFmuError, UsageError
 from .cosim.isolation.options import add_isolation_options, read_isolation
+from .cosim.osp.reading import OSP_NAME
 from .cosim.schemes.options import add_scheme_options, read_scheme
 from .cosim.ssp.sources import SSD_NAME
 from .product.files import find_file, find_product
@@ -27,10 +28,11 @@ from .runs.output import hold_folder, leave_no_empty_folder, report_end
 from .slavekit.pack.errors import BuildError
 from .terminal import reason
 
-SUFFIXES = (".ssp", ".ssd", ".fmu")
+SUFFIXES = (".ssp", ".ssd", ".fmu", ".xml")
 ABOUT = (
-    "Run a system of FMUs: an SSP archive, a system structure description, or a single FMU (FMI 2.0, co-simulation).  "
-    "This loads the libraries of the FMUs and runs their code, which can do all that you can."
+    "Run a system of FMUs: an SSP archive, a system structure description, libcosim's OspSystemStructure.xml, or a "
+    "single FMU (FMI 2.0, co-simulation).  This loads the libraries of the FMUs and runs their code, which can do all "
+    "that you can."
 )
 
 
@@ -81,13 +83,17 @@ def is_meant(arguments: Sequence[str]) -> bool:
     A first argument that is a file, or a path with a slash, is meant as a system, too, though it cannot be run.
     """
     first = Path(arguments[0] if arguments else "")
-    if not str(first).startswith("-") and (first.is_file() or (first / SSD_NAME).is_file() or len(first.parts) > 1):
+    if not str(first).startswith("-") and (first.is_file() or _is_system_folder(first) or len(first.parts) > 1):
         return bool(arguments)
     for before, argument in zip(("", *arguments), arguments, strict=False):
         is_value = before.startswith("-") and "=" not in before and not any(flag.startswith(before) for flag in _FLAGS)
         if not is_value and not argument.startswith("-") and Path(argument).suffix.lower() in SUFFIXES:
             return True
     return False
+
+
+def _is_system_folder(folder: Path) -> bool:
+    return any((folder / name).is_file() for name in (SSD_NAME, OSP_NAME))
 
 
 def run(arguments: argparse.Namespace, command_line: argparse.ArgumentParser) -> int:
@@ -128,7 +134,7 @@ def is_own(system: Path) -> bool:
 
 def _suggest_folder(options: AnyRun, error: Exception) -> str:
     """What to type for an FMU that is not where the system says; nothing for other errors."""
-    if not isinstance(error, MissingFmuError) or options.system.suffix.lower() != ".ssd":
+    if not isinstance(error, MissingFmuError) or options.system.suffix.lower() not in (".ssd", ".xml"):
         return ""
     command = shlex.join(["ps-fmu", "run", str(options.system), "--fmus"])
     folder = find_built_folder()
@@ -147,9 +153,9 @@ def read_options(arguments: argparse.Namespace) -> AnyRun:
     for name, path in [("SYSTEM", system), *files]:
         if not path.exists():
             raise OptionError(f"{name}: there is no file {path}")
-    if not (system.suffix.lower() in SUFFIXES or Path(system, SSD_NAME).is_file()):
-        what = f"a folder without {SSD_NAME}" if system.is_dir() else "another file"
-        known = "an archive (.ssp), a system description (.ssd) or an FMU (.fmu)"
+    if not (system.suffix.lower() in SUFFIXES or _is_system_folder(system)):
+        what = f"a folder without {SSD_NAME} and {OSP_NAME}" if system.is_dir() else "another file"
+        known = "an archive (.ssp), a system description (.ssd, or libcosim's .xml) or an FMU (.fmu)"
         raise OptionError(f"SYSTEM: expected {known}; {system} is {what}")
     if arguments.fmus is not None and not arguments.fmus.is_dir():
         raise OptionError(f"--fmus: there is no folder {arguments.fmus}")

@@ -131,7 +131,7 @@ def test_without_a_library_python_runs_the_steps(mixed_chain, monkeypatch, tmp_p
     with monkeypatch.context() as patch, caplog.at_level(logging.INFO):
         (tmp_path / "linux64").mkdir()
         (tmp_path / "linux64" / "loop.so").write_text("not a library\n")
-        patch.setattr(type(guard.LOOP), "path", lambda self, platform: tmp_path / platform / "loop.so")
+        patch.setattr(type(guard.LOOP), "find_whole", lambda self, platform: tmp_path / platform / "loop.so")
         assert not is_in_c()
         assert "steps are run in Python" in caplog.text
     assert is_in_c()

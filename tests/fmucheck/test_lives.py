@@ -184,7 +184,7 @@ def test_where_no_host_was_compiled_for(tank, monkeypatch):
 
 def test_a_host_that_cannot_be_started(tank, monkeypatch, tmp_path):
     (tmp_path / "host").write_bytes(b"\x7fELF for another machine")
-    monkeypatch.setattr(type(HOST), "path", lambda self, platform: tmp_path / "host")
+    monkeypatch.setattr(type(HOST), "find_whole", lambda self, platform: tmp_path / "host")
     row = next(row for row in check_fmu(tank("{right}")) if row.check == "life in a C host")
     assert row.verdict == NOT_RUN
     assert row.details[0].startswith("the host cannot be started: ")
@@ -248,7 +248,7 @@ def test_the_host_under_checks_of_memory_and_undefined_behaviour(tank, tmp_path,
     command = ["cc", "-std=c99", "-D_GNU_SOURCE", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
     command += ["-I", str(find_fmi_headers()), *(str(HOST.folder / name) for name in HOST.sources)]
     subprocess.run([*command, "-o", str(tmp_path / "host"), "-ldl", "-lm"], check=True)
-    monkeypatch.setattr(type(HOST), "path", lambda self, platform: tmp_path / "host")
+    monkeypatch.setattr(type(HOST), "find_whole", lambda self, platform: tmp_path / "host")
     settings = {"ASAN_OPTIONS": "detect_leaks=0:exitcode=99", "UBSAN_OPTIONS": "exitcode=99"}
     for fault in ("{right}", "{reset}", "{slashes}"):
         found = c_host(tank(fault), **settings)

@@ -1,6 +1,7 @@
 """``ps-fmu run SYSTEM.ssp|.ssd|FMU``: any system, its files and exit codes."""
 
 import json
+import shutil
 import zipfile
 
 import netCDF4
@@ -244,8 +245,8 @@ def test_a_folder_in_use(archive, tmp_path, capsys):
 @pytest.mark.parametrize(
     ("name", "reason"),
     [
-        ("notes.txt", "SYSTEM: expected an archive (.ssp), a system description (.ssd) or an FMU (.fmu); "),
-        ("empty/", "empty is a folder without SystemStructure.ssd"),
+        ("notes.txt", "expected an archive (.ssp), a system description (.ssd, or libcosim's .xml) or an FMU (.fmu); "),
+        ("empty/", "empty is a folder without SystemStructure.ssd and OspSystemStructure.xml"),
         ("none/none.zip", "SYSTEM: there is no file "),
     ],
 )
@@ -256,6 +257,23 @@ def test_what_is_no_system(tmp_path, capsys, name, reason):
     printed = capsys.readouterr().err.splitlines()
     assert reason in printed[-1]
     assert len(printed) == 2  # how to call it, and what is wrong
+
+
+@pytest.mark.parametrize("name", ["", "OspSystemStructure.xml"])
+def test_a_description_of_libcosim(fmus, tmp_path, monkeypatch, name):
+    folder = tmp_path / "ship"
+    folder.mkdir()
+    shutil.copy(fmus / "ToyMass.fmu", folder)
+    (folder / "OspSystemStructure.xml").write_text(
+        '<OspSystemStructure xmlns="http://opensimulationplatform.com/MSMI/OSPSystemStructure" version="0.1">'
+        "<BaseStepSize>0.1</BaseStepSize><Algorithm>ecco</Algorithm><Simulators>"
+        '<Simulator name="mass" source="ToyMass.fmu"/></Simulators></OspSystemStructure>'
+    )
+    monkeypatch.chdir(tmp_path)
+    assert run(f"ship/{name}" if name else "ship", "--duration", "1", "--output", "out", "--no-figures") == 0
+    assert len(read(tmp_path / "out")["time"]) == 11
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert any("Algorithm 'ecco' is not known here" in text for text in summary["warnings"])
 
 
 def test_a_folder_with_a_description(archive, tmp_path):

@@ -7,20 +7,26 @@ import os
 import shutil
 import subprocess
 import sys
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 
 import pytest
 
 import ps_fmu
-from ps_fmu.blocks.native import BLOCKS
+from ps_fmu.cosim.errors import CosimError
+from ps_fmu.cosim.isolation import guest_process
 from ps_fmu.cosim.isolation.program import ISOLATION
 from ps_fmu.cosim.native import LOOP
+from ps_fmu.fmucheck import lives
 from ps_fmu.fmucheck.host.compile import HOST
 from ps_fmu.interface.numerics_program import NUMERICS
+from ps_fmu.reduction.native import REDUCTION
 from ps_fmu.slavekit.launcher import c_program
 from ps_fmu.slavekit.launcher.compile import LAUNCHER
+from ps_fmu.slavekit.pack import launch
+from ps_fmu.slavekit.pack.errors import BuildError
+from ps_fmu.slavekit.pack.sources import collect_imported
 
-PROGRAMS = {program.name: program for program in (LAUNCHER, HOST, LOOP, ISOLATION, BLOCKS, NUMERICS)}
+PROGRAMS = {program.name: program for program in (LAUNCHER, HOST, LOOP, ISOLATION, REDUCTION, NUMERICS)}
 # For Windows zig compiles its C library first: a minute on a machine that has not done so before.
 LEFT_OUT = () if os.environ.get("PS_FMU_COMPILE") == "all" else ("win64",)
 TARGETS = [(name, p) for name, program in PROGRAMS.items() for p in program.targets if p not in LEFT_OUT]
@@ -62,7 +68,7 @@ def test_a_platform_that_nothing_was_made_for():
 def copy_program(program, folder):
     """The library for Linux and its record alone."""
     copied = dataclasses.replace(program, folder=folder)
-    copied.path("linux64").parent.mkdir()
+    copied.path("linux64").parent.mkdir(exist_ok=True)
     copied.path("linux64").write_bytes(program.path("linux64").read_bytes())
     copied.record.write_bytes(program.record.read_bytes())
     return copied
@@ -70,16 +76,60 @@ def copy_program(program, folder):
 
 def test_a_library_that_is_not_the_recorded_one_is_not_loaded(tmp_path):
     """Cut short, or that of another program: to load it would end this process by SIGBUS, or a call by SIGSEGV."""
-    program = copy_program(BLOCKS, tmp_path)
+    program = copy_program(REDUCTION, tmp_path)
     path = program.path("linux64")
     assert program.find_whole("linux64") == path
     for content in (path.read_bytes()[:1000], LOOP.path("linux64").read_bytes()):
         path.write_bytes(content)
-        with pytest.raises(OSError, match=r"blocks\.so: is damaged, or of another version: install ps_fmu again"):
+        with pytest.raises(OSError, match=r"reduction\.so: is damaged, or of another version") as caught:
             program.find_whole("linux64")
+        recorded = json.loads(program.record.read_text())["made"]["linux64"]
+        for word in (recorded, hashlib.sha256(content).hexdigest(), "install ps_fmu again", "make launcher"):
+            assert word in str(caught.value)
     path.unlink()
     with pytest.raises(FileNotFoundError):
         program.find_whole("linux64")
+
+
+@pytest.mark.parametrize("text", ["", "[]", "{}", '{"made": {}, "targets": {"linux64": {}}}'])
+def test_a_record_that_is_none_is_named(tmp_path, text):
+    program = copy_program(REDUCTION, tmp_path)
+    program.record.write_text(text)
+    with pytest.raises(OSError, match=r"reduction\.json: is damaged, or says nothing of linux64"):
+        program.find_whole("linux64")
+
+
+def damage(program, folder):
+    """A copy of a program whose file for Linux has one other byte."""
+    copied = copy_program(program, folder)
+    path = copied.path("linux64")
+    path.write_bytes(path.read_bytes()[:-1] + b"?")
+    return copied
+
+
+def test_isolation_refuses_a_damaged_library(tmp_path, monkeypatch):
+    monkeypatch.setattr(guest_process, "ISOLATION", damage(ISOLATION, tmp_path))
+    with pytest.raises(CosimError, match=r"^isolation: .*isolation\.so: is damaged, or of another version"):
+        guest_process.find_library()
+
+
+def test_no_fmu_gets_a_damaged_launcher(tmp_path, monkeypatch):
+    monkeypatch.setattr(launch, "LAUNCHER", damage(LAUNCHER, tmp_path))
+    with pytest.raises(BuildError, match=r"launcher\.so: is damaged, or of another version"):
+        launch.put_launcher_in_front({PurePosixPath("binaries/linux64/Plant.so"): b"pythonfmu's"}, "Plant")
+
+
+def test_no_fmu_gets_a_damaged_library_of_the_physics(tmp_path, monkeypatch):
+    shutil.copytree(NUMERICS.folder, tmp_path / "numerics")
+    damage(NUMERICS, tmp_path / "numerics")
+    with pytest.raises(OSError, match=r"numerics\.so: is damaged, or of another version"):
+        collect_imported(["numerics.library"], {"numerics": tmp_path / "numerics"})
+
+
+def test_a_damaged_host_is_not_run(tmp_path, monkeypatch):
+    monkeypatch.setattr(lives, "HOST", damage(HOST, tmp_path))
+    with pytest.raises(OSError, match=r"host: is damaged, or of another version"):
+        lives.find_c_host("linux64")
 
 
 @pytest.mark.parametrize("cut", [1000, 20_000])
@@ -87,12 +137,12 @@ def test_work_goes_on_in_numpy_with_damaged_libraries(tmp_path, cut):
     """In a copy of the package whose folder has a space in its name."""
     package = tmp_path / "a copy" / "ps_fmu"
     shutil.copytree(Path(ps_fmu.__file__).parent, package, ignore=shutil.ignore_patterns("__pycache__"))
-    for program in (NUMERICS, BLOCKS, LOOP):
+    for program in (NUMERICS, REDUCTION, LOOP):
         path = package / program.path("linux64").relative_to(Path(ps_fmu.__file__).parent)
         path.write_bytes(path.read_bytes()[:cut] if cut < path.stat().st_size else b"")
     script = (
         f"import sys; sys.path.insert(0, {str(package.parent)!r})\n"
-        "from ps_fmu.numerics import library; from ps_fmu.blocks.library import find_library\n"
+        "from ps_fmu.numerics import library; from ps_fmu.reduction.library import find_library\n"
         "from ps_fmu.cosim.compiled import is_available\n"
         "assert library.__file__.startswith(sys.path[0])\n"
         "print(library.find_arithmetic(), find_library(), is_available())\n"

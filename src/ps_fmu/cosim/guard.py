@@ -12,7 +12,7 @@ import signal
 import weakref
 from collections.abc import Iterator
 from contextlib import contextmanager
-from ctypes import Structure, c_int, c_void_p, create_string_buffer
+from ctypes import Structure, c_int, c_ulonglong, c_void_p, create_string_buffer
 from functools import cache
 
 from fmpy import platform
@@ -22,7 +22,7 @@ from .native import LOOP
 
 log = logging.getLogger("ps_fmu.cosim")
 
-CRASHED, EXITED, INTERRUPTED = 1, 2, 3
+CRASHED, EXITED, INTERRUPTED, LEFT, THREAD_ENDED = range(1, 6)
 """Endings of a call, as in guard.c."""
 ROUNDING, HANDLER, FOLDER = 1, 2, 4
 """What FMUs have changed in this process, as bits."""
@@ -42,6 +42,10 @@ class End(Structure):
             return f"crashed with {signal.Signals(self.number).name}"
         if self.ending == EXITED:
             return f"called exit({self.number})"
+        if self.ending == LEFT:
+            return f"called _exit({self.number})"
+        if self.ending == THREAD_ENDED:
+            return "ended the thread of the master by pthread_exit()"
         return "did not return, and was interrupted"
 
 
@@ -53,6 +57,8 @@ def load_library() -> ctypes.CDLL:
         raise OSError(f"there is no compiled loop for {platform}")
     library = ctypes.CDLL(str(path))
     library.guard_prepare.argtypes, library.guard_prepare.restype = (c_void_p,), None
+    library.guard_count_loads.argtypes, library.guard_count_loads.restype = (), c_ulonglong
+    library.guard_divert.argtypes, library.guard_divert.restype = (c_ulonglong,), None
     library.guard_prepare(ctypes.cast(ctypes.pythonapi.PyGILState_Check, c_void_p))
     return library
 
@@ -68,7 +74,7 @@ def find_library() -> ctypes.CDLL | None:
 @cache
 def _load_locked() -> ctypes.PyDLL:
     """The library for calls that keep the interpreter's lock: one thread at a time counts."""
-    return ctypes.PyDLL(str(LOOP.path(platform)))
+    return ctypes.PyDLL(str(LOOP.find_whole(platform)))
 
 
 @contextmanager
@@ -97,6 +103,20 @@ def name_call(place: str) -> Iterator[None]:
         yield
     finally:
         library.guard_name(before, left)
+
+
+@contextmanager
+def divert_ends() -> Iterator[None]:
+    """An FMU's library is loaded within: what it calls to end process or thread leads to the guard from then on."""
+    library = find_library()
+    if library is None:
+        yield
+        return
+    before = library.guard_count_loads()
+    try:
+        yield
+    finally:
+        library.guard_divert(before)
 
 
 def find_interrupts() -> int | None:

@@ -10,6 +10,7 @@ from fmpy import platform, sharedLibraryExtension
 from fmpy.fmi2 import FMU2Slave
 from fmpy.model_description import ModelDescription
 
+from . import guard
 from .errors import SystemFileError
 from .structure import Component
 
@@ -33,12 +34,13 @@ def load_library(component: Component, description: ModelDescription, folder: Pa
     with _LOADING:
         directory = Path.cwd()
         try:
-            return FMU2Slave(
-                guid=description.guid,
-                unzipDirectory=str(folder),
-                modelIdentifier=description.coSimulation.modelIdentifier,
-                instanceName=component.name,
-            )
+            with guard.divert_ends(), guard.name_call(f"{component.name}: loading the library"):
+                return FMU2Slave(
+                    guid=description.guid,
+                    unzipDirectory=str(folder),
+                    modelIdentifier=description.coSimulation.modelIdentifier,
+                    instanceName=component.name,
+                )
         except Exception as error:
             text = f"{_NOT_LOADED.format(component.name)}: " + str(error).replace(f"{folder}{os.sep}", "")
             raise SystemFileError(component.source, text) from error

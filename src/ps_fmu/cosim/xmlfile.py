@@ -25,6 +25,7 @@ NAMESPACES = {
     "http://ssp-standard.org/SSP1/SystemStructureParameterMapping": "ssm",
     "http://ssp-standard.org/SSP1/SystemStructureSignalDictionary": "ssb",
     "http://opensimulationplatform.com/SSP/OSPAnnotations": "osp",
+    "http://opensimulationplatform.com/MSMI/OSPSystemStructure": "oss",
     "https://raw.githubusercontent.com/OpenModelica/OMSimulator/master/schema/oms.xsd": "oms",
 }
 
@@ -37,6 +38,13 @@ class Element:
     attributes: dict[str, str]
     line: int
     children: list[Element] = field(default_factory=list)
+    pieces: list[str] | None = None
+    """Its text, where that is asked for."""
+
+    @property
+    def text(self) -> str:
+        """The text in it, without that of its children."""
+        return "".join(self.pieces or ())
 
     def find(self, tag: str) -> Element | None:
         """First child of this tag."""
@@ -66,12 +74,15 @@ def read_bytes(path: Path, maximum: int) -> bytes:
     return data
 
 
-def read_xml(path: Path) -> Element:
-    """Root element of a file.  Raises :class:`SystemFileError` if it cannot be read or parsed."""
-    return parse_xml(read_bytes(path, MAXIMUM_BYTES), path)
+def read_xml(path: Path, texts: bool = False) -> Element:
+    """Root element of a file, with the text in elements if asked for.
+
+    Raises :class:`SystemFileError` if it cannot be read or parsed.
+    """
+    return parse_xml(read_bytes(path, MAXIMUM_BYTES), path, texts)
 
 
-def parse_xml(data: bytes, path: Path) -> Element:
+def parse_xml(data: bytes, path: Path, texts: bool = False) -> Element:
     """Root element of a document; ``path`` is named in errors (:class:`SystemFileError`)."""
     parser = expat.ParserCreate(namespace_separator=" ")
     roots: list[Element] = []
@@ -85,12 +96,17 @@ def parse_xml(data: bytes, path: Path) -> Element:
             text = f"has more than {MAXIMUM_ELEMENTS} elements, or they are nested deeper than {MAXIMUM_DEPTH}"
             raise SystemFileError(path, text, parser.CurrentLineNumber)
         named = {_add_prefix(key): value for key, value in attributes.items()}
-        element = Element(_add_prefix(name), named, parser.CurrentLineNumber)
+        element = Element(_add_prefix(name), named, parser.CurrentLineNumber, [], [] if texts else None)
         (opened[-1].children if opened else roots).append(element)
         opened.append(element)
 
     def end(_name: str) -> None:
         opened.pop()
+
+    def add_text(piece: str) -> None:
+        pieces = opened[-1].pieces
+        assert pieces is not None
+        pieces.append(piece)
 
     def doctype(*_declaration: object) -> None:
         raise SystemFileError(
@@ -100,6 +116,8 @@ def parse_xml(data: bytes, path: Path) -> Element:
     parser.StartElementHandler = start
     parser.EndElementHandler = end
     parser.StartDoctypeDeclHandler = doctype
+    if texts:
+        parser.CharacterDataHandler = add_text
     try:
         parser.Parse(data, True)
     except expat.ExpatError as error:

@@ -87,12 +87,12 @@ def _live_in_c_host(path: Path, members: Sequence[str], description: Description
     """The life in the C host.  Where an FMU of ours finds no Python, it gets one named and lives once more."""
     from fmpy import platform
 
-    host = lives.find_c_host(platform)
-    if host is None:
-        reason = f"the host was not compiled for {platform} on {machine()}"
-        yield CheckResult("life in a C host", NOT_RUN, (reason,))
-        return
     try:
+        host = lives.find_c_host(platform)
+        if host is None:
+            reason = f"the host was not compiled for {platform} on {machine()}"
+            yield CheckResult("life in a C host", NOT_RUN, (reason,))
+            return
         results = lives.live_in_c_host(host, path, description, platform)
         stage, problem = results[-1]
         if stage == "instantiate" and problem and lives.has_launcher(members):

@@ -39,8 +39,11 @@ def live_in_fmpy(fmu: Path) -> list[StageResult]:
 
 
 def find_c_host(platform: str) -> Path | None:
-    """The C host for this machine and a platform of FMI; None if it was not compiled for them."""
-    return HOST.path(platform) if machine().lower() in ("x86_64", "amd64") else None
+    """The C host for this machine and a platform of FMI; None if it was not compiled for them.
+
+    Raises OSError if it is damaged or missing.
+    """
+    return HOST.find_whole(platform) if machine().lower() in ("x86_64", "amd64") else None
 
 
 def live_in_c_host(

@@ -7,8 +7,6 @@ same in numpy: their results differ by rounding.
 from __future__ import annotations
 
 import ctypes
-import hashlib
-import json
 import logging
 import platform
 import sys
@@ -19,13 +17,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from ..compiled_files import find_whole
+
 log = logging.getLogger(__name__)
 
-_LIBRARIES = {
-    ("linux", "x86_64"): "linux64/numerics.so",
-    ("linux", "aarch64"): "aarch64-linux/numerics.so",
-    ("win32", "amd64"): "win64/numerics.dll",
-}
+_PLATFORMS = {("linux", "x86_64"): "linux64", ("linux", "aarch64"): "aarch64-linux", ("win32", "amd64"): "win64"}
 
 
 class Tables(Structure):
@@ -94,26 +90,14 @@ def find_arithmetic(instructions: str = "") -> Arithmetic | None:
 
 @cache
 def _load() -> ctypes.CDLL | None:
-    name = _LIBRARIES.get((sys.platform, platform.machine().lower()))
+    name = _PLATFORMS.get((sys.platform, platform.machine().lower()))
     if name is None or sys.maxsize < 2**32:
         return None
     try:
-        return ctypes.CDLL(str(_find_whole(Path(__file__).parent, name)))
+        return ctypes.CDLL(str(find_whole(Path(__file__).with_name("numerics.json"), name)))
     except OSError as error:
         log.info("noise is made without the compiled library: %s", error)
         return None
-
-
-def _find_whole(folder: Path, name: str) -> Path:
-    """The library, if it is the one that was recorded when it was made; else raises OSError.
-
-    One that was cut short would end the process when it is loaded, one of another version when it is called.
-    """
-    path, platform_name = folder / name, name.partition("/")[0]
-    made = json.loads((folder / "numerics.json").read_bytes())["made"]
-    if hashlib.sha256(path.read_bytes()).hexdigest() != made[platform_name]:
-        raise OSError(f"{path}: is damaged, or of another version: install ps_fmu again")
-    return path
 
 
 def clear() -> None:

@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..blocks.histogram import LogarithmicBins, Totals
 from ..pointing.confidence import effective_samples, least_samples
+from ..reduction.histogram import LogarithmicBins, Totals
 from ..results.observers.kept import State, check_array
 
 Array = NDArray[np.float64]

@@ -11,19 +11,21 @@ from ps_fmu.slavekit.launcher.c_program import find_fmi_headers
 HERE = Path(__file__).parent
 
 
-def compile_c(source: Path, library: Path) -> Path:
-    """A library of one source with the headers of FMI 2.0."""
+def compile_c(source: Path, library: Path, *others: str) -> Path:
+    """A library of one source with the headers of FMI 2.0; ``others``: more for the linker."""
     compiler = ["cc"] if shutil.which("cc") else [sys.executable, "-m", "ziglang", "cc"]
     flags = ["-std=c11", "-D_GNU_SOURCE", "-O1", "-fno-optimize-sibling-calls", "-fPIC", "-shared"]
     flags += ["-Wall", "-Wno-infinite-recursion", "-I", str(find_fmi_headers())]
-    subprocess.run([*compiler, *flags, str(source), "-o", str(library), "-lm", "-lpthread"], check=True)
+    subprocess.run([*compiler, *flags, str(source), "-o", str(library), *others, "-lm", "-lpthread"], check=True)
     return library
 
 
 def build(folder: Path) -> Path:
     """Faulty.fmu in a folder."""
-    library = compile_c(HERE / "faulty.c", folder / "Faulty.so")
+    below = compile_c(HERE / "below.c", folder / "libbelow.so")
+    library = compile_c(HERE / "faulty.c", folder / "Faulty.so", f"-L{folder}", "-lbelow", "-Wl,-rpath,$ORIGIN")
     with zipfile.ZipFile(folder / "Faulty.fmu", "w") as archive:
         archive.write(HERE / "modelDescription.xml", "modelDescription.xml")
         archive.write(library, "binaries/linux64/Faulty.so")
+        archive.write(below, "binaries/linux64/libbelow.so")
     return folder / "Faulty.fmu"

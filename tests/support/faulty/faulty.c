@@ -7,9 +7,12 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
 #include "fmi2Functions.h"
+
+void leave_below(void); /* of below.c */
 
 enum { Y = 1, U, COUNT, SQUARE };
 
@@ -51,6 +54,30 @@ static int overflow_stack(volatile int *above)
     return overflow_stack(here) + here[1];
 }
 
+/* Call exit or _exit in a thread of the FMU's own. */
+static void *end_with_0(void *end)
+{
+    ((void (*)(int))end)(0);
+    return NULL;
+}
+
+static void end_in_thread(void (*end)(int))
+{
+    pthread_t thread;
+    if (pthread_create(&thread, NULL, end_with_0, (void *)end) == 0)
+        pthread_join(thread, NULL);
+}
+
+/* A copy of the process ends as it likes. */
+static fmi2Status end_copy(void)
+{
+    int status = 0;
+    pid_t child = fork();
+    if (child == 0)
+        _exit(7);
+    return waitpid(child, &status, 0) == child && WIFEXITED(status) && WEXITSTATUS(status) == 7 ? fmi2OK : fmi2Error;
+}
+
 static void log_much(const Instance *m)
 {
     for (int k = 0; k < 100000; k++)
@@ -75,6 +102,14 @@ static fmi2Status misbehave(Instance *m, double time, double step)
         quick_exit(0);
     else if (is(m, "immediate_exit"))
         _exit(0);
+    else if (is(m, "leaves_below"))
+        leave_below();
+    else if (is(m, "exit_in_thread"))
+        end_in_thread(exit);
+    else if (is(m, "leave_in_thread"))
+        end_in_thread(_exit);
+    else if (is(m, "copy_leaves"))
+        return end_copy();
     else if (is(m, "abort"))
         abort();
     else if (is(m, "segfault"))
@@ -135,6 +170,9 @@ static void in(const Instance *m, const char *call)
     snprintf(fault, sizeof fault, "exit_in_%s", call);
     if (is(m, fault))
         exit(0);
+    snprintf(fault, sizeof fault, "leave_in_%s", call);
+    if (is(m, fault))
+        _exit(0);
     snprintf(fault, sizeof fault, "hang_in_%s", call);
     if (is(m, fault))
         hang();

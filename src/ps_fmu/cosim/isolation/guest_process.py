@@ -19,7 +19,7 @@ from pathlib import Path
 
 from fmpy import platform
 
-from ..errors import UsageError
+from ..errors import CosimError, UsageError
 from .program import ISOLATION
 
 DATA_BYTES = 16 << 20
@@ -92,8 +92,14 @@ class Outcome:
 
 
 def find_library() -> Path:
-    """The compiled library.  Raises :class:`UsageError` where there is none for this platform."""
-    path = ISOLATION.path(platform)
+    """The compiled library.
+
+    Raises :class:`UsageError` where there is none for this platform, :class:`CosimError` if it is damaged or missing.
+    """
+    try:
+        path = ISOLATION.find_whole(platform)
+    except OSError as error:
+        raise CosimError(f"isolation: {error}") from error
     if path is None or not hasattr(os, "memfd_create"):
         raise UsageError(f"isolation: FMUs can have processes of their own on 64-bit Linux only, this is {platform}")
     return path

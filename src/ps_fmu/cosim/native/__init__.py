@@ -1,7 +1,7 @@
 """The master's loop in C, which :mod:`..compiled` uses.
 
-``python -m ps_fmu.cosim.native`` makes the library from ``loop.c``, ``guard.c``, ``effects.c`` and their headers, see
-:mod:`ps_fmu.slavekit.launcher.c_program`.
+``python -m ps_fmu.cosim.native`` makes the library from ``loop.c``, ``guard.c``, ``divert.c``, ``effects.c`` and their
+headers, see :mod:`ps_fmu.slavekit.launcher.c_program`.
 """
 
 from __future__ import annotations
@@ -14,13 +14,13 @@ _LINUX = Target(
     "x86_64-linux-gnu.2.17",
     "loop.so",
     ("-D_GNU_SOURCE", "-fPIC", "-fvisibility=hidden", "-shared", "-s", "-Wl,--build-id=none"),
-    libraries=("-lm",),
+    libraries=("-ldl", "-lm", "-lpthread"),
 )
 
 LOOP = Program(
     "loop",
     Path(__file__).parent,
-    sources=("loop.c", "guard.c", "effects.c"),
-    headers=("lines.h", "effects.h"),
+    sources=("loop.c", "guard.c", "divert.c", "effects.c"),
+    headers=("divert.h", "lines.h", "effects.h"),
     targets={"linux64": _LINUX},
 )

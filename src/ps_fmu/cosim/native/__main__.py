@@ -1,10 +1,10 @@
-"""Compile the loop, what isolated FMUs run in, and the passes over blocks of rows."""
+"""Compile the loop, what isolated FMUs run in, and the reduction of recorded rows."""
 
 from __future__ import annotations
 
 import sys
 
-from ...blocks.native import BLOCKS
+from ...reduction.native import REDUCTION
 from ...slavekit.launcher.c_program import CompileError
 from ..isolation.program import ISOLATION
 from . import LOOP
@@ -12,6 +12,6 @@ from . import LOOP
 try:
     LOOP.make()
     ISOLATION.make()
-    BLOCKS.make()
+    REDUCTION.make()
 except CompileError as error:
     sys.exit(str(error))

@@ -1,11 +1,14 @@
-/* Ways out of a call of an FMU that does not return: it crashes, calls exit(), or hangs until the second Ctrl-C.
+/* Ways out of a call of an FMU that does not return: it crashes, ends process or thread, or hangs until the second Ctrl-C.
 
    run_guarded leaves such a call by a long jump, so that the master keeps its rows and says what happened.  The FMU's
    library is not called again.  It may hold a lock of the C library for ever: the master only ends after that.
 
-   An FMU in Python that holds the interpreter's lock is not left that way, for nobody could take the lock again. */
+   An FMU in Python that holds the interpreter's lock is not left that way, for nobody could take the lock again.
+
+   Copies of the process that FMUs make by fork() end as they like. */
 
 #include <fenv.h>
+#include <pthread.h>
 #include <setjmp.h>
 #include <signal.h>
 #include <stdint.h>
@@ -14,6 +17,7 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "divert.h"
 #include "fmi2FunctionTypes.h"
 
 #define EXPORTED __attribute__((visibility("default")))
@@ -24,7 +28,7 @@ int run_steps(Loop *loop, double *rows, const double *times, int64_t end, double
 int run_timed_steps(Loop *loop, double *rows, const double *times, int64_t end, double budget, const volatile int *stop,
                     Timing *timing);
 
-typedef enum { RETURNED, CRASHED, EXITED, INTERRUPTED } Ending;
+typedef enum { RETURNED, CRASHED, EXITED, INTERRUPTED, LEFT, THREAD_ENDED } Ending; /* LEFT: by _exit() */
 
 /* How the last call ended, with the number of the signal or the exit code. */
 typedef struct {
@@ -38,6 +42,9 @@ enum { N_CRASHES = sizeof crashes / sizeof *crashes, STACK_BYTES = 1 << 16 };
 static struct sigaction before[N_CRASHES], interrupt_before;
 static int armed, takes_interrupts; /* how often: threads may run systems at the same time */
 static int (*holds_python)(void);
+static pid_t owner;          /* the process that calls FMUs */
+static int exit_code = -1;   /* of the process, once it ends by exit() */
+static int has_told;         /* why it ends */
 static __thread sigjmp_buf *way_out;
 static __thread volatile int end_number;
 static __thread char own_stack[STACK_BYTES]; /* after an overflow of the stack there is no other */
@@ -70,6 +77,7 @@ static const char *find_any_place(void)
    thread at a time is here.  Without a free place, the call has no name. */
 EXPORTED void guard_name(const char *text, char *previous)
 {
+    owner = getpid();
     strcpy(previous, find_own_place());
     for (int k = 0; own_place < 0 && k < N_PLACES; k++)
         if (places[k][0] == '\0')
@@ -95,9 +103,22 @@ static void leave(Ending ending, int number)
     siglongjmp(*out, (int)ending);
 }
 
+static void tell_end(const char *place, const char *what)
+{
+    if (has_told++)
+        return;
+    say(place);
+    say(what);
+}
+
+static int is_copy(void)
+{
+    return getpid() != owner;
+}
+
 static int can_leave(void)
 {
-    return way_out != NULL && (holds_python == NULL || !holds_python());
+    return way_out != NULL && !is_copy() && (holds_python == NULL || !holds_python());
 }
 
 static void on_crash(int number, siginfo_t *info, void *context)
@@ -106,7 +127,7 @@ static void on_crash(int number, siginfo_t *info, void *context)
     if (can_leave())
         leave(CRASHED, number);
     const char *place = find_own_place();
-    if (way_out != NULL || place[0] != '\0') {
+    if (!is_copy() && (way_out != NULL || place[0] != '\0')) {
         say(place[0] != '\0' ? place : "an FMU in the steps");
         say(": crashed, and the process with it; --isolate gives FMUs processes of their own\n");
     }
@@ -140,22 +161,24 @@ static void on_interrupt(int number, siginfo_t *info, void *context)
 static void on_exit_in_steps(int code, void *unused)
 {
     (void)unused;
+    if (is_copy())
+        return;
     if (can_leave())
         leave(EXITED, code);
     if (way_out != NULL) {
-        say("an FMU in the steps called exit(): the process ends\n");
+        tell_end("an FMU in the steps", ": called exit(): the process ends\n");
         _exit(code != 0 ? code : 1);
     }
+    exit_code = code;
 }
 
 /* Registered first, so it comes last: files have been closed by then. */
 static void on_exit_elsewhere(int code, void *unused)
 {
     (void)unused;
-    if (find_own_place()[0] == '\0')
+    if (is_copy() || find_own_place()[0] == '\0')
         return;
-    say(find_own_place());
-    say(": called exit(): the process ends\n");
+    tell_end(find_own_place(), ": called exit(): the process ends\n");
     _exit(code != 0 ? code : 1);
 }
 
@@ -165,10 +188,72 @@ static void on_quick_exit(void)
     on_exit_elsewhere(0, NULL);
 }
 
+/* A library of an FMU ends the process, in any thread of it, by `really`: never with code 0, unless the process ends
+   anyway and with that. */
+static void end_process(Ending ending, const char *what, int code, void (*really)(int))
+{
+    if (is_copy())
+        really(code);
+    if (can_leave())
+        leave(ending, code);
+    if (exit_code >= 0)
+        really(code != 0 ? code : exit_code);
+    const char *place = find_own_place();
+    tell_end(place[0] != '\0' ? place : way_out != NULL ? "an FMU in the steps" : "an FMU", what);
+    really(code != 0 ? code : 1);
+}
+
+static void end_by_exit(int code)
+{
+    end_process(EXITED, ": called exit(): the process ends\n", code, exit);
+}
+
+static void end_at_once(int code)
+{
+    end_process(LEFT, ": called _exit(): the process ends\n", code, _exit);
+}
+
+static void end_quickly(int code)
+{
+    end_process(EXITED, ": called quick_exit(): the process ends\n", code, quick_exit);
+}
+
+static void end_thread(void *result)
+{
+    if (can_leave())
+        leave(THREAD_ENDED, 0);
+    pthread_exit(result);
+}
+
+/* Python's os._exit: an FMU's only in a call of one. */
+static void end_python(int code)
+{
+    if (way_out != NULL || find_own_place()[0] != '\0')
+        end_at_once(code);
+    _exit(code);
+}
+
+static const Diversion of_fmus[] = {{"exit", end_by_exit},       {"_exit", end_at_once},       {"_Exit", end_at_once},
+                                    {"quick_exit", end_quickly}, {"pthread_exit", end_thread}, {NULL, NULL}};
+static const Diversion of_python[] = {{"_exit", end_python}, {NULL, NULL}};
+
+EXPORTED unsigned long long guard_count_loads(void)
+{
+    return count_loads();
+}
+
+/* An FMU was loaded after guard_count_loads() was `before`, and its libraries with it. */
+EXPORTED void guard_divert(unsigned long long before)
+{
+    divert_new(before, of_fmus);
+}
+
 /* Once: `python` says whether this thread holds the interpreter's lock. */
 EXPORTED void guard_prepare(int (*python)(void))
 {
     holds_python = python;
+    owner = getpid();
+    divert_at((const void *)python, of_python);
     on_exit(on_exit_elsewhere, NULL);
     at_quick_exit(on_quick_exit);
 }
@@ -180,6 +265,7 @@ EXPORTED void guard_arm(int interrupt)
     struct sigaction action;
     memset(&action, 0, sizeof action);
     sigemptyset(&action.sa_mask);
+    owner = getpid();
     action.sa_flags = SA_SIGINFO | SA_ONSTACK;
     if (armed_here++ == 0) {
         const stack_t stack = {.ss_sp = own_stack, .ss_size = STACK_BYTES, .ss_flags = 0};

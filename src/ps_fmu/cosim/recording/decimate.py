@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ...blocks.lowpass import OUTPUTS, Lowpass
+from ...reduction.lowpass import OUTPUTS, Lowpass
 from ..errors import UsageError
 from ..rows import Array
 

@@ -1,4 +1,4 @@
-"""Read the wiring of a system: an SSD file, a folder with one, an SSP archive (SSP 1.0 and 2.0), or a single FMU."""
+"""Read the wiring of a system: an SSD file, a folder with one, an SSP archive (SSP 1.0 and 2.0), or libcosim's file."""
 
 from __future__ import annotations
 
@@ -6,7 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path, PurePosixPath
 
-from ..errors import SystemFileError
+from ..errors import SystemFileError, UsageError
+from ..osp.reading import OSP_NAME, read_osp
 from ..structure import Experiment, Parameter, System
 from ..values import parse_real
 from ..xmlfile import Element, read_xml
@@ -31,7 +32,8 @@ def read_system(
 
     Parameters
     ----------
-    path: an ``.ssd`` file, a folder that holds ``SystemStructure.ssd``, or an ``.ssp`` archive
+    path: an ``.ssd`` file, an ``.ssp`` archive, libcosim's ``OspSystemStructure.xml`` (any name that ends with
+        ``.xml``), or a folder that holds ``SystemStructure.ssd`` or ``OspSystemStructure.xml``
     resources: folder with the FMUs, found by file name; those that are not there, and by default all, lie where the
         description says
     outside: whether sources may lie outside of the folder of the description, or of the archive
@@ -45,15 +47,32 @@ def read_system(
     path = Path(path)
     sources = Sources(Path(resources) if resources is not None else None, outside, lenient)
     if path.is_dir():
-        ssd = path / SSD_NAME
+        ssd = find_description(path)
     elif path.suffix.lower() == ".ssp":
         ssd = sources.open_archive(path) / SSD_NAME
     else:
         ssd = path
     if not ssd.is_file():
         raise SystemFileError(path, f"there is no system description {ssd.name} here")
+    if ssd.suffix.lower() == ".xml":
+        return _add_values(read_osp(ssd, sources), values)
     with sources.name_members():
         return _read(ssd, sources, values)
+
+
+def find_description(folder: Path) -> Path:
+    """The description of the system in a folder: ``SystemStructure.ssd``, or libcosim's where there is no such file."""
+    other = folder / OSP_NAME
+    return other if other.is_file() and not (folder / SSD_NAME).is_file() else folder / SSD_NAME
+
+
+def _add_values(system: System, values: Sequence[Mapping[str, Parameter]]) -> System:
+    try:
+        for one in values:
+            system = system.with_parameters(one)
+    except UsageError as error:
+        raise SystemFileError(system.path, str(error)) from error
+    return system
 
 
 def list_fmu_files(path: Path) -> set[str]:

@@ -19,6 +19,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from ...compiled_files import find_whole
+
 COMPILER = "0.17.0"  # of ziglang; the same is asked for in pyproject.toml
 FLAGS = ("-std=c99", "-O2", "-g0", "-Wall", "-Wextra", "-Werror")
 """Flags of every program on every platform."""
@@ -63,18 +65,8 @@ class Program:
         return None if target is None else self.folder / platform / target.result
 
     def find_whole(self, platform: str) -> Path | None:
-        """As :meth:`path`, for a library that this process is to load.
-
-        Raises OSError if there is none, or another one than was recorded: one that was cut short ends the process when
-        it is loaded, one of another version when it is called.
-        """
-        path = self.path(platform)
-        if path is None:
-            return None
-        made = json.loads(self.record.read_bytes())["made"]
-        if _compute_digest(path.read_bytes()) != made[platform]:
-            raise OSError(f"{path}: is damaged, or of another version: install ps_fmu again")
-        return path
+        """As :meth:`path`, for a file that is to be loaded or run.  Raises as :func:`..compiled_files.find_whole`."""
+        return find_whole(self.record, platform) if platform in self.targets else None
 
     @property
     def record(self) -> Path:

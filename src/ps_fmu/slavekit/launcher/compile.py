@@ -9,7 +9,7 @@ from .c_program import CompileError, Program, Target
 
 _HEADERS = (
     "text.h", "find.h", "python.h", "instance.h", "core.h", "kernel.h", "elements.h", "product.h", "native.h",
-    "floats.h", "platform.h", "windows/wide.h",
+    "floats.h", "platform.h", "windows/wide.h", "../../processor.h",
 )  # fmt: skip
 _PARTS = ("paths.c", "programs.c", "libraries.c", "threads.c", "belongings.c")
 

@@ -1,11 +1,9 @@
+#include "../../processor.h"
 #include "elements.h"
 #include "kernel.h"
 
 #include <stddef.h>
 #include <string.h>
-#ifdef __x86_64__
-#include <cpuid.h>
-#endif
 
 /* No fused multiply-add: each operation rounds.  (gcc with -std=c99 makes none.) */
 #ifdef __clang__
@@ -27,32 +25,19 @@
 #endif
 
 static const Arithmetic arithmetics[] = {
-    {"sse2", product2, map2},
+    [SSE2] = {"sse2", product2, map2},
 #ifdef __x86_64__
-    {"avx2", product4, map4},
-    {"avx512", product8, map8},
+    [AVX2] = {"avx2", product4, map4},
+    [AVX512] = {"avx512", product8, map8},
 #endif
 };
 
-static int best;
+static int best; /* the last of them that can be used */
 
-#ifdef __x86_64__
-/* Processor and operating system must both support the registers. */
 __attribute__((constructor)) static void look_at_processor(void)
 {
-    enum { OSXSAVE = 1 << 27, AVX2 = 1 << 5, AVX512F = 1 << 16, YMM = 0x6, ZMM = 0xe6 };
-    unsigned a, b, c, d, low, high;
-    if (!__get_cpuid(1, &a, &b, &c, &d) || !(c & OSXSAVE))
-        return;
-    __asm__("xgetbv" : "=a"(low), "=d"(high) : "c"(0));
-    if (!__get_cpuid_count(7, 0, &a, &b, &c, &d))
-        return;
-    if ((low & YMM) == YMM && (b & AVX2))
-        best = 1;
-    if ((low & ZMM) == ZMM && (b & AVX512F))
-        best = 2;
+    best = find_instructions();
 }
-#endif
 
 /* Clamp results to their limits. */
 static void hold(Core *core)

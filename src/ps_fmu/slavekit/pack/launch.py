@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from ...compiled_files import read_whole
 from ..launcher.compile import LAUNCHER
+from .errors import BuildError
 from .sources import Files
 
 OLDEST_PYTHON = "3.11"
@@ -15,16 +17,20 @@ _WRAPPER = {".so": "libpythonfmu-export.so", ".dll": "pythonfmu-export.dll"}  # 
 def put_launcher_in_front(files: Files, model: str) -> Files:
     """The files in ``binaries``: where there is a launcher, it takes the name that hosts look for, ``model``.
 
-    pythonfmu's libraries stay as they are, under the name that the launcher looks for.
+    pythonfmu's libraries stay as they are, under the name that the launcher looks for.  Raises BuildError if a launcher
+    is not the one that was recorded when it was made: in an FMU nobody could tell.
     """
     result: Files = {}
     for name, content in files.items():
         if name.parts[0] != "binaries":
             continue
-        launcher = LAUNCHER.path(name.parent.name)
-        if launcher is not None and name.suffix in _WRAPPER and name.stem == model:
+        platform = name.parent.name
+        if platform in LAUNCHER.targets and name.suffix in _WRAPPER and name.stem == model:
             result[name.with_name(_WRAPPER[name.suffix])] = content
-            result[name] = launcher.read_bytes()
+            try:
+                result[name] = read_whole(LAUNCHER.record, platform)
+            except OSError as error:
+                raise BuildError(str(error)) from error
         else:
             result[name] = content
     return result

@@ -15,6 +15,8 @@ from collections.abc import Callable, Collection, Iterable, Iterator
 from functools import lru_cache
 from pathlib import Path, PurePosixPath
 
+from ...compiled_files import read_whole
+
 _DOTTED_NAME = re.compile(r"[A-Za-z_]\w*(\.\w+)*", re.ASCII)
 _DATA = (".toml", ".csv", ".json", ".license")
 _PLATFORMS = ("linux64", "aarch64-linux", "win64")
@@ -81,6 +83,8 @@ def collect_imported(modules: Iterable[str], roots: dict[str, Path], hollow: Col
     Returns
     -------
     Files: ``package/sub/module.py`` -> content.
+
+    Raises OSError for a library that is not the one which the record beside its sources has.
     """
     files: Files = {}
     waiting = sorted(modules)
@@ -102,7 +106,7 @@ def collect_imported(modules: Iterable[str], roots: dict[str, Path], hollow: Col
                 if _lists_its_modules(source, str(arcname)):
                     waiting += [f"{package}.{found.name}" for found in pkgutil.iter_modules([str(path.parent)])]
                 for data in _list_data(path.parent):
-                    files[arcname.parent / data.relative_to(path.parent).as_posix()] = data.read_bytes()
+                    files[arcname.parent / data.relative_to(path.parent).as_posix()] = _read_data(data)
     return files
 
 
@@ -186,6 +190,13 @@ def _list_data(folder: Path) -> Iterator[Path]:
             yield path
     for platform in _PLATFORMS:
         yield from (path for path in sorted((folder / platform).glob("*")) if path.suffix in _LIBRARIES)
+
+
+def _read_data(path: Path) -> bytes:
+    """The content; of a library with a record, as of ps_fmu.numerics, only if it is the recorded one."""
+    record = path.parents[1] / f"{path.stem}.json"
+    is_recorded = path.suffix in _LIBRARIES and record.is_file()
+    return read_whole(record, path.parent.name) if is_recorded else path.read_bytes()
 
 
 def rename_imports(source: bytes, name: str, names: dict[str, str]) -> bytes:

@@ -8,9 +8,9 @@ import sys
 from ctypes import CDLL, c_double, c_int64, c_void_p
 from functools import cache
 
-from .native import BLOCKS
+from .native import REDUCTION
 
-log = logging.getLogger("ps_fmu.blocks")
+log = logging.getLogger("ps_fmu.reduction")
 
 
 @cache
@@ -19,9 +19,9 @@ def find_library() -> CDLL | None:
     if sys.platform != "linux" or platform.machine() != "x86_64":
         return None
     try:
-        library = CDLL(str(BLOCKS.find_whole("linux64")))
+        library = CDLL(str(REDUCTION.find_whole("linux64")))
     except OSError as error:
-        log.info("blocks of rows are worked on in numpy: %s", error)
+        log.info("rows are filtered and counted in numpy: %s", error)
         return None
     library.filter_rows.argtypes, library.filter_rows.restype = (c_void_p, c_void_p, c_int64, c_void_p), None
     types = c_void_p, c_int64, c_double, c_void_p, c_void_p, c_void_p

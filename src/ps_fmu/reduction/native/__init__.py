@@ -1,4 +1,4 @@
-"""The passes in C: ``python -m ps_fmu.cosim.native`` makes the library, too."""
+"""The reduction in C: ``python -m ps_fmu.cosim.native`` makes the library, too."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from ...slavekit.launcher.c_program import Program, Target
 
 _LINUX = Target(
     "x86_64-linux-gnu.2.17",
-    "blocks.so",
+    "reduction.so",
     ("-D_GNU_SOURCE", "-fPIC", "-fvisibility=hidden", "-shared", "-s", "-Wl,--build-id=none"),
 )
 
-BLOCKS = Program(
-    "blocks",
+REDUCTION = Program(
+    "reduction",
     Path(__file__).parent,
     sources=("filter.c", "histogram.c"),
-    headers=("filter.h", "processor.h"),
+    headers=("filter.h", "../../processor.h"),
     targets={"linux64": _LINUX},
 )

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from ps_fmu.blocks import histogram
-from ps_fmu.blocks.histogram import LogarithmicBins, Totals
+from ps_fmu.reduction import histogram
+from ps_fmu.reduction.histogram import LogarithmicBins, Totals
 
 BINS = LogarithmicBins(-3, 2, 2000)
 

@@ -2,7 +2,7 @@
 
 #include <stdint.h>
 
-#include "processor.h"
+#include "../../processor.h"
 
 /* No fused multiply-add: each operation rounds. */
 #pragma STDC FP_CONTRACT OFF

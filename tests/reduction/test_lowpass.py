@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from ps_fmu.blocks import lowpass
-from ps_fmu.blocks.lowpass import Lowpass
+from ps_fmu.reduction import lowpass
+from ps_fmu.reduction.lowpass import Lowpass
 
 
 def run(taps, factor, rows):

@@ -1,0 +1,1 @@
+"""libcosim's own description of a system, ``OspSystemStructure.xml``."""
