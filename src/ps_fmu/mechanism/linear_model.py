@@ -32,7 +32,7 @@ import numpy as np
 
 from .centre import Centre
 from .convection import convective_forces
-from .discretisation import make_held_step_map, zero_order_hold
+from .discretisation import find_scale, make_held_step_map, zero_order_hold
 from .dynamics import Dynamics, FlexibleSystem, Pose
 from .forward_kinematics import forward_kinematics
 from .kinematics import Jacobians, KinematicsError, jacobians
@@ -47,6 +47,7 @@ from .signals import ADDED, N_INPUTS, TIME, count_states, servo_slices
 _ONE = slice(N_INPUTS - 1, N_INPUTS)
 _NOT_ADDED = np.ones(N_INPUTS, dtype=bool)
 _NOT_ADDED[ADDED] = False
+_STEP = 0.05  # s
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,6 +61,7 @@ class PlantModel:
     convection: (n, 9) of :func:`.convection.convective_forces` with the speeds of the centre; None: it is at rest.
     tangent: A, B, C, D without ``curvature``.
     servo: see :mod:`.parameters`.
+    scale: (states,) for the discretisation, see :func:`.discretisation.zero_order_hold`.
     curvature: (states and outputs, 2) what is added to ``x'`` and ``y`` by the time from the centre and its square.
     """
 
@@ -69,6 +71,7 @@ class PlantModel:
     convection: Array | None
     tangent: tuple[Array, Array, Array, Array]
     servo: CoarseServo
+    scale: Array
     curvature: Array | None = None
 
     @property
@@ -111,7 +114,7 @@ class PlantModel:
         A, B, C, D = self.matrices()
         # Added fine forces act as the others do, and the constant often moves nothing: less columns to the exponential.
         own = np.flatnonzero(B.any(axis=0) & _NOT_ADDED)
-        Ad, held = zero_order_hold(A, B[:, own], h)
+        Ad, held = zero_order_hold(A, B[:, own], h, self.scale)
         Bd = np.zeros_like(B)
         Bd[:, own] = held
         Bd[:, ADDED] = Bd[:, 0:3]
@@ -242,8 +245,16 @@ class Plant:
             place = (by_coarse.pose[k], by_coarse.jacobians[k]) if about.fine.any() else (own.pose, own.jacobians)
             forces = None if convection is None or not about.speeds.any() else convection[k]
             tangent = A[k], B[k], C[k], D[k]
-            models.append(PlantModel(about, own, Nominal(*place, by_coarse.rpy[k]), forces, tangent, self.servo))
+            models.append(PlantModel(about, own, Nominal(*place, by_coarse.rpy[k]), forces, tangent, self.servo, self._scale))
         return models
+
+    @cached_property
+    def _scale(self) -> Array:
+        """Of :attr:`PlantModel.scale`, from the model about rest at the nominal pose: the same for all centres."""
+        geometry = self.manipulator.geometry
+        d = self.system.at(Pose(geometry.nominal_translation_B[None], np.eye(3)[None]))
+        A, _ = make_rate_matrices(d, Centre.stack([Centre.at_rest(np.zeros(3))]), None, self.servo)
+        return find_scale(A[0], _STEP)
 
     @cached_property
     def system(self) -> FlexibleSystem:

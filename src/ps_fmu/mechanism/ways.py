@@ -88,11 +88,11 @@ def look_ahead(
     A, B, start = np.zeros((m + 1, m + 1)), np.ones((m + 1, 1)), np.append(z[keep], 0.0)  # the last one is time
     A[:m, :m], B[:m, 0] = rates[np.ix_(keep, keep)], rates[np.ix_(keep, held)] @ np.append(z, 1.0)[held]
     A[np.searchsorted(keep, r.start) + np.arange(3), m] = growth
-    near = _AHEAD * renewal.relinearisation_distance
+    near, scale = _AHEAD * renewal.relinearisation_distance, np.append(model.scale[keep], 1.0)
     middle, end = z.copy(), z.copy()
     while True:
         half = 0.5 * h * max(int(2.0 * half / h), 1)
-        Ad, Bd = zero_order_hold(A, B, half)
+        Ad, Bd = zero_order_hold(A, B, half, scale)
         after = Ad @ start + Bd[:, 0]
         middle[keep], end[keep] = after[:m], (Ad @ after + Bd[:, 0])[:m]
         if not np.isfinite(end).all():
