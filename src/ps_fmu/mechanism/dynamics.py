@@ -86,6 +86,10 @@ class Dynamics:
 
         (..., 6, n)
         """
+        return self._platform_rows
+
+    @cached_property
+    def _platform_rows(self) -> Array:
         return _make_platform_rows(self.jacobians, self.slices)
 
 
