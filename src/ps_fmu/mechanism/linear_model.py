@@ -36,12 +36,12 @@ from .discretisation import find_scale, make_held_step_map, zero_order_hold
 from .dynamics import Dynamics, FlexibleSystem, Pose
 from .forward_kinematics import forward_kinematics
 from .kinematics import Jacobians, KinematicsError, jacobians
-from .outputs import Nominal, make_output_matrices
+from .outputs import Nominal, Orientation, make_output_matrices
 from .parameters import Bus, CoarseServo, Manipulator, Optics, Parameters, Payload
 from .quantities import Array, ParameterError, group
 from .quaternions import IDENTITY
 from .rates import make_rate_matrices, turn_base
-from .rotations import roll_pitch_yaw, rotation_from_vector
+from .rotations import rotation_from_vector
 from .signals import ADDED, N_INPUTS, TIME, count_states, servo_slices
 
 _ONE = slice(N_INPUTS - 1, N_INPUTS)
@@ -57,7 +57,7 @@ class PlantModel:
     Parameters
     ----------
     dynamics: at the pose of the centre.
-    nominal: the pose of its coarse legs alone.
+    rpy: (3,) nominal roll, pitch, yaw at the centre, by its coarse legs alone, rad.
     convection: (n, 9) of :func:`.convection.convective_forces` with the speeds of the centre; None: it is at rest.
     tangent: A, B, C, D without ``curvature``.
     servo: see :mod:`.parameters`.
@@ -67,7 +67,7 @@ class PlantModel:
 
     centre: Centre
     dynamics: Dynamics
-    nominal: Nominal
+    rpy: Array
     convection: Array | None
     tangent: tuple[Array, Array, Array, Array]
     servo: CoarseServo
@@ -78,11 +78,6 @@ class PlantModel:
     def n_states(self) -> int:
         """Size of ``x``."""
         return count_states(self.dynamics.n)
-
-    @property
-    def rpy(self) -> Array:
-        """(3,) nominal roll, pitch, yaw at the centre, rad."""
-        return self.nominal.rpy
 
     def matrices(self) -> tuple[Array, Array, Array, Array]:
         """A, B, C, D of ``x' = A x + B u``, ``y = C x + D u``."""
@@ -184,15 +179,15 @@ class Plant:
     def linearise_and_place(self, centres: Sequence[Centre], beside: Array) -> tuple[list[PlantModel], Place]:
         """As :meth:`linearise_about_all`; and where the platform is by other displacements of the legs, (m, 6) m."""
         try:
-            present, nominal, others = self._find_places(centres, beside)
+            found = self._find_places(centres, beside)
         except KinematicsError as error:
             at = "; ".join(_list_mm(centre.coarse) for centre in centres)
             raise ParameterError(
                 "coarse_stroke", f"too large: no usable pose with the coarse legs at ({at}) mm from nominal; {error}"
             ) from error
-        return self._make_models(centres, present, nominal), others
+        return self._make_models(centres, *found[:-1]), found[-1]
 
-    def _find_places(self, centres: Sequence[Centre], beside: Array) -> tuple[Place, Place, Place]:
+    def _find_places(self, centres: Sequence[Centre], beside: Array) -> tuple[Place, Orientation, Nominal, Place]:
         """Where the platform is by all legs and by the coarse ones alone: the same, if no fine one is deformed.
 
         Then where it is by the displacements ``beside``.  All at once takes little more than one: 0.3 ms for three
@@ -209,16 +204,20 @@ class Plant:
         motion = np.add.reduce(self._by_legs * moved[:, None, :], axis=-1)
         start = geometry.nominal_translation_B + motion[:, :3], rotation_from_vector(motion[:, 3:])
         found = forward_kinematics(geometry, geometry.nominal_lengths + moved, *start)
-        J = jacobians(geometry, found.translation_B, found.R, found.legs)
-        present, others = (
-            Place(Pose(found.translation_B[at], found.R[at]), J[at]) for at in (slice(0, k), slice(n, None))
-        )
+        t, R = found.translation_B, found.R
+        J, orientation = jacobians(geometry, t, R, found.legs), Orientation.of(R[:n])
+        present = Place(Pose(t[:k], R[:k]), J[:k])
+        others = Place(Pose(t[n:], R[n:]), J[n:])
         if not deformed:
-            return present, present, others
-        at = list(range(k))
-        for place, i in enumerate(deformed, k):
-            at[i] = place
-        return present, Place(Pose(found.translation_B[at], found.R[at]), J[at]), others
+            return present, orientation, Nominal(present.pose, J.J_pc[:k], orientation), others
+        if len(deformed) == k:
+            at: slice | list[int] = slice(k, n)
+        else:
+            at = list(range(k))
+            for place, i in enumerate(deformed, k):
+                at[i] = place
+        nominal = Nominal(Pose(t[at], R[at]), J.J_pc[at], orientation.take(at))
+        return present, orientation.take(slice(0, k)), nominal, others
 
     @cached_property
     def _by_legs(self) -> Array:
@@ -229,23 +228,26 @@ class Plant:
         geometry = self.manipulator.geometry
         return jacobians(geometry, geometry.nominal_translation_B, np.eye(3)).J_pl
 
-    def _make_models(self, centres: Sequence[Centre], present: Place, nominal: Place) -> list[PlantModel]:
+    def _make_models(
+        self, centres: Sequence[Centre], present: Place, orientation: Orientation, nominal: Nominal
+    ) -> list[PlantModel]:
         """Three at once take little more than one."""
         system, centre = self.system, Centre.stack(centres)
         d = system.at(*present)
-        by_coarse = Nominal(*nominal, roll_pitch_yaw(nominal.pose.rotation_BP))
         convection = convective_forces(system, d, centre.speeds) if centre.speeds.any() else None
         A, B = make_rate_matrices(d, centre, convection, self.servo)
         accelerations = slice(d.n, 2 * d.n)
-        C, D = make_output_matrices(d, by_coarse, centre, self.optics, (A[:, accelerations], B[:, accelerations]))
+        C, D = make_output_matrices(
+            d, orientation, nominal, centre, self.optics, (A[:, accelerations], B[:, accelerations])
+        )
         turn_base(A, B, d, centre)
         models = []
         for k, about in enumerate(centres):
-            own = d[k]
-            place = (by_coarse.pose[k], by_coarse.jacobians[k]) if about.fine.any() else (own.pose, own.jacobians)
             forces = None if convection is None or not about.speeds.any() else convection[k]
             tangent = A[k], B[k], C[k], D[k]
-            models.append(PlantModel(about, own, Nominal(*place, by_coarse.rpy[k]), forces, tangent, self.servo, self._scale))
+            models.append(
+                PlantModel(about, d[k], nominal.orientation.rpy[k], forces, tangent, self.servo, self._scale)
+            )
         return models
 
     @cached_property
