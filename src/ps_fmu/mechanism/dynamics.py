@@ -167,7 +167,17 @@ class FlexibleSystem:
     @property
     def leg_moments(self) -> tuple[tuple[Array, Array], tuple[Array, Array], Array]:
         """See :func:`.legs.leg_moments`."""
+        return self._leg_moments
+
+    @cached_property
+    def _leg_moments(self) -> tuple[tuple[Array, Array], tuple[Array, Array], Array]:
         return leg_moments(self._legs)
+
+    @cached_property
+    def legs_mass(self) -> float:
+        """Mass of the six legs, kg."""
+        upper, lower = self.leg_moments[0]
+        return float(np.sum(upper) + np.sum(lower))
 
     @cached_property
     def _legs(self) -> Legs:
