@@ -92,7 +92,8 @@ def convective_forces(system: FlexibleSystem, d: Dynamics, speeds: Array) -> Arr
     pull = (second / length) * apart
     np.subtract(first_u * inward, pull, out=at_ends[..., 0, :])
     np.subtract(pull, first_l * inward, out=at_ends[..., 1, :])
-    wrenches = ends.reshape(*batch, N_SPEEDS, 36) @ d.legs.forces + at_ends.reshape(*batch, N_SPEEDS, 36) @ d.legs.points
+    flat = (*batch, N_SPEEDS, 36)
+    wrenches = ends.reshape(flat) @ d.legs.forces + at_ends.reshape(flat) @ d.legs.points
 
     # Platform and bus, as rigid bodies.
     inertia_B = R @ payload.inertia_P @ R.mT

@@ -87,7 +87,7 @@ def leg_mass_on(legs: Legs, geometry: Geometry, J: Jacobians) -> LegMass:
 
 def _leg_mass(legs: Legs, geometry: Geometry, lines: LegLines, J_lp: Array, J_lb: Array) -> LegMass:
     """The projection at right angles to a leg (A8) is the identity without ``n n'``; ``n' J_p`` is a row of J_lp."""
-    (m_u, m_l), (first_u, first_l), second = leg_moments(legs)
+    _, _, second = leg_moments(legs)
     length, batch = lines.length, lines.length.shape[:-1]
     turning = (second[:, 0] / length**2)[..., None, None]
     # Masses of the two ends, what is at right angles to the leg alone: (A19), (A22), and minus (A25) beside them.

@@ -47,7 +47,8 @@ from .signals import ADDED, N_INPUTS, TIME, count_states, servo_slices
 _ONE = slice(N_INPUTS - 1, N_INPUTS)
 _NOT_ADDED = np.ones(N_INPUTS, dtype=bool)
 _NOT_ADDED[ADDED] = False
-_STEP = 0.05  # s
+_STEP = 0.05  # s, to the middle of a way
+_SHORT = 1e-4  # m, for differences
 
 
 @dataclass(frozen=True, eq=False)
@@ -200,8 +201,10 @@ class Plant:
         for i, centre in enumerate(centres):
             moved[i, :3], moved[i, 3:] = centre.coarse, centre.fine
         moved[k:n, :3], moved[n:] = moved[deformed, :3], beside
-        # Not as a product of matrices, whose bits may depend on how many poses there are.
-        motion = np.add.reduce(self._by_legs * moved[:, None, :], axis=-1)
+        # To second order; not as products of matrices, whose bits may depend on how many poses there are.
+        first, second = self._by_legs
+        first = first + np.add.reduce(second * moved[:, None, None, :], axis=-1)
+        motion = np.add.reduce(first * moved[:, None, :], axis=-1)
         start = geometry.nominal_translation_B + motion[:, :3], rotation_from_vector(motion[:, 3:])
         found = forward_kinematics(geometry, geometry.nominal_lengths + moved, *start)
         t, R = found.translation_B, found.R
@@ -220,13 +223,20 @@ class Plant:
         return present, orientation.take(slice(0, k)), nominal, others
 
     @cached_property
-    def _by_legs(self) -> Array:
-        """(6, 6): motion of the platform by displacements of the legs at the nominal pose.
+    def _by_legs(self) -> tuple[Array, Array]:
+        """(6, 6) and (6, 6, 6): motion of the platform by displacements of the legs at the nominal pose.
 
-        With it Newton's iteration starts nearer to the pose, and takes a step less.
+        Half of the second derivatives are by differences of the first ones, to 1e-6 of them.  With both Newton's
+        iteration starts nearer to the pose, and takes a step or two less.
         """
         geometry = self.manipulator.geometry
-        return jacobians(geometry, geometry.nominal_translation_B, np.eye(3)).J_pl
+        at = geometry.nominal_translation_B
+        J = jacobians(geometry, at, np.eye(3)).J_pl
+        moved = _SHORT * np.concatenate([J.T, -J.T])
+        there = jacobians(geometry, at + moved[:, :3], rotation_from_vector(moved[:, 3:])).J_pl
+        change = (there[:6] - there[6:]) / (2.0 * _SHORT)  # (leg, motion, leg)
+        # Symmetric: what a turn adds to the rate of a rotation vector is not.
+        return J, 0.25 * (change.transpose(1, 0, 2) + change.transpose(1, 2, 0))
 
     def _make_models(
         self, centres: Sequence[Centre], present: Place, orientation: Orientation, nominal: Nominal
