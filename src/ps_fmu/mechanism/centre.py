@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -57,4 +57,4 @@ class Centre:
 
     def write(self, numbers: Array) -> None:
         """Into N_CENTRE numbers, for the FMU state."""
-        numbers[:] = np.concatenate([getattr(self, f.name) for f in fields(self)])
+        numbers[:] = np.concatenate([getattr(self, name) for name in _SIZES])

@@ -1,7 +1,7 @@
 """Forward kinematics of the 6-UPS mechanism: from six leg lengths to the pose, by Newton's method.
 
-A Newton step solves ``J_lp (dt, dtheta) = l - l(t, R)`` with the Jacobian of eq (6) and turns the platform
-by the rotation vector dtheta, so that R stays a rotation whatever the step.  A 6-UPS mechanism has several
+A Newton step solves ``J_lp (dt, dtheta) = l - l(t, R)`` with the Jacobian of eq (6) and turns the platform by dtheta
+(:func:`.rotations.turn_nearly`), so that R stays a rotation whatever the step.  A 6-UPS mechanism has several
 assembly modes (up to forty); Newton's method finds the one that the start is near.
 """
 
@@ -15,10 +15,11 @@ import numpy as np
 from .geometry import Geometry
 from .kinematics import KinematicsError, LegLines, find_leg_lines, leg_rows
 from .quantities import Array
-from .rotations import roll_pitch_yaw, rotation_from_vector
+from .rotations import roll_pitch_yaw, turn_nearly
 
 TOLERANCE = 1e-14  # m; rounding of a leg length of 0.4 m is 5e-17 m
 _ROUNDING = 2e-16  # m; where no step makes the error smaller
+_NEAR = 1e-9  # m; so near, the last Jacobian is right in seven digits, and serves for what is left
 _EYE = np.eye(3)
 
 
@@ -88,6 +89,7 @@ def forward_kinematics(
     R = np.zeros((*batch, 3, 3)) + (_EYE if start_R is None else start_R)
     residuals: list[float] = []
     converged = np.zeros(batch, dtype=bool)
+    inverse: Array | None = None
     for _ in range(max_steps + 1):
         legs = find_leg_lines(geometry, translation_B, R)
         error = lengths - legs.length
@@ -99,12 +101,16 @@ def forward_kinematics(
             break
         converged = done | (largest <= TOLERANCE)
         error[done] = 0.0  # no further step
-        try:
-            step = np.linalg.solve(leg_rows(legs.arms_B, legs.n_B), error[..., None])[..., 0]
-        except np.linalg.LinAlgError:
-            break
+        near = largest <= _NEAR
+        if inverse is None or not near.all():
+            try:
+                present = np.linalg.inv(leg_rows(legs.arms_B, legs.n_B))
+            except np.linalg.LinAlgError:
+                break
+            inverse = present if inverse is None else np.where(near[..., None, None], inverse, present)
+        step = (inverse @ error[..., None])[..., 0]
         translation_B = translation_B + step[..., :3]
-        R = rotation_from_vector(np.asarray(step[..., 3:], dtype=np.float64)) @ R
+        R = turn_nearly(R, step[..., 3:])
     if not residuals[-1] <= TOLERANCE:
         raise ForwardKinematicsError(
             f"forward kinematics did not converge in {len(residuals) - 1} Newton steps: largest length error "

@@ -51,6 +51,10 @@ _STEP = 0.05  # s, to the middle of a way
 _SHORT = 1e-4  # m, for differences
 
 
+Matrices = tuple[Array, Array, Array, Array]
+"""A, B, C, D of ``x' = A x + B u``, ``y = C x + D u``."""
+
+
 @dataclass(frozen=True, eq=False)
 class PlantModel:
     """Continuous-time matrices of the plant about a centre.
@@ -70,7 +74,7 @@ class PlantModel:
     dynamics: Dynamics
     rpy: Array
     convection: Array | None
-    tangent: tuple[Array, Array, Array, Array]
+    tangent: Matrices
     servo: CoarseServo
     scale: Array
     curvature: Array | None = None
@@ -80,12 +84,12 @@ class PlantModel:
         """Size of ``x``."""
         return count_states(self.dynamics.n)
 
-    def matrices(self) -> tuple[Array, Array, Array, Array]:
+    def matrices(self) -> Matrices:
         """A, B, C, D of ``x' = A x + B u``, ``y = C x + D u``."""
         return self._matrices
 
     @cached_property
-    def _matrices(self) -> tuple[Array, Array, Array, Array]:
+    def _matrices(self) -> Matrices:
         A, B, C, D = self.tangent
         if self.curvature is not None:
             B, D = B.copy(), D.copy()
@@ -94,7 +98,9 @@ class PlantModel:
 
     def curve(self, curvature: Array) -> PlantModel:
         """The same with another ``curvature``."""
-        return replace(self, curvature=curvature)
+        return PlantModel(
+            self.centre, self.dynamics, self.rpy, self.convection, self.tangent, self.servo, self.scale, curvature
+        )
 
     def output_map(self) -> Array:
         """[C D]: outputs from state and input at the same instant."""
@@ -105,7 +111,7 @@ class PlantModel:
         """[y; x](t + h) from [x; u](t), see :func:`.discretisation.make_held_step_map`."""
         return make_held_step_map(*self.hold(h))
 
-    def hold(self, h: float) -> tuple[Array, Array, Array, Array]:
+    def hold(self, h: float) -> Matrices:
         """Ad, Bd, C, D of a step of h (s): ``x(t + h) = Ad x(t) + Bd u(t)``, ``y(t + h) = C x(t + h) + D u(t)``."""
         A, B, C, D = self.matrices()
         # Added fine forces act as the others do, and the constant often moves nothing: less columns to the exponential.
@@ -175,18 +181,28 @@ class Plant:
         ------
         ParameterError: no usable pose has these leg lengths; since they are within the stroke, it names the stroke.
         """
-        return self.linearise_and_place(centres, np.zeros((0, 6)))[0]
+        found = self._linearise(centres, np.zeros((0, 6)))
+        return [found.make_model(k) for k in range(len(centres))]
 
-    def linearise_and_place(self, centres: Sequence[Centre], beside: Array) -> tuple[list[PlantModel], Place]:
-        """As :meth:`linearise_about_all`; and where the platform is by other displacements of the legs, (m, 6) m."""
+    def linearise_on_way(
+        self, centre: Centre, ends: Sequence[Centre], beside: Array
+    ) -> tuple[PlantModel, list[Matrices], Place]:
+        """The model about a centre; matrices of those about the ends of a way; and where the platform is beside these.
+
+        ``beside`` (m, 6): other displacements of the legs, m.  Raises as :meth:`linearise_about_all`.
+        """
+        found = self._linearise([centre, *ends], beside)
+        return found.make_model(0), [found.get_matrices(k) for k in range(1, 1 + len(ends))], found.beside
+
+    def _linearise(self, centres: Sequence[Centre], beside: Array) -> _Linearised:
         try:
-            found = self._find_places(centres, beside)
+            places = self._find_places(centres, beside)
         except KinematicsError as error:
             at = "; ".join(_list_mm(centre.coarse) for centre in centres)
             raise ParameterError(
                 "coarse_stroke", f"too large: no usable pose with the coarse legs at ({at}) mm from nominal; {error}"
             ) from error
-        return self._make_models(centres, *found[:-1]), found[-1]
+        return self._find_matrices(centres, *places)
 
     def _find_places(self, centres: Sequence[Centre], beside: Array) -> tuple[Place, Orientation, Nominal, Place]:
         """Where the platform is by all legs and by the coarse ones alone: the same, if no fine one is deformed.
@@ -238,9 +254,9 @@ class Plant:
         # Symmetric: what a turn adds to the rate of a rotation vector is not.
         return J, 0.25 * (change.transpose(1, 0, 2) + change.transpose(1, 2, 0))
 
-    def _make_models(
-        self, centres: Sequence[Centre], present: Place, orientation: Orientation, nominal: Nominal
-    ) -> list[PlantModel]:
+    def _find_matrices(
+        self, centres: Sequence[Centre], present: Place, orientation: Orientation, nominal: Nominal, beside: Place
+    ) -> _Linearised:
         """Three at once take little more than one."""
         system, centre = self.system, Centre.stack(centres)
         d = system.at(*present)
@@ -251,18 +267,11 @@ class Plant:
             d, orientation, nominal, centre, self.optics, (A[:, accelerations], B[:, accelerations])
         )
         turn_base(A, B, d, centre)
-        models = []
-        for k, about in enumerate(centres):
-            forces = None if convection is None or not about.speeds.any() else convection[k]
-            tangent = A[k], B[k], C[k], D[k]
-            models.append(
-                PlantModel(about, d[k], nominal.orientation.rpy[k], forces, tangent, self.servo, self._scale)
-            )
-        return models
+        return _Linearised(self, centres, d, nominal.orientation.rpy, convection, (A, B, C, D), beside)
 
     @cached_property
-    def _scale(self) -> Array:
-        """Of :attr:`PlantModel.scale`, from the model about rest at the nominal pose: the same for all centres."""
+    def scale(self) -> Array:
+        """(states,) of its models, by the one about rest at the nominal pose: the same for all centres."""
         geometry = self.manipulator.geometry
         d = self.system.at(Pose(geometry.nominal_translation_B[None], np.eye(3)[None]))
         A, _ = make_rate_matrices(d, Centre.stack([Centre.at_rest(np.zeros(3))]), None, self.servo)
@@ -300,6 +309,29 @@ class Plant:
             x[d.n + r_b.start : d.n + r_b.stop] = angular_velocity_B
             x[d.n + t_b.start : d.n + t_b.stop] = -d.M[t_b, r_b] @ angular_velocity_B / d.M[t_b.start, t_b.start]
         return x
+
+
+class _Linearised(NamedTuple):
+    """Many models of a plant, before they are made one by one."""
+
+    plant: Plant
+    centres: Sequence[Centre]
+    dynamics: Dynamics
+    rpy: Array
+    convection: Array | None
+    matrices: Matrices
+    beside: Place
+
+    def get_matrices(self, k: int) -> Matrices:
+        A, B, C, D = self.matrices
+        return A[k], B[k], C[k], D[k]
+
+    def make_model(self, k: int) -> PlantModel:
+        centre, plant = self.centres[k], self.plant
+        forces = None if self.convection is None or not centre.speeds.any() else self.convection[k]
+        return PlantModel(
+            centre, self.dynamics[k], self.rpy[k], forces, self.get_matrices(k), plant.servo, plant.scale
+        )
 
 
 def _list_mm(displacements: Array) -> str:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 
 from .centre import Centre
@@ -35,8 +37,7 @@ def make_rate_matrices(
     on = np.flatnonzero(d.active)
     A[:, on, n + on] = 1.0  # q' = dq, for what can move
     A[:, s, ds] = _EYE
-    omega = 2.0 * np.pi * servo.frequency
-    follow = np.hstack([-(omega**2) * _EYE, -2.0 * servo.damping_ratio * omega * _EYE, omega**2 * _EYE])
+    follow = _make_follower(servo)
     A[:, ds, 2 * n :] = follow
     B[:, r, RATE] = _EYE
 
@@ -54,6 +55,15 @@ def make_rate_matrices(
     if convection is not None:
         _add_convection(A, B, d, centre, mobility @ convection)
     return A, B
+
+
+@lru_cache(maxsize=8)
+def _make_follower(servo: CoarseServo) -> Array:
+    """(3, 9): accelerations of the coarse actuators from ``[s, s', r]``."""
+    omega = 2.0 * np.pi * servo.frequency
+    follow = np.hstack([-(omega**2) * _EYE, -2.0 * servo.damping_ratio * omega * _EYE, omega**2 * _EYE])
+    follow.setflags(write=False)
+    return follow
 
 
 def _find_mobility(d: Dynamics) -> Array:

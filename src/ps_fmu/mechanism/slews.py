@@ -44,9 +44,10 @@ _SOON = 0.01
 _TURNED_OFF = 0.1
 
 
-def find_attitude(model: PlantModel, x: Array, time: float) -> Array:
-    """(4,) attitude of B in the state ``x``, which the model reaches at ``time``, s, from its centre."""
-    centre, n, (_, r_b) = model.centre, model.dynamics.n, model.dynamics.base_places()
+def find_attitude(model: PlantModel, x: Array, time: float, centre: Centre | None = None) -> Array:
+    """(4,) attitude of B in the state ``x``, which the model reaches at ``time``, s, from its ``centre``."""
+    centre = model.centre if centre is None else centre
+    n, (_, r_b) = model.dynamics.n, model.dynamics.base_places()
     turn_B = x[n + r_b.start : n + r_b.stop]
     turn = turn_vector(x[r_b] - centre.rotation_B, centre.speeds[TURN], turn_B, time)
     q = multiply(centre.attitude, from_rotation_vector(turn))
@@ -56,7 +57,9 @@ def find_attitude(model: PlantModel, x: Array, time: float) -> Array:
 def is_at_rest(model: PlantModel, x: Array, command: Array) -> bool:
     """Whether the coarse legs have come to rest at the command (3,), m."""
     s, ds, r = servo_slices(model.dynamics.n)
-    left = np.concatenate([x[s] - command, x[r] - command, x[ds]])
+    if not np.abs(x[ds]).max() < AT_REST:
+        return False
+    left = np.concatenate([x[s] - command, x[r] - command])
     return bool(np.abs(left).max() < AT_REST)
 
 
