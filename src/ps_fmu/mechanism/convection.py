@@ -25,6 +25,7 @@ N_SPEEDS = 9
 FINE, TURN, COARSE = slice(0, 3), slice(3, 6), slice(6, 9)
 
 _UNIT = np.eye(N_SPEEDS)
+_UNIT_LEGS, _UNIT_TURN = np.hstack([_UNIT[:, COARSE], _UNIT[:, FINE]]), _UNIT[:, TURN]
 _TWICE = 2.0 * np.eye(3)
 
 
@@ -41,13 +42,15 @@ def convective_forces(system: FlexibleSystem, d: Dynamics, speeds: Array) -> Arr
     geometry, pose, J, lines = system.manipulator.geometry, d.pose, d.jacobians, d.jacobians.legs
     payload, bus, R = system.payload, system.bus, pose.rotation_BP
     batch = speeds.shape[:-1]
-    rates = np.empty((*batch, N_SPEEDS + 1, N_SPEEDS))  # the last row is v itself
-    rates[..., :-1, :], rates[..., -1, :] = _UNIT, speeds
-    legs_rate = np.concatenate([rates[..., COARSE], rates[..., FINE]], axis=-1)
+    # Of each unit speed; the last row is of v itself.
+    legs_rate, turns = np.empty((*batch, N_SPEEDS + 1, 6)), np.empty((3, *batch, N_SPEEDS + 1, 3))
+    legs_rate[..., :-1, :] = _UNIT_LEGS
+    legs_rate[..., -1, :3], legs_rate[..., -1, 3:] = speeds[..., COARSE], speeds[..., FINE]
     twist = legs_rate @ J.J_pl.mT  # of the platform relative to B, (..., 10, 6)
-    moving, spinning, turn = twist[..., :3], twist[..., 3:], rates[..., TURN]
-    turns = np.empty((3, *turn.shape))  # of the platform relative to B; of B and platform in inertial space
-    turns[0], turns[1] = spinning, turn
+    moving, spinning, turn = twist[..., :3], twist[..., 3:], turns[1]
+    turn[..., :-1, :], turn[..., -1, :] = _UNIT_TURN, speeds[..., TURN]
+    # Angular velocities of the platform relative to B, of B, and of the platform in inertial space.
+    turns[0] = spinning
     np.add(spinning, turn, out=turns[2])
     centripetal, across_last = _centripetal(turns), skew(turns[..., -1, :])
     across_spin, across_turn, _ = across_last
@@ -95,14 +98,21 @@ def convective_forces(system: FlexibleSystem, d: Dynamics, speeds: Array) -> Arr
     flat = (*batch, N_SPEEDS, 36)
     wrenches = ends.reshape(flat) @ d.legs.forces + at_ends.reshape(flat) @ d.legs.points
 
-    # Platform and bus, as rigid bodies.
-    inertia_B = R @ payload.inertia_P @ R.mT
-    wrench = wrenches[..., :6]
-    wrench += _rigid_body(payload.mass * on_platform[..., 6, :], com_B, inertia_B, turning, turns[2])
-    forces = d.platform_rows().mT @ wrench.mT
-    wrench = wrenches[..., 6:]
-    wrench += _rigid_body(bus.mass * on_base[..., 6, :], bus.com_B, bus.inertia_B, None, turn)
-    forces[..., d.slices["q_b"], :] += wrench.mT
+    # Bus and platform, as rigid bodies.
+    coms_B, inertias_B, force = np.empty((2, *batch, 3)), np.empty((2, *batch, 3, 3)), np.empty((2, *origin.shape))
+    coms_B[0], coms_B[1] = bus.com_B, com_B
+    inertias_B[0] = bus.inertia_B
+    np.matmul(R @ payload.inertia_P, R.mT, out=inertias_B[1])
+    np.multiply(bus.mass, on_base[..., 6, :], out=force[0])
+    np.multiply(payload.mass, on_platform[..., 6, :], out=force[1])
+    torque = _find_torques(force, coms_B, inertias_B, turns[1:])
+    torque[1] += turning @ inertias_B[1]
+    wrenches[..., :3] += force[1]
+    wrenches[..., 3:6] += torque[1]
+    wrenches[..., 6:9] += force[0]
+    wrenches[..., 9:] += torque[0]
+    forces = d.platform_rows().mT @ wrenches[..., :6].mT
+    forces[..., d.slices["q_b"], :] += wrenches[..., 6:].mT
     along_truss = np.vecdot(on_platform[..., 7:, :], direction_B[..., None, :, :])
     forces[..., d.slices["x_t"], :] = mass[:, None] * along_truss.mT
     return np.asarray(forces)
@@ -128,14 +138,12 @@ def _centripetal(turn: Array) -> Array:
     return np.asarray(products + products.mT - _dot(half, last)[..., None] * _TWICE)
 
 
-def _rigid_body(force: Array, com_B: Array, inertia_B: Array, turning: Array | None, turn: Array) -> Array:
-    """(..., 9, 6) force and torque about the body's origin: ``force`` at the centre of mass, torque for turning.
+def _find_torques(force: Array, com_B: Array, inertia_B: Array, turn: Array) -> Array:
+    """(..., 9, 3) torques about the origins of rigid bodies, whose angular velocities do not change.
 
-    ``inertia_B`` is about the centre of mass; ``turning`` None: no speed changes.
+    ``force`` acts at the centre of mass, ``inertia_B`` is about it.
     """
     spin = turn @ inertia_B
-    gyroscopic = 0.5 * (turn[..., :-1, :] @ skew(spin[..., -1, :]) - spin[..., :-1, :] @ skew(turn[..., -1, :]))
-    torque = gyroscopic - force @ skew(com_B)
-    if turning is not None:
-        torque += turning @ inertia_B
-    return np.concatenate([force, torque], axis=-1)
+    torque = 0.5 * (turn[..., :-1, :] @ skew(spin[..., -1, :]) - spin[..., :-1, :] @ skew(turn[..., -1, :]))
+    torque -= force @ skew(com_B)
+    return np.asarray(torque)

@@ -16,7 +16,7 @@ the stretch of its rod.  Centrifugal and Coriolis terms are neglected, as in the
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -70,14 +70,17 @@ class Dynamics:
     def __getitem__(self, k: int) -> Dynamics:
         """At one pose of many."""
         by_pose = self.pose[k], self.jacobians[k], self.legs[k], self.M[k], self.C[k], self.K
-        return Dynamics(
-            *by_pose, self.m_c[k], self.locked[k], self.active, self.slices, self.truss_turns_P
-        )
+        return Dynamics(*by_pose, self.m_c[k], self.locked[k], self.active, self.slices, self.truss_turns_P)
 
     @property
     def n(self) -> int:
         """Number of coordinates, inactive ones included."""
         return len(self.active)
+
+    @property
+    def moving_modes(self) -> NDArray[np.bool_]:
+        """(n,) which coordinates are active modes of bus or payload."""
+        return _find_modes(self.active.tobytes(), *(self.slices[group].start for group in ("x_m", "e_c", "x_t")))
 
     def base_places(self) -> tuple[slice, slice]:
         """Places of the base's translation and rotation in ``q``."""
@@ -250,6 +253,14 @@ class FlexibleSystem:
         for shared in (K, active):
             shared.setflags(write=False)
         return M, C, K, active
+
+
+@lru_cache(maxsize=8)
+def _find_modes(active: bytes, bus: int, rods: int, truss: int) -> NDArray[np.bool_]:
+    """Of :attr:`Dynamics.moving_modes`, by the first places of the groups of coordinates."""
+    moving = np.frombuffer(active, dtype=bool).copy()
+    moving[:bus] = moving[rods:truss] = False
+    return moving
 
 
 def _make_platform_rows(J: Jacobians, slices: dict[str, slice]) -> Array:

@@ -45,8 +45,6 @@ from .rotations import rotation_from_vector
 from .signals import ADDED, N_INPUTS, TIME, count_states, servo_slices
 
 _ONE = slice(N_INPUTS - 1, N_INPUTS)
-_NOT_ADDED = np.ones(N_INPUTS, dtype=bool)
-_NOT_ADDED[ADDED] = False
 _STEP = 0.05  # s, to the middle of a way
 _SHORT = 1e-4  # m, for differences
 
@@ -114,12 +112,8 @@ class PlantModel:
     def hold(self, h: float) -> Matrices:
         """Ad, Bd, C, D of a step of h (s): ``x(t + h) = Ad x(t) + Bd u(t)``, ``y(t + h) = C x(t + h) + D u(t)``."""
         A, B, C, D = self.matrices()
-        # Added fine forces act as the others do, and the constant often moves nothing: less columns to the exponential.
-        own = np.flatnonzero(B.any(axis=0) & _NOT_ADDED)
-        Ad, held = zero_order_hold(A, B[:, own], h, self.scale)
-        Bd = np.zeros_like(B)
-        Bd[:, own] = held
-        Bd[:, ADDED] = Bd[:, 0:3]
+        Ad, Bd = zero_order_hold(A, B, h, self.scale)
+        Bd[:, ADDED] = Bd[:, 0:3]  # they act as the other fine forces, to the last bit
         # Inputs are means over the step, the outputs those at its end.
         if self.curvature is not None:
             D = D.copy()

@@ -204,13 +204,12 @@ class Balance:
         rate = x[n : 2 * n]
         speeds = np.concatenate([rate[d_f], rate[r_b], x[ds] + rate[e_c]])
         momentum, com_B = find_momentum(self._system, at.pose, rate[t_b], speeds, at.jacobians)
-        for modes in (d.slices["x_m"], d.slices["x_t"]):
-            coupling = d.M[d.slices["q_b"], modes] * d.active[modes]
-            momentum += coupling @ rate[modes]
-            shifted = coupling[:3] @ x[modes]  # kg.m, what moves along with the base
-            momentum += np.concatenate([cross(rate[r_b], shifted), cross(shifted, rate[t_b])])
-            com_B = com_B + shifted / d.M[t_b.start, t_b.start]
-        return momentum, com_B
+        coupling = d.M[d.slices["q_b"]] * d.moving_modes
+        momentum += coupling @ rate
+        shifted = coupling[:3] @ x[:n]  # kg.m, what moves along with the base
+        momentum[:3] += cross(rate[r_b], shifted)
+        momentum[3:] += cross(shifted, rate[t_b])
+        return momentum, com_B + shifted / d.M[t_b.start, t_b.start]
 
 
 def _integrate_cross(ends: tuple[Array, ...], f_sum: Array, J: Array, J_sum: Array, lasted: float) -> Array:

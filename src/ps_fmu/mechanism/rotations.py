@@ -20,6 +20,7 @@ _MANY = 100  # numbers
 _SMALLEST = 1e-150  # rad; sin(a)/a is 1 there, too
 _SKEW = np.array([[0, 0, 0, 0, 0, -1, 0, 1, 0], [0, 0, 1, 0, 0, 0, -1, 0, 0], [0, -1, 0, 1, 0, 0, 0, 0, 0]], float)
 _NEXT, _LAST = np.array([1, 2, 0]), np.array([2, 0, 1])  # axes after and before x, y, z, cyclically
+_BELOW, _ABOVE = 3 * _LAST + _NEXT, 3 * _NEXT + _LAST  # places in a matrix, row by row
 
 
 class GimbalLockError(ValueError):
@@ -191,7 +192,8 @@ def turn_vector(integral: Array, before: Array, after: Array, lasted: float) -> 
 
 def rotation_vector(R: Array) -> Array:
     """Rotation vector, rad, of turns below 90 deg: inverse of :func:`rotation_from_vector`; (..., 3, 3) to (..., 3)."""
-    sine = 0.5 * (R[..., _LAST, _NEXT] - R[..., _NEXT, _LAST])
+    numbers = R.reshape(*R.shape[:-2], 9)
+    sine = 0.5 * (numbers.take(_BELOW, -1) - numbers.take(_ABOVE, -1))
     size = np.maximum(lengths(sine), 1e-8)  # so small, arcsin(a)/a is 1
     return np.asarray((np.arcsin(np.minimum(size, 1.0)) / size)[..., None] * sine)
 
@@ -204,7 +206,7 @@ def _sines_cosines(orientation: Array) -> tuple[Array, Array, Array, Array]:
 
 
 def _refuse_gimbal_lock(cos_pitch: Array) -> None:
-    smallest = float(np.min(cos_pitch, initial=1.0))
+    smallest = float(cos_pitch.min(initial=1.0))
     if not smallest >= SMALLEST_COS_PITCH:
         raise GimbalLockError(
             f"pitch is {np.degrees(np.arccos(smallest)):.6f} deg in magnitude, too close to 90 deg to tell "

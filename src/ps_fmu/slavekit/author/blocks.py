@@ -10,7 +10,7 @@ from __future__ import annotations
 import ctypes
 from ctypes import c_int64
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,6 +43,11 @@ class Pattern:
     """Of all blocks, one block after the other."""
     numbers: NDArray[np.int64]
     """Places in a matrix by columns of the numbers that are multiplied."""
+
+    @cached_property
+    def addresses(self) -> tuple[int, int]:
+        """Where ``words`` and ``columns`` begin in memory."""
+        return ctypes.addressof(self.words), int(self.columns.__array_interface__["data"][0])
 
 
 @dataclass(frozen=True, eq=False)
