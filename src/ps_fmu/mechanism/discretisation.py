@@ -45,17 +45,18 @@ def zero_order_hold(A: Array, B: Array, h: float, scale: Array | None = None) ->
     n = len(A)
     if n == 0:
         return A.copy(), B.copy()
-    if not (np.isfinite(A).all() and np.isfinite(B).all()):
-        return np.full_like(A, np.nan), np.full_like(B, np.nan)
     with np.errstate(over="ignore", invalid="ignore"):
         scale, size = _balance(A, h, scale)
-        if not size <= _SHORT * 2.0**_MOST_HALVINGS:
+        # No number, if one of A is not finite.
+        if not size <= _SHORT * 2.0**_MOST_HALVINGS or not np.isfinite(B).all():
             return np.full_like(A, np.nan), np.full_like(B, np.nan)
         # Powers of two: the order of products with them makes no difference.
         back = 1.0 / scale
         to_scale, from_scale = back[:, None], scale[:, None]
         halvings = int(np.ceil(np.log2(size / _SHORT))) if size > _SHORT else 0
-        exponential, phi = _sum_series(A * (h * 0.5**halvings * scale) * to_scale)
+        X = A * (h * 0.5**halvings * scale)
+        X *= to_scale
+        exponential, phi = _sum_series(X)
         for _ in range(halvings):
             phi = 0.5 * (phi @ exponential + phi)
             exponential = exponential @ exponential

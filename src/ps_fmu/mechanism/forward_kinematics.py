@@ -104,11 +104,11 @@ def forward_kinematics(
         near = largest <= _NEAR
         if inverse is None or not near.all():
             try:
-                present = np.linalg.inv(leg_rows(legs.arms_B, legs.n_B))
+                present = np.asarray(np.linalg.inv(leg_rows(legs.arms_B, legs.n_B)), dtype=np.float64)
             except np.linalg.LinAlgError:
                 break
-            inverse = present if inverse is None else np.where(near[..., None, None], inverse, present)
-        step = (inverse @ error[..., None])[..., 0]
+            inverse = present if inverse is None else np.asarray(np.where(near[..., None, None], inverse, present))
+        step = np.asarray(inverse @ error[..., None])[..., 0]
         translation_B = translation_B + step[..., :3]
         R = turn_nearly(R, step[..., 3:])
     if not residuals[-1] <= TOLERANCE:

@@ -82,18 +82,20 @@ def look_ahead(
     rates, z = _move_rigidly(model, x, u, prescribed)
     half = _find_half(model, rates, z, renewal, 1.0 if prescribed else _AHEAD)
 
-    moving = rates.any(axis=1)
+    moving = np.asarray(rates.any(axis=1))
     moving[r] = True
     keep = moving.nonzero()[0]
     m = len(keep)
     A, B, start = np.zeros((m + 1, m + 1)), np.ones((m + 1, 1)), np.zeros(m + 1)  # the last one is time
-    held = np.append(z, 1.0)
-    start[:m], held[keep] = held[keep], 0.0
+    held, scale = np.empty(len(z) + 1), np.empty(m + 1)
+    held[:-1], held[-1] = z, 1.0
+    scale[:m], scale[m] = model.scale[keep], 1.0
+    start[:m], held[keep] = z[keep], 0.0
     by_kept = rates[keep]
     A[:m, :m], B[:m, 0] = by_kept[:, keep], by_kept @ held
     first = int(keep.searchsorted(r.start))
     A[first : first + 3, m] = growth
-    near, scale = _AHEAD * renewal.relinearisation_distance, np.append(model.scale[keep], 1.0)
+    near = _AHEAD * renewal.relinearisation_distance
     is_leg = np.zeros(len(z), dtype=bool)
     is_leg[d_f] = is_leg[s] = True
     legs = is_leg[keep].nonzero()[0]
@@ -173,8 +175,9 @@ def find_growth(lasted: float, moved: Array, before: Array, now: Array, renewal:
     """
     if lasted <= 0.0:
         return np.zeros(3)
-    evenly = np.abs(moved - 0.5 * lasted * (before + now)) < _OFF * renewal.relinearisation_distance
-    return np.where(evenly, (now - before) / lasted, 0.0)
+    allowed = _OFF * renewal.relinearisation_distance
+    each = zip(moved.tolist(), before.tolist(), now.tolist(), strict=True)
+    return np.array([(b - a) / lasted if abs(way - 0.5 * lasted * (a + b)) < allowed else 0.0 for way, a, b in each])
 
 
 def _largest(values: Array) -> float:
