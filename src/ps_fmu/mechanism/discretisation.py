@@ -46,8 +46,7 @@ def zero_order_hold(A: Array, B: Array, h: float, scale: Array | None = None) ->
     if n == 0:
         return A.copy(), B.copy()
     with np.errstate(over="ignore", invalid="ignore"):
-        scale, size = _balance(A, h, scale)
-        # No number, if one of A is not finite.
+        scale, size = _balance(A, h, scale)  # of A that is not finite, no number
         if not size <= _SHORT * 2.0**_MOST_HALVINGS or not np.isfinite(B).all():
             return np.full_like(A, np.nan), np.full_like(B, np.nan)
         # Powers of two: the order of products with them makes no difference.
@@ -88,6 +87,8 @@ def _balance(A: Array, h: float, scale: Array | None) -> tuple[Array, float]:
         size = h * float((((1.0 / scale) @ sizes) * scale).max())
         if size <= _SHORT * 2.0**_FEW_HALVINGS:
             return scale, size
+    if not np.isfinite(sizes).all():
+        return np.ones(len(A)), math.nan
     own = sizes.diagonal().copy()
     np.fill_diagonal(sizes, 0.0)
     # Sums of elements as small as 1e-300 may underflow to zero, which has no logarithm.
