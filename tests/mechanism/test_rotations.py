@@ -15,7 +15,6 @@ from ps_fmu.mechanism.rotations import (
     rotation_matrix,
     rotation_vector,
     skew,
-    turn_nearly,
     turn_vector,
 )
 
@@ -112,18 +111,6 @@ def test_leading_dimensions_are_kept():
     assert roll_pitch_yaw(rotation_matrix(o)).shape == (4, 5, 3)
     R = rotation_from_vector(o * [[[1e-9], [1e-4], [0.1], [0.5], [0.9]]])
     np.testing.assert_array_equal(rotation_vector(R)[2, 3], rotation_vector(R[2, 3]))
-
-
-@pytest.mark.parametrize("size", [0.0, 1e-9, 1e-3, 0.3, 3.0])
-def test_a_near_turn_is_a_rotation_and_right_to_third_order(size):
-    before = rotation_from_vector(np.array([[0.4, -0.2, 0.3], [0.0, 0.0, 0.0]]))
-    turn = size * np.array([[2.0, -1.0, 2.0], [0.6, 0.0, -0.8]]) / [[3.0], [1.0]]
-    found = turn_nearly(before, turn)
-    np.testing.assert_allclose(found @ found.mT, np.broadcast_to(np.eye(3), (2, 3, 3)), atol=1e-15)
-    exact = rotation_from_vector(turn * (2.0 * np.arctan(0.5 * size) / size if size else 1.0)) @ before
-    np.testing.assert_allclose(found, exact, atol=1e-15)
-    assert np.abs(found - rotation_from_vector(turn) @ before).max() <= size**3 / 12.0 + 1e-15
-    assert turn_nearly(before[0], turn[0]).tobytes() == found[0].tobytes()
 
 
 def test_turns_whose_axis_changes_do_not_commute():

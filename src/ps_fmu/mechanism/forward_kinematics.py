@@ -1,7 +1,7 @@
 """Forward kinematics of the 6-UPS mechanism: from six leg lengths to the pose, by Newton's method.
 
-A Newton step solves ``J_lp (dt, dtheta) = l - l(t, R)`` with the Jacobian of eq (6) and turns the platform by dtheta
-(:func:`.rotations.turn_nearly`), so that R stays a rotation whatever the step.  A 6-UPS mechanism has several
+A Newton step solves ``J_lp (dt, dtheta) = l - l(t, R)`` with the Jacobian of eq (6) and turns the platform
+by the rotation vector dtheta, so that R stays a rotation whatever the step.  A 6-UPS mechanism has several
 assembly modes (up to forty); Newton's method finds the one that the start is near.
 """
 
@@ -15,7 +15,7 @@ import numpy as np
 from .geometry import Geometry
 from .kinematics import KinematicsError, LegLines, find_leg_lines, leg_rows
 from .quantities import Array
-from .rotations import roll_pitch_yaw, turn_nearly
+from .rotations import roll_pitch_yaw, rotation_from_vector
 
 TOLERANCE = 1e-14  # m; rounding of a leg length of 0.4 m is 5e-17 m
 _ROUNDING = 2e-16  # m; where no step makes the error smaller
@@ -110,7 +110,7 @@ def forward_kinematics(
             inverse = present if inverse is None else np.asarray(np.where(near[..., None, None], inverse, present))
         step = np.asarray(inverse @ error[..., None])[..., 0]
         translation_B = translation_B + step[..., :3]
-        R = turn_nearly(R, step[..., 3:])
+        R = rotation_from_vector(step[..., 3:]) @ R
     if not residuals[-1] <= TOLERANCE:
         raise ForwardKinematicsError(
             f"forward kinematics did not converge in {len(residuals) - 1} Newton steps: largest length error "

@@ -170,16 +170,6 @@ def _turn_one(x: float, y: float, z: float) -> Array:
     )
 
 
-def turn_nearly(R: Array, turn: Array) -> Array:
-    """``R`` (..., 3, 3), turned further by about the vector ``turn`` (..., 3), rad, in axes outside: Cayley's rotation.
-
-    Its angle ``2 atan(|turn| / 2)`` is right to third order; it needs no sine, and so half of the time.
-    """
-    across = skew(turn)
-    whole = across + 0.5 * (across @ across)
-    return np.asarray(R + (whole @ R) / (1.0 + 0.25 * np.vecdot(turn, turn))[..., None, None])
-
-
 def turn_vector(integral: Array, before: Array, after: Array, lasted: float) -> Array:
     """(3,) rotation vector, rad, of a turn in ``lasted`` s, from the integral (rad) of the body's angular velocity.
 
