@@ -2,14 +2,17 @@
 
 Each run is made several times.  The same step does the same work in each of them, so its least time is its own, without
 what the machine does beside it.  The reference, some work in numpy, tells how fast the machine is at its best.
+
+``--against FOLDER`` compares with the FMUs of another build, which take turns with these.
 """
 
 from __future__ import annotations
 
+import argparse
 import subprocess
 import sys
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from timeit import repeat
@@ -70,21 +73,34 @@ RUNS = {
 
 def measure(fmus: Path, runs: Mapping[str, Run] = RUNS, repeats: int = REPEATS) -> dict[str, dict[str, float]]:
     """Run -> mean, 99.9 % and longest of its steps after the first 100, us, and the number of the longest."""
+    return {name: found for name, (found,) in measure_in_turn((fmus,), runs, repeats)}
+
+
+def measure_in_turn(
+    builds: Sequence[Path], runs: Mapping[str, Run] = RUNS, repeats: int = REPEATS
+) -> Iterator[tuple[str, list[dict[str, float]]]]:
+    """Runs, and what :func:`measure` finds for each of these folders of FMUs, which take turns in each repeat."""
     with tempfile.TemporaryDirectory(prefix="ps_fmu_bench_") as temporary:
         folder = Path(temporary)
         program = folder / "step_times"
         program.write_bytes(PROGRAM.compiled("linux64"))
         program.chmod(0o700)
-        found = {}
         for name, run in runs.items():
-            times = _measure_steps(program, fmus / f"{run.model}.fmu", run, folder, repeats)[LEFT_OUT:]
-            found[name] = {
-                "mean": float(times.mean()),
-                "99.9 %": float(np.quantile(times, 0.999)),
-                "longest": float(times.max()),
-                "at step": float(times.argmax() + LEFT_OUT),
-            }
-    return found
+            least = [np.full(run.steps, np.inf) for _ in builds]
+            for _ in range(repeats):
+                for place, fmus in enumerate(builds):
+                    times = _measure_steps(program, fmus / f"{run.model}.fmu", run, folder / str(place))
+                    least[place] = np.minimum(least[place], times)
+            yield name, [_describe(times[LEFT_OUT:]) for times in least]
+
+
+def _describe(times: NDArray[np.float64]) -> dict[str, float]:
+    return {
+        "mean": float(times.mean()),
+        "99.9 %": float(np.quantile(times, 0.999)),
+        "longest": float(times.max()),
+        "at step": float(times.argmax() + LEFT_OUT),
+    }
 
 
 def measure_reference() -> float:
@@ -102,8 +118,18 @@ def report(found: Mapping[str, Mapping[str, float]], reference: float) -> str:
     return "\n".join(lines)
 
 
-def _measure_steps(program: Path, fmu: Path, run: Run, temporary: Path, repeats: int) -> NDArray[np.float64]:
-    """us of each step, the least of all repeats."""
+def report_ratios(found: Iterable[tuple[str, list[dict[str, float]]]]) -> str:
+    """What :func:`measure_in_turn` finds for two builds: the first, and how its times relate to the other's."""
+    lines = [f"us per step in a C host        {'mean':>12}{'longest':>12}{'x other':>12}{'x other':>12}"]
+    for name, (own, other) in found:
+        times = "".join(f"{own[what]:>12.2f}" for what in ("mean", "longest"))
+        ratios = "".join(f"{own[what] / other[what]:>12.2f}" for what in ("mean", "longest"))
+        lines.append(f"  {name:<29}{times}{ratios}")
+    return "\n".join(lines)
+
+
+def _measure_steps(program: Path, fmu: Path, run: Run, temporary: Path) -> NDArray[np.float64]:
+    """us of each step."""
     folder = temporary / fmu.stem
     if not folder.exists():
         extract(str(fmu), unzipdir=str(folder))
@@ -115,15 +141,26 @@ def _measure_steps(program: Path, fmu: Path, run: Run, temporary: Path, repeats:
     command += [description.guid, repr(STEP), str(run.steps)]
     command += [" ".join(f"{types[name]}:{references[name]}:{value}" for name, value in run.parameters.items())]
     command += [" ".join(f"{references[name]}:{first!r}:{slope!r}" for name, (first, slope) in run.inputs.items())]
-    least = np.full(run.steps, np.inf)
-    for _ in range(repeats):
-        environment = {"PS_FMU_PYTHON": sys.executable, "OMP_NUM_THREADS": "1"}
-        made = subprocess.run(command, env=environment, capture_output=True, check=False)
-        if made.returncode != 0:
-            raise RuntimeError(f"{fmu.name} in the C host ended with {made.returncode}:\n{made.stderr.decode()}")
-        least = np.minimum(least, np.frombuffer(made.stdout, dtype=np.float64))
-    return least
+    environment = {"PS_FMU_PYTHON": sys.executable, "OMP_NUM_THREADS": "1"}
+    made = subprocess.run(command, env=environment, capture_output=True, check=False)
+    if made.returncode != 0:
+        raise RuntimeError(f"{fmu.name} in the C host ended with {made.returncode}:\n{made.stderr.decode()}")
+    return np.frombuffer(made.stdout, dtype=np.float64)
+
+
+def main() -> None:
+    """Print the table; with ``--against``, that of two builds which take turns."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--against", type=Path, help="a folder with FMUs of another build")
+    parser.add_argument("--runs", nargs="+", choices=RUNS, default=list(RUNS), metavar="NAME", help="as 'plant, slew'")
+    parser.add_argument("--repeats", type=int, default=REPEATS)
+    options = parser.parse_args()
+    runs, own = {name: RUNS[name] for name in options.runs}, HERE.parent / "build" / "fmus"
+    if options.against:
+        print(report_ratios(measure_in_turn((own, options.against), runs, options.repeats)))
+    else:
+        print(report(measure(own, runs, options.repeats), measure_reference()))
 
 
 if __name__ == "__main__":
-    print(report(measure(HERE.parent / "build" / "fmus"), measure_reference()))
+    main()

@@ -222,8 +222,8 @@ class ManipulatorPlant(Slave):
     def event(self, t: float, h: float) -> bool:
         """The motion has left the centre of the linear model: make one about the next centre."""
         self._warn_of_unused()
-        self._warn_of_stroke()
         command = self.plant.within_stroke(self.command)
+        self._warn_of_stroke(self.command - command)
         if self.prescribed:
             self.x[self.maps.rate_places] = self.view("prescribed_angular_velocity")
         if is_at_rest(self.model, self.x, command):
@@ -249,7 +249,7 @@ class ManipulatorPlant(Slave):
         moving = bool(centre.speeds.any())
         others = find_ends(self.model, centre, way) if moving and not self.prescribed else ()
         now = find_displacements(self.model, self.x)[None, :]
-        (model, *ends), place = self.plant.linearise_and_place([centre, *others], now)
+        model, ends, place = self.plant.linearise_on_way(centre, others, now)
         if self.prescribed:
             impulse = promised_impulse(self.model.dynamics)
             self.x[impulse] += relative_momentum_taken(self.model, model, self.x)
@@ -272,7 +272,7 @@ class ManipulatorPlant(Slave):
             self.plant = replace(self.plant, bus=stand_in_bus(self.plant.bus))
         self.initial = take_values(STILL, values)
         self.renewal = take_values(RENEWAL, values)
-        self.command = self.view("coarse_command")
+        self.command, self.motion = self.view("coarse_command"), self.u[N_EXTERNAL : N_EXTERNAL + N_MOTION]
         parts = dict(zip(MEMORY, np.split(self.memory, np.cumsum(list(MEMORY.values()))[:-1]), strict=True))
         self.centre, self.curve, self.expected = (parts[name] for name in ("centre", "curve", "expected"))
         self.since, self.begun, self.terms = (parts[name] for name in ("since", "begun", "terms"))
@@ -287,7 +287,7 @@ class ManipulatorPlant(Slave):
     def _take(self, model: PlantModel, curve: Curve) -> None:
         self.half, self.path = float(curve.half[0]), curve.path  # s
         self.model = model.curve(curve.added) if self.half > 0.0 else model
-        self.maps = HostedModel(self.model, self.plant.payload, self.prescribed)
+        self.maps = HostedModel(self.model, self.prescribed)
         model.centre.write(self.centre)
         curve.write(self.curve)
         if not self.half > 0.0:
@@ -317,16 +317,14 @@ class ManipulatorPlant(Slave):
 
     def _list_unused(self) -> tuple[str, ...]:
         if not self.prescribed:
-            return tuple(name for name in MOTION_NAMES if self.view(name).any())
+            return tuple(name for name in MOTION_NAMES if self.view(name).any()) if self.motion.any() else ()
         modes = [f"bus.mode_{i}.frequency" for i, mode in enumerate(self.own_bus.modes, 1) if mode.active]
         return (*(name for name in ("base_force", "base_torque") if self.view(name).any()), *modes)
 
-    def _warn_of_stroke(self) -> None:
-        """A command beyond the stroke is warned of once."""
-        low, high = self.plant.manipulator.coarse_stroke
-        excess = np.maximum(self.command - high, 0.0) + np.minimum(self.command - low, 0.0)
-        worst = int(np.argmax(np.abs(excess)))
+    def _warn_of_stroke(self, excess: NDArray[np.float64]) -> None:
+        """A command beyond the stroke, by ``excess`` (3,), m, is warned of once."""
         if excess.any() and not self.warned.any():
+            worst = int(np.argmax(np.abs(excess)))
             self.warning(
                 f"coarse_command_{worst + 1}: {self.command[worst]:.6g} m is outside the stroke "
                 f"{self.plant.manipulator.coarse_stroke.tolist()} m; held at its end"

@@ -35,6 +35,20 @@ def test_steps_are_those_of_the_dense_map(parameters, inputs):
     assert (np.abs(found - expected).max(axis=0) <= SAME * scale).all()
 
 
+def test_maps_of_a_slew_share_their_patterns():
+    host = Host("manipulator_plant").run_mode()
+    slave, models, patterns = host.slave, [], []
+    for k in range(1500):
+        host.set(coarse_command_1=2e-6 * k, coarse_command_2=-1e-6 * k)
+        host.step(H)
+        if slave.model not in models:
+            models.append(slave.model)
+            patterns.append([each.matrix.pattern for each in slave._core.maps])
+    in_motion = [pattern for model, pattern in zip(models, patterns, strict=True) if model.centre.fine.any()]
+    assert len(in_motion) >= 3
+    assert all(one is other for pair in in_motion for one, other in zip(pair, in_motion[0], strict=True))
+
+
 def test_a_prescribed_base_keeps_one_map():
     host = Host("manipulator_plant", base="prescribed").run_mode()
     host.step(H)

@@ -7,7 +7,7 @@ import pytest
 from scipy.linalg import expm, matrix_balance
 
 from ps_fmu.mechanism.centre import Centre
-from ps_fmu.mechanism.discretisation import zero_order_hold
+from ps_fmu.mechanism.discretisation import find_scale, zero_order_hold
 from ps_fmu.mechanism.linear_model import Plant
 from ps_fmu.mechanism.parameters import load
 
@@ -35,6 +35,37 @@ def test_oscillators_of_all_speeds(h):
     for ours, theirs in zip(zero_order_hold(A, B, h), by_scipy(A, B, h), strict=True):
         sizes = np.maximum(np.abs(theirs).max(axis=1, keepdims=True), 1e-300)
         assert np.abs((ours - theirs) / sizes).max() < 1e-10
+
+
+@pytest.mark.parametrize("h", [1e-6, 1e-4, 1e-2, 0.1])
+def test_a_scale_of_another_step_and_another_system_serves(h):
+    A, B = oscillators([0.01, 1.0, 30.0, 900.0])
+    scale = find_scale(oscillators([0.02, 0.5, 50.0, 600.0], 0.1)[0], 0.01)
+    assert scale.max() > 4.0 * scale.min()
+    for ours, theirs in zip(zero_order_hold(A, B, h, scale), by_scipy(A, B, h), strict=True):
+        sizes = np.maximum(np.abs(theirs).max(axis=1, keepdims=True), 1e-300)
+        assert np.abs((ours - theirs) / sizes).max() < 1e-10
+
+
+def test_a_scale_changes_no_bit_of_a_short_step():
+    plant = Plant.from_parameters(load())
+    coarse = np.array([0.01, -0.02, 0.005])
+    moving = replace(Centre.at_rest(coarse), speeds=np.linspace(-0.02, 0.02, 9), velocity_B=np.array([0.1, 0.2, 0.3]))
+    A, B, _, _ = plant.linearise_about(moving).matrices()
+    found = [zero_order_hold(A, B, 1e-4, scale) for scale in (None, plant.scale, find_scale(A, 1e-3))]
+    for Ad, Bd in found[1:]:
+        assert (Ad.tobytes(), Bd.tobytes()) == (found[0][0].tobytes(), found[0][1].tobytes())
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize("scale", [None, np.array([1.0, 4.0])])
+def test_what_is_not_finite_leads_to_nothing_finite(bad, scale):
+    A, B = np.array([[0.0, 1.0], [-4.0, -0.1]]), np.ones((2, 1))
+    for place in ((0, 0), (1, 0)):
+        wrong = A.copy()
+        wrong[place] = bad
+        for result in (*zero_order_hold(wrong, B, 0.1, scale), *zero_order_hold(A, B * bad, 0.1, scale)):
+            assert np.isnan(result).all()
 
 
 @pytest.mark.parametrize("h", [1e-3, 0.1, 3.0])

@@ -24,7 +24,7 @@ SLOPE = np.array([0.004, -0.003, 0.002])  # m
 BUS = cube(60.0)
 OWN = replace(Plant.from_parameters(PAPER), bus=BUS)
 PRESCRIBED = replace(OWN, bus=stand_in_bus(BUS))
-MODEL = HostedModel(PRESCRIBED.linearise(SLOPE), PAPER.payload, True)
+MODEL = HostedModel(PRESCRIBED.linearise(SLOPE), True)
 REACTION = slice(N_OUTPUTS, N_OUTPUTS + 6)
 STATES = slice(N_OUTPUTS + N_HOST_OUTPUTS, None)
 MOTION = slice(N_EXTERNAL, N_EXTERNAL + N_MOTION)
@@ -43,7 +43,7 @@ def test_locked_mass_is_what_the_mechanism_adds_to_the_base() -> None:
     dynamics = OWN.linearise(SLOPE).dynamics
     q_b = dynamics.slices["q_b"]
     added = dynamics.M[q_b, q_b] - bus_mass(BUS)
-    np.testing.assert_allclose(LockedMass.of(PAPER.payload, dynamics).matrix, added, atol=1e-13)
+    np.testing.assert_allclose(LockedMass.of(dynamics).matrix, added, atol=1e-13)
 
 
 def test_locked_mass_of_a_payload_on_light_legs_is_the_payload() -> None:
@@ -55,7 +55,7 @@ def test_locked_mass_of_a_payload_on_light_legs_is_the_payload() -> None:
     coarse, fine = (tuple(map(light, legs)) for legs in (manipulator.coarse_legs, manipulator.fine_legs))
     parameters = replace(rigid(), manipulator=replace(rigid().manipulator, coarse_legs=coarse, fine_legs=fine))
     dynamics = Plant.from_parameters(parameters).linearise(SLOPE).dynamics
-    locked = LockedMass.of(parameters.payload, dynamics)
+    locked = LockedMass.of(dynamics)
     R, payload = dynamics.pose.rotation_BP, parameters.payload
     com_B = dynamics.pose.translation_B + R @ payload.com_P
     steiner = payload.mass * (com_B @ com_B * np.eye(3) - np.outer(com_B, com_B))
@@ -158,7 +158,7 @@ def test_a_base_that_turns_steadily_carries_the_payload_along() -> None:
 
 def test_on_its_own_bus_the_maps_are_the_plants() -> None:
     model = OWN.linearise(SLOPE)
-    step, hosted = model.step_map(1e-3), HostedModel(model, PAPER.payload, False)
+    step, hosted = model.step_map(1e-3), HostedModel(model, False)
     wide = np.delete(hosted.step_map(1e-3), np.s_[N_OUTPUTS : N_OUTPUTS + N_HOST_OUTPUTS], axis=0)
     columns = model.n_states + np.arange(N_EXTERNAL, N_EXTERNAL + N_MOTION)
     assert np.array_equal(np.delete(wide, columns, axis=1), step)

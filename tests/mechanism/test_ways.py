@@ -76,7 +76,7 @@ def make_curve():
     way = look_ahead(model, x, u, STILL, RENEWAL, STEP)
     about = PLANT.linearise_about(find_next_centre(model, x, 0.0, way, np.full(3, 0.01), RENEWAL))
     ends = PLANT.linearise_about_all(find_ends(model, about.centre, way))
-    return about, way, find_curve(about, ends, way, u), u
+    return about, way, find_curve(about, [end.matrices() for end in ends], way, u), u
 
 
 def find_error(model, z, time, u):

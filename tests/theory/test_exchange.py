@@ -17,7 +17,7 @@ from ps_fmu.theory.exchange import exchange_matrix, largest_step, spectral_radiu
 PLANT = Plant.from_parameters(replace(PAPER, bus=stand_in_bus(PAPER.bus)))
 STIFF = replace(PLANT.manipulator, coarse_rods=replace(PLANT.manipulator.coarse_rods, axial_stiffness=0.0))
 SOFT_RODS, RIGID_RODS = (
-    HostedModel(plant.linearise(np.zeros(3)), PAPER.payload, True)
+    HostedModel(plant.linearise(np.zeros(3)), True)
     for plant in (PLANT, replace(PLANT, manipulator=STIFF))
 )
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
+from itertools import accumulate
 
 import numpy as np
 
@@ -14,6 +15,8 @@ _SIZES = {"coarse": 3, "fine": 3, "speeds": 9, "velocity_B": 3, "position_B": 3,
 
 #: Numbers that a :class:`Centre` is kept in.
 N_CENTRE = sum(_SIZES.values())
+_ENDS = accumulate(_SIZES.values())
+_PLACES = [slice(end - size, end) for size, end in zip(_SIZES.values(), _ENDS, strict=True)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,14 +50,17 @@ class Centre:
     @classmethod
     def stack(cls, centres: Sequence[Centre]) -> Centre:
         """Many as one whose arrays have a first dimension more."""
-        return cls(*(np.array([getattr(centre, name) for centre in centres]) for name in _SIZES))
+        numbers = np.array([centre._join() for centre in centres])
+        return cls(*(numbers[:, at] for at in _PLACES))
 
     @classmethod
     def read(cls, numbers: Array) -> Centre:
         """From N_CENTRE numbers, as :meth:`write` leaves them."""
-        ends = np.cumsum(list(_SIZES.values()))[:-1]
-        return cls(*(part.copy() for part in np.split(numbers, ends)))
+        return cls(*(numbers[at].copy() for at in _PLACES))
 
     def write(self, numbers: Array) -> None:
         """Into N_CENTRE numbers, for the FMU state."""
-        numbers[:] = np.concatenate([getattr(self, f.name) for f in fields(self)])
+        numbers[:] = self._join()
+
+    def _join(self) -> Array:
+        return np.concatenate([getattr(self, name) for name in _SIZES])

@@ -14,13 +14,15 @@ Exponential integrators, Acta Numerica 19, 2010, section 2).  Ways are some ten 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .centre import Centre
 from .convection import COARSE
-from .linear_model import PlantModel
+from .linear_model import Matrices, PlantModel
 from .outputs import find_state
 from .quantities import Array
 from .signals import N_OUTPUTS, TIME, count_states, servo_slices
@@ -51,7 +53,8 @@ class Curve:
 
     def write(self, numbers: Array) -> None:
         """Into :func:`count_curve` numbers, for the FMU state."""
-        numbers[:] = np.concatenate([getattr(self, f.name).ravel() for f in fields(self)])
+        numbers[:1], numbers[1 : 1 + 3 * N_PATH] = self.half, self.path.ravel()
+        numbers[1 + 3 * N_PATH :] = self.added.ravel()
 
 
 def count_curve(n: int) -> int:
@@ -59,11 +62,17 @@ def count_curve(n: int) -> int:
     return 1 + 3 * N_PATH + 2 * (count_states(n) + N_OUTPUTS)
 
 
-def places_on_path(model: PlantModel) -> Array:
+def places_on_path(model: PlantModel) -> NDArray[np.intp]:
     """(N_PATH,) places in the state of what :attr:`Curve.path` follows."""
-    s, ds, _ = servo_slices(model.dynamics.n)
-    followed = model.dynamics.slices["d_f"], model.dynamics.base_places()[1], s, ds
-    return np.array([place for part in followed for place in range(part.start, part.stop)])
+    return _find_places(model.dynamics.n, model.dynamics.slices["d_f"].start, model.dynamics.base_places()[1].start)
+
+
+@lru_cache(maxsize=8)
+def _find_places(n: int, fine: int, rotation: int) -> NDArray[np.intp]:
+    s, ds, _ = servo_slices(n)
+    places = np.concatenate([np.arange(first, first + 3) for first in (fine, rotation, s.start, ds.start)])
+    places.setflags(write=False)
+    return places
 
 
 def stay(model: PlantModel, half: float = 0.0) -> Curve:
@@ -76,32 +85,37 @@ def stay(model: PlantModel, half: float = 0.0) -> Curve:
 
 def find_ends(model: PlantModel, centre: Centre, way: Way) -> tuple[Centre, Centre]:
     """Centres at the start and at the end of the way with the middle ``centre``; ``model``: any of the same plant."""
-    about, half = replace(model, centre=centre), way.half
     at_start, at_end = (
-        find_centre(about, z, find_attitude(about, z, time)) for z, time in ((way.start, -half), (way.end, half))
+        find_centre(model, z, find_attitude(model, z, time, centre))
+        for z, time in ((way.start, -way.half), (way.end, way.half))
     )
     return at_start, at_end
 
 
-def find_curve(model: PlantModel, ends: Sequence[PlantModel], way: Way, u: Array) -> Curve:
+def find_curve(model: PlantModel, ends: Sequence[Matrices], way: Way, u: Array) -> Curve:
     """Of a model about the middle of the way, with those about its two ends, see :func:`find_ends`.
 
     ``u``: inputs while the way is gone, whatever they say of time.
     """
     u, half = u.copy(), way.half
     u[TIME] = 0.0
-    at_start, at_end = (_find_rest(model, there, z, u) for there, z in zip(ends, (way.start, way.end), strict=True))
-    start, middle, end = np.stack([way.start, way.middle, way.end])[:, places_on_path(model)]
-    path = np.stack([middle, *_fit(start - middle, end - middle, half)], axis=1)
-    return Curve(np.array([half]), path, np.stack(_fit(at_start, at_end, half), axis=1))
+    about, places = model.matrices(), places_on_path(model)
+    at_start, at_end = (_find_rest(about, there, z, u) for there, z in zip(ends, (way.start, way.end), strict=True))
+    start, middle, end = way.start[places], way.middle[places], way.end[places]
+    path, added = np.empty((N_PATH, 3)), np.empty((len(at_start), 2))
+    path[:, 0] = middle
+    _fit(start - middle, end - middle, half, path[:, 1:])
+    _fit(at_start, at_end, half, added)
+    return Curve(np.array([half]), path, added)
 
 
-def _fit(at_start: Array, at_end: Array, half: float) -> tuple[Array, Array]:
-    """Factors of time and its square, from values at -half and half, s."""
-    return 0.5 * (at_end - at_start) / half, 0.5 * (at_end + at_start) / half**2
+def _fit(at_start: Array, at_end: Array, half: float, factors: Array) -> None:
+    """Factors of time and its square, (n, 2), from values at -half and half, s."""
+    factors[:, 0] = 0.5 * (at_end - at_start) / half
+    factors[:, 1] = 0.5 * (at_end + at_start) / half**2
 
 
-def _find_rest(model: PlantModel, there: PlantModel, z: Array, u: Array) -> Array:
-    """(states and outputs,) what the model leaves out at a state ``z``, by the one about it."""
-    A, B, C, D = (near - about for near, about in zip(there.matrices(), model.matrices(), strict=True))
+def _find_rest(about: Matrices, there: Matrices, z: Array, u: Array) -> Array:
+    """(states and outputs,) what the model ``about`` leaves out at a state ``z``, by the one about it."""
+    A, B, C, D = (near - far for near, far in zip(there, about, strict=True))
     return np.concatenate([A @ z + B @ u, C @ z + D @ u])

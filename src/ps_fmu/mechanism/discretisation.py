@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 import numpy as np
 
@@ -17,12 +18,14 @@ _FACTORS = np.array([1.0 / math.factorial(k + 1) for k in range(16)]).reshape(4,
 _MOST_HALVINGS = 30
 #: Of the balancing; the plant needs two.  Couplings of 1e300 in one direction only need ten.
 _MOST_SWEEPS = 20
+#: A scale that is given serves as it is where it leaves no more halvings than these.
+_FEW_HALVINGS = 4
 #: Part in the norm of A h, balanced, of what acts in one direction only.
 _LITTLE = 0.01
 _SMALLEST = float(np.finfo(np.float64).tiny)
 
 
-def zero_order_hold(A: Array, B: Array, h: float) -> tuple[Array, Array]:
+def zero_order_hold(A: Array, B: Array, h: float, scale: Array | None = None) -> tuple[Array, Array]:
     """``x(t + h) = Ad x(t) + Bd u`` for ``x' = A x + B u`` with ``u`` constant over the step.
 
     ``Ad = exp(A h)`` and ``Bd = h phi(A h) B`` need no inverse of A: a free spacecraft has none.  A step that is
@@ -33,6 +36,8 @@ def zero_order_hold(A: Array, B: Array, h: float) -> tuple[Array, Array]:
     Parameters
     ----------
     A: (n, n).  B: (n, m).  h: step, s.
+    scale: (n,) of :func:`find_scale` for a system like this one: most of the work for a scale is done then.  Where the
+        step is short, the result has the same bits without it.
 
     Where the step is far too long for the system, so that few digits would be right, elements of the result are not
     finite.
@@ -40,23 +45,34 @@ def zero_order_hold(A: Array, B: Array, h: float) -> tuple[Array, Array]:
     n = len(A)
     if n == 0:
         return A.copy(), B.copy()
-    nothing = np.full((n, n), np.nan), np.full(B.shape, np.nan)
-    if not (np.isfinite(A).all() and np.isfinite(B).all()):
-        return nothing
     with np.errstate(over="ignore", invalid="ignore"):
-        scale, size = _balance(A, h)
-        X = A * h * scale / scale[:, None]
-        if not size <= _SHORT * 2.0**_MOST_HALVINGS:
-            return nothing
+        scale, size = _balance(A, h, scale)  # of A that is not finite, no number
+        if not size <= _SHORT * 2.0**_MOST_HALVINGS or not np.isfinite(B).all():
+            return np.full_like(A, np.nan), np.full_like(B, np.nan)
+        # Powers of two: the order of products with them makes no difference.
+        back = 1.0 / scale
+        to_scale, from_scale = back[:, None], scale[:, None]
         halvings = int(np.ceil(np.log2(size / _SHORT))) if size > _SHORT else 0
-        exponential, phi = _sum_series(X * 0.5**halvings)
+        X = A * (h * 0.5**halvings * scale)
+        X *= to_scale
+        exponential, phi = _sum_series(X)
         for _ in range(halvings):
             phi = 0.5 * (phi @ exponential + phi)
             exponential = exponential @ exponential
-        return exponential * scale[:, None] / scale, phi @ (B * h / scale[:, None]) * scale[:, None]
+        exponential *= from_scale
+        exponential *= back
+        held = phi @ (B * (h * to_scale))
+        held *= from_scale
+        return exponential, held
 
 
-def _balance(A: Array, h: float) -> tuple[Array, float]:
+def find_scale(A: Array, h: float) -> Array:
+    """(n,) powers of two that balance A for steps of h, s, and systems like this one: see :func:`zero_order_hold`."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        return _balance(A, h, None)[0]
+
+
+def _balance(A: Array, h: float, scale: Array | None) -> tuple[Array, float]:
     """Diagonal ``s`` (n,) for which ``A s / s[:, None]`` has rows and columns of about the same size (E. E. Osborne,
     J. ACM 7, 1960); and no less than the largest sum of a column then, times h.
 
@@ -64,14 +80,20 @@ def _balance(A: Array, h: float) -> tuple[Array, float]:
     and columns are balanced at once, each by half of what it lacks: with all of it, two that share an element would
     swap their sizes for ever.  It ends where the norm is small enough for the series, or once no factor is larger than
     two: further ones hardly change the norm, and take several times as long.  Where a row is zero, its column may be
-    scaled at will and comes to a little, and likewise a row whose column is zero.
+    scaled at will and comes to a little, and likewise a row whose column is zero.  It begins with ``scale``.
     """
     sizes, little = np.abs(A), _LITTLE / h
+    if scale is not None:
+        size = h * float((((1.0 / scale) @ sizes) * scale).max())
+        if size <= _SHORT * 2.0**_FEW_HALVINGS:
+            return scale, size
+    if not np.isfinite(sizes).all():
+        return np.ones(len(A)), math.nan
     own = sizes.diagonal().copy()
     np.fill_diagonal(sizes, 0.0)
     # Sums of elements as small as 1e-300 may underflow to zero, which has no logarithm.
     no_row, no_column = (np.where(sizes.any(axis=axis), _SMALLEST, little) for axis in (1, 0))
-    scale = np.ones(len(A))
+    scale = np.ones(len(A)) if scale is None else scale.copy()
     largest, size = math.inf, math.inf
     for _ in range(_MOST_SWEEPS + 1):
         # Sums of the scaled matrix are products: 4 us for the plant, where to scale it and to sum takes 20.
@@ -89,14 +111,25 @@ def _sum_series(X: Array) -> tuple[Array, Array]:
     """exp(X) and phi(X) of a small X."""
     n = len(X)
     powers = np.empty((4, n, n))
-    powers[0], powers[1], powers[2] = np.eye(n), X, X @ X
-    powers[3] = powers[2] @ X
+    powers[0], powers[1] = _make_identity(n), X
+    np.matmul(X, X, out=powers[2])
+    np.matmul(powers[2], X, out=powers[3])
     fourth = powers[2] @ powers[2]
     rows = (_FACTORS @ powers.reshape(4, -1)).reshape(4, n, n)
     phi = rows[3]
     for row in rows[2::-1]:
-        phi = phi @ fourth + row
-    return powers[0] + X @ phi, phi
+        phi = phi @ fourth
+        phi += row
+    exponential = X @ phi
+    exponential += powers[0]
+    return exponential, phi
+
+
+@lru_cache(maxsize=8)
+def _make_identity(n: int) -> Array:
+    identity = np.eye(n)
+    identity.setflags(write=False)
+    return identity
 
 
 def step_map(A: Array, B: Array, C: Array, D: Array, h: float) -> Array:

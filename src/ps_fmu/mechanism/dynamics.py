@@ -16,7 +16,7 @@ the stretch of its rod.  Centrifugal and Coriolis terms are neglected, as in the
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,19 +62,25 @@ class Dynamics:
     C: Array  # (..., n, n)
     K: Array  # (n, n)
     m_c: Array  # (..., n, 3) inertial coupling of a prescribed coarse-leg motion s
+    locked: Array  # (..., 6, 6) mass of legs and payload as one body on the base, B axes at its origin
     active: NDArray[np.bool_]  # (n,)
     slices: dict[str, slice]  # group -> its place in q
     truss_turns_P: Array  # (3, n truss) z x direction of each truss mode, axes of P; zero for those that are off
 
     def __getitem__(self, k: int) -> Dynamics:
         """At one pose of many."""
-        by_pose = self.pose[k], self.jacobians[k], self.legs[k], self.M[k], self.C[k], self.K, self.m_c[k]
-        return Dynamics(*by_pose, self.active, self.slices, self.truss_turns_P)
+        by_pose = self.pose[k], self.jacobians[k], self.legs[k], self.M[k], self.C[k], self.K
+        return Dynamics(*by_pose, self.m_c[k], self.locked[k], self.active, self.slices, self.truss_turns_P)
 
     @property
     def n(self) -> int:
         """Number of coordinates, inactive ones included."""
         return len(self.active)
+
+    @property
+    def moving_modes(self) -> NDArray[np.bool_]:
+        """(n,) which coordinates are active modes of bus or payload."""
+        return _find_modes(self.active.tobytes(), *(self.slices[group].start for group in ("x_m", "e_c", "x_t")))
 
     def base_places(self) -> tuple[slice, slice]:
         """Places of the base's translation and rotation in ``q``."""
@@ -86,6 +92,10 @@ class Dynamics:
 
         (..., 6, n)
         """
+        return self._platform_rows
+
+    @cached_property
+    def _platform_rows(self) -> Array:
         return _make_platform_rows(self.jacobians, self.slices)
 
 
@@ -139,21 +149,25 @@ class FlexibleSystem:
 
         # Platform twist from q, then the quadratic forms of eqs (20)-(23); that of the base is q_b itself.
         platform = _make_platform_rows(J, self._slices)
-        M = M_fixed + platform.mT @ (payload_mass(self.payload, pose.rotation_BP) + legs.alpha) @ platform
+        M = platform.mT @ (payload_mass(self.payload, pose.rotation_BP) + legs.alpha) @ platform
         both = platform.mT @ legs.alpha_beta
         M[..., q_b] += both
         M[..., q_b, :] += both.mT
         M[..., q_b, q_b] += legs.beta
+        locked = M[..., q_b, q_b].copy()
+        M += M_fixed
         # The masses of the truss modes move with the platform and along their own directions: point masses.
         mass, position_B, along_B = self.truss_at(pose.rotation_BP)
         moments_B = cross(position_B, along_B)
         with_platform = mass[:, None] * (np.concatenate([along_B, moments_B], axis=-1) @ platform)
         M[..., x_t, :] += with_platform
         M[..., x_t] += with_platform.mT
-        C = np.zeros_like(M) + C_fixed
-        rods, on_rods = self.manipulator.coarse_rods, np.arange(e_c.start, e_c.stop)
-        C[..., on_rods, on_rods] = 2.0 * rods.damping_ratio * np.sqrt(rods.axial_stiffness * M[..., on_rods, on_rods])
-        return Dynamics(pose, J, legs, M, C, K, M[..., e_c].copy(), active, self._slices, self._truss_turns_P)
+        C = np.empty_like(M)
+        C[:] = C_fixed
+        rods, flat = self.manipulator.coarse_rods, (*M.shape[:-2], -1)
+        masses, damping = (each.reshape(flat)[..., :: self.n + 1][..., e_c] for each in (M, C))  # on the diagonal
+        damping[:] = 2.0 * rods.damping_ratio * np.sqrt(rods.axial_stiffness * masses)
+        return Dynamics(pose, J, legs, M, C, K, M[..., e_c].copy(), locked, active, self._slices, self._truss_turns_P)
 
     @property
     def n(self) -> int:
@@ -163,7 +177,17 @@ class FlexibleSystem:
     @property
     def leg_moments(self) -> tuple[tuple[Array, Array], tuple[Array, Array], Array]:
         """See :func:`.legs.leg_moments`."""
+        return self._leg_moments
+
+    @cached_property
+    def _leg_moments(self) -> tuple[tuple[Array, Array], tuple[Array, Array], Array]:
         return leg_moments(self._legs)
+
+    @cached_property
+    def legs_mass(self) -> float:
+        """Mass of the six legs, kg."""
+        upper, lower = self.leg_moments[0]
+        return float(np.sum(upper) + np.sum(lower))
 
     @cached_property
     def _legs(self) -> Legs:
@@ -229,6 +253,14 @@ class FlexibleSystem:
         for shared in (K, active):
             shared.setflags(write=False)
         return M, C, K, active
+
+
+@lru_cache(maxsize=8)
+def _find_modes(active: bytes, bus: int, rods: int, truss: int) -> NDArray[np.bool_]:
+    """Of :attr:`Dynamics.moving_modes`, by the first places of the groups of coordinates."""
+    moving = np.frombuffer(active, dtype=bool).copy()
+    moving[:bus] = moving[rods:truss] = False
+    return moving
 
 
 def _make_platform_rows(J: Jacobians, slices: dict[str, slice]) -> Array:

@@ -34,6 +34,11 @@ class Geometry:
         return float(np.sqrt(np.mean(np.sum(self.platform_joints_P**2, axis=1))))
 
     @cached_property
+    def twist_scale(self) -> Array:
+        """(6,) what makes a twist of the platform one of lengths: 1, and the :attr:`platform_radius`, m."""
+        return np.repeat([1.0, self.platform_radius], 3)
+
+    @cached_property
     def base_points(self) -> Array:
         """(18, 6): velocities of the base joints, one below the other, from the twist of B; eq (A5)."""
         return point_rows(self.base_joints_B)

@@ -60,7 +60,7 @@ def find_leg_lines(geometry: Geometry, translation_B: Array, R: Array) -> LegLin
     """The legs at a pose; arguments as :func:`leg_vectors`."""
     arms_B = platform_joints_B(geometry, R)
     vectors_B = translation_B[..., None, :] + arms_B - geometry.base_joints_B
-    length = lengths(vectors_B)
+    length = np.sqrt(np.vecdot(vectors_B, vectors_B))
     return LegLines(arms_B, vectors_B / length[..., None], length)
 
 
@@ -196,8 +196,8 @@ def jacobians(geometry: Geometry, translation_B: Array, R: Array, legs: LegLines
 
 def _is_surely_regular(geometry: Geometry, J_lp: Array, J_pl: Array) -> bool:
     """Whether the product of Frobenius norms, which bounds the condition number, is small; 7 us instead of 24."""
-    scale = np.array([1.0, 1.0, 1.0, *[1.0 / geometry.platform_radius] * 3])
-    squares = np.add.reduce((J_lp * scale) ** 2, axis=(-2, -1)), np.add.reduce((J_pl.mT / scale) ** 2, axis=(-2, -1))
+    scale = geometry.twist_scale
+    squares = np.add.reduce((J_lp / scale) ** 2, axis=(-2, -1)), np.add.reduce((J_pl.mT * scale) ** 2, axis=(-2, -1))
     return bool((squares[0] * squares[1] <= LARGEST_CONDITION**2).all())
 
 

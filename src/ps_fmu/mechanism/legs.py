@@ -22,6 +22,8 @@ from .quantities import Array
 
 Legs = tuple[CoarseLeg, ...]
 
+_SIGNS = np.array([[1.0, -1.0], [-1.0, 1.0]])
+
 
 @dataclass(frozen=True, eq=False)
 class LegMass:
@@ -34,10 +36,17 @@ class LegMass:
     alpha: Array
     alpha_beta: Array
     beta: Array
+    points: Array
+    """(..., 36, 12): velocities of both ends of each leg, platform joint first, from ``[vp, vb]``; eq (A5)."""
+    forces: Array
+    """(..., 36, 12): generalised forces by accelerations of these points that leave the legs' directions at rest.
+
+    ``points' @ forces`` are the blocks together.
+    """
 
     def __getitem__(self, k: int) -> LegMass:
         """At one pose of many."""
-        return LegMass(self.alpha[k], self.alpha_beta[k], self.beta[k])
+        return LegMass(self.alpha[k], self.alpha_beta[k], self.beta[k], self.points[k], self.forces[k])
 
 
 @lru_cache(maxsize=8)
@@ -78,18 +87,32 @@ def leg_mass_on(legs: Legs, geometry: Geometry, J: Jacobians) -> LegMass:
 
 def _leg_mass(legs: Legs, geometry: Geometry, lines: LegLines, J_lp: Array, J_lb: Array) -> LegMass:
     """The projection at right angles to a leg (A8) is the identity without ``n n'``; ``n' J_p`` is a row of J_lp."""
-    (m_u, m_l), (first_u, first_l), second = leg_moments(legs)
-    length = lines.length[..., None]
-    turning = second / length**2
-    m_alpha = turning - 2.0 * first_u / length  # (A19)
-    m_beta = turning - 2.0 * first_l / length  # (A22)
-    m_alpha_beta = turning - (first_u + first_l) / length  # (A25)
-    at_platform, at_base = lines.platform_points, geometry.base_points  # J_p and J_b of (A5)
+    _, _, second = leg_moments(legs)
+    length, batch = lines.length, lines.length.shape[:-1]
+    turning = (second[:, 0] / length**2)[..., None, None]
+    # Masses of the two ends, what is at right angles to the leg alone: (A19), (A22), and minus (A25) beside them.
+    across = _SIGNS * (turning - _add_moments(legs) / length[..., None, None])
+    whole = across + _place_masses(legs)
+    points, along = np.zeros((*batch, 6, 2, 3, 12)), np.zeros((*batch, 6, 2, 12))
+    points[..., 0, :, :6] = lines.platform_points.reshape(*batch, 6, 3, 6)  # J_p and J_b of (A5)
+    points[..., 1, :, 6:] = geometry.base_points.reshape(6, 3, 6)
+    along[..., 0, :6], along[..., 1, 6:] = J_lp, J_lb
+    forces = (whole @ points.reshape(*batch, 6, 2, 36)).reshape(points.shape)
+    forces -= lines.n_B[..., None, :, None] * (across @ along)[..., None, :]
+    points, forces = points.reshape(*batch, 36, 12), forces.reshape(*batch, 36, 12)
+    blocks = points.mT @ forces
+    return LegMass(blocks[..., :6, :6], blocks[..., :6, 6:], blocks[..., 6:, 6:], points, forces)  # (A17), (A23), (A20)
 
-    def each_point(mass: Array) -> Array:
-        return np.repeat(mass, 3, axis=-2)
 
-    alpha = at_platform.mT @ (each_point(m_u + m_alpha) * at_platform) - J_lp.mT @ (m_alpha * J_lp)  # (A17)
-    beta = at_base.T @ (each_point(m_l + m_beta) * at_base) - J_lb.mT @ (m_beta * J_lb)  # (A20)
-    alpha_beta = J_lp.mT @ (m_alpha_beta * J_lb) - at_platform.mT @ (each_point(m_alpha_beta) * at_base)  # (A23)
-    return LegMass(alpha, alpha_beta, beta)
+@lru_cache(maxsize=8)
+def _add_moments(legs: Legs) -> Array:
+    """(legs, 2, 2) kg.m: sums of the first moments of the parts at two ends, the upper one first."""
+    _, first, _ = leg_moments(legs)
+    upper, lower = (moment[:, 0] for moment in first)
+    return np.array([[2.0 * upper, upper + lower], [upper + lower, 2.0 * lower]]).transpose(2, 0, 1)
+
+
+@lru_cache(maxsize=8)
+def _place_masses(legs: Legs) -> Array:
+    """(legs, 2, 2) kg: the parts as points at their joints, the upper one first."""
+    return np.array([np.diag(masses) for masses in np.hstack(leg_moments(legs)[0])])

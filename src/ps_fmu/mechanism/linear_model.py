@@ -32,21 +32,25 @@ import numpy as np
 
 from .centre import Centre
 from .convection import convective_forces
-from .discretisation import make_held_step_map, zero_order_hold
+from .discretisation import find_scale, make_held_step_map, zero_order_hold
 from .dynamics import Dynamics, FlexibleSystem, Pose
 from .forward_kinematics import forward_kinematics
 from .kinematics import Jacobians, KinematicsError, jacobians
-from .outputs import Nominal, make_output_matrices
+from .outputs import Nominal, Orientation, make_output_matrices
 from .parameters import Bus, CoarseServo, Manipulator, Optics, Parameters, Payload
 from .quantities import Array, ParameterError, group
 from .quaternions import IDENTITY
 from .rates import make_rate_matrices, turn_base
-from .rotations import roll_pitch_yaw, rotation_from_vector
+from .rotations import rotation_from_vector
 from .signals import ADDED, N_INPUTS, TIME, count_states, servo_slices
 
 _ONE = slice(N_INPUTS - 1, N_INPUTS)
-_NOT_ADDED = np.ones(N_INPUTS, dtype=bool)
-_NOT_ADDED[ADDED] = False
+_STEP = 0.05  # s, to the middle of a way
+_SHORT = 1e-4  # m, for differences
+
+
+Matrices = tuple[Array, Array, Array, Array]
+"""A, B, C, D of ``x' = A x + B u``, ``y = C x + D u``."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,19 +60,21 @@ class PlantModel:
     Parameters
     ----------
     dynamics: at the pose of the centre.
-    nominal: the pose of its coarse legs alone.
+    rpy: (3,) nominal roll, pitch, yaw at the centre, by its coarse legs alone, rad.
     convection: (n, 9) of :func:`.convection.convective_forces` with the speeds of the centre; None: it is at rest.
     tangent: A, B, C, D without ``curvature``.
     servo: see :mod:`.parameters`.
+    scale: (states,) for the discretisation, see :func:`.discretisation.zero_order_hold`.
     curvature: (states and outputs, 2) what is added to ``x'`` and ``y`` by the time from the centre and its square.
     """
 
     centre: Centre
     dynamics: Dynamics
-    nominal: Nominal
+    rpy: Array
     convection: Array | None
-    tangent: tuple[Array, Array, Array, Array]
+    tangent: Matrices
     servo: CoarseServo
+    scale: Array
     curvature: Array | None = None
 
     @property
@@ -76,17 +82,12 @@ class PlantModel:
         """Size of ``x``."""
         return count_states(self.dynamics.n)
 
-    @property
-    def rpy(self) -> Array:
-        """(3,) nominal roll, pitch, yaw at the centre, rad."""
-        return self.nominal.rpy
-
-    def matrices(self) -> tuple[Array, Array, Array, Array]:
+    def matrices(self) -> Matrices:
         """A, B, C, D of ``x' = A x + B u``, ``y = C x + D u``."""
         return self._matrices
 
     @cached_property
-    def _matrices(self) -> tuple[Array, Array, Array, Array]:
+    def _matrices(self) -> Matrices:
         A, B, C, D = self.tangent
         if self.curvature is not None:
             B, D = B.copy(), D.copy()
@@ -95,7 +96,9 @@ class PlantModel:
 
     def curve(self, curvature: Array) -> PlantModel:
         """The same with another ``curvature``."""
-        return replace(self, curvature=curvature)
+        return PlantModel(
+            self.centre, self.dynamics, self.rpy, self.convection, self.tangent, self.servo, self.scale, curvature
+        )
 
     def output_map(self) -> Array:
         """[C D]: outputs from state and input at the same instant."""
@@ -106,15 +109,11 @@ class PlantModel:
         """[y; x](t + h) from [x; u](t), see :func:`.discretisation.make_held_step_map`."""
         return make_held_step_map(*self.hold(h))
 
-    def hold(self, h: float) -> tuple[Array, Array, Array, Array]:
+    def hold(self, h: float) -> Matrices:
         """Ad, Bd, C, D of a step of h (s): ``x(t + h) = Ad x(t) + Bd u(t)``, ``y(t + h) = C x(t + h) + D u(t)``."""
         A, B, C, D = self.matrices()
-        # Added fine forces act as the others do, and the constant often moves nothing: less columns to the exponential.
-        own = np.flatnonzero(B.any(axis=0) & _NOT_ADDED)
-        Ad, held = zero_order_hold(A, B[:, own], h)
-        Bd = np.zeros_like(B)
-        Bd[:, own] = held
-        Bd[:, ADDED] = Bd[:, 0:3]
+        Ad, Bd = zero_order_hold(A, B, h, self.scale)
+        Bd[:, ADDED] = Bd[:, 0:3]  # they act as the other fine forces, to the last bit
         # Inputs are means over the step, the outputs those at its end.
         if self.curvature is not None:
             D = D.copy()
@@ -176,24 +175,33 @@ class Plant:
         ------
         ParameterError: no usable pose has these leg lengths; since they are within the stroke, it names the stroke.
         """
-        return self.linearise_and_place(centres, np.zeros((0, 6)))[0]
+        found = self._linearise(centres, np.zeros((0, 6)))
+        return [found.make_model(k) for k in range(len(centres))]
 
-    def linearise_and_place(self, centres: Sequence[Centre], beside: Array) -> tuple[list[PlantModel], Place]:
-        """As :meth:`linearise_about_all`; and where the platform is by other displacements of the legs, (m, 6) m."""
+    def linearise_on_way(
+        self, centre: Centre, ends: Sequence[Centre], beside: Array
+    ) -> tuple[PlantModel, list[Matrices], Place]:
+        """The model about a centre; matrices of those about the ends of a way; and where the platform is beside these.
+
+        ``beside`` (m, 6): other displacements of the legs, m.  Raises as :meth:`linearise_about_all`.
+        """
+        found = self._linearise([centre, *ends], beside)
+        return found.make_model(0), [found.get_matrices(k) for k in range(1, 1 + len(ends))], found.beside
+
+    def _linearise(self, centres: Sequence[Centre], beside: Array) -> _Linearised:
         try:
-            present, nominal, others = self._find_places(centres, beside)
+            places = self._find_places(centres, beside)
         except KinematicsError as error:
             at = "; ".join(_list_mm(centre.coarse) for centre in centres)
             raise ParameterError(
                 "coarse_stroke", f"too large: no usable pose with the coarse legs at ({at}) mm from nominal; {error}"
             ) from error
-        return self._make_models(centres, present, nominal), others
+        return self._find_matrices(centres, *places)
 
-    def _find_places(self, centres: Sequence[Centre], beside: Array) -> tuple[Place, Place, Place]:
+    def _find_places(self, centres: Sequence[Centre], beside: Array) -> tuple[Place, Orientation, Nominal, Place]:
         """Where the platform is by all legs and by the coarse ones alone: the same, if no fine one is deformed.
 
-        Then where it is by the displacements ``beside``.  All at once takes little more than one: 0.3 ms for three
-        centres, where one by one they take 0.8.
+        Then where it is by the displacements ``beside``.  All at once takes little more than one.
         """
         geometry, k = self.manipulator.geometry, len(centres)
         deformed = [i for i, centre in enumerate(centres) if centre.fine.any()]
@@ -202,48 +210,65 @@ class Plant:
         for i, centre in enumerate(centres):
             moved[i, :3], moved[i, 3:] = centre.coarse, centre.fine
         moved[k:n, :3], moved[n:] = moved[deformed, :3], beside
-        # Not as a product of matrices, whose bits may depend on how many poses there are.
-        motion = np.add.reduce(self._by_legs * moved[:, None, :], axis=-1)
+        # To second order; not as products of matrices, whose bits may depend on how many poses there are.
+        first, second = self._by_legs
+        first = first + np.add.reduce(second * moved[:, None, None, :], axis=-1)
+        motion = np.add.reduce(first * moved[:, None, :], axis=-1)
         start = geometry.nominal_translation_B + motion[:, :3], rotation_from_vector(motion[:, 3:])
         found = forward_kinematics(geometry, geometry.nominal_lengths + moved, *start)
-        J = jacobians(geometry, found.translation_B, found.R, found.legs)
-        present, others = (
-            Place(Pose(found.translation_B[at], found.R[at]), J[at]) for at in (slice(0, k), slice(n, None))
-        )
+        t, R = found.translation_B, found.R
+        J, orientation = jacobians(geometry, t, R, found.legs), Orientation.of(R[:n])
+        present = Place(Pose(t[:k], R[:k]), J[:k])
+        others = Place(Pose(t[n:], R[n:]), J[n:])
         if not deformed:
-            return present, present, others
-        at = list(range(k))
-        for place, i in enumerate(deformed, k):
-            at[i] = place
-        return present, Place(Pose(found.translation_B[at], found.R[at]), J[at]), others
+            return present, orientation, Nominal(present.pose, J.J_pc[:k], orientation), others
+        if len(deformed) == k:
+            at: slice | list[int] = slice(k, n)
+        else:
+            at = list(range(k))
+            for place, i in enumerate(deformed, k):
+                at[i] = place
+        nominal = Nominal(Pose(t[at], R[at]), J.J_pc[at], orientation.take(at))
+        return present, orientation.take(slice(0, k)), nominal, others
 
     @cached_property
-    def _by_legs(self) -> Array:
-        """(6, 6): motion of the platform by displacements of the legs at the nominal pose.
+    def _by_legs(self) -> tuple[Array, Array]:
+        """(6, 6) and (6, 6, 6): motion of the platform by displacements of the legs at the nominal pose.
 
-        With it Newton's iteration starts nearer to the pose, and takes a step less.
+        Half of the second derivatives are by differences of the first ones, to 1e-6 of them.  With both Newton's
+        iteration starts nearer to the pose, and takes a step or two less.
         """
         geometry = self.manipulator.geometry
-        return jacobians(geometry, geometry.nominal_translation_B, np.eye(3)).J_pl
+        at = geometry.nominal_translation_B
+        J = jacobians(geometry, at, np.eye(3)).J_pl
+        moved = _SHORT * np.concatenate([J.T, -J.T])
+        there = jacobians(geometry, at + moved[:, :3], rotation_from_vector(moved[:, 3:])).J_pl
+        change = (there[:6] - there[6:]) / (2.0 * _SHORT)  # (leg, motion, leg)
+        # Symmetric: what a turn adds to the rate of a rotation vector is not.
+        return J, 0.25 * (change.transpose(1, 0, 2) + change.transpose(1, 2, 0))
 
-    def _make_models(self, centres: Sequence[Centre], present: Place, nominal: Place) -> list[PlantModel]:
-        """Three at once take little more than one."""
+    def _find_matrices(
+        self, centres: Sequence[Centre], present: Place, orientation: Orientation, nominal: Nominal, beside: Place
+    ) -> _Linearised:
+        """Three at once take 0.8 ms with their poses, one 0.6: to make them in steps of their own would save little."""
         system, centre = self.system, Centre.stack(centres)
         d = system.at(*present)
-        by_coarse = Nominal(*nominal, roll_pitch_yaw(nominal.pose.rotation_BP))
         convection = convective_forces(system, d, centre.speeds) if centre.speeds.any() else None
         A, B = make_rate_matrices(d, centre, convection, self.servo)
         accelerations = slice(d.n, 2 * d.n)
-        C, D = make_output_matrices(d, by_coarse, centre, self.optics, (A[:, accelerations], B[:, accelerations]))
+        C, D = make_output_matrices(
+            d, orientation, nominal, centre, self.optics, (A[:, accelerations], B[:, accelerations])
+        )
         turn_base(A, B, d, centre)
-        models = []
-        for k, about in enumerate(centres):
-            own = d[k]
-            place = (by_coarse.pose[k], by_coarse.jacobians[k]) if about.fine.any() else (own.pose, own.jacobians)
-            forces = None if convection is None or not about.speeds.any() else convection[k]
-            tangent = A[k], B[k], C[k], D[k]
-            models.append(PlantModel(about, own, Nominal(*place, by_coarse.rpy[k]), forces, tangent, self.servo))
-        return models
+        return _Linearised(self, centres, d, nominal.orientation.rpy, convection, (A, B, C, D), beside)
+
+    @cached_property
+    def scale(self) -> Array:
+        """(states,) of its models, by the one about rest at the nominal pose: the same for all centres."""
+        geometry = self.manipulator.geometry
+        d = self.system.at(Pose(geometry.nominal_translation_B[None], np.eye(3)[None]))
+        A, _ = make_rate_matrices(d, Centre.stack([Centre.at_rest(np.zeros(3))]), None, self.servo)
+        return find_scale(A[0], _STEP)
 
     @cached_property
     def system(self) -> FlexibleSystem:
@@ -277,6 +302,29 @@ class Plant:
             x[d.n + r_b.start : d.n + r_b.stop] = angular_velocity_B
             x[d.n + t_b.start : d.n + t_b.stop] = -d.M[t_b, r_b] @ angular_velocity_B / d.M[t_b.start, t_b.start]
         return x
+
+
+class _Linearised(NamedTuple):
+    """Many models of a plant, before they are made one by one."""
+
+    plant: Plant
+    centres: Sequence[Centre]
+    dynamics: Dynamics
+    rpy: Array
+    convection: Array | None
+    matrices: Matrices
+    beside: Place
+
+    def get_matrices(self, k: int) -> Matrices:
+        A, B, C, D = self.matrices
+        return A[k], B[k], C[k], D[k]
+
+    def make_model(self, k: int) -> PlantModel:
+        centre, plant = self.centres[k], self.plant
+        forces = None if self.convection is None or not centre.speeds.any() else self.convection[k]
+        return PlantModel(
+            centre, self.dynamics[k], self.rpy[k], forces, self.get_matrices(k), plant.servo, plant.scale
+        )
 
 
 def _list_mm(displacements: Array) -> str:

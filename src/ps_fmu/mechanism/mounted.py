@@ -28,9 +28,9 @@ import numpy as np
 
 from .convection import TURN
 from .discretisation import make_held_step_map, zero_order_hold
-from .dynamics import Dynamics, payload_mass, rigid_body_mass
+from .dynamics import Dynamics, rigid_body_mass
 from .linear_model import PlantModel
-from .parameters import Bus, Payload
+from .parameters import Bus
 from .quantities import AXES, Array, Signal
 from .rotations import skew
 from .signals import N_EXTERNAL, N_INPUTS, N_OUTPUTS, servo_slices
@@ -67,12 +67,9 @@ class LockedMass:
 
     @classmethod
     @np.errstate(over="raise", divide="raise", invalid="raise")
-    def of(cls, payload: Payload, dynamics: Dynamics) -> LockedMass:
-        """Of a payload on the legs of ``dynamics``."""
-        J_pb, legs = dynamics.jacobians.J_pb, dynamics.legs
-        across = J_pb.T @ legs.alpha_beta
-        M = J_pb.T @ (payload_mass(payload, dynamics.pose.rotation_BP) + legs.alpha) @ J_pb
-        M = M + across + across.T + legs.beta
+    def of(cls, dynamics: Dynamics) -> LockedMass:
+        """Of the payload on the legs of ``dynamics``."""
+        M = dynamics.locked
         mass = float(M[0, 0])
         moment = 0.5 * (M[3:, :3] - M[:3, 3:])  # m skew(com)
         return cls(mass, np.array([moment[2, 1], moment[0, 2], moment[1, 0]]) / mass, 0.5 * (M[3:, 3:] + M[3:, 3:].T))
@@ -104,14 +101,13 @@ class HostedModel:
     """
 
     model: PlantModel
-    payload: Payload
     prescribed: bool
     """Whether the base moves as ``motion`` says, and not by forces."""
 
     @cached_property
     def locked(self) -> LockedMass:
         """The mechanism as one body at the pose of the model."""
-        return LockedMass.of(self.payload, self.model.dynamics)
+        return LockedMass.of(self.model.dynamics)
 
     def output_map(self) -> Array:
         """[C D], (N_OUTPUTS + 16, ...), see :meth:`.linear_model.PlantModel.output_map`; no wrench on the bus yet."""

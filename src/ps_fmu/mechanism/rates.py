@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 
 from .centre import Centre
@@ -30,14 +32,9 @@ def make_rate_matrices(
     convection: (k, n, 9) of :func:`.convection.convective_forces`; None: all centres are at rest.
     """
     n, k, n_states = d.n, len(d.M), count_states(d.n)
-    A, B = np.zeros((k, n_states, n_states)), np.zeros((k, n_states, N_INPUTS))
-    dq, s, ds, r = slice(n, 2 * n), *servo_slices(n)
-    on = np.flatnonzero(d.active)
-    A[:, on, n + on] = 1.0  # q' = dq, for what can move
-    A[:, s, ds] = _EYE
-    omega = 2.0 * np.pi * servo.frequency
-    follow = np.hstack([-(omega**2) * _EYE, -2.0 * servo.damping_ratio * omega * _EYE, omega**2 * _EYE])
-    A[:, ds, 2 * n :] = follow
+    A, B = np.empty((k, n_states, n_states)), np.zeros((k, n_states, N_INPUTS))
+    dq, r = slice(n, 2 * n), servo_slices(n)[2]
+    follow, A[:] = _make_fixed_rates(d.active.tobytes(), servo)
     B[:, r, RATE] = _EYE
 
     # M q'' = - K q - C q' + [f_f + f_a; w_b; 0] + (platform's motion)' w_p - m_c s'' - c
@@ -54,6 +51,26 @@ def make_rate_matrices(
     if convection is not None:
         _add_convection(A, B, d, centre, mobility @ convection)
     return A, B
+
+
+@lru_cache(maxsize=8)
+def _make_fixed_rates(active: bytes, servo: CoarseServo) -> tuple[Array, Array]:
+    """(3, 9): accelerations of the coarse actuators from ``[s, s', r]``; (states, states): what all poses have of A.
+
+    ``active``: of :class:`.dynamics.Dynamics`.
+    """
+    on = np.flatnonzero(np.frombuffer(active, dtype=bool))
+    n = len(active)
+    s, ds, _ = servo_slices(n)
+    omega = 2.0 * np.pi * servo.frequency
+    follow = np.hstack([-(omega**2) * _EYE, -2.0 * servo.damping_ratio * omega * _EYE, omega**2 * _EYE])
+    A = np.zeros((count_states(n), count_states(n)))
+    A[on, n + on] = 1.0  # q' = dq, for what can move
+    A[s, ds] = _EYE
+    A[ds, 2 * n :] = follow
+    for shared in (follow, A):
+        shared.setflags(write=False)
+    return follow, A
 
 
 def _find_mobility(d: Dynamics) -> Array:

@@ -8,7 +8,6 @@ misplace the platform by centimetres.
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
@@ -21,6 +20,7 @@ _MANY = 100  # numbers
 _SMALLEST = 1e-150  # rad; sin(a)/a is 1 there, too
 _SKEW = np.array([[0, 0, 0, 0, 0, -1, 0, 1, 0], [0, 0, 1, 0, 0, 0, -1, 0, 0], [0, -1, 0, 1, 0, 0, 0, 0, 0]], float)
 _NEXT, _LAST = np.array([1, 2, 0]), np.array([2, 0, 1])  # axes after and before x, y, z, cyclically
+_BELOW, _ABOVE = 3 * _LAST + _NEXT, 3 * _NEXT + _LAST  # places in a matrix, row by row
 
 
 class GimbalLockError(ValueError):
@@ -143,29 +143,31 @@ def orientation_rate_map(orientation: Array) -> Array:
 def rotation_from_vector(vector: Array) -> Array:
     """Rotation by the angle ``|vector|`` (rad) about ``vector`` (Rodrigues); (..., 3) to (..., 3, 3)."""
     if vector.size == 3:  # numbers instead of arrays: 2 us instead of 10, to the same bits
-        x, y, z = vector.ravel().tolist()
-        angle = max(math.sqrt(x * x + y * y + z * z), _SMALLEST)
-        sine, half = float(np.sin(angle)) / angle, float(np.sin(0.5 * angle)) / angle
-    else:
-        components: Any = (vector[..., axis] for axis in range(3))
-        x, y, z = components
-        angle = np.maximum(np.sqrt(x * x + y * y + z * z), _SMALLEST)
-        sine, half = np.sin(angle) / angle, np.sin(0.5 * angle) / angle
+        return _turn_one(*vector.ravel().tolist()).reshape(*vector.shape, 3)
+    squares = vector * vector
+    angle = np.maximum(np.sqrt(squares[..., 0] + squares[..., 1] + squares[..., 2]), _SMALLEST)[..., None]
+    sine, half = np.sin(angle) / angle, np.sin(0.5 * angle) / angle
     one_less = 2.0 * half * half  # (1 - cos a) / a**2
+    R = one_less[..., None] * (vector[..., :, None] * vector[..., None, :])
+    R += skew(sine * vector)
+    R.reshape(*vector.shape[:-1], 9)[..., ::4] = 1.0 - one_less * (squares.take(_NEXT, -1) + squares.take(_LAST, -1))
+    return np.asarray(R)
+
+
+def _turn_one(x: float, y: float, z: float) -> Array:
+    angle = max(math.sqrt(x * x + y * y + z * z), _SMALLEST)
+    sine, half = float(np.sin(angle)) / angle, float(np.sin(0.5 * angle)) / angle
+    one_less = 2.0 * half * half
     xx, yy, zz = x * x, y * y, z * z
     xy, xz, yz = one_less * (x * y), one_less * (x * z), one_less * (y * z)
     x, y, z = sine * x, sine * y, sine * z
-    rows = (
-        (1.0 - one_less * (yy + zz), xy - z, xz + y),
-        (xy + z, 1.0 - one_less * (xx + zz), yz - x),
-        (xz - y, yz + x, 1.0 - one_less * (xx + yy)),
+    return np.array(
+        (
+            (1.0 - one_less * (yy + zz), xy - z, xz + y),
+            (xy + z, 1.0 - one_less * (xx + zz), yz - x),
+            (xz - y, yz + x, 1.0 - one_less * (xx + yy)),
+        )
     )
-    if vector.size == 3:
-        return np.array(rows).reshape(*vector.shape, 3)
-    R = np.empty((*vector.shape, 3))
-    for i, row in enumerate(rows):
-        R[..., i, 0], R[..., i, 1], R[..., i, 2] = row
-    return R
 
 
 def turn_vector(integral: Array, before: Array, after: Array, lasted: float) -> Array:
@@ -180,7 +182,8 @@ def turn_vector(integral: Array, before: Array, after: Array, lasted: float) -> 
 
 def rotation_vector(R: Array) -> Array:
     """Rotation vector, rad, of turns below 90 deg: inverse of :func:`rotation_from_vector`; (..., 3, 3) to (..., 3)."""
-    sine = 0.5 * (R[..., _LAST, _NEXT] - R[..., _NEXT, _LAST])
+    numbers = R.reshape(*R.shape[:-2], 9)
+    sine = 0.5 * (numbers.take(_BELOW, -1) - numbers.take(_ABOVE, -1))
     size = np.maximum(lengths(sine), 1e-8)  # so small, arcsin(a)/a is 1
     return np.asarray((np.arcsin(np.minimum(size, 1.0)) / size)[..., None] * sine)
 
@@ -193,7 +196,7 @@ def _sines_cosines(orientation: Array) -> tuple[Array, Array, Array, Array]:
 
 
 def _refuse_gimbal_lock(cos_pitch: Array) -> None:
-    smallest = float(np.min(cos_pitch, initial=1.0))
+    smallest = float(cos_pitch.min(initial=1.0))
     if not smallest >= SMALLEST_COS_PITCH:
         raise GimbalLockError(
             f"pitch is {np.degrees(np.arccos(smallest)):.6f} deg in magnitude, too close to 90 deg to tell "

@@ -44,9 +44,10 @@ _SOON = 0.01
 _TURNED_OFF = 0.1
 
 
-def find_attitude(model: PlantModel, x: Array, time: float) -> Array:
-    """(4,) attitude of B in the state ``x``, which the model reaches at ``time``, s, from its centre."""
-    centre, n, (_, r_b) = model.centre, model.dynamics.n, model.dynamics.base_places()
+def find_attitude(model: PlantModel, x: Array, time: float, centre: Centre | None = None) -> Array:
+    """(4,) attitude of B in the state ``x``, which the model reaches at ``time``, s, from its ``centre``."""
+    centre = model.centre if centre is None else centre
+    n, (_, r_b) = model.dynamics.n, model.dynamics.base_places()
     turn_B = x[n + r_b.start : n + r_b.stop]
     turn = turn_vector(x[r_b] - centre.rotation_B, centre.speeds[TURN], turn_B, time)
     q = multiply(centre.attitude, from_rotation_vector(turn))
@@ -56,7 +57,9 @@ def find_attitude(model: PlantModel, x: Array, time: float) -> Array:
 def is_at_rest(model: PlantModel, x: Array, command: Array) -> bool:
     """Whether the coarse legs have come to rest at the command (3,), m."""
     s, ds, r = servo_slices(model.dynamics.n)
-    left = np.concatenate([x[s] - command, x[r] - command, x[ds]])
+    if not np.abs(x[ds]).max() < AT_REST:
+        return False
+    left = np.concatenate([x[s] - command, x[r] - command])
     return bool(np.abs(left).max() < AT_REST)
 
 
@@ -86,12 +89,16 @@ def find_next_centre(
     v_r, middle = slice(n + r_b.start, n + r_b.stop), way.middle
     resting, now = is_at_rest(model, x, command), find_attitude(model, x, time)
     d_f = d.slices["d_f"]
-    soon = x[d_f] + _SOON * x[n + d_f.start : n + d_f.stop]
-    near, swing = 0.5 * renewal.relinearisation_distance, np.abs(soon - x[d_f]).max()
-    fine = np.zeros(3) if max(np.abs(x[d_f]).max(), np.abs(soon).max()) < near else 0.5 * (x[d_f] + soon)
-    angle = np.abs(x[r_b] - model.centre.rotation_B).max()
-    turning = np.abs(x[v_r]).max() > _HARDLY_TURNING or angle > 0.5 * renewal.relinearisation_angle
-    if resting and not turning and swing < near:
+    at = x[d_f]
+    soon = at + _SOON * x[n + d_f.start : n + d_f.stop]
+    near = 0.5 * renewal.relinearisation_distance
+    if (
+        resting
+        and not np.abs(x[v_r]).max() > _HARDLY_TURNING
+        and not np.abs(x[r_b] - model.centre.rotation_B).max() > 0.5 * renewal.relinearisation_angle
+        and np.abs(soon - at).max() < near
+    ):
+        fine = np.zeros(3) if max(np.abs(at).max(), np.abs(soon).max()) < near else 0.5 * (at + soon)
         at_rest = replace(Centre.at_rest(command, now), fine=fine, rotation_B=x[r_b].copy())
         if prescribed:
             return at_rest

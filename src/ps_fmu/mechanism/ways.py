@@ -7,6 +7,7 @@ its start, middle and end.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -81,24 +82,34 @@ def look_ahead(
     rates, z = _move_rigidly(model, x, u, prescribed)
     half = _find_half(model, rates, z, renewal, 1.0 if prescribed else _AHEAD)
 
-    moving = np.append(rates.any(axis=1), False)  # the last one is the constant
+    moving = np.asarray(rates.any(axis=1))
     moving[r] = True
-    keep, held = np.flatnonzero(moving), np.flatnonzero(~moving)
+    keep = moving.nonzero()[0]
     m = len(keep)
-    A, B, start = np.zeros((m + 1, m + 1)), np.ones((m + 1, 1)), np.append(z[keep], 0.0)  # the last one is time
-    A[:m, :m], B[:m, 0] = rates[np.ix_(keep, keep)], rates[np.ix_(keep, held)] @ np.append(z, 1.0)[held]
-    A[np.searchsorted(keep, r.start) + np.arange(3), m] = growth
+    A, B, start = np.zeros((m + 1, m + 1)), np.ones((m + 1, 1)), np.zeros(m + 1)  # the last one is time
+    held, scale = np.empty(len(z) + 1), np.empty(m + 1)
+    held[:-1], held[-1] = z, 1.0
+    scale[:m], scale[m] = model.scale[keep], 1.0
+    start[:m], held[keep] = z[keep], 0.0
+    by_kept = rates[keep]
+    A[:m, :m], B[:m, 0] = by_kept[:, keep], by_kept @ held
+    first = int(keep.searchsorted(r.start))
+    A[first : first + 3, m] = growth
     near = _AHEAD * renewal.relinearisation_distance
-    middle, end = z.copy(), z.copy()
+    is_leg = np.zeros(len(z), dtype=bool)
+    is_leg[d_f] = is_leg[s] = True
+    legs = is_leg[keep].nonzero()[0]
     while True:
         half = 0.5 * h * max(int(2.0 * half / h), 1)
-        Ad, Bd = zero_order_hold(A, B, half)
-        after = Ad @ start + Bd[:, 0]
-        middle[keep], end[keep] = after[:m], (Ad @ after + Bd[:, 0])[:m]
-        if not np.isfinite(end).all():
+        Ad, Bd = zero_order_hold(A, B, half, scale)
+        to_middle = Ad @ start + Bd[:, 0]
+        to_end = Ad @ to_middle + Bd[:, 0]
+        if not np.isfinite(to_end).all():
             return Way(0.5 * h, z, z, z)
-        far = max(_largest((b - a)[legs]) for a, b in ((z, middle), (middle, end)) for legs in (d_f, s))
+        far = max(_largest((to_middle - start)[legs]), _largest((to_end - to_middle)[legs]))
         if far <= near or half < h:
+            middle, end = z.copy(), z.copy()
+            middle[keep], end[keep] = to_middle[:m], to_end[:m]
             return Way(half, z, middle, end)
         half *= max(0.9 * near / far, 0.1)
 
@@ -108,19 +119,24 @@ def _find_half(model: PlantModel, rates: Array, z: Array, renewal: Renewal, ahea
     d, n = model.dynamics, model.dynamics.n
     d_f, (_, r_b) = d.slices["d_f"], d.base_places()
     v_f, v_r, (_, ds, _) = slice(n + d_f.start, n + d_f.stop), slice(n + r_b.start, n + r_b.stop), servo_slices(n)
-    now = rates @ np.append(z, 1.0)
-    later = rates @ np.append(now, 0.0)
+    growing = np.zeros(len(z) + 1)
+    growing[:-1], growing[-1] = z, 1.0
+    speeds: list[float] = z.tolist()  # few numbers of each are needed: lists are quicker than arrays
+    growing[:-1], growing[-1] = rates @ growing, 0.0
+    now: list[float] = growing.tolist()
+    later: list[float] = (rates @ growing).tolist()
     near, turned = ahead * renewal.relinearisation_distance, min(ahead, _TURNED_AHEAD) * renewal.relinearisation_angle
     half = _LONGEST
     for speed, distance in ((ds, near), (v_f, near), (v_r, turned)):
-        half = min(half, time_to(0.9 * distance, _largest(z[speed]), _largest(now[speed])))
-    half = min(half, time_to(0.9 * ahead * renewal.relinearisation_speed, _largest(now[ds]), 0.0))
+        half = min(half, time_to(0.9 * distance, max(map(abs, speeds[speed])), max(map(abs, now[speed]))))
+    half = min(half, time_to(0.9 * ahead * renewal.relinearisation_speed, max(map(abs, now[ds])), 0.0))
     # A parabola through three points of a way is off it by T**3 / 15.6 times the third derivative, which may grow.
-    swing, servo = float(np.sqrt(_largest(np.diag(rates[v_f, d_f])))), 2.0 * np.pi * model.servo.frequency
+    swing = math.sqrt(_largest(rates[v_f, d_f].diagonal()))
+    servo = 2.0 * math.pi * model.servo.frequency
     for speed, frequency in ((v_f, swing), (ds, servo)):
-        third = float((np.abs(later[speed]) + frequency * np.abs(now[speed])).max())
+        third = max(abs(b) + frequency * abs(a) for a, b in zip(now[speed], later[speed], strict=True))
         if third > 0.0:
-            half = min(half, float(np.cbrt(15.6 * _OFF * renewal.relinearisation_distance / third)))
+            half = min(half, math.cbrt(15.6 * _OFF * renewal.relinearisation_distance / third))
     return half
 
 
@@ -128,8 +144,9 @@ def _move_rigidly(model: PlantModel, x: Array, u: Array, prescribed: bool) -> tu
     """Rates (n, n + 1) by state and 1 with rods and modes held as they are, and the state (n,) with these at rest."""
     d, n = model.dynamics, model.dynamics.n
     A, B, C, D = model.matrices()
-    by_model = np.hstack([A, (B @ u)[:, None]])
-    inertial = np.hstack([C[_ACCELERATION], (D[_ACCELERATION] @ u)[:, None]])
+    by_model, inertial = np.empty((len(A), len(A) + 1)), np.empty((3, len(A) + 1))
+    by_model[:, :-1], by_model[:, -1] = A, B @ u
+    inertial[:, :-1], inertial[:, -1] = C[_ACCELERATION], D[_ACCELERATION] @ u
     d_f, q_b, (t_b, r_b) = d.slices["d_f"], d.slices["q_b"], d.base_places()
     bodies, v_t = slice(d_f.start, q_b.stop), slice(n + t_b.start, n + t_b.stop)  # legs and base stand side by side
     rigid = d_f if prescribed else bodies
@@ -158,8 +175,9 @@ def find_growth(lasted: float, moved: Array, before: Array, now: Array, renewal:
     """
     if lasted <= 0.0:
         return np.zeros(3)
-    evenly = np.abs(moved - 0.5 * lasted * (before + now)) < _OFF * renewal.relinearisation_distance
-    return np.where(evenly, (now - before) / lasted, 0.0)
+    allowed = _OFF * renewal.relinearisation_distance
+    each = zip(moved.tolist(), before.tolist(), now.tolist(), strict=True)
+    return np.array([(b - a) / lasted if abs(way - 0.5 * lasted * (a + b)) < allowed else 0.0 for way, a, b in each])
 
 
 def _largest(values: Array) -> float:
@@ -168,5 +186,5 @@ def _largest(values: Array) -> float:
 
 def time_to(distance: float, speed: float, acceleration: float) -> float:
     """When a distance is covered, s: the root of ``speed t + acceleration t**2 / 2 = distance``; inf: never."""
-    divisor = speed + np.sqrt(speed**2 + 2.0 * acceleration * distance)
-    return 2.0 * distance / divisor if divisor > 0.0 else np.inf
+    divisor = speed + math.sqrt(speed**2 + 2.0 * acceleration * distance)
+    return 2.0 * distance / divisor if divisor > 0.0 else math.inf

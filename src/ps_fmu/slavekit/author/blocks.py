@@ -10,7 +10,7 @@ from __future__ import annotations
 import ctypes
 from ctypes import c_int64
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,6 +43,11 @@ class Pattern:
     """Of all blocks, one block after the other."""
     numbers: NDArray[np.int64]
     """Places in a matrix by columns of the numbers that are multiplied."""
+
+    @cached_property
+    def addresses(self) -> tuple[int, int]:
+        """Where ``words`` and ``columns`` begin in memory."""
+        return ctypes.addressof(self.words), int(self.columns.__array_interface__["data"][0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,14 +115,15 @@ def find_pattern(used: bytes, n: int, groups: int) -> Pattern:
 
 def _join_groups(used: NDArray[np.bool_]) -> list[tuple[int, int]]:
     """First and last of the groups of each block: the cheapest division of all groups into neighbours."""
-    groups = used.shape[1]
+    # The columns of a group are the digits of a number: 0.2 us to join two and to count, where arrays take 5.
+    columns = [int.from_bytes(np.packbits(group).tobytes()) for group in used.T]
     best: list[tuple[float, list[tuple[int, int]]]] = [(0.0, [])]
-    for last in range(1, groups + 1):
-        ways = []
-        for first in range(max(0, last - _LARGEST), last):
-            size = int(np.count_nonzero(used[:, first:last].any(axis=1)))
+    for last in range(1, len(columns) + 1):
+        ways, joined = [], 0
+        for first in range(last - 1, max(0, last - _LARGEST) - 1, -1):
+            joined |= columns[first]
             cost, before = best[first]
-            cost += _BLOCK + size * (_COLUMN + last - first)
+            cost += _BLOCK + joined.bit_count() * (_COLUMN + last - first)
             ways.append((cost, [*before, (first, last)]))
         best.append(min(ways))
     return best[-1][1]

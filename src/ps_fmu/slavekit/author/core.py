@@ -81,7 +81,7 @@ class Map:
         matrix, pattern = self.matrix, self.matrix.pattern
         return MapWords(
             *map(find_address, (self.source, self.target, self.work)), self.target.size, len(pattern.words),
-            ctypes.addressof(pattern.words), find_address(pattern.columns), find_address(matrix.numbers),
+            *pattern.addresses, find_address(matrix.numbers),
         )  # fmt: skip
 
 

@@ -302,8 +302,10 @@ class Stepper(Tables):
 
     def _make_map(self, what: str, matrix: Array, target: Array) -> Map:
         by_columns = store_by_columns(self._check_matrix(what, matrix, target.size))
-        used = np.flatnonzero(by_columns.any(axis=1))
-        taken = slice(int(used[0]), int(used[-1]) + 1) if used.size else slice(0, 0)
+        taken = slice(None)
+        if not (by_columns.size and by_columns[0].any() and by_columns[-1].any()):
+            used = np.flatnonzero(by_columns.any(axis=1))
+            taken = slice(int(used[0]), int(used[-1]) + 1) if used.size else slice(0, 0)
         return Map.make(make_blocks(by_columns[taken]), self._source[taken], target)
 
     def _compile_elements(self, before: Sequence[Element], after: Sequence[Element]) -> Elements:
