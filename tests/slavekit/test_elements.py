@@ -147,6 +147,18 @@ def test_watch_for_what_comes_to_rest(bench):
     assert found == [True, True, True, False, True, True, False]
 
 
+def test_watch_for_several_that_come_to_rest(bench):
+    bench.use([Watch(bench.u[0:2], bench.memory[0:2], 1.0, bench.memory[2:4], 0.01)], [])
+    found = []
+    for values in ([0.0, 0.2], [0.1, 0.2], [0.1, 0.3], [0.1, 0.3], [0.0, 0.3], [0.0, 0.0], [0.0, 0.0], [0.0, -1.5]):
+        bench.u[:2], bench.core.watching = values, 1
+        found.append(bench.by_kernel("sse2"))
+        bench.core.watching = 0
+        if not found[-1]:
+            run(bench)
+    assert found == [True, True, True, False, True, True, True, False]
+
+
 @pytest.mark.parametrize("together", [False, True])
 def test_count(bench, together):
     target = bench.y[3:4] if together else bench.y[3:5]

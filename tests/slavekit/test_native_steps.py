@@ -181,6 +181,24 @@ def test_a_value_is_stored_as_it_is(start):
     assert oscillator.fmu.getInteger([oscillator.variables["substeps"].valueReference]) == [1]
 
 
+def test_lists_of_all_shapes(start):
+    oscillator = start("oscillator")
+    drive(oscillator, 0, 20)
+    fmu, variables = oscillator.fmu, oscillator.variables.values()
+    reals = sorted(v.valueReference for v in variables if v.type == "Real")
+    each = {reference: fmu.getReal([reference])[0] for reference in reals}
+    assert len(set(each.values())) > 3
+    calls = oscillator.steps
+    for references in (reals, reals[::-1], reals[::2], reals[:1] * 3, reals * 9, [*reals[1:], reals[0]]):
+        assert fmu.getReal(references) == [each[reference] for reference in references]
+    inputs = [v for v in variables if v.type == "Real" and v.causality == "input"]
+    for chosen in (inputs, inputs[::-1], inputs[1:], inputs[:1]):
+        references, values = [v.valueReference for v in chosen], [0.25 + k for k in range(len(chosen))]
+        fmu.setReal(references, values)
+        assert fmu.getReal(references) == values
+    assert oscillator.steps == calls
+
+
 @pytest.mark.parametrize(
     ("values", "problem"),
     [

@@ -127,6 +127,15 @@ static int carry_out(const Operation *o, double time, double step)
     return fmi2Fatal;
 }
 
+/* Have the cache fetch the lines of a row before they are written: what is written waits in order for those, and numbers
+   that are read while they wait may have to wait, too. */
+static inline void expect_row(const double *row, size_t bytes)
+{
+    enum { LINE = 64 };
+    for (size_t k = 0; k < bytes; k += LINE)
+        __builtin_prefetch((const char *)row + k, 1);
+}
+
 /* Where the time goes, by operation; the entry after the last operation is the whole step. */
 typedef struct {
     int64_t *spent_ns;
@@ -165,6 +174,8 @@ static inline int run(
         if (loop->next_operation == first && (*stop || now_ns() > until))
             return fmi2OK;
         const double time = times[loop->rows_done];
+        double *row = rows + loop->rows_done * loop->columns;
+        expect_row(row, row_bytes);
         const int64_t began = timing ? read_clock_ns() : 0;
         int64_t before = began;
         if (timing && loop->next_operation == first)
@@ -183,7 +194,7 @@ static inline int run(
                 return status;
             }
         }
-        memcpy(rows + loop->rows_done * loop->columns, loop->latest, row_bytes);
+        memcpy(row, loop->latest, row_bytes);
         if (loop->phases > 1) {
             first = loop->phase + 1 < loop->phases ? last : 0;
             loop->phase = loop->phase + 1 < loop->phases ? loop->phase + 1 : 0;

@@ -36,6 +36,7 @@ static int is_finite(double value)
     do {                                                                                                               \
         const int64_t *target = e->target;                                                                             \
         int finite = 1;                                                                                                \
+        ONE_BY_ONE                                                                                                     \
         for (int64_t k = 0, n = e->n; k < n; k++) {                                                                    \
             const double result = (expression);                                                                        \
             data[target[k]] = result;                                                                                  \
@@ -53,6 +54,7 @@ static double clip(double value, double low, double high)
 static int move(double *data, const int64_t *target, const int64_t *source, int64_t n)
 {
     int finite = 1;
+    ONE_BY_ONE
     for (int64_t k = 0; k < n; k++) {
         const double value = data[source[k]];
         data[target[k]] = value;
@@ -103,10 +105,12 @@ static bool product(double *data, const Element *e)
 static bool linear(Run *run, const Element *e)
 {
     double *data = run->data, *w = run->core->scratch, *x = w + e->stride;
+    ONE_BY_ONE
     for (int64_t j = 0; j < e->n_source; j++)
         x[j] = data[e->source[j]];
     if (!run->by->product(e->matrix, e->stride, x, e->n_source, w))
         return false;
+    ONE_BY_ONE
     for (int64_t k = 0; k < e->n; k++)
         data[e->target[k]] = w[k];
     return true;
@@ -119,6 +123,7 @@ static inline __attribute__((always_inline)) int add_terms(const double *data, c
     const int64_t *source = e->source;
     const double *factor = e->matrix;
     int finite = 1;
+    ONE_BY_ONE
     for (int64_t k = 0, n = e->n; k < n; k++, source += terms, factor += terms) {
         double sum = 0.0;
         for (int64_t j = 0; j < terms; j++)
@@ -150,6 +155,7 @@ static bool sparse(const Run *run, const Element *e)
     default:
         finite = add_terms(data, e, w, e->n_source);
     }
+    ONE_BY_ONE
     for (int64_t k = 0; k < e->n; k++)
         data[e->target[k]] = w[k];
     return finite;
@@ -159,6 +165,7 @@ static bool clip_values(double *data, const Element *e)
 {
     bool met = false;
     int finite = 1;
+    ONE_BY_ONE
     for (int64_t k = 0; k < e->n; k++) {
         double value = data[e->target[k]];
         if (value < e->low[k] || value > e->high[k]) {
@@ -234,23 +241,43 @@ static bool delay(Run *run, const Element *e)
     return finite;
 }
 
-/* `target`, where there is one, keeps the values of the step before. */
+/* Whether a value is farther from its place than its upper bound. */
+static bool is_far(const double *data, const Element *e)
+{
+    const int64_t *source = e->source, *second = e->second;
+    const double *high = e->high;
+    int far = 0;
+    ONE_BY_ONE
+    for (int64_t k = 0, n = e->n; k < n; k++)
+        far |= fabs(data[source[k]] - data[second[k]]) > high[k];
+    return far;
+}
+
+/* Whether all values are as in the step before, which `target` keeps, and one is farther from its place than its lower
+   bound; -1: one is not finite. */
+static int rests_apart(double *data, const Element *e)
+{
+    const int64_t *source = e->source, *second = e->second, *target = e->target;
+    const double *low = e->low;
+    int apart = 0, resting = 1, finite = 1;
+    ONE_BY_ONE
+    for (int64_t k = 0, n = e->n; k < n; k++) {
+        const double value = data[source[k]];
+        apart |= fabs(value - data[second[k]]) > low[k];
+        resting &= value == data[target[k]];
+        data[target[k]] = value;
+        finite &= is_finite(value);
+    }
+    return finite ? resting & apart : -1;
+}
+
+/* `target` is there if values that rest are to be looked at more closely. */
 static bool watch(Run *run, const Element *e)
 {
-    double *data = run->data;
-    int far = 0, apart = 0, resting = e->target != NULL, finite = 1;
-    for (int64_t k = 0; k < e->n; k++) {
-        const double value = data[e->source[k]], distance = fabs(value - data[e->second[k]]);
-        far |= distance > e->high[k];
-        apart |= distance > e->low[k];
-        if (e->target != NULL) {
-            resting &= value == data[e->target[k]];
-            data[e->target[k]] = value;
-            finite &= is_finite(value);
-        }
-    }
-    run->due = run->due || far || (resting && apart);
-    return finite;
+    const bool far = is_far(run->data, e);
+    const int apart = e->target == NULL ? 0 : rests_apart(run->data, e);
+    run->due = run->due || far || apart == 1;
+    return apart >= 0;
 }
 
 /* `second` holds n times whether the value was above, then n counts. */

@@ -18,45 +18,48 @@
 
 typedef double Vector __attribute__((vector_size(8 * WIDTH)));
 
-/* n vectors of w, whose sums stay in registers.  Adds 0 w to `rest`, which is NaN then if one is not finite.  `columns`
-   are places in x; of a dense matrix they are all, in order, and not looked up: 0.3 ns a column. */
-INSTRUCTIONS static inline __attribute__((always_inline)) void BLOCK(const double *matrix, int64_t stride,
-                                                                     const bool dense, const int32_t *columns,
-                                                                     const double *x, int64_t n_x, double *w,
-                                                                     Vector *rest, const int n)
+/* n vectors of w, whose sums stay in registers; `rest` and 0 w, which is NaN if one of them is not finite.  `columns` are
+   places in x; of a dense matrix they are all, in order, and not looked up: 0.3 ns a column. */
+INSTRUCTIONS static inline __attribute__((always_inline)) Vector BLOCK(const double *matrix, int64_t stride,
+                                                                       const bool dense, const int32_t *columns,
+                                                                       const double *x, int64_t n_x, double *w,
+                                                                       Vector rest, const int n)
 {
     Vector sums[8];
     for (int k = 0; k < n; k++)
         sums[k] = (Vector){0.0};
     for (int64_t j = 0; j < n_x; j++, matrix += stride) {
-        const double operand = x[dense ? j : columns[j]];
-        if (operand == 0.0)
+        const double *operand = &x[dense ? j : columns[j]];
+        if (is_zero(operand))
             continue;
+        __asm__("" : "+r"(operand)); /* read it again, not from the register of the test: 6 % of a map */
         for (int k = 0; k < n; k++)
-            sums[k] += *(const Vector *)(matrix + k * WIDTH) * operand;
+            sums[k] += *(const Vector *)(matrix + k * WIDTH) * *operand;
     }
     for (int k = 0; k < n; k++) {
         *(Vector *)(w + k * WIDTH) = sums[k];
-        *rest += sums[k] * 0.0;
+        rest += sums[k] * 0.0;
     }
+    return rest;
 }
 
 /* `stride` rows of w, eight vectors at once: each sum waits for its last addition, so that eight sums take little longer
    than one. */
 #define DEFINE_ROWS(name, dense)                                                                                       \
-    INSTRUCTIONS static void name(const double *matrix, int64_t stride, const int32_t *columns, const double *x,       \
-                                  int64_t n_x, double *w, Vector *rest)                                                \
+    INSTRUCTIONS static Vector name(const double *matrix, int64_t stride, const int32_t *columns, const double *x,     \
+                                    int64_t n_x, double *w, Vector rest)                                               \
     {                                                                                                                  \
         int64_t i = 0;                                                                                                 \
         for (; stride - i >= 8 * WIDTH; i += 8 * WIDTH)                                                                \
-            BLOCK(matrix + i, stride, dense, columns, x, n_x, w + i, rest, 8);                                         \
+            rest = BLOCK(matrix + i, stride, dense, columns, x, n_x, w + i, rest, 8);                                  \
         switch ((stride - i) / WIDTH) {                                                                                \
             CASE(1, dense) CASE(2, dense) CASE(3, dense) CASE(4, dense) CASE(5, dense) CASE(6, dense) CASE(7, dense)   \
         }                                                                                                              \
+        return rest;                                                                                                   \
     }
 #define CASE(n, dense)                                                                                                 \
     case n:                                                                                                            \
-        BLOCK(matrix + i, stride, dense, columns, x, n_x, w + i, rest, n);                                             \
+        rest = BLOCK(matrix + i, stride, dense, columns, x, n_x, w + i, rest, n);                                      \
         break;
 DEFINE_ROWS(DENSE_ROWS, true)
 DEFINE_ROWS(ROWS, false)
@@ -75,7 +78,7 @@ INSTRUCTIONS static inline bool FINITE(Vector rest)
 INSTRUCTIONS static bool PRODUCT(const double *matrix, int64_t stride, const double *x, int64_t n_x, double *w)
 {
     Vector rest = {0.0};
-    DENSE_ROWS(matrix, stride, NULL, x, n_x, w, &rest);
+    rest = DENSE_ROWS(matrix, stride, NULL, x, n_x, w, rest);
     return FINITE(rest);
 }
 
@@ -87,9 +90,9 @@ INSTRUCTIONS static bool MAP(const Map *map)
         const int32_t *columns = map->columns + b->column;
         double *w = map->work + b->row;
         if (b->n_columns > 0 && columns[b->n_columns - 1] - columns[0] == b->n_columns - 1) /* side by side */
-            DENSE_ROWS(matrix, b->n_rows, NULL, map->source + columns[0], b->n_columns, w, &rest);
+            rest = DENSE_ROWS(matrix, b->n_rows, NULL, map->source + columns[0], b->n_columns, w, rest);
         else
-            ROWS(matrix, b->n_rows, columns, map->source, b->n_columns, w, &rest);
+            rest = ROWS(matrix, b->n_rows, columns, map->source, b->n_columns, w, rest);
     }
     return FINITE(rest);
 }
