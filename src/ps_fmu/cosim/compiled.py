@@ -12,7 +12,7 @@ import numpy as np
 
 from .faults.effects import EffectGroup
 from .guard import End, load_library
-from .plan import Call, Gather, Plan
+from .plan import Call, Change, Gather, Plan
 from .rows import Array, Rows
 from .stopwatch import Laps, Timing, list_parts
 
@@ -125,8 +125,9 @@ def is_available() -> bool:
     return True
 
 
-def _make_operation(part: Gather | EffectGroup | Call) -> _Operation:
+def _make_operation(part: Gather | EffectGroup | Change | Call) -> _Operation:
     """The addresses in a gather, in what faults do or in a call, whose objects the plan keeps."""
+    assert not isinstance(part, Change), "a plan that needs Python"
     if isinstance(part, EffectGroup):
         kind = _CHANGE[part.inputs.dtype.name]
         return _Operation(kind, part.count, None, None, part.inputs.ctypes.data, part.address)

@@ -13,6 +13,7 @@ from ctypes import c_int
 import numpy as np
 
 from ..checkpoint.state import State, Stateful, copy_into
+from ..faults.active import ActiveFaults
 from ..fmu_instance import FmuInstance
 from ..loops import StepLoop
 from ..plan import Plan
@@ -33,6 +34,7 @@ class EstimatingLoop:
     step: communication step [s]
     order: of the global error of the scheme
     columns: of the scheme
+    faults: what they remember is set back with the FMUs
     """
 
     plan: Plan | None = None
@@ -46,10 +48,11 @@ class EstimatingLoop:
         step: float,
         order: int,
         columns: Sequence[SchemeColumn],
+        faults: ActiveFaults,
     ) -> None:
         self._whole, self._half = whole, half
         self._instances = tuple(instances.values())
-        self._rows, self._step = rows, step
+        self._rows, self._step, self._faults = rows, step, faults
         self._factor = 2.0**order / (2.0**order - 1.0)
         self._largest = np.abs(rows.real.values)
         self._shown: int | None = None
@@ -87,7 +90,7 @@ class EstimatingLoop:
         """False if it was interrupted: nothing has been done then."""
         rows = self._rows
         filled, before = rows.filled, rows.latest.copy()
-        states = keep_states(self._instances)
+        states, memories = keep_states(self._instances), self._faults.keep()
         try:
             for own, other in zip(self._half[1], self._whole[1], strict=True):
                 own.copy_from(other)
@@ -96,6 +99,7 @@ class EstimatingLoop:
             for instance, state in states.items():
                 instance.set_state(state)
             rows.latest[:] = before
+            self._faults.restore(memories)
         finally:
             rows.go_back(filled)
             release_states(states)

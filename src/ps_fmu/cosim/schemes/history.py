@@ -70,13 +70,25 @@ class InputHistory:
         self._first[:] = other._first
 
     def save_state(self) -> dict[str, State]:
-        """The samples; lines begin anew from them in each step of the component."""
-        return {"memory": self._memory.copy(), "first": self._first.copy()}
+        """The samples, and the lines of the present step of the component."""
+        return {
+            "memory": self._memory.copy(),
+            "first": self._first.copy(),
+            "begin": self.begin.copy(),
+            "slope": self.slope.copy(),
+        }
 
     def load_state(self, state: Mapping[str, State]) -> None:
-        """Take over samples of the same inputs.  Raises ValueError or KeyError: no such."""
-        copy_into(self._memory, state["memory"])
-        copy_into(self._first, state["first"])
+        """Take over samples and lines of the same inputs.  Raises ValueError or KeyError: no such."""
+        for name, target in (
+            ("memory", self._memory), ("first", self._first), ("begin", self.begin), ("slope", self.slope)
+        ):  # fmt: skip
+            copy_into(target, state[name])
+
+    def find_place(self, period: int) -> float:
+        """How long ago a step of so many base steps began [s]; 0 where it begins now."""
+        grid = self._grid
+        return round((grid.now.value - grid.start) / grid.step) % period * grid.step
 
     def describe(self, part: Extension) -> _Lines:
         """A part of the component's step as data."""

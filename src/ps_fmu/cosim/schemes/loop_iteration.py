@@ -14,6 +14,7 @@ from time import perf_counter_ns
 import numpy as np
 
 from ..checkpoint.state import Stateful
+from ..faults.effects import EffectGroup
 from ..fmu_instance import FmuInstance
 from ..plan import Plan, Stage
 from ..rows import Array
@@ -69,7 +70,8 @@ class IteratedLoop:
                 begin = len(stages)
                 stages += [stage for sequel in own for stage in make_stages([sequel], phase)]
                 turns.append(tuple(range(begin, len(stages))))
-            loop = _Loop(setting, [instances[name] for name in order], columns) if looped else None
+            faults = [part for stage in stages[begin:] for part in stage.gathers if isinstance(part, EffectGroup)]
+            loop = _Loop(setting, [instances[name] for name in order], columns, faults) if looped else None
             self._groups.append((turns, loop))
         self.histories: list[InputHistory] = [s.history for s in sequels if s.history is not None]
         self.memories: list[Stateful] = [
@@ -87,6 +89,8 @@ class IteratedLoop:
         """See :class:`.loops.StepLoop`.  Raises :class:`ConvergenceError`, too."""
         setting, rows, runner = self._setting, self._setting.rows, self._runner
         step = setting.step
+        for group in self._plan.effects:
+            group.prepare(times)
         fed = [(*rows.find_place(s.port), s.sample(times + step, step)) for s in self._plan.signals]
         for index, time in enumerate(times.tolist()):
             if interrupted:
@@ -111,9 +115,15 @@ class IteratedLoop:
 
 
 class _Loop:
-    """The components of a loop, in the order of stepping, and the values that go back in it."""
+    """The components of a loop, in the order of stepping, the values that go back in it, and what faults do in it."""
 
-    def __init__(self, setting: Setting, members: Sequence[FmuInstance], columns: Sequence[SchemeColumn]) -> None:
+    def __init__(
+        self,
+        setting: Setting,
+        members: Sequence[FmuInstance],
+        columns: Sequence[SchemeColumn],
+        faults: Sequence[EffectGroup],
+    ) -> None:
         names = [member.name for member in members]
         self._members, self._rows, self._step = members, setting.rows, setting.step
         self._unknowns = [p for p in _list_returning(names, setting.wires) if p in setting.rows.real.places]
@@ -121,7 +131,8 @@ class _Loop:
         by_name = {member.name: member for member in members}
         nominal = [by_name[port.component].get_nominal(port.variable) for port in self._unknowns]
         self.solver = InterfaceSolver(setting.scheme.iteration, np.array(nominal))
-        exact = all(member.derives for member in members)
+        self._faults = faults
+        exact = all(member.derives for member in members) and not faults  # those are not in the derivatives of FMUs
         self._links: list[Link] | None = list_links(members, setting.wires) if exact else None
         own = {column.kind: column for column in columns if set(column.members) == set(names)}
         self._columns = [setting.rows.find_place(own[kind].port) for kind in ("passes", "residual") if kind in own]
@@ -130,6 +141,7 @@ class _Loop:
         """Step from ``time`` [s] on.  Raises :class:`ConvergenceError` or :class:`SlaveError`."""
         rows, places = self._rows, self._places
         before, states, at_start = rows.latest.copy(), keep_states(self._members), True
+        remembered = [group.keep() for group in self._faults]
         try:
 
             def evaluate(z: Array) -> Array:
@@ -138,6 +150,8 @@ class _Loop:
                     for member, state in states.items():
                         member.set_state(state)
                     rows.latest[:] = before
+                    for group, kept in zip(self._faults, remembered, strict=True):
+                        group.restore(kept)
                 at_start = False
                 rows.real.values[places] = z
                 for number in stages:
