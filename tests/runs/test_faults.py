@@ -81,8 +81,6 @@ def test_a_run_of_any_system_says_what_acted_and_marks_it(oscillator, tmp_path, 
         ({"action": "stick"}, (), 1, r"faults.json, line 1: events[0].action: expected one of override"),
         ({"time": 1.0}, (), 1, "events[0]: time 1 s is not before the end of the run, 1 s after its start"),
         ({}, ("--faults", "none.json"), 2, "--faults: there is no file none.json"),
-        ({}, ("--scheme", "iterated"), 2, "--faults: cannot be combined with the scheme iterated: expected jacobi or"),
-        ({}, ("--rate", "mass=1/2"), 2, "--faults: cannot be combined with the scheme jacobi, mass 1/2"),
     ],
 )
 def test_what_cannot_be_done_ends_the_run_before_it_begins(oscillator, tmp_path, capsys, event, more, code, text):

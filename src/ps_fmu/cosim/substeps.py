@@ -105,9 +105,8 @@ class RepeatingLoop:
         try:
             self.loop.advance(times, interrupted)
         except SlaveEnded as ended:
-            begin = float(times[rows.filled - first])
-            if not finish_step(self.loop.plan, rows, ended, begin):
-                ended.time = begin  # parts of a step may have ended later
+            if self.loop.plan is not None:  # other loops have finished the step themselves
+                finish_step(self.loop.plan, rows, ended, float(times[rows.filled - first]))
             raise
         except DiscardedStep as error:
             if self._obstacle is not None:
@@ -172,6 +171,7 @@ class RepeatingLoop:
             try:
                 loop.advance(np.array([now]), interrupted)
             except SlaveEnded as ended:
+                assert loop.plan is not None
                 if not (last and finish_step(loop.plan, rows, ended, now)):
                     rows.go_back(filled)
                     ended.time = time

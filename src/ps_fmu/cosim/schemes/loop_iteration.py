@@ -14,6 +14,7 @@ from time import perf_counter_ns
 import numpy as np
 
 from ..checkpoint.state import Stateful
+from ..errors import SlaveEnded
 from ..faults.effects import EffectGroup
 from ..fmu_instance import FmuInstance
 from ..plan import Plan, Stage
@@ -100,14 +101,21 @@ class IteratedLoop:
             runner.begin(time)
             for values, place, samples in fed:
                 values[place] = samples[index]
-            for turns, loop in self._groups:
-                if loop is not None:
-                    loop.solve(runner, turns[0], time)
-                    continue
-                for number in turns[phase]:
-                    runner.run(number, time)
+            try:
+                for turns, loop in self._groups:
+                    if loop is not None:
+                        loop.solve(runner, turns[0], time)
+                        continue
+                    for number in turns[phase]:
+                        runner.run(number, time)
+            except SlaveEnded as ended:
+                ended.time = time
+                raise
             rows.store_latest()
             runner.end(began, time)
+            for over in runner.ended.values():
+                over.time = time + step
+                raise over
 
     def count_rows(self) -> int:
         """See :class:`.loops.StepLoop`."""
@@ -149,6 +157,7 @@ class _Loop:
                 if not at_start:
                     for member, state in states.items():
                         member.set_state(state)
+                        runner.ended.pop(member.name, None)
                     rows.latest[:] = before
                     for group, kept in zip(self._faults, remembered, strict=True):
                         group.restore(kept)
