@@ -25,6 +25,7 @@ BUDGET_S = 0.05
 _TAKE = {"float64": 0, "int32": 1}
 _DO_SPAN, _TAKE_LINES = 7, 8
 _CHANGE = {"float64": 10, "int32": 11}
+_LINES = {"start_lines": 12, "change_lines": 13, "end_lines": 14}
 _CALL = {
     "fmi2SetReal": 2,
     "fmi2SetInteger": 3,
@@ -127,9 +128,10 @@ def is_available() -> bool:
 
 def _make_operation(part: Gather | EffectGroup | Change | Call) -> _Operation:
     """The addresses in a gather, in what faults do or in a call, whose objects the plan keeps."""
-    assert not isinstance(part, Change), "a plan that needs Python"
+    if isinstance(part, Change):
+        return _Operation(_LINES[part.function], 0, None, None, None, part.address)
     if isinstance(part, EffectGroup):
-        kind = _CHANGE[part.inputs.dtype.name]
+        kind = _LINES["change_lines"] if part.has_lines else _CHANGE[part.inputs.dtype.name]
         return _Operation(kind, part.count, None, None, part.inputs.ctypes.data, part.address)
     if isinstance(part, Gather):
         arrays = part.sources.ctypes.data, part.outputs.ctypes.data, part.inputs.ctypes.data

@@ -125,9 +125,19 @@ class Gather:
 
 @dataclass(frozen=True, eq=False)
 class Change:
-    """What else changes the gathered inputs in place; only the loop in Python can do it."""
+    """What else changes the gathered inputs in place.
+
+    ``function`` of lines.h does the same with the data at ``address``; without one, only the loop in Python can do it.
+    """
 
     apply: Callable[[], None]
+    function: str = ""
+    address: int = 0
+
+    @property
+    def needs_python(self) -> bool:
+        """As of :attr:`Gather.needs_python`."""
+        return not self.function
 
     def list_changes(self) -> list[Callable[[], None]]:
         """As :meth:`Gather.list_changes`."""
@@ -197,4 +207,4 @@ class Plan:
         """Whether it has what only the loop in Python can do: inputs over time, Strings, changes of other kinds."""
         parts = (part for stage in self.stages for part in stage.gathers)
         moves = any(stage.moves for stage in self.stages)
-        return bool(self.signals or moves or any(isinstance(part, Change) or part.needs_python for part in parts))
+        return bool(self.signals or moves or any(part.needs_python for part in parts))

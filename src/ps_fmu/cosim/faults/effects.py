@@ -1,7 +1,7 @@
 """What faults do to the numbers of an exchange.  ``native/effects.c`` does the same, to the last bit.
 
 An effect has a memory, an array that both use; groups are prepared for some steps before these are made.  An input that
-goes on along a line has a slope, too, which effects change with its value, in Python alone.
+goes on along a line has a slope, too, which effects change with its value.
 """
 
 from __future__ import annotations
@@ -164,7 +164,12 @@ class _Effect(Structure):
 class _Group(Structure):
     """``Effects`` of effects.c."""
 
-    _fields_ = (("effects", POINTER(_Effect)), ("count", c_int64), ("step", c_int64), ("row", c_int64))
+    _fields_ = (
+        ("effects", POINTER(_Effect)),
+        *((name, c_int64) for name in ("count", "step", "row")),
+        ("slopes", c_void_p),
+        *((name, c_double) for name in ("begin", "length")),
+    )
 
 
 class EffectGroup:
@@ -188,19 +193,26 @@ class EffectGroup:
         lines: tuple[Array, float] | None = None,
     ) -> None:
         self.inputs, self.convert = inputs, convert
-        self._lines, self._part = lines, StepPart()
+        self._lines = lines
+        self._part = StepPart() if lines is None else StepPart(length=lines[1])
         self._samples: list[Array] = []  # the structure below has their addresses
         self._effects, self._clock = tuple(effects), clock
         self._native = (_Effect * len(effects))(
             *(_Effect(e.kind, place, e.length, e.value, e.memory.ctypes.data) for place, e in effects)
         )
-        self._group = _Group(self._native, len(effects))
+        slopes = None if lines is None else lines[0].ctypes.data
+        self._group = _Group(self._native, len(effects), 0, 0, slopes, 0.0, self._part.length)
         self._discrete = inputs.dtype != np.float64
 
     @property
     def needs_python(self) -> bool:
         """Whether effects.c cannot do it."""
-        return self.convert is not None or self._lines is not None
+        return self.convert is not None
+
+    @property
+    def has_lines(self) -> bool:
+        """Whether it changes slopes, too."""
+        return self._lines is not None
 
     @property
     def count(self) -> int:
@@ -220,7 +232,8 @@ class EffectGroup:
         self._group.step, self._group.row = first, 0
         if self._lines is not None:
             late = float(times[0]) - self._clock.time(first)
-            self._part = StepPart(late if late > ON_GRID * self._clock.step else 0.0, self._lines[1])
+            self._group.begin = late if late > ON_GRID * self._clock.step else 0.0
+            self._part = StepPart(self._group.begin, self._lines[1])
         self._samples.clear()
         for (_, effect), native in zip(self._effects, self._native, strict=True):
             if effect.draw is not None:

@@ -85,15 +85,17 @@ class InputHistory:
         ):  # fmt: skip
             copy_into(target, state[name])
 
-    def find_place(self, period: int) -> float:
+    def find_late(self, period: int) -> float:
         """How long ago a step of so many base steps began [s]; 0 where it begins now."""
         grid = self._grid
         return round((grid.now.value - grid.start) / grid.step) % period * grid.step
 
-    def describe(self, part: Extension) -> _Lines:
-        """A part of the component's step as data."""
-        numbers = self._grid.start, self._grid.step, self._length, part.offset, part.length
-        arrays = part.places, self._periods, self._ahead, part.values, part.slopes
+    def describe(self, places: NDArray[np.intp], values: Array, part: Extension | None = None) -> Structure:
+        """The lines as data: ``Lines`` of lines.h, of the inputs at some places of the ``values``, in a part of the
+        component's step."""
+        offset, length, slopes = (0.0, 0.0, None) if part is None else (part.offset, part.length, part.slopes)
+        numbers = self._grid.start, self._grid.step, self._length, offset, length
+        arrays = places, self._periods, self._ahead, values, slopes
         own = self._memory, self._first, self.begin, self.slope
         addresses = (None if array is None else array.ctypes.data for array in (*arrays, *own))
         return _Lines(len(self._first), int(self._smoothed), *numbers, *addresses)
@@ -145,8 +147,8 @@ class Extension:
         return addressof(self._lines)
 
     @cached_property
-    def _lines(self) -> _Lines:
-        return self.history.describe(self)
+    def _lines(self) -> Structure:
+        return self.history.describe(self.places, self.values, self)
 
     def apply(self) -> None:
         """Replace the values, which are those of the sources now."""

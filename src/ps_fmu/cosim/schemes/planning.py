@@ -139,7 +139,7 @@ class _Extender:
             return ()
         start = LineStart(self.history, gather.inputs, slopes, self.places, rate.steps)
         converted = [] if convert is None or before else [Change(convert)]
-        return (gather, Change(start.apply), *before, *converted, *after)
+        return (gather, start.make_change(), *before, *converted, *after)
 
     def extend(self, offset: float, length: float) -> tuple[Gathered, ...]:
         """The inputs of a part that begins ``offset`` after the step and is ``length`` long [s]."""
@@ -150,7 +150,7 @@ class _Extender:
         shift = offset + 0.5 * length if self._derivatives is None else offset
         first = offset == 0.0
         end = LineEnd(self._line, gather.inputs, self._slopes, self.places, first, shift, self._derivatives)
-        return (*(self.begin if first else ()), Change(end.apply))
+        return (*(self.begin if first else ()), end.make_change())
 
 
 def make_stages(sequels: Sequence[Sequel], phase: int = 0) -> list[Stage]:
