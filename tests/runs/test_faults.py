@@ -95,6 +95,16 @@ def test_what_cannot_be_done_ends_the_run_before_it_begins(oscillator, tmp_path,
     assert not (tmp_path / "out" / "results.nc").exists()
 
 
+def test_faults_and_options_of_schemes(oscillator, tmp_path, capsys):
+    path = write(tmp_path, {"time": 0.2, "model": "mass", "variable": "position", "action": "override", "value": 0.25})
+    scheme = "--scheme", "gauss-seidel", "--extrapolate", "linear", "--rate", "mass=1/2"
+    options = "--step", "0.01", "--duration", "0.5", "--no-figures", "--faults", path, "--output", tmp_path / "out"
+    assert run(oscillator, *scheme, *options) == 0
+    assert "0.200 s: mass.position replaced by 0.25" in capsys.readouterr().out
+    with netCDF4.Dataset(tmp_path / "out" / "results.nc") as file:
+        assert set(file["run"]["spring.position"][21:]) == {0.25}
+
+
 def test_a_scenario_with_faults(tmp_path, built_fmus):
     faults = write(tmp_path, FREEZE)
     options = {"duration": 0.05, "figures": False, "progress": False, "storage_step": 1e-4}

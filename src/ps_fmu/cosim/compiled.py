@@ -6,13 +6,15 @@ It lets go of the interpreter's lock, so that two systems can run at the same ti
 from __future__ import annotations
 
 import logging
+from collections.abc import Callable
 from ctypes import POINTER, Structure, c_double, c_int, c_int64, c_void_p
+from functools import partial
 
 import numpy as np
 
 from .faults.effects import EffectGroup
 from .guard import End, load_library
-from .plan import Call, Change, Gather, Plan
+from .plan import Call, Change, Gather, InputExtension, Plan
 from .rows import Array, Rows
 from .stopwatch import Laps, Timing, list_parts
 
@@ -114,6 +116,23 @@ class CompiledLoop:
     def count_rows(self) -> int:
         """As :meth:`.loops.StepLoop.count_rows`."""
         return int(self._rows.filled + self._loop.rows_done)
+
+
+class CompiledExtension:
+    """What an extension of inputs does, in C, for steps that Python leads: 0.6 us instead of 16.
+
+    Parameters
+    ----------
+    extension: the same in Python, which keeps the data
+    now: where the base step begins [s]
+    """
+
+    def __init__(self, extension: InputExtension, now: c_double) -> None:
+        self._extension = extension
+        function = load_library().extend_inputs
+        function.argtypes, function.restype = (c_void_p, c_double), None
+        self.address = extension.address
+        self.apply: Callable[[], None] = partial(function, self.address, now)
 
 
 def is_available() -> bool:

@@ -7,17 +7,19 @@ their states at the beginning of the step, until the values that go back in it a
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from ctypes import c_int
+from ctypes import c_double, c_int
+from dataclasses import replace
 from itertools import permutations
 from time import perf_counter_ns
 
 import numpy as np
 
 from ..checkpoint.state import Stateful
+from ..compiled import CompiledExtension, is_available
 from ..errors import SlaveEnded
 from ..faults.effects import EffectGroup
 from ..fmu_instance import FmuInstance
-from ..plan import Plan, Stage
+from ..plan import Gather, Plan, Stage
 from ..rows import Array
 from ..stopwatch import Stopwatch
 from ..structure import PortName
@@ -42,6 +44,7 @@ class IteratedLoop:
     setting: of the plan
     instances: loaded FMUs by component
     columns: of the scheme
+    compiled: have the library find the lines of inputs where there is one; results are the same
     stopwatch: times each call
     """
 
@@ -52,6 +55,7 @@ class IteratedLoop:
         setting: Setting,
         instances: Mapping[str, FmuInstance],
         columns: Sequence[SchemeColumn],
+        compiled: bool,
         stopwatch: Stopwatch | None = None,
     ) -> None:
         wires = setting.wires
@@ -78,6 +82,8 @@ class IteratedLoop:
         self.memories: list[Stateful] = [
             *self.histories, *(loop.solver for _, loop in self._groups if loop is not None)
         ]  # fmt: skip
+        if compiled and is_available():
+            stages = [_extend_in_c(stage, setting.now) for stage in stages]
         plan = Plan(tuple(stages), setting.now, setting.step, tuple(wires.signals))
         self._plan = plan
         self._runner = StageRunner(plan, None if stopwatch is None else stopwatch.begin(plan))
@@ -179,6 +185,16 @@ class _Loop:
             release_states(states)
         for (values, place), number in zip(self._columns, (found.passes, found.residual), strict=False):
             values[place] = number
+
+
+def _extend_in_c(stage: Stage, now: c_double) -> Stage:
+    gathers = (
+        replace(part, extension=CompiledExtension(part.extension, now))
+        if isinstance(part, Gather) and part.extension is not None
+        else part
+        for part in stage.gathers
+    )
+    return replace(stage, gathers=tuple(gathers))
 
 
 def _list_returning(order: Iterable[str], wires: Wires) -> list[PortName]:

@@ -76,7 +76,7 @@ class LoopMaker:
         wires = make_wires(self.instances, self.wiring, self.cut, self.signals, self.faults)
         setting = Setting(scheme, self.descriptions, wires, self.rows, self.start, step)
         if scheme.is_iterated:
-            loop = IteratedLoop(setting, self.instances, self.columns, stopwatch)
+            loop = IteratedLoop(setting, self.instances, self.columns, self.compiled, stopwatch)
             return loop, loop.histories
         plan, histories = make_scheme_plan(setting, self.instances, self.wiring.stepping)
         return make_loop(plan, self.rows, self.compiled, stopwatch), histories

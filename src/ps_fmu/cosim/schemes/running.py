@@ -2,12 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from time import perf_counter_ns
 
 from ..errors import SlaveEnded
+from ..faults.effects import EffectGroup
 from ..last_step import is_reached, read_outputs
-from ..plan import Call, Plan, Stage
+from ..plan import Call, Change, Gather, Plan, Stage
 from ..stopwatch import Laps
+
+
+def _list_calls(part: Gather | EffectGroup | Change) -> list[Callable[[], object]]:
+    changes: list[Callable[[], object]] = [*part.list_changes()]
+    if not isinstance(part, Gather):
+        return changes
+    return [partial(part.outputs.take, part.sources, None, part.inputs, "clip"), *changes]
 
 
 class StageRunner:
@@ -15,6 +25,7 @@ class StageRunner:
 
     def __init__(self, plan: Plan, laps: Laps | None) -> None:
         self._plan, self._laps = plan, laps
+        self._gathering = [[change for part in stage.gathers for change in _list_calls(part)] for stage in plan.stages]
         self._spans = plan.list_spans()
         self.ended: dict[str, SlaveEnded] = {}
         """By component, that it has ended the simulation at the end of this base step."""
@@ -35,8 +46,8 @@ class StageRunner:
         if self._laps is not None:
             self._run_timed(stage, self._laps, self._laps.firsts[number], time)
             return
-        for gather in stage.gathers:
-            gather.apply()
+        for change in self._gathering[number]:
+            change()
         for move in stage.moves:
             move.carry(time)
         for part in stage.calls:
