@@ -1,8 +1,7 @@
 """What a step of the published system costs by each scheme, with faults and without.
 
 Processor time of the thread that steps, medians of interleaved runs in one process, and ratios to ``jacobi`` without
-faults.
-Iterations and estimates are led by Python, and set FMUs back to their states.
+faults.  Iterations and estimates are led by Python, and set FMUs back to their states.
 """
 
 from __future__ import annotations
