@@ -144,11 +144,35 @@ def test_an_end_with_rates(fmus, tmp_path, order, rates, step, last):
     np.testing.assert_allclose(rows["decay.x"], 0.9 ** np.round(time / 0.1), rtol=1e-12)
 
 
+MADE_AGAIN = [
+    *(Scheme(order, error_estimate=True) for order in ("jacobi", "gauss-seidel", "iterated")),
+    *(Scheme("iterated", rates={"stair": rate}) for rate in (Rate(), Rate(3), Rate(parts=4))),
+]
+
+
+@pytest.mark.usefixtures("each_loop")
+@pytest.mark.parametrize(
+    ("isolation", "names"),
+    [(None, ("decay", "stair", "through")), (Isolation(), ("through", "stair", "decay"))],
+    ids=["inside", "isolated"],
+)
+@pytest.mark.parametrize("scheme", MADE_AGAIN, ids=str)
+def test_an_end_where_steps_are_made_again(fmus, tmp_path, isolation, scheme, names):
+    """The last row is as without estimates, and has one."""
+    time, rows, ended = run(write(tmp_path, names, STAIRS), fmus, 0.2, 12.0, isolation, scheme)
+    assert (ended.component, ended.time, len(time)) == ("stair", pytest.approx(9.0), 46)
+    assert rows["stair.counter"][-2:].tolist() == [9, 10]
+    assert rows["through.whole_out"][-2:].tolist() == [9, 9 if scheme.order == "jacobi" else 10]
+    np.testing.assert_allclose(rows["decay.x"], 0.9 ** np.round(time / 0.1), rtol=1e-12)
+    if scheme.error_estimate:  # Euler's step of 0.1 s is in both
+        assert rows["error_estimate.decay"][1:].tolist() == pytest.approx([0.0] * 45, abs=1e-12)
+
+
 @pytest.mark.parametrize("scheme", [Scheme(error_estimate=True), Scheme("iterated")], ids=str)
-def test_an_end_where_steps_are_made_again(fmus, tmp_path, scheme):
-    time, _, ended = run(write(tmp_path, ("decay", "stair")), fmus, 0.2, 12.0, None, scheme)
-    assert time[-1] == ended.time
-    assert time[-1] == pytest.approx(8.8)
+def test_an_end_inside_of_a_step_that_is_made_again(fmus, tmp_path, scheme):
+    time, rows, ended = run(write(tmp_path, ("decay", "stair")), fmus, 0.7, 14.0, None, scheme)
+    assert time[-1] == ended.time == pytest.approx(8.4)
+    assert rows["stair.counter"][-1] == 9
 
 
 @pytest.mark.parametrize("isolation", [None, Isolation()])

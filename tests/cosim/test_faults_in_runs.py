@@ -8,15 +8,14 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from support import faulty
 from support.faults import run_oscillator, write
-from support.linear import make_oscillator
 
-from ps_fmu.cosim import Master, SystemFileError, UsageError
+from ps_fmu.cosim import Master, SystemFileError
 from ps_fmu.cosim.clock import StepClock
 from ps_fmu.cosim.description import read_descriptions
 from ps_fmu.cosim.faults.active import make_faults
 from ps_fmu.cosim.faults.reading import read_faults
 from ps_fmu.cosim.isolation.instance import Isolation
-from ps_fmu.cosim.schemes.scheme import Rate, Scheme
+from ps_fmu.cosim.schemes.scheme import Scheme
 from ps_fmu.cosim.structure import PortName
 
 ACTIONS = st.one_of(
@@ -137,23 +136,6 @@ def test_the_list_says_what_acted_and_when(oscillator, tmp_path):
         "text": entries[0]["text"],
     }  # fmt: skip
     assert entries[-1]["until_s"] is None
-
-
-@pytest.mark.parametrize(
-    ("scheme", "text"),
-    [
-        ("iterated", "iterated"), (Scheme(extrapolation="linear"), "jacobi, linear"),
-        (Scheme("gauss-seidel", rates={"second": Rate(2)}), "gauss-seidel, second 2"),
-        (Scheme(error_estimate=True), "jacobi, error estimate"),
-    ],
-    ids=str,
-)  # fmt: skip
-def test_schemes_without_a_place_for_faults_are_refused_before_anything_is_loaded(build, tmp_path, scheme, text):
-    system = build(make_oscillator)
-    faults = write(tmp_path, {"time": 0.0, "model": "first", "variable": "x", "action": "freeze"})
-    with pytest.raises(UsageError, match=f"faults: cannot be combined with the scheme {text}: expected jacobi"):
-        Master(system, 0.01, scheme, faults=faults)
-    Master(system, 0.01, Scheme("gauss-seidel", rates={"first": Rate(1)}), faults=faults).close()
 
 
 def test_what_effects_remember_can_be_set_back(oscillator, tmp_path):

@@ -131,10 +131,10 @@ def test_names_of_calls_in_two_threads_do_not_stay():
     ended = run("""
 class Caller(Thread):
     def run(self):
-        with guard.name_call("second: fmi2GetReal"):
+        with guard.NamedCall("second: fmi2GetReal"):
             self.ready.set()
             assert self.go.wait(20)
-with guard.name_call("first: fmi2GetReal"):
+with guard.NamedCall("first: fmi2GetReal"):
     caller = Caller()
 caller.end()
 """)
@@ -146,13 +146,13 @@ def test_exit_in_a_thread_names_its_own_call():
 exit_process = ctypes.CDLL(None).exit
 class Caller(Thread):
     def run(self):
-        with guard.name_call("second: fmi2GetReal"):
+        with guard.NamedCall("second: fmi2GetReal"):
             self.ready.set()
             assert self.go.wait(20)
             exit_process(0)
-with guard.name_call("first: fmi2GetReal"):
+with guard.NamedCall("first: fmi2GetReal"):
     caller = Caller()
-    with guard.name_call("nested: fmi2SetReal"):
+    with guard.NamedCall("nested: fmi2SetReal"):
         pass
     caller.end()
 """)

@@ -81,8 +81,6 @@ def test_a_run_of_any_system_says_what_acted_and_marks_it(oscillator, tmp_path, 
         ({"action": "stick"}, (), 1, r"faults.json, line 1: events[0].action: expected one of override"),
         ({"time": 1.0}, (), 1, "events[0]: time 1 s is not before the end of the run, 1 s after its start"),
         ({}, ("--faults", "none.json"), 2, "--faults: there is no file none.json"),
-        ({}, ("--scheme", "iterated"), 2, "--faults: cannot be combined with the scheme iterated: expected jacobi or"),
-        ({}, ("--rate", "mass=1/2"), 2, "--faults: cannot be combined with the scheme jacobi, mass 1/2"),
     ],
 )
 def test_what_cannot_be_done_ends_the_run_before_it_begins(oscillator, tmp_path, capsys, event, more, code, text):
@@ -95,6 +93,16 @@ def test_what_cannot_be_done_ends_the_run_before_it_begins(oscillator, tmp_path,
     assert found == code
     assert text in capsys.readouterr().err
     assert not (tmp_path / "out" / "results.nc").exists()
+
+
+def test_faults_and_options_of_schemes(oscillator, tmp_path, capsys):
+    path = write(tmp_path, {"time": 0.2, "model": "mass", "variable": "position", "action": "override", "value": 0.25})
+    scheme = "--scheme", "gauss-seidel", "--extrapolate", "linear", "--rate", "mass=1/2"
+    options = "--step", "0.01", "--duration", "0.5", "--no-figures", "--faults", path, "--output", tmp_path / "out"
+    assert run(oscillator, *scheme, *options) == 0
+    assert "0.200 s: mass.position replaced by 0.25" in capsys.readouterr().out
+    with netCDF4.Dataset(tmp_path / "out" / "results.nc") as file:
+        assert set(file["run"]["spring.position"][21:]) == {0.25}
 
 
 def test_a_scenario_with_faults(tmp_path, built_fmus):

@@ -10,30 +10,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from support.states import clocks, numbers, use_made_up_state
+from support.states import clocks, drive, numbers, use_made_up_state
 
 from ps_fmu.slavekit.author.slave import ModelError, Refused
 from ps_fmu.slavekit.author.state import from_bytes, to_bytes
 
 H = 0.01  # s
-
-
-def drive(slave, first, n):
-    """Steps with inputs that are functions of the step number; all outputs, bit by bit."""
-    rows = []
-    for i in range(first, first + n):
-        if "load" in slave.layout.reference:
-            slave.set_real([slave.layout.find("load")], [math.sin(i)])
-            slave.set_real([slave.layout.find("reference")], [0.3 * (i // 7 % 3)])
-            slave.set_boolean([slave.layout.find("engage")], [i % 11 != 0])
-        elif "gain" in slave.layout.reference:
-            slave.set_real([slave.layout.find("gain")], [1.0 + i // 40])
-        else:
-            slave.set_real([slave.layout.find("signal")], [math.sin(i)])
-        h = H if i % 50 < 40 else H / 2
-        assert slave.do_step(slave.time, h)
-        rows.append(slave.get_real([0, 1]))
-    return rows
 
 
 @pytest.mark.parametrize("name", ["oscillator", "waves", "limiter", "channel"])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 from dataclasses import replace
 from typing import Any
 
@@ -12,6 +13,7 @@ from hypothesis import strategies as st
 from ps_fmu.slavekit.author.slave import LifePhase, ModelError, Refused, Slave
 from ps_fmu.slavekit.author.state import to_bytes
 
+H = 0.01  # s
 _NUMBERS = st.one_of(
     st.sampled_from((0.0, 1.0, -3.0, 0.5, 1e16, -1e154, 1e300, 1e308, 5e-324)),
     st.floats(allow_nan=False, allow_infinity=False),
@@ -52,3 +54,21 @@ def use_made_up_state(slave: Slave, clock: dict[str, Any], changes: list[tuple[f
         with contextlib.suppress(Refused, ModelError):
             slave.do_step(slave.time, h)
     assert np.isfinite(slave._get_fmu_state().buffer).all()
+
+
+def drive(slave: Slave, first: int, n: int) -> list[list[float]]:
+    """Steps with inputs that are functions of the step number; all outputs, bit by bit."""
+    rows = []
+    for i in range(first, first + n):
+        if "load" in slave.layout.reference:
+            slave.set_real([slave.layout.find("load")], [math.sin(i)])
+            slave.set_real([slave.layout.find("reference")], [0.3 * (i // 7 % 3)])
+            slave.set_boolean([slave.layout.find("engage")], [i % 11 != 0])
+        elif "gain" in slave.layout.reference:
+            slave.set_real([slave.layout.find("gain")], [1.0 + i // 40])
+        else:
+            slave.set_real([slave.layout.find("signal")], [math.sin(i)])
+        h = H if i % 50 < 40 else H / 2
+        assert slave.do_step(slave.time, h)
+        rows.append(slave.get_real([0, 1]))
+    return rows

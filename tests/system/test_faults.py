@@ -7,8 +7,12 @@ from pathlib import Path
 import jsonschema
 import numpy as np
 import pytest
+from support.faults import write
+from support.linear import run
 
+from ps_fmu.cosim import read_system
 from ps_fmu.cosim.faults.reading import SCHEMA
+from ps_fmu.cosim.schemes.scheme import Rate, Scheme
 
 ROOT = Path(__file__).parents[2]
 FILES = sorted((ROOT / "system" / "faults").glob("*.json"))
@@ -37,6 +41,22 @@ def test_it_makes_the_pointing_error_larger_while_it_acts(drawing, built_fmus, n
     before, during = time <= acted[0].from_s, (time >= acted[0].from_s) & (time <= acted[0].until_s)
     assert np.array_equal(healthy[before], faulty[before])
     assert drawing.find_rms(faulty[during]) > least * drawing.find_rms(healthy[during])
+
+
+SCHEMES = [Scheme("gauss-seidel"), Scheme("iterated", "linear"), Scheme(rates={"isolator": Rate(4)})]
+
+
+@pytest.mark.parametrize("scheme", SCHEMES, ids=str)
+def test_what_is_switched_during_a_run_is_an_input_that_faults_act_on(built_fmus, tmp_path, scheme):
+    """Our parameters are fixed.  The isolator is switched off for 20 ms, though nothing is connected to its switch."""
+    event = {"time": 0.02, "duration": 0.02, "model": "isolator", "variable": "enabled"}
+    faults = write(tmp_path, {**event, "action": "override", "value": False})
+    rows = run(read_system(ROOT / "system" / "SystemStructure.ssd", built_fmus), scheme, 1e-3, 0.06, faults=faults)
+    off = rows["isolator.enabled"] == 0.0
+    own = scheme.get_rate("isolator").steps  # rows show what it has done
+    assert np.flatnonzero(off).tolist() == list(range(20 + own, 40 + own))
+    force = np.abs([rows[f"isolator.fine_force_{leg}"] for leg in (1, 2, 3)]).max(axis=0)
+    assert not force[24:41].any() and (force[10:20] > 0.0).all() and (force[45:] > 0.0).all()
 
 
 def test_all_of_them_are_tried():

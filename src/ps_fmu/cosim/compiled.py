@@ -6,13 +6,15 @@ It lets go of the interpreter's lock, so that two systems can run at the same ti
 from __future__ import annotations
 
 import logging
+from collections.abc import Callable
 from ctypes import POINTER, Structure, c_double, c_int, c_int64, c_void_p
+from functools import partial
 
 import numpy as np
 
 from .faults.effects import EffectGroup
 from .guard import End, load_library
-from .plan import Call, Gather, Plan
+from .plan import Call, Change, Gather, InputExtension, Plan
 from .rows import Array, Rows
 from .stopwatch import Laps, Timing, list_parts
 
@@ -25,6 +27,7 @@ BUDGET_S = 0.05
 _TAKE = {"float64": 0, "int32": 1}
 _DO_SPAN, _TAKE_LINES = 7, 8
 _CHANGE = {"float64": 10, "int32": 11}
+_LINES = {"start_lines": 12, "change_lines": 13, "end_lines": 14}
 _CALL = {
     "fmi2SetReal": 2,
     "fmi2SetInteger": 3,
@@ -115,6 +118,23 @@ class CompiledLoop:
         return int(self._rows.filled + self._loop.rows_done)
 
 
+class CompiledExtension:
+    """What an extension of inputs does, in C, for steps that Python leads: 0.6 us instead of 16.
+
+    Parameters
+    ----------
+    extension: the same in Python, which keeps the data
+    now: where the base step begins [s]
+    """
+
+    def __init__(self, extension: InputExtension, now: c_double) -> None:
+        self._extension = extension
+        function = load_library().extend_inputs
+        function.argtypes, function.restype = (c_void_p, c_double), None
+        self.address = extension.address
+        self.apply: Callable[[], None] = partial(function, self.address, now)
+
+
 def is_available() -> bool:
     """Whether the loop can be run here."""
     try:
@@ -125,10 +145,12 @@ def is_available() -> bool:
     return True
 
 
-def _make_operation(part: Gather | EffectGroup | Call) -> _Operation:
+def _make_operation(part: Gather | EffectGroup | Change | Call) -> _Operation:
     """The addresses in a gather, in what faults do or in a call, whose objects the plan keeps."""
+    if isinstance(part, Change):
+        return _Operation(_LINES[part.function], 0, None, None, None, part.address)
     if isinstance(part, EffectGroup):
-        kind = _CHANGE[part.inputs.dtype.name]
+        kind = _LINES["change_lines"] if part.has_lines else _CHANGE[part.inputs.dtype.name]
         return _Operation(kind, part.count, None, None, part.inputs.ctypes.data, part.address)
     if isinstance(part, Gather):
         arrays = part.sources.ctypes.data, part.outputs.ctypes.data, part.inputs.ctypes.data

@@ -104,7 +104,7 @@ class FmuInstance:
     def _instantiate(self) -> None:
         """fmi2Instantiate of the library."""
         try:
-            with leave_no_bytecode(), guard.name_call(f"{self.name}: fmi2Instantiate"):
+            with leave_no_bytecode(), guard.NamedCall(f"{self.name}: fmi2Instantiate"):
                 self._fmu.instantiate(callbacks=self._callbacks, loggingOn=True)
         except Exception as error:
             forget(self._callbacks)
@@ -152,7 +152,7 @@ class FmuInstance:
         if self.phase not in (InstancePhase.FATAL, InstancePhase.FREED):
             self.phase = InstancePhase.FREED
             pythonfmu.release_once(self._fmu.dll)
-            with guard.name_call(f"{self.name}: fmi2FreeInstance"):
+            with guard.NamedCall(f"{self.name}: fmi2FreeInstance"):
                 self._fmu.freeInstance()
             forget(self._callbacks)
             release_unpacked(self._folder)
@@ -346,7 +346,7 @@ class FmuInstance:
     def _call(self, function: str, *arguments: Any, time: float | None = None, variables: Sequence[str] = ()) -> None:
         if self.phase in (InstancePhase.FATAL, InstancePhase.FREED):
             raise UsageError(f"{self.name}: {function} cannot be called, the instance is {self.phase.name.lower()}")
-        with guard.name_call(f"{self.name}: {function}{at_time(time)}"):
+        with guard.NamedCall(f"{self.name}: {function}{at_time(time)}"):
             status = getattr(self._fmu.dll, function)(self.address, *arguments)
         self.check(function, status, time, variables)
 

@@ -14,16 +14,14 @@ from .plan import Call, Plan
 from .rows import Rows
 
 
-def finish_step(plan: Plan | None, rows: Rows, ended: SlaveEnded, time: float) -> bool:
+def finish_step(plan: Plan, rows: Rows, ended: SlaveEnded, time: float) -> bool:
     """Make the rest of the step from ``time`` [s] on, and store its row; ``ended`` has its time then.
 
-    False, and nothing is done, if an FMU has ended the simulation before the end of the step, or if the steps follow no
-    single ``plan``.  Raises :class:`SlaveError`: another FMU cannot make the step.
+    False, and ``ended`` has that time, if an FMU has ended the simulation before the end of the step.  Raises
+    :class:`SlaveError`: another FMU cannot make the step.
     """
-    if plan is None:
-        return False
-    last = time + plan.step
-    if not _is_reached(ended, last, plan.step):
+    ended.time, last = time, time + plan.step
+    if not is_reached(ended, last, plan.step):
         return False
     plan.now.value = time
     for span in plan.list_spans():
@@ -44,11 +42,11 @@ def finish_step(plan: Plan | None, rows: Rows, ended: SlaveEnded, time: float) -
                     call.check(call.invoke(), time, plan.step)
                     continue
                 except SlaveEnded as other:
-                    if not _is_reached(other, last, plan.step):
+                    if not is_reached(other, last, plan.step):
                         return False
                     over.add(other.component)
             if call.later:
-                _read(call, last)
+                read_outputs(call, last)
     for signal in plan.signals:
         values, place = rows.find_place(signal.port)
         values[place] = signal.sample(np.array([last]), plan.step)[0]
@@ -57,12 +55,13 @@ def finish_step(plan: Plan | None, rows: Rows, ended: SlaveEnded, time: float) -
     return True
 
 
-def _is_reached(ended: SlaveEnded, last: float, step: float) -> bool:
+def is_reached(ended: SlaveEnded, last: float, step: float) -> bool:
+    """Whether an FMU has ended at the end of a step, ``last`` [s]."""
     return ended.reached is not None and abs(ended.reached - last) <= ON_GRID * step
 
 
-def _read(call: Call, time: float) -> None:
-    """Outputs of an FMU that has ended; a read that was put off may not have been carried out."""
+def read_outputs(call: Call, time: float) -> None:
+    """Those of an FMU that has ended at a time [s]; a read that was put off may not have been carried out."""
     assert call.values is not None
     for place, value in enumerate(call.instance.get(call.names, time).values()):
         call.values[place] = value

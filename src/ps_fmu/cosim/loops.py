@@ -26,7 +26,10 @@ class StepLoop(Protocol):
 
     @property
     def plan(self) -> Plan | None:
-        """What is done in each step; None where that depends on what comes out."""
+        """What is done in each step; None where that depends on what comes out.
+
+        Such a loop also finishes the step at whose end an FMU ends the simulation, see :mod:`.last_step`.
+        """
 
     @property
     def memories(self) -> Sequence[Stateful]:

@@ -322,8 +322,7 @@ class Master:
     # ---- how ---------------------------------------------------------------------------------------------
 
     def _find_port(self, name: str) -> PortName:
-        port = self.system.find_port(name)
-        find_variable(self._descriptions[port.component], port.variable)
+        find_variable(self._descriptions[(port := self.system.find_port(name)).component], port.variable)
         return port
 
     def _check(self, name: str, value: Value, running: bool = True) -> tuple[PortName, Value]:
@@ -336,22 +335,24 @@ class Master:
         if self._loop is not None:
             self._loop.forget()
             self._instances[port.component].set({port.variable: value}, self.time)
-            if self.faults.note(port, value) or (new and any(port == c.target for c in self.wiring.connections)):
-                self._make_plan()
+            cut = new and any(port == c.target for c in self.wiring.connections)
+            if self.faults.note(port, value) or cut:
+                self._make_plan(None if cut else self._loop)
 
     def _drop_loop(self) -> None:
         loop, self._loop = self._loop, None
         if loop is not None:
             loop.forget()
 
-    def _make_plan(self) -> None:
+    def _make_plan(self, before: RepeatingLoop | None = None) -> None:
         fed = find_fed(self._instances, self.wiring, self._set.keys(), self._signals)
         self.faults.settle(self._instances, fed)
         maker = LoopMaker(  # refers to no Master, so that it goes when nobody needs it any longer
             self.scheme, self._columns.own, self._descriptions, self._instances, self.wiring, self._rows,
             self.clock.start, self._set.keys(), self._signals, self._compiled, self.step, self._stopwatch, self.faults,
         )  # fmt: skip
-        self._loop = RepeatingLoop(self._instances, self._rows, self.step, maker.make, self._obstacle, self.faults)
+        memories = self.faults, before
+        self._loop = RepeatingLoop(self._instances, self._rows, self.step, maker.make, self._obstacle, *memories)
 
     def _advance(
         self, end: int, schedule: Schedule, delivery: Delivery, progress: Progress | None, interrupted: c_int,
@@ -367,7 +368,7 @@ class Master:
                 assert self._loop is not None
                 if self.faults.switch(self._index):
                     self._loop.forget()
-                    self._make_plan()
+                    self._make_plan(self._loop)
                 stop = self.faults.find_change(self._index, min(end, schedule[0][0]) if schedule else end)
                 count = min(keeper.limit(stop) - self._index, rows.capacity - rows.filled)
                 try:

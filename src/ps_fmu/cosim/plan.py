@@ -106,6 +106,11 @@ class Gather:
     targets: tuple[PortName, ...] = ()
     extension: InputExtension | None = None
 
+    @property
+    def needs_python(self) -> bool:
+        """Whether only the loop in Python can do it."""
+        return self.convert is not None
+
     def apply(self) -> None:
         """Do all this."""
         self.outputs.take(self.sources, None, self.inputs, "clip")
@@ -116,6 +121,27 @@ class Gather:
         """What changes the inputs after they have been copied, in order."""
         changes = [] if self.convert is None else [self.convert]
         return changes if self.extension is None else [*changes, self.extension.apply]
+
+
+@dataclass(frozen=True, eq=False)
+class Change:
+    """What else changes the gathered inputs in place.
+
+    ``function`` of lines.h does the same with the data at ``address``; without one, only the loop in Python can do it.
+    """
+
+    apply: Callable[[], None]
+    function: str = ""
+    address: int = 0
+
+    @property
+    def needs_python(self) -> bool:
+        """As of :attr:`Gather.needs_python`."""
+        return not self.function
+
+    def list_changes(self) -> list[Callable[[], None]]:
+        """As :meth:`Gather.list_changes`."""
+        return [self.apply]
 
 
 @dataclass(frozen=True)
@@ -136,7 +162,7 @@ class Move:
 class Stage:
     """A part of a step: first all that is gathered, with what faults do to it, and moved, then the calls in order."""
 
-    gathers: tuple[Gather | EffectGroup, ...]
+    gathers: tuple[Gather | EffectGroup | Change, ...]
     calls: tuple[Call, ...]
     moves: tuple[Move, ...] = ()
 
@@ -178,6 +204,7 @@ class Plan:
 
     @property
     def needs_python(self) -> bool:
-        """Whether it has what only the loop in Python can do: inputs over time, Strings, conversions."""
-        gathers = (gather for stage in self.stages for gather in stage.gathers)
-        return bool(self.signals or any(s.moves for s in self.stages) or any(g.convert for g in gathers))
+        """Whether it has what only the loop in Python can do: inputs over time, Strings, changes of other kinds."""
+        parts = (part for stage in self.stages for part in stage.gathers)
+        moves = any(stage.moves for stage in self.stages)
+        return bool(self.signals or moves or any(part.needs_python for part in parts))

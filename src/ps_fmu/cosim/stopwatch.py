@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .faults.effects import EffectGroup
-from .plan import Call, Gather, Plan
+from .plan import Call, Change, Gather, Plan
 
 EXCHANGE = "exchange"
 """What stands in place of a component's name where outputs are copied to inputs."""
@@ -129,13 +129,13 @@ class Stopwatch:
         )
 
 
-def list_parts(plan: Plan) -> Iterator[Gather | EffectGroup | Call]:
+def list_parts(plan: Plan) -> Iterator[Gather | EffectGroup | Change | Call]:
     """Gathers, what faults do, and calls of all stages in their order."""
     for stage in plan.stages:
         yield from chain(stage.gathers, stage.calls)
 
 
-def _name_part(part: Call | Gather | EffectGroup) -> Part:
+def _name_part(part: Call | Gather | EffectGroup | Change) -> Part:
     return (part.instance.name, part.function) if isinstance(part, Call) else (EXCHANGE, "")
 
 

@@ -64,6 +64,7 @@ class RepeatingLoop:
     make_loop: makes the loop for steps of a size [s]
     obstacle: why no step can be repeated, see :func:`find_obstacle`
     faults: what they remember is set back with the FMUs
+    before: the loop whose steps go on in this one: what the scheme remembers goes on, too
     """
 
     def __init__(
@@ -74,6 +75,7 @@ class RepeatingLoop:
         make_loop: Callable[[float], StepLoop],
         obstacle: str | None,
         faults: ActiveFaults,
+        before: RepeatingLoop | None = None,
     ) -> None:
         self._instances = tuple(instances.values())
         self._rows, self._step, self._make_loop = rows, step, make_loop
@@ -83,6 +85,10 @@ class RepeatingLoop:
         """FMUs of which the user knows that they discard steps."""
         self.is_between_steps = True
         """Whether the FMUs are where the rows end; not after an interrupted repetition."""
+        if before is not None:
+            self.warned |= before.warned
+            for own, other in zip(self.loop.memories, before.loop.memories, strict=True):
+                own.load_state(other.save_state())
         self._kept: _Kept | None = None
         self._kept_at = 0.0
         self._since: list[Array] = []  # times of the steps since then [s]
@@ -99,9 +105,8 @@ class RepeatingLoop:
         try:
             self.loop.advance(times, interrupted)
         except SlaveEnded as ended:
-            begin = float(times[rows.filled - first])
-            if not finish_step(self.loop.plan, rows, ended, begin):
-                ended.time = begin  # parts of a step may have ended later
+            if self.loop.plan is not None:  # other loops have finished the step themselves
+                finish_step(self.loop.plan, rows, ended, float(times[rows.filled - first]))
             raise
         except DiscardedStep as error:
             if self._obstacle is not None:
@@ -166,6 +171,7 @@ class RepeatingLoop:
             try:
                 loop.advance(np.array([now]), interrupted)
             except SlaveEnded as ended:
+                assert loop.plan is not None
                 if not (last and finish_step(loop.plan, rows, ended, now)):
                     rows.go_back(filled)
                     ended.time = time

@@ -89,7 +89,6 @@ def make_wires(
     faults: ActiveFaults | None = None,
 ) -> Wires:
     """Where all inputs come from; see :func:`make_plan`."""
-    cut = cut if faults is None else {*cut, *faults.find_cut()}
     sources = find_sources(instances, wiring, cut)
     conversions = {target: conversion for target, conversion in wiring.conversions.items() if target in sources}
     for signal in signals:
@@ -158,13 +157,28 @@ class Wires:
         """What brings the outputs of a kind to inputs: faults of outputs act before a conversion, others after it."""
         taken = np.array([kind.places[self.sources[port]] for port in wired])
         convert = self.make_conversion(wired, inputs)
-        before = None if self.faults is None else self.faults.make_group(wired, inputs, True, convert)
-        after = None if self.faults is None else self.faults.make_group(wired, inputs, False)
-        gather = Gather(kind.values, taken, inputs, convert if before is None else None, tuple(wired))
-        return [gather, *(group for group in (before, after) if group is not None)]
+        before, after = self.make_groups(wired, inputs, convert)
+        gather = Gather(kind.values, taken, inputs, None if before else convert, tuple(wired))
+        return [gather, *before, *after]
 
-    def make_conversion(self, wired: Sequence[PortName], inputs: NDArray[Any]) -> Callable[[], None] | None:
-        """What changes the inputs that have conversions, in place; None where none has."""
+    def make_groups(
+        self,
+        wired: Sequence[PortName],
+        inputs: NDArray[Any],
+        convert: Callable[[], None] | None,
+        lines: tuple[NDArray[np.float64], float] | None = None,
+    ) -> tuple[list[EffectGroup], list[EffectGroup]]:
+        """What faults do before the inputs are converted, and that with it if there is any, and behind it."""
+        if self.faults is None:
+            return [], []
+        before = self.faults.make_group(wired, inputs, True, convert, lines)
+        after = self.faults.make_group(wired, inputs, False, None, lines)
+        return [] if before is None else [before], [] if after is None else [after]
+
+    def make_conversion(
+        self, wired: Sequence[PortName], inputs: NDArray[Any], slopes: NDArray[np.float64] | None = None
+    ) -> Callable[[], None] | None:
+        """What changes the inputs that have conversions, and their slopes, in place; None where none has."""
         found = [(place, self.conversions[port]) for place, port in enumerate(wired) if port in self.conversions]
         if not found:
             return None
@@ -182,16 +196,20 @@ class Wires:
 
         def scale() -> None:
             inputs[places] = inputs[places] * factors + offsets
+            if slopes is not None:
+                slopes[places] *= factors
 
         return scale
 
     def list_moves(self, stepped: Sequence[FmuInstance]) -> list[Move]:
-        """The connections of Strings to some instances."""
+        """The connections of Strings to some instances, but those that faults keep from their sources."""
+        cut = () if self.faults is None else self.faults.find_cut()
         return [
             Move(self.instances[source.component], source.variable, instance, port.variable)
             for instance in stepped
             for port in self.inputs[instance.name]
             if (source := self.sources[port]).component and instance.variables[port.variable].type == "String"
+            and port not in cut
         ]
 
 

@@ -35,7 +35,7 @@ from .cost_log import RunCosts
 from .fault_report import find_spans, list_faults, tabulate_faults
 from .keeping import CaseKeeper, keep_run, leave_no_empty_file
 from .kept_options import SYSTEM
-from .options import MOST_STEPS, PLOT, RESULTS, SUMMARY, AnyRun, OptionError, check_together
+from .options import MOST_STEPS, PLOT, RESULTS, SUMMARY, AnyRun, OptionError
 from .setup import select_stored
 from .warning_log import WarningLog
 
@@ -78,7 +78,6 @@ def _run(options: AnyRun) -> None:
             scheme = resolve_scheme(make_scheme(options.scheme), system, descriptions, step)
         except UsageError as error:
             raise OptionError(f"--scheme and --rate: {error}") from error
-        check_together(scheme, options.faults)
         with Master(
             system, step, scheme, descriptions=descriptions, inputs=signals, also=also,
             isolation=options.isolation, stopwatch=None if costs is None else costs.stopwatch, faults=faults,

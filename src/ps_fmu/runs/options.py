@@ -9,9 +9,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ..cosim.clock import count_steps
-from ..cosim.errors import UsageError
 from ..cosim.isolation.instance import Isolation
-from ..cosim.schemes.scheme import ORDERS, Scheme, make_scheme
+from ..cosim.schemes.scheme import ORDERS, Scheme
 
 MOST_STEPS = 10**10  # of a run: 1e6 s at 1e-4 s, some hours
 RESULTS, SUMMARY, REPORT = "results.nc", "summary.json", "report.html"  # in the output folder
@@ -97,7 +96,6 @@ class RunOptions:
                 )
         check_seed(self.seed)
         check_keeping(self.checkpoint_s, self.source, self.anew, self.output)
-        check_together(make_scheme(self.scheme), self.faults)
         for path in self.parameters:
             if not path.is_file():
                 raise OptionError(f"--parameters: there is no file {path}")
@@ -162,7 +160,6 @@ class AnyRun:
 
     def __post_init__(self) -> None:
         check_keeping(self.checkpoint_s, self.source, self.anew, self.output)
-        check_together(make_scheme(self.scheme), self.faults)
 
 
 def check_seed(seed: int) -> None:
@@ -181,18 +178,6 @@ def check_keeping(interval_s: float | None, source: Path | None, anew: tuple[str
         raise OptionError(f"--from: there is no {source}")
     if source is not None and output.resolve() in (source.resolve(), *source.resolve().parents):
         raise OptionError(f"--from: {source} is in the output folder, which gets new results: name another --output")
-
-
-def check_together(scheme: Scheme, faults: Path | None) -> None:
-    """Raises :class:`OptionError` for faults with a scheme that they do not go together with.
-
-    ``scheme``: as given, or better as resolved for the system, whose files may state rates.
-    """
-    try:
-        if faults is not None:
-            scheme.require_plain("--faults")
-    except UsageError as error:
-        raise OptionError(str(error)) from error
 
 
 def claim_folder(folder: Path) -> Path:

@@ -77,12 +77,15 @@ def build(
     states: bool = True,
     fixed_step: float | None = None,
     kind: str = "continuous",
+    ends: float = 1e300,
 ) -> Path:
-    """NAME.fmu in a folder; what its description claims, and the step of its default experiment [s]."""
+    """NAME.fmu in a folder; what its description claims, the step of its default experiment [s], and where it ends the
+    simulation [s]."""
     lists = {key: ", ".join(repr(float(v)) for v in np.ravel(getattr(part, key))) for key in ("A", "B", "C", "D", "x0")}
     n, k, m = len(part.x0), len(part.inputs), len(part.outputs)
     (folder / "model.h").write_text(
         f"enum {{ NX = {n}, NU = {k}, NY = {m}, INTERPOLATES = {int(interpolates)} }};\n"
+        f"static const double ENDS = {ends!r};\n"
         + "".join(f"static const double {key.upper()}[] = {{{text}}};\n" for key, text in lists.items())
     )
     compiler = ["cc"] if shutil.which("cc") else [sys.executable, "-m", "ziglang", "cc"]

@@ -1,6 +1,6 @@
 /* An FMU in C that is exact within its steps: x' = A x + B u, y = C x + D u, each u a line in time.
 
-   model.h has the sizes NX, NU, NY and the matrices, by rows.  Value references: outputs from 0 on, then inputs, then states.
+   model.h has the sizes NX, NU, NY, the matrices, by rows, and the time ENDS [s] at which it ends the simulation.  Value references: outputs from 0 on, then inputs, then states.
    A step takes u and its slope where it begins; at its end u is where the line has got to, and the slope is 0. */
 #include <math.h>
 #include <stdlib.h>
@@ -18,6 +18,7 @@ typedef struct {
 typedef struct {
     State state;
     double length, map[N][N]; /* exp(M h), for the h of the last step */
+    double reached;           /* s, where it has ended the simulation */
 } Instance;
 
 static void multiply(double result[N][N], double left[N][N], double right[N][N])
@@ -92,7 +93,7 @@ fmi2Status fmi2DoStep(fmi2Component c, fmi2Real time, fmi2Real step, fmi2Boolean
 {
     Instance *m = c;
     double next[N];
-    (void)time, (void)only_forward;
+    (void)only_forward;
     if (m->length != step)
         find_map(m, step);
     for (int i = 0; i < N; i++) {
@@ -102,7 +103,21 @@ fmi2Status fmi2DoStep(fmi2Component c, fmi2Real time, fmi2Real step, fmi2Boolean
     }
     memcpy(m->state.now, next, sizeof next);
     memset(m->state.now + SLOPE, 0, NU * sizeof(double));
-    return fmi2OK;
+    m->reached = time + step;
+    return m->reached > ENDS - 1e-9 ? fmi2Discard : fmi2OK;
+}
+
+/* Asked for where a step is said to be discarded. */
+fmi2Status fmi2GetBooleanStatus(fmi2Component c, const fmi2StatusKind what, fmi2Boolean *value)
+{
+    *value = ((Instance *)c)->reached > ENDS - 1e-9;
+    return what == fmi2Terminated ? fmi2OK : fmi2Error;
+}
+
+fmi2Status fmi2GetRealStatus(fmi2Component c, const fmi2StatusKind what, fmi2Real *value)
+{
+    *value = ((Instance *)c)->reached;
+    return what == fmi2LastSuccessfulTime ? fmi2OK : fmi2Error;
 }
 
 fmi2Status fmi2SetReal(fmi2Component c, const fmi2ValueReference r[], size_t n, const fmi2Real v[])
@@ -228,8 +243,6 @@ ABSENT(GetBoolean, const fmi2ValueReference r[], size_t n, int v[])
 ABSENT(GetString, const fmi2ValueReference r[], size_t n, fmi2String v[])
 ABSENT(GetRealOutputDerivatives, const fmi2ValueReference r[], size_t n, const int o[], double v[])
 ABSENT(GetStatus, const fmi2StatusKind what, fmi2Status *value)
-ABSENT(GetRealStatus, const fmi2StatusKind what, fmi2Real *value)
 ABSENT(GetIntegerStatus, const fmi2StatusKind what, int *value)
-ABSENT(GetBooleanStatus, const fmi2StatusKind what, fmi2Boolean *value)
 ABSENT(GetStringStatus, const fmi2StatusKind what, fmi2String *value)
 fmi2Status fmi2CancelStep(fmi2Component c) { (void)c; return fmi2Error; }

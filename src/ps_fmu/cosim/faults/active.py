@@ -37,13 +37,9 @@ def make_faults(
 ) -> ActiveFaults:
     """The faults of a file at work in a system.
 
-    Raises :class:`UsageError` for a scheme that they do not go with: what rates, lines and iterations make of an input
-    has no place for them; :class:`SystemFileError`, see :func:`.binding.bind_faults`.
+    Raises :class:`SystemFileError`, see :func:`.binding.bind_faults`.
     """
-    if file is None:
-        return ActiveFaults(None, clock)
-    scheme.require_plain("faults")
-    return ActiveFaults(bind_faults(file, system, descriptions, clock), clock)
+    return ActiveFaults(None if file is None else bind_faults(file, system, descriptions, clock), clock, scheme)
 
 
 class ActiveFaults:
@@ -52,17 +48,30 @@ class ActiveFaults:
     One that is connected gets them in the exchange of each step.  Another one has a ``base``, the value that it would
     have without faults: what they make of it is set once, or in each step where it changes.
 
+    A component that makes a step in several of the base sees faults begin and end where its own steps begin.
+
     Parameters
     ----------
     bound: None for a run without faults
     clock: of the whole steps
+    scheme: as resolved for the system
     """
 
-    def __init__(self, bound: BoundFaults | None, clock: StepClock) -> None:
-        self.bound, self._clock = bound, clock
+    def __init__(self, bound: BoundFaults | None, clock: StepClock, scheme: Scheme) -> None:
+        self.bound, self._clock, self._scheme = bound, clock, scheme
         self._faults = () if bound is None else bound.faults
-        self._points = sorted({p for f in self._faults for p in (f.first, f.last) if p is not None})
+        self._points = sorted(
+            -(-point // size) * size
+            for fault in self._faults
+            for size in {self._count_steps(port) for port in fault.inputs}
+            for point in (fault.first, fault.last)
+            if point is not None
+        )
         self.reset()
+
+    def _count_steps(self, port: PortName) -> int:
+        """Base steps in a step of the component of an input or parameter."""
+        return self._scheme.get_rate(port.component).steps
 
     @property
     def recorded(self) -> list[PortName]:
@@ -71,7 +80,7 @@ class ActiveFaults:
 
     def reset(self) -> None:
         """Back to before the run."""
-        self._acting: tuple[Fault, ...] = ()
+        self._acting: tuple[tuple[Fault, PortName], ...] = ()
         self._effects: dict[tuple[Fault, PortName], Effect] = {}
         self._bases: dict[PortName, Value] = {}
         self._open: set[PortName] = set()
@@ -86,9 +95,14 @@ class ActiveFaults:
         self._index = index
         if not self._faults:
             return False
-        acting = tuple(fault for fault in self._faults if fault.acts_at(index))
+        acting = tuple(
+            (fault, port)
+            for fault in self._faults
+            for port in fault.inputs
+            if fault.acts_at(index - index % self._count_steps(port))
+        )
         changed, self._acting = acting != self._acting, acting
-        self._effects = {key: effect for key, effect in self._effects.items() if key[0] in acting}
+        self._effects = {key: effect for key, effect in self._effects.items() if key in acting}
         return changed
 
     @property
@@ -140,7 +154,7 @@ class ActiveFaults:
             self._bases[port] = base
         for kept in state["memories"]:
             fault, port = self._faults[int(kept["fault"])], ports[kept["input"]]
-            if fault not in self._acting or port not in fault.inputs:
+            if (fault, port) not in self._acting:
                 raise ValueError(f"the fault {fault.event.key} does not act on {port}")
             effect = self._find_effect(fault, port)
             copy_into(effect.memory, kept["memory"])
@@ -150,12 +164,11 @@ class ActiveFaults:
         """An input or parameter gets another value from outside; whether faults act on it."""
         if port in self._bases:
             self._bases[port] = value
-        return any(port in fault.inputs for fault in self._acting)
+        return any(port == seen for _, seen in self._acting)
 
     def settle(self, instances: Mapping[str, FmuInstance], fed: Collection[PortName]) -> None:
         """Set what does not go with the exchange; ``fed`` are the inputs that do.  Raises :class:`SlaveError`."""
-        pairs = [(port, fault.on_output) for fault in self._acting for port in fault.inputs]
-        seen = list(dict.fromkeys(port for port, on_output in pairs if not on_output or port in fed))
+        seen = list(dict.fromkeys(port for fault, port in self._acting if not fault.on_output or port in fed))
         self._open = {port for port in seen if port not in fed}
         time = self._clock.time(self._index)
         for port in [port for port in self._bases if port not in self._open]:
@@ -175,7 +188,7 @@ class ActiveFaults:
 
     def find_cut(self) -> set[PortName]:
         """Connected Strings that faults keep from their sources."""
-        return {port for fault in self._acting for port in fault.inputs if self._type(port) == "String"}
+        return {port for _, port in self._acting if self._type(port) == "String"}
 
     def find_bases(self) -> dict[PortName, PortName]:
         """The sources of inputs and parameters that are not connected, and that faults change in each step."""
@@ -198,10 +211,12 @@ class ActiveFaults:
         inputs: NDArray[Any],
         on_output: bool,
         convert: Callable[[], None] | None = None,
+        lines: tuple[Array, float] | None = None,
     ) -> EffectGroup | None:
         """The effects on wired inputs, whose numbers are in ``inputs`` in that order; None where there are none.
 
-        ``on_output``: those that come before the conversion for the input; else those behind it.
+        ``on_output``: those that come before the conversion for the input; else those behind it.  ``convert`` and
+        ``lines`` are those of :class:`.effects.EffectGroup`.
         """
         found = [
             (place, self._find_effect(fault, port))
@@ -209,7 +224,7 @@ class ActiveFaults:
             for fault in self._list_on(port)
             if fault.on_output == on_output
         ]
-        return EffectGroup(inputs, found, self._clock, convert) if found else None
+        return EffectGroup(inputs, found, self._clock, convert, lines) if found else None
 
     def keep(self) -> Memories:
         """What the effects remember, to be given back to :meth:`restore`."""
@@ -228,7 +243,7 @@ class ActiveFaults:
 
     def _list_on(self, port: PortName) -> list[Fault]:
         """The faults that an input sees: of the output for all, of it for this input, of the input itself."""
-        found = [f for f in self._acting if port in f.inputs and not (f.on_output and port in self._open)]
+        found = [f for f, seen in self._acting if port == seen and not (f.on_output and port in self._open)]
         return sorted(found, key=lambda fault: (not fault.on_output, fault.event.target is not None))
 
     def _varies(self, port: PortName) -> bool:
@@ -246,16 +261,18 @@ class ActiveFaults:
     def _find_effect(self, fault: Fault, port: PortName) -> Effect:
         key = fault, port
         if key not in self._effects:
-            self._effects[key] = _make_effect(fault, self._clock.step)
+            self._effects[key] = _make_effect(fault, self._clock.step, self._scheme.extrapolation != "hold")
         return self._effects[key]
 
 
-def _make_effect(fault: Fault, step: float) -> Effect:
-    """The effect of a fault on the numbers that one input gets."""
+def _make_effect(fault: Fault, step: float, lined: bool) -> Effect:
+    """The effect of a fault on the numbers that one input gets; ``lined``: inputs may go on along lines."""
     event, value = fault.event, fault.value
     number = float(value) if isinstance(value, bool | int | float) else 0.0
+    if event.action == DELAY and fault.delay_steps == 0:
+        return Effect(effects.BIAS)
     if event.action == DELAY:
-        return Effect(effects.DELAY, length=fault.delay_steps)
+        return Effect(effects.DELAY, length=fault.delay_steps, lined=lined)
     if event.action == NOISE:
         # The samples of white noise of a one-sided density S, one a step, have the variance S / (2 step).
         rms = event.rms if event.rms is not None else sqrt((event.density or 0.0) / (2.0 * step))

@@ -16,15 +16,19 @@ typedef struct {
     const double *samples; /* of the steps that the group is prepared for, or NULL */
 } Effect;
 
-/* Effects in their order.  The next step is `step`; its samples are in `row`. */
+/* Effects in their order.  The next step is `step`; its samples are in `row`.  Of inputs that go on along lines: their
+   slopes [1/s], where in the whole step the lines begin, and how long they are [s]. */
 typedef struct {
     const Effect *effects;
     int64_t count;
     int64_t step;
     int64_t row;
+    double *slopes;
+    double begin, length;
 } Effects;
 
 void change_doubles(Effects *group, double *inputs);
 void change_ints(Effects *group, int *inputs);
+void change_lines(Effects *group, double *inputs);
 
 #endif

@@ -23,14 +23,17 @@ typedef enum {
     TAKE_LINES,
     SET_DERIVATIVES,
     CHANGE_DOUBLES,
-    CHANGE_INTS
+    CHANGE_INTS,
+    START_LINES,
+    CHANGE_LINES,
+    END_LINES
 } Kind;
 
 /* What is done with `count` numbers.  TAKE: values[i] = outputs[places[i]].  SET, GET: `places` are value references.
    DO_SPAN: a step over another time; `places` are the two doubles
    that say how much later than the step it begins, and how long it is [s].  TAKE_LINES: TAKE, then the Lines that
    `component` is.  SET_DERIVATIVES: `outputs` are the orders.  CHANGE: `component` is the Effects of faults on the
-   values.  INTS and INTEGERS are Booleans, too: both are int in FMI 2.0. */
+   values; START_LINES, END_LINES: LineStart and LineEnd.  INTS and INTEGERS are Booleans, too: both are int in FMI 2.0. */
 typedef struct {
     int64_t kind;
     int64_t count;
@@ -123,6 +126,15 @@ static int carry_out(const Operation *o, double time, double step)
     case CHANGE_INTS:
         change_ints(o->component, o->values);
         return fmi2OK;
+    case START_LINES:
+        start_lines(o->component, time);
+        return fmi2OK;
+    case CHANGE_LINES:
+        change_lines(o->component, o->values);
+        return fmi2OK;
+    case END_LINES:
+        end_lines(o->component);
+        return fmi2OK;
     }
     return fmi2Fatal;
 }
@@ -208,6 +220,12 @@ static inline int run(
         }
     }
     return fmi2OK;
+}
+
+/* The lines of inputs, for steps that Python leads. */
+__attribute__((visibility("default"))) void extend_inputs(const Lines *lines, double now)
+{
+    extend(lines, now);
 }
 
 /* Run steps until `rows_done` is `end`; row i is that of the step from times[i].  Returns fmi2OK there, and early,

@@ -13,7 +13,10 @@ from ctypes import c_int
 import numpy as np
 
 from ..checkpoint.state import State, Stateful, copy_into
+from ..errors import SlaveEnded
+from ..faults.active import ActiveFaults
 from ..fmu_instance import FmuInstance
+from ..last_step import finish_step
 from ..loops import StepLoop
 from ..plan import Plan
 from ..rows import Array, Rows
@@ -33,6 +36,7 @@ class EstimatingLoop:
     step: communication step [s]
     order: of the global error of the scheme
     columns: of the scheme
+    faults: what they remember is set back with the FMUs
     """
 
     plan: Plan | None = None
@@ -46,10 +50,11 @@ class EstimatingLoop:
         step: float,
         order: int,
         columns: Sequence[SchemeColumn],
+        faults: ActiveFaults,
     ) -> None:
         self._whole, self._half = whole, half
         self._instances = tuple(instances.values())
-        self._rows, self._step = rows, step
+        self._rows, self._step, self._faults = rows, step, faults
         self._factor = 2.0**order / (2.0**order - 1.0)
         self._largest = np.abs(rows.real.values)
         self._shown: int | None = None
@@ -87,27 +92,48 @@ class EstimatingLoop:
         """False if it was interrupted: nothing has been done then."""
         rows = self._rows
         filled, before = rows.filled, rows.latest.copy()
-        states = keep_states(self._instances)
+        states, memories = keep_states(self._instances), self._faults.keep()
         try:
             for own, other in zip(self._half[1], self._whole[1], strict=True):
                 own.copy_from(other)
-            done = all(_make_step(self._half[0], rows, t, interrupted) for t in (time, time + 0.5 * self._step))
-            refined = rows.real.values.copy()
+            refined = self._make_halves(time, interrupted)
             for instance, state in states.items():
                 instance.set_state(state)
             rows.latest[:] = before
+            self._faults.restore(memories)
         finally:
             rows.go_back(filled)
             release_states(states)
-        if not done or not _make_step(self._whole[0], rows, time, interrupted, keep=True):
-            return False
+        try:
+            if interrupted or not _make_step(self._whole[0], rows, time, interrupted):
+                return False
+        except SlaveEnded:
+            if rows.filled > filled:
+                self._store(refined)
+            raise
         self._store(refined)
         return True
 
-    def _store(self, refined: Array) -> None:
+    def _make_halves(self, time: float, interrupted: c_int) -> Array | None:
+        """The outputs behind them; None if they were interrupted, or an FMU has ended within them."""
+        rows, loop = self._rows, self._half[0]
+        filled, middle = rows.filled, time + 0.5 * self._step
+        try:
+            for begin in (time, middle):
+                rows.go_back(filled)
+                if not _make_step(loop, rows, begin, interrupted):
+                    return None
+        except SlaveEnded as ended:  # the whole step says so, too: there it counts
+            if rows.filled == filled or ended.time is None or ended.time < middle + 0.25 * self._step:
+                return None
+        return rows.real.values.copy()
+
+    def _store(self, refined: Array | None) -> None:
         rows = self._rows
         found = rows.real.values
-        np.maximum(self._largest, np.maximum(np.abs(found), np.abs(refined)), out=self._largest)
+        if refined is None:  # nothing is known
+            refined = np.full_like(found, np.nan)
+        np.fmax(self._largest, np.fmax(np.abs(found), np.abs(refined)), out=self._largest)
         scale = np.where(self._largest > 0.0, self._largest, 1.0)
         errors = self._factor * np.abs(refined - found) / scale
         for place, own in self._columns:
@@ -118,15 +144,21 @@ class EstimatingLoop:
             self._shown = count
 
 
-def _make_step(loop: StepLoop, rows: Rows, time: float, interrupted: c_int, keep: bool = False) -> bool:
-    """One step; its row is stored only to ``keep`` it.  False if it was interrupted."""
+def _make_step(loop: StepLoop, rows: Rows, time: float, interrupted: c_int) -> bool:
+    """One step, and its row.  False if it was interrupted.
+
+    Raises :class:`SlaveEnded`, also behind the row of a step that an FMU has made before it ended.
+    """
     filled = rows.filled
-    while rows.filled == filled:  # a loop in C may return before its time
-        if interrupted:
-            return False
-        loop.advance(np.array([time]), interrupted)
-    if not keep:
-        rows.go_back(filled)
+    try:
+        while rows.filled == filled:  # a loop in C may return before its time
+            if interrupted:
+                return False
+            loop.advance(np.array([time]), interrupted)
+    except SlaveEnded as ended:
+        if loop.plan is not None:
+            finish_step(loop.plan, rows, ended, time)
+        raise
     return True
 
 

@@ -70,18 +70,32 @@ class InputHistory:
         self._first[:] = other._first
 
     def save_state(self) -> dict[str, State]:
-        """The samples; lines begin anew from them in each step of the component."""
-        return {"memory": self._memory.copy(), "first": self._first.copy()}
+        """The samples, and the lines of the present step of the component."""
+        return {
+            "memory": self._memory.copy(),
+            "first": self._first.copy(),
+            "begin": self.begin.copy(),
+            "slope": self.slope.copy(),
+        }
 
     def load_state(self, state: Mapping[str, State]) -> None:
-        """Take over samples of the same inputs.  Raises ValueError or KeyError: no such."""
-        copy_into(self._memory, state["memory"])
-        copy_into(self._first, state["first"])
+        """Take over samples and lines of the same inputs.  Raises ValueError or KeyError: no such."""
+        for name, target in (
+            ("memory", self._memory), ("first", self._first), ("begin", self.begin), ("slope", self.slope)
+        ):  # fmt: skip
+            copy_into(target, state[name])
 
-    def describe(self, part: Extension) -> _Lines:
-        """A part of the component's step as data."""
-        numbers = self._grid.start, self._grid.step, self._length, part.offset, part.length
-        arrays = part.places, self._periods, self._ahead, part.values, part.slopes
+    def find_late(self, period: int) -> float:
+        """How long ago a step of so many base steps began [s]; 0 where it begins now."""
+        grid = self._grid
+        return round((grid.now.value - grid.start) / grid.step) % period * grid.step
+
+    def describe(self, places: NDArray[np.intp], values: Array, part: Extension | None = None) -> Structure:
+        """The lines as data: ``Lines`` of lines.h, of the inputs at some places of the ``values``, in a part of the
+        component's step."""
+        offset, length, slopes = (0.0, 0.0, None) if part is None else (part.offset, part.length, part.slopes)
+        numbers = self._grid.start, self._grid.step, self._length, offset, length
+        arrays = places, self._periods, self._ahead, values, slopes
         own = self._memory, self._first, self.begin, self.slope
         addresses = (None if array is None else array.ctypes.data for array in (*arrays, *own))
         return _Lines(len(self._first), int(self._smoothed), *numbers, *addresses)
@@ -133,8 +147,8 @@ class Extension:
         return addressof(self._lines)
 
     @cached_property
-    def _lines(self) -> _Lines:
-        return self.history.describe(self)
+    def _lines(self) -> Structure:
+        return self.history.describe(self.places, self.values, self)
 
     def apply(self) -> None:
         """Replace the values, which are those of the sources now."""

@@ -7,15 +7,19 @@ their states at the beginning of the step, until the values that go back in it a
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from ctypes import c_int
+from ctypes import c_double, c_int
+from dataclasses import replace
 from itertools import permutations
 from time import perf_counter_ns
 
 import numpy as np
 
 from ..checkpoint.state import Stateful
+from ..compiled import CompiledExtension, is_available
+from ..errors import SlaveEnded
+from ..faults.effects import EffectGroup
 from ..fmu_instance import FmuInstance
-from ..plan import Plan, Stage
+from ..plan import Gather, Plan, Stage
 from ..rows import Array
 from ..stopwatch import Stopwatch
 from ..structure import PortName
@@ -40,6 +44,7 @@ class IteratedLoop:
     setting: of the plan
     instances: loaded FMUs by component
     columns: of the scheme
+    compiled: have the library find the lines of inputs where there is one; results are the same
     stopwatch: times each call
     """
 
@@ -50,6 +55,7 @@ class IteratedLoop:
         setting: Setting,
         instances: Mapping[str, FmuInstance],
         columns: Sequence[SchemeColumn],
+        compiled: bool,
         stopwatch: Stopwatch | None = None,
     ) -> None:
         wires = setting.wires
@@ -69,12 +75,15 @@ class IteratedLoop:
                 begin = len(stages)
                 stages += [stage for sequel in own for stage in make_stages([sequel], phase)]
                 turns.append(tuple(range(begin, len(stages))))
-            loop = _Loop(setting, [instances[name] for name in order], columns) if looped else None
+            faults = [part for stage in stages[begin:] for part in stage.gathers if isinstance(part, EffectGroup)]
+            loop = _Loop(setting, [instances[name] for name in order], columns, faults) if looped else None
             self._groups.append((turns, loop))
         self.histories: list[InputHistory] = [s.history for s in sequels if s.history is not None]
         self.memories: list[Stateful] = [
             *self.histories, *(loop.solver for _, loop in self._groups if loop is not None)
         ]  # fmt: skip
+        if compiled and is_available():
+            stages = [_extend_in_c(stage, setting.now) for stage in stages]
         plan = Plan(tuple(stages), setting.now, setting.step, tuple(wires.signals))
         self._plan = plan
         self._runner = StageRunner(plan, None if stopwatch is None else stopwatch.begin(plan))
@@ -87,6 +96,8 @@ class IteratedLoop:
         """See :class:`.loops.StepLoop`.  Raises :class:`ConvergenceError`, too."""
         setting, rows, runner = self._setting, self._setting.rows, self._runner
         step = setting.step
+        for group in self._plan.effects:
+            group.prepare(times)
         fed = [(*rows.find_place(s.port), s.sample(times + step, step)) for s in self._plan.signals]
         for index, time in enumerate(times.tolist()):
             if interrupted:
@@ -96,14 +107,21 @@ class IteratedLoop:
             runner.begin(time)
             for values, place, samples in fed:
                 values[place] = samples[index]
-            for turns, loop in self._groups:
-                if loop is not None:
-                    loop.solve(runner, turns[0], time)
-                    continue
-                for number in turns[phase]:
-                    runner.run(number, time)
+            try:
+                for turns, loop in self._groups:
+                    if loop is not None:
+                        loop.solve(runner, turns[0], time)
+                        continue
+                    for number in turns[phase]:
+                        runner.run(number, time)
+            except SlaveEnded as ended:
+                ended.time = time
+                raise
             rows.store_latest()
             runner.end(began, time)
+            for over in runner.ended.values():
+                over.time = time + step
+                raise over
 
     def count_rows(self) -> int:
         """See :class:`.loops.StepLoop`."""
@@ -111,9 +129,15 @@ class IteratedLoop:
 
 
 class _Loop:
-    """The components of a loop, in the order of stepping, and the values that go back in it."""
+    """The components of a loop, in the order of stepping, the values that go back in it, and what faults do in it."""
 
-    def __init__(self, setting: Setting, members: Sequence[FmuInstance], columns: Sequence[SchemeColumn]) -> None:
+    def __init__(
+        self,
+        setting: Setting,
+        members: Sequence[FmuInstance],
+        columns: Sequence[SchemeColumn],
+        faults: Sequence[EffectGroup],
+    ) -> None:
         names = [member.name for member in members]
         self._members, self._rows, self._step = members, setting.rows, setting.step
         self._unknowns = [p for p in _list_returning(names, setting.wires) if p in setting.rows.real.places]
@@ -121,7 +145,8 @@ class _Loop:
         by_name = {member.name: member for member in members}
         nominal = [by_name[port.component].get_nominal(port.variable) for port in self._unknowns]
         self.solver = InterfaceSolver(setting.scheme.iteration, np.array(nominal))
-        exact = all(member.derives for member in members)
+        self._faults = faults
+        exact = all(member.derives for member in members) and not faults  # those are not in the derivatives of FMUs
         self._links: list[Link] | None = list_links(members, setting.wires) if exact else None
         own = {column.kind: column for column in columns if set(column.members) == set(names)}
         self._columns = [setting.rows.find_place(own[kind].port) for kind in ("passes", "residual") if kind in own]
@@ -130,6 +155,7 @@ class _Loop:
         """Step from ``time`` [s] on.  Raises :class:`ConvergenceError` or :class:`SlaveError`."""
         rows, places = self._rows, self._places
         before, states, at_start = rows.latest.copy(), keep_states(self._members), True
+        remembered = [group.keep() for group in self._faults]
         try:
 
             def evaluate(z: Array) -> Array:
@@ -137,7 +163,10 @@ class _Loop:
                 if not at_start:
                     for member, state in states.items():
                         member.set_state(state)
+                        runner.ended.pop(member.name, None)
                     rows.latest[:] = before
+                    for group, kept in zip(self._faults, remembered, strict=True):
+                        group.restore(kept)
                 at_start = False
                 rows.real.values[places] = z
                 for number in stages:
@@ -156,6 +185,16 @@ class _Loop:
             release_states(states)
         for (values, place), number in zip(self._columns, (found.passes, found.residual), strict=False):
             values[place] = number
+
+
+def _extend_in_c(stage: Stage, now: c_double) -> Stage:
+    gathers = (
+        replace(part, extension=CompiledExtension(part.extension, now))
+        if isinstance(part, Gather) and part.extension is not None
+        else part
+        for part in stage.gathers
+    )
+    return replace(stage, gathers=tuple(gathers))
 
 
 def _list_returning(order: Iterable[str], wires: Wires) -> list[PortName]:

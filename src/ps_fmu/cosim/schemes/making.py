@@ -39,7 +39,7 @@ class LoopMaker:
     signals: inputs of the run, which lie in the rows
     compiled: run the steps in C where they can be
     whole: communication step [s]; the stopwatch, if there is one, times steps of this size
-    faults: at work; there are none with a scheme that is not plain
+    faults: at work
     """
 
     scheme: Scheme
@@ -68,15 +68,15 @@ class LoopMaker:
         if not scheme.error_estimate:
             return whole[0]
         half = self._make_single(0.5 * step, None)
-        return EstimatingLoop(whole, half, instances, rows, step, scheme.error_order, self.columns)
+        return EstimatingLoop(whole, half, instances, rows, step, scheme.error_order, self.columns, self.faults)
 
     def _make_single(self, step: float, stopwatch: Stopwatch | None) -> tuple[StepLoop, Sequence[InputHistory]]:
         """A loop that makes each step once, and the histories of its inputs."""
         scheme = self.scheme
-        wires = make_wires(self.instances, self.wiring, self.cut, self.signals)
+        wires = make_wires(self.instances, self.wiring, self.cut, self.signals, self.faults)
         setting = Setting(scheme, self.descriptions, wires, self.rows, self.start, step)
         if scheme.is_iterated:
-            loop = IteratedLoop(setting, self.instances, self.columns, stopwatch)
+            loop = IteratedLoop(setting, self.instances, self.columns, self.compiled, stopwatch)
             return loop, loop.histories
         plan, histories = make_scheme_plan(setting, self.instances, self.wiring.stepping)
         return make_loop(plan, self.rows, self.compiled, stopwatch), histories

@@ -119,14 +119,6 @@ class Scheme:
         rated = any(rate != Rate() for rate in self.rates.values())
         return not (self.is_iterated or rated or self.error_estimate or self.extrapolation != "hold")
 
-    def require_plain(self, what: str) -> None:
-        """Raises :class:`UsageError` unless :attr:`is_plain`; ``what`` does not go with the scheme then."""
-        if not self.is_plain:
-            raise UsageError(
-                f"{what}: cannot be combined with the scheme {self}: expected jacobi or gauss-seidel without "
-                "extrapolation and error estimate, and with the rate 1 for each component"
-            )
-
     @property
     def error_order(self) -> int:
         """Order of the global error that the exchange makes in smooth systems, see docs/schemes.md."""

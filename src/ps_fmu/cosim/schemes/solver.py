@@ -135,6 +135,8 @@ class InterfaceSolver:
     def _find_change(self, residual: Array) -> Array:
         """Newton's step; of a singular Jacobian the smallest."""
         assert self._jacobian is not None
+        if len(residual) == 1 and self._jacobian[0, 0] != 0.0:  # 0.5 us instead of 6, the same bits
+            return -residual / self._jacobian[0]
         try:
             return np.asarray(np.linalg.solve(self._jacobian, -residual), dtype=np.float64)
         except np.linalg.LinAlgError:

@@ -148,6 +148,8 @@ class Model(Fmi2Slave):
     def restore(self) -> None:
         """Rebuild what is derived (matrices, plans) from the buffer: an FMU state was set, or an event failed.
 
+        Not called for a state that this instance gave after its last event, if there is no ``finish_step``: what is
+        derived is that of the state then.
         ``configure`` may never have been called in this instance.  By default it is called now, which is right for
         models whose derived data depend on parameters alone.  What this does to the buffer is undone.
         """

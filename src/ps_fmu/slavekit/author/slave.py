@@ -28,7 +28,7 @@ from .buffer import copy_aligned
 from .far import blame
 from .guard import ModelError, Refused, guard_class_method, guard_method, report
 from .layout import BufferLayout
-from .state import LifePhase, SlaveState, Unreadable, from_bytes, to_bytes
+from .state import Derived, LifePhase, SlaveState, Unreadable, from_bytes, to_bytes
 from .stepper import Stepper
 from .threads import forget_host_thread
 from .variables import Port, numbered, vector
@@ -155,14 +155,21 @@ class Slave(Stepper):
     @guard_method
     def _get_fmu_state(self) -> SlaveState:
         buffer = self._buffer
-        return SlaveState(self.layout.identity, self._read_clock(), buffer.data.copy(), tuple(buffer.strings))
+        values, derived = (buffer.data.copy(), tuple(buffer.strings)), Derived(self._derived, self._table)
+        return SlaveState(self.layout.identity, self._read_clock(), *values, derived)
 
     @guard_method
     def _set_fmu_state(self, state: SlaveState | Unreadable) -> None:
         state = self._check_state(state)
+        derived = self._find_derived(state)
+        if derived is not None and self._has_steps_of(state.clock, derived):
+            self._buffer.data[:] = state.buffer
+            self._buffer.strings[:] = state.strings
+            self._go_back(state.clock)
+            return
         before, table = self._get_fmu_state(), self._table
         try:
-            self._put_state(state)
+            self._put_state(state, derived)
         except BaseException as error:
             self._buffer.data[:] = before.buffer
             self._buffer.strings[:] = before.strings
@@ -185,12 +192,14 @@ class Slave(Stepper):
             raise Refused(f"the FMU state has a table of {rows} rows; at most {most} fit, of steps of {step:g} s")
         return state
 
-    def _put_state(self, state: SlaveState) -> None:
+    def _put_state(self, state: SlaveState, derived: Derived | None) -> None:
         self._buffer.data[:] = state.buffer
         self._buffer.strings[:] = state.strings
         self._recall(state.clock, self._table[:0])
         if self._phase < LifePhase.STEPPING:
             self._stale = True  # configure() has to rebuild what is derived
+        elif derived is not None:
+            self._recall(state.clock, derived.table)
         else:
             self._derive()
             self._recall(state.clock, self._compute_table_again(state.clock))

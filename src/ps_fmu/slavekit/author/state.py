@@ -14,7 +14,7 @@ from __future__ import annotations
 import hashlib
 import math
 import struct
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import IntEnum
 
 import numpy as np
@@ -70,6 +70,16 @@ class SlaveClock:
     """Present step size; 0: none yet."""
 
 
+@dataclass(frozen=True, eq=False)
+class Derived:
+    """What an instance had made from its buffer when a state was taken; to that instance alone it is of use."""
+
+    model: object
+    """Another one whenever the model has derived anything."""
+    table: Array
+    """Rows that are not written to any more."""
+
+
 @dataclass(frozen=True)
 class SlaveState:
     """A complete copy of one instance's state."""
@@ -78,6 +88,8 @@ class SlaveState:
     clock: SlaveClock
     buffer: Array
     strings: tuple[str, ...]
+    derived: Derived | None = field(default=None, compare=False)
+    """None: of bytes."""
 
 
 @dataclass(frozen=True)

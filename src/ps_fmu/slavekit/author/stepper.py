@@ -16,7 +16,7 @@ from .far import blame
 from .guard import ModelError, Refused, escape, report
 from .plain import Step, make_holder, make_plain_step
 from .program import StepMap, change_step, compile_elements
-from .state import LifePhase, SlaveClock
+from .state import Derived, LifePhase, SlaveClock, SlaveState
 from .tables import Tables
 
 SAME_STEP = 1e-6  # relative: step sizes this close are one; hosts form them as differences of times
@@ -47,12 +47,14 @@ class Stepper(Tables):
         self._compiled: tuple[tuple[Sequence[Element], ...], Elements] = ((), Elements())
         self._ready = False  # setup_experiment was called
         self._start, self._stop = 0.0, inf
+        self._derived = object()  # another one whenever the model has derived anything from the buffer
 
     # --- For models ---------------------------------------------------------------------
 
     def remap(self) -> None:
         """The map is out of date (new pose, new parameter): ask ``step_map`` again before the next step."""
         self._maps.clear()
+        self._derived = object()
         self._renew()
 
     def request_event(self) -> None:
@@ -189,6 +191,7 @@ class Stepper(Tables):
         core = self._core
         if core.pending:
             core.pending, core.watching = 0, 0
+            self._derived = object()
             again = self.event(self._get_time(), core.step)
             core.pending = core.pending or bool(again)
         if self._plain_step is None or self._is_used_up():
@@ -346,6 +349,27 @@ class Stepper(Tables):
             self._buffer.data[:] = kept
 
     # --- State --------------------------------------------------------------------------
+
+    def _find_derived(self, state: SlaveState) -> Derived | None:
+        """What was derived when this instance gave the state, if it still holds; None: it has to be rebuilt.
+
+        Between events the model changes the buffer alone, unless it has a ``finish_step``.
+        """
+        stepping = self._phase == state.clock.phase == LifePhase.STEPPING
+        found = state.derived
+        return found if stepping and found and found.model is self._derived and not self.finishing else None
+
+    def _has_steps_of(self, clock: SlaveClock, derived: Derived) -> bool:
+        """Whether the present steps, and their table, are those of an earlier clock."""
+        core = self._core
+        here = core.step, core.block, self._origin, self._start, self._stop
+        there = clock.step, clock.block, clock.origin, clock.start, clock.stop
+        return here == there and self._table is derived.table
+
+    def _go_back(self, clock: SlaveClock) -> None:
+        """To an earlier clock of the same steps, for which all is derived."""
+        core = self._core
+        core.pending, core.count, core.time = clock.pending, clock.count, clock.time
 
     def _read_clock(self) -> SlaveClock:
         core = self._core
