@@ -27,7 +27,7 @@ LINKED = {"at once": ("-Wl,-z,relro,-z,now",), "lazily": ("-Wl,-z,norelro,-z,laz
 HEAD = """
 import ctypes, os, sys
 from ps_fmu.cosim import guard
-with guard.divert_ends(), guard.name_call("plant: loading the library"):
+with guard.divert_ends(), guard.NamedCall("plant: loading the library"):
     library = ctypes.CDLL(sys.argv[1])
 """
 
@@ -72,13 +72,13 @@ def test_exit_while_a_library_is_loaded(libraries):
 
 def test_python_may_leave_outside_of_calls_only(libraries):
     assert run(libraries["at once"], "os._exit(0)") == (0, "")
-    code, said = run(libraries["at once"], "with guard.name_call('plant: fmi2Reset'): os._exit(0)")
+    code, said = run(libraries["at once"], "with guard.NamedCall('plant: fmi2Reset'): os._exit(0)")
     assert (code, said) == (1, "plant: fmi2Reset: called _exit(): the process ends\n")
 
 
 def test_a_copy_of_the_process_ends_as_it_likes(libraries):
     text = """
-with guard.name_call("plant: fmi2Reset"):
+with guard.NamedCall("plant: fmi2Reset"):
     for end in (os._exit, library.leave):
         if (child := os.fork()) == 0:
             end(0)

@@ -34,7 +34,7 @@ def load_library(component: Component, description: ModelDescription, folder: Pa
     with _LOADING:
         directory = Path.cwd()
         try:
-            with guard.divert_ends(), guard.name_call(f"{component.name}: loading the library"):
+            with guard.divert_ends(), guard.NamedCall(f"{component.name}: loading the library"):
                 return FMU2Slave(
                     guid=description.guid,
                     unzipDirectory=str(folder),
