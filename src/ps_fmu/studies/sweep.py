@@ -43,6 +43,8 @@ class SweepOptions:
     fmus: Path | None = None
     """Folder of the FMUs; None: those of ps_fmu, built if they are not."""
     progress: bool = True
+    scheduler_timeout_s: float | None = None
+    """That the scheduler may take to answer; None: some seconds."""
 
     @property
     def command(self) -> str:
@@ -51,6 +53,8 @@ class SweepOptions:
         for name in ("scheduler", "workers", "fmus"):
             if (value := getattr(self, name)) is not None:
                 words += [f"--{name}", str(value)]
+        if self.scheduler_timeout_s is not None:
+            words += ["--scheduler-timeout", f"{self.scheduler_timeout_s:g}"]
         return shlex.join([*words, "--resume"])
 
 
@@ -111,7 +115,7 @@ def compute(options: SweepOptions, prepared: Prepared, folder: Path) -> None:
     Raises :class:`.rows.ClusterError`, :class:`.rows.StartError`, :class:`.rows.VersionError`, OSError and
     KeyboardInterrupt; the parts so far are kept.
     """
-    from .cluster import Dispatcher, connect, find_dashboard
+    from .cluster import CONNECT_S, Dispatcher, connect, find_dashboard
 
     plan, name = prepared.plan, prepared.identity.plan_sha256
     prepare_folder(folder, plan, prepared.system)
@@ -121,7 +125,8 @@ def compute(options: SweepOptions, prepared: Prepared, folder: Path) -> None:
         return
     kept = len(plan) - len(cases)
     print(f"{plan.study.name}: {len(plan)} cases" + (f", {kept} of them done before" if kept else ""), file=sys.stderr)
-    with connect(options.scheduler, options.workers) as client:
+    timeout = CONNECT_S if options.scheduler_timeout_s is None else options.scheduler_timeout_s
+    with connect(options.scheduler, options.workers, timeout) as client:
         if dashboard := find_dashboard(client):
             print(f"dask's dashboard: {dashboard}", file=sys.stderr)
 
