@@ -16,7 +16,7 @@ from ..cosim.graph import Wiring
 from ..cosim.structure import suggest_names
 from ..runs.setup import RunSystem
 from .numbers import Number, parse_number
-from .study import NORMAL, STEPS, UNIFORM, VALUES, Vary
+from .study import NORMAL, STEPS, UNIFORM, VALUES, Branch, Vary
 
 Array = NDArray[np.float64]
 
@@ -86,11 +86,11 @@ class Factor:
         return {name: draw * ratio for name, ratio in zip(self.targets, self.ratios, strict=True)}
 
 
-def find_factor(vary: Vary, system: RunSystem, wiring: Wiring) -> Factor:
-    """The factor of a ``[[vary]]`` in a system.
+def find_factor(vary: Vary, system: RunSystem, wiring: Wiring, branch: Branch | None = None) -> Factor:
+    """The factor of a ``[[vary]]`` in a system, whose runs begin at a checkpoint where there is a ``branch``.
 
-    Raises :class:`.study.StudyError`: an unknown parameter (with near names), one that cannot be set or is connected,
-    targets of different units, an impossible distribution.
+    Raises :class:`.study.StudyError`: an unknown parameter (with near names), one that cannot be set, is connected, or
+    is in the state of a checkpoint, targets of different units, an impossible distribution.
     """
     targets = find_targets(vary, system.descriptions)
     connected = {str(connection.target): connection.source for connection in wiring.connections}
@@ -102,6 +102,13 @@ def find_factor(vary: Vary, system: RunSystem, wiring: Wiring) -> Factor:
         variables.append(index_variables(system.descriptions[component])[variable])
         if why := explain_unsettable(variables[-1], running=False):
             raise vary.error("parameter", f"{name} {why}")
+        if branch is not None and branch.keeps(name, system.descriptions):
+            raise vary.error(
+                "parameter",
+                f"{name} is a fixed parameter: it is in the state of its FMU at the checkpoint, and no case can have "
+                f"another.  Vary inputs and tunable parameters, or have this FMU begin anew, without its state: "
+                f"[from], anew = [{component!r}]",
+            )
     units = {get_unit(variable) or "1" for variable in variables}
     kinds = {variable.type for variable in variables}
     if len(units | kinds) > 2:

@@ -16,6 +16,7 @@ from ..cosim.structure import Experiment
 from ..pointing.indices import AbsoluteError, MeanError, PointingIndex, RelativeError, ResidualJitter
 from ..runs.options import OptionError, RunOptions, Scenario
 from ..runs.setup import RunSystem, load_system
+from .branching import Sources
 from .bundle import FAULTS, REQUIREMENTS, SYSTEM, TASK, Bundle
 from .indices import check_windows, find_signals
 from .signals import check_signals, find_columns
@@ -88,21 +89,28 @@ def complete_observed(study: Study, system: RunSystem) -> Study:
     return replace(study, observed=(observed,))
 
 
-def make_bundle(study: Study, system: RunSystem) -> Bundle:
-    """The files of a study.  Raises as :func:`..cosim.write_ssp`."""
+def make_bundle(study: Study, system: RunSystem, sources: Sources) -> Bundle:
+    """The files of a study.  Raises as :func:`..cosim.write_ssp`, OSError."""
     experiment = Experiment(0.0, study.duration_s, study.step_s)
+    distinct = list({source.path: source for source in sources.values()}.values())
+    names = {source.path: f"checkpoint_{number}.zip" for number, source in enumerate(distinct)}
     with tempfile.TemporaryDirectory(prefix="study_") as folder:
         path = Path(folder, SYSTEM)
         write_ssp(replace(system.structure, experiment=experiment), path)
-        archive = path.read_bytes()
+        archive, checkpoints = path.read_bytes(), {}
+        for source in distinct:
+            place = Path(folder, names[source.path])
+            source.write(place)
+            checkpoints[place.name] = place.read_bytes()
     stored: tuple[str, ...] = ()
     if study.signals is not None:
         stored = find_columns(study.signals, make_layout(system.descriptions).columns)
     task = Task(
         study.step_s, study.duration_s, study.scheme, study.runs, study.observed, result_versions(), stored,
         None if study.signals is None else study.signals.step_s, study.isolation,
+        {run: names[source.path] for run, source in sources.items()}, () if study.branch is None else study.branch.anew,
     )  # fmt: skip
-    files = {SYSTEM: archive, TASK: task.as_json()}
+    files = {SYSTEM: archive, TASK: task.as_json(), **checkpoints}
     if study.requirements is not None:
         files[REQUIREMENTS] = study.requirements.read_bytes()
     if study.faults is not None:

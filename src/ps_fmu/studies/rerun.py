@@ -97,7 +97,11 @@ def _run(options: SweepOptions, prepared: Prepared, case: int, folder: Path) -> 
     study = prepared.plan.study
     varied = [name.partition(".")[2] for name in prepared.plan.targets]
     apart = tuple(f"{component}.{name}" for component in prepared.system.descriptions for name in varied)
-    run_options = replace(make_options(study, folder), progress=options.progress, apart=apart)
+    branch = study.branch
+    run_options = replace(
+        make_options(study, folder), progress=options.progress, apart=apart,
+        source=None if branch is None else branch.checkpoint, anew=() if branch is None else branch.anew,
+    )  # fmt: skip
     (folder / RESULTS).unlink(missing_ok=True)
     system = prepared.system
     task = Task(study.step_s, study.duration_s, study.scheme, study.runs, study.observed, {})

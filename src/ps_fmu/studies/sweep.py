@@ -15,6 +15,7 @@ from ..runs.built_fmus import find_built_folder, provide_fmus
 from ..runs.options import claim_folder
 from ..runs.output import lock_folder
 from ..runs.setup import RunSystem
+from .branching import check_sources, keep_seeds, read_sources
 from .bundle import Bundle
 from .control_variate import check_closed_form
 from .plan import Plan, make_plan
@@ -83,14 +84,19 @@ def prepare(options: SweepOptions) -> Prepared:
     if study.control_variates:
         if study.faults is not None:
             raise study.error("control_variates", "the closed form has no faults")
+        if study.branch is not None:
+            raise study.error("control_variates", "the closed form has no state to begin from, as [from] gives one")
         try:
             check_closed_form(system, study.plan)
         except ValueError as error:
             raise study.error("control_variates", str(error)) from error
+    sources = read_sources(study)
+    system = keep_seeds(study, system, sources)
     plan = make_plan(complete_observed(study, system), system)
+    check_sources(plan, system, sources)
     check_stored(plan, system)
-    bundle = make_bundle(plan.study, system)
-    return Prepared(plan, system, bundle, Identity.of(plan, system, bundle))
+    bundle = make_bundle(plan.study, system, sources)
+    return Prepared(plan, system, bundle, Identity.of(plan, system, bundle, sources))
 
 
 @contextmanager

@@ -20,6 +20,7 @@ class WarmSystem:
     scheme: order of exchange, as :class:`..cosim.Master` has it.
     faults: what happens in each run.
     isolation: which FMUs get processes of their own, which stay, too.
+    start_time: of the runs, s; None: as the system says.
     """
 
     def __init__(
@@ -29,10 +30,12 @@ class WarmSystem:
         scheme: str,
         faults: FaultFile | None = None,
         isolation: Isolation | None = None,
+        start_time: float | None = None,
     ) -> None:
         self.system = system
         self.descriptions = read_descriptions(system)
         self._step_s, self._scheme, self._faults, self._isolation = step_s, scheme, faults, isolation
+        self._start_time = start_time
         self._master: Master | None = None
 
     @contextmanager
@@ -64,7 +67,7 @@ class WarmSystem:
         if self._master is None:
             self._master = Master(
                 self.system, self._step_s, self._scheme, descriptions=self.descriptions, faults=self._faults,
-                isolation=self._isolation,
+                isolation=self._isolation, start_time=self._start_time,
             )
         self._master.reset(values)
         return self._master

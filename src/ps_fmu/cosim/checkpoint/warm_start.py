@@ -18,7 +18,7 @@ from ..schemes.resolving import find_period
 from ..schemes.scheme import Scheme
 from ..structure import PortName, System
 from ..values import Value
-from .files import read_file
+from .files import read_file, write_file
 from .folder import CheckpointFolder
 from .parts import MasterParts, find_difference, identify_system, list_columns, list_starts
 from .state import Array, CheckpointError, State
@@ -73,6 +73,10 @@ class WarmStart:
         other = copy(self)
         other._given = frozenset(given)
         return other
+
+    def write(self, path: Path) -> None:
+        """Write what is needed of the checkpoint, a fraction of it, into a file to begin from.  Raises OSError."""
+        write_file(path, self._kept)
 
     def get_start(self, name: str) -> Value | None:
         """Start value of ``component.variable`` in the run of the checkpoint; None where its FMU's own one was left."""
