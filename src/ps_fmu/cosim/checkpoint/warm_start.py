@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from fmpy.model_description import ModelDescription
 
-from ..description import convert_value, explain_unsettable, find_variable, read_start
+from ..description import DISCRETE_TYPES, convert_value, explain_unsettable, find_variable, read_start
 from ..errors import UsageError
 from ..graph import Wiring
 from ..schemes.resolving import find_period
@@ -180,27 +180,33 @@ class WarmStart:
             )
 
     def _read_latest(self, parts: MasterParts, time: float) -> Array:
-        """The outputs at the checkpoint, by the columns of this run."""
-        kept, names = self._kept["latest"], self._kept["run"]["columns"]
-        if kept.dtype != np.float64 or kept.ndim != 1 or not len(kept) <= len(names):
-            raise ValueError(f"outputs of the shape {kept.shape}")
-        there = {name: place for place, name in enumerate(names[: len(kept)])}  # those that are computed come last
-        latest: Array = parts.rows.latest.copy()
-        lacking = []
-        for place, (column, name) in enumerate(
-            zip(parts.columns[: len(latest)], list_columns(parts.columns), strict=False)
-        ):
+        """The outputs at the checkpoint, as they lie in the rows of this run."""
+        there, rows = self._index_latest(), parts.rows
+        reals = len(rows.real.places)
+        for place, column in enumerate(parts.columns[: rows.latest.size]):  # those that are computed come last
+            kind, own = (rows.real, place) if place < reals else (rows.discrete, place - reals)
+            (name,) = list_columns([column])
             if name in there:
-                latest[place] = kept[there[name]]  # all bits: of Integers they are no double
+                kind.values[own] = there[name]
             elif not column.component:
                 raise CheckpointError(f"{self.path}: is of another system: {column.name!r} is not recorded there")
             else:
-                lacking.append(PortName(column.component, column.name.removeprefix(f"{column.component}.")))
-        parts.rows.latest[:] = latest
-        for port in lacking:
-            values, place = parts.rows.find_place(port)
-            values[place] = parts.instances[port.component].get([port.variable], time)[port.variable]
-        return parts.rows.latest.copy()
+                variable = column.name.removeprefix(f"{column.component}.")
+                kind.values[own] = parts.instances[column.component].get([variable], time)[variable]
+        return rows.latest.copy()
+
+    def _index_latest(self) -> dict[str, float | int]:
+        """The outputs in the checkpoint by name, unit and type of their columns: Reals, then C ints side by side."""
+        latest, names = self._kept["latest"], self._kept["run"]["columns"]
+        if latest.dtype != np.float64 or latest.ndim != 1 or latest.size > len(names):
+            raise ValueError(f"outputs of the shape {latest.shape}")
+        names = names[: latest.size]
+        discrete = [name for name in names if name.endswith(tuple(f" {kind}" for kind in DISCRETE_TYPES))]
+        reals = len(names) - len(discrete)
+        if names[reals:] != discrete:
+            raise ValueError("its columns are in no order that rows have")
+        whole = latest[reals:].view(np.int32)[: len(discrete)]
+        return dict(zip(names, [*latest[:reals].tolist(), *whole.tolist()], strict=True))
 
     def _feed_new(self, parts: MasterParts, time: float) -> None:
         """Give FMUs that begin anew the outputs of the others, and take theirs."""
