@@ -14,6 +14,7 @@ from ..cosim.structure import parse_port
 from ..runs.keeping import find_source
 from ..runs.options import OptionError
 from ..runs.setup import RunSystem
+from .fault_numbers import split_values
 from .plan import Plan, list_seeds
 from .study import Branch, Study, StudyError
 
@@ -74,7 +75,8 @@ def check_sources(plan: Plan, system: RunSystem, sources: Sources) -> None:
     if branch is None:
         return
     for run, own in study.runs.items():
-        given = {**plan.values(0), **own}
+        starts, _ = split_values(plan.values(0), system.descriptions)
+        given = {**starts, **own}
         try:
             structure = system.structure.with_parameters(given)
             wiring = check_wiring(structure, system.descriptions)

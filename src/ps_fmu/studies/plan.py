@@ -42,7 +42,7 @@ class Plan:
         return len(self.draws)
 
     def values(self, index: int) -> dict[str, Value]:
-        """What case ``index`` sets, by ``component.parameter``: what is varied, and the seeds."""
+        """What case ``index`` sets: what is varied, by the names of the targets, and the seeds."""
         found: dict[str, Value] = {}
         for factor, draw in zip(self.factors, self.draws[index].tolist(), strict=True):
             found |= factor.values(draw)
@@ -60,7 +60,7 @@ class Plan:
 
     @cached_property
     def targets(self) -> tuple[str, ...]:
-        """All start values that a case sets, but for the seeds."""
+        """All start values and numbers of faults that a case sets, but for the seeds."""
         return tuple(name for factor in self.factors for name in factor.targets)
 
 
@@ -80,7 +80,7 @@ def make_plan(study: Study, system: RunSystem) -> Plan:
         if total > MOST_CASES:
             raise study.error("plan", f"{total} cases are too many: expected at most {MOST_CASES}")
     plan = Plan(study, factors, draw_cases(study, factors), find_seeds(study, system.descriptions, factors))
-    _check_values(plan, system.descriptions)
+    _check_values(plan)
     return plan
 
 
@@ -172,13 +172,14 @@ def _check_runs(study: Study, descriptions: Mapping[str, ModelDescription]) -> N
                 raise StudyError(f"{study.path}, [runs.{run}], {name}: {error}") from None
 
 
-def _check_values(plan: Plan, descriptions: Mapping[str, ModelDescription]) -> None:
+def _check_values(plan: Plan) -> None:
     """Bounds of the FMUs, by the smallest and the largest draw: whatever lies between is inside, too."""
     for place, factor in enumerate(plan.factors):
         for index in (int(plan.draws[:, place].argmin()), int(plan.draws[:, place].argmax())):
-            for name, value in factor.values(float(plan.draws[index, place])).items():
+            values = factor.values(float(plan.draws[index, place]))
+            for variable, (name, value) in zip(factor.variables, values.items(), strict=True):
                 try:
-                    _convert(descriptions, name, value)
+                    convert_value(variable, value)
                 except UsageError as error:
                     key = "values" if factor.spread is None else "low"
                     raise factor.vary.error(key, f"case {index}, {name}: {error}; truncate with low and high") from None

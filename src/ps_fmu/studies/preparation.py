@@ -7,9 +7,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from ..cosim import UsageError, write_ssp
+import numpy as np
+
+from ..cosim import CosimError, UsageError, write_ssp
 from ..cosim.clock import StepClock
 from ..cosim.faults.active import make_faults
+from ..cosim.faults.binding import bind_faults
+from ..cosim.faults.numbers import change_numbers
 from ..cosim.rows import make_layout
 from ..cosim.schemes.scheme import make_scheme
 from ..cosim.structure import Experiment
@@ -18,13 +22,16 @@ from ..runs.options import OptionError, RunOptions, Scenario
 from ..runs.setup import RunSystem, load_system
 from .branching import Sources
 from .bundle import FAULTS, REQUIREMENTS, SYSTEM, TASK, Bundle
+from .fault_numbers import names_faults, split_values
 from .indices import check_windows, find_signals
+from .plan import Plan
 from .signals import check_signals, find_columns
 from .study import Observed, Study, StudyError
 from .task import Task, result_versions
 
 DEFAULT_SIGNAL = "plant.payload_rotation"
 DEFAULT_WINDOW_S = 1.0
+MOST_LEVELS = 1000
 
 
 def make_options(study: Study, output: Path, run: Any = None) -> RunOptions:
@@ -87,6 +94,30 @@ def complete_observed(study: Study, system: RunSystem) -> Study:
     observed = Observed(f"{study.path}, [[observe]]", (DEFAULT_SIGNAL,), tuple(indices))
     find_signals(observed, make_layout(system.descriptions).columns)
     return replace(study, observed=(observed,))
+
+
+def check_numbers(plan: Plan, system: RunSystem) -> None:
+    """Raises :class:`.study.StudyError` for numbers of faults that no run can have, with the first such case.
+
+    Of a continuous distribution, and of more than :data:`MOST_LEVELS` values, the smallest and the largest are checked.
+    """
+    file, study = system.faults, plan.study
+    if file is None:
+        return
+    clock = StepClock(0.0, study.step_s)
+    for factor, draws in zip(plan.factors, plan.draws.T, strict=True):
+        if not names_faults(factor.targets[0], system.descriptions):
+            continue
+        _, cases = np.unique(draws, return_index=True)
+        for case in cases if factor.levels and len(cases) <= MOST_LEVELS else cases[[0, -1]]:
+            _, numbers = split_values(plan.values(int(case)), system.descriptions)
+            try:
+                changed = change_numbers(file, numbers)
+                bound = bind_faults(changed, system.structure, system.descriptions, clock)
+                bound.check_end(clock, clock.steps(study.duration_s))
+            except CosimError as error:
+                key = "values" if factor.spread is None else "low"
+                raise factor.vary.error(key, f"case {case}: {error}") from error
 
 
 def make_bundle(study: Study, system: RunSystem, sources: Sources) -> Bundle:

@@ -19,7 +19,7 @@ from .branching import check_sources, keep_seeds, read_sources
 from .bundle import Bundle
 from .control_variate import check_closed_form
 from .plan import Plan, make_plan
-from .preparation import complete_observed, load_study_system, make_bundle
+from .preparation import check_numbers, complete_observed, load_study_system, make_bundle
 from .reading import read_study
 from .stored import check_stored, list_work, list_worst, prepare_folder
 from .study_folder import Identity
@@ -93,6 +93,7 @@ def prepare(options: SweepOptions) -> Prepared:
     sources = read_sources(study)
     system = keep_seeds(study, system, sources)
     plan = make_plan(complete_observed(study, system), system)
+    check_numbers(plan, system)
     check_sources(plan, system, sources)
     check_stored(plan, system)
     bundle = make_bundle(plan.study, system, sources)

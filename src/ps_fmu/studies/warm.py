@@ -7,8 +7,11 @@ from contextlib import contextmanager, suppress
 
 from ..cosim import CosimError, Master, System, Value
 from ..cosim.description import read_descriptions
+from ..cosim.faults.binding import bind_faults
 from ..cosim.faults.event import FaultFile
+from ..cosim.faults.numbers import change_numbers
 from ..cosim.isolation.instance import Isolation
+from .fault_numbers import split_values
 
 
 class WarmSystem:
@@ -40,7 +43,9 @@ class WarmSystem:
 
     @contextmanager
     def prepare(self, values: Mapping[str, Value], only: Collection[str] | None = None) -> Iterator[Master]:
-        """The system at its start with other start values, by ``component.variable``, ready to run in the body.
+        """The system at its start with other values, ready to run in the body.
+
+        ``values``: start values by ``component.variable``, numbers of faults as ``faults.EVENT.key``.
 
         ``only``: names of the outputs that are needed; None: all.
 
@@ -69,5 +74,10 @@ class WarmSystem:
                 self.system, self._step_s, self._scheme, descriptions=self.descriptions, faults=self._faults,
                 isolation=self._isolation, start_time=self._start_time,
             )
-        self._master.reset(values)
+        starts, numbers = split_values(values, self.descriptions)
+        self._master.reset(starts)
+        if self._faults is not None and numbers:
+            changed = change_numbers(self._faults, numbers)
+            master = self._master
+            master.faults.change(bind_faults(changed, master.system, self.descriptions, master.clock))
         return self._master

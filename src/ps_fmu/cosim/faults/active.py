@@ -61,13 +61,19 @@ class ActiveFaults:
     def __init__(self, bound: BoundFaults | None, clock: StepClock) -> None:
         self.bound, self._clock = bound, clock
         self._faults = () if bound is None else bound.faults
-        self._points = sorted({p for f in self._faults for p in (f.first, f.last) if p is not None})
+        self._points = _list_points(self._faults)
         self.reset()
 
     @property
     def recorded(self) -> list[PortName]:
         """Inputs and parameters that see a fault at some time: what they get is recorded."""
         return [] if self.bound is None else [*self.bound.types]
+
+    def change(self, bound: BoundFaults) -> None:
+        """Before the run: have the same events with other numbers."""
+        self.bound, self._faults = bound, bound.faults
+        self._points = _list_points(bound.faults)
+        self.reset()
 
     def reset(self) -> None:
         """Back to before the run."""
@@ -248,6 +254,11 @@ class ActiveFaults:
         if key not in self._effects:
             self._effects[key] = _make_effect(fault, self._clock.step)
         return self._effects[key]
+
+
+def _list_points(faults: Sequence[Fault]) -> list[int]:
+    """The communication points where a fault begins or ends."""
+    return sorted({point for fault in faults for point in (fault.first, fault.last) if point is not None})
 
 
 def _make_effect(fault: Fault, step: float) -> Effect:
