@@ -6,9 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from pythonfmu.builder import FmuBuilder
 from support.checkpoints import Keep
-from support.cosim import ssd_text
 
 from ps_fmu.cosim import Master, read_system
 from ps_fmu.cosim.checkpoint.checkpoints import Checkpoints
@@ -43,18 +41,6 @@ values = [2.0, 7.0, 3.0]
 signal = "mass.position"
 """
 TWO_RUNS = '[runs.a]\n"first.increment" = 1\n[runs.b]\n"first.increment" = 4\n[[vary]]'
-
-
-@pytest.fixture(scope="session")
-def stateful(tmp_path_factory) -> Path:
-    """Folder of toy FMUs whose state can be written, and of a system of them."""
-    folder = tmp_path_factory.mktemp("stateful")
-    for name in ("mass", "gain", "counter"):
-        source = Path(__file__).parents[1] / "cosim" / "toys" / f"toy_{name}.py"
-        FmuBuilder.build_FMU(source, dest=folder, canGetAndSetFMUstate=True, canSerializeFMUstate=True)
-    parts = {"mass": "ToyMass", "gain": "ToyGain", "first": "ToyCounter"}
-    (folder / "toys.ssd").write_text(ssd_text(parts, ["mass.position -> gain.u", "gain.y -> mass.force"]))
-    return folder
 
 
 @pytest.fixture

@@ -39,6 +39,8 @@ class WarmSystem:
         self.descriptions = read_descriptions(system)
         self._step_s, self._scheme, self._faults, self._isolation = step_s, scheme, faults, isolation
         self._start_time = start_time
+        self._numbers: dict[str, Value] = {}
+        """Of faults, as the last run had them."""
         self._master: Master | None = None
 
     @contextmanager
@@ -70,14 +72,15 @@ class WarmSystem:
     def _start(self, values: Mapping[str, Value]) -> Master:
         """The Master before its initialisation, with these values in place of those of the run before."""
         if self._master is None:
+            self._numbers = {}
             self._master = Master(
                 self.system, self._step_s, self._scheme, descriptions=self.descriptions, faults=self._faults,
                 isolation=self._isolation, start_time=self._start_time,
             )
         starts, numbers = split_values(values, self.descriptions)
         self._master.reset(starts)
-        if self._faults is not None and numbers:
-            changed = change_numbers(self._faults, numbers)
-            master = self._master
+        if self._faults is not None and numbers != self._numbers:
+            changed, master = change_numbers(self._faults, numbers), self._master
             master.faults.change(bind_faults(changed, master.system, self.descriptions, master.clock))
+            self._numbers = numbers
         return self._master

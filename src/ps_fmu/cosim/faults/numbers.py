@@ -88,17 +88,14 @@ def _take_apart(file: FaultFile, name: str) -> tuple[int, str]:
     if place is None and label.isdecimal() and label.isascii() and int(label) < len(file.events):
         place = int(label)
     if place is None:
-        named = ", ".join(places) or "none has a name"
-        raise SystemFileError(
-            file.path,
-            f"there is no event {label!r}{suggest_names(label, places)}: expected a number from 0 to "
-            f"{len(file.events) - 1}, or a name; {named if not places else f'there are {named}'}",
-        )
+        named = f"one of the names {', '.join(places)}" if places else "a name, which none has"
+        text = f"there is no event {label!r}: expected a number from 0 to {len(file.events) - 1}, or {named}"
+        raise SystemFileError(file.path, f"{text}{suggest_names(label, places)}")
     event = file.events[place]
     known = list_numbers(event)
     if key not in known:
-        hint = suggest_names(key, known)
-        raise file.error(event, f"the event has no number {key!r}{hint}; it has {', '.join(known)}")
+        text = f"the event has no number {key!r}; it has {', '.join(known)}{suggest_names(key, known)}"
+        raise file.error(event, text)
     return place, key
 
 
