@@ -68,7 +68,7 @@ def load_study_system(study: Study) -> RunSystem:
     except OptionError as error:
         raise StudyError(f"{study.path}, [study], {_as_key(str(error))}") from error
     clock, scheme = StepClock(0.0, study.step_s), make_scheme(study.scheme)
-    make_faults(system.faults, system.structure, system.descriptions, clock, scheme).check_end(study.duration_s)
+    make_faults(system.faults, system.structure, system.descriptions, clock, scheme)
     if study.isolation is not None:
         try:
             study.isolation.check(system.structure)
@@ -97,7 +97,8 @@ def complete_observed(study: Study, system: RunSystem) -> Study:
 
 
 def check_numbers(plan: Plan, system: RunSystem) -> None:
-    """Raises :class:`.study.StudyError` for numbers of faults that no run can have, with the first such case.
+    """Raises :class:`.study.StudyError` for numbers of faults that no run can have, with the first such case, and
+    :class:`..cosim.SystemFileError` for faults that would never act.
 
     Of a continuous distribution, and of more than :data:`MOST_LEVELS` values, the smallest and the largest are checked.
     """
@@ -105,16 +106,24 @@ def check_numbers(plan: Plan, system: RunSystem) -> None:
     if file is None:
         return
     clock = StepClock(0.0, study.step_s)
-    for factor, draws in zip(plan.factors, plan.draws.T, strict=True):
-        if not names_faults(factor.targets[0], system.descriptions):
-            continue
+
+    def check(case: int) -> None:
+        _, numbers = split_values(plan.values(case), system.descriptions)
+        bound = bind_faults(change_numbers(file, numbers), system.structure, system.descriptions, clock)
+        bound.check_end(clock, clock.steps(study.duration_s))
+
+    varied = [
+        (factor, draws)
+        for factor, draws in zip(plan.factors, plan.draws.T, strict=True)
+        if names_faults(factor.targets[0], system.descriptions)
+    ]
+    if not varied:
+        check(0)
+    for factor, draws in varied:
         _, cases = np.unique(draws, return_index=True)
         for case in cases if factor.levels and len(cases) <= MOST_LEVELS else cases[[0, -1]]:
-            _, numbers = split_values(plan.values(int(case)), system.descriptions)
             try:
-                changed = change_numbers(file, numbers)
-                bound = bind_faults(changed, system.structure, system.descriptions, clock)
-                bound.check_end(clock, clock.steps(study.duration_s))
+                check(int(case))
             except CosimError as error:
                 key = "values" if factor.spread is None else "low"
                 raise factor.vary.error(key, f"case {case}: {error}") from error
