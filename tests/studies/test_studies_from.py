@@ -127,6 +127,18 @@ def test_the_checkpoint_travels_to_workers_and_is_read_once(settle, plan, tmp_pa
     assert runner.run(0, prepared.plan.values(0))["status"] == DONE
 
 
+def test_isolated_fmus_begin_there_with_the_same_rows(settle, plan, tmp_path):
+    settle()
+    rows = []
+    for more in ("", "isolate = true\n"):
+        prepared, _ = plan({"seed = 1\n": f"seed = 1\n{more}"})
+        runner = CaseRunner(prepared.bundle.unpack(tmp_path))
+        rows.append({**runner.run(1, prepared.plan.values(1)), "wall_s": 0.0})
+        runner.warm.close()
+    assert rows[0] == rows[1]
+    assert rows[0]["status"] == DONE
+
+
 def test_each_run_begins_from_the_case_of_its_name(settle, plan, stateful, tmp_path):
     settle("settled/checkpoint/a")
     settle("settled/checkpoint/b", events=[(0.2, "mass.force", 3.0)])
@@ -240,3 +252,22 @@ def test_random_numbers_go_on_unless_the_source_begins_anew(built_fmus, tmp_path
         master.initialise()
         master.run(0.15, [keep])
     assert found[0] == np.abs(keep.values[100:, place]).max() != found[1]
+
+
+def test_the_example_begins_settled_and_its_faults_vary(tmp_path, monkeypatch):
+    """As the comment of the file says, with a shorter settling."""
+    from ps_fmu.product.files import find_file
+    from ps_fmu.simulation import simulate
+
+    monkeypatch.chdir(tmp_path)
+    simulate("isolation", system="InertialSensors.ssd", duration=0.2, checkpoint=0.2, output="results/settled",
+             figures=False, progress=False)  # fmt: skip
+    prepared = prepare(SweepOptions(find_file(Path("system/studies/accelerometer_fails.toml")), tmp_path / "out"))
+    assert len(prepared.plan) == 100
+    assert prepared.plan.seed_names == ("disturbance.seed",)
+    kinds = ("time", "duration", "value")
+    assert prepared.plan.targets == tuple(f"faults.failure.{kind}" for kind in kinds)
+    longest = int(prepared.plan.draws[:, 1].argmax())
+    row = CaseRunner(prepared.bundle.unpack(tmp_path)).run(longest, prepared.plan.values(longest))
+    assert row["status"] == DONE, row["error"]
+    assert row["active.plant.payload_rotation.x.APE.peak"] > 1e-5  # rad; the noise alone leaves less
