@@ -54,14 +54,14 @@ class Factor:
     unit: str
     targets: tuple[str, ...]
     """``component.parameter`` of each start value that it sets, or ``faults.EVENT.key`` of each number of faults."""
-    variables: tuple[ModelVariable, ...]
-    """Of the targets, with type, unit and bounds."""
     ratios: tuple[float, ...]
     """Value of each target over the draw: 1, or the ratio of what they start with where the spread is relative."""
     levels: tuple[Value, ...]
     """The values there are; empty for a continuous distribution."""
     spread: Spread | None
     """None where there are levels."""
+    variables: tuple[ModelVariable, ...] = ()
+    """Those that the targets are, with type, unit and bounds."""
 
     @property
     def name(self) -> str:
@@ -139,11 +139,11 @@ def _make_factor(
     unit = units.pop()
     if vary.distribution in (VALUES, STEPS):
         levels = _find_levels(vary, variables, unit)
-        return Factor(vary, unit, targets, variables, (1.0,) * len(targets), levels, None)
+        return Factor(vary, unit, targets, (1.0,) * len(targets), levels, None, variables)
     if kinds != {"Real"}:
         raise vary.error("distribution", f"{targets[0]} is of the type {kinds.pop()}: give a list of values")
     ratios = _find_ratios(vary, targets, starts)
-    return Factor(vary, unit, targets, variables, ratios, (), _find_spread(vary, starts[0], unit))
+    return Factor(vary, unit, targets, ratios, (), _find_spread(vary, starts[0], unit), variables)
 
 
 def find_targets(vary: Vary, descriptions: Mapping[str, ModelDescription]) -> tuple[str, ...]:

@@ -31,7 +31,7 @@ from .task import Task, result_versions
 
 DEFAULT_SIGNAL = "plant.payload_rotation"
 DEFAULT_WINDOW_S = 1.0
-MOST_LEVELS = 1000
+MOST_LEVELS = 1000  # of a number of faults: more are not checked one by one
 
 
 def make_options(study: Study, output: Path, run: Any = None) -> RunOptions:
