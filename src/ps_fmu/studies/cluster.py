@@ -33,7 +33,9 @@ ALLOWED_FAILURES = 20
 _BOUNDED = {
     "distributed.worker.profile.enabled": False,  # 15 kB a second in each worker, and nobody looks at it
     "distributed.admin.log-length": 1000,
-    "distributed.admin.low-level-log-length": 100,  # of each kind of event; of transitions of tasks
+    # Of each kind of event, of transitions, and of messages to the scheduler and to each worker: those with batches are
+    # some 50 kB each, and the command has them all.
+    "distributed.admin.low-level-log-length": 5,
     "distributed.admin.system-monitor.log-length": 600,  # half-seconds
 }
 """What dask keeps of the past: its processes stop growing after minutes instead of hours."""
