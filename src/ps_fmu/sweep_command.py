@@ -7,6 +7,7 @@ Rows so far are kept in any case.
 from __future__ import annotations
 
 import argparse
+import math
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -35,6 +36,9 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     parser.add_argument("--case", type=int, metavar="N", help="run case N alone, with all signals and a report")
     where = parser.add_mutually_exclusive_group()
     where.add_argument("--scheduler", metavar="ADDRESS", help="of a dask scheduler, such as tcp://node1:8786")
+    parser.add_argument(
+        "--scheduler-timeout", type=float, metavar="S", help="seconds that the scheduler may take to answer (10)"
+    )
     where.add_argument("--workers", type=int, metavar="N", help="processes on this machine (one a processor)")
     parser.add_argument("--fmus", type=Path, metavar="DIR", help="the FMUs (those of ps_fmu, built if they are not)")
     parser.set_defaults(run=run)
@@ -58,10 +62,16 @@ def run(arguments: argparse.Namespace) -> int:
         workers=arguments.workers,
         resume=arguments.resume,
         fmus=arguments.fmus,
+        scheduler_timeout_s=arguments.scheduler_timeout,
     )
     try:
         if arguments.workers is not None and arguments.workers < 1:
             raise StudyError(f"--workers: expected 1 or more, got {arguments.workers}")
+        if (limit := arguments.scheduler_timeout) is not None:
+            if not 0.0 < limit < math.inf:
+                raise StudyError(f"--scheduler-timeout: expected a time above 0 s, got {limit:g}")
+            if arguments.scheduler is None:
+                raise StudyError("--scheduler-timeout: is for a study with --scheduler ADDRESS")
         return _rerun(options, arguments.case) if arguments.case is not None else _sweep(options)
     except (StudyError, OptionError, RequirementError, ParameterError) as error:
         return _report(reason(error), EXIT_REFUSED)

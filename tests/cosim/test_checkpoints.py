@@ -16,8 +16,11 @@ from ps_fmu.cosim import Master, Recorder, SlaveError, UsageError, read_system
 from ps_fmu.cosim.checkpoint.checkpoints import Checkpoints
 from ps_fmu.cosim.checkpoint.state import CheckpointError
 from ps_fmu.cosim.checkpoint.warm_start import WarmStart
+from ps_fmu.cosim.description import read_descriptions
 from ps_fmu.cosim.fmu_instance import FmuInstance
+from ps_fmu.cosim.graph import check_wiring
 from ps_fmu.cosim.isolation.instance import Isolation
+from ps_fmu.cosim.schemes.scheme import make_scheme
 
 
 @pytest.mark.parametrize(
@@ -283,9 +286,9 @@ def test_an_impossible_interval_is_refused(tmp_path, interval):
 # ---- warm start --------------------------------------------------------------------------------------------------
 
 
-def begin(system, source, steps, events=()):
+def begin(system, source, steps, events=(), **options):
     keep = Keep()
-    with Master(system, H, block_rows=7, start_time=source.time) as master:
+    with Master(system, H, block_rows=7, start_time=source.time, **options) as master:
         master.initialise()
         master.run(steps * H, [keep], events, checkpoints=Checkpoints(None, source=source))
     return keep
@@ -313,6 +316,50 @@ def test_fixed_parameters_do_not_change_unless_the_fmu_begins_anew(mixed, tmp_pa
     np.testing.assert_array_equal(rows[:, own], whole[30:, own])
     assert rows[0, count] == 0.0
     assert whole[30, count] > 0.0
+
+
+@pytest.mark.parametrize(("there", "here"), [(["second.count"], None), (None, ["second.count"])])
+def test_a_warm_start_may_record_other_variables(mixed, tmp_path, there, here):
+    """What the checkpoint lacks is read of the FMUs: Reals, Integers and Booleans of row 0, too."""
+    run(mixed, Checkpoints(tmp_path, 10.0), steps=30, events=EVENTS[:1], only=there)
+    whole, rows = run(mixed, steps=50, events=EVENTS[:1]), begin(mixed, WarmStart(tmp_path), 20, only=here)
+    with Master(mixed, H) as master, Master(mixed, H, only=here) as fewer:
+        names = [column.name for column in master.columns]
+        own = [names.index(column.name) for column in fewer.columns]
+    np.testing.assert_array_equal(rows.values, whole.values[30:, own])
+
+
+def test_a_value_that_is_given_holds_although_the_other_run_began_with_it(mixed, tmp_path):
+    """An event there has set another one."""
+    event = (0.1, "mass.mass", 3.0)
+    run(mixed, Checkpoints(tmp_path, 10.0), steps=30, events=[event])
+    source, first = WarmStart(tmp_path), mixed.with_parameters({"mass.mass": 2.0})
+    np.testing.assert_array_equal(
+        begin(first, source.giving(["mass.mass"]), 20).values,
+        run(mixed, steps=50, events=[event, (0.3, "mass.mass", 2.0)]).values[30:],
+    )
+    np.testing.assert_array_equal(begin(first, source, 20).values, run(mixed, steps=50, events=[event]).values[30:])
+
+
+def test_a_warm_start_is_checked_before_anything_is_loaded(mixed, kept, tmp_path):
+    wiring, descriptions = check_wiring(mixed, read_descriptions(mixed)), read_descriptions(mixed)
+    WarmStart(kept).check(mixed, wiring, descriptions, H, make_scheme("jacobi"))
+    other = mixed.with_parameters({"second.label": "new"})
+    wiring_of_other = check_wiring(other, descriptions)
+    with pytest.raises(CheckpointError, match=r"second\.label is a fixed parameter"):
+        WarmStart(kept).check(other, wiring_of_other, descriptions, H, make_scheme("jacobi"))
+    WarmStart(kept, ["second"]).check(other, wiring_of_other, descriptions, H, make_scheme("jacobi"))
+    with pytest.raises(CheckpointError, match="is of another system: another scheme"):
+        WarmStart(kept).check(mixed, wiring, descriptions, H, make_scheme("gauss-seidel"))
+
+
+def test_what_is_written_of_a_checkpoint_is_enough_to_begin_from_and_always_the_same(mixed, kept, tmp_path):
+    for name in ("one.zip", "two.zip"):
+        WarmStart(kept).write(tmp_path / name)
+    first, second = ((tmp_path / name).read_bytes() for name in ("one.zip", "two.zip"))
+    assert first == second
+    assert len(first) < max(path.stat().st_size for path in kept.glob("*.zip"))
+    check_same(begin(mixed, WarmStart(tmp_path / "one.zip"), 10), begin(mixed, WarmStart(kept), 10))
 
 
 def test_a_warm_start_of_another_system_is_refused(mixed, kept, tmp_path):

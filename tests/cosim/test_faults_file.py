@@ -75,7 +75,7 @@ def test_scenarios_of_libcosim_are_read_as_they_are(tmp_path, text, name):
 
 GOOD = [
     event(),
-    event(duration=2, joins=True, target="b.u", description="why"),
+    event(duration=2, joins=True, target="b.u", description="why", name="first_1"),
     event(action="override", value="text"), event(action="override", value=False),
     event(action="scale", value=-1e-3), event(action="freeze", value="none"),
     event(action="dropout", value="none"), event(action="dropout", value=0, probability=0.5, seed=2**53 - 1),
@@ -118,6 +118,8 @@ BAD = [
     (event(action="noise", value="none", rms=1, density=1), r"events\[0\]: expected either rms or density"),
     (event(action="noise", value="none", rms=1, seed=-1), r"events\[0\].seed: expected a whole number from 0"),
     (event(action="noise", value="none", rms=1, seed=0.5), r"events\[0\].seed: expected a whole number from 0"),
+    (event(name="a.b"), r"events\[0\].name: expected letters, digits and _, and no digit first, got 'a\.b'"),
+    (event(name="1st"), r"events\[0\].name: expected letters, digits and _"),
     (event(action="reset", duration=1), r"events\[0\]: a reset has no duration"),
 ]
 
@@ -138,6 +140,13 @@ def test_what_is_wrong_is_refused_with_line_and_key(tmp_path, content, text):
     if "missing, and" not in text:
         with pytest.raises(jsonschema.ValidationError):
             jsonschema.validate(content, json.loads(SCHEMA.read_text()))
+
+
+def test_two_events_have_no_name_in_common(tmp_path):
+    named = [{**event()["events"][0], "name": name} for name in ("a", "b", "a")]
+    with pytest.raises(SystemFileError, match=r"events\[2\]: name: 'a' is the name of events\[0\], too"):
+        read_faults(write(tmp_path, {"events": named}))
+    assert [one.name for one in read_faults(write(tmp_path, {"events": named[:2]})).events] == ["a", "b"]
 
 
 def test_errors_name_the_line_of_the_key(tmp_path):

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 from pythonfmu.builder import FmuBuilder
-from support.cosim import HEAD
+from support.cosim import HEAD, ssd_text
 
 from ps_fmu.studies.reading import read_study
 from ps_fmu.studies.sweep import SweepOptions, prepare
@@ -49,6 +49,18 @@ def toy_fmus(tmp_path_factory) -> Path:
     """Folder with ToyStudy.fmu."""
     folder = tmp_path_factory.mktemp("toy_study")
     FmuBuilder.build_FMU(TOY, dest=folder)
+    return folder
+
+
+@pytest.fixture(scope="session")
+def stateful(tmp_path_factory) -> Path:
+    """Folder of toy FMUs whose state can be written, and of a system of them."""
+    folder = tmp_path_factory.mktemp("stateful")
+    for name in ("mass", "gain", "counter"):
+        source = Path(__file__).parents[1] / "cosim" / "toys" / f"toy_{name}.py"
+        FmuBuilder.build_FMU(source, dest=folder, canGetAndSetFMUstate=True, canSerializeFMUstate=True)
+    parts = {"mass": "ToyMass", "gain": "ToyGain", "first": "ToyCounter"}
+    (folder / "toys.ssd").write_text(ssd_text(parts, ["mass.position -> gain.u", "gain.y -> mass.force"]))
     return folder
 
 

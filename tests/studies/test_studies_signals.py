@@ -215,7 +215,8 @@ def test_a_case_reads_what_its_metrics_and_its_file_need(opened, tmp_path, monke
     read = []
     run = Master.run
     monkeypatch.setattr(
-        Master, "run", lambda self, *args: read.append([column.name for column in self.columns]) or run(self, *args)
+        Master, "run",
+        lambda self, *args, **more: read.append([column.name for column in self.columns]) or run(self, *args, **more),
     )
     prepared, folder = opened({**signals('variables = ["toy.error.y"]\ncases = [0]'), '"toy.error"': '"toy.error.x"'})
     runner = CaseRunner(prepared.bundle.unpack(tmp_path))

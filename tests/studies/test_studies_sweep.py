@@ -312,9 +312,26 @@ def test_results_that_cannot_be_written_cost_no_rows(write_study, sweep, tmp_pat
 
 
 def test_no_scheduler_is_said(write_study, sweep):
-    code, _, errors = sweep(write_study(), "--scheduler", "tcp://127.0.0.1:1")
+    address = ("--scheduler", "tcp://127.0.0.1:1")
+    code, _, errors = sweep(write_study(), *address, "--scheduler-timeout", "0.3")
     assert code == 1
     assert "--scheduler tcp://127.0.0.1:1" in errors
+    assert "after 0.3 s" in errors
+    assert "--scheduler-timeout 0.3 --resume" in errors
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error"),
+    [
+        (["--scheduler", "tcp://127.0.0.1:1", "--scheduler-timeout", "0"], "expected a time above 0 s, got 0"),
+        (["--scheduler-timeout", "1"], "is for a study with --scheduler ADDRESS"),
+    ],
+)
+def test_a_time_for_no_scheduler_is_refused(tmp_path, capsys, arguments, error):
+    from ps_fmu.cli import main
+
+    assert main(["sweep", "study.toml", "--output", str(tmp_path / "out"), *arguments]) == 2
+    assert f"--scheduler-timeout: {error}" in capsys.readouterr().err
 
 
 def test_a_scheduler_without_workers_is_said(make_prepared, tmp_path, monkeypatch):

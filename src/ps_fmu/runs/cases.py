@@ -131,7 +131,8 @@ def run_case(
     wall = [0.0]
     keeper = CaseKeeper(
         options.output, case.name, options.checkpoint_s, resume=options.resume, source=options.source,
-        anew=options.anew, notes=lambda: {"warnings": list(system.warnings.texts), "wall_s": before_s + wall[0]},
+        anew=options.anew, given=case.values.keys(),
+        notes=lambda: {"warnings": list(system.warnings.texts), "wall_s": before_s + wall[0]},
     )  # fmt: skip
     before_s = float(keeper.kept_notes.get("wall_s", 0.0))
     for text in keeper.kept_notes.get("warnings", ()):

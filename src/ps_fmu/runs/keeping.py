@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 import shutil
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -41,6 +41,7 @@ class CaseKeeper:
     source: begin in the state of a checkpoint: its file, a folder of them, or the output folder of a run with a case of
         this name
     anew: components that have none of their state there
+    given: start values that the case states itself, and that hold there, see :class:`WarmStart`
     notes: what else is kept
 
     Raises :class:`OptionError` where the source has no such case, :class:`ps_fmu.cosim.CosimError` for a checkpoint
@@ -56,9 +57,10 @@ class CaseKeeper:
         resume: bool = False,
         source: Path | None = None,
         anew: Sequence[str] = (),
+        given: Collection[str] = (),
         notes: Callable[[], Mapping[str, Any]] = dict,
     ) -> None:
-        begin = None if source is None else WarmStart(find_source(source, case), anew)
+        begin = None if source is None else WarmStart(find_source(source, case), anew, given)
         folder = None if interval_s is None else name_folder(output, case)
         self.checkpoints = Checkpoints(folder, interval_s or math.inf, resume=resume, source=begin, notes=notes)
         self.start_time: float | None = None if begin is None else begin.time

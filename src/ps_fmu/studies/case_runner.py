@@ -9,7 +9,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-from ..cosim import Column, Master, Recorder, RecorderError, SlaveError, Value, read_system
+from ..cosim import Column, Master, Observer, Recorder, RecorderError, SlaveError, Value, read_system
+from ..cosim.checkpoint.checkpoints import Checkpoints
+from ..cosim.checkpoint.state import CheckpointError
+from ..cosim.checkpoint.warm_start import WarmStart
 from ..cosim.faults.reading import read_faults
 from ..cosim.rows import make_layout
 from ..pointing.interpretation import Interpretation
@@ -18,6 +21,7 @@ from ..requirements.reading import read_requirements
 from ..requirements.verdict import Verdict
 from ..runs.cases import Bounds
 from ..runs.judge import RunJudge
+from ..runs.keeping import SinceStart
 from ..terminal import reason
 from .bundle import FAULTS, REQUIREMENTS, SYSTEM, TASK
 from .indices import IndexRecord, SwitchRecord, find_signals
@@ -42,7 +46,13 @@ class CaseRunner:
         path = folder / FAULTS
         faults = read_faults(path) if path.is_file() else None
         task = self.task
-        self.warm = WarmSystem(read_system(folder / SYSTEM), task.step_s, task.scheme, faults, task.isolation)
+        files = {name: WarmStart(folder / name, task.anew) for name in dict.fromkeys(task.sources.values())}
+        self._sources = {run: files[name] for run, name in task.sources.items()}
+        """Read once: no case changes them."""
+        self._began = next((source.time for source in files.values()), None)
+        self.warm = WarmSystem(
+            read_system(folder / SYSTEM), task.step_s, task.scheme, faults, task.isolation, self._began
+        )
         self.columns = make_layout(self.warm.descriptions).columns
         path = folder / REQUIREMENTS
         self.requirements = read_requirements(path) if path.is_file() else ()
@@ -62,8 +72,10 @@ class CaseRunner:
             try:
                 with store(signals) as file:
                     row |= self._run_all(values, file)
-            except (RecorderError, OSError):
-                raise
+            except (RecorderError, OSError) as error:
+                if not isinstance(error, CheckpointError):
+                    raise
+                row |= {"status": FAILED, "error": f"{type(error).__name__}: {reason(error)}"[:LONGEST_TEXT]}
             except Exception as error:  # whatever is wrong with this case: the study goes on
                 row |= {"status": FAILED, "error": f"{type(error).__name__}: {reason(error)}"[:LONGEST_TEXT]}
                 self.must_end = self._is_fatal(error)
@@ -76,15 +88,27 @@ class CaseRunner:
         row: Row = {}
         for name, own in self.task.runs.items():
             needed = {*self._needed, *judge.list_signals(name, self.columns)}
-            with self.warm.prepare({**values, **own}, needed | set(() if file is None else self.task.stored)) as master:
+            given = {**values, **own}
+            with self.warm.prepare(given, needed | set(() if file is None else self.task.stored)) as master:
                 records = make_records(self.task, master.columns)
                 judging = judge.observe(
                     name, master.columns, self.task.step_s, round(self.task.duration_s / self.task.step_s)
                 )
+                watching = [self._shift(observer) for observer in (*records, *judging)]
                 with self._make_recorder(name, master, file) as recorders:
-                    master.run(self.task.duration_s, [Bounds(master.columns), *records, *judging, *recorders])
+                    observers = [Bounds(master.columns), *watching, *recorders]
+                    master.run(self.task.duration_s, observers, checkpoints=self._begin(name, given))
             row |= {f"{name}.{key}": value for record in records for key, value in record.metrics().items()}
         return row | describe_verdicts(judge)
+
+    def _begin(self, run: str, given: Mapping[str, Value]) -> Checkpoints | None:
+        """What has a run begin in the state of its checkpoint; None where it has none."""
+        source = self._sources.get(run)
+        return None if source is None else Checkpoints(None, source=source.giving(given.keys()))
+
+    def _shift(self, observer: Observer) -> Observer:
+        """An observer that is told times since the start of the run."""
+        return observer if self._began is None else SinceStart(observer, self.task.step_s)
 
     def _is_fatal(self, error: Exception) -> bool:
         if not isinstance(error, SlaveError) or error.status != FATAL_STATUS:
@@ -100,7 +124,8 @@ class CaseRunner:
         task = self.task
         with Recorder(
             file, run, columns=master.columns, step=task.step_s, storage_step=task.stored_step_s, select=task.stored,
-            attributes={"duration_s": task.duration_s, "step_s": task.step_s}, append=file.exists(),
+            attributes={"duration_s": task.duration_s, "step_s": task.step_s,
+                        **({} if self._began is None else {"warm_start_s": self._began})}, append=file.exists(),
         ) as recorder:  # fmt: skip
             yield (recorder,)
 

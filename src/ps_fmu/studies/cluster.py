@@ -25,23 +25,28 @@ BATCHES_PER_THREAD = 2  # in flight: one runs, one waits at the worker
 MOST_IN_BATCH = 200
 WATCH_S = 10.0  # between looks at whether there are workers at all
 NO_WORKER_S = 60.0  # that workers may take to come, or to come back
+CONNECT_S = 10.0
+"""That a scheduler may take to answer: it is asked again until then, so that it may be started at the same time."""
 ALLOWED_FAILURES = 20
 """Deaths of workers that a batch may see; with dask's 3 a few random ones would break innocent batches."""
 
 _BOUNDED = {
     "distributed.worker.profile.enabled": False,  # 15 kB a second in each worker, and nobody looks at it
     "distributed.admin.log-length": 1000,
-    "distributed.admin.low-level-log-length": 100,  # of each kind of event; of transitions of tasks
+    # Of each kind of event, of transitions, and of messages to the scheduler and to each worker: those with batches are
+    # some 50 kB each, and the command has them all.
+    "distributed.admin.low-level-log-length": 5,
     "distributed.admin.system-monitor.log-length": 600,  # half-seconds
 }
 """What dask keeps of the past: its processes stop growing after minutes instead of hours."""
 
 
 @contextmanager
-def connect(address: str | None, workers: int | None) -> Iterator[Any]:
+def connect(address: str | None, workers: int | None, timeout_s: float = CONNECT_S) -> Iterator[Any]:
     """A dask client: of the scheduler at ``address``, or of a new cluster on this machine, for the body.
 
-    ``workers``: how many on this machine; None: one for each processor.  Raises :class:`.rows.ClusterError`.
+    ``workers``: how many on this machine; None: one for each processor.  ``timeout_s``: that a scheduler at an address
+    may take to answer.  Raises :class:`.rows.ClusterError`.
     """
     try:
         import dask
@@ -55,6 +60,7 @@ def connect(address: str | None, workers: int | None) -> Iterator[Any]:
         "distributed.admin.large-graph-warning-threshold": "100MB",  # the FMUs travel as a task
     }  # fmt: skip
     with dask.config.set(settings), ExitStack() as stack:
+        limit: dict[str, float] = {} if address is None else {"timeout": timeout_s}
         try:
             if address is None:
                 cluster = LocalCluster(
@@ -62,7 +68,7 @@ def connect(address: str | None, workers: int | None) -> Iterator[Any]:
                     silence_logs=50,
                 )  # fmt: skip
                 address = stack.enter_context(cluster)
-            client = stack.enter_context(Client(address, set_as_default=False))
+            client = stack.enter_context(Client(address, set_as_default=False, **limit))
         except (OSError, ValueError) as error:  # no scheduler there, it did not answer, no address
             raise ClusterError(f"--scheduler {address}: {error}") from error
         yield client

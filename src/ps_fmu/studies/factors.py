@@ -11,12 +11,13 @@ from fmpy.model_description import ModelDescription, ModelVariable
 from numpy.typing import ArrayLike, NDArray
 
 from ..cosim import UsageError, Value
-from ..cosim.description import convert_value, explain_unsettable, get_unit, index_variables
+from ..cosim.description import convert_value, explain_unsettable, get_unit, index_variables, read_start
 from ..cosim.graph import Wiring
 from ..cosim.structure import suggest_names
 from ..runs.setup import RunSystem
+from .fault_numbers import find_numbers, names_faults
 from .numbers import Number, parse_number
-from .study import NORMAL, STEPS, UNIFORM, VALUES, Vary
+from .study import NORMAL, STEPS, UNIFORM, VALUES, Branch, Vary
 
 Array = NDArray[np.float64]
 
@@ -52,13 +53,15 @@ class Factor:
     vary: Vary
     unit: str
     targets: tuple[str, ...]
-    """``component.parameter`` of each start value that it sets."""
+    """``component.parameter`` of each start value that it sets, or ``faults.EVENT.key`` of each number of faults."""
     ratios: tuple[float, ...]
     """Value of each target over the draw: 1, or the ratio of what they start with where the spread is relative."""
     levels: tuple[Value, ...]
     """The values there are; empty for a continuous distribution."""
     spread: Spread | None
     """None where there are levels."""
+    variables: tuple[ModelVariable, ...] = ()
+    """Those that the targets are, with type, unit and bounds."""
 
     @property
     def name(self) -> str:
@@ -86,13 +89,26 @@ class Factor:
         return {name: draw * ratio for name, ratio in zip(self.targets, self.ratios, strict=True)}
 
 
-def find_factor(vary: Vary, system: RunSystem, wiring: Wiring) -> Factor:
-    """The factor of a ``[[vary]]`` in a system.
+def find_factor(vary: Vary, system: RunSystem, wiring: Wiring, branch: Branch | None = None) -> Factor:
+    """The factor of a ``[[vary]]`` in a system, whose runs begin at a checkpoint where there is a ``branch``.
 
-    Raises :class:`.study.StudyError`: an unknown parameter (with near names), one that cannot be set or is connected,
-    targets of different units, an impossible distribution.
+    Raises :class:`.study.StudyError`: an unknown parameter (with near names), one that cannot be set, is connected, or
+    is in the state of a checkpoint, targets of different units, an impossible distribution.
     """
+    if any(names_faults(name, system.descriptions) for name in vary.parameters):
+        numbers = find_numbers(vary, system)
+        stated = [float(read_start(number)) if number.type == "Real" else 0.0 for number in numbers.values()]
+        return _make_factor(vary, tuple(numbers), tuple(numbers.values()), stated)
     targets = find_targets(vary, system.descriptions)
+    variables = _find_variables(vary, targets, system, wiring, branch)
+    pairs = zip(targets, variables, strict=True)
+    starts = [system.get_number(name) if variable.type == "Real" else 0.0 for name, variable in pairs]
+    return _make_factor(vary, targets, variables, starts)
+
+
+def _find_variables(
+    vary: Vary, targets: Sequence[str], system: RunSystem, wiring: Wiring, branch: Branch | None
+) -> tuple[ModelVariable, ...]:
     connected = {str(connection.target): connection.source for connection in wiring.connections}
     variables = []
     for name in targets:
@@ -102,6 +118,20 @@ def find_factor(vary: Vary, system: RunSystem, wiring: Wiring) -> Factor:
         variables.append(index_variables(system.descriptions[component])[variable])
         if why := explain_unsettable(variables[-1], running=False):
             raise vary.error("parameter", f"{name} {why}")
+        if branch is not None and branch.keeps(name, system.descriptions):
+            raise vary.error(
+                "parameter",
+                f"{name} is a fixed parameter: it is in the state of its FMU at the checkpoint, and no case can have "
+                f"another.  Vary inputs and tunable parameters, or have this FMU begin anew, without its state: "
+                f"[from], anew = [{component!r}]",
+            )
+    return tuple(variables)
+
+
+def _make_factor(
+    vary: Vary, targets: tuple[str, ...], variables: tuple[ModelVariable, ...], starts: Sequence[float]
+) -> Factor:
+    """``starts``: what Real targets begin with where nothing is varied."""
     units = {get_unit(variable) or "1" for variable in variables}
     kinds = {variable.type for variable in variables}
     if len(units | kinds) > 2:
@@ -109,11 +139,11 @@ def find_factor(vary: Vary, system: RunSystem, wiring: Wiring) -> Factor:
     unit = units.pop()
     if vary.distribution in (VALUES, STEPS):
         levels = _find_levels(vary, variables, unit)
-        return Factor(vary, unit, targets, (1.0,) * len(targets), levels, None)
+        return Factor(vary, unit, targets, (1.0,) * len(targets), levels, None, variables)
     if kinds != {"Real"}:
         raise vary.error("distribution", f"{targets[0]} is of the type {kinds.pop()}: give a list of values")
-    starts = [system.get_number(name) for name in targets]
-    return Factor(vary, unit, targets, _find_ratios(vary, targets, starts), (), _find_spread(vary, starts[0], unit))
+    ratios = _find_ratios(vary, targets, starts)
+    return Factor(vary, unit, targets, ratios, (), _find_spread(vary, starts[0], unit), variables)
 
 
 def find_targets(vary: Vary, descriptions: Mapping[str, ModelDescription]) -> tuple[str, ...]:

@@ -42,7 +42,7 @@ class Plan:
         return len(self.draws)
 
     def values(self, index: int) -> dict[str, Value]:
-        """What case ``index`` sets, by ``component.parameter``: what is varied, and the seeds."""
+        """What case ``index`` sets: what is varied, by the names of the targets, and the seeds."""
         found: dict[str, Value] = {}
         for factor, draw in zip(self.factors, self.draws[index].tolist(), strict=True):
             found |= factor.values(draw)
@@ -60,7 +60,7 @@ class Plan:
 
     @cached_property
     def targets(self) -> tuple[str, ...]:
-        """All start values that a case sets, but for the seeds."""
+        """All start values and numbers of faults that a case sets, but for the seeds."""
         return tuple(name for factor in self.factors for name in factor.targets)
 
 
@@ -71,7 +71,7 @@ def make_plan(study: Study, system: RunSystem) -> Plan:
     that set the same, a value outside the bounds of its FMU.
     """
     wiring = check_wiring(system.structure, system.descriptions)
-    factors = tuple(find_factor(vary, system, wiring) for vary in study.varied)
+    factors = tuple(find_factor(vary, system, wiring, study.branch) for vary in study.varied)
     _check_targets(study, factors)
     _check_runs(study, system.descriptions)
     if study.plan in (GRID, LIST):
@@ -80,25 +80,43 @@ def make_plan(study: Study, system: RunSystem) -> Plan:
         if total > MOST_CASES:
             raise study.error("plan", f"{total} cases are too many: expected at most {MOST_CASES}")
     plan = Plan(study, factors, draw_cases(study, factors), find_seeds(study, system.descriptions, factors))
-    _check_values(plan, system.descriptions)
+    _check_values(plan)
     return plan
 
 
 def find_seeds(
     study: Study, descriptions: Mapping[str, ModelDescription], factors: Sequence[Factor]
 ) -> tuple[str, ...]:
-    """``component.parameter`` of all seeds: Integer parameters of this name that the study does not set itself."""
-    own = {name for factor in factors for name in factor.targets} | {n for run in study.runs.values() for n in run}
+    """``component.parameter`` of all seeds that a case can have and that the study does not set itself."""
+    own = {name for factor in factors for name in factor.targets}
+    branch = study.branch
+    return tuple(
+        name
+        for name in list_seeds(study, descriptions)
+        if name not in own and (branch is None or not branch.keeps(name, descriptions))
+    )
+
+
+def list_seeds(study: Study, descriptions: Mapping[str, ModelDescription]) -> list[str]:
+    """``component.parameter`` of all Integer parameters called ``seed`` that no run of the study sets."""
+    own = {name for run in study.runs.values() for name in run}
     found = [
         f"{component}.{name}"
         for component, description in descriptions.items()
         for name, variable in index_variables(description).items()
         if variable.causality == "parameter" and variable.type == "Integer" and name.split(".")[-1] == "seed"
     ]
-    return tuple(name for name in found if name not in own)
+    return [name for name in found if name not in own]
 
 
-def hash_plan(plan: Plan, fmus: Mapping[str, str], system_sha256: str, requirements: bytes, faults: bytes = b"") -> str:
+def hash_plan(
+    plan: Plan,
+    fmus: Mapping[str, str],
+    system_sha256: str,
+    requirements: bytes,
+    faults: bytes = b"",
+    checkpoints: Mapping[str, str] | None = None,
+) -> str:
     """SHA-256, hexadecimal, of all that decides the rows of the study.
 
     Parameters
@@ -106,6 +124,7 @@ def hash_plan(plan: Plan, fmus: Mapping[str, str], system_sha256: str, requireme
     fmus: SHA-256 of each FMU by its name.
     system_sha256: of wiring and start values, which the FMUs share.
     requirements, faults: contents of the files, empty without one.
+    checkpoints: SHA-256 of that of each run, None without any.
     """
     study = plan.study
     stated: dict[str, Any] = {
@@ -123,6 +142,8 @@ def hash_plan(plan: Plan, fmus: Mapping[str, str], system_sha256: str, requireme
     }
     if faults:
         stated["faults"] = hashlib.sha256(faults).hexdigest()
+    if study.branch is not None:
+        stated["from"] = (checkpoints, sorted(study.branch.anew))
     return hashlib.sha256(json.dumps(stated, sort_keys=True).encode()).hexdigest()
 
 
@@ -151,13 +172,14 @@ def _check_runs(study: Study, descriptions: Mapping[str, ModelDescription]) -> N
                 raise StudyError(f"{study.path}, [runs.{run}], {name}: {error}") from None
 
 
-def _check_values(plan: Plan, descriptions: Mapping[str, ModelDescription]) -> None:
+def _check_values(plan: Plan) -> None:
     """Bounds of the FMUs, by the smallest and the largest draw: whatever lies between is inside, too."""
     for place, factor in enumerate(plan.factors):
         for index in (int(plan.draws[:, place].argmin()), int(plan.draws[:, place].argmax())):
-            for name, value in factor.values(float(plan.draws[index, place])).items():
+            values = factor.values(float(plan.draws[index, place]))
+            for variable, (name, value) in zip(factor.variables, values.items(), strict=True):
                 try:
-                    _convert(descriptions, name, value)
+                    convert_value(variable, value)
                 except UsageError as error:
                     key = "values" if factor.spread is None else "low"
                     raise factor.vary.error(key, f"case {index}, {name}: {error}; truncate with low and high") from None

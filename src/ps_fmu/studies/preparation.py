@@ -7,23 +7,31 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from ..cosim import UsageError, write_ssp
+import numpy as np
+
+from ..cosim import CosimError, UsageError, write_ssp
 from ..cosim.clock import StepClock
 from ..cosim.faults.active import make_faults
+from ..cosim.faults.binding import bind_faults
+from ..cosim.faults.numbers import change_numbers
 from ..cosim.rows import make_layout
 from ..cosim.schemes.scheme import make_scheme
 from ..cosim.structure import Experiment
 from ..pointing.indices import AbsoluteError, MeanError, PointingIndex, RelativeError, ResidualJitter
 from ..runs.options import OptionError, RunOptions, Scenario
 from ..runs.setup import RunSystem, load_system
+from .branching import Sources
 from .bundle import FAULTS, REQUIREMENTS, SYSTEM, TASK, Bundle
+from .fault_numbers import names_faults, split_values
 from .indices import check_windows, find_signals
+from .plan import Plan
 from .signals import check_signals, find_columns
 from .study import Observed, Study, StudyError
 from .task import Task, result_versions
 
 DEFAULT_SIGNAL = "plant.payload_rotation"
 DEFAULT_WINDOW_S = 1.0
+MOST_LEVELS = 1000  # of a number of faults: more are not checked one by one
 
 
 def make_options(study: Study, output: Path, run: Any = None) -> RunOptions:
@@ -60,7 +68,7 @@ def load_study_system(study: Study) -> RunSystem:
     except OptionError as error:
         raise StudyError(f"{study.path}, [study], {_as_key(str(error))}") from error
     clock, scheme = StepClock(0.0, study.step_s), make_scheme(study.scheme)
-    make_faults(system.faults, system.structure, system.descriptions, clock, scheme).check_end(study.duration_s)
+    make_faults(system.faults, system.structure, system.descriptions, clock, scheme)
     if study.isolation is not None:
         try:
             study.isolation.check(system.structure)
@@ -88,21 +96,61 @@ def complete_observed(study: Study, system: RunSystem) -> Study:
     return replace(study, observed=(observed,))
 
 
-def make_bundle(study: Study, system: RunSystem) -> Bundle:
-    """The files of a study.  Raises as :func:`..cosim.write_ssp`."""
+def check_numbers(plan: Plan, system: RunSystem) -> None:
+    """Raises :class:`.study.StudyError` for numbers of faults that no run can have, with the first such case, and
+    :class:`..cosim.SystemFileError` for faults that would never act.
+
+    Of a continuous distribution, and of more than :data:`MOST_LEVELS` values, the smallest and the largest are checked.
+    """
+    file, study = system.faults, plan.study
+    if file is None:
+        return
+    clock = StepClock(0.0, study.step_s)
+
+    def check(case: int) -> None:
+        _, numbers = split_values(plan.values(case), system.descriptions)
+        bound = bind_faults(change_numbers(file, numbers), system.structure, system.descriptions, clock)
+        bound.check_end(clock, clock.steps(study.duration_s))
+
+    varied = [
+        (factor, draws)
+        for factor, draws in zip(plan.factors, plan.draws.T, strict=True)
+        if names_faults(factor.targets[0], system.descriptions)
+    ]
+    if not varied:
+        check(0)
+    for factor, draws in varied:
+        _, cases = np.unique(draws, return_index=True)
+        for case in cases if factor.levels and len(cases) <= MOST_LEVELS else cases[[0, -1]]:
+            try:
+                check(int(case))
+            except CosimError as error:
+                key = "values" if factor.spread is None else "low"
+                raise factor.vary.error(key, f"case {case}: {error}") from error
+
+
+def make_bundle(study: Study, system: RunSystem, sources: Sources) -> Bundle:
+    """The files of a study.  Raises as :func:`..cosim.write_ssp`, OSError."""
     experiment = Experiment(0.0, study.duration_s, study.step_s)
+    distinct = list({source.path: source for source in sources.values()}.values())
+    names = {source.path: f"checkpoint_{number}.zip" for number, source in enumerate(distinct)}
     with tempfile.TemporaryDirectory(prefix="study_") as folder:
         path = Path(folder, SYSTEM)
         write_ssp(replace(system.structure, experiment=experiment), path)
-        archive = path.read_bytes()
+        archive, checkpoints = path.read_bytes(), {}
+        for source in distinct:
+            place = Path(folder, names[source.path])
+            source.write(place)
+            checkpoints[place.name] = place.read_bytes()
     stored: tuple[str, ...] = ()
     if study.signals is not None:
         stored = find_columns(study.signals, make_layout(system.descriptions).columns)
     task = Task(
         study.step_s, study.duration_s, study.scheme, study.runs, study.observed, result_versions(), stored,
         None if study.signals is None else study.signals.step_s, study.isolation,
+        {run: names[source.path] for run, source in sources.items()}, () if study.branch is None else study.branch.anew,
     )  # fmt: skip
-    files = {SYSTEM: archive, TASK: task.as_json()}
+    files = {SYSTEM: archive, TASK: task.as_json(), **checkpoints}
     if study.requirements is not None:
         files[REQUIREMENTS] = study.requirements.read_bytes()
     if study.faults is not None:

@@ -63,6 +63,7 @@ from .study import (
     STEPS,
     UNIFORM,
     VALUES,
+    Branch,
     Correlation,
     Observed,
     Study,
@@ -71,7 +72,7 @@ from .study import (
 )
 from .table_reader import TableReader
 
-TABLES = ("study", "runs", "vary", "correlate", "observe", "signals")
+TABLES = ("study", "from", "runs", "vary", "correlate", "observe", "signals")
 STUDY_KEYS = (
     "name", "system", "duration", "step", "scheme", "parameters", "requirements", "plan", "cases", "seed", "seeds",
     "timeout", "control_variates", "faults", "isolate", "step_timeout",
@@ -127,6 +128,7 @@ def read_study(path: Path) -> Study:
         isolation=_read_isolation(table),
         signals=read_signals(path, content),
         faults=None if faults is None else _find(path, faults, "faults", table),
+        branch=_read_branch(path, content),
     )
 
 
@@ -173,6 +175,20 @@ def _read_isolation(table: TableReader) -> Isolation | None:
     except UsageError as error:
         problem = str(error).removeprefix("--step-timeout: ").replace("--isolate", "isolate")
         raise table.error("step_timeout", problem) from error
+
+
+def _read_branch(path: Path, content: Mapping[str, Any]) -> Branch | None:
+    if "from" not in content:
+        return None
+    if not isinstance(content["from"], dict):
+        raise StudyError(f"{path}, from: expected a table [from]")
+    table = TableReader(f"{path}, [from]", content["from"])
+    table.refuse_others(("checkpoint", "anew"))
+    name = table.text("checkpoint")
+    beside, here = path.parent / name, Path(name)
+    if not beside.exists() and not here.exists():
+        raise table.error("checkpoint", f"there is no {beside}, and no {here.absolute()}")
+    return Branch(table.place, (beside if beside.exists() else here).absolute(), table.names("anew", ()))
 
 
 def _read_runs(path: Path, content: Mapping[str, Any]) -> dict[str, dict[str, Value]]:

@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from ..cosim import Column
+from ..cosim.faults.numbers import change_numbers
 from ..requirements.verdict import format_verdicts
 from ..results.report import Report
 from ..results.summary import plain, versions
@@ -19,6 +20,7 @@ from ..runs.publish import show_verdict
 from ..runs.setup import identify_fmus
 from ..slavekit.pack.files import write_atomically
 from .case_runner import describe_verdicts, make_records
+from .fault_numbers import split_values
 from .indices import IndexRecord, SwitchRecord
 from .parts import list_parts, read_rows
 from .preparation import make_options
@@ -97,16 +99,23 @@ def _run(options: SweepOptions, prepared: Prepared, case: int, folder: Path) -> 
     study = prepared.plan.study
     varied = [name.partition(".")[2] for name in prepared.plan.targets]
     apart = tuple(f"{component}.{name}" for component in prepared.system.descriptions for name in varied)
-    run_options = replace(make_options(study, folder), progress=options.progress, apart=apart)
+    branch = study.branch
+    run_options = replace(
+        make_options(study, folder), progress=options.progress, apart=apart,
+        source=None if branch is None else branch.checkpoint, anew=() if branch is None else branch.anew,
+    )  # fmt: skip
     (folder / RESULTS).unlink(missing_ok=True)
     system = prepared.system
     task = Task(study.step_s, study.duration_s, study.scheme, study.runs, study.observed, {})
     values = prepared.plan.values(case)
+    starts, numbers = split_values(values, system.descriptions)
+    if system.faults is not None:
+        system = replace(system, faults=change_numbers(system.faults, numbers))
     row: Row = {"case": case, "status": "done", "error": None}
     tables = []
     for run, own in study.runs.items():
         _, record = run_case(
-            system, run_options, Case(run, {**values, **own}), lambda columns: CaseRecord(task, columns)
+            system, run_options, Case(run, {**starts, **own}), lambda columns: CaseRecord(task, columns)
         )
         metrics = record.metrics()
         row |= {f"{run}.{key}": value for key, value in metrics.items()}

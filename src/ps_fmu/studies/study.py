@@ -7,8 +7,12 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
+from fmpy.model_description import ModelDescription
+
 from ..cosim import Value
+from ..cosim.description import explain_unsettable, find_variable
 from ..cosim.isolation.instance import Isolation
+from ..cosim.structure import parse_port
 from ..pointing.indices import PointingIndex
 from ..requirements.reading import INDICES
 from .numbers import Number
@@ -116,6 +120,27 @@ class Signals:
 
 
 @dataclass(frozen=True)
+class Branch:
+    """Where the runs of each case begin: a table ``[from]``."""
+
+    place: str
+    checkpoint: Path
+    """File of a checkpoint, a folder of them, or the results of a run, which has one for each case."""
+    anew: tuple[str, ...] = ()
+    """Components that begin without their state there, and so with any parameters."""
+
+    def error(self, key: str, problem: str) -> StudyError:
+        """The error that names the table and the key."""
+        return StudyError(f"{self.place}, {key}: {problem}")
+
+    def keeps(self, name: str, descriptions: Mapping[str, ModelDescription]) -> bool:
+        """Whether ``component.variable`` is in the state of its FMU, so that no case can have another value."""
+        port = parse_port(name)
+        variable = find_variable(descriptions[port.component], port.variable)
+        return port.component not in self.anew and explain_unsettable(variable, running=True) is not None
+
+
+@dataclass(frozen=True)
 class Study:
     """All that a file states; paths are as they can be opened."""
 
@@ -151,6 +176,8 @@ class Study:
     """What is stored of the signals; None: nothing."""
     faults: Path | None = None
     """What happens to signals and parameters in each run."""
+    branch: Branch | None = None
+    """The state in which each run begins; None: that of the initialisation."""
 
     def error(self, key: str, problem: str) -> StudyError:
         """The error that names the file and a key of [study]."""

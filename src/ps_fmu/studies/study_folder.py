@@ -10,7 +10,9 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from ..cosim.checkpoint.parts import hash_file
 from ..runs.setup import RunSystem, identify_fmus
+from .branching import Sources
 from .bundle import FAULTS, REQUIREMENTS, Bundle
 from .parts import FOLDER, write_durably
 from .plan import Plan, hash_plan
@@ -37,15 +39,18 @@ class Identity:
     requirements_sha256: str | None
     versions: Mapping[str, str]
     faults_sha256: str | None = None
+    checkpoints_sha256: Mapping[str, str] | None = None
+    """Of the checkpoint that each run begins from, by the name of the run."""
 
     @classmethod
-    def of(cls, plan: Plan, system: RunSystem, bundle: Bundle) -> Identity:
+    def of(cls, plan: Plan, system: RunSystem, bundle: Bundle, sources: Sources) -> Identity:
         """The identity of a plan for a system.  Raises ``OSError``."""
         fmus = {fmu.name: fmu.sha256 for fmu in identify_fmus(system)}
         requirements, faults = bundle.files.get(REQUIREMENTS), bundle.files.get(FAULTS)
         archive = bundle.get_system_sha256()
+        checkpoints = {run: hash_file(source.path) for run, source in sources.items()} or None
         return cls(
-            hash_plan(plan, fmus, archive, requirements or b"", faults or b""),
+            hash_plan(plan, fmus, archive, requirements or b"", faults or b"", checkpoints),
             plan.study.name,
             len(plan),
             plan.study.seed,
@@ -54,6 +59,7 @@ class Identity:
             None if requirements is None else hashlib.sha256(requirements).hexdigest(),
             result_versions(),
             None if faults is None else hashlib.sha256(faults).hexdigest(),
+            checkpoints,
         )
 
 
@@ -107,9 +113,20 @@ def explain_difference(stored: Mapping[str, Any], own: Identity) -> str:
         found.append("other requirements")
     if stored.get("faults_sha256") != own.faults_sha256:
         found.append("other faults")
+    found += _compare_checkpoints(stored.get("checkpoints_sha256") or {}, own.checkpoints_sha256 or {})
     if not changed and stored.get("system_sha256") != own.system_sha256:
         found.append("another wiring, or other start values")
     return "; ".join(found) or "other parameters, times or signals in the study's file"
+
+
+def _compare_checkpoints(stored: Mapping[str, str], own: Mapping[str, str]) -> list[str]:
+    if stored and own:
+        return [
+            f"another checkpoint for the run {run}: {sha256[:12]}, there {stored.get(run, 'none')[:12]}"
+            for run, sha256 in own.items()
+            if stored.get(run) != sha256
+        ]
+    return [] if stored == own else [f"{'a' if own else 'no'} checkpoint to begin from"]
 
 
 def encode_plan(plan: Plan) -> bytes:

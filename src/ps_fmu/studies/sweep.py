@@ -15,10 +15,11 @@ from ..runs.built_fmus import find_built_folder, provide_fmus
 from ..runs.options import claim_folder
 from ..runs.output import lock_folder
 from ..runs.setup import RunSystem
+from .branching import check_sources, keep_seeds, read_sources
 from .bundle import Bundle
 from .control_variate import check_closed_form
 from .plan import Plan, make_plan
-from .preparation import complete_observed, load_study_system, make_bundle
+from .preparation import check_numbers, complete_observed, load_study_system, make_bundle
 from .reading import read_study
 from .stored import check_stored, list_work, list_worst, prepare_folder
 from .study_folder import Identity
@@ -43,6 +44,8 @@ class SweepOptions:
     fmus: Path | None = None
     """Folder of the FMUs; None: those of ps_fmu, built if they are not."""
     progress: bool = True
+    scheduler_timeout_s: float | None = None
+    """That the scheduler may take to answer; None: some seconds."""
 
     @property
     def command(self) -> str:
@@ -51,6 +54,8 @@ class SweepOptions:
         for name in ("scheduler", "workers", "fmus"):
             if (value := getattr(self, name)) is not None:
                 words += [f"--{name}", str(value)]
+        if self.scheduler_timeout_s is not None:
+            words += ["--scheduler-timeout", f"{self.scheduler_timeout_s:g}"]
         return shlex.join([*words, "--resume"])
 
 
@@ -79,14 +84,20 @@ def prepare(options: SweepOptions) -> Prepared:
     if study.control_variates:
         if study.faults is not None:
             raise study.error("control_variates", "the closed form has no faults")
+        if study.branch is not None:
+            raise study.error("control_variates", "the closed form has no state to begin from, as [from] gives one")
         try:
             check_closed_form(system, study.plan)
         except ValueError as error:
             raise study.error("control_variates", str(error)) from error
+    sources = read_sources(study)
+    system = keep_seeds(study, system, sources)
     plan = make_plan(complete_observed(study, system), system)
+    check_numbers(plan, system)
+    check_sources(plan, system, sources)
     check_stored(plan, system)
-    bundle = make_bundle(plan.study, system)
-    return Prepared(plan, system, bundle, Identity.of(plan, system, bundle))
+    bundle = make_bundle(plan.study, system, sources)
+    return Prepared(plan, system, bundle, Identity.of(plan, system, bundle, sources))
 
 
 @contextmanager
@@ -111,7 +122,7 @@ def compute(options: SweepOptions, prepared: Prepared, folder: Path) -> None:
     Raises :class:`.rows.ClusterError`, :class:`.rows.StartError`, :class:`.rows.VersionError`, OSError and
     KeyboardInterrupt; the parts so far are kept.
     """
-    from .cluster import Dispatcher, connect, find_dashboard
+    from .cluster import CONNECT_S, Dispatcher, connect, find_dashboard
 
     plan, name = prepared.plan, prepared.identity.plan_sha256
     prepare_folder(folder, plan, prepared.system)
@@ -121,7 +132,8 @@ def compute(options: SweepOptions, prepared: Prepared, folder: Path) -> None:
         return
     kept = len(plan) - len(cases)
     print(f"{plan.study.name}: {len(plan)} cases" + (f", {kept} of them done before" if kept else ""), file=sys.stderr)
-    with connect(options.scheduler, options.workers) as client:
+    timeout = CONNECT_S if options.scheduler_timeout_s is None else options.scheduler_timeout_s
+    with connect(options.scheduler, options.workers, timeout) as client:
         if dashboard := find_dashboard(client):
             print(f"dask's dashboard: {dashboard}", file=sys.stderr)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from ..cosim import Value
@@ -34,6 +34,10 @@ class Task:
     """Between stored rows; None: every step."""
     isolation: Isolation | None = None
     """Which FMUs get processes of their own."""
+    sources: Mapping[str, str] = field(default_factory=dict)
+    """The file of the checkpoint that each run begins from, by the name of the run; empty: from the initialisation."""
+    anew: tuple[str, ...] = ()
+    """Components that begin without their state there."""
 
     def as_json(self) -> bytes:
         """The content of the file; :meth:`from_json` reads it."""
@@ -50,7 +54,7 @@ class Task:
         own: dict[str, Any] | None = found["isolation"]
         names = None if own is None or own["names"] is None else frozenset(own["names"])
         return cls(**{**found, "observed": tuple(map(Observed.from_dict, found["observed"])),
-                      "stored": tuple(found["stored"]),
+                      "stored": tuple(found["stored"]), "anew": tuple(found["anew"]),
                       "isolation": None if own is None else Isolation(**{**own, "names": names})})  # fmt: skip
 
 

@@ -7,8 +7,11 @@ from contextlib import contextmanager, suppress
 
 from ..cosim import CosimError, Master, System, Value
 from ..cosim.description import read_descriptions
+from ..cosim.faults.binding import bind_faults
 from ..cosim.faults.event import FaultFile
+from ..cosim.faults.numbers import change_numbers
 from ..cosim.isolation.instance import Isolation
+from .fault_numbers import split_values
 
 
 class WarmSystem:
@@ -20,6 +23,7 @@ class WarmSystem:
     scheme: order of exchange, as :class:`..cosim.Master` has it.
     faults: what happens in each run.
     isolation: which FMUs get processes of their own, which stay, too.
+    start_time: of the runs, s; None: as the system says.
     """
 
     def __init__(
@@ -29,15 +33,21 @@ class WarmSystem:
         scheme: str,
         faults: FaultFile | None = None,
         isolation: Isolation | None = None,
+        start_time: float | None = None,
     ) -> None:
         self.system = system
         self.descriptions = read_descriptions(system)
         self._step_s, self._scheme, self._faults, self._isolation = step_s, scheme, faults, isolation
+        self._start_time = start_time
+        self._numbers: dict[str, Value] = {}
+        """Of faults, as the last run had them."""
         self._master: Master | None = None
 
     @contextmanager
     def prepare(self, values: Mapping[str, Value], only: Collection[str] | None = None) -> Iterator[Master]:
-        """The system at its start with other start values, by ``component.variable``, ready to run in the body.
+        """The system at its start with other values, ready to run in the body.
+
+        ``values``: start values by ``component.variable``, numbers of faults as ``faults.EVENT.key``.
 
         ``only``: names of the outputs that are needed; None: all.
 
@@ -62,9 +72,15 @@ class WarmSystem:
     def _start(self, values: Mapping[str, Value]) -> Master:
         """The Master before its initialisation, with these values in place of those of the run before."""
         if self._master is None:
+            self._numbers = {}
             self._master = Master(
                 self.system, self._step_s, self._scheme, descriptions=self.descriptions, faults=self._faults,
-                isolation=self._isolation,
+                isolation=self._isolation, start_time=self._start_time,
             )
-        self._master.reset(values)
+        starts, numbers = split_values(values, self.descriptions)
+        self._master.reset(starts)
+        if self._faults is not None and numbers != self._numbers:
+            changed, master = change_numbers(self._faults, numbers), self._master
+            master.faults.change(bind_faults(changed, master.system, self.descriptions, master.clock))
+            self._numbers = numbers
         return self._master

@@ -45,8 +45,8 @@ def write_file(path: Path, tree: Mapping[str, State]) -> None:
     try:
         with begun.open("wb") as file:
             with zipfile.ZipFile(file, "w", zipfile.ZIP_STORED) as archive:
-                archive.writestr(HEAD, head)
-                with archive.open(ARRAYS, "w", force_zip64=True) as member:
+                archive.writestr(zipfile.ZipInfo(HEAD), head)  # without the time: one state, the same bytes
+                with archive.open(zipfile.ZipInfo(ARRAYS), "w", force_zip64=True) as member:
                     for array in arrays:
                         member.write(array.view(np.uint8).data)
             file.flush()

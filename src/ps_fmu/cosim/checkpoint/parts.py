@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -67,19 +69,15 @@ class MasterParts:
     def identify(self) -> dict[str, State]:
         """What a checkpoint and the run that goes on from it have in common."""
         return {
-            "package": __version__,
-            "step": self.clock.step,
-            "scheme": _describe_scheme(self.scheme),
+            **identify_system(self.system, self.wiring, self.clock.step, self.scheme),
             "start": self.clock.start,
-            "fmus": {c.name: _hash_file(c.source) for c in self.system.components},
-            "connections": _list_wires(self.wiring),
-            "columns": [f"{column.name} {column.unit} {column.type}" for column in self.columns],
+            "columns": list_columns(self.columns),
             "faults": self.faults.identify(),
         }
 
     def list_starts(self) -> dict[str, State]:
         """Start values by component.variable."""
-        return {f"{name}.{v}": value for name, own in self.wiring.starts.items() for v, value in own.items()}
+        return list_starts(self.wiring)
 
     def save_fmus(self) -> dict[str, State]:
         """The states of all FMUs as bytes, with what the user has been told of each.  Raises :class:`SlaveError`."""
@@ -146,11 +144,35 @@ class MasterParts:
         self.rows.latest[:] = kept["latest"]  # a new plan has set the columns of the scheme to 0
 
 
+def identify_system(system: System, wiring: Wiring, step: float, scheme: Scheme) -> dict[str, State]:
+    """What any run from a checkpoint has in common with the run of it.  Raises OSError."""
+    return {
+        "package": __version__,
+        "step": step,
+        "scheme": _describe_scheme(scheme),
+        "fmus": {component.name: hash_file(component.source) for component in system.components},
+        "connections": _list_wires(wiring),
+    }
+
+
+def list_starts(wiring: Wiring) -> dict[str, State]:
+    """Start values by component.variable."""
+    return {f"{name}.{v}": value for name, own in wiring.starts.items() for v, value in own.items()}
+
+
+def list_columns(columns: Iterable[Column]) -> list[str]:
+    """What is recorded, in order: name, unit and type."""
+    return [f"{column.name} {column.unit} {column.type}" for column in columns]
+
+
 def find_difference(own: Mapping[str, Any], kept: Mapping[str, Any]) -> str | None:
-    """In what a run differs from that of a checkpoint, in words; None if in nothing."""
+    """In what a run differs from that of a checkpoint, in words; None if in nothing.
+
+    ``own``: of :meth:`MasterParts.identify`, or of :func:`identify_system`; more of ``kept`` is not looked at.
+    """
     names = {"package": "version of ps_fmu", "step": "step (s)", "scheme": "scheme", "start": "start time (s)"}
     for name, what in names.items():
-        if own[name] != kept.get(name):
+        if name in own and own[name] != kept.get(name):
             return f"another {what}: {kept.get(name)!r} there, {own[name]!r} here"
     fmus = kept.get("fmus")
     if not isinstance(fmus, dict) or own["fmus"].keys() != fmus.keys():
@@ -162,6 +184,8 @@ def find_difference(own: Mapping[str, Any], kept: Mapping[str, Any]) -> str | No
         ("columns", "other recorded variables, as by --observe or --faults"),
         ("faults", "other faults"),
     ):  # fmt: skip
+        if name not in own:
+            continue
         here, there = set(own[name]), set(kept.get(name) or ())
         if here != there:
             which = sorted(here ^ there)[0]
@@ -178,7 +202,14 @@ def _describe_scheme(scheme: Scheme) -> str:
     return f"{scheme}, by {how.method} to {how.relative!r} or {how.absolute!r} in {how.limit} iterations"
 
 
-def _hash_file(path: Any) -> str:
+def hash_file(path: Path) -> str:
+    """SHA-256 of a file in hexadecimal; one that has not changed is read once.  Raises OSError."""
+    found = path.stat()
+    return _hash_known(path, (found.st_ino, found.st_size, found.st_mtime_ns))
+
+
+@lru_cache(maxsize=256)  # a study begins each case from a checkpoint, and FMUs are megabytes
+def _hash_known(path: Path, _version: tuple[int, ...]) -> str:
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 

@@ -5,16 +5,26 @@ from __future__ import annotations
 import math
 import shlex
 from collections.abc import Collection, Mapping
+from copy import copy
 from pathlib import Path
 
-from ..description import convert_value, explain_unsettable, find_variable, read_start
+import numpy as np
+from fmpy.model_description import ModelDescription
+
+from ..description import DISCRETE_TYPES, convert_value, explain_unsettable, find_variable, read_start
 from ..errors import UsageError
+from ..graph import Wiring
 from ..schemes.resolving import find_period
-from ..structure import PortName
-from .files import read_file
+from ..schemes.scheme import Scheme
+from ..structure import PortName, System
+from ..values import Value
+from .files import read_file, write_file
 from .folder import CheckpointFolder
-from .parts import MasterParts, find_difference
-from .state import CheckpointError, State
+from .parts import MasterParts, find_difference, identify_system, list_columns, list_starts
+from .state import Array, CheckpointError, State
+
+NEEDED = ("run", "index", "fmus", "latest", "set", "repeated", "faults", "scheme")
+"""What a run that begins here takes of a checkpoint; the rows before it, and what observers have seen, are not."""
 
 
 class WarmStart:
@@ -24,25 +34,31 @@ class WarmStart:
     the checkpoint's run, inputs and tunable parameters are set, as by an event there.  A fixed parameter is in the
     state of its FMU and cannot change, unless that FMU begins ``anew``: it is initialised with its new values at that
     time, gets the outputs of the others, and has none of its state of before.  Lines of inputs go on, or begin anew
-    where an FMU does.  Faults of the other run are over.
+    where an FMU does.  Faults of the other run are over.  Other variables may be recorded than there: what the
+    checkpoint lacks is read of the FMUs.
+
+    Nothing of it is changed by a run: many can begin from one.
 
     Parameters
     ----------
     path: file of a checkpoint, or a folder of which the last one is taken
     anew: components that begin anew
+    given: inputs and tunable parameters, ``component.variable``, that begin with their start value in any case; others
+        keep what an event of the other run has set, unless their start value is another one than there
 
     Raises :class:`CheckpointError`: there is no checkpoint, or it is damaged.
     """
 
-    def __init__(self, path: Path, anew: Collection[str] = ()) -> None:
-        self._anew = frozenset(anew)
+    def __init__(self, path: Path, anew: Collection[str] = (), given: Collection[str] = ()) -> None:
+        self._anew, self._given = frozenset(anew), frozenset(given)
         if path.is_dir():
             found = CheckpointFolder(path).read()
             if found is None:
                 raise CheckpointError(f"{path}: there is no checkpoint in this folder")
-            self.path, self._kept = found
+            self.path, kept = found
         else:
-            self.path, self._kept = path, read_file(path)
+            self.path, kept = path, read_file(path)
+        self._kept = {name: value for name, value in kept.items() if name in NEEDED}
         try:
             run = self._kept["run"]
             self.time: float = float(run["start"]) + int(self._kept["index"]) * float(run["step"])
@@ -52,30 +68,57 @@ class WarmStart:
         except (KeyError, TypeError, ValueError, OverflowError) as error:
             raise self._make_damaged(error) from error
 
+    def giving(self, given: Collection[str]) -> WarmStart:
+        """The same, with other values that are given."""
+        other = copy(self)
+        other._given = frozenset(given)
+        return other
+
+    def write(self, path: Path) -> None:
+        """Write what is needed of the checkpoint, a fraction of it, into a file to begin from.  Raises OSError."""
+        write_file(path, self._kept)
+
+    def get_start(self, name: str) -> Value | None:
+        """Start value of ``component.variable`` in the run of the checkpoint; None where its FMU's own one was left."""
+        starts = self._kept["run"].get("starts")
+        value = starts.get(name) if isinstance(starts, dict) else None
+        return value if isinstance(value, bool | int | float | str) else None
+
+    def check(
+        self, system: System, wiring: Wiring, descriptions: Mapping[str, ModelDescription], step: float, scheme: Scheme
+    ) -> None:
+        """Raises what :meth:`apply` would of a system that begins here, before anything is loaded; OSError.
+
+        ``step`` [s]; ``scheme``: resolved for the system.
+        """
+        self._check_anew([component.name for component in system.components])
+        try:
+            self._check_system(identify_system(system, wiring, step, scheme), scheme, step)
+            self._find_changes(system, list_starts(wiring), descriptions)
+        except (KeyError, ValueError, TypeError, AttributeError, IndexError, OverflowError) as error:
+            raise self._make_damaged(error) from error
+
     def apply(self, parts: MasterParts) -> None:
         """Bring an initialised master into the state; its row 0 is that of the checkpoint.
 
         Raises :class:`CheckpointError` for a checkpoint of another system, or a value that cannot change;
         :class:`SlaveError`: an FMU refuses its state or a value.
         """
-        if unknown := sorted(self._anew - parts.instances.keys()):
-            raise UsageError(f"anew: there is no component {unknown[0]!r}; there are {', '.join(parts.instances)}")
+        self._check_anew(parts.instances)
         try:
-            own = parts.identify()
-            free = {name: own[name] for name in ("start", "faults")}
-            if difference := find_difference(own, {**self._kept["run"], **free}):
-                raise CheckpointError(f"{self.path}: is of another system: {difference}")
-            self._check_rates(parts)
-            changes = self._find_changes(parts)
+            identity = identify_system(parts.system, parts.wiring, parts.clock.step, parts.scheme)
+            self._check_system(identity, parts.scheme, parts.clock.step)
+            changes = self._find_changes(parts.system, parts.list_starts(), parts.descriptions)
             time = parts.clock.start
             for name in parts.instances.keys() - self._anew:
                 parts.load_fmu(name, self._kept["fmus"][name])
-            parts.rows.restore(0, parts.rows.block[:0], self._check_latest(parts))
+            latest = self._read_latest(parts, time)
+            parts.rows.restore(0, parts.rows.block[:0], latest)
             kept = self._kept["set"].items()
             values = {name: value for name, value in kept if parts.find_port(name).component not in self._anew}
             parts.load_values_set({"set": values, "repeated": self._kept["repeated"]})
             if not self._anew:
-                parts.load_scheme(self._kept)
+                parts.load_scheme({**self._kept, "latest": latest})
             bases = {parts.find_port(name): value for name, value in self._kept["faults"]["bases"].items()}
             for port, value in {**bases, **changes}.items():
                 if port.component not in self._anew:
@@ -85,18 +128,32 @@ class WarmStart:
         except (KeyError, ValueError, TypeError, AttributeError, IndexError, OverflowError) as error:
             raise self._make_damaged(error) from error
 
-    def _find_changes(self, parts: MasterParts) -> Mapping[PortName, State]:
+    def _check_anew(self, components: Collection[str]) -> None:
+        if unknown := sorted(self._anew - set(components)):
+            raise UsageError(f"anew: there is no component {unknown[0]!r}; there are {', '.join(components)}")
+
+    def _check_system(self, identity: Mapping[str, State], scheme: Scheme, step: float) -> None:
+        """Raises :class:`CheckpointError` for a checkpoint of another system."""
+        if difference := find_difference(identity, self._kept["run"]):
+            raise CheckpointError(f"{self.path}: is of another system: {difference}")
+        self._check_rates(scheme, step)
+
+    def _find_changes(
+        self, system: System, own: Mapping[str, State], descriptions: Mapping[str, ModelDescription]
+    ) -> Mapping[PortName, State]:
         """Start values that are other ones than in the checkpoint's run, and can be set now."""
-        own, kept = parts.list_starts(), self._kept["run"]["starts"]
+        kept, events = self._kept["run"]["starts"], self._kept["set"]
         changes: dict[PortName, State] = {}
         refused, fixed = [], set()
-        for name in sorted({*own, *kept}):
-            port = parts.find_port(name)
-            if port.component in self._anew or own.get(name) == kept.get(name):
+        for name in sorted({*own, *kept, *(self._given & events.keys())}):
+            port = system.find_port(name)
+            was_set = name in self._given and name in events
+            if port.component in self._anew or (own.get(name) == kept.get(name) and not was_set):
                 continue
-            variable = find_variable(parts.descriptions[port.component], port.variable)
+            variable = find_variable(descriptions[port.component], port.variable)
             default = read_start(variable)
-            value, there = (convert_value(variable, found.get(name, default)) for found in (own, kept))
+            value = convert_value(variable, own.get(name, default))
+            there = convert_value(variable, events[name] if was_set else kept.get(name, default))
             if value == there:
                 continue
             if reason := explain_unsettable(variable, True):
@@ -113,20 +170,43 @@ class WarmStart:
             )
         return changes
 
-    def _check_rates(self, parts: MasterParts) -> None:
+    def _check_rates(self, scheme: Scheme, step: float) -> None:
         """Raises :class:`CheckpointError` where a component is within a step of its own: rates begin anew here."""
-        period, index = find_period(parts.scheme), int(self._kept["index"])
+        period, index = find_period(scheme), int(self._kept["index"])
         if index % period:
             raise CheckpointError(
                 f"{self.path}: is within a step of a component: rates come round after {period} steps, and it is at "
-                f"step {index} of its run.  Begin from a checkpoint at a multiple of {period * parts.clock.step:.9g} s"
+                f"step {index} of its run.  Begin from a checkpoint at a multiple of {period * step:.9g} s"
             )
 
-    def _check_latest(self, parts: MasterParts) -> State:
-        latest = self._kept["latest"]
-        if latest.shape != parts.rows.latest.shape or latest.dtype != parts.rows.latest.dtype:
+    def _read_latest(self, parts: MasterParts, time: float) -> Array:
+        """The outputs at the checkpoint, as they lie in the rows of this run."""
+        there, rows = self._index_latest(), parts.rows
+        reals = len(rows.real.places)
+        for place, column in enumerate(parts.columns[: rows.latest.size]):  # those that are computed come last
+            kind, own = (rows.real, place) if place < reals else (rows.discrete, place - reals)
+            (name,) = list_columns([column])
+            if name in there:
+                kind.values[own] = there[name]
+            elif not column.component:
+                raise CheckpointError(f"{self.path}: is of another system: {column.name!r} is not recorded there")
+            else:
+                variable = column.name.removeprefix(f"{column.component}.")
+                kind.values[own] = parts.instances[column.component].get([variable], time)[variable]
+        return rows.latest.copy()
+
+    def _index_latest(self) -> dict[str, float | int]:
+        """The outputs in the checkpoint by name, unit and type of their columns: Reals, then C ints side by side."""
+        latest, names = self._kept["latest"], self._kept["run"]["columns"]
+        if latest.dtype != np.float64 or latest.ndim != 1 or latest.size > len(names):
             raise ValueError(f"outputs of the shape {latest.shape}")
-        return latest
+        names = names[: latest.size]
+        discrete = [name for name in names if name.endswith(tuple(f" {kind}" for kind in DISCRETE_TYPES))]
+        reals = len(names) - len(discrete)
+        if names[reals:] != discrete:
+            raise ValueError("its columns are in no order that rows have")
+        whole = latest[reals:].view(np.int32)[: len(discrete)]
+        return dict(zip(names, [*latest[:reals].tolist(), *whole.tolist()], strict=True))
 
     def _feed_new(self, parts: MasterParts, time: float) -> None:
         """Give FMUs that begin anew the outputs of the others, and take theirs."""

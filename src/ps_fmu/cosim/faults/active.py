@@ -60,14 +60,18 @@ class ActiveFaults:
     def __init__(self, bound: BoundFaults | None, clock: StepClock, scheme: Scheme) -> None:
         self.bound, self._clock, self._scheme = bound, clock, scheme
         self._faults = () if bound is None else bound.faults
-        self._points = sorted(
+        self._points = self._list_points()
+        self.reset()
+
+    def _list_points(self) -> list[int]:
+        """The communication points where a fault begins or ends, at an input of a slow component at that one's own."""
+        return sorted(
             -(-point // size) * size
             for fault in self._faults
             for size in {self._count_steps(port) for port in fault.inputs}
             for point in (fault.first, fault.last)
             if point is not None
         )
-        self.reset()
 
     def _count_steps(self, port: PortName) -> int:
         """Base steps in a step of the component of an input or parameter."""
@@ -77,6 +81,12 @@ class ActiveFaults:
     def recorded(self) -> list[PortName]:
         """Inputs and parameters that see a fault at some time: what they get is recorded."""
         return [] if self.bound is None else [*self.bound.types]
+
+    def change(self, bound: BoundFaults) -> None:
+        """Before the run: have the same events with other numbers."""
+        self.bound, self._faults = bound, bound.faults
+        self._points = self._list_points()
+        self.reset()
 
     def reset(self) -> None:
         """Back to before the run."""

@@ -48,6 +48,8 @@ class FaultEvent:
     line: int | None = None
     key: str = ""
     """Its place in the file, as ``events[3]``."""
+    name: str = ""
+    """By which a study names it."""
 
 
 @dataclass(frozen=True)
@@ -58,6 +60,14 @@ class FaultFile:
     events: tuple[FaultEvent, ...]
     end_s: float | None = None
     description: str = ""
+
+    def check_end(self) -> None:
+        """Raises :class:`SystemFileError` for an event that does not begin before the end of all faults."""
+        for event in self.events:
+            late = self.end_s is not None and event.time_s >= self.end_s
+            if late and not (event.action == RESET and event.time_s == self.end_s):
+                text = f"time {event.time_s:g} s is not before the end of the faults, {self.end_s:g} s"
+                raise self.error(event, text)
 
     def error(self, event: FaultEvent, text: str) -> SystemFileError:
         """An error with the place of an event."""

@@ -21,7 +21,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from ..errors import SystemFileError
-from ..structure import PortName, suggest_names
+from ..structure import COMPONENT_NAME, PortName, suggest_names
 from ..values import Value
 from .event import DELAY, DROPOUT, KEYS_OF, NOISE, RESET, FaultEvent, FaultFile
 from .tree import Node, read_tree
@@ -31,7 +31,7 @@ SCHEMA = Path(__file__).with_name("faults.schema.json")
 """JSON Schema of these files, for editors."""
 _FILE_KEYS = ("$schema", "description", "defaults", "events", "end")
 _DEFAULT_KEYS = ("model", "variable", "action")
-_EVENT_KEYS = (*_DEFAULT_KEYS, "time", "target", "duration", "joins", "description")
+_EVENT_KEYS = ("name", *_DEFAULT_KEYS, "time", "target", "duration", "joins", "description")
 _OWN_KEYS = tuple(dict.fromkeys(key for need, may in KEYS_OF.values() for key in (*need, *may)))
 _HIGHEST_SEED = 2**53
 
@@ -63,9 +63,13 @@ def read_faults(path: Path) -> FaultFile:
         raise SystemFileError(path, f"events: there are {len(nodes)}; at most {MOST_EVENTS} are taken", nodes[-1].line)
     events = tuple(reader.read_event(node, f"events[{k}]", defaults) for k, node in enumerate(nodes))
     file = FaultFile(path, events, end, reader.read_text(root, "description", "") or "")
+    file.check_end()
+    names: dict[str, FaultEvent] = {}
     for event in events:
-        if end is not None and event.time_s >= end and not (event.action == RESET and event.time_s == end):
-            raise file.error(event, f"time {event.time_s:g} s is not before the end of the faults, {end:g} s")
+        if event.name and event.name in names:
+            text = f"name: {event.name!r} is the name of {names[event.name].key}, too; expected names that differ"
+            raise file.error(event, text)
+        names[event.name] = event
     return file
 
 
@@ -160,6 +164,7 @@ class _Reader:
             joins=joins,
             line=node.line,
             key=where,
+            name=self._read_name(own, prefix),
         )
 
     def _check_keys(self, own: Mapping[str, Node], action: str, node: Node, where: str) -> None:
@@ -180,6 +185,13 @@ class _Reader:
             raise self.error(node, where, "expected either rms or density, the one-sided power spectral density")
         if action == DROPOUT and "seed" in own and "probability" not in own:
             raise self.error(own["seed"], f"{where}.seed", "is for a dropout with a probability")
+
+    def _read_name(self, own: Mapping[str, Node], prefix: str) -> str:
+        name = self.read_text(own, "name", prefix) or ""
+        if "name" in own and not COMPONENT_NAME.fullmatch(name):
+            text = f"expected letters, digits and _, and no digit first, got {_show(own['name'])}"
+            raise self.error(own["name"], f"{prefix}name", text)
+        return name
 
     def _read_seed(self, own: Mapping[str, Node], prefix: str) -> int:
         if "seed" not in own:

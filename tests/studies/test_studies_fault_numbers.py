@@ -1,0 +1,176 @@
+"""Studies that vary numbers of faults: when they begin, how long they last, how large they are."""
+
+import json
+import shutil
+
+import numpy as np
+import pytest
+from support.checkpoints import Keep
+
+from ps_fmu.cosim import Master, read_system
+from ps_fmu.cosim.checkpoint.checkpoints import Checkpoints
+from ps_fmu.cosim.faults.reading import read_faults
+from ps_fmu.studies.case_runner import CaseRunner
+from ps_fmu.studies.parts import write_part
+from ps_fmu.studies.rerun import rerun
+from ps_fmu.studies.rows import DONE
+from ps_fmu.studies.study import StudyError
+from ps_fmu.studies.study_folder import open_folder
+from ps_fmu.studies.sweep import SweepOptions, prepare
+
+H = 0.01
+STUDY = """
+[study]
+system = "toys.ssd"
+duration = "0.5 s"
+step = "10 ms"
+plan = "list"
+seed = 1
+faults = "faults.json"
+
+[[observe]]
+signal = "mass.position"
+"""
+PUSH = {"name": "push", "time": 0.1, "model": "gain", "variable": "y", "action": "bias", "value": 1.0, "duration": 0.1}
+EVENTS = [
+    PUSH,
+    {"time": 0.3, "model": "mass", "variable": "force", "action": "noise", "rms": 0.1},
+    {"name": "late", "time": 0.4, "model": "mass", "variable": "force", "action": "delay", "value": 0.02},
+    {"time": 0.2, "model": "gain", "variable": "y", "action": "freeze"},
+]
+
+
+@pytest.fixture
+def plan(stateful, tmp_path):
+    """Prepares a study with these [[vary]], each a text; writes the faults."""
+
+    def make(*varied, text=STUDY, events=EVENTS, **more):
+        shutil.copy(stateful / "toys.ssd", tmp_path)
+        (tmp_path / "faults.json").write_text(json.dumps({"events": events, **more}, indent=1))
+        tables = "".join(f"[[vary]]\nparameter = {one}\n" for one in varied)
+        (tmp_path / "study.toml").write_text(text + tables)
+        options = SweepOptions(tmp_path / "study.toml", tmp_path / "out", fmus=stateful, progress=False)
+        return prepare(options), options
+
+    return make
+
+
+def run(stateful, folder, changes, events=EVENTS, source=()):
+    """Largest position of the mass in a run whose file has these numbers."""
+    changed = [{**event, **changes.get(place, {})} for place, event in enumerate(events)]
+    path = folder / "changed.json"
+    path.write_text(json.dumps({"events": changed}))
+    keep = Keep()
+    with Master(read_system(stateful / "toys.ssd", stateful), H, faults=read_faults(path)) as master:
+        place = [column.name for column in master.columns].index("mass.position")
+        master.initialise()
+        master.run(0.5, [keep])
+    return np.abs(keep.values[:, place]).max()
+
+
+def test_a_case_is_the_run_of_a_file_with_its_numbers(plan, stateful, tmp_path):
+    prepared, _ = plan(
+        '"faults.push.value"\nvalues = [1.0, 40.0, -25.0]',
+        '"faults.0.time"\nvalues = ["0.1 s", "50 ms", "0.1 s"]',
+        '"faults.push.duration"\nvalues = ["0.1 s", "0.1 s", "0.3 s"]',
+        '"faults.1.rms"\nvalues = [0.1, 9.0, 0.1]',
+        '"faults.1.seed"\nvalues = [0, 3, 4]',
+        '"faults.late.value"\nvalues = ["20 ms", "0 s", "50 ms"]',
+    )
+    units = {factor.name: factor.unit for factor in prepared.plan.factors}
+    assert units["faults.push.value"] == "1"
+    assert units["faults.0.time"] == units["faults.push.duration"] == units["faults.late.value"] == "s"
+    runner = CaseRunner(prepared.bundle.unpack(tmp_path))
+    changes = [
+        {},
+        {0: {"value": 40.0, "time": 0.05}, 1: {"rms": 9.0, "seed": 3}, 2: {"value": 0.0}},
+        {0: {"value": -25.0, "duration": 0.3}, 1: {"seed": 4}, 2: {"value": 0.05}},
+    ]
+    expected = [run(stateful, tmp_path, change) for change in changes]
+    assert len(set(expected)) == 3
+    for case in (2, 1, 0):  # whatever ran before
+        row = runner.run(case, prepared.plan.values(case))
+        assert row["status"] == DONE, row["error"]
+        assert row["active.mass.position.APE.peak"] == expected[case]
+
+
+def test_a_case_again_has_the_same_bits(plan, tmp_path):
+    prepared, options = plan('"faults.push.value"\nvalues = [1.0, 40.0]', '"mass.mass"\nvalues = [2.0, 3.0]')
+    runner = CaseRunner(prepared.bundle.unpack(tmp_path))
+    options.output.mkdir()
+    open_folder(options.output, prepared.plan, prepared.identity, resume=False)
+    rows = [runner.run(case, prepared.plan.values(case)) for case in (0, 1)]
+    write_part(options.output, prepared.identity.plan_sha256, rows)
+    assert "all numbers are those of the study, to the last bit" in rerun(options, 1)
+    summary = json.loads((options.output / "case-1" / "summary.json").read_text())
+    assert summary["parameters"]["faults.push.value"] == 40.0
+
+
+def test_faults_are_varied_from_a_settled_state(plan, stateful, tmp_path):
+    with Master(read_system(stateful / "toys.ssd", stateful), H) as master:
+        master.initialise()
+        master.run(0.2, [Keep()], checkpoints=Checkpoints(tmp_path / "settled", 10.0))
+    text = STUDY.replace("[[observe]]", '[from]\ncheckpoint = "settled"\n[[observe]]')
+    prepared, _ = plan('"faults.push.value"\nvalues = [0.0, 30.0]', text=text, events=[PUSH])
+    runner = CaseRunner(prepared.bundle.unpack(tmp_path))
+    keep, path = Keep(), tmp_path / "later.json"
+    path.write_text(json.dumps({"events": [{**PUSH, "time": 0.3, "value": 30.0}]}))  # its times are of the whole run
+    with Master(read_system(stateful / "toys.ssd", stateful), H, faults=read_faults(path)) as master:
+        place = [column.name for column in master.columns].index("mass.position")
+        master.initialise()
+        master.run(0.7, [keep])
+    row = runner.run(1, prepared.plan.values(1))
+    assert row["active.mass.position.APE.peak"] == np.abs(keep.values[20:, place]).max()
+    assert row["active.mass.position.APE.peak"] > runner.run(0, {})["active.mass.position.APE.peak"]
+
+
+def test_a_spread_may_be_relative_to_what_the_file_states(plan):
+    text = STUDY.replace('"list"', '"latin-hypercube"\ncases = 8')
+    factor = '["faults.push.duration"]\ndistribution = "uniform"\nrelative = "50 %"'
+    draws = plan(factor, text=text)[0].plan.draws
+    assert 0.05 <= draws.min() < 0.07 < 0.13 < draws.max() <= 0.15
+
+
+@pytest.mark.parametrize(
+    ("vary", "error"),
+    [
+        ('"faults.pusch.value"\nvalues = [1.0]', r"faults\.pusch\.value: .*faults\.json: there is no event "
+         r"'pusch': expected a number from 0 to 3, or one of the names push, late; did you mean push"),
+        ('"faults.4.value"\nvalues = [1.0]', r"there is no event '4'"),
+        ('"faults.3.value"\nvalues = [1.0]', r"faults\.json, line \d+: events\[3\]: the event has no number "
+         r"'value'; it has time$"),
+        ('"faults.push.rms"\nvalues = [1.0]', r"line \d+: events\[0\]: the event has no number 'rms'.*; it has time, "),
+        ('"faults.push.value"\nonly = ["gain"]\nvalues = [1.0]', r", only: is for parameters of components"),
+        ('["faults.push.value", "mass.mass"]\nvalues = [1.0]', r"parameter: mass\.mass is no number of faults"),
+        ('["faults.push.value", "faults.push.time"]\nvalues = [1.0]', r"have different types or units"),
+        ('"faults.push.time"\nvalues = [1.0]', r", values: a number without unit does not fit the unit 's'"),
+        ('"faults.push.time"\nvalues = ["1 s"]', r", values: case 0: .*line \d+: events\[0\]: time 1 s is not before "
+         r"the end of the run"),
+        ('"faults.push.time"\nvalues = ["-1 s"]', r", values: push\.time: -1.0 is outside"),
+        ('"faults.late.value"\nvalues = ["20 ms", "25 ms"]', r"case 1: .*events\[2\]: value: expected a delay of"),
+        ('"faults.push.duration"\nvalues = ["1 ns"]', r"case 0: .*events\[0\]: duration: 1e-09 s has no step"),
+    ],
+)  # fmt: skip
+def test_numbers_that_no_run_can_have_are_refused_by_file_and_line(plan, vary, error):
+    with pytest.raises(StudyError, match=rf"study\.toml, \[\[vary\]\] 1 .*{error}"):
+        plan(vary)
+
+
+def test_the_end_of_all_faults_and_a_study_without_any_are_seen(plan):
+    with pytest.raises(StudyError, match=r"case 0: .*events\[0\]: time 0.46 s is not before the end of the faults"):
+        plan('"faults.push.time"\nvalues = ["0.46 s"]', end=0.45)
+    with pytest.raises(StudyError, match=r"\[study\] has no key faults"):
+        plan('"faults.push.time"\nvalues = ["0.2 s"]', text=STUDY.replace('faults = "faults.json"', ""))
+
+
+def test_a_density_has_the_unit_of_the_signal_squared_per_hertz(plan, built_fmus, tmp_path):
+    from ps_fmu.cosim.description import read_descriptions
+    from ps_fmu.cosim.faults.numbers import find_number
+    from ps_fmu.product.files import find_file
+
+    events = [{"time": 0.1, "model": "plant", "variable": "base_angular_acceleration.x", "action": "noise",
+               "density": 1e-12}]  # fmt: skip
+    (tmp_path / "faults.json").write_text(json.dumps({"events": events}))
+    system = read_system(find_file(tmp_path.__class__("system/SystemStructure.ssd")), built_fmus)
+    found = find_number(read_faults(tmp_path / "faults.json"), "0.density", read_descriptions(system))
+    assert (found.unit, float(found.start)) == ("rad2/s4/Hz", 1e-12)
