@@ -29,7 +29,7 @@ RUNS = {
     "isolation": (12_002, ["isolation", "--duration", "0.6", "--requirements", "own.toml"]),
     "slew": (5_602, ["slew", "--duration", "1.4", "--step", "5e-4", "--parameters", "noise.ssv"]),
 }
-NAMES = 26
+NAMES = 40
 """About as often do files get a name in such a run."""
 REQUIREMENTS = """
 [[requirement]]
@@ -234,7 +234,7 @@ def test_any_system_goes_on(inputs, run, tmp_path, capsys):
     words = [str(tmp_path / "own.ssp"), "--step", "1e-4", "--duration", "0.4", "--observe", "plant.*", "--no-figures"]
     assert run(*words, "--output", tmp_path / "whole")[0] == 0
     again = [*words, "--checkpoint", "0.05", "--output", str(tmp_path / "out")]
-    done = start(inputs, *again, driver=(str(DRIVER), "names", "8"))
+    done = start(inputs, *again, driver=(str(DRIVER), "names", "11"))
     assert done.returncode == -signal.SIGKILL, done.stderr
     assert [path.name for path in sorted((tmp_path / "out" / "checkpoint" / "run").glob("row-*"))] == [
         "row-000000002000.zip", "row-000000002500.zip",
@@ -250,7 +250,7 @@ def test_a_run_with_faults_goes_on(inputs, run, tmp_path):
     words = ["isolation", "--duration", "0.2", "--no-figures", "--faults", str(path)]
     assert run(*words, "--output", tmp_path / "whole")[0] == 0
     again = [*words, "--checkpoint", "0.03", "--output", str(out)]
-    done = start(inputs, *again, driver=(str(DRIVER), "names", "13"))
+    done = start(inputs, *again, driver=(str(DRIVER), "names", "18"))
     assert done.returncode == -signal.SIGKILL, done.stderr
     assert 1 <= len(list((out / "checkpoint" / "active").glob("row-*.zip"))) <= 2  # it is the second case
     path.write_text(json.dumps({**FAULTS, "end": 0.19}))
@@ -271,7 +271,7 @@ def test_a_run_by_another_scheme_goes_on(inputs, run, tmp_path):
     words += ["--scheme", "gauss-seidel", "--extrapolate", "linear", "--rate", "isolator=5"]
     assert run(*words, "--output", tmp_path / "whole")[0] == 0
     again = [*words, "--checkpoint", "0.0303", "--output", str(tmp_path / "out")]
-    done = start(inputs, *again, driver=(str(DRIVER), "names", "6"))
+    done = start(inputs, *again, driver=(str(DRIVER), "names", "7"))
     assert done.returncode == -signal.SIGKILL, done.stderr
     code, said = run("--resume", tmp_path / "out", "--no-figures")
     assert code == 0, said
