@@ -31,7 +31,7 @@ class Pace:
     """
 
     def __init__(self, share: float | None, clock: Callable[[], float] = perf_counter) -> None:
-        if share is not None and not 0.0 < share < math.inf:
+        if share is not None and not share > 0.0:
             raise UsageError(f"checkpoint: expected a share of the time above 0, got {share!r}")
         self._share, self._clock = share, clock
         self._first_index, self._first_s = 0, clock()
