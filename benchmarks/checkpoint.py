@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import math
 import sys
 import tempfile
 from collections.abc import Sequence
@@ -66,12 +65,12 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def measure(system: System, rounds: int, duration: float) -> dict[str, dict[str, dict[str, float]]]:
     """By clock and way: median seconds, median ratio to the run without, and median number of checkpoints."""
-    ways = {"without": None, "all": math.inf, "paid": SHARE}
-    run(system, duration, SHARE)  # files are in memory, libraries are loaded
+    ways = {"without": (False, None), "all": (True, None), "paid": (True, SHARE)}
+    run(system, duration, True, None)  # files are in memory, libraries are loaded
     times: dict[str, list[dict[str, float]]] = {way: [] for way in WAYS}
     for number in range(rounds):
         for way in rotate(WAYS, number):
-            times[way].append(run(system, duration, ways[way]))
+            times[way].append(run(system, duration, *ways[way]))
     return {
         clock: {
             way: {
@@ -91,10 +90,10 @@ def rotate(names: tuple[str, ...], number: int) -> tuple[str, ...]:
     return names[first:] + names[:first]
 
 
-def run(system: System, duration: float, share: float | None) -> dict[str, float]:
+def run(system: System, duration: float, keeps: bool, share: float | None) -> dict[str, float]:
     """Seconds of the steps of one run, with the observers of the default scenario, by clock, and its checkpoints.
 
-    ``share`` of the time that checkpoints may take; None: there are none.
+    ``share`` of the time that checkpoints may take; None: all that fall due are taken.
     """
     steps = round(duration / STEP)
     with tempfile.TemporaryDirectory() as place, Master(system, STEP) as master:
@@ -111,7 +110,7 @@ def run(system: System, duration: float, share: float | None) -> dict[str, float
                 return {}
 
             kept = Path(place, "kept")
-            checkpoints = None if share is None else Checkpoints(kept, INTERVAL, share=share, notes=note)
+            checkpoints = Checkpoints(kept, INTERVAL, share=share, notes=note) if keeps else None
             begun = {clock: read() for clock, read in CLOCKS.items()}
             master.run(duration, observers, beside=True, checkpoints=checkpoints)
             return {clock: read() - begun[clock] for clock, read in CLOCKS.items()} | {"checkpoints": len(taken)}

@@ -17,7 +17,9 @@ import pytest
 from support.same_results import list_differences
 
 from ps_fmu.cosim import Recorder
+from ps_fmu.cosim.checkpoint.folder import CheckpointFolder
 from ps_fmu.cosim.schemes.scheme import Iteration, Rate, Scheme
+from ps_fmu.runs import keeping
 from ps_fmu.runs.kept_options import SYSTEM, read_run, write_run
 from ps_fmu.runs.options import OptionError
 
@@ -225,6 +227,23 @@ def test_a_run_begins_where_another_one_is(run, tmp_path, ssv):
     code, said = run(*slew, "--from", settled)
     assert code == 2
     assert "has no checkpoint of isolator_off; it has active, passive" in said
+
+
+def test_commands_take_checkpoints_that_are_paid_for(run, tmp_path, monkeypatch):
+    """The first one of a case, and the one at its end, do not wait."""
+    original, written = CheckpointFolder.write, []
+
+    def write(self, index, tree):
+        written.append((self.path.name, index))
+        return original(self, index, tree)
+
+    assert keeping.SHARE == 0.02
+    monkeypatch.setattr(keeping, "SHARE", 1e-9)
+    monkeypatch.setattr(CheckpointFolder, "write", write)
+    words = ["isolation", "--duration", "0.3", "--no-figures", "--checkpoint", "0.05", "--output", tmp_path / "out"]
+    code, said = run(*words)
+    assert code == 0, said
+    assert written == [("passive", 500), ("passive", 3000), ("active", 500), ("active", 3000)]
 
 
 def test_any_system_goes_on(inputs, run, tmp_path, capsys):
