@@ -55,7 +55,8 @@ def write_file(path: Path, tree: Mapping[str, State], *, over: bool = False) -> 
                 archive.writestr(HEAD, head)
                 with archive.open(ARRAYS, "w", force_zip64=True) as member:
                     for array in arrays:
-                        member.write(array.view(np.uint8).data)
+                        for part in _list_parts(array):
+                            member.write(part.view(np.uint8).data)
             file.truncate()  # behind what was longer
             os.fsync(file.fileno())
         begun.replace(path)
@@ -108,10 +109,12 @@ def _encode(value: State, arrays: list[NDArray[Any]]) -> Any:
         return value if math.isfinite(value) else {"$number": repr(value)}
     if isinstance(value, np.ndarray):
         columns = value.flags.f_contiguous and not value.flags.c_contiguous  # numpy sums in the order of the memory
-        array = np.ascontiguousarray(value.T if columns else value, dtype=value.dtype.newbyteorder("<"))
+        array = value.T if columns else value
+        if array.dtype.str not in DTYPES:
+            array = array.astype(value.dtype.newbyteorder("<"))
         if array.dtype.str not in DTYPES:
             raise TypeError(f"a checkpoint holds no array of {value.dtype}")
-        arrays.append(array.reshape(-1))
+        arrays.append(array)
         return {"$array": len(arrays) - 1, "shape": list(value.shape), "by_columns": columns}
     if isinstance(value, bytes):
         arrays.append(np.frombuffer(value, np.uint8))
@@ -128,6 +131,13 @@ def _encode(value: State, arrays: list[NDArray[Any]]) -> Any:
         if isinstance(value, plain):
             return _encode(plain(value), arrays)
     raise TypeError(f"a checkpoint holds no {type(value).__name__}")
+
+
+def _list_parts(array: NDArray[Any]) -> list[NDArray[Any]]:
+    """The numbers of an array in the order of the file; a few long rows with gaps between them are not copied."""
+    if array.ndim == 2 and len(array) < array.shape[1] and not array.flags.c_contiguous:
+        return [np.ascontiguousarray(row) for row in array]
+    return [np.ascontiguousarray(array).reshape(-1)]
 
 
 def _decode(value: Any, arrays: list[NDArray[Any] | None]) -> State:
