@@ -11,8 +11,8 @@ from ..errors import UsageError
 
 LEAST = 0.25
 """Part of the share that is for checkpoints in any case, where the rows in journals take more than the rest."""
-LOOK_S = 0.02
-"""A checkpoint that waits is looked at again after so long [s]: to stop at a communication point costs 20 us."""
+LOOK_S = 0.1
+"""A checkpoint that waits is looked at again after so long [s]: to stop at a communication point costs some 50 us."""
 
 
 class Pace:
