@@ -41,7 +41,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Measure and print; returns the exit code."""
     p = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     p.add_argument("--rounds", type=int, default=7, metavar="N", help="rounds (%(default)s)")
-    p.add_argument("--duration", type=float, default=200.0, metavar="S", help="seconds to simulate (%(default)s)")
+    p.add_argument("--duration", type=float, default=300.0, metavar="S", help="seconds to simulate (%(default)s)")
     p.add_argument("--output", type=Path, metavar="FILE", help="write the figures as JSON")
     arguments = p.parse_args(argv)
     folder = ROOT / "build" / "fmus"
