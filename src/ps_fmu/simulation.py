@@ -93,7 +93,8 @@ def simulate(
     figures: draw PNG files.
     output: folder to write into, and to keep.  By default one for temporary files, removed with the result.
     progress: show a progress bar on the error stream.
-    checkpoint: keep the state each so many seconds of simulation, in the folder ``checkpoint`` of ``output``.
+    checkpoint: keep the state each so many seconds of simulation, and at the end, in the folder ``checkpoint`` of
+        ``output``; one waits where they would take more than 2 % of the time.
     resume: go on with the run in ``output`` from its last checkpoint; with the arguments that it was begun with.
     source: begin in the state of a checkpoint, or of a run by the folder of its results.
     anew: FMUs that begin anew then, without their state, and so with other fixed parameters.

@@ -20,10 +20,18 @@ def benchmark_of_checkpoints(monkeypatch):
     return module
 
 
-def test_both_runs_are_measured_and_reported(benchmark_of_checkpoints, built_fmus, tmp_path, capsys):
+def test_all_ways_are_measured_and_reported(benchmark_of_checkpoints, built_fmus, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(benchmark_of_checkpoints, "INTERVAL", 0.05)
     words = ["--rounds", "1", "--duration", "0.2", "--output", str(tmp_path / "found.json")]
-    assert benchmark_of_checkpoints.main(words) == 0
+    for most, code in ((1e9, 0), (0.0, 1)):
+        monkeypatch.setattr(benchmark_of_checkpoints, "MOST", most)
+        assert benchmark_of_checkpoints.main(words) == code
     found = json.loads((tmp_path / "found.json").read_text())
     assert found.keys() == {"interval_s", "wall", "processor", "loop"}
-    assert all(seconds > 0.0 for clock in ("wall", "processor", "loop") for seconds in found[clock])
-    assert "processor" in capsys.readouterr().out
+    for clock in ("wall", "processor", "loop"):
+        assert [found[clock][way]["checkpoints"] for way in ("without", "all")] == [0, 4]
+        assert 2 <= found[clock]["paid"]["checkpoints"] <= 4
+        assert all(way["s"] > 0.0 and way["ratio"] > 0.0 for way in found[clock].values())
+    printed = capsys.readouterr()
+    assert "of 4 checkpoints that fall due" in printed.out
+    assert "expected at most" in printed.err

@@ -4,6 +4,7 @@ import json
 import math
 import struct
 import zipfile
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -144,6 +145,24 @@ def test_a_file_that_cannot_be_written_leaves_the_others(tmp_path, monkeypatch):
     assert len(list(tmp_path.iterdir())) == 1
 
 
+def test_an_old_file_is_written_over_if_it_is_our_own(tmp_path):
+    """A folder from elsewhere may have links in it, to any file."""
+    other, kept = tmp_path / "other", tmp_path / "kept"
+    other.write_text("mine")
+    kept.mkdir()
+    for name in ("row-000000000001.zip", ".begun.part"):
+        (kept / name).symlink_to(other)
+    folder = CheckpointFolder(kept)
+    for index in range(2, 9):
+        folder.write(index, {"index": index, "rows": np.arange(1000 - 100 * index)})
+        assert folder.read()[1]["index"] == index
+    assert [path.name for path in folder.list_files()] == ["row-000000000008.zip", "row-000000000007.zip"]
+    assert other.read_text() == "mine"
+    assert folder.list_files()[0].stat().st_size < folder.list_files()[1].stat().st_size  # what was longer is cut
+    folder.leave_last()
+    assert [path.name for path in kept.iterdir()] == ["row-000000000008.zip"]
+
+
 def test_a_journal_is_cut_where_the_checkpoint_is(tmp_path):
     path, rows = tmp_path / "rows.bin", RNG.normal(size=(50, 3))
     journal = Journal(path, 3)
@@ -162,7 +181,8 @@ def test_a_journal_is_cut_where_the_checkpoint_is(tmp_path):
     again.close()
     for changed, words in (
         ({"rows": 51}, "ends before the 51 rows"),
-        ({"crc32": 5}, "is damaged"),
+        ({"sum": 5}, "is damaged"),
+        ({"rows": 29}, "is damaged"),
         ({"width": 4}, "expected rows of 3 numbers"),
         ({"rows": -1}, "expected rows"),
         ({"rows": "all"}, "expected rows"),
@@ -171,4 +191,47 @@ def test_a_journal_is_cut_where_the_checkpoint_is(tmp_path):
             Journal(path, 3, kept | changed)
     path.unlink()
     with pytest.raises(CheckpointError, match="No such file"):
+        Journal(path, 3, kept)
+
+
+@pytest.mark.parametrize("width", [1, 7, 8, 95])
+def test_columns_of_one_value_come_back_to_the_last_bit(tmp_path, width, monkeypatch):
+    monkeypatch.setattr("ps_fmu.cosim.checkpoint.journal.MOST_BLOCK_BYTES", 100_000)  # some blocks for the last piece
+    path, rows = tmp_path / "rows.bin", RNG.normal(size=(900, width))
+    rows[:, ::3] = RNG.normal(size=len(range(0, width, 3)))
+    rows[:, 0] = math.nan
+    rows[500:, ::4] = -0.0
+    rows[501:, ::4] = 0.0  # is equal, but has other bits
+    journal, pieces = Journal(path, width), (0, 1, 40, 400, 900)
+    for first, last in pairwise(pieces):
+        journal.append(np.asfortranarray(rows[first:last]) if first else rows[first:last])
+    kept = journal.sync()
+    assert np.concatenate(list(journal.read())).tobytes() == rows.tobytes()
+    journal.close()
+    again = Journal(path, width, kept)
+    assert np.concatenate(list(again.read())).tobytes() == rows.tobytes()
+    again.close()
+    assert path.stat().st_size < (0.8 if width > 1 else 1.0) * rows.nbytes
+
+
+def test_an_enormous_block_is_refused(tmp_path):
+    """A block of columns that keep their value has as many rows as it says."""
+    path = tmp_path / "rows.bin"
+    journal = Journal(path, 3)
+    journal.append(np.ones((50, 3)))
+    kept = journal.sync()
+    journal.close()
+    good = path.read_bytes()
+    assert len(good) == 8 * (1 + 1 + 3)
+    for place, value in ((0, 2**40), (0, 0), (0, -1), (8, 2), (11, 1)):
+        wrong = struct.pack("<q", value) if place == 0 else bytes([value])
+        path.write_bytes(good[:place] + wrong + good[place + len(wrong) :])
+        with pytest.raises(CheckpointError, match="is damaged: a block of"):
+            Journal(path, 3, kept)
+    for length in (0, 7, 15, 39):
+        path.write_bytes(good[:length])
+        with pytest.raises(CheckpointError, match="ends before the 50 rows"):
+            Journal(path, 3, kept)
+    path.write_bytes(good[:-1] + b"\x41")
+    with pytest.raises(CheckpointError, match="checksum"):
         Journal(path, 3, kept)

@@ -17,7 +17,9 @@ import pytest
 from support.same_results import list_differences
 
 from ps_fmu.cosim import Recorder
+from ps_fmu.cosim.checkpoint.folder import CheckpointFolder
 from ps_fmu.cosim.schemes.scheme import Iteration, Rate, Scheme
+from ps_fmu.runs import keeping
 from ps_fmu.runs.kept_options import SYSTEM, read_run, write_run
 from ps_fmu.runs.options import OptionError
 
@@ -29,7 +31,7 @@ RUNS = {
     "isolation": (12_002, ["isolation", "--duration", "0.6", "--requirements", "own.toml"]),
     "slew": (5_602, ["slew", "--duration", "1.4", "--step", "5e-4", "--parameters", "noise.ssv"]),
 }
-NAMES = 26
+NAMES = 40
 """About as often do files get a name in such a run."""
 REQUIREMENTS = """
 [[requirement]]
@@ -227,6 +229,23 @@ def test_a_run_begins_where_another_one_is(run, tmp_path, ssv):
     assert "has no checkpoint of isolator_off; it has active, passive" in said
 
 
+def test_commands_take_checkpoints_that_are_paid_for(run, tmp_path, monkeypatch):
+    """The first one of a case, and the one at its end, do not wait."""
+    original, written = CheckpointFolder.write, []
+
+    def write(self, index, tree):
+        written.append((self.path.name, index))
+        return original(self, index, tree)
+
+    assert keeping.SHARE == 0.02
+    monkeypatch.setattr(keeping, "SHARE", 1e-9)
+    monkeypatch.setattr(CheckpointFolder, "write", write)
+    words = ["isolation", "--duration", "0.3", "--no-figures", "--checkpoint", "0.05", "--output", tmp_path / "out"]
+    code, said = run(*words)
+    assert code == 0, said
+    assert written == [("passive", 500), ("passive", 3000), ("active", 500), ("active", 3000)]
+
+
 def test_any_system_goes_on(inputs, run, tmp_path, capsys):
     from ps_fmu.cli import main
 
@@ -234,7 +253,7 @@ def test_any_system_goes_on(inputs, run, tmp_path, capsys):
     words = [str(tmp_path / "own.ssp"), "--step", "1e-4", "--duration", "0.4", "--observe", "plant.*", "--no-figures"]
     assert run(*words, "--output", tmp_path / "whole")[0] == 0
     again = [*words, "--checkpoint", "0.05", "--output", str(tmp_path / "out")]
-    done = start(inputs, *again, driver=(str(DRIVER), "names", "8"))
+    done = start(inputs, *again, driver=(str(DRIVER), "names", "11"))
     assert done.returncode == -signal.SIGKILL, done.stderr
     assert [path.name for path in sorted((tmp_path / "out" / "checkpoint" / "run").glob("row-*"))] == [
         "row-000000002000.zip", "row-000000002500.zip",
@@ -250,7 +269,7 @@ def test_a_run_with_faults_goes_on(inputs, run, tmp_path):
     words = ["isolation", "--duration", "0.2", "--no-figures", "--faults", str(path)]
     assert run(*words, "--output", tmp_path / "whole")[0] == 0
     again = [*words, "--checkpoint", "0.03", "--output", str(out)]
-    done = start(inputs, *again, driver=(str(DRIVER), "names", "13"))
+    done = start(inputs, *again, driver=(str(DRIVER), "names", "18"))
     assert done.returncode == -signal.SIGKILL, done.stderr
     assert 1 <= len(list((out / "checkpoint" / "active").glob("row-*.zip"))) <= 2  # it is the second case
     path.write_text(json.dumps({**FAULTS, "end": 0.19}))
@@ -271,7 +290,7 @@ def test_a_run_by_another_scheme_goes_on(inputs, run, tmp_path):
     words += ["--scheme", "gauss-seidel", "--extrapolate", "linear", "--rate", "isolator=5"]
     assert run(*words, "--output", tmp_path / "whole")[0] == 0
     again = [*words, "--checkpoint", "0.0303", "--output", str(tmp_path / "out")]
-    done = start(inputs, *again, driver=(str(DRIVER), "names", "6"))
+    done = start(inputs, *again, driver=(str(DRIVER), "names", "7"))
     assert done.returncode == -signal.SIGKILL, done.stderr
     code, said = run("--resume", tmp_path / "out", "--no-figures")
     assert code == 0, said

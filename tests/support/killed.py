@@ -3,7 +3,7 @@
 ``interrupt``: Ctrl-C after so many rows.
 ``rows``: some turns of the threads after so many rows have gone to the recorders, wherever the threads are, also
 within netCDF, and at the latest when the recorder is closed; ``names``: before a file gets its name for the so-many-th
-time.  Without such a moment nobody is killed.
+time.  Without such a moment nobody is killed.  Checkpoints are taken whenever they are due, however long they take.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ import time
 
 from ps_fmu.cli import main
 from ps_fmu.cosim.recording.recorder import Recorder
+from ps_fmu.runs import keeping
 
 
 def kill() -> None:
@@ -74,5 +75,6 @@ def kill_before_name(number: int) -> None:
 
 if __name__ == "__main__":
     kinds = {"rows": kill_after_rows, "names": kill_before_name, "interrupt": interrupt_after_rows}
+    keeping.SHARE = None
     kinds[sys.argv[1]](int(sys.argv[2]))
     sys.exit(main(sys.argv[3:]))

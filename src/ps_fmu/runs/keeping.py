@@ -23,6 +23,9 @@ from .options import CHECKPOINTS, RESULTS, OptionError
 
 Array = NDArray[np.float64]
 
+SHARE: float | None = 0.02
+"""Of the time of a case, checkpoints take at most so much, but for the first one and that at the end."""
+
 
 def name_folder(output: Path, case: str) -> Path:
     """Folder of the checkpoints of a case."""
@@ -31,6 +34,8 @@ def name_folder(output: Path, case: str) -> Path:
 
 class CaseKeeper:
     """The checkpoints of one case: when they are taken, and where it goes on or begins.
+
+    They take at most :data:`SHARE` of its time: one that falls due may have to wait.
 
     Parameters
     ----------
@@ -62,7 +67,9 @@ class CaseKeeper:
     ) -> None:
         begin = None if source is None else WarmStart(find_source(source, case), anew, given)
         folder = None if interval_s is None else name_folder(output, case)
-        self.checkpoints = Checkpoints(folder, interval_s or math.inf, resume=resume, source=begin, notes=notes)
+        self.checkpoints = Checkpoints(
+            folder, interval_s or math.inf, share=SHARE, resume=resume, source=begin, notes=notes
+        )
         self.start_time: float | None = None if begin is None else begin.time
         """Of a run that begins in the state of another one [s]; None: as the system says."""
 

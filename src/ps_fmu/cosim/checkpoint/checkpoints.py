@@ -19,6 +19,7 @@ from ..fmu_instance import InstancePhase
 from ..recording.delivery import Delivery, Observer, name_observer
 from .folder import CheckpointFolder
 from .journal import Journal
+from .pace import Pace
 from .parts import MasterParts, find_difference
 from .state import CheckpointError, Journaled, State, Stateful
 from .warm_start import WarmStart
@@ -77,12 +78,15 @@ class Checkpoints:
     ----------
     folder: of the checkpoints, of this run alone; None: none are taken
     interval: simulated time between them [s], rounded up to whole steps
+    share: of the time that passes they may take at most so much: one that falls due waits, for a multiple of the
+        interval, until the last one has been paid for; the first one, and that at the end of a run, do not wait.  None:
+        they may take any, and come at exact times
     resume: go on from the last checkpoint in the folder; from the start of the run if there is none
     source: begin in the state of another run
     notes: what else is to be kept; :attr:`kept_notes` has it when the run goes on
 
-    Raises :class:`UsageError` for an interval that is no time, :class:`CheckpointError` if the checkpoints to go on
-    from are damaged.
+    Raises :class:`UsageError` for an interval that is no time, or a share that is none, :class:`CheckpointError` if the
+    checkpoints to go on from are damaged.
 
     Example::
 
@@ -96,6 +100,7 @@ class Checkpoints:
         folder: Path | None,
         interval: float = math.inf,
         *,
+        share: float | None = None,
         resume: bool = False,
         source: WarmStart | None = None,
         notes: Callable[[], Mapping[str, State]] = dict,
@@ -104,6 +109,7 @@ class Checkpoints:
             raise UsageError(f"checkpoint: expected a time above 0 s between checkpoints, got {interval!r}")
         self._folder = None if folder is None else CheckpointFolder(folder)
         self._interval, self._source, self._notes = interval, source, notes
+        self._pace = Pace(share)
         self._found = self._folder.read() if resume and self._folder is not None else None
         self._schedule: Schedule = []
         self._past: list[State] | None = None  # what had happened where the run goes on
@@ -111,6 +117,7 @@ class Checkpoints:
         """Time of the last checkpoint that was written or gone on from [s]."""
         self._journals: list[Journal] = []
         self._observers: Sequence[Observer] = ()
+        self._stateful: list[tuple[Stateful, Journal | None]] = []
 
     @property
     def kept_notes(self) -> Mapping[str, State]:
@@ -147,6 +154,7 @@ class Checkpoints:
         self._identity = {**parts.identify(), "starts": parts.list_starts()} if self._folder is not None else {}
         self._every = max(1, math.ceil(self._interval / parts.clock.step - 1e-6)) if self._interval < math.inf else 0
         self._set_due(index)
+        self._pace.start(index)
         return self._first, index
 
     def skip(self, schedule: Schedule) -> Schedule:
@@ -173,19 +181,26 @@ class Checkpoints:
         return min(stop, self._due)
 
     def arrive(self, index: int, left: int, delivery: Delivery, interrupted: bool) -> None:
-        """See :class:`RunKeeper`: a checkpoint is taken if it is due, at the end of the run, and before it is
-        interrupted."""
+        """See :class:`RunKeeper`: a checkpoint is taken if it is due and paid for, at the end of the run, and before it
+        is interrupted."""
         if self._folder is None or not (index >= self._due or interrupted) or not self._is_between_steps():
+            return
+        rows_s = sum(journal.spent_s for journal in self._journals)
+        if not (interrupted or index >= self._first + self._steps or self._pace.is_paid(rows_s)):
+            self._set_due(self._pace.find_next_look(index) - 1)
             return
         parts = self._parts
         past = _list_events(self._schedule[: len(self._schedule) - left])
+        self._pace.begin(rows_s)
         try:
-            where = {"index": index, "began": self._first, "events": past}
-            tree = {**where, "fmus": parts.save_fmus(), **parts.save_rows()}
+            with self._pace.count():
+                where = {"index": index, "began": self._first, "events": past}
+                tree = {**where, "fmus": parts.save_fmus(), **parts.save_rows()}
         except (SlaveError, UsageError) as error:
             if any(one.phase is not InstancePhase.RUNNING for one in parts.instances.values()):
                 raise
             log.warning("no checkpoint at t = %.9g s: %s", parts.clock.time(index), error)
+            self._pace.end()
         else:
             delivery.call(lambda: self._write(index, tree))
         self._set_due(index)
@@ -211,23 +226,23 @@ class Checkpoints:
         """The rest of a checkpoint: what the observers have seen, which are between two blocks now."""
         assert self._folder is not None
         try:
-            journals = iter(self._journals)
-            kept = []
-            for observer in self._observers:
-                assert isinstance(observer, Stateful)
-                kept.append(
+            with self._pace.count():
+                kept = [
                     {
                         "name": name_observer(observer),
-                        "state": dict(observer.save_state()),
-                        "journal": next(journals).sync() if isinstance(observer, Journaled) else None,
+                        "state": dict(state.save_state()),  # first: it may add rows to the journal
+                        "journal": None if journal is None else journal.sync(),
                     }
-                )
-            tree = {**tree, "run": self._identity, "observers": kept, "notes": dict(self._notes())}
-            self._folder.write(index, tree)
+                    for observer, (state, journal) in zip(self._observers, self._stateful, strict=True)
+                ]
+                tree = {**tree, "run": self._identity, "observers": kept, "notes": dict(self._notes())}
+                self._folder.write(index, tree)
         except OSError as error:
             log.warning("%s: no checkpoint is written: %s", self._folder.path, error.strerror or error)
         else:
             self.last_time = self._parts.clock.time(index)
+        finally:
+            self._pace.end()
 
     def _restore(self, path: Path, kept: Mapping[str, State]) -> int:
         """Go on from a checkpoint; returns its communication point."""
@@ -285,10 +300,13 @@ class Checkpoints:
         if self._folder is None:
             return
         for place, (observer, one) in enumerate(zip(self._observers, kept, strict=True)):
+            assert isinstance(observer, Stateful)
+            journal = None
             if isinstance(observer, Journaled):
                 journal = self._folder.open_journal(place, observer.journal_width, one)
                 self._journals.append(journal)
                 observer.use_journal(journal)
+            self._stateful.append((observer, journal))
 
 
 def _unwrap(observer: Observer) -> Observer:

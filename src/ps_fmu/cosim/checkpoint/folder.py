@@ -7,7 +7,7 @@ import re
 from collections.abc import Mapping
 from pathlib import Path
 
-from .files import read_file, write_file
+from .files import BEGUN, read_file, write_file
 from .journal import Journal
 from .state import CheckpointError, State
 
@@ -22,14 +22,23 @@ class CheckpointFolder:
 
     def __init__(self, path: Path) -> None:
         self.path = path
+        self._written: set[Path] = set()  # what was there before may be a link to anywhere: it is not written over
+        self._has_spare = False
 
     def write(self, index: int, tree: Mapping[str, State]) -> Path:
-        """Write a checkpoint, and remove all but the last ones.  Raises OSError: those of before are there."""
+        """Write a checkpoint; of those before, all but the last make room.  Raises OSError: they are there then."""
         self.path.mkdir(parents=True, exist_ok=True)
         path = self.path / f"row-{index:012d}.zip"
-        write_file(path, tree)
+        over, self._has_spare = self._has_spare, False
+        write_file(path, tree, over=over)
+        self._written.add(path)
         for old in self.list_files()[GENERATIONS:]:
-            old.unlink(missing_ok=True)
+            if old not in self._written:
+                old.unlink(missing_ok=True)
+                continue
+            self._written.remove(old)
+            old.replace(self.path / BEGUN)
+            self._has_spare = True
         return path
 
     def list_files(self) -> list[Path]:
@@ -61,10 +70,13 @@ class CheckpointFolder:
 
     def clear(self) -> None:
         """Remove all checkpoints and journals, as of an earlier run."""
-        for path in [*self.list_files(), *self.path.glob("rows-*.bin")]:
-            path.unlink(missing_ok=True)
+        self._remove(self.list_files())
 
     def leave_last(self) -> None:
         """Remove what only a run that goes on needs: the journals and all checkpoints but the last."""
-        for path in [*self.list_files()[1:], *self.path.glob("rows-*.bin")]:
+        self._remove(self.list_files()[1:])
+
+    def _remove(self, files: list[Path]) -> None:
+        self._has_spare = False
+        for path in [*files, *self.path.glob("rows-*.bin"), self.path / BEGUN]:
             path.unlink(missing_ok=True)
