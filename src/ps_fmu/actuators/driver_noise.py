@@ -7,7 +7,7 @@ from collections.abc import Generator
 import numpy as np
 
 from ..mechanism.quantities import Array
-from ..numerics.normal import transform
+from ..numerics.normal import draw_compiled, make_words, seed, transform
 
 _BLOCK = 512  # samples that one key makes: larger ones would stall a step, smaller ones take longer for each sample
 
@@ -49,12 +49,13 @@ class WhiteNoise:
         return np.concatenate(blocks)[begin : begin + n]
 
     def _draw(self, number: int) -> Array:
-        """The samples of a block, (_BLOCK, channels).  It takes 20 us, once its code is in the caches."""
-        key = np.random.SeedSequence((self._seed, number % 2**32))
-        uniform = np.random.Generator(np.random.Philox(key)).random((1, 2, _BLOCK // 2 * self._channels))
-        block = np.empty((_BLOCK, self._channels))
-        transform(uniform, block.reshape(1, -1))
-        return block
+        """The samples of a block, (_BLOCK, channels)."""
+        words, half = make_words((self._seed, number % 2**32)), _BLOCK // 2 * self._channels
+        normal = draw_compiled(words, 1, half)
+        if normal is None:
+            normal = np.empty((1, 2 * half))
+            transform(np.random.Generator(np.random.Philox(seed(words))).random((1, 2, half)), normal)
+        return normal.reshape(_BLOCK, self._channels)
 
 
 def sample_deviation(density: float, h: float) -> float:

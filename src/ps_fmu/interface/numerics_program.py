@@ -21,7 +21,9 @@ NUMERICS = Program(
     "numerics",
     Path(__file__).parents[1] / "numerics",
     sources=("numerics.c", "sse2.c", "avx2.c", "avx512.c"),
-    headers=("numerics.h", "arithmetic.h", "tables.h", "random.h", "transform.h", "turning.h"),
+    headers=(
+        "numerics.h", "arithmetic.h", "tables.h", "random.h", "keyed.h", "errors.h", "transform.h", "turning.h",
+    ),  # fmt: skip
     targets={
         "linux64": _linux("x86_64-linux-gnu.2.17"),
         "aarch64-linux": _linux("aarch64-linux-gnu.2.17"),

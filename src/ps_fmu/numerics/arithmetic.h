@@ -27,8 +27,11 @@ INLINE double round_to_whole(double x)
 typedef double Vector __attribute__((vector_size(8 * WIDTH), aligned(8))); /* arrays of Python lie anywhere */
 
 #include "random.h"
+#include "keyed.h"
+#include "errors.h"
 #include "tables.h"
 #include "transform.h"
 #include "turning.h"
 
-const Arithmetic ARITHMETIC = {NAME, add_rows, draw_normal, draw_lines, store_samples, add_turning, add_wheel};
+const Arithmetic ARITHMETIC = {NAME,          add_rows,    draw_normal, draw_lines,  store_samples,
+                               add_turning,   add_wheel,   draw_keyed,  make_errors, connect};

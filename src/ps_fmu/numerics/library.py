@@ -64,6 +64,24 @@ class Profile(Structure):
     _fields_ = tuple((name, c_double) for name in ("initial", "final", "start", "duration", "rise_time"))
 
 
+class Errors(Structure):
+    """``Errors`` of numerics.h."""
+
+    _fields_ = (
+        ("deviation", c_double),
+        *((name, c_int64) for name in ("sensors", "samples", "stride", "places", "width")),
+    )
+
+
+class Bridge(Structure):
+    """``Bridge`` of numerics.h."""
+
+    _fields_ = (
+        *((name, c_void_p) for name in ("decay", "kick", "weight")),
+        *((name, c_int64) for name in ("steps", "processes", "sensors")),
+    )
+
+
 class Arithmetic(Structure):
     """``Arithmetic`` of numerics.h: the functions, by name.  Each look-up makes a new object: keep it."""
 
@@ -78,6 +96,9 @@ class Arithmetic(Structure):
         ("store_samples", CFUNCTYPE(None, POINTER(Lines), c_void_p, c_int64, c_int64, c_void_p, c_void_p, c_void_p)),
         ("add_turning", CFUNCTYPE(None, POINTER(Turning), c_void_p, c_int64, c_void_p, c_int64, c_void_p)),
         ("add_wheel", CFUNCTYPE(None, POINTER(Turning), POINTER(Profile), c_void_p, c_int64, c_void_p)),
+        ("draw_keyed", CFUNCTYPE(None, c_void_p, c_int64, c_int64, c_int64, c_void_p)),
+        ("make_errors", CFUNCTYPE(None, POINTER(Errors), c_void_p, c_int64, c_int64, c_void_p, c_void_p)),
+        ("connect", CFUNCTYPE(None, POINTER(Bridge), c_void_p, c_void_p, c_void_p, c_void_p)),
     )  # fmt: skip
 
 

@@ -52,6 +52,21 @@ typedef struct {
     double initial, final, start, duration, rise_time;
 } Profile;
 
+/* Errors of some sensors in blocks of samples: white noise, and a drift that is linear between places `stride` samples
+   apart.  Blocks of the drift are (2, sensors, places): values, and growth to the next place. */
+typedef struct {
+    double deviation; /* of the white noise */
+    int64_t sensors, samples, stride, places;
+    int64_t width; /* of the rows that errors go to */
+} Errors;
+
+/* Recursions of (processes, sensors) over some steps: factors of what was before and of the noise (processes), and of what
+   is missing at the end (steps, processes). */
+typedef struct {
+    const double *decay, *kick, *weight;
+    int64_t steps, processes, sensors;
+} Bridge;
+
 typedef struct {
     const char *instructions;
     void (*add_rows)(const Tables *, const double *, int64_t, double *);
@@ -60,6 +75,9 @@ typedef struct {
     void (*store_samples)(const Lines *, const double *, int64_t, int64_t, const double *, double *, double *);
     void (*add_turning)(const Turning *, const double *, int64_t, const double *, int64_t, double *);
     void (*add_wheel)(const Turning *, const Profile *, const double *, int64_t, double *);
+    void (*draw_keyed)(const uint32_t *, int64_t, int64_t, int64_t, double *);
+    void (*make_errors)(const Errors *, const uint32_t *, int64_t, int64_t, const double *const *, double *);
+    void (*connect)(const Bridge *, const double *, const double *, const double *, double *);
 } Arithmetic;
 
 extern const Arithmetic arithmetic_sse2, arithmetic_avx2, arithmetic_avx512;

@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..mechanism.quantities import Array, Checked, ParameterError, group, quantity
+from ..numerics import library
 from .drift import keep
 from .geometry import centripetal_rows, estimator, geometry_rows
 from .noise import WHITE_BLOCK, SensorNoise, split
@@ -32,6 +33,7 @@ CHANNELS = ACCELEROMETERS + RateSensor.AXES
 ESTIMATES = 9  # acceleration, angular acceleration, angular velocity
 MOTION = 9  # inputs in the same order
 N_STATES = 2 * CHANNELS
+_BLOCKS_AT_ONCE = 2  # of noise, compiled: 40 us
 LAST_SAMPLE = 1e13  # thirty years at 10 kHz: the noise stands still from there on
 _SLOTS = slice(0, ACCELEROMETERS)
 _RATES = slice(ACCELEROMETERS, CHANNELS)
@@ -178,14 +180,14 @@ class ChannelNoise:
         on = np.flatnonzero(sensors.enabled[_SLOTS])
         slots = int(on[-1]) + 1 if on.size else 0  # none is drawn for those behind the last that is enabled
         seed = int(sensors.seed)
-        self._noises = [SensorNoise(sensors.accelerometer.noise, slots, interval, seed, _LINEAR_NOISE)]
-        self._columns: slice | NDArray[np.intp] = slice(0, slots)
+        self._noises = [(0, SensorNoise(sensors.accelerometer.noise, slots, interval, seed, _LINEAR_NOISE))]
+        """Each with its first column."""
         if sensors.rate_sensor.enabled:
-            self._noises.append(SensorNoise(sensors.rate_sensor.noise, RateSensor.AXES, interval, seed, _RATE_NOISE))
-            self._columns = np.array([*range(slots), *range(CHANNELS)[_RATES]])
+            rates = SensorNoise(sensors.rate_sensor.noise, RateSensor.AXES, interval, seed, _RATE_NOISE)
+            self._noises.append((ACCELEROMETERS, rates))
         enabled = sensors.enabled.astype(np.float64)
-        self._bias, self._gain = (row[self._columns, None] for row in (sensors.bias, enabled))
-        self._has_bias, self._has_gaps = bool(self._bias.any()), not self._gain.all()
+        self._bias, self._gain = sensors.bias, enabled
+        self._has_bias, self._has_gaps = bool(sensors.bias.any()), not enabled[:slots].all()
         self._blocks: dict[int, Array] = {}
 
     def __call__(self, index: NDArray[np.int64]) -> Array:
@@ -197,32 +199,31 @@ class ChannelNoise:
         blocks = split(index, WHITE_BLOCK)
         errors = np.zeros((len(index), CHANNELS))
         counts = [0 if block in self._blocks else self._count_parts(block) for block, _ in blocks]
-        left = sum(counts)
-        for (block, part), parts in zip(blocks, counts, strict=True):
+        left, together = sum(counts), 1 if library.find_arithmetic() is None else _BLOCKS_AT_ONCE
+        for number, ((block, part), parts) in enumerate(zip(blocks, counts, strict=True), 1):
             if block not in self._blocks:
                 keep(self._blocks, block, (yield from self._make_block(block, left)))
-            errors[part, self._columns] = self._blocks[block].take(index[part] - block * WHITE_BLOCK, axis=1).T
+            self._blocks[block].take(index[part] - block * WHITE_BLOCK, axis=0, out=errors[part], mode="clip")
             left -= parts
-            if part.stop < len(index):
-                yield left
+            if number % together == 0 and part.stop < len(index):
+                yield -(-left // together)
         return errors
 
     def _count_parts(self, block: int) -> int:
-        return sum(noise.count_parts(block) for noise in self._noises)
+        return sum(noise.count_parts(block) for _, noise in self._noises)
 
     def _make_block(self, block: int, left: int) -> Generator[int, None, Array]:
-        """Errors of a block of samples, (columns, WHITE_BLOCK); ``left``: parts still to come, with its own."""
-        errors = []
-        for noise in self._noises:
+        """Errors of a block of samples, (WHITE_BLOCK, CHANNELS); ``left``: parts still to come, with its own."""
+        errors = np.zeros((WHITE_BLOCK, CHANNELS))
+        for column, noise in self._noises:
             own = noise.count_parts(block)
-            errors.append((yield from count(noise.in_parts(block), left - 1)))
+            yield from count(noise.store(block, errors, column), left - 1)
             left -= own
-        found = errors[0] if len(errors) == 1 else np.concatenate(errors)
         if self._has_bias:
-            found += self._bias
+            errors += self._bias
         if self._has_gaps:
-            found *= self._gain
-        return found
+            errors *= self._gain
+        return errors
 
     def find_samples(self, elapsed: Array) -> NDArray[np.int64]:
         """Numbers of the last samples at times since the start (n,), s; from :data:`LAST_SAMPLE` on, that one."""
