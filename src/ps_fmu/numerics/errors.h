@@ -1,14 +1,13 @@
 /* Errors of sensors: white noise, and what drifts slowly. */
 
-/* Values and slopes of the drift at PART samples from number `first` on: where those of the first sensor are, and which
-   share of the slope. */
-INLINE void find_drift(const Errors *e, int64_t block, const double *const *drift, int64_t first, int64_t n,
+/* Values and slopes of the drift at some samples from number `first` on: where those of the first sensor are, and which
+   share of the slope.  `drift` is the block with place `begin`, and those after it. */
+INLINE void find_drift(const Errors *e, const double *const *drift, int64_t begin, int64_t first, int64_t n,
                        const double **place, double *share)
 {
-    const int64_t begin = block * e->samples / e->stride / e->places; /* the first of `drift` */
-    int64_t at = first / e->stride, rest = first % e->stride;
-    int64_t k = at % e->places;
-    const double *const *of = drift + (at / e->places - begin);
+    const int64_t at = first / e->stride;
+    const double *const *of = drift + (at / e->places - begin / e->places);
+    int64_t k = at % e->places, rest = first % e->stride;
     for (int64_t i = 0; i < n; i++) {
         place[i] = *of + k;
         share[i] = (double)rest / (double)e->stride;
@@ -22,41 +21,45 @@ INLINE void find_drift(const Errors *e, int64_t block, const double *const *drif
     }
 }
 
-/* The errors of sensor s of a block, from white noise of unit variance; `rows` is at the first sample. */
+/* The errors of sensor s from white noise of unit variance; `rows` is at the first sample. */
 INLINE void store_errors(const Errors *e, int64_t s, const double *const *place, const double *share,
-                         const double *white, int64_t n, double *rows)
+                         const double *white, int64_t n, double *rows, int64_t width)
 {
     const int64_t value = s * e->places, slope = (e->sensors + s) * e->places;
     rows += s;
-    for (int64_t i = 0; i < n; i++) {
+    for (int64_t i = 0; i < n; i++, rows += width) {
         double error = white[i] * e->deviation;
         if (place != NULL) {
             error += place[i][value];
             error += share[i] * place[i][slope];
         }
-        rows[i * e->width] = error;
+        *rows = error;
     }
 }
 
-INSTRUCTIONS static void make_errors(const Errors *e, const uint32_t *words, int64_t n_words, int64_t block,
-                                     const double *const *drift, double *rows)
+/* Blocks of errors into rows of `width` numbers, one block after the other. */
+INSTRUCTIONS static void make_errors(const Errors *e, int64_t block, int64_t n_blocks, const double *const *drift,
+                                     double *rows, int64_t width)
 {
-    uint64_t key[2];
-    const int64_t half = e->samples / 2;
-    find_key(words, n_words, key);
-    for (int64_t first = 0; first < half; first += PART) {
-        const int64_t m = half - first < PART ? half - first : PART;
-        const double *place[2][PART];
-        double share[2][PART];
-        for (int part = 0; part < 2 && drift != NULL; part++)
-            find_drift(e, block, drift, block * e->samples + first + part * half, m, place[part], share[part]);
-        for (int64_t s = 0; s < e->sensors; s++) {
-            double white[2][PART] = {{0.0}};
-            if (e->deviation != 0.0)
-                draw_part(key, s, half, first, m, white[0], white[1]);
-            for (int part = 0; part < 2; part++)
-                store_errors(e, s, drift == NULL ? NULL : place[part], share[part], white[part], m,
-                             rows + (first + part * half) * e->width);
+    const int64_t half = e->samples / 2, begin = block * e->samples / e->stride;
+    for (const int64_t last = block + n_blocks; block < last; block++, rows += e->samples * width) {
+        uint64_t key[2];
+        const uint32_t words[] = {e->words[0], e->words[1], e->words[2], (uint32_t)block};
+        find_key(words, 4, key);
+        for (int64_t first = 0; first < half; first += PART) {
+            const int64_t m = half - first < PART ? half - first : PART;
+            const double *place[2][PART];
+            double share[2][PART];
+            for (int part = 0; part < 2 && drift != NULL; part++)
+                find_drift(e, drift, begin, block * e->samples + first + part * half, m, place[part], share[part]);
+            for (int64_t s = 0; s < e->sensors; s++) {
+                double white[2][PART] = {{0.0}};
+                if (e->deviation != 0.0)
+                    draw_part(key, s, half, first, m, white[0], white[1]);
+                for (int part = 0; part < 2; part++)
+                    store_errors(e, s, drift == NULL ? NULL : place[part], share[part], white[part], m,
+                                 rows + (first + part * half) * width, width);
+            }
         }
     }
 }

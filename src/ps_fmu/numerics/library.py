@@ -12,7 +12,7 @@ import json
 import logging
 import platform
 import sys
-from ctypes import CFUNCTYPE, POINTER, Structure, c_char_p, c_double, c_int64, c_void_p
+from ctypes import CFUNCTYPE, POINTER, Structure, c_char_p, c_double, c_int64, c_uint32, c_void_p
 from functools import cache
 from pathlib import Path
 
@@ -69,7 +69,8 @@ class Errors(Structure):
 
     _fields_ = (
         ("deviation", c_double),
-        *((name, c_int64) for name in ("sensors", "samples", "stride", "places", "width")),
+        *((name, c_int64) for name in ("sensors", "samples", "stride", "places")),
+        ("words", c_uint32 * 4),
     )
 
 
@@ -97,7 +98,7 @@ class Arithmetic(Structure):
         ("add_turning", CFUNCTYPE(None, POINTER(Turning), c_void_p, c_int64, c_void_p, c_int64, c_void_p)),
         ("add_wheel", CFUNCTYPE(None, POINTER(Turning), POINTER(Profile), c_void_p, c_int64, c_void_p)),
         ("draw_keyed", CFUNCTYPE(None, c_void_p, c_int64, c_int64, c_int64, c_void_p)),
-        ("make_errors", CFUNCTYPE(None, POINTER(Errors), c_void_p, c_int64, c_int64, c_void_p, c_void_p)),
+        ("make_errors", CFUNCTYPE(None, POINTER(Errors), c_int64, c_int64, c_void_p, c_void_p, c_int64)),
         ("connect", CFUNCTYPE(None, POINTER(Bridge), c_void_p, c_void_p, c_void_p, c_void_p)),
     )  # fmt: skip
 

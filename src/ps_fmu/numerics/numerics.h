@@ -57,7 +57,7 @@ typedef struct {
 typedef struct {
     double deviation; /* of the white noise */
     int64_t sensors, samples, stride, places;
-    int64_t width; /* of the rows that errors go to */
+    uint32_t words[4]; /* that the white noise belongs to; the last one is the number of a block */
 } Errors;
 
 /* Recursions of (processes, sensors) over some steps: factors of what was before and of the noise (processes), and of what
@@ -76,7 +76,7 @@ typedef struct {
     void (*add_turning)(const Turning *, const double *, int64_t, const double *, int64_t, double *);
     void (*add_wheel)(const Turning *, const Profile *, const double *, int64_t, double *);
     void (*draw_keyed)(const uint32_t *, int64_t, int64_t, int64_t, double *);
-    void (*make_errors)(const Errors *, const uint32_t *, int64_t, int64_t, const double *const *, double *);
+    void (*make_errors)(const Errors *, int64_t, int64_t, const double *const *, double *, int64_t);
     void (*connect)(const Bridge *, const double *, const double *, const double *, double *);
 } Arithmetic;
 

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from ..mechanism.quantities import Array
 from ..numerics import library
-from ..numerics.normal import make_words
 from .drift import DRIFT_BLOCK, Drift
 from .noise_model import NoiseModel
 from .normal import count_parts, draw_in_parts, finish, wrap
@@ -39,7 +38,8 @@ class SensorNoise:
         self._sensors, self._key = sensors, (seed, kind)
         self._deviation = model.density / np.sqrt(2.0 * interval)
         self._stride = max(1, round(DRIFT_INTERVAL / interval))
-        self._words = make_words(wrap((*self._key, _WHITE, 0)))  # the last one: number of a block
+        self._shared = library.Errors(self._deviation, sensors, WHITE_BLOCK, self._stride, DRIFT_BLOCK)
+        self._shared.words[:3] = wrap((*self._key, _WHITE))
         self._drift = None
         if model.instability > 0.0 or model.random_walk > 0.0:
             self._drift = Drift(model, sensors, self._stride * interval, self._key, (_WIDEST, _DRIFT))
@@ -52,36 +52,35 @@ class SensorNoise:
             errors[part] = rows.take(index[part] - block * WHITE_BLOCK, axis=0)
         return errors
 
-    def count_parts(self, block: int) -> int:
-        """In how many parts a block is nearly always made."""
-        parts = count_parts(self._sensors, WHITE_BLOCK)
-        if self._drift is not None:
-            parts += self._drift.count_parts(*self._find_drift(block))
-        return parts
+    def count_parts(self, block: int, n: int) -> int:
+        """In how many parts so many blocks are nearly always made."""
+        parts = 1 if library.find_arithmetic() is not None else n * count_parts(self._sensors, WHITE_BLOCK)
+        return parts if self._drift is None else parts + self._drift.count_parts(*self._find_drift(block, n))
 
     def store(self, block: int, rows: Array, column: int = 0) -> Generator[None, None, None]:
-        """Write the errors of a block of samples, in parts, to columns of ``rows`` (WHITE_BLOCK, any number)."""
-        drift = []
+        """Write the errors of samples, in parts, to columns of ``rows`` (n * WHITE_BLOCK, any number), contiguous.
+
+        Those of n blocks, from ``block`` on.
+        """
+        n, drift = len(rows) // WHITE_BLOCK, []
         if self._drift is not None:
-            first, last = self._find_drift(block)
+            first, last = self._find_drift(block, n)
             for number in range(first, last + 1):
                 drift.append((yield from self._drift.find(number)))
         arithmetic = library.find_arithmetic()
         if arithmetic is None:
-            rows[:, column : column + self._sensors] = (yield from self._make_plainly(block, drift)).T
+            for k in range(n):
+                part = rows[k * WHITE_BLOCK : (k + 1) * WHITE_BLOCK]
+                own = drift and drift[self._find_drift(block + k, 1)[0] - first :]
+                part[:, column : column + self._sensors] = (yield from self._make_plainly(block + k, own)).T
             return
-        shared = library.Errors(
-            self._deviation, self._sensors, WHITE_BLOCK, self._stride, DRIFT_BLOCK, rows.shape[1]
-        )
-        self._words[-1] = block % 2**32
         blocks = (c_void_p * len(drift))(*map(library.find_address, drift)) if drift else None
-        arithmetic.make_errors(
-            byref(shared), self._words, len(self._words), block, blocks, library.find_address(rows) + 8 * column
-        )
+        address = library.find_address(rows) + 8 * column
+        arithmetic.make_errors(byref(self._shared), block, n, blocks, address, rows.shape[1])
 
-    def _find_drift(self, block: int) -> tuple[int, int]:
-        """The first and the last block of the drift in a block of samples."""
-        ends = block * WHITE_BLOCK, (block + 1) * WHITE_BLOCK - 1
+    def _find_drift(self, block: int, n: int) -> tuple[int, int]:
+        """The first and the last block of the drift in n blocks of samples."""
+        ends = block * WHITE_BLOCK, (block + n) * WHITE_BLOCK - 1
         first, last = (end // self._stride // DRIFT_BLOCK for end in ends)
         return first, last
 
@@ -95,7 +94,7 @@ class SensorNoise:
         if drift:
             place, rest = np.divmod(np.arange(block * WHITE_BLOCK, (block + 1) * WHITE_BLOCK), self._stride)
             share = rest / self._stride
-            for (number, part), (value, slope) in zip(split(place, DRIFT_BLOCK), drift, strict=True):
+            for (number, part), (value, slope) in zip(split(place, DRIFT_BLOCK), drift, strict=False):
                 k = place[part] - number * DRIFT_BLOCK
                 error[:, part] += value.take(k, axis=1)
                 error[:, part] += share[part] * slope.take(k, axis=1)
