@@ -21,6 +21,10 @@ from numpy.typing import NDArray
 
 log = logging.getLogger(__name__)
 
+PART = 64
+"""Angles of ``add_turning`` and ``add_wheel`` that are worked on together; their room is (multiples and products, 2, PART).
+"""
+
 _LIBRARIES = {
     ("linux", "x86_64"): "linux64/numerics.so",
     ("linux", "aarch64"): "aarch64-linux/numerics.so",
@@ -52,10 +56,20 @@ class Lines(Structure):
     )  # fmt: skip
 
 
+class Product(Structure):
+    """``Product`` of numerics.h."""
+
+    _fields_ = (("one", c_int64), ("other", c_int64), ("conjugate", c_int64))
+
+
 class Turning(Structure):
     """``Turning`` of numerics.h."""
 
-    _fields_ = (("multiples", c_void_p), ("along", c_void_p), ("n", c_int64))
+    _fields_ = (
+        ("multiples", c_void_p), ("products", POINTER(Product)), ("which", POINTER(c_int64)), ("amplitudes", c_void_p),
+        *((name, c_int64) for name in ("n_multiples", "n_products", "n_force", "n_lines")),
+        ("along", c_double * 6 * 4),
+    )  # fmt: skip
 
 
 class Profile(Structure):
@@ -89,14 +103,13 @@ class Arithmetic(Structure):
     _fields_ = (
         ("instructions", c_char_p),
         ("add_rows", CFUNCTYPE(None, POINTER(Tables), c_void_p, c_int64, c_void_p)),
-        ("draw_normal", CFUNCTYPE(None, c_void_p, c_int64, c_int64, c_void_p)),
         (
             "draw_lines",
             CFUNCTYPE(None, POINTER(Lines), c_void_p, c_void_p, c_int64, c_double, c_void_p, c_int64, c_int64),
         ),
         ("store_samples", CFUNCTYPE(None, POINTER(Lines), c_void_p, c_int64, c_int64, c_void_p, c_void_p, c_void_p)),
-        ("add_turning", CFUNCTYPE(None, POINTER(Turning), c_void_p, c_int64, c_void_p, c_int64, c_void_p)),
-        ("add_wheel", CFUNCTYPE(None, POINTER(Turning), POINTER(Profile), c_void_p, c_int64, c_void_p)),
+        ("add_turning", CFUNCTYPE(None, POINTER(Turning), c_void_p, c_int64, c_void_p, c_int64, c_void_p, c_void_p)),
+        ("add_wheel", CFUNCTYPE(None, POINTER(Turning), POINTER(Profile), c_void_p, c_int64, c_void_p, c_void_p)),
         ("draw_keyed", CFUNCTYPE(None, c_void_p, c_int64, c_int64, c_int64, c_void_p)),
         ("make_errors", CFUNCTYPE(None, POINTER(Errors), c_int64, c_int64, c_void_p, c_void_p, c_int64)),
         ("connect", CFUNCTYPE(None, POINTER(Bridge), c_void_p, c_void_p, c_void_p, c_void_p)),

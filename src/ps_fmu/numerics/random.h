@@ -63,12 +63,6 @@ INLINE void make_normal(const double *u, const double *v, int64_t n, double *cos
     }
 }
 
-INSTRUCTIONS static void draw_normal(const double *numbers, int64_t rows, int64_t half, double *normal)
-{
-    for (; rows > 0; rows--, numbers += 2 * half, normal += 2 * half)
-        make_normal(numbers, numbers + half, half, normal, normal + half);
-}
-
 /* The terms of the lines from `first` to before `end`. */
 INSTRUCTIONS static void draw_lines(const Lines *l, const double *draws, const double *factor, int64_t sources,
                                     double power, double *terms, int64_t first, int64_t end)
