@@ -33,7 +33,7 @@ from ...mechanism.quantities import Array, Complex, ParameterError, quantity
 from ...numerics import library
 from ...numerics.library import find_address
 from ..kind import Kind, SharedSettings, Source, explain_folding
-from ..multiples import plan_products
+from ..multiples import Products, plan_products
 from ..smooth import ramp
 from ..speed import Speed, SpeedProfile, SpeedTable
 from ..turning import Turning
@@ -119,14 +119,17 @@ class WheelSource:
         lines = scale * coefficients * np.exp(1j * self._phases)
         is_torque = np.arange(self._orders.size) >= force.orders.size
         self._amplitudes = lines[:, np.newaxis] * (along[:, 0] - 1j * along[:, 1])[is_torque.astype(np.intp)]
+        plan = plan_products(tuple(dict.fromkeys(self._orders.tolist())))  # force and torque share orders
+        which = [plan.place[order] for order in self._orders.tolist()]
         found = library.find_arithmetic()
         self._turning: _Turning | _CompiledTurning
         self._ramp: Callable[[Array, Array], None] | None = None
         """Adds the wrench at some times (n,) to rows (n, 6), where the speed is no table."""
         if found is None:
-            self._turning = _Turning(self._orders, self._amplitudes)
+            self._turning = _Turning(plan, which, _integrate(self._amplitudes, self._orders))
         else:
-            self._turning = _CompiledTurning(self._orders, lines, force.orders.size, along, found)
+            integrated = _integrate(lines, self._orders)
+            self._turning = _CompiledTurning(plan, which, integrated, force.orders.size, along, found)
             if isinstance(profile, SpeedProfile):
                 self._ramp = self._turning.follow(profile, rise_time)
 
@@ -191,27 +194,27 @@ class _CompiledTurning:
 
     Parameters
     ----------
-    orders: (k,), those of the force before those of the torque.
-    lines: complex amplitudes (k,).
-    n_force: how many belong to the force.
+    plan: how their multiples are made.
+    which: of these, of each harmonic of the force, then of the torque.
+    amplitudes: of each sum, (m, k).
+    n_force: how many harmonics belong to the force.
     along: wrenches of force and torque along two directions, which go with the cosine and with the sine, (2, 2, 6).
     """
 
     rows_at_once: ClassVar[int] = _ROWS
 
     def __init__(
-        self, orders: Array, lines: Complex, n_force: int, along: Array, arithmetic: library.Arithmetic
-    ) -> None:
-        plan = plan_products(tuple(dict.fromkeys(orders.tolist())))
+        self, plan: Products, which: list[int], amplitudes: Complex, n_force: int, along: Array,
+        arithmetic: library.Arithmetic,
+    ) -> None:  # fmt: skip
         self._multiples = np.array(plan.turned) / (2.0 * np.pi)
-        self._lines = _integrate(lines, orders)
+        self._amplitudes = amplitudes
         products = [library.Product(*product) for product in plan.products]
-        which = [plan.place[order] for order in orders.tolist()]
         counts = len(plan.turned), len(products)
         self._room = library.allocate(2 * library.PART * sum(counts))
         self._shared = library.Turning(
             find_address(self._multiples), (library.Product * len(products))(*products),
-            (c_int64 * len(which))(*which), find_address(self._lines), *counts, n_force, orders.size,
+            (c_int64 * len(which))(*which), find_address(amplitudes), *counts, n_force, len(which),
         )  # fmt: skip
         for row, wrench in zip(self._shared.along, along.reshape(4, 6).tolist(), strict=True):
             row[:] = wrench
@@ -236,24 +239,29 @@ class _CompiledTurning:
 
 
 class _Turning:
-    """As :class:`_CompiledTurning`, in numpy; of the amplitudes of each wrench, (k, 6)."""
+    """As :class:`_CompiledTurning`, in numpy; amplitudes are of each wrench, (m, k, 6)."""
 
     rows_at_once: ClassVar[int] = _PLAIN_ROWS
     """Also of a last block, which is filled up: products of another shape may add in another order, and a sample must
     not depend on the times beside it."""
 
-    def __init__(self, orders: Array, amplitudes: Complex) -> None:
-        # Force and torque share orders: each is turned once.
-        turned, place = np.unique(orders, return_inverse=True)
-        summed = np.zeros((turned.size, 6), dtype=np.complex128)
-        np.add.at(summed, place, amplitudes)
-        along = _integrate(summed, turned)
-        self._turning = Turning(turned, self.rows_at_once)
+    def __init__(self, plan: Products, which: list[int], amplitudes: Complex) -> None:
+        self._products = plan.products
+        self._turning = Turning(np.array(plan.turned), self.rows_at_once)
+        n = len(plan.turned) + len(plan.products)
+        self._turned = np.empty((n, self.rows_at_once), dtype=np.complex128)
+        along = np.zeros((len(amplitudes), n, 6), dtype=np.complex128)
+        np.add.at(along, (slice(None), which), amplitudes)
         self._along = np.concatenate([along.real, -along.imag], axis=1)
 
     def add(self, rows: Array, angle: Array, sizes: Array) -> None:
         """As :meth:`_CompiledTurning.add`."""
-        turned = self._turning(np.pad(angle, (0, self.rows_at_once - angle.size), mode="edge")).T
+        made = self._turning(np.pad(angle, (0, self.rows_at_once - angle.size), mode="edge"))
+        z, n = self._turned, len(made) // 2
+        z.real[:n], z.imag[:n] = made[:n], made[n:]
+        for k, (one, other, backwards) in enumerate(self._products, n):
+            np.multiply(z[one], z[other].conj() if backwards else z[other], out=z[k])
+        turned = np.concatenate([z.real, z.imag]).T
         for size, along in zip(sizes, self._along, strict=False):
             rows += size[:, np.newaxis] * (turned @ along)[: angle.size]
 
