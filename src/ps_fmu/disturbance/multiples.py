@@ -57,7 +57,7 @@ def _join(values: list[int]) -> tuple[list[int], dict[int, int]]:
 
     Greedy: the difference that joins most goes first.  One that is no value itself has to join two pairs or more.
     """
-    group, differences = {value: value for value in values}, []
+    group, differences = {value: value for value in values}, list[int]()
     while True:
         pairs = defaultdict(list)
         for k, low in enumerate(values):

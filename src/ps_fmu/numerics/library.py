@@ -22,8 +22,7 @@ from numpy.typing import NDArray
 log = logging.getLogger(__name__)
 
 PART = 64
-"""Angles of ``add_turning`` and ``add_wheel`` that are worked on together; their room is (multiples and products, 2, PART).
-"""
+"""Angles that ``add_turning`` and ``add_wheel`` work on together: their room is (multiples and products, 2, PART)."""
 
 _LIBRARIES = {
     ("linux", "x86_64"): "linux64/numerics.so",

@@ -46,7 +46,10 @@ def count_parts(rows: int, columns: int) -> int:
 
 
 def draw_normal(key: Sequence[int], rows: int, columns: int) -> Array:
-    """Standard normal numbers (rows, columns) that belong to whole numbers; a row does not depend on how many follow."""
+    """Standard normal numbers (rows, columns) that belong to whole numbers.
+
+    A row does not depend on how many follow.
+    """
     return finish(draw_in_parts(key, rows, columns))
 
 

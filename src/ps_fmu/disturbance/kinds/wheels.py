@@ -251,7 +251,8 @@ class _Turning:
         n = len(plan.turned) + len(plan.products)
         self._turned = np.empty((n, self.rows_at_once), dtype=np.complex128)
         along = np.zeros((len(amplitudes), n, 6), dtype=np.complex128)
-        np.add.at(along, (slice(None), which), amplitudes)
+        for line, place in enumerate(which):
+            along[:, place] += amplitudes[:, line]
         self._along = np.concatenate([along.real, -along.imag], axis=1)
 
     def add(self, rows: Array, angle: Array, sizes: Array) -> None:
