@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Generator
 from ctypes import byref, c_void_p
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -103,10 +104,6 @@ class SensorNoise:
 
 def split(index: NDArray[np.int64], size: int) -> list[tuple[int, slice]]:
     """Blocks of ``size`` that ascending numbers fall into, and where among the numbers each is."""
-    found, start = [], 0
-    while start < len(index):
-        block = int(index[start]) // size
-        end = int(np.searchsorted(index, (block + 1) * size))
-        found.append((block, slice(start, end)))
-        start = end
-    return found
+    blocks = index // size
+    edges = [0, *(np.flatnonzero(blocks[1:] != blocks[:-1]) + 1).tolist(), len(blocks)]
+    return [(int(blocks[start]), slice(start, end)) for start, end in pairwise(edges) if end > start]
