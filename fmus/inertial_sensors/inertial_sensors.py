@@ -101,12 +101,22 @@ class InertialSensors(Slave):
 
     def step_map(self, h: float) -> NDArray[np.float64]:
         """[y; x] at the end of a step from [x; u; a; r]: readings before limits, without estimates."""
+        states, outputs = self._make_parts(h)
+        whole = outputs[:, :N_STATES] @ states
+        whole[:, N_STATES:] += outputs[:, N_STATES:]
+        return np.vstack([whole, states])
+
+    def split_map(self, h: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """The low-passes, then readings before limits from them and the noise."""
+        return self._make_parts(h)
+
+    def _make_parts(self, h: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         Ad, by_motion, by_products = self.sensors.motion_map(h)
         states = np.hstack([Ad, by_motion, by_products, np.zeros((N_STATES, CHANNELS))])
         outputs = np.zeros((self.y.size, states.shape[1]))
-        outputs[READINGS] = self.sensors.gain[:, None] * states[:CHANNELS]
-        outputs[READINGS, -CHANNELS:] = np.eye(CHANNELS)
-        return np.vstack([outputs, states])
+        outputs[READINGS, :CHANNELS] = np.diag(self.sensors.gain * self.sensors.enabled)
+        outputs[READINGS, -CHANNELS:] = np.diag(self.sensors.enabled)
+        return states, outputs
 
     def after_map(self, h: float) -> Sequence[Element]:
         """From readings without limits to sampled and delayed ones, and the estimates.

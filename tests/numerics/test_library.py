@@ -4,16 +4,21 @@ import sys
 import threading
 import zipfile
 from concurrent.futures import ThreadPoolExecutor
+from ctypes import byref
 
 import numpy as np
 import pytest
 
+from ps_fmu.actuators.driver_noise import WhiteNoise
 from ps_fmu.disturbance.gaussian import GaussianNoise
 from ps_fmu.disturbance.kinds.wheels import WheelSource
 from ps_fmu.disturbance.sample_table import SampleTable
 from ps_fmu.disturbance.speed import SpeedProfile
 from ps_fmu.mechanism.parameters import load
+from ps_fmu.mechanism.quantities import replace_values
 from ps_fmu.numerics import library
+from ps_fmu.numerics.normal import make_words
+from ps_fmu.sensors.defaults import default_sensors
 from ps_fmu.sensors.normal import draw_normal
 
 NOISE = load().noise
@@ -45,6 +50,14 @@ def make_jumping_wheel():
     return np.concatenate(rows)
 
 
+def make_errors(interval=1e-4, step=1):
+    """Several blocks of white noise and of the drift; gaps and biases; over the RMS, as channels differ in size."""
+    changes = {"rate_sensor.enabled": True, "accelerometer_2.enabled": False, "accelerometer_3.bias": 1e-6}
+    noise = replace_values(default_sensors(), changes).make_noise(interval)
+    errors = noise(np.arange(6000, 20_000, step))
+    return errors / np.maximum(errors.std(axis=0), 1e-300)
+
+
 def read_table():
     values = np.random.default_rng(3).standard_normal((50, 6))
     return SampleTable(values, 10.0, start=1.0)(np.sort(np.concatenate([np.linspace(-3.0, 13.0, 200), [1.1, 2.0]])))
@@ -58,6 +71,9 @@ MAKERS = {
     "steady wheel": lambda: make_wheel(200.0),
     "table": read_table,
     "normal numbers": lambda: draw_normal((1, 2), 9, 255),
+    "white noise": lambda: WhiteNoise(2**40 + 3, 3)(300, 1500),
+    "sensors": make_errors,
+    "sensors with slow samples": lambda: make_errors(interval=7e-3, step=3),
 }
 
 
@@ -104,16 +120,32 @@ def test_the_best_instructions_are_chosen():
 
 
 def test_extreme_random_numbers():
-    """0 and the largest number below 1, for the radius and for the angle."""
+    """0 and the largest number below 1, for the radius and for the angle: lines of size 1 of one channel."""
     least, most = 0.0, 1.0 - 2.0**-53
-    numbers = np.array([[[least, most, least, most, 0.5, 2.0**-53], [least, most, most, 0.25, 0.125, 0.75]]])
-    normal = np.empty((1, 12))
+    numbers = np.array([[least, most, least, most, 0.5, 2.0**-53], [least, most, most, 0.25, 0.125, 0.75]])
+    n = numbers.shape[1]
+    share, gains, channel = np.ones(n), np.ones(n, dtype=np.complex128), np.eye(6, 1)
+    lines = library.Lines(library.find_address(share), library.find_address(gains), n=n, n_terms=1)
+    terms = np.empty((n, 2, 8))
+    addresses = [library.find_address(array) for array in (numbers, channel, terms)]
     for arithmetic in KNOWN:
-        arithmetic.draw_normal(library.find_address(numbers), 1, 6, library.find_address(normal))
-        radius = np.sqrt(-2.0 * np.log1p(-numbers[0, 0]))
-        angle = 2.0 * np.pi * numbers[0, 1]
-        np.testing.assert_allclose(normal[0, :6], radius * np.cos(angle), rtol=0.0, atol=5e-15)
-        np.testing.assert_allclose(normal[0, 6:], radius * np.sin(angle), rtol=0.0, atol=5e-15)
+        arithmetic.draw_lines(byref(lines), *addresses[:2], 1, 2.0, addresses[2], 0, n)
+        radius, angle = np.sqrt(-2.0 * np.log1p(-numbers[0])), 2.0 * np.pi * numbers[1]
+        np.testing.assert_allclose(terms[:, 0, 0], radius * np.cos(angle), rtol=0.0, atol=5e-15)
+        np.testing.assert_allclose(terms[:, 1, 0], radius * np.sin(angle), rtol=0.0, atol=5e-15)
+
+
+@pytest.mark.parametrize("numbers", [(0,), (3, 1, 2), (7, 2**32 - 1, 2**32, 5), (2**200 + 9, 1)])
+@pytest.mark.parametrize(("rows", "half"), [(1, 1), (3, 3), (2, 130), (5, 64)])
+def test_keyed_numbers_are_those_of_numpy(numbers, rows, half):
+    """Whatever the number of words, and wherever rows and parts of them begin."""
+    uniform = np.random.Generator(np.random.Philox(np.random.SeedSequence(numbers))).random((rows, 2, half))
+    radius, angle = np.sqrt(-2.0 * np.log1p(-uniform[:, 0])), 2.0 * np.pi * uniform[:, 1]
+    words, normal = make_words(numbers), np.empty((rows, 2 * half))
+    for arithmetic in KNOWN:
+        arithmetic.draw_keyed(words, len(words), rows, half, library.find_address(normal))
+        expected = np.concatenate([radius * np.cos(angle), radius * np.sin(angle)], axis=1)
+        np.testing.assert_allclose(normal, expected, rtol=0.0, atol=5e-15)
 
 
 @pytest.mark.parametrize("time", [np.nan, np.inf, -1e300, 1e18])
@@ -130,9 +162,9 @@ def test_only_doubles_side_by_side_have_an_address():
 
 def test_other_threads_run_meanwhile():
     """A function is called in a thread, and this thread goes on before it has ended."""
-    numbers, normal = np.random.default_rng(1).random((1, 2, 1_000_000)), np.empty((1, 2_000_000))
-    addresses = library.find_address(numbers), 1, 1_000_000, library.find_address(normal)
-    function = library.find_arithmetic().draw_normal
+    words, normal = make_words((1, 2)), np.empty((1, 2_000_000))
+    addresses = words, len(words), 1, 1_000_000, library.find_address(normal)
+    function = library.find_arithmetic().draw_keyed
     interval = sys.getswitchinterval()
     sys.setswitchinterval(100.0)  # s: who has Python's lock keeps it until it is given up
     try:

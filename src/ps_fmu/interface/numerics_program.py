@@ -10,6 +10,9 @@ from pathlib import Path
 
 from ..slavekit.launcher.c_program import CompileError, Program, Target
 
+_HEADERS = (
+    "numerics.h", "arithmetic.h", "tables.h", "random.h", "keyed.h", "errors.h", "transform.h", "turning.h",
+)  # fmt: skip
 _COMMON = ("-O3", "-fno-math-errno", "-shared", "-s", "-Wl,--build-id=none")
 
 
@@ -21,7 +24,7 @@ NUMERICS = Program(
     "numerics",
     Path(__file__).parents[1] / "numerics",
     sources=("numerics.c", "sse2.c", "avx2.c", "avx512.c"),
-    headers=("numerics.h", "arithmetic.h", "tables.h", "random.h", "transform.h", "turning.h", "../processor.h"),
+    headers=_HEADERS,
     targets={
         "linux64": _linux("x86_64-linux-gnu.2.17"),
         "aarch64-linux": _linux("aarch64-linux-gnu.2.17"),

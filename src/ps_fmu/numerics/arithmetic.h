@@ -14,7 +14,7 @@
 
 #define INLINE INSTRUCTIONS static inline __attribute__((always_inline))
 
-enum { PART = 64 /* numbers worked on together: they stay in the first cache */, MULTIPLES = 32 };
+enum { PART = 64 /* numbers worked on together: they stay in the first cache; library.py, too */ };
 
 static const double ROUND = 6755399441055744.0; /* 1.5 * 2^52: a sum with it is rounded to a whole number */
 
@@ -27,8 +27,11 @@ INLINE double round_to_whole(double x)
 typedef double Vector __attribute__((vector_size(8 * WIDTH), aligned(8))); /* arrays of Python lie anywhere */
 
 #include "random.h"
+#include "keyed.h"
+#include "errors.h"
 #include "tables.h"
 #include "transform.h"
 #include "turning.h"
 
-const Arithmetic ARITHMETIC = {NAME, add_rows, draw_normal, draw_lines, store_samples, add_turning, add_wheel};
+const Arithmetic ARITHMETIC = {NAME,      add_rows,   draw_lines,  store_samples, add_turning,
+                               add_wheel, draw_keyed, make_errors, connect};

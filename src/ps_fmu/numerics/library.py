@@ -10,7 +10,7 @@ import ctypes
 import logging
 import platform
 import sys
-from ctypes import CFUNCTYPE, POINTER, Structure, c_char_p, c_double, c_int64, c_void_p
+from ctypes import CFUNCTYPE, POINTER, Structure, c_char_p, c_double, c_int64, c_uint32, c_void_p
 from functools import cache
 from pathlib import Path
 
@@ -20,6 +20,9 @@ from numpy.typing import NDArray
 from ..compiled_files import find_whole
 
 log = logging.getLogger(__name__)
+
+PART = 64
+"""Angles that ``add_turning`` and ``add_wheel`` work on together: their room is (multiples and products, 2, PART)."""
 
 _PLATFORMS = {("linux", "x86_64"): "linux64", ("linux", "aarch64"): "aarch64-linux", ("win32", "amd64"): "win64"}
 
@@ -48,10 +51,20 @@ class Lines(Structure):
     )  # fmt: skip
 
 
+class Product(Structure):
+    """``Product`` of numerics.h."""
+
+    _fields_ = (("one", c_int64), ("other", c_int64), ("conjugate", c_int64))
+
+
 class Turning(Structure):
     """``Turning`` of numerics.h."""
 
-    _fields_ = (("multiples", c_void_p), ("along", c_void_p), ("n", c_int64))
+    _fields_ = (
+        ("multiples", c_void_p), ("products", POINTER(Product)), ("which", POINTER(c_int64)), ("amplitudes", c_void_p),
+        *((name, c_int64) for name in ("n_multiples", "n_products", "n_force", "n_lines")),
+        ("along", c_double * 6 * 4),
+    )  # fmt: skip
 
 
 class Profile(Structure):
@@ -60,20 +73,41 @@ class Profile(Structure):
     _fields_ = tuple((name, c_double) for name in ("initial", "final", "start", "duration", "rise_time"))
 
 
+class Errors(Structure):
+    """``Errors`` of numerics.h."""
+
+    _fields_ = (
+        ("deviation", c_double),
+        *((name, c_int64) for name in ("sensors", "samples", "stride", "places")),
+        ("words", c_uint32 * 4),
+    )
+
+
+class Bridge(Structure):
+    """``Bridge`` of numerics.h."""
+
+    _fields_ = (
+        *((name, c_void_p) for name in ("decay", "kick", "weight")),
+        *((name, c_int64) for name in ("steps", "processes", "sensors")),
+    )
+
+
 class Arithmetic(Structure):
     """``Arithmetic`` of numerics.h: the functions, by name.  Each look-up makes a new object: keep it."""
 
     _fields_ = (
         ("instructions", c_char_p),
         ("add_rows", CFUNCTYPE(None, POINTER(Tables), c_void_p, c_int64, c_void_p)),
-        ("draw_normal", CFUNCTYPE(None, c_void_p, c_int64, c_int64, c_void_p)),
         (
             "draw_lines",
             CFUNCTYPE(None, POINTER(Lines), c_void_p, c_void_p, c_int64, c_double, c_void_p, c_int64, c_int64),
         ),
         ("store_samples", CFUNCTYPE(None, POINTER(Lines), c_void_p, c_int64, c_int64, c_void_p, c_void_p, c_void_p)),
-        ("add_turning", CFUNCTYPE(None, POINTER(Turning), c_void_p, c_int64, c_void_p, c_int64, c_void_p)),
-        ("add_wheel", CFUNCTYPE(None, POINTER(Turning), POINTER(Profile), c_void_p, c_int64, c_void_p)),
+        ("add_turning", CFUNCTYPE(None, POINTER(Turning), c_void_p, c_int64, c_void_p, c_int64, c_void_p, c_void_p)),
+        ("add_wheel", CFUNCTYPE(None, POINTER(Turning), POINTER(Profile), c_void_p, c_int64, c_void_p, c_void_p)),
+        ("draw_keyed", CFUNCTYPE(None, c_void_p, c_int64, c_int64, c_int64, c_void_p)),
+        ("make_errors", CFUNCTYPE(None, POINTER(Errors), c_int64, c_int64, c_void_p, c_void_p, c_int64)),
+        ("connect", CFUNCTYPE(None, POINTER(Bridge), c_void_p, c_void_p, c_void_p, c_void_p)),
     )  # fmt: skip
 
 

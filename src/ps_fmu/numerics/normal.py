@@ -1,6 +1,12 @@
-"""Normal numbers from uniform ones: Box-Muller, compiled or in numpy."""
+"""Normal numbers that belong to whole numbers: Philox and Box-Muller, compiled or in numpy.
+
+Box-Muller, since the streams of numpy's own normal numbers may change between its versions.
+"""
 
 from __future__ import annotations
+
+import ctypes
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,18 +14,43 @@ from numpy.typing import NDArray
 from . import library
 
 Array = NDArray[np.float64]
+Words = ctypes.Array[ctypes.c_uint32]
+
+
+def make_words(numbers: Sequence[int]) -> Words:
+    """The 32-bit words of whole numbers, 0 or greater, as ``numpy.random.SeedSequence`` takes them."""
+    words = []
+    for number in numbers:
+        words.append(number & 0xFFFFFFFF)
+        while number := number >> 32:
+            words.append(number & 0xFFFFFFFF)
+    return (ctypes.c_uint32 * len(words))(*words)
+
+
+def draw_compiled(words: Words, rows: int, half: int) -> Array | None:
+    """Rows of :func:`transform`, (rows, 2 half), that belong to words; None: there is no library.
+
+    Its uniform numbers are those of :func:`seed`, in one array.
+    """
+    arithmetic = library.find_arithmetic()
+    if arithmetic is None:
+        return None
+    normal = np.empty((rows, 2 * half))
+    arithmetic.draw_keyed(words, len(words), rows, half, library.find_address(normal))
+    return normal
+
+
+def seed(words: Words) -> np.random.SeedSequence:
+    """What numpy makes a Philox generator of, for the numbers of :func:`draw_compiled` without a library."""
+    return np.random.SeedSequence(list(words))
 
 
 def transform(numbers: Array, normal: Array) -> None:
     """Write ``radius cos(angle)`` and, behind them, ``radius sin(angle)`` of each row to ``normal`` (rows, 2 n).
 
-    ``numbers`` (rows, 2, n), from 0 to below 1, are those of the radius and those of the angle.  Both are contiguous.
+    ``numbers`` (rows, 2, n), from 0 to below 1, are those of the radius and those of the angle.
     """
-    rows, _, n = numbers.shape
-    arithmetic = library.find_arithmetic()
-    if arithmetic is not None:
-        arithmetic.draw_normal(library.find_address(numbers), rows, n, library.find_address(normal))
-        return
+    n = numbers.shape[2]
     # Both from the tangent of half the angle, since numpy has vector instructions for it: 32 us instead of 50 for 2304.
     half = np.tan(np.pi * numbers[:, 1])
     square = half * half

@@ -40,11 +40,19 @@ typedef struct {
     int64_t n, n_terms, phases, points, n_runs;
 } Lines;
 
-/* What turns with the multiples of an angle. */
+/* exp(i a) exp(i b), or exp(i a) exp(-i b), of two that are there already. */
 typedef struct {
-    const double *multiples; /* turns per radian, (n) */
-    const double *along;     /* of cosine and sine, (3, n, 2, CHANNELS) */
-    int64_t n;
+    int64_t one, other, conjugate;
+} Product;
+
+/* A force and a torque that turn with the multiples of an angle, each the sum of lines a exp(i multiple angle). */
+typedef struct {
+    const double *multiples;       /* turns per radian, (n_multiples) */
+    const Product *products;       /* what comes after those, (n_products) */
+    const int64_t *which;          /* of all these, of each line of the force and, behind them, of the torque, (n_lines) */
+    const double *amplitudes;      /* complex (3, n_lines) */
+    int64_t n_multiples, n_products, n_force, n_lines;
+    double along[4][CHANNELS];     /* of the real and imaginary parts of force and torque */
 } Turning;
 
 /* How a wheel's speed goes: constant, linear, constant (rad/s, s); and over which time it is faded in. */
@@ -52,14 +60,31 @@ typedef struct {
     double initial, final, start, duration, rise_time;
 } Profile;
 
+/* Errors of some sensors in blocks of samples: white noise, and a drift that is linear between places `stride` samples
+   apart.  Blocks of the drift are (2, sensors, places): values, and growth to the next place. */
+typedef struct {
+    double deviation; /* of the white noise */
+    int64_t sensors, samples, stride, places;
+    uint32_t words[4]; /* that the white noise belongs to; the last one is the number of a block */
+} Errors;
+
+/* Recursions of (processes, sensors) over some steps: factors of what was before and of the noise (processes), and of what
+   is missing at the end (steps, processes). */
+typedef struct {
+    const double *decay, *kick, *weight;
+    int64_t steps, processes, sensors;
+} Bridge;
+
 typedef struct {
     const char *instructions;
     void (*add_rows)(const Tables *, const double *, int64_t, double *);
-    void (*draw_normal)(const double *, int64_t, int64_t, double *);
     void (*draw_lines)(const Lines *, const double *, const double *, int64_t, double, double *, int64_t, int64_t);
     void (*store_samples)(const Lines *, const double *, int64_t, int64_t, const double *, double *, double *);
-    void (*add_turning)(const Turning *, const double *, int64_t, const double *, int64_t, double *);
-    void (*add_wheel)(const Turning *, const Profile *, const double *, int64_t, double *);
+    void (*add_turning)(const Turning *, const double *, int64_t, const double *, int64_t, double *, double *);
+    void (*add_wheel)(const Turning *, const Profile *, const double *, int64_t, double *, double *);
+    void (*draw_keyed)(const uint32_t *, int64_t, int64_t, int64_t, double *);
+    void (*make_errors)(const Errors *, int64_t, int64_t, const double *const *, double *, int64_t);
+    void (*connect)(const Bridge *, const double *, const double *, const double *, double *);
 } Arithmetic;
 
 extern const Arithmetic arithmetic_sse2, arithmetic_avx2, arithmetic_avx512;

@@ -51,16 +51,15 @@ INLINE void turn(double v, double *cosine, double *sine)
     *sine = from_bits((b ^ both) ^ ((quarter & 2) << 62));
 }
 
-INSTRUCTIONS static void draw_normal(const double *numbers, int64_t rows, int64_t half, double *normal)
+/* Pairs of normal numbers from pairs of numbers from 0 to below 1. */
+INLINE void make_normal(const double *u, const double *v, int64_t n, double *cosines, double *sines)
 {
-    for (; rows > 0; rows--, numbers += 2 * half, normal += 2 * half) {
-        for (int64_t i = 0; i < half; i++) {
-            double cosine, sine;
-            const double radius = sqrt(-2.0 * logarithm(1.0 - numbers[i]));
-            turn(numbers[half + i], &cosine, &sine);
-            normal[i] = radius * cosine;
-            normal[half + i] = radius * sine;
-        }
+    for (int64_t i = 0; i < n; i++) {
+        double cosine, sine;
+        const double radius = sqrt(-2.0 * logarithm(1.0 - u[i]));
+        turn(v[i], &cosine, &sine);
+        cosines[i] = radius * cosine;
+        sines[i] = radius * sine;
     }
 }
 

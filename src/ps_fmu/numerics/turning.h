@@ -1,50 +1,85 @@
 /* What turns with the multiples of an angle. */
 
-/* The sum over all multiples of cosine and sine times their coefficients, for WIDTH angles: a column of `turned`. */
-INLINE void sum_up(const double (*turned)[2][PART], int64_t multiples, const double (*along)[2][CHANNELS], Vector *sums)
+/* exp(i multiple angle) for some angles: by series of as few multiples as there must be, the others are products. */
+INLINE void turn_all(const Turning *t, const double *angle, int64_t n, double (*turned)[2][PART])
 {
-    for (int c = 0; c < CHANNELS; c++)
-        sums[c] = (Vector){0.0};
-    for (int64_t k = 0; k < multiples; k++) {
-        const Vector cosine = *(const Vector *)turned[k][0], sine = *(const Vector *)turned[k][1];
-        for (int c = 0; c < CHANNELS; c++)
-            sums[c] += along[k][0][c] * cosine + along[k][1][c] * sine;
+    for (int64_t k = 0; k < t->n_multiples; k++) {
+        const double multiple = t->multiples[k];
+        for (int64_t i = 0; i < n; i++)
+            turn(multiple * angle[i], &turned[k][0][i], &turned[k][1][i]);
     }
+    double(*made)[2][PART] = turned + t->n_multiples;
+    for (const Product *p = t->products; p < t->products + t->n_products; p++, made++) {
+        const double(*one)[PART] = (const double(*)[PART])turned[p->one];
+        const double(*other)[PART] = (const double(*)[PART])turned[p->other];
+        const double sign = p->conjugate ? -1.0 : 1.0;
+        for (int64_t i = 0; i < n; i++) {
+            const double c = one[0][i], s = one[1][i], d = other[0][i], r = sign * other[1][i];
+            (*made)[0][i] = c * d - s * r;
+            (*made)[1][i] = c * r + s * d;
+        }
+    }
+}
+
+typedef struct {
+    Vector re, im;
+} Pair;
+
+/* The sum of amplitude times exp(i multiple angle) over some lines, for WIDTH angles from `angle` on. */
+INLINE Pair sum_lines(const double (*turned)[2][PART], int64_t angle, const int64_t *which, const double (*amplitude)[2],
+                      int64_t n)
+{
+    Pair sum = {{0.0}, {0.0}};
+    for (int64_t k = 0; k < n; k++) {
+        const Vector c = *(const Vector *)&turned[which[k]][0][angle], s = *(const Vector *)&turned[which[k]][1][angle];
+        sum.re += amplitude[k][0] * c - amplitude[k][1] * s;
+        sum.im += amplitude[k][0] * s + amplitude[k][1] * c;
+    }
+    return sum;
 }
 
 /* Add the first sums at `n` angles, n <= PART, each multiplied by its sizes. */
 INLINE void add_part(const Turning *t, const double *angle, int64_t n, const double *const *sizes, int64_t n_terms,
-                     double *wrench)
+                     double *room, double *wrench)
 {
-    double turned[MULTIPLES][2][PART] __attribute__((aligned(64)));
-    const double(*along)[2][CHANNELS] = (const double(*)[2][CHANNELS])t->along;
-    for (int64_t start = 0; start < t->n; start += MULTIPLES) {
-        const int64_t m = t->n - start < MULTIPLES ? t->n - start : MULTIPLES;
-        for (int64_t k = 0; k < m; k++) {
-            const double multiple = t->multiples[start + k];
-            for (int64_t i = 0; i < n; i++)
-                turn(multiple * angle[i], &turned[k][0][i], &turned[k][1][i]);
-            for (int64_t i = n; i < PART; i++)
-                turned[k][0][i] = turned[k][1][i] = 0.0;
-        }
+    double padded[3][PART], made[CHANNELS][PART];
+    double(*turned)[2][PART] = (double(*)[2][PART])room;
+    const double(*amplitude)[2] = (const double(*)[2])t->amplitudes;
+    const int64_t n_torque = t->n_lines - t->n_force;
+    turn_all(t, angle, n, turned);
+    for (int64_t term = 0; term < n_terms; term++)
+        for (int64_t i = 0; i < PART; i++)
+            padded[term][i] = i < n ? sizes[term][i] : 0.0;
+    for (int64_t i = 0; i < n; i += WIDTH) {
+        Pair force = {{0.0}, {0.0}}, torque = {{0.0}, {0.0}};
         for (int64_t term = 0; term < n_terms; term++) {
-            for (int64_t i = 0; i < n; i += WIDTH) {
-                Vector sums[CHANNELS];
-                sum_up((const double(*)[2][PART])&turned[0][0][i], m, along + term * t->n + start, sums);
-                for (int64_t l = 0; l < WIDTH && i + l < n; l++)
-                    for (int c = 0; c < CHANNELS; c++)
-                        wrench[(i + l) * CHANNELS + c] += sizes[term][i + l] * sums[c][l];
-            }
+            const Vector size = *(const Vector *)&padded[term][i];
+            const double(*of)[2] = amplitude + term * t->n_lines;
+            const Pair one = sum_lines((const double(*)[2][PART])turned, i, t->which, of, t->n_force);
+            const Pair other = sum_lines((const double(*)[2][PART])turned, i, t->which + t->n_force,
+                                         of + t->n_force, n_torque);
+            force.re += size * one.re, force.im += size * one.im;
+            torque.re += size * other.re, torque.im += size * other.im;
+        }
+        for (int c = 0; c < CHANNELS; c++) {
+            Vector sum = t->along[0][c] * force.re + t->along[1][c] * force.im;
+            if (c >= CHANNELS / 2)
+                sum += t->along[2][c] * torque.re + t->along[3][c] * torque.im;
+            *(Vector *)&made[c][i] = sum;
         }
     }
+    for (int64_t i = 0; i < n; i++, wrench += CHANNELS)
+        for (int c = 0; c < CHANNELS; c++)
+            wrench[c] += made[c][i];
 }
 
 INSTRUCTIONS static void add_turning(const Turning *t, const double *angle, int64_t n, const double *sizes,
-                                     int64_t n_terms, double *wrench)
+                                     int64_t n_terms, double *room, double *wrench)
 {
     for (int64_t first = 0; first < n; first += PART) {
         const double *const of_part[] = {sizes + first, sizes + n + first, sizes + 2 * n + first};
-        add_part(t, angle + first, n - first < PART ? n - first : PART, of_part, n_terms, wrench + first * CHANNELS);
+        add_part(t, angle + first, n - first < PART ? n - first : PART, of_part, n_terms, room,
+                 wrench + first * CHANNELS);
     }
 }
 
@@ -84,13 +119,13 @@ INLINE int64_t follow(const Profile *p, const double *time, int64_t n, double *a
 }
 
 INSTRUCTIONS static void add_wheel(const Turning *t, const Profile *profile, const double *time, int64_t n,
-                                   double *wrench)
+                                   double *room, double *wrench)
 {
     double angle[PART], sizes[3][PART];
     const double *const all[] = {sizes[0], sizes[1], sizes[2]};
     for (int64_t first = 0; first < n; first += PART) {
         const int64_t m = n - first < PART ? n - first : PART;
         const int64_t n_terms = follow(profile, time + first, m, angle, sizes);
-        add_part(t, angle, m, all, n_terms, wrench + first * CHANNELS);
+        add_part(t, angle, m, all, n_terms, room, wrench + first * CHANNELS);
     }
 }

@@ -8,17 +8,20 @@ the widest one the recursion starts with the run.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from ctypes import byref
 
 import numpy as np
 
 from ..mechanism.quantities import Array
+from ..numerics import library
+from ..numerics.library import find_address
 from .noise_model import CORRELATION_TIMES, NoiseModel
 from .normal import Parts, count_parts, draw_in_parts, draw_normal
 
 DRIFT_BLOCK = 64  # intervals
 GRIDS = 6  # the widest one has an interval of four months, if that of the first is 0.01 s
 _KEPT = 4  # blocks of each sort
-_STEPS = 16  # of a recursion at once: 30 us
+_STEPS = 16  # of a recursion at once, in numpy: 30 us
 _PROCESSES = len(CORRELATION_TIMES) + 1
 
 
@@ -46,7 +49,7 @@ class Drift:
 
     def count_parts(self, first: int, last: int) -> int:
         """In how many parts the blocks from ``first`` to ``last`` are nearly always found."""
-        path = count_parts(self._sensors, _PROCESSES * DRIFT_BLOCK) + DRIFT_BLOCK // _STEPS + 2
+        path = count_parts(self._sensors, _PROCESSES * DRIFT_BLOCK) + 1 + self._bridges[0].n_parts
         return sum(path for block in range(first, last + 1) if block not in self._sums)
 
     def find(self, block: int) -> Parts:
@@ -54,7 +57,8 @@ class Drift:
         if block not in self._sums:
             path = yield from self._find_path(0, block)
             total = path.sum(axis=1).T
-            keep(self._sums, block, np.stack([total[:, :-1], np.diff(total)]))
+            keep(self._sums, block, np.ascontiguousarray([total[:, :-1], np.diff(total)]))
+            yield
         return self._sums[block]
 
     def _find_path(self, grid: int, block: int) -> Parts:
@@ -65,8 +69,7 @@ class Drift:
             key = (*self._key, self._kind + grid, block)
             normal = yield from draw_in_parts(key, self._sensors, _PROCESSES * DRIFT_BLOCK)
             yield
-            kicks = normal.reshape(self._sensors, _PROCESSES, DRIFT_BLOCK).transpose(2, 1, 0)
-            path = yield from self._bridges[grid].connect(first, last, kicks)
+            path = yield from self._bridges[grid].connect(first, last, normal)
             yield
             keep(self._paths[grid], block, path)
         return self._paths[grid][block]
@@ -101,6 +104,11 @@ class _Bridge:
         # Covariance with the end of the path, over the variance of the end.
         self._weight = self._c ** (DRIFT_BLOCK - steps) * grown / grown[-1]
 
+    @property
+    def n_parts(self) -> int:
+        """Of :meth:`connect`."""
+        return 1 if library.find_arithmetic() is not None else DRIFT_BLOCK // _STEPS + 1
+
     def go_on(self, before: Array | None, normal: Array) -> Array:
         """The processes one block later; None: at the start, where the Gauss-Markov ones are stationary already."""
         if before is None:
@@ -110,11 +118,20 @@ class _Bridge:
     def connect(self, first: Array, last: Array, normal: Array) -> Parts:
         """Paths from ``first`` to ``last`` (processes, sensors), (DRIFT_BLOCK + 1, processes, sensors).
 
-        ``normal``: (DRIFT_BLOCK, processes, sensors).
+        ``normal``: (sensors, processes * DRIFT_BLOCK), its rows side by side.
         """
         path = np.empty((DRIFT_BLOCK + 1, *first.shape))
+        arithmetic = library.find_arithmetic()
+        if arithmetic is not None:
+            constants = map(find_address, (self._c, self._s, self._weight))
+            shared = library.Bridge(*constants, DRIFT_BLOCK, *first.shape)
+            given = map(np.ascontiguousarray, (first, last, normal))  # kept by the list below during the call
+            arrays = [*given, path]
+            arithmetic.connect(byref(shared), *map(find_address, arrays))
+            return path
         path[0] = first
-        np.multiply(self._s, normal, out=path[1:])
+        kicks = normal.reshape(-1, _PROCESSES, DRIFT_BLOCK).transpose(2, 1, 0)
+        np.multiply(self._s, kicks, out=path[1:])
         c, grown = np.ascontiguousarray(np.broadcast_to(self._c, first.shape)), np.empty_like(first)
         for k in range(1, DRIFT_BLOCK + 1):
             if k % _STEPS == 0:

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..mechanism.quantities import Array, Checked, ParameterError, group, quantity
-from .drift import keep
+from ..numerics import library
 from .geometry import centripetal_rows, estimator, geometry_rows
 from .noise import WHITE_BLOCK, SensorNoise, split
 from .normal import count, draw_normal, finish
@@ -32,6 +32,8 @@ CHANNELS = ACCELEROMETERS + RateSensor.AXES
 ESTIMATES = 9  # acceleration, angular acceleration, angular velocity
 MOTION = 9  # inputs in the same order
 N_STATES = 2 * CHANNELS
+_BLOCKS_AT_ONCE = 3  # of noise, compiled: 50 us
+_FIRST = 24  # blocks, which are made one by one: rows for them come from the system, page by page
 LAST_SAMPLE = 1e13  # thirty years at 10 kHz: the noise stands still from there on
 _SLOTS = slice(0, ACCELEROMETERS)
 _RATES = slice(ACCELEROMETERS, CHANNELS)
@@ -178,15 +180,19 @@ class ChannelNoise:
         on = np.flatnonzero(sensors.enabled[_SLOTS])
         slots = int(on[-1]) + 1 if on.size else 0  # none is drawn for those behind the last that is enabled
         seed = int(sensors.seed)
-        self._noises = [SensorNoise(sensors.accelerometer.noise, slots, interval, seed, _LINEAR_NOISE)]
-        self._columns: slice | NDArray[np.intp] = slice(0, slots)
+        self._noises = [(0, SensorNoise(sensors.accelerometer.noise, slots, interval, seed, _LINEAR_NOISE))]
+        """Each with its first column."""
         if sensors.rate_sensor.enabled:
-            self._noises.append(SensorNoise(sensors.rate_sensor.noise, RateSensor.AXES, interval, seed, _RATE_NOISE))
-            self._columns = np.array([*range(slots), *range(CHANNELS)[_RATES]])
+            rates = SensorNoise(sensors.rate_sensor.noise, RateSensor.AXES, interval, seed, _RATE_NOISE)
+            self._noises.append((ACCELEROMETERS, rates))
         enabled = sensors.enabled.astype(np.float64)
-        self._bias, self._gain = (row[self._columns, None] for row in (sensors.bias, enabled))
-        self._has_bias, self._has_gaps = bool(self._bias.any()), not self._gain.all()
-        self._blocks: dict[int, Array] = {}
+        self._bias, self._gain = sensors.bias, enabled
+        self._has_bias, self._has_gaps = bool(sensors.bias.any()), not enabled[:slots].all()
+        self._rows = np.zeros((_BLOCKS_AT_ONCE * WHITE_BLOCK, CHANNELS))
+        """Room for blocks of errors."""
+        self._first, self._n = 0, 0
+        """The blocks that are in it."""
+        self._made = 0
 
     def __call__(self, index: NDArray[np.int64]) -> Array:
         """Errors of the samples of these numbers (n,), 0 or greater and ascending, (n, CHANNELS), m/s2 and rad/s."""
@@ -195,34 +201,46 @@ class ChannelNoise:
     def in_parts(self, index: NDArray[np.int64]) -> Generator[int, None, Array]:
         """As :meth:`__call__`, in parts of 20 to 60 us; yields about how many are still to come."""
         blocks = split(index, WHITE_BLOCK)
-        errors = np.zeros((len(index), CHANNELS))
-        counts = [0 if block in self._blocks else self._count_parts(block) for block, _ in blocks]
-        left = sum(counts)
-        for (block, part), parts in zip(blocks, counts, strict=True):
-            if block not in self._blocks:
-                keep(self._blocks, block, (yield from self._make_block(block, left)))
-            errors[part, self._columns] = self._blocks[block].take(index[part] - block * WHITE_BLOCK, axis=1).T
-            left -= parts
-            if part.stop < len(index):
-                yield left
+        errors = np.empty((len(index), CHANNELS))
+        runs = self._find_runs([block for block, _ in blocks])
+        counts = [sum(noise.count_parts(block, n) for _, noise in self._noises) for block, n in runs.items()]
+        for block, part in blocks:
+            if block in runs:
+                if part.start:
+                    yield sum(counts)
+                yield from self._make_blocks(block, runs[block], sum(counts))
+                del counts[0]
+            k = index[part] - self._first * WHITE_BLOCK
+            self._rows.take(k, axis=0, out=errors[part], mode="clip")
         return errors
 
-    def _count_parts(self, block: int) -> int:
-        return sum(noise.count_parts(block) for noise in self._noises)
-
-    def _make_block(self, block: int, left: int) -> Generator[int, None, Array]:
-        """Errors of a block of samples, (columns, WHITE_BLOCK); ``left``: parts still to come, with its own."""
-        errors = []
-        for noise in self._noises:
-            own = noise.count_parts(block)
-            errors.append((yield from count(noise.in_parts(block), left - 1)))
-            left -= own
-        found = errors[0] if len(errors) == 1 else np.concatenate(errors)
-        if self._has_bias:
-            found += self._bias
-        if self._has_gaps:
-            found *= self._gain
+    def _find_runs(self, blocks: list[int]) -> dict[int, int]:
+        """Of these numbers, those of blocks to make: the first of each part, and how many of them side by side."""
+        found: dict[int, int] = {}
+        most = _BLOCKS_AT_ONCE if self._made >= _FIRST and library.find_arithmetic() is not None else 1
+        first, n = self._first, self._n
+        for block in blocks:
+            if first in found and block == first + n and n < most:
+                found[first] = n = n + 1
+            elif not first <= block < first + n:
+                first, n = block, 1
+                found[block] = 1
         return found
+
+    def _make_blocks(self, block: int, n: int, left: int) -> Generator[int, None, None]:
+        """Errors of n blocks of samples into the room; ``left``: parts still to come, with their own."""
+        self._n = 0
+        rows = self._rows[: n * WHITE_BLOCK]
+        for column, noise in self._noises:
+            own = noise.count_parts(block, n)
+            yield from count(noise.store(block, rows, column), left - 1)
+            left -= own
+        if self._has_bias:
+            rows += self._bias
+        if self._has_gaps:
+            rows *= self._gain
+        self._first, self._n = block, n
+        self._made += n
 
     def find_samples(self, elapsed: Array) -> NDArray[np.int64]:
         """Numbers of the last samples at times since the start (n,), s; from :data:`LAST_SAMPLE` on, that one."""

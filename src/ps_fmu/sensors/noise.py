@@ -6,17 +6,21 @@ and linear between.  An FMU needs the noise while its steps are made, so it come
 
 from __future__ import annotations
 
+from collections.abc import Generator
+from ctypes import byref, c_void_p
+from itertools import pairwise
+
 import numpy as np
 from numpy.typing import NDArray
 
 from ..mechanism.quantities import Array
+from ..numerics import library
 from .drift import DRIFT_BLOCK, Drift
 from .noise_model import NoiseModel
-from .normal import Parts, count_parts, draw_in_parts, finish
+from .normal import count_parts, draw_in_parts, finish, wrap
 
 DRIFT_INTERVAL = 0.01  # s, a tenth of the shortest correlation time
 WHITE_BLOCK = 256  # samples
-_FIRST = 8  # blocks, which are made in more parts: their memory comes from the system, page by page
 _WHITE, _WIDEST, _DRIFT = 0, 1, 2  # tell the random numbers apart
 
 
@@ -35,55 +39,71 @@ class SensorNoise:
         self._sensors, self._key = sensors, (seed, kind)
         self._deviation = model.density / np.sqrt(2.0 * interval)
         self._stride = max(1, round(DRIFT_INTERVAL / interval))
-        self._made = 0  # blocks
+        self._shared = library.Errors(self._deviation, sensors, WHITE_BLOCK, self._stride, DRIFT_BLOCK)
+        self._shared.words[:3] = wrap((*self._key, _WHITE))
         self._drift = None
         if model.instability > 0.0 or model.random_walk > 0.0:
             self._drift = Drift(model, sensors, self._stride * interval, self._key, (_WIDEST, _DRIFT))
 
     def __call__(self, index: NDArray[np.int64]) -> Array:
         """The error of the samples of these numbers (n,), 0 or greater and ascending, (n, sensors)."""
-        error = np.empty((len(index), self._sensors))
+        errors, rows = np.empty((len(index), self._sensors)), np.empty((WHITE_BLOCK, self._sensors))
         for block, part in split(index, WHITE_BLOCK):
-            error[part] = finish(self.in_parts(block)).take(index[part] - block * WHITE_BLOCK, axis=1).T
-        return error
+            finish(self.store(block, rows))
+            errors[part] = rows.take(index[part] - block * WHITE_BLOCK, axis=0)
+        return errors
 
-    def count_parts(self, block: int) -> int:
-        """In how many parts a block is nearly always made."""
-        often = self._made > _FIRST
-        parts = count_parts(self._sensors, WHITE_BLOCK, often=often) + (not often)
+    def count_parts(self, block: int, n: int) -> int:
+        """In how many parts so many blocks are nearly always made."""
+        parts = 1 if library.find_arithmetic() is not None else n * count_parts(self._sensors, WHITE_BLOCK)
+        return parts if self._drift is None else parts + self._drift.count_parts(*self._find_drift(block, n))
+
+    def store(self, block: int, rows: Array, column: int = 0) -> Generator[None, None, None]:
+        """Write the errors of samples, in parts, to columns of ``rows`` (n * WHITE_BLOCK, any number), contiguous.
+
+        Those of n blocks, from ``block`` on.
+        """
+        n, drift = len(rows) // WHITE_BLOCK, []
         if self._drift is not None:
-            ends = block * WHITE_BLOCK, (block + 1) * WHITE_BLOCK - 1
-            parts += self._drift.count_parts(*(end // self._stride // DRIFT_BLOCK for end in ends))
-        return parts
+            first, last = self._find_drift(block, n)
+            for number in range(first, last + 1):
+                drift.append((yield from self._drift.find(number)))
+        arithmetic = library.find_arithmetic()
+        if arithmetic is None:
+            for k in range(n):
+                part = rows[k * WHITE_BLOCK : (k + 1) * WHITE_BLOCK]
+                own = drift and drift[self._find_drift(block + k, 1)[0] - first :]
+                part[:, column : column + self._sensors] = (yield from self._make_plainly(block + k, own)).T
+            return
+        blocks = (c_void_p * len(drift))(*map(library.find_address, drift)) if drift else None
+        address = library.find_address(rows) + 8 * column
+        arithmetic.make_errors(byref(self._shared), block, n, blocks, address, rows.shape[1])
 
-    def in_parts(self, block: int) -> Parts:
-        """The error of the :data:`WHITE_BLOCK` samples of a block, (sensors, WHITE_BLOCK)."""
-        often = self._made > _FIRST
-        self._made += 1
+    def _find_drift(self, block: int, n: int) -> tuple[int, int]:
+        """The first and the last block of the drift in n blocks of samples."""
+        ends = block * WHITE_BLOCK, (block + n) * WHITE_BLOCK - 1
+        first, last = (end // self._stride // DRIFT_BLOCK for end in ends)
+        return first, last
+
+    def _make_plainly(self, block: int, drift: list[Array]) -> Generator[None, None, Array]:
+        """As the compiled function, in numpy: (sensors, WHITE_BLOCK)."""
+        error = np.zeros((self._sensors, WHITE_BLOCK))
         if self._deviation:
-            error = yield from draw_in_parts((*self._key, _WHITE, block), self._sensors, WHITE_BLOCK, often=often)
-            if not often:
-                yield
-            error *= self._deviation
-        else:
-            error = np.zeros((self._sensors, WHITE_BLOCK))
-        if self._drift is not None:
+            white = yield from draw_in_parts((*self._key, _WHITE, block), self._sensors, WHITE_BLOCK)
+            yield
+            error = white * self._deviation
+        if drift:
             place, rest = np.divmod(np.arange(block * WHITE_BLOCK, (block + 1) * WHITE_BLOCK), self._stride)
             share = rest / self._stride
-            for number, part in split(place, DRIFT_BLOCK):
-                drift, slope = yield from self._drift.find(number)
+            for (number, part), (value, slope) in zip(split(place, DRIFT_BLOCK), drift, strict=False):
                 k = place[part] - number * DRIFT_BLOCK
-                error[:, part] += drift.take(k, axis=1)
+                error[:, part] += value.take(k, axis=1)
                 error[:, part] += share[part] * slope.take(k, axis=1)
         return error
 
 
 def split(index: NDArray[np.int64], size: int) -> list[tuple[int, slice]]:
     """Blocks of ``size`` that ascending numbers fall into, and where among the numbers each is."""
-    found, start = [], 0
-    while start < len(index):
-        block = int(index[start]) // size
-        end = int(np.searchsorted(index, (block + 1) * size))
-        found.append((block, slice(start, end)))
-        start = end
-    return found
+    blocks = index // size
+    edges = [0, *(np.flatnonzero(blocks[1:] != blocks[:-1]) + 1).tolist(), len(blocks)]
+    return [(int(blocks[start]), slice(start, end)) for start, end in pairwise(edges) if end > start]

@@ -20,7 +20,7 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Callable
-from ctypes import byref
+from ctypes import byref, c_int64
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -33,12 +33,13 @@ from ...mechanism.quantities import Array, Complex, ParameterError, quantity
 from ...numerics import library
 from ...numerics.library import find_address
 from ..kind import Kind, SharedSettings, Source, explain_folding
+from ..multiples import Products, plan_products
 from ..smooth import ramp
 from ..speed import Speed, SpeedProfile, SpeedTable
 from ..turning import Turning
 
-_ROWS = 512  # computed at once by compiled functions: 25 us
-_PLAIN_ROWS = 128  # without them
+_ROWS = 1024  # computed at once by compiled functions: 25 us
+_PLAIN_ROWS = 256  # without them: 60 us
 
 FORCE_HARMONICS = Path(__file__).with_name("wheel-radial-force-harmonics.csv")
 TORQUE_HARMONICS = Path(__file__).with_name("wheel-radial-torque-harmonics.csv")
@@ -112,23 +113,23 @@ class WheelSource:
         random = np.random.Generator(np.random.Philox(np.random.SeedSequence(seed)))
         self._phases = 2.0 * np.pi * random.random(self._orders.size)
         one_B, other_B = wheel_plane(spin_axis_B)
-        # Wrench at the origin of B per squared speed: along the one direction with the cosine, the other with the sine.
-        cosine, sine = (self._wrenches(force, torque, v, position_B) for v in (one_B, other_B))
-        self._amplitudes = scale * np.exp(1j * self._phases)[:, None] * (cosine - 1j * sine)
-        # Force and torque share orders: each is turned once.
-        turned, place = np.unique(self._orders, return_inverse=True)
-        summed = np.zeros((turned.size, 6), dtype=np.complex128)
-        np.add.at(summed, place, self._amplitudes)
-        per_order = 1.0 / turned[:, None]
-        along = np.stack([summed, 1j * per_order * summed, per_order**2 * summed])
+        # Wrench at the origin per squared speed: along the one direction with the cosine, the other with the sine.
+        along = np.stack([self._wrenches(v, position_B) for v in (one_B, other_B)], axis=1)  # (2, 2, 6)
+        coefficients = np.concatenate([force.coefficients, torque.coefficients])
+        lines = scale * coefficients * np.exp(1j * self._phases)
+        is_torque = np.arange(self._orders.size) >= force.orders.size
+        self._amplitudes = lines[:, np.newaxis] * (along[:, 0] - 1j * along[:, 1])[is_torque.astype(np.intp)]
+        plan = plan_products(tuple(dict.fromkeys(self._orders.tolist())))  # force and torque share orders
+        which = [plan.place[order] for order in self._orders.tolist()]
         found = library.find_arithmetic()
         self._turning: _Turning | _CompiledTurning
         self._ramp: Callable[[Array, Array], None] | None = None
         """Adds the wrench at some times (n,) to rows (n, 6), where the speed is no table."""
         if found is None:
-            self._turning = _Turning(turned, along)
+            self._turning = _Turning(plan, which, _integrate(self._amplitudes, self._orders))
         else:
-            self._turning = _CompiledTurning(turned, along, found)
+            integrated = _integrate(lines, self._orders)
+            self._turning = _CompiledTurning(plan, which, integrated, force.orders.size, along, found)
             if isinstance(profile, SpeedProfile):
                 self._ramp = self._turning.follow(profile, rise_time)
 
@@ -150,13 +151,10 @@ class WheelSource:
         return np.asarray(speed**2 * self._amplitudes)
 
     @staticmethod
-    def _wrenches(force: Harmonics, torque: Harmonics, direction_B: Array, position_B: Array) -> Array:
-        """Wrench at the origin per squared speed of each harmonic along a direction, (harmonics, 6)."""
+    def _wrenches(direction_B: Array, position_B: Array) -> Array:
+        """Wrenches at the origin of a force and of a torque along a direction, (2, 6)."""
         of_force = np.concatenate([direction_B, np.cross(position_B, direction_B)])
-        of_torque = np.concatenate([np.zeros(3), direction_B])
-        return np.concatenate(
-            [np.outer(force.coefficients, of_force), np.outer(torque.coefficients, of_torque)]
-        )
+        return np.stack([of_force, np.concatenate([np.zeros(3), direction_B])])
 
     def __call__(self, time: Array) -> Array:
         """Force (N) and torque (N.m) in B at its origin at the times (n,) in s, shape (n, 6)."""
@@ -185,54 +183,87 @@ class WheelSource:
         return sizes if sizes[2].any() else sizes[:2] if sizes[1].any() else sizes[:1]
 
 
+def _integrate(amplitudes: Complex, orders: Array) -> Complex:
+    """Amplitudes of the sums over harmonics (k, ...) and over their first and second integrals, (3, k, ...)."""
+    per_order = (1.0 / orders).reshape(-1, *[1] * (amplitudes.ndim - 1))
+    return np.stack([amplitudes, 1j * per_order * amplitudes, per_order**2 * amplitudes])
+
+
 class _CompiledTurning:
     """Sums of what turns with the multiples of an angle, compiled.
 
     Parameters
     ----------
-    multiples: (k,).
-    along: complex amplitudes of each sum, (m, k, 6).
+    plan: how their multiples are made.
+    which: of these, of each harmonic of the force, then of the torque.
+    amplitudes: of each sum, (m, k).
+    n_force: how many harmonics belong to the force.
+    along: wrenches of force and torque along two directions, which go with the cosine and with the sine, (2, 2, 6).
     """
 
     rows_at_once: ClassVar[int] = _ROWS
 
-    def __init__(self, multiples: Array, along: Complex, arithmetic: library.Arithmetic) -> None:
-        self._multiples = multiples / (2.0 * np.pi)
-        self._along = np.stack([along.real, -along.imag], axis=2)  # of cosine and sine
-        addresses = find_address(self._multiples), find_address(self._along)
-        self._shared = library.Turning(*addresses, multiples.size)
+    def __init__(
+        self, plan: Products, which: list[int], amplitudes: Complex, n_force: int, along: Array,
+        arithmetic: library.Arithmetic,
+    ) -> None:  # fmt: skip
+        self._multiples = np.array(plan.turned) / (2.0 * np.pi)
+        self._amplitudes = amplitudes
+        products = [library.Product(*product) for product in plan.products]
+        counts = len(plan.turned), len(products)
+        self._room = library.allocate(2 * library.PART * sum(counts))
+        self._shared = library.Turning(
+            find_address(self._multiples), (library.Product * len(products))(*products),
+            (c_int64 * len(which))(*which), find_address(amplitudes), *counts, n_force, len(which),
+        )  # fmt: skip
+        for row, wrench in zip(self._shared.along, along.reshape(4, 6).tolist(), strict=True):
+            row[:] = wrench
         self._add: Any = arithmetic.add_turning
         self._add_wheel: Any = arithmetic.add_wheel
 
     def add(self, rows: Array, angle: Array, sizes: Array) -> None:
         """Add the first sums, each multiplied by its sizes (m, n), at the angles (n,), rad, to ``rows`` (n, 6)."""
-        shared, (n_terms, n) = byref(self._shared), sizes.shape
-        self._add(shared, find_address(angle), n, find_address(sizes), n_terms, find_address(rows))
+        shared, (n_terms, n), room = byref(self._shared), sizes.shape, find_address(self._room)
+        self._add(shared, find_address(angle), n, find_address(sizes), n_terms, room, find_address(rows))
 
     def follow(self, profile: SpeedProfile, rise_time: float) -> Callable[[Array, Array], None]:
         """A function that adds the wrench of a wheel, three sums, at some times (n,), s, to rows (n, 6)."""
         whole = library.Profile(profile.initial, profile.final, profile.start, profile.duration, rise_time)
+        room = find_address(self._room)
 
         def add(rows: Array, time: Array) -> None:
-            self._add_wheel(byref(self._shared), byref(whole), find_address(time), time.size, find_address(rows))
+            shared = byref(self._shared), byref(whole)
+            self._add_wheel(*shared, find_address(time), time.size, room, find_address(rows))
 
         return add
 
 
 class _Turning:
-    """As :class:`_CompiledTurning`, in numpy."""
+    """As :class:`_CompiledTurning`, in numpy; amplitudes are of each wrench, (m, k, 6)."""
 
     rows_at_once: ClassVar[int] = _PLAIN_ROWS
     """Also of a last block, which is filled up: products of another shape may add in another order, and a sample must
     not depend on the times beside it."""
 
-    def __init__(self, multiples: Array, along: Complex) -> None:
-        self._turning = Turning(multiples, self.rows_at_once)
+    def __init__(self, plan: Products, which: list[int], amplitudes: Complex) -> None:
+        self._products = plan.products
+        self._turning = Turning(np.array(plan.turned), self.rows_at_once)
+        n = len(plan.turned) + len(plan.products)
+        self._turned = np.empty((n, self.rows_at_once), dtype=np.complex128)
+        along = np.zeros((len(amplitudes), n, 6), dtype=np.complex128)
+        for line, place in enumerate(which):
+            along[:, place] += amplitudes[:, line]
         self._along = np.concatenate([along.real, -along.imag], axis=1)
 
     def add(self, rows: Array, angle: Array, sizes: Array) -> None:
         """As :meth:`_CompiledTurning.add`."""
-        turned = self._turning(np.pad(angle, (0, self.rows_at_once - angle.size), mode="edge")).T
+        made = self._turning(np.pad(angle, (0, self.rows_at_once - angle.size), mode="edge"))
+        z, n = self._turned, len(made) // 2
+        z.real[:n], z.imag[:n] = made[:n], made[n:]
+        back = z[:n].conj()
+        for k, (one, other, backwards) in enumerate(self._products, n):
+            np.multiply(z[one], (back if backwards else z)[other], out=z[k])
+        turned = np.concatenate([z.real, z.imag]).T
         for size, along in zip(sizes, self._along, strict=False):
             rows += size[:, np.newaxis] * (turned @ along)[: angle.size]
 
