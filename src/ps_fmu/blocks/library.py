@@ -26,4 +26,7 @@ def find_library() -> CDLL | None:
     library.filter_rows.argtypes, library.filter_rows.restype = (c_void_p, c_void_p, c_int64, c_void_p), None
     types = c_void_p, c_int64, c_double, c_void_p, c_void_p, c_void_p
     library.add_values.argtypes, library.add_values.restype = types, None
+    columns = c_void_p, c_int64, c_int64, c_void_p, c_int64, c_void_p, c_int64
+    library.copy_columns.argtypes, library.copy_columns.restype = columns, None
+    library.find_peak.argtypes, library.find_peak.restype = (c_void_p, c_int64), c_double
     return library

@@ -18,7 +18,7 @@ OUTPUTS = 4
 class _Filter(Structure):
     """``Lowpass`` of filter.c."""
 
-    _fields_ = (("columns", c_int64), ("factor", c_int64), ("length", c_int64), ("taps", c_void_p))
+    _fields_ = (("columns", c_int64), ("factor", c_int64), ("length", c_int64), ("taps", c_void_p), ("room", c_void_p))
 
 
 class Lowpass:
@@ -38,7 +38,8 @@ class Lowpass:
         self.taps, self.factor, self.columns = taps, factor, columns
         zeros = np.zeros((OUTPUTS - 1) * factor)
         self._padded = np.concatenate((zeros, taps, zeros))
-        self._filter = _Filter(columns, factor, len(taps), self._padded[len(zeros) :].ctypes.data)
+        self._room = np.empty(2 * columns, dtype=np.int64)
+        self._filter = _Filter(columns, factor, len(taps), self._padded[len(zeros) :].ctypes.data, self._room.ctypes.data)
 
     def count(self, rows: int) -> int:
         """How many rows come out of so many."""

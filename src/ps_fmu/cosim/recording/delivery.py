@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from typing import Protocol, runtime_checkable
 
 import numpy as np
 
+from ...blocks.columns import find_peak
 from ..clock import StepClock
 from ..errors import SlaveError
 from ..rows import Array, Column, Rows
@@ -95,15 +97,9 @@ class Delivery:
 
 
 def count_finite(values: Array) -> int:
-    """Rows before the first with a value that is not finite.
-
-    The sum of the squares is finite where all values are, unless they are enormous; to compute it takes a quarter of
-    the time that it takes to ask each value (0.01 instead of 0.05 us a row of 94).
-    """
-    flat = values.reshape(-1)
-    with np.errstate(over="ignore", invalid="ignore"):
-        if np.isfinite(flat @ flat):
-            return len(values)
+    """Rows before the first with a value that is not finite."""
+    if math.isfinite(find_peak(values)):
+        return len(values)
     finite = np.isfinite(values)
     return len(values) if finite.all() else int(np.argmin(finite.all(axis=1)))
 
