@@ -28,5 +28,9 @@ def find_library() -> CDLL | None:
     library.add_values.argtypes, library.add_values.restype = types, None
     columns = c_void_p, c_int64, c_int64, c_void_p, c_int64, c_void_p, c_int64
     library.copy_columns.argtypes, library.copy_columns.restype = columns, None
+    moments = c_void_p, c_int64, c_int64, c_int64, c_void_p
+    library.find_moments.argtypes, library.find_moments.restype = moments, None
+    points = c_void_p, c_void_p, c_int64, c_void_p, c_void_p
+    library.find_points_outside.argtypes, library.find_points_outside.restype = points, c_int64
     library.find_peak.argtypes, library.find_peak.restype = (c_void_p, c_int64), c_double
     return library

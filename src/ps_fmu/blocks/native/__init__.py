@@ -15,7 +15,7 @@ _LINUX = Target(
 BLOCKS = Program(
     "blocks",
     Path(__file__).parent,
-    sources=("columns.c", "filter.c", "histogram.c"),
+    sources=("columns.c", "filter.c", "histogram.c", "moments.c"),
     headers=("filter.h", "processor.h"),
     targets={"linux64": _LINUX},
 )

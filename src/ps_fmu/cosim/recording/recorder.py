@@ -30,8 +30,8 @@ from .decimate import Decimator
 
 CHUNK_ROWS = 4000
 """Rows of a chunk in the file, where nobody knows how many there will be."""
-LARGEST_CHUNK_ROWS = 10_000
-"""And where that is known.  A chunk costs 15 us for each column, and a kilobyte of it 0.3 us."""
+USUAL_CHUNK_ROWS = 10_000
+"""And about so many where that is known.  A chunk costs 15 us for each column, and a kilobyte of it 0.3 us."""
 WRITE_BYTES = 2**23
 """So much is written at once in a long run [B], a chunk of rows at its beginning."""
 METADATA_BYTES = 4096
@@ -97,7 +97,8 @@ class Recorder:
         self._times: Array = np.empty(0)  # of rows that the filter holds, and that will come out of it
         self._chunk = CHUNK_ROWS
         if rows is not None:
-            self._chunk = min(max(1, -(-rows // self.factor)), LARGEST_CHUNK_ROWS)
+            stored = max(1, -(-rows // self.factor))
+            self._chunk = -(-stored // max(1, round(stored / USUAL_CHUNK_ROWS)))
         self._row_bytes = 8 + sum(STORAGE[column.type][1] for column in self._columns)
         # Values of a column side by side, time first: netCDF4 would copy each column from all over the rows.
         self._pending: Array = np.empty((1 + len(self._columns), self._chunk))

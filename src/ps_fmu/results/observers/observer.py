@@ -80,9 +80,9 @@ class ColumnObserver(ABC):
         if not names:
             raise ValueError("names: at least one column is needed")
         self.names = tuple(names)
-        places = find_columns(columns, names)
-        self._copy = ColumnCopy(places, len(columns))
-        self.units = tuple(columns[place].unit for place in places)
+        self.places = find_columns(columns, names)
+        self._copy = ColumnCopy(self.places, len(columns))
+        self.units = tuple(columns[place].unit for place in self.places)
         self.start_s = start_s
 
     def block(self, first_index: int, time: Array, values: Array) -> None:
