@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from .library import find_library
+from .library import find_library, get_address
 
 Array = NDArray[np.float64]
 
@@ -48,7 +48,8 @@ class ColumnCopy:
             result[...] = rows[:, self._places].T
             return
         chosen = self._address, len(self._places)
-        library.copy_columns(rows.ctypes.data, len(rows), self._columns, *chosen, result.ctypes.data, apart // 8)
+        goal = get_address(result), apart // 8
+        library.copy_columns(get_address(rows), len(rows), self._columns, *chosen, *goal)
 
 
 def find_peak(values: Array) -> float:
@@ -60,4 +61,4 @@ def find_peak(values: Array) -> float:
     if library is None or values.dtype != np.float64 or not values.flags.c_contiguous:
         size = float(np.abs(values).max(initial=0.0))
         return size if math.isfinite(size) else math.nan
-    return float(library.find_peak(values.ctypes.data, values.size))
+    return float(library.find_peak(get_address(values), values.size))

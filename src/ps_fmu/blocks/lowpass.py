@@ -7,7 +7,7 @@ from ctypes import Structure, addressof, c_int64, c_void_p
 import numpy as np
 from numpy.typing import NDArray
 
-from .library import find_library
+from .library import find_library, get_address
 
 Array = NDArray[np.float64]
 
@@ -41,6 +41,7 @@ class Lowpass:
         self._room = np.empty(2 * columns, dtype=np.int64)
         addresses = self._padded[len(zeros) :].ctypes.data, self._room.ctypes.data
         self._filter = _Filter(columns, factor, len(taps), *addresses)
+        self._address = addressof(self._filter)
 
     def count(self, rows: int) -> int:
         """How many rows come out of so many."""
@@ -62,7 +63,7 @@ class Lowpass:
         if library is None:
             self._run_in_numpy(rows, result)
         else:
-            library.filter_rows(addressof(self._filter), rows.ctypes.data, len(result), result.ctypes.data)
+            library.filter_rows(self._address, get_address(rows), len(result), get_address(result))
 
     def _run_in_numpy(self, rows: Array, result: Array) -> None:
         product = np.empty_like(result)

@@ -7,7 +7,7 @@ from ctypes import Structure, addressof, c_double
 import numpy as np
 from numpy.typing import NDArray
 
-from .library import find_library
+from .library import find_library, get_address
 
 Array = NDArray[np.float64]
 
@@ -30,7 +30,7 @@ def find_moments(samples: Array) -> Array:
     found = np.empty((signals, 3))
     library = find_library()
     if library is not None:
-        library.find_moments(samples.ctypes.data, signals, count, samples.strides[0] // 8, found.ctypes.data)
+        library.find_moments(get_address(samples), signals, count, samples.strides[0] // 8, get_address(found))
         return found
     mean = samples.mean(axis=1)
     deviation = samples - mean[:, None]
@@ -61,8 +61,8 @@ class Ellipse(Structure):
             u, v = self.a * x, self.b * x + self.c * y
             return np.flatnonzero(u * u + v * v > 1.0)
         places = np.empty(points.shape[1], dtype=np.int64)
-        rows = points[0].ctypes.data, points[1].ctypes.data
-        count: int = library.find_points_outside(*rows, points.shape[1], addressof(self), places.ctypes.data)
+        rows = get_address(points[0]), get_address(points[1])
+        count: int = library.find_points_outside(*rows, points.shape[1], addressof(self), get_address(places))
         return places[:count]
 
 
