@@ -7,6 +7,7 @@ are those that the FMUs have just written.  With two idle processors a run with 
 
 from __future__ import annotations
 
+import math
 import sys
 from collections.abc import Sequence
 from contextlib import ExitStack
@@ -37,6 +38,7 @@ class Timed:
 
     def __init__(self, observer: Observer) -> None:
         self._observer = observer
+        self.ignored_magnitude: float = getattr(observer, "ignored_magnitude", -math.inf)
         self.spent = 0.0
         """[s]"""
 

@@ -31,9 +31,7 @@ MAY_IMPORT = {
     "pointing": set(),
     "results": {"blocks", "pointing", "slavekit"},
     "requirements": {"blocks", "cosim", "pointing", "results", "slavekit"},
-    "runs": {
-        *PHYSICS, "theory", "interface", "blocks", "cosim", "pointing", "results", "requirements", "slavekit", "product"
-    },
+    "runs": {*PHYSICS, "theory", "interface", "cosim", "pointing", "results", "requirements", "slavekit", "product"},
     "paper": {*PHYSICS, "theory", "interface", "cosim", "pointing", "results", "runs", "slavekit", "product"},
     "studies": {
         *PHYSICS, "theory", "interface", "cosim", "pointing", "results", "requirements", "runs", "slavekit", "product"

@@ -11,7 +11,6 @@ from typing import Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ..blocks.columns import find_peak
 from ..cosim import Column, CosimError, Event, Master, Observer, Recorder, Value
 from ..cosim.faults.acted import ActedFault
 from ..cosim.terminals import read_terminal_variables
@@ -72,6 +71,7 @@ class Bounds:
     """Observer that ends a run by :class:`Divergence` when a value exceeds :data:`USELESS`."""
 
     columns: tuple[Column, ...]
+    ignored_magnitude: float = USELESS  # so that other blocks are not handed over
 
     def save_state(self) -> dict[str, object]:
         """Nothing: each block is looked at by itself."""
@@ -82,9 +82,10 @@ class Bounds:
 
     def block(self, _first_index: int, time: Array, values: Array) -> None:
         """Look at the rows (rows, columns); ``time`` (rows,) in s."""
-        if find_peak(values) <= USELESS:
+        found = np.argwhere(np.abs(values) > USELESS)
+        if not len(found):
             return
-        row, place = np.argwhere(np.abs(values) > USELESS)[0]
+        row, place = found[0]
         column = self.columns[place]
         raise Divergence(
             f"{column.name} is beyond {USELESS:g} {column.unit or ''} at t = {time[row]:.9g} s: the motion grows "
