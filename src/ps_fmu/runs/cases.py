@@ -82,10 +82,9 @@ class Bounds:
 
     def block(self, _first_index: int, time: Array, values: Array) -> None:
         """Look at the rows (rows, columns); ``time`` (rows,) in s."""
-        found = np.argwhere(np.abs(values) > USELESS)
-        if not len(found):
+        if max(values.max(), -values.min()) <= USELESS:
             return
-        row, place = found[0]
+        row, place = np.argwhere(np.abs(values) > USELESS)[0]
         column = self.columns[place]
         raise Divergence(
             f"{column.name} is beyond {USELESS:g} {column.unit or ''} at t = {time[row]:.9g} s: the motion grows "
