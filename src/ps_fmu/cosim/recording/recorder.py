@@ -32,6 +32,8 @@ CHUNK_ROWS = 4000
 """Rows of a chunk in the file, where nobody knows how many there will be."""
 USUAL_CHUNK_ROWS = 10_000
 """And about so many where that is known.  A chunk costs 15 us for each column, and a kilobyte of it 0.3 us."""
+LEAST_CHUNK_ROWS = 100
+"""However few are expected."""
 WRITE_BYTES = 2**23
 """So much is written at once in a long run [B], a chunk of rows at its beginning."""
 METADATA_BYTES = 4096
@@ -97,8 +99,8 @@ class Recorder:
         self._times: Array = np.empty(0)  # of rows that the filter holds, and that will come out of it
         self._chunk = CHUNK_ROWS
         if rows is not None:
-            stored = max(1, -(-rows // self.factor))
-            self._chunk = -(-stored // max(1, round(stored / USUAL_CHUNK_ROWS)))
+            stored = -(-rows // self.factor)
+            self._chunk = max(LEAST_CHUNK_ROWS, -(-stored // max(1, round(stored / USUAL_CHUNK_ROWS))))
         self._row_bytes = 8 + sum(STORAGE[column.type][1] for column in self._columns)
         # Values of a column side by side, time first: netCDF4 would copy each column from all over the rows.
         self._pending: Array = np.empty((1 + len(self._columns), self._chunk))
