@@ -78,7 +78,7 @@ EXPECTED = [(1, 100), (700, 700), (2500, 2500), (25_001, 8334), (10**9, 10_000)]
 
 @pytest.mark.parametrize(("expected", "chunk"), EXPECTED)
 def test_chunks_are_as_long_as_the_run_is_expected_to_be(path, expected, chunk):
-    """A run may have more rows, or fewer; what is not yet written of a chunk is no part of the file that others read."""
+    """A run may have more rows, or fewer; what is not yet written of a chunk is no part of what others read."""
     values = rows(2500)
     recorder = Recorder(path, "run", columns=COLUMNS, step=0.1, rows=expected)
     with recorder:
