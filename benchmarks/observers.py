@@ -1,17 +1,21 @@
-"""What the observers of a run cost: those of the default scenario, in the loop, in a thread beside it, and each alone.
+"""What the observers of a run cost: those of the default scenario, in the loop, in a thread beside it, and each one.
 
 All run in turn, round by round, and the figures are the least of the rounds, in us a step: processor time of the
-process and of the loop's thread, and wall time.  With two idle processors a run with the thread takes as long as the
-loop.
+process and of the loop's thread, and wall time.  Those of each observer are processor time in the loop, where its rows
+are those that the FMUs have just written.  With two idle processors a run with the thread takes as long as the loop.
 """
 
 from __future__ import annotations
 
+import math
 import sys
 from collections.abc import Sequence
+from contextlib import ExitStack
 from pathlib import Path
 from time import perf_counter, process_time, thread_time
+from typing import Any
 
+import netCDF4
 import numpy as np
 from command import FMUS, ROOT, run_in_rounds
 from numpy.typing import NDArray
@@ -25,28 +29,31 @@ Array = NDArray[np.float64]
 Cost = dict[str, float]
 
 STEP, STORAGE_STEP = 1e-4, 1e-3  # s
-DURATION = 5.0  # s of a round
+DURATION = 20.0  # s of a round, as of the scenario
 CLOCKS = {"processor": process_time, "loop": thread_time, "wall": perf_counter}
 
 
-class Blocks:
-    """Observer that keeps all blocks, to hand them over again."""
+class Timed:
+    """Observer that takes the processor time of another one."""
 
-    def __init__(self) -> None:
-        self.blocks: list[tuple[int, Array, Array]] = []
+    def __init__(self, observer: Observer) -> None:
+        self._observer = observer
+        self.ignored_magnitude: float = getattr(observer, "ignored_magnitude", -math.inf)
+        self.spent = 0.0
+        """[s]"""
 
     def block(self, first_index: int, time: Array, values: Array) -> None:
-        """Keep the rows."""
-        self.blocks.append((first_index, time.copy(), values.copy()))
-
-    def hand_over(self, observer: Observer) -> float:
-        """Processor time of an observer that takes all blocks [us a row]."""
+        """Hand the rows on."""
         begun = thread_time()
-        for block in self.blocks:
-            observer.block(*block)
-        if isinstance(observer, Recorder):
-            observer.close()
-        return (thread_time() - begun) / sum(len(time) for _, time, _ in self.blocks) * 1e6
+        self._observer.block(first_index, time, values)
+        self.spent += thread_time() - begun
+
+    def close(self) -> None:
+        """Write what is left, if it is a recorder."""
+        begun = thread_time()
+        if isinstance(self._observer, Recorder):
+            self._observer.close()
+        self.spent += thread_time() - begun
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -59,32 +66,33 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def measure(system: System, rounds: int, folder: Path, duration: float = DURATION) -> dict[str, Cost]:
-    """Figures in us a step: clock -> way of observing, and ``alone`` -> observer."""
-    found: dict[str, Cost] = {name: {} for name in (*CLOCKS, "alone")}
-    kept, columns = _keep_blocks(system, duration)
+    """Figures in us a step: clock -> way of observing, and ``each`` -> observer."""
+    found: dict[str, Cost] = {name: {} for name in (*CLOCKS, "each")}
 
-    def note(kind: str, name: str, cost: float) -> None:
-        found[kind][name] = min(cost, found[kind].get(name, cost))
+    def note(kind: str, costs: Cost) -> None:
+        for name, cost in costs.items():
+            found[kind][name] = min(cost, found[kind].get(name, cost))
 
-    for number in range(rounds):
+    for _ in range(rounds):
         for name, beside in (("none", False), ("in the loop", False), ("beside", True)):
-            path = folder / f"{number}_{name}.nc"
-            for clock, cost in _time_run(system, duration, path if name != "none" else None, beside).items():
-                note(clock, name, cost)
-        for name, observer in make_observers(columns, duration, folder / f"{number}.nc").items():
-            note("alone", name, kept.hand_over(observer))
-        for path in folder.glob("*.nc"):
-            path.unlink()
+            costs, each = _time_run(system, duration, folder / "rows.nc" if name != "none" else None, beside)
+            for clock, cost in costs.items():
+                note(clock, {name: cost})
+            if name == "in the loop":
+                note("each", each)
+            (folder / "rows.nc").unlink(missing_ok=True)
     return found
 
 
-def make_observers(columns: Sequence[Column], duration: float, path: Path) -> dict[str, Observer]:
-    """The observers of a case of the default scenario, by their names."""
+def make_observers(columns: Sequence[Column], duration: float, path: Path, file: Any) -> dict[str, Observer]:
+    """The observers of a case of the default scenario, by their names; ``file`` is the dataset at ``path``, open."""
     steps = round(duration / STEP)
     jitter = JitterRecord(columns, step_s=STEP, steps=steps, explored=True).observers
     others: tuple[Observer, ...] = (
         Bounds(tuple(columns)),
-        Recorder(path, "run", columns=columns, step=STEP, storage_step=STORAGE_STEP),
+        Recorder(
+            path, "run", columns=columns, step=STEP, storage_step=STORAGE_STEP, append=True, file=file, rows=steps + 1
+        ),
         *jitter,
         IndexRecord(columns, step_s=STEP, rows=steps + 1),
     )
@@ -106,29 +114,31 @@ def report(result: dict[str, Cost]) -> str:
         shares = "".join(f"{result[clock][name] / result[clock]['none'] - 1.0:10.2f}" for clock in CLOCKS)
         lines.append(f"{name + ', to steps':28}{shares}")
     lines.append("")
-    lines += [f"{name:28}{cost:10.3f}{cost / none:10.2f} of the steps" for name, cost in result["alone"].items()]
+    each = {**result["each"], "all of them": sum(result["each"].values())}
+    lines += [f"{name:28}{cost:10.3f}{cost / none:10.2f} of the steps" for name, cost in each.items()]
     return "\n".join(lines)
 
 
-def _keep_blocks(system: System, duration: float) -> tuple[Blocks, tuple[Column, ...]]:
-    kept = Blocks()
-    with Master(system, STEP) as master:
-        master.initialise()
-        master.run(duration, [kept])
-        return kept, master.columns
+def _time_run(system: System, duration: float, path: Path | None, beside: bool) -> tuple[Cost, Cost]:
+    """A run with all observers, stored in ``path``, or without any: clock -> us a step, and observer -> us a step.
 
-
-def _time_run(system: System, duration: float, path: Path | None, beside: bool) -> Cost:
-    """A run with all observers that store into ``path``, or without any; clock -> us a step."""
-    with Master(system, STEP) as master:
+    The file is open before and afterwards, as that of a scenario is.
+    """
+    with ExitStack() as stack:
+        master = stack.enter_context(Master(system, STEP))
         master.initialise()
-        observers = [] if path is None else list(make_observers(master.columns, duration, path).values())
+        timed: dict[str, Timed] = {}
+        if path is not None:
+            file = stack.enter_context(netCDF4.Dataset(path, "w"))
+            observers = make_observers(master.columns, duration, path, file)
+            timed = {name: Timed(observer) for name, observer in observers.items()}
         begun = {name: clock() for name, clock in CLOCKS.items()}
-        master.run(duration, observers, beside=beside)
-        for observer in observers:
-            if isinstance(observer, Recorder):
-                observer.close()
-        return {name: (clock() - begun[name]) / (duration / STEP) * 1e6 for name, clock in CLOCKS.items()}
+        master.run(duration, list(timed.values()), beside=beside)
+        for observer in timed.values():
+            observer.close()
+        steps = duration / STEP * 1e-6
+        costs = {name: (clock() - begun[name]) / steps for name, clock in CLOCKS.items()}
+        return costs, {name: observer.spent / steps for name, observer in timed.items()}
 
 
 if __name__ == "__main__":

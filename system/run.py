@@ -5,6 +5,9 @@ from __future__ import annotations
 import sys
 
 try:
+    from ps_fmu.child_processes import use_one_thread
+
+    use_one_thread()  # before numpy is imported
     from ps_fmu.run_command import main
     from ps_fmu.terminal import run_command
 except KeyboardInterrupt:

@@ -24,6 +24,20 @@ def test_nothing_heavy_is_imported_before_a_command_runs():
     assert run.stdout == "[]\n"
 
 
+@pytest.mark.parametrize("script", ["from ps_fmu.cli import main", "import runpy; runpy.run_path(sys.argv[1])"])
+@pytest.mark.parametrize("given", [None, "2"])
+def test_blas_works_in_one_thread_unless_the_user_says_otherwise(script, given):
+    """In a command, and in system/run.py: a second thread would take the processor from the FMUs."""
+    names = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
+    variables = {name: value for name, value in os.environ.items() if name not in names}
+    if given is not None:
+        variables["OPENBLAS_NUM_THREADS"] = given
+    ask = "; main(['--version']) if 'main' in dir() else None; import numpy; print(os.environ['OPENBLAS_NUM_THREADS'])"
+    code = [sys.executable, "-c", f"import os, sys; {script}{ask}", str(SYSTEM.with_name("run.py"))]
+    run = subprocess.run(code, capture_output=True, text=True, check=True, env=variables)
+    assert run.stdout.split()[-1] == (given or "1")
+
+
 def test_ctrl_c(monkeypatch, capsys):
     def interrupted(*arguments, **options):
         raise KeyboardInterrupt

@@ -29,7 +29,7 @@ MAY_IMPORT = {
     "cosim": {"reduction", "slavekit"},
     "fmucheck": {"cosim", "slavekit"},
     "pointing": set(),
-    "results": {"pointing", "slavekit"},
+    "results": {"pointing", "reduction", "slavekit"},
     "requirements": {"cosim", "pointing", "reduction", "results", "slavekit"},
     "runs": {*PHYSICS, "theory", "interface", "cosim", "pointing", "results", "requirements", "slavekit", "product"},
     "paper": {*PHYSICS, "theory", "interface", "cosim", "pointing", "results", "runs", "slavekit", "product"},

@@ -1,4 +1,4 @@
-"""What every Python process has in common that this package starts: its environment, and its end."""
+"""What every Python process has in common that is a command or is started by one: its environment, and its end."""
 
 from __future__ import annotations
 
@@ -10,8 +10,19 @@ import time
 ONE_THREAD = {
     name: "1" for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 }
-"""The matrices are small: threads in BLAS cost more than they bring, and the other processes need the processors."""
+"""The matrices are small: threads in BLAS cost more than they bring, and others need the processors."""
 PARENT_CHECK_S = 1.0
+
+
+def use_one_thread() -> None:
+    """Have BLAS work in one thread, if numpy is imported later and the user has not said otherwise.
+
+    A thread of BLAS that waits for work takes the processor from the FMUs or from what stores their rows.  OpenMP is
+    left alone: other people's FMUs may work with it.
+    """
+    for name, value in ONE_THREAD.items():
+        if name != "OMP_NUM_THREADS":
+            os.environ.setdefault(name, value)
 
 
 def end_with_parent(parent: int | None = None) -> None:

@@ -14,6 +14,7 @@ from typing import Any
 
 from . import __version__
 from .analyse_command import add_parser as add_analyse
+from .child_processes import use_one_thread
 from .judge_command import add_parser as add_judge
 from .paper.identification.identify_command import add_parser as add_identify
 from .product.files import find_file, find_product
@@ -34,6 +35,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _command(arguments: Sequence[str] | None) -> int:
+    use_one_thread()
     try:
         options = parser().parse_args(arguments)
         code: int = options.run(options)

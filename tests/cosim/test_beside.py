@@ -52,6 +52,30 @@ class Refusing:
             raise RecorderError("no space")
 
 
+class Growth:
+    """Observer that gets blocks in which a value is beyond a limit."""
+
+    def __init__(self, limit):
+        self.ignored_magnitude = limit
+        self.blocks = []
+
+    def block(self, first_index, time, values):
+        self.blocks.append((first_index, np.abs(values).max()))
+
+
+@pytest.mark.parametrize("in_thread", [True, False])
+def test_an_observer_can_leave_out_blocks_without_large_values(oscillator, in_thread):
+    every, largest, none = Growth(-1.0), Growth(0.0), Growth(np.inf)
+    run(oscillator, [every], in_thread=in_thread)
+    assert len(every.blocks) > 20
+    peaks = [peak for _, peak in every.blocks]
+    largest.ignored_magnitude = sorted(peaks)[-6]
+    run(oscillator, [largest, none], in_thread=in_thread)
+    assert largest.blocks == [one for one in every.blocks if one[1] > largest.ignored_magnitude]
+    assert 0 < len(largest.blocks) <= 5
+    assert not none.blocks
+
+
 def test_blocks_are_the_same_and_come_from_another_thread(oscillator):
     class Where:
         def __init__(self):

@@ -73,6 +73,35 @@ def test_rows_are_stored_unchanged_with_units(path):
         Recorder(path, "active", columns=COLUMNS, step=0.1, append=True)
 
 
+EXPECTED = [(1, 100), (700, 700), (2500, 2500), (25_001, 8334), (10**9, 10_000)]
+
+
+@pytest.mark.parametrize(("expected", "chunk"), EXPECTED)
+def test_chunks_are_as_long_as_the_run_is_expected_to_be(path, expected, chunk):
+    """A run may have more rows, or fewer; what is not yet written of a chunk is no part of what others read."""
+    values = rows(2500)
+    recorder = Recorder(path, "run", columns=COLUMNS, step=0.1, rows=expected)
+    with recorder:
+        feed(recorder, values[:1300], 0.1)
+        recorder.early(1300, np.arange(1300, 1307) * 0.1, values[1300:1307])
+        copy = path.with_name("copy.nc")
+        copy.write_bytes(path.read_bytes())
+        feed(recorder, values[1300:], 0.1, (1000,), first=1300)
+    for file, count in ((copy, 1307), (path, 2500)):
+        with netCDF4.Dataset(file) as data:
+            for name, place in (("plant.los.x", 0), ("plant.on", 1), ("plant.count", 2), ("plant.angle", 3)):
+                found = data["run"][name]
+                assert found.chunking() == [chunk]
+                np.testing.assert_array_equal(found[:], values[:count, place])
+
+
+def test_chunks_count_the_rows_that_are_stored(path):
+    with Recorder(path, "run", columns=COLUMNS, step=0.1, storage_step=1.0, rows=2501) as recorder:
+        feed(recorder, rows(2501), 0.1)
+    with netCDF4.Dataset(path) as data:
+        assert data["run"]["time"].chunking() == [251] == [len(data["run"].dimensions["time"])]
+
+
 def test_time_is_that_of_the_cf_conventions(path):
     """Seconds in the file; xarray makes dates of them, exact to a nanosecond, or leaves them as they are."""
     step = 1e-4

@@ -36,6 +36,23 @@ def test_a_column_and_a_row_do_not_depend_on_their_neighbours():
     np.testing.assert_array_equal(run(taps, 3, rows[3 * 11 :]), whole[11:])
 
 
+@pytest.mark.parametrize("columns", [2, 8, 9, 31, 94])
+def test_columns_that_rest_for_some_time_give_the_same_bits(columns, monkeypatch):
+    """Also those beside them, and those that begin to move with the last row of a window."""
+    rng = np.random.default_rng(columns)
+    rows, taps = rng.standard_normal((1200, columns)), rng.standard_normal(23)
+    for column in range(0, columns, 3):
+        first, last = np.sort(rng.integers(0, 1201, 2))
+        rows[first:last, column] = rng.standard_normal()
+    rows[:, columns // 2 :: 4] = rows[0, columns // 2 :: 4]
+    rows[-1, columns // 2] += 1.0
+    rows[600:, 0] = 0.0
+    rows[700:, 0] = -0.0
+    compiled = run(taps, 5, rows)
+    monkeypatch.setattr(lowpass, "find_library", lambda: None)
+    np.testing.assert_array_equal(run(taps, 5, rows), compiled)
+
+
 def test_arrays_that_do_not_fit_are_refused():
     one, rows = Lowpass(np.ones(5), 2, 3), np.ones((9, 3))
     with pytest.raises(ValueError, match="9 rows make 3, not 4"):

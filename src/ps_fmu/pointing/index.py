@@ -180,7 +180,8 @@ class PointingIndex(ABC):
         with t uniform, residual jitter).  Raises ``ValueError`` if the record is shorter than one window.
         """
         parts = split(record, self.count(step), self._stride(step, stride))
-        return np.concatenate([self._evaluate(windows, step) for windows in parts])
+        found = [self._evaluate(windows, step) for windows in parts]
+        return found[0] if len(found) == 1 and found[0].flags.owndata else np.concatenate(found)
 
     def of_record(self, record: ArrayLike, step: float, *, stride: int | None = None) -> Estimate:
         """Bias, covariance and peak of the index over the windows of a record; arguments as in :meth:`values`."""

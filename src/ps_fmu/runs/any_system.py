@@ -211,6 +211,7 @@ def _record(
             storage_step=options.storage_step_s,
             select=[stored[name] for name in names],
             attributes=attributes,
+            rows=round(duration / master.step) + 1,
         ) as recorder,
     ):
         start = master.time

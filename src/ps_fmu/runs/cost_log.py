@@ -28,6 +28,7 @@ class TimedObserver:
         self._observer = self.observed = observer
         """That of which a checkpoint keeps the state."""
         self.observer_name = type(observer).__name__
+        self.ignored_magnitude: float = getattr(observer, "ignored_magnitude", -math.inf)
         self.spent_s = 0.0
 
     def block(self, first_index: int, time: Array, values: Array) -> None:

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..results.observers.arrival import LastRow
+from ..results.observers.batch import Batch
 from ..results.observers.drift import DriftObserver
 from ..results.observers.envelope import Envelope, EnvelopeObserver
 from ..results.observers.history import HistoryObserver
@@ -18,6 +20,7 @@ from ..results.observers.statistics import SignalStatistics, Statistics
 from ..results.observers.welch import Welch
 
 Array = NDArray[np.float64]
+A = TypeVar("A", bound=ColumnObserver)
 
 ROTATION = tuple(f"plant.payload_rotation.{axis}" for axis in "xyz")
 IMAGE_POINT = ("plant.los.x", "plant.los.y")
@@ -65,46 +68,38 @@ class JitterRecord:
         rows = min(2 ** int(math.log2(max(counted, 1)) - 1), MAX_SEGMENT_ROWS)
         if rows >= 4:
             self._welch = Welch(columns, ROTATION, segment_s=rows * step_s, step_s=step_s, start_s=start_s)
+        members = self._statistics, self._drift, self._envelope, self._welch, self._scatter, self._saturated
+        self._batch = Batch(columns, [member for member in members if member is not None])
 
     @property
     def observers(self) -> list[ColumnObserver]:
         """The observers, for :meth:`ps_fmu.cosim.Master.run`."""
-        found = (
-            self._statistics,
-            self._drift,
-            self._scatter,
-            self._envelope,
-            self._history,
-            self._state,
-            self._saturated,
-            self._welch,
-        )
-        return [observer for observer in found if observer is not None]
+        return [self._batch, self._state, *([self._history] if self._history is not None else [])]
 
     @property
     def statistics(self) -> SignalStatistics:
         """Mean, RMS, standard deviation and peak of the payload's rotation [rad]."""
-        return self._statistics.result()
+        return self._read(self._statistics).result()
 
     @property
     def drift(self) -> Array:
         """Second half less first half of the payload's rotation, (3,), rad; NaN for a run of a few steps."""
-        return self._drift.result()
+        return self._read(self._drift).result()
 
     @property
     def scatter(self) -> Scatter:
         """Scatter of the image point [m]."""
-        return self._scatter.result()
+        return self._read(self._scatter).result()
 
     @property
     def envelope(self) -> Envelope:
         """The payload's rotation over time [rad], for figures."""
-        return self._envelope.result().coarsen(PICTURE_BINS)
+        return self._read(self._envelope).result().coarsen(PICTURE_BINS)
 
     @property
     def fine_envelope(self) -> Envelope:
         """The same in as many bins as were kept."""
-        return self._envelope.result()
+        return self._read(self._envelope).result()
 
     @property
     def rotation(self) -> Array:
@@ -116,7 +111,7 @@ class JitterRecord:
     @property
     def spectrum(self) -> tuple[Array, Array] | None:
         """Frequency [Hz] and one-sided PSD (3, frequencies) of the payload's rotation [rad^2/Hz]."""
-        return (self._welch.frequency, self._welch.psd()) if self._welch is not None else None
+        return (self._welch.frequency, self._read(self._welch).psd()) if self._welch is not None else None
 
     @property
     def orientation(self) -> Array:
@@ -131,4 +126,9 @@ class JitterRecord:
     @property
     def saturated(self) -> float:
         """Fraction of the rows in which the isolator was at its force limit."""
-        return float(self._saturated.result().mean[0])
+        return float(self._read(self._saturated).result().mean[0])
+
+    def _read(self, observer: A) -> A:
+        """One of the batch, that has seen all rows."""
+        self._batch.flush()
+        return observer

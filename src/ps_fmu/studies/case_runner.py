@@ -126,6 +126,7 @@ class CaseRunner:
             file, run, columns=master.columns, step=task.step_s, storage_step=task.stored_step_s, select=task.stored,
             attributes={"duration_s": task.duration_s, "step_s": task.step_s,
                         **({} if self._began is None else {"warm_start_s": self._began})}, append=file.exists(),
+            rows=round(task.duration_s / task.step_s) + 1,
         ) as recorder:  # fmt: skip
             yield (recorder,)
 

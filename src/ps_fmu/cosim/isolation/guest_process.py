@@ -28,7 +28,7 @@ SPIN_NS = 50_000
 """So long do both sides look at the memory before they sleep [ns], as long as that is not in vain (waiting.h).
 
 A step of two FMUs takes 4.3 to 5.7 us so on two free processors of a virtual machine, and 35 to 50 us where both sides
-sleep at once: a processor that is halted wakes slowly. With more to do than processors it takes 20 to 120 us either way.
+sleep at once: a halted processor wakes slowly. With more to do than processors it takes 20 to 120 us either way.
 """
 ENDING_S = 2.0
 """So long may a process take to end by itself [s]."""

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from typing import Protocol, runtime_checkable
 
 import numpy as np
 
+from ...reduction.columns import find_peak
 from ..clock import StepClock
 from ..errors import SlaveError
 from ..rows import Array, Column, Rows
@@ -34,6 +36,15 @@ class EarlyObserver(Observer, Protocol):
         """
 
 
+@runtime_checkable
+class LimitObserver(Observer, Protocol):
+    """One that gets only blocks in which a value is beyond a limit: the largest magnitude is known anyway."""
+
+    @property
+    def ignored_magnitude(self) -> float:
+        """Up to which values need not be looked at, in any unit."""
+
+
 class Delivery:
     """Gives the rows of a run to the observers, each block when it is complete."""
 
@@ -42,7 +53,8 @@ class Delivery:
 
     def __init__(self, rows: Rows, clock: StepClock, columns: Sequence[Column], observers: Sequence[Observer]) -> None:
         self.rows, self._clock = rows, clock
-        self._columns, self._observers = columns, observers
+        self._columns = columns
+        self._observers = [(one, _get_limit(one)) for one in observers]
 
     def hand_over(self) -> None:
         """Give away the complete rows; a new block begins.  Raises what :meth:`serve` returns."""
@@ -77,12 +89,15 @@ class Delivery:
         observer raised; None.
         """
         time = self._clock.times(first, len(values))
-        usable = count_finite(values)
+        peak = find_peak(values)
+        usable = len(values) if math.isfinite(peak) else count_finite(values)
         failure: BaseException | None = error
         if usable < len(values):
             failure = _make_error(self._columns, values[usable], float(time[usable]))
             failure.__cause__ = error
-        for observer in self._observers if usable else ():
+        for observer, limit in self._observers if usable else ():
+            if peak <= limit:
+                continue
             try:
                 observer.block(first, time[:usable], values[:usable])
             except BaseException as raised:
@@ -95,17 +110,13 @@ class Delivery:
 
 
 def count_finite(values: Array) -> int:
-    """Rows before the first with a value that is not finite.
-
-    The sum of the squares is finite where all values are, unless they are enormous; to compute it takes a quarter of
-    the time that it takes to ask each value (0.01 instead of 0.05 us a row of 94).
-    """
-    flat = values.reshape(-1)
-    with np.errstate(over="ignore", invalid="ignore"):
-        if np.isfinite(flat @ flat):
-            return len(values)
+    """Rows before the first with a value that is not finite."""
     finite = np.isfinite(values)
     return len(values) if finite.all() else int(np.argmin(finite.all(axis=1)))
+
+
+def _get_limit(observer: Observer) -> float:
+    return observer.ignored_magnitude if isinstance(observer, LimitObserver) else -math.inf
 
 
 def name_observer(observer: Observer) -> str:

@@ -15,7 +15,7 @@ _LINUX = Target(
 REDUCTION = Program(
     "reduction",
     Path(__file__).parent,
-    sources=("filter.c", "histogram.c"),
+    sources=("columns.c", "filter.c", "histogram.c", "moments.c"),
     headers=("filter.h", "../../processor.h"),
     targets={"linux64": _LINUX},
 )

@@ -1,4 +1,7 @@
-/* A low-pass on the columns of rows, of which it keeps each m-th: y[k] = sum_j h[j] x[k m + j]. */
+/* A low-pass on the columns of rows, of which it keeps each m-th: y[k] = sum_j h[j] x[k m + j].
+
+   A column whose numbers do not change comes out as one number, too: it is computed once.  In the default system that is
+   nearly half of them. */
 
 #include <stdint.h>
 
@@ -7,21 +10,23 @@
 /* No fused multiply-add: each operation rounds. */
 #pragma STDC FP_CONTRACT OFF
 
-/* Rows that come out together, so that a row which goes in is fetched once for them. */
-enum { OUTPUTS = 4 };
+/* Rows that come out together, so that a row which goes in is fetched once for them; rows that are compared together, so
+   that they stay in the first cache; bytes of the rows that the passes go over in turn, so that they stay in the second. */
+enum { OUTPUTS = 4, COMPARED = 16, TILE_BYTES = 1 << 18 };
 
 typedef struct {
     int64_t columns;
     int64_t factor; /* m */
     int64_t length; /* of h */
     const double *taps; /* h[0]; before it and behind the last one are (OUTPUTS - 1) m zeros */
+    int64_t *room; /* 2 columns */
 } Lowpass;
 
 /* Fewer columns than a vector has places: one after the other. */
-static void narrow_group(const Lowpass *filter, const double *rows, double *result, int outputs)
+static void narrow(const Lowpass *filter, const double *rows, int64_t count, double *result)
 {
     const int64_t columns = filter->columns, step = filter->factor * columns;
-    for (int k = 0; k < outputs; k++)
+    for (int64_t k = 0; k < count; k++)
         for (int64_t column = 0; column < columns; column++) {
             double sum = 0.0;
             for (int64_t j = 0; j < filter->length; j++)

@@ -36,7 +36,8 @@ class LastRow(ColumnObserver):
 
     def block(self, first_index: int, time: Array, values: Array) -> None:
         """As in :class:`ColumnObserver`; the other rows are not looked at."""
-        super().block(first_index + len(time) - 1, time[-1:], values[-1:])
+        if len(time):
+            self.take(time[-1:], values[-1:, self.places].T)
 
     def take(self, time: Array, samples: Array) -> None:
         """Keep the last row."""

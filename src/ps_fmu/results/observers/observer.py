@@ -16,6 +16,7 @@ from typing import Any, ClassVar, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from ...reduction.columns import ColumnCopy
 from .kept import State, load_attributes, save_attributes
 
 Array = NDArray[np.float64]
@@ -79,17 +80,29 @@ class ColumnObserver(ABC):
         if not names:
             raise ValueError("names: at least one column is needed")
         self.names = tuple(names)
-        self._indices = find_columns(columns, names)
-        self.units = tuple(columns[index].unit for index in self._indices)
+        self.places = find_columns(columns, names)
+        self._copy = ColumnCopy(self.places, len(columns))
+        self.units = tuple(columns[place].unit for place in self.places)
         self.start_s = start_s
 
     def block(self, first_index: int, time: Array, values: Array) -> None:
         """Take ``values`` (rows, columns) at ``time`` (rows,) [s]; ``first_index`` counts rows from 0."""
+        samples = np.empty((len(self.names), len(time)))
+        self.copy_columns(values, samples)
+        self.take_from_start(time, samples)
+
+    def copy_columns(self, values: Array, samples: Array) -> None:
+        """Copy the named columns of ``values`` (rows, columns) into ``samples`` (signals, rows).
+
+        Samples of one signal lie side by side: numpy sums pairwise and transforms along the last axis.
+        """
+        self._copy.run(np.ascontiguousarray(values, dtype=np.float64), samples)
+
+    def take_from_start(self, time: Array, samples: Array) -> None:
+        """As :meth:`take`, but of the rows from ``start_s`` on, if there are any."""
         first = int(np.searchsorted(time, self.start_s)) if len(time) and time[0] < self.start_s else 0
         if first < len(time):
-            # Samples of one signal side by side: numpy sums pairwise and transforms along the last axis.
-            samples = np.ascontiguousarray(values[first:, self._indices].T, dtype=np.float64)
-            self.take(time[first:], samples)
+            self.take(time[first:], samples[:, first:])
 
     def save_state(self) -> dict[str, Any]:
         """What a checkpoint keeps; valid until the next block."""

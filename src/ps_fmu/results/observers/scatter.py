@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...pointing.hull import convex_hull
+from ...reduction.moments import Ellipse
 from .kept import State, check_array
 from .observer import ColumnObserver, NamedColumn
 from .statistics import Statistics
@@ -19,6 +20,7 @@ Array = NDArray[np.float64]
 
 FLAT = 1e-8  # determinant over squared trace below which the corners of a hull lie on a line, to rounding
 BATCH_ROWS = 10_000  # looked at together: most batches of a long run have no point outside of the hull
+WIDER_ROWS = 500  # that lie outside of the hull wait for a new one: it costs as much as to look at 10000
 MARGIN = 1e-6  # of the ellipse's size: far more than rounding
 
 
@@ -66,11 +68,12 @@ class ScatterObserver(ColumnObserver):
         self._stride = 1
         self._rows = 0
         self._points = np.empty((0, 2))
+        self._wider = np.empty((0, 2))
         self._held = np.empty((2, BATCH_ROWS))
         self._filled = 0
 
-    KEPT = ("_stride", "_rows", "_points")
-    GROWING = ("_points",)
+    KEPT = ("_stride", "_rows", "_points", "_wider")
+    GROWING = ("_points", "_wider")
 
     def save_state(self) -> dict[str, Any]:
         """As :meth:`ColumnObserver.save_state`."""
@@ -104,9 +107,9 @@ class ScatterObserver(ColumnObserver):
         samples, self._filled = self._held[:, : self._filled], 0
         self._statistics.take(np.empty(0), samples)
         points = samples.T
-        wider = points[self._polygon.find_outside(points)]
-        if len(wider):
-            self._polygon = _Polygon(convex_hull(np.concatenate((self._polygon.hull, wider))))
+        self._wider = np.concatenate((self._wider, points[self._polygon.find_outside(samples)]))
+        if len(self._wider) > WIDER_ROWS:
+            self._widen()
         kept = points[-self._rows % self._stride :: self._stride]
         self._rows += len(points)
         self._points = np.concatenate((self._points, kept))
@@ -114,10 +117,17 @@ class ScatterObserver(ColumnObserver):
             self._points = self._points[::2].copy()
             self._stride *= 2
 
+    def _widen(self) -> None:
+        """The hull, with the points that lay outside of it."""
+        if len(self._wider):
+            self._polygon = _Polygon(convex_hull(np.concatenate((self._polygon.hull, self._wider))))
+            self._wider = np.empty((0, 2))
+
     def result(self) -> Scatter:
         """The scatter so far; raises ``ValueError`` if no row has been seen."""
         if self._filled:
             self._evaluate()
+        self._widen()
         statistics = self._statistics.result()
         centre = statistics.mean
         radius = np.hypot(*(self._points - centre).T)
@@ -147,32 +157,33 @@ class _Polygon:
 
     def __init__(self, hull: Array) -> None:
         self.hull = hull
-        self._ellipse: Array | None = None
+        self._ellipse: Ellipse | None = None
         if len(hull) < 3:
             return
         self._inside = hull.mean(axis=0)
         ends = hull - self._inside
         angles = np.arctan2(ends[:, 1], ends[:, 0])
         first = int(angles.argmin())
-        self._ellipse = _inscribe_ellipse(ends)
+        to_circle = _inscribe_ellipse(ends)
+        if to_circle is not None:
+            (a, _), (b, c) = to_circle
+            self._ellipse = Ellipse(*self._inside, a, b, c)
         ends, self._angles = np.roll(ends, -first, axis=0), np.roll(angles, -first)
         self._starts = np.roll(ends, 1, axis=0)
         self._edges = ends - self._starts
 
     def find_outside(self, points: Array) -> NDArray[np.intp]:
-        """Places of those of the points (m, 2) that lie outside."""
+        """Places of those of the points (2, m) that lie outside."""
         if len(self.hull) < 3:
-            return np.arange(len(points))
-        x, y = points.T - self._inside[:, None]
+            return np.arange(points.shape[1])
         if self._ellipse is None:
-            return self._look_closer(x, y)
-        (a, _), (b, c) = self._ellipse
-        u, v = a * x, b * x + c * y
-        far = np.flatnonzero(u * u + v * v > 1.0)
-        return far[self._look_closer(x[far], y[far])] if len(far) else far
+            return self._look_closer(points)
+        far = self._ellipse.find_outside(points)
+        return far[self._look_closer(points[:, far])] if len(far) else far
 
-    def _look_closer(self, x: Array, y: Array) -> NDArray[np.intp]:
+    def _look_closer(self, points: Array) -> NDArray[np.intp]:
         """Outside is what is on the right of the edge in whose sector, seen from a point inside, it lies."""
+        x, y = points - self._inside[:, None]
         edge = np.searchsorted(self._angles, np.arctan2(y, x)) % len(self._angles)
         (x_edge, y_edge), (x_start, y_start) = self._edges[edge].T, self._starts[edge].T
         return np.flatnonzero(x_edge * (y - y_start) < y_edge * (x - x_start))

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ...reduction.moments import find_moments
 from .observer import ColumnObserver, NamedColumn
 
 Array = NDArray[np.float64]
@@ -47,16 +48,13 @@ class Statistics(ColumnObserver):
     def take(self, time: Array, samples: Array) -> None:
         """Combine the block's mean and squared deviations with those so far."""
         new = samples.shape[1]
-        mean = samples.mean(axis=1)
-        deviation = samples - mean[:, None]
-        # The second term removes the rounding error of the block's own mean.
-        squares = np.square(deviation).sum(axis=1) - np.square(deviation.sum(axis=1)) / new
+        mean, squares, peak = find_moments(samples).T
         total = self._count + new
         offset = mean - self._mean
         self._squares += squares + np.square(offset) * (self._count * new / total)
         self._mean += offset * (new / total)
         self._count = total
-        np.maximum(self._peak, np.abs(samples).max(axis=1), out=self._peak)
+        np.maximum(self._peak, peak, out=self._peak)
 
     def result(self) -> SignalStatistics:
         """The statistics so far; raises ``ValueError`` if no row has been seen."""

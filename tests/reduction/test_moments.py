@@ -1,0 +1,49 @@
+"""Sums over signals, and points outside of an ellipse, compiled and in numpy."""
+
+import numpy as np
+import pytest
+
+from ps_fmu.reduction import moments
+from ps_fmu.reduction.moments import Ellipse, find_moments
+
+SAMPLES = 1e6 + np.random.default_rng(8).standard_normal((3, 700))
+
+
+@pytest.fixture(params=[True, False], ids=["compiled", "numpy"], autouse=True)
+def compiled(request, monkeypatch):
+    if request.param:
+        assert moments.find_library() is not None
+    else:
+        monkeypatch.setattr(moments, "find_library", lambda: None)
+
+
+@pytest.mark.parametrize("count", [1, 2, 31, 32, 33, 699])
+def test_moments_under_a_large_mean(count):
+    expected = SAMPLES[:, 1 : 1 + count].astype(np.longdouble)
+    mean = expected.mean(axis=1)
+    squares = np.square(expected - mean[:, None]).sum(axis=1)
+    for laid in (SAMPLES[:, 1 : 1 + count], np.asfortranarray(SAMPLES[:, 1 : 1 + count])):
+        found = find_moments(laid)
+        np.testing.assert_allclose(found[:, 0], mean.astype(float), rtol=1e-15)
+        np.testing.assert_allclose(found[:, 1], squares.astype(float), rtol=1e-9, atol=1e-9)
+        np.testing.assert_array_equal(found[:, 2], np.abs(laid).max(axis=1))
+
+
+def test_the_peak_is_a_magnitude():
+    for place in (0, 1, 40, 44):
+        samples = np.ones((1, 45))
+        samples[0, place] = -3.0
+        assert find_moments(samples)[0, 2] == 3.0
+    with pytest.raises(ValueError, match="samples: expected one at least"):
+        find_moments(np.empty((2, 0)))
+
+
+@pytest.mark.parametrize("count", [0, 1, 31, 32, 33, 700])
+def test_points_outside_of_an_ellipse(count):
+    points = np.random.default_rng(count).uniform(-2.0, 2.0, (2, count))
+    one = Ellipse(0.3, -0.2, 0.8, 0.25, 0.7)
+    x, y = points[0] - one.x, points[1] - one.y
+    sizes = (one.a * x) ** 2 + (one.b * x + one.c * y) ** 2
+    assert np.abs(sizes - 1.0).min(initial=1.0) > 1e-9  # no point is on it, to rounding
+    for laid in (points, np.asfortranarray(points)):
+        np.testing.assert_array_equal(one.find_outside(laid), np.flatnonzero(sizes > 1.0))
