@@ -1,5 +1,6 @@
 """The schemes against plain loops, initial values, row numbering, inputs that change, arguments."""
 
+import gc
 import math
 
 import numpy as np
@@ -211,8 +212,10 @@ def test_memory_does_not_grow_with_the_run(oscillator):
         master.run(1.0)
         tracemalloc.start()
         master.run(1.0)
+        gc.collect()  # when Python collects cycles by itself depends on what ran in this process before
         first = tracemalloc.get_traced_memory()[0]
         master.run(5.0)
+        gc.collect()
         growth = tracemalloc.get_traced_memory()[0] - first
         tracemalloc.stop()
     assert growth < 10_000

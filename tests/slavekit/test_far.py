@@ -1,5 +1,7 @@
 """Errors from a model's arithmetic name the values that are to blame."""
 
+from dataclasses import replace
+
 import pytest
 
 from ps_fmu.slavekit.author.slave import ModelError, Refused
@@ -65,7 +67,7 @@ def test_in_initialisation(make, toys, monkeypatch):
 
 def test_in_a_state(make, toys, monkeypatch):
     slave = make("oscillator")
-    state = slave._get_fmu_state()
+    state = replace(slave._get_fmu_state(), derived=None)  # as one from bytes
     state.buffer[slave.layout.find("mass")] = 1e300
     monkeypatch.setattr(toys["oscillator"], "restore", lambda self: self.value("mass") ** 2)
     with pytest.raises(ModelError, match=r"usual: mass = 1e\+300 kg"):
