@@ -1,4 +1,4 @@
-"""``ps-fmu run SYSTEM.ssp|.ssd|FMU``: any system of FMI 2.0 co-simulation FMUs, of whatever maker.
+"""``ps-fmu run SYSTEM.ssp|.ssd|.xml|FMU``: any system of FMI 2.0 co-simulation FMUs, of whatever maker.
 
 ``ps-fmu run SCENARIO``, which is about the pointing manipulator, is :mod:`.run_command`.  Exit codes are the same: 0
 done, 1 the run failed, 2 an argument cannot be used, 130 interrupted by Ctrl-C or SIGTERM (results so far are kept).
@@ -39,13 +39,13 @@ ABOUT = (
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of a run of any system to a parser."""
     parser.description = ABOUT
-    parser.usage = "%(prog)s SYSTEM.ssp|.ssd|FMU [options]   (--help lists them)"  # an error shows it
+    parser.usage = "%(prog)s SYSTEM.ssp|.ssd|.xml|FMU [options]   (--help lists them)"  # an error shows it
     parser.epilog = (
         "What is not given is taken from the default experiment of the system, or else of its FMUs.  "
         "docs/run-any-system.md has the features of SSP and the form of the files."
     )
     add = parser.add_argument
-    add("system", type=Path, metavar="SYSTEM.ssp|.ssd|FMU")
+    add("system", type=Path, metavar="SYSTEM.ssp|.ssd|.xml|FMU")
     add("--duration", type=_read_time, metavar="S", help="seconds to simulate")
     add("--step", type=_read_time, metavar="S", help="communication step in seconds")
     add("--storage-step", type=_read_time, metavar="S", help="seconds between stored rows (each step)")

@@ -1,6 +1,9 @@
 """The cluster on this machine: what its processes keep of the past is bounded."""
 
+import pytest
+
 from ps_fmu.studies import cluster
+from ps_fmu.studies.rows import ClusterError
 
 
 def count_messages(dask_scheduler):
@@ -25,3 +28,13 @@ def test_processes_do_not_grow_with_the_time_that_a_study_takes():
     assert monitored == samples <= 1000
     assert transitions <= 10
     assert len(messages) == 2 and max(messages) <= 10  # each may have all values of a batch
+
+
+@pytest.mark.parametrize(
+    ("address", "problem"), [("node1", "missing port number in address 'node1'"), ("node://x:1", "unknown address scheme")]
+)
+def test_what_is_no_address_is_said_without_asking_for_it(address, problem, monkeypatch):
+    """A client of it would ask for twice its time-out, and then print a traceback."""
+    monkeypatch.setattr("distributed.Client", None)
+    with pytest.raises(ClusterError, match=f"--scheduler {address}: {problem}"), cluster.connect(address, None):
+        pass

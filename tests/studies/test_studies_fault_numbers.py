@@ -137,6 +137,7 @@ def test_a_spread_may_be_relative_to_what_the_file_states(plan):
         ('"faults.pusch.value"\nvalues = [1.0]', r"faults\.pusch\.value: .*faults\.json: there is no event "
          r"'pusch': expected a number from 0 to 3, or one of the names push, late; did you mean push"),
         ('"faults.4.value"\nvalues = [1.0]', r"there is no event '4'"),
+        ('"faults.push"\nvalues = [1.0]', r"expected an event and a key of it, as in push\.value"),
         ('"faults.3.value"\nvalues = [1.0]', r"faults\.json, line \d+: events\[3\]: the event has no number "
          r"'value'; it has time$"),
         ('"faults.push.rms"\nvalues = [1.0]', r"line \d+: events\[0\]: the event has no number 'rms'.*; it has time, "),
@@ -154,6 +155,13 @@ def test_a_spread_may_be_relative_to_what_the_file_states(plan):
 def test_numbers_that_no_run_can_have_are_refused_by_file_and_line(plan, vary, error):
     with pytest.raises(StudyError, match=rf"study\.toml, \[\[vary\]\] 1 .*{error}"):
         plan(vary)
+
+
+def test_a_number_is_varied_once_by_whichever_name(plan):
+    with pytest.raises(StudyError, match=r"\[\[vary\]\] 2 .*faults\.push\.time is varied by .*'faults\.push\.time', too"):
+        plan('"faults.push.time"\nvalues = ["0.1 s"]', '"faults.0.time"\nvalues = ["0.2 s"]')
+    with pytest.raises(StudyError, match=r"faults\.1\.rms is varied by .*'faults\.01\.rms', too"):
+        plan('"faults.01.rms"\nvalues = [1.0]', '"faults.1.rms"\nvalues = [2.0]')
 
 
 def test_the_end_of_all_faults_and_a_study_without_any_are_seen(plan):

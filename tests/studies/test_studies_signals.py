@@ -164,7 +164,7 @@ def test_worst_cases_run_again_with_their_signals(write_study, toy_fmus, tmp_pat
         ('variables = ["toy.error"]\ncases = "all"\nstep = "1.5 ms"', r"step: 0.0015 s are no whole number of steps"),
         ('variables = ["toy.error"]\ncases = "all"\nstep = "1 s"', r"step: 1 s are longer than a run of 0.1 s"),
         ('variables = ["toy.error"]\nworst = 0', r"worst: expected a whole number from 1"),
-        ('variables = ["toy.error"]\ncases = "all"\nmost = 1e-3', r"2 outputs of 6 cases take some 0.00102 GB"),
+        ('variables = ["toy.error"]\ncases = "all"\nmost = 1e-4', r"2 outputs of 6 cases take some 0.000457 GB"),
         ('variables = ["toy.error"]\ncases = "all"\ncompress = 1', r"\[signals\], compress: unknown"),
     ],
 )
@@ -173,8 +173,9 @@ def test_what_cannot_be_stored_is_refused_before_anything_runs(make_prepared, te
         make_prepared(changes=signals(text))
 
 
-def test_the_estimate_is_that_of_the_files(opened):
-    prepared, folder = opened()
+@pytest.mark.parametrize("duration", ["5 s", "16 s"])  # one chunk of rows, two chunks
+def test_the_estimate_is_that_of_the_files(opened, duration):
+    prepared, folder = opened({**ALL, 'duration = "0.1 s"': f'duration = "{duration}"'})
     run_here(prepared, folder, [0], [0])
     size = (folder / FOLDER / name_file(0)).stat().st_size
     assert 0.5 < 6 * size / stored.check_stored(prepared.plan, prepared.system) <= 1.0
@@ -193,7 +194,7 @@ def test_a_full_disk_stops_the_study_and_keeps_the_rows_before(opened):
     jobs = [(case, prepared.plan.values(case)) for case in range(4)]
     run_here(prepared, folder, [5], [])
     (process,) = worker._IDLE[prepared.bundle.sha256, None]
-    resource.prlimit(process.pid, resource.RLIMIT_FSIZE, (100_000, resource.RLIM_INFINITY))
+    resource.prlimit(process.pid, resource.RLIMIT_FSIZE, (70_000, resource.RLIM_INFINITY))
     with pytest.raises(OSError, match=r"the file size limit of this process is reached: .* MB needed"):
         run_batch(prepared.bundle, jobs, order)
     assert list_missing(folder, prepared.identity.plan_sha256, 6) == [2, 3, 4]

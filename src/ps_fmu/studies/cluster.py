@@ -51,6 +51,7 @@ def connect(address: str | None, workers: int | None, timeout_s: float = CONNECT
     try:
         import dask
         from distributed import Client, LocalCluster
+        from distributed.comm.addressing import get_address_host_port
     except ImportError as error:
         raise ClusterError("a study needs dask: pip install 'ps-fmu[sweep]'") from error
     settings = _BOUNDED | {
@@ -68,6 +69,8 @@ def connect(address: str | None, workers: int | None, timeout_s: float = CONNECT
                     silence_logs=50,
                 )  # fmt: skip
                 address = stack.enter_context(cluster)
+            else:
+                get_address_host_port(address)  # a client asks for what is no address again, and ends with a traceback
             client = stack.enter_context(Client(address, set_as_default=False, **limit))
         except (OSError, ValueError) as error:  # no scheduler there, it did not answer, no address
             raise ClusterError(f"--scheduler {address}: {error}") from error

@@ -20,19 +20,20 @@ def names_faults(name: str, components: Collection[str]) -> bool:
 
 
 def find_numbers(vary: Vary, system: RunSystem) -> dict[str, ModelVariable]:
-    """The numbers that a ``[[vary]]`` sets, by name.  Raises :class:`.study.StudyError`."""
+    """The numbers that a ``[[vary]]`` sets, by name: one for one number.  Raises :class:`.study.StudyError`."""
     if system.faults is None:
         raise vary.error("parameter", f"{vary.parameters[0]} is a number of faults: [study] has no key faults")
     if vary.only:
         raise vary.error("only", "is for parameters of components, and not for numbers of faults")
-    found = {}
+    found: dict[str, ModelVariable] = {}
     for name in vary.parameters:
         if not names_faults(name, system.descriptions):
             raise vary.error("parameter", f"{name} is no number of faults: use a [[vary]] for each")
         try:
-            found[name] = find_number(system.faults, name.removeprefix(PREFIX), system.descriptions)
+            number = find_number(system.faults, name.removeprefix(PREFIX), system.descriptions)
         except CosimError as error:
             raise vary.error("parameter", f"{name}: {error}") from error
+        found[f"{PREFIX}{number.name}"] = number
     return found
 
 

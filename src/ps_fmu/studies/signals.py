@@ -20,7 +20,7 @@ from typing import Any
 
 from ..cosim import Column, UsageError
 from ..cosim.clock import count_steps
-from ..cosim.recording.recorder import CHUNK_ROWS, METADATA_BYTES, STORAGE
+from ..cosim.recording.recorder import METADATA_BYTES, STORAGE, find_chunk_rows
 from ..cosim.recording.selection import select_names
 from .study import MOST_GB, Signals, StudyError
 from .table_reader import TableReader
@@ -96,8 +96,8 @@ def check_size(signals: Signals, columns: Sequence[Column], cases: int, runs: in
     files = min(cases, chosen + signals.worst)
     names = find_columns(signals, columns)
     width = 8 + sum(STORAGE[column.type][1] for column in columns if column.name in set(names))
-    chunks = -(-rows // CHUNK_ROWS)
-    each = runs * (chunks * CHUNK_ROWS * width + METADATA_BYTES * (len(names) + 16))
+    chunk = find_chunk_rows(rows)
+    each = runs * (-(-rows // chunk) * chunk * width + METADATA_BYTES * (len(names) + 16))
     if files * each > signals.most_gb * 1e9:
         raise signals.error(
             "variables", f"{len(names)} outputs of {files} cases take some {files * each / 1e9:.3g} GB, "

@@ -41,12 +41,14 @@ def list_numbers(event: FaultEvent) -> tuple[str, ...]:
 def find_number(file: FaultFile, name: str, descriptions: Mapping[str, ModelDescription]) -> ModelVariable:
     """The number ``EVENT.KEY`` as a variable: its type, unit, bounds, and what the file states as start.
 
+    The variable has the name of the event, or its number where it has none, whichever of both ``name`` has.
+
     Raises :class:`SystemFileError` with the line: no such event, or none that has the key; :class:`UsageError` for an
     event on a variable that the system has not.
     """
     place, key = _take_apart(file, name)
     event = file.events[place]
-    start = getattr(event, _FIELDS[key])
+    name, start = f"{event.name or place}.{key}", getattr(event, _FIELDS[key])
     if key == "seed":
         return _make(name, "Integer", "1", start, "0", str(_LARGEST_INT))
     if key in ("time", "duration") or (key == "value" and event.action == DELAY):
@@ -82,7 +84,9 @@ def change_numbers(file: FaultFile, values: Mapping[str, Value]) -> FaultFile:
 
 def _take_apart(file: FaultFile, name: str) -> tuple[int, str]:
     """The place of the event in the file, and the key."""
-    label, _, key = name.rpartition(".")
+    label, dot, key = name.rpartition(".")
+    if not dot:
+        raise SystemFileError(file.path, f"expected an event and a key of it, as in {name}.value")
     places = {event.name: place for place, event in enumerate(file.events) if event.name}
     place = places.get(label)
     if place is None and label.isdecimal() and label.isascii() and int(label) < len(file.events):

@@ -11,8 +11,10 @@ from pathlib import Path
 from ..errors import SystemFileError
 from ..xmlfile import Element
 
+NAMESPACE = "http://opensimulationplatform.com/MSMI/OSPSystemStructure"
 PREFIX = "oss:"
-ROOT = f"{PREFIX}OspSystemStructure"
+ROOT_NAME = "OspSystemStructure"
+ROOT = f"{PREFIX}{ROOT_NAME}"
 VALUES = ("Real", "Integer", "Boolean", "String", "Enumeration")
 
 
@@ -28,11 +30,12 @@ def _make_rule(children: str = "", required: str = "", optional: str = "") -> _R
 
 
 _RULES = {
-    "OspSystemStructure": _make_rule(
+    ROOT_NAME: _make_rule(
         "Description StartTime EndTime BaseStepSize Algorithm Simulators Functions Connections EccoConfiguration",
         "",
         "version",
     ),
+    **{name: _make_rule() for name in ("Description", "StartTime", "EndTime", "BaseStepSize", "Algorithm")},
     "Simulators": _make_rule("Simulator"),
     "Simulator": _make_rule("InitialValues", "name source", "stepSize"),
     "InitialValues": _make_rule("InitialValue"),
@@ -89,6 +92,14 @@ def find_only(element: Element, name: str, path: Path) -> Element | None:
     if len(found) > 1:
         raise SystemFileError(path, f"{get_name(element)} has more than one {name}", found[1].line)
     return found[0] if found else None
+
+
+def find_text(root: Element, name: str, path: Path) -> Element | None:
+    """The only child of this name, which has a text alone, or None.  Raises :class:`SystemFileError`."""
+    element = find_only(root, name, path)
+    if element is not None:
+        check_element(element, path)
+    return element
 
 
 def list_checked(parent: Element | None, name: str, path: Path) -> list[Element]:

@@ -16,7 +16,7 @@ from ..ssp.sources import MOST_ELEMENTS, Sources
 from ..structure import Component, Connection, Connector, Experiment, Parameter, PortName, System, suggest_names
 from ..values import EXPECTED, Value, parse_real, parse_value
 from ..xmlfile import Element, read_xml
-from .dialect import ROOT, VALUES, check_element, find_only, get_name, list_checked
+from .dialect import NAMESPACE, ROOT, ROOT_NAME, VALUES, check_element, find_text, get_name, list_checked
 
 OSP_NAME = "OspSystemStructure.xml"
 
@@ -47,7 +47,9 @@ class _Reader:
     def read(self) -> System:
         root = read_xml(self._path, texts=True)
         if root.tag != ROOT:
-            raise self._make_error(f"is not a system of libcosim: expected OspSystemStructure, got {root.tag}", root)
+            name = get_name(root)
+            what = f'{name} of another namespace: write xmlns="{NAMESPACE}"' if name == ROOT_NAME else name
+            raise self._make_error(f"is not a system of libcosim: expected {ROOT_NAME}, got {what}", root)
         check_element(root, self._path)
         simulators = list_checked(root, "Simulators", self._path)
         if not simulators:
@@ -64,7 +66,7 @@ class _Reader:
         remarks = tuple(self._list_remarks(root))
         experiment = self._read_experiment(root)
         labels = {"name": self._path.stem}
-        if (about := find_only(root, "Description", self._path)) is not None:
+        if (about := find_text(root, "Description", self._path)) is not None:
             labels["description"] = about.text.strip()
         return System(self._path, tuple(components), connections, experiment, labels, remarks=remarks)
 
@@ -85,7 +87,7 @@ class _Reader:
         return Experiment(start, stop, step)
 
     def _read_time(self, root: Element, name: str) -> float | None:
-        element = find_only(root, name, self._path)
+        element = find_text(root, name, self._path)
         return None if element is None else self._parse(element, name, element.text)
 
     def _parse(self, element: Element, what: str, text: str) -> float:
@@ -95,7 +97,7 @@ class _Reader:
         return value
 
     def _list_remarks(self, root: Element) -> Iterator[str]:
-        element = find_only(root, "Algorithm", self._path)
+        element = find_text(root, "Algorithm", self._path)
         if element is not None and element.text.strip() != "fixedStep":
             where = f"{self._path}, line {element.line}"
             yield f"{where}: Algorithm {element.text.strip()!r} is not known here: the step is that of BaseStepSize"

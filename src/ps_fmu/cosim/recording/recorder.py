@@ -97,10 +97,7 @@ class Recorder:
         self._columns = [columns[place] for place in self._places]
         self._decimator = Decimator(self.factor, np.array([column.type == "Real" for column in self._columns]))
         self._times: Array = np.empty(0)  # of rows that the filter holds, and that will come out of it
-        self._chunk = CHUNK_ROWS
-        if rows is not None:
-            stored = -(-rows // self.factor)
-            self._chunk = max(LEAST_CHUNK_ROWS, -(-stored // max(1, round(stored / USUAL_CHUNK_ROWS))))
+        self._chunk = CHUNK_ROWS if rows is None else find_chunk_rows(-(-rows // self.factor))
         self._row_bytes = 8 + sum(STORAGE[column.type][1] for column in self._columns)
         # Values of a column side by side, time first: netCDF4 would copy each column from all over the rows.
         self._pending: Array = np.empty((1 + len(self._columns), self._chunk))
@@ -316,6 +313,11 @@ class Recorder:
         if dataset is not None:
             with suppress(OSError, RuntimeError):
                 dataset.close()
+
+
+def find_chunk_rows(stored: int) -> int:
+    """Rows of a chunk in a file that gets so many rows: few chunks, of one size, that are nearly full."""
+    return max(LEAST_CHUNK_ROWS, -(-stored // max(1, round(stored / USUAL_CHUNK_ROWS))))
 
 
 def _describe_filter(group: Any, decimator: Decimator, step: float) -> None:
