@@ -4,6 +4,7 @@ tests/cosim/test_misbehaving.py has those of an FMU in its calls.
 """
 
 import os
+import struct
 import subprocess
 import sys
 from pathlib import Path
@@ -12,16 +13,49 @@ import pytest
 from support.faulty import compile_c
 
 SOURCE = """
+#include <pthread.h>
 #include <stdlib.h>
+#include <threads.h>
 #include <unistd.h>
 
+static void (*at_fault)(int) = _exit;
+static int calls = 1;
+static void count_call(int code) { calls += code; }
+int count_calls(void) { return calls += 10; }
+void replace(void) { at_fault = count_call; }
+void fail(int code) { at_fault(code); }
+void end_thread(void) { pthread_exit(NULL); }
+void end_thread_with_0(void) { thrd_exit(0); }
+static void *end_own(void *unused) { pthread_exit(unused); }
+int join_a_thread(void)
+{
+    pthread_t thread;
+    return pthread_create(&thread, NULL, end_own, NULL) + pthread_join(thread, NULL);
+}
 static void leave_with_0(void) { _exit(0); }
 static void exit_with_0(void) { exit(0); }
 void leave(int code) { _exit(code); }
 void leave_by_pointer(int code) { static void (*volatile function)(int) = _Exit; function(code); }
 void leave_at_end(void) { atexit(leave_with_0); }
 void exit_at_end(void) { atexit(exit_with_0); }
-__attribute__((constructor)) static void begin(void) { if (getenv("EXIT_WHILE_LOADING")) exit(0); }
+__attribute__((constructor)) static void begin(void)
+{
+    if (getenv("EXIT_WHILE_LOADING"))
+        exit(0);
+    if (getenv("REPLACE_WHILE_LOADING"))
+        replace();
+}
+"""
+OTHER = """
+#include <dlfcn.h>
+#include <stdlib.h>
+#include <unistd.h>
+void leave(int code) { _exit(code); }
+__attribute__((constructor)) static void look(void)
+{
+    if (getenv("LIBRARY") != NULL)
+        dlclose(dlopen(getenv("LIBRARY"), RTLD_NOW));
+}
 """
 LINKED = {"at once": ("-Wl,-z,relro,-z,now",), "lazily": ("-Wl,-z,norelro,-z,lazy",)}
 HEAD = """
@@ -85,3 +119,75 @@ with guard.NamedCall("plant: fmi2Reset"):
         print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), file=sys.stderr)
 """
     assert run(libraries["lazily"], text) == (0, "0\n0\n")
+
+
+@pytest.mark.parametrize("how", LINKED)
+def test_a_variable_of_the_library(libraries, how):
+    """It is diverted, but not if the library has given it another function."""
+    text = "print(library.fail(5) or library.count_calls() - 11, file=sys.stderr)"
+    assert run(libraries[how], text) == (5, "an FMU: called _exit(): the process ends\n")
+    assert run(libraries[how], text, REPLACE_WHILE_LOADING="1") == (0, "5\n")
+
+
+@pytest.mark.parametrize("function", ["end_thread", "end_thread_with_0"])
+def test_the_thread_of_the_master_ends_the_process(libraries, function):
+    """Without it nothing would go on, nor end."""
+    said = "plant: fmi2Reset: ended its thread: the process ends\n"
+    assert run(libraries["lazily"], f"with guard.NamedCall('plant: fmi2Reset'): library.{function}()") == (1, said)
+
+
+def test_a_thread_of_the_library_ends(libraries):
+    text = "with guard.NamedCall('plant: fmi2Reset'): print(library.join_a_thread(), file=sys.stderr)"
+    assert run(libraries["lazily"], text) == (0, "0\n")
+
+
+@pytest.fixture(scope="module")
+def other(tmp_path_factory):
+    """A library that looks for another one, which it closes again."""
+    folder = tmp_path_factory.mktemp("other")
+    source = folder / "other.c"
+    source.write_text(OTHER)
+    return compile_c(source, folder / "other.so", "-ldl")
+
+
+@pytest.mark.parametrize("last", ["looks.so", "broken.so"])
+def test_a_library_of_before_is_left_alone(libraries, other, tmp_path, last):
+    """Whichever the FMU loads and closes on its way, and if it cannot be loaded."""
+    for name in ("earlier.so", "looks.so"):
+        (tmp_path / name).write_bytes(other.read_bytes())
+    source = tmp_path / "broken.c"
+    source.write_text("int nowhere(void); int leave(int); int f(void) { return nowhere() + leave(0); }\n")
+    compile_c(source, tmp_path / "broken.so", "-Wl,-z,now", str(other))
+    text = f"""
+earlier = ctypes.CDLL({str(tmp_path / "earlier.so")!r})
+os.environ["LIBRARY"] = sys.argv[1] + ".copy"
+try:
+    with guard.divert_ends(), guard.NamedCall("plant: loading the library"):
+        ctypes.CDLL({str(tmp_path / last)!r})
+except OSError as error:
+    print("undefined symbol" in str(error), file=sys.stderr)
+earlier.leave(0)
+"""
+    copy = Path(f"{libraries['lazily']}.copy")
+    copy.write_bytes(libraries["lazily"].read_bytes())
+    assert run(libraries["lazily"], text) == (0, "True\n" if last == "broken.so" else "")
+
+
+def test_variables_beside_the_closed_part_stay_open(libraries, tmp_path):
+    """The loader closes whole pages; some linkers have the part to close end within one."""
+    library = tmp_path / "within.so"
+    library.write_bytes(_close_more(libraries["at once"].read_bytes()))
+    text = "print(library.count_calls(), file=sys.stderr)\nlibrary.fail(5)"
+    assert run(library, text) == (5, "11\nan FMU: called _exit(): the process ends\n")
+
+
+def _close_more(content):
+    """An ELF file with the read-only part 2000 B longer, which is less than a page."""
+    content, kind = bytearray(content), 0x6474E552  # PT_GNU_RELRO
+    begin, size, count = struct.unpack_from("<Q14xHH", content, 32)[0], *struct.unpack_from("<HH", content, 54)
+    places = range(begin, begin + size * count, size)
+    (place,) = [at for at in places if struct.unpack_from("<I", content, at)[0] == kind]
+    address, _, _, length = struct.unpack_from("<QQQQ", content, place + 16)
+    assert (address + length) % 4096 == 0
+    struct.pack_into("<Q", content, place + 40, length + 2000)
+    return bytes(content)

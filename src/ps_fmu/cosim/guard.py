@@ -12,7 +12,7 @@ import signal
 import weakref
 from collections.abc import Iterator
 from contextlib import contextmanager
-from ctypes import Structure, c_char, c_int, c_ulonglong, c_void_p
+from ctypes import Structure, c_char, c_int, c_void_p
 from functools import cache
 
 from fmpy import platform
@@ -57,8 +57,8 @@ def load_library() -> ctypes.CDLL:
         raise OSError(f"there is no compiled loop for {platform}")
     library = ctypes.CDLL(str(path))
     library.guard_prepare.argtypes, library.guard_prepare.restype = (c_void_p,), None
-    library.guard_count_loads.argtypes, library.guard_count_loads.restype = (), c_ulonglong
-    library.guard_divert.argtypes, library.guard_divert.restype = (c_ulonglong,), None
+    library.guard_list_loaded.argtypes, library.guard_list_loaded.restype = (), c_void_p
+    library.guard_divert.argtypes, library.guard_divert.restype = (c_void_p,), None
     library.guard_prepare(ctypes.cast(ctypes.pythonapi.PyGILState_Check, c_void_p))
     return library
 
@@ -119,7 +119,7 @@ def divert_ends() -> Iterator[None]:
     if library is None:
         yield
         return
-    before = library.guard_count_loads()
+    before = library.guard_list_loaded()
     try:
         yield
     finally:

@@ -173,6 +173,9 @@ static void in(const Instance *m, const char *call)
     snprintf(fault, sizeof fault, "leave_in_%s", call);
     if (is(m, fault))
         _exit(0);
+    snprintf(fault, sizeof fault, "end_thread_in_%s", call);
+    if (is(m, fault))
+        pthread_exit(NULL);
     snprintf(fault, sizeof fault, "hang_in_%s", call);
     if (is(m, fault))
         hang();

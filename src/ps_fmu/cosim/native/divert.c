@@ -5,9 +5,11 @@
 
 #include "divert.h"
 
+#include <dlfcn.h>
 #include <elf.h>
 #include <link.h>
 #include <stdint.h>
+#include <stdlib.h>
 #include <string.h>
 #include <sys/mman.h>
 #include <unistd.h>
@@ -70,19 +72,36 @@ static Tables find_tables(const Object *object)
     return found;
 }
 
-/* Write an entry, also one that the loader has made read-only since. */
+/* Whether a page is one of those that the loader has made read-only since: it leaves out the last one, if the part ends
+   within, for there are variables behind. */
+static int is_closed(const Object *object, uint64_t page, uint64_t size)
+{
+    const Elf64_Phdr *part = find_part(object, PT_GNU_RELRO);
+    if (part == NULL)
+        return 0;
+    const uint64_t begin = object->dlpi_addr + part->p_vaddr, end = begin + part->p_memsz;
+    return page >= (begin & ~(size - 1)) && page < (end & ~(size - 1));
+}
+
 static void write_entry(const Object *object, uint64_t offset, void *to)
 {
     void **place = (void **)(object->dlpi_addr + offset);
-    const Elf64_Phdr *closed = find_part(object, PT_GNU_RELRO);
-    const int is_closed = closed != NULL && offset - closed->p_vaddr < closed->p_memsz;
-    const uint64_t size = (uint64_t)sysconf(_SC_PAGESIZE);
-    void *page = (void *)((uint64_t)place & ~(size - 1));
-    if (is_closed && mprotect(page, size, PROT_READ | PROT_WRITE) != 0)
+    const uint64_t size = (uint64_t)sysconf(_SC_PAGESIZE), page = (uint64_t)place & ~(size - 1);
+    const int closed = is_closed(object, page, size);
+    if (closed && mprotect((void *)page, size, PROT_READ | PROT_WRITE) != 0)
         return;
     __atomic_store_n(place, to, __ATOMIC_RELAXED);
-    if (is_closed)
-        mprotect(page, size, PROT_READ);
+    if (closed)
+        mprotect((void *)page, size, PROT_READ);
+}
+
+/* Whether an entry stands for the function `from`.  That of a call does, whatever it holds: before the first call an
+   address of the library's own.  NULL: there is no such function.  A variable does as long as it has the value that the
+   loader gave it. */
+static int stands_for(const Object *object, const Elf64_Rela *entry, const void *from)
+{
+    const void *const *place = (const void *const *)(object->dlpi_addr + entry->r_offset);
+    return *place != NULL && (ELF64_R_TYPE(entry->r_info) != R_X86_64_64 || (entry->r_addend == 0 && *place == from));
 }
 
 static void divert_entries(const Object *object, const Tables *tables, const Elf64_Rela *entries, uint64_t n,
@@ -90,13 +109,13 @@ static void divert_entries(const Object *object, const Tables *tables, const Elf
 {
     for (const Elf64_Rela *entry = entries; entry != NULL && entry < entries + n; entry++) {
         const uint64_t type = ELF64_R_TYPE(entry->r_info);
-        if (type != R_X86_64_JUMP_SLOT && type != R_X86_64_GLOB_DAT && (type != R_X86_64_64 || entry->r_addend != 0))
+        if (type != R_X86_64_JUMP_SLOT && type != R_X86_64_GLOB_DAT && type != R_X86_64_64)
             continue;
         const Elf64_Sym *symbol = &tables->symbols[ELF64_R_SYM(entry->r_info)];
         if (symbol->st_shndx != SHN_UNDEF) /* a function of its own */
             continue;
         for (const Diversion *one = all; one->name != NULL; one++)
-            if (strcmp(tables->names + symbol->st_name, one->name) == 0)
+            if (strcmp(tables->names + symbol->st_name, one->name) == 0 && stands_for(object, entry, one->from))
                 write_entry(object, entry->r_offset, one->to);
     }
 }
@@ -111,48 +130,77 @@ static void divert(const Object *object, const Diversion *all)
         divert_entries(object, &tables, tables.data + tables.n_local, tables.n_data - tables.n_local, all);
 }
 
-/* A walk along all libraries, in the order in which they were loaded. */
+void find_functions(Diversion *all)
+{
+    for (; all->name != NULL; all++)
+        all->from = dlsym(RTLD_DEFAULT, all->name);
+}
+
+/* A library is known by where it lies and where its name does. */
 typedef struct {
-    unsigned long long loads;
-    long count, first; /* libraries seen, and the first that is to be diverted */
+    uint64_t address;
+    const char *name;
+} Known;
+
+struct Loaded {
+    size_t count;
+    Known *libraries;
+};
+
+static int add_one(Object *object, size_t size, void *data)
+{
+    Loaded *loaded = data;
+    (void)size;
+    Known *more = realloc(loaded->libraries, (loaded->count + 1) * sizeof *more);
+    if (more == NULL)
+        return 1;
+    loaded->libraries = more;
+    more[loaded->count++] = (Known){object->dlpi_addr, object->dlpi_name};
+    return 0;
+}
+
+Loaded *list_loaded(void)
+{
+    Loaded *loaded = calloc(1, sizeof *loaded);
+    if (loaded != NULL && dl_iterate_phdr(add_one, loaded) != 0) { /* no memory */
+        free(loaded->libraries);
+        free(loaded);
+        return NULL;
+    }
+    return loaded;
+}
+
+static int is_known(const Loaded *loaded, const Object *object)
+{
+    for (const Known *one = loaded->libraries; one < loaded->libraries + loaded->count; one++)
+        if (one->address == object->dlpi_addr && one->name == object->dlpi_name)
+            return 1;
+    return 0;
+}
+
+typedef struct {
+    const Loaded *before;
     const void *address;
     const Diversion *all;
 } Walk;
 
-static int count_one(Object *object, size_t size, void *data)
+static int divert_unknown(Object *object, size_t size, void *data)
 {
-    Walk *walk = data;
+    const Walk *walk = data;
     (void)size;
-    walk->loads = object->dlpi_adds;
-    walk->count++;
-    return 0;
-}
-
-unsigned long long count_loads(void)
-{
-    Walk walk = {0};
-    dl_iterate_phdr(count_one, &walk);
-    return walk.loads;
-}
-
-static int divert_late(Object *object, size_t size, void *data)
-{
-    Walk *walk = data;
-    (void)size;
-    if (walk->count++ >= walk->first)
+    if (!is_known(walk->before, object))
         divert(object, walk->all);
     return 0;
 }
 
-void divert_new(unsigned long long before, const Diversion *all)
+void divert_new(Loaded *before, const Diversion *all)
 {
-    Walk walk = {.all = all};
-    dl_iterate_phdr(count_one, &walk);
-    if (walk.loads == before)
+    Walk walk = {.before = before, .all = all};
+    if (before == NULL)
         return;
-    walk.first = walk.count - (long)(walk.loads - before);
-    walk.count = 0;
-    dl_iterate_phdr(divert_late, &walk);
+    dl_iterate_phdr(divert_unknown, &walk);
+    free(before->libraries);
+    free(before);
 }
 
 static int divert_around(Object *object, size_t size, void *data)

@@ -218,11 +218,22 @@ static void end_quickly(int code)
     end_process(EXITED, ": called quick_exit(): the process ends\n", code, quick_exit);
 }
 
+/* The master cannot go on without its thread; those of an FMU's own end as they like. */
 static void end_thread(void *result)
 {
     if (can_leave())
         leave(THREAD_ENDED, 0);
+    const char *place = find_own_place();
+    if (!is_copy() && (way_out != NULL || place[0] != '\0')) {
+        tell_end(place[0] != '\0' ? place : "an FMU in the steps", ": ended its thread: the process ends\n");
+        _exit(1);
+    }
     pthread_exit(result);
+}
+
+static void end_thread_with(int result)
+{
+    end_thread((void *)(intptr_t)result);
 }
 
 /* Python's os._exit: an FMU's only in a call of one. */
@@ -233,17 +244,19 @@ static void end_python(int code)
     _exit(code);
 }
 
-static const Diversion of_fmus[] = {{"exit", end_by_exit},       {"_exit", end_at_once},       {"_Exit", end_at_once},
-                                    {"quick_exit", end_quickly}, {"pthread_exit", end_thread}, {NULL, NULL}};
-static const Diversion of_python[] = {{"_exit", end_python}, {NULL, NULL}};
+static Diversion of_fmus[] = {{"exit", end_by_exit, NULL},        {"_exit", end_at_once, NULL},
+                              {"_Exit", end_at_once, NULL},       {"quick_exit", end_quickly, NULL},
+                              {"pthread_exit", end_thread, NULL}, {"thrd_exit", end_thread_with, NULL},
+                              {NULL, NULL, NULL}};
+static Diversion of_python[] = {{"_exit", end_python, NULL}, {NULL, NULL, NULL}};
 
-EXPORTED unsigned long long guard_count_loads(void)
+EXPORTED Loaded *guard_list_loaded(void)
 {
-    return count_loads();
+    return list_loaded();
 }
 
-/* An FMU was loaded after guard_count_loads() was `before`, and its libraries with it. */
-EXPORTED void guard_divert(unsigned long long before)
+/* An FMU was loaded after guard_list_loaded() gave `before`, and its libraries with it. */
+EXPORTED void guard_divert(Loaded *before)
 {
     divert_new(before, of_fmus);
 }
@@ -253,6 +266,8 @@ EXPORTED void guard_prepare(int (*python)(void))
 {
     holds_python = python;
     owner = getpid();
+    find_functions(of_fmus);
+    find_functions(of_python);
     divert_at((const void *)python, of_python);
     on_exit(on_exit_elsewhere, NULL);
     at_quick_exit(on_quick_exit);
