@@ -34,6 +34,8 @@ USUAL_CHUNK_ROWS = 10_000
 """And about so many where that is known.  A chunk costs 15 us for each column, and a kilobyte of it 0.3 us."""
 LEAST_CHUNK_ROWS = 100
 """However few are expected."""
+LEAST_CHUNKS = 16
+"""So many fit into the room that there is at the beginning."""
 WRITE_BYTES = 2**23
 """So much is written at once in a long run [B], a chunk of rows at its beginning."""
 METADATA_BYTES = 4096
@@ -97,8 +99,10 @@ class Recorder:
         self._columns = [columns[place] for place in self._places]
         self._decimator = Decimator(self.factor, np.array([column.type == "Real" for column in self._columns]))
         self._times: Array = np.empty(0)  # of rows that the filter holds, and that will come out of it
-        self._chunk = CHUNK_ROWS if rows is None else find_chunk_rows(-(-rows // self.factor))
         self._row_bytes = 8 + sum(STORAGE[column.type][1] for column in self._columns)
+        chunk = CHUNK_ROWS if rows is None else find_chunk_rows(-(-rows // self.factor))
+        # What does not fit in whole chunks is lost: of little room not much at once.
+        self._chunk = max(LEAST_CHUNK_ROWS, min(chunk, int(min(self._find_room()) / LEAST_CHUNKS / self._row_bytes)))
         # Values of a column side by side, time first: netCDF4 would copy each column from all over the rows.
         self._pending: Array = np.empty((1 + len(self._columns), self._chunk))
         self._copy = ColumnCopy(range(len(self._columns)), len(self._columns))
@@ -275,12 +279,16 @@ class Recorder:
             self._dataset.sync()
         self._written = end
 
+    def _find_room(self) -> tuple[float, float]:
+        """Bytes that are free on the disk, and by which the file may grow."""
+        folder = next(parent for parent in self.path.absolute().parents if parent.exists())
+        return shutil.disk_usage(folder).free, _get_file_size_limit(self.path)
+
     def _check_space(self, rows: int) -> None:
         """HDF5 does not recover from a write that fails half-way: refuse before it starts."""
         chunks = -(-(self._written + rows) // self._chunk) - -(-self._written // self._chunk)
         needed = chunks * self._chunk * self._row_bytes + METADATA_BYTES * (len(self._columns) + 16)
-        folder = next(parent for parent in self.path.absolute().parents if parent.exists())
-        free, limit = shutil.disk_usage(folder).free, _get_file_size_limit(self.path)
+        free, limit = self._find_room()
         if needed > min(free, limit):
             reason = "the disk is full" if free <= limit else "the file size limit of this process is reached"
             self._release()
