@@ -172,10 +172,10 @@ class InertialSensors(Slave):
     def _build(self) -> None:
         values = self.parameters()
         if getattr(self, "built_from", None) != values:
-            self.sensors = take_values(DEFAULT, values)
+            sensors = take_values(DEFAULT, values)
+            _ = sensors.estimator  # refuses a geometry that cannot see all motion
+            self.sensors, self.built_from = sensors, values
             self.noises: dict[float, ChannelNoise] = {}
-            _ = self.sensors.estimator  # refuses a geometry that cannot see all motion
-            self.built_from = values
         zeros, kept = 3, 3 + CHANNELS
         self.zeros, self.kept = self.memory[zeros:kept], self.memory[kept : kept + CHANNELS]
         self.ring = self.memory[kept + CHANNELS :]

@@ -192,3 +192,17 @@ def test_native_steps_give_the_same_bits(built_fmus, tmp_path):
             instance.step(k * H, H)
         assert pair[0].outputs() == pair[1].outputs(), k
     assert len(pair[0].outputs()) == 9 + CHANNELS + 1
+
+
+def test_a_refused_state_leaves_the_sensors_as_they_are():
+    """One of accelerometers that cannot see all motion."""
+    host, other = (Host("inertial_sensors", **NOISY, **TURNING).run_mode() for _ in range(2))
+    host.step(H, 3)
+    other.step(H, 3)
+    state = host.slave._get_fmu_state()
+    for k in range(1, ACCELEROMETERS):
+        state.buffer[host.slave.layout.reference[f"accelerometer_{k}.enabled"]] = 0.0
+    with pytest.raises(ModelError, match="cannot see six degrees of freedom"):
+        host.restore(host.slave._fmu_state_to_bytes(state), 3)
+    np.testing.assert_array_equal(run(host, 3), run(other, 3))
+    assert host.get(*ESTIMATE) == other.get(*ESTIMATE)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from ps_fmu.numerics import library
 from ps_fmu.sensors.noise import SensorNoise
 from ps_fmu.sensors.noise_model import PLATEAU, NoiseModel
 
@@ -78,3 +79,15 @@ def test_sample_of_any_time():
     drift = SensorNoise(NoiseModel(0.0, 1.0, 0.0), 200, 1e-4, 1, 0)(np.arange(late - 200, late + 200, 100))
     assert drift.std() == pytest.approx(np.sqrt(5.0 * NoiseModel(0.0, 1.0, 0.0).variance), rel=0.2)
     assert np.abs(np.diff(drift, axis=0)).max() < 0.5 * np.abs(drift).max()
+
+
+@pytest.mark.parametrize("interval", [1e-20, 1e-300, 5e-324])
+def test_intervals_far_shorter_than_those_of_the_drift(interval, monkeypatch):
+    """How many samples lie between two values of the drift is more than a whole number of the processor can say."""
+
+    def make():
+        return SensorNoise(NoiseModel(1e-3, 1e-4, 1e-5), 2, interval, seed=1, kind=0)(np.array([0, 300, 10**13]))
+
+    compiled = make()
+    monkeypatch.setattr(library, "find_arithmetic", lambda: None)
+    np.testing.assert_allclose(compiled, make(), rtol=1e-9)

@@ -273,7 +273,7 @@ print(*sorted(name for name in sys.modules if name.count(".") == 1 and name.star
 
 
 def test_the_slave_kit_alone_builds_checks_and_runs_a_slave(stock, tmp_path):
-    """In a process where the rest of the package is absent."""
+    """In a process where the rest of the package is absent, but for what reads compiled files."""
     package = Path(ps_fmu.__file__).parent
     (tmp_path / "alone" / "ps_fmu").mkdir(parents=True)
     for name in ("__init__.py", "compiled_files.py"):  # what is in no room serves all of them

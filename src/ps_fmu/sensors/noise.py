@@ -21,6 +21,7 @@ from .normal import count_parts, draw_in_parts, finish, wrap
 
 DRIFT_INTERVAL = 0.01  # s, a tenth of the shortest correlation time
 WHITE_BLOCK = 256  # samples
+_LONGEST_STRIDE = 2.0**53  # samples; steps may be as short as 1e-300 s
 _WHITE, _WIDEST, _DRIFT = 0, 1, 2  # tell the random numbers apart
 
 
@@ -38,7 +39,7 @@ class SensorNoise:
     def __init__(self, model: NoiseModel, sensors: int, interval: float, seed: int, kind: int) -> None:
         self._sensors, self._key = sensors, (seed, kind)
         self._deviation = model.density / np.sqrt(2.0 * interval)
-        self._stride = max(1, round(DRIFT_INTERVAL / interval))
+        self._stride = round(min(max(1.0, DRIFT_INTERVAL / interval), _LONGEST_STRIDE))
         self._shared = library.Errors(self._deviation, sensors, WHITE_BLOCK, self._stride, DRIFT_BLOCK)
         self._shared.words[:3] = wrap((*self._key, _WHITE))
         self._drift = None
