@@ -158,7 +158,7 @@ def test_numbers_that_no_run_can_have_are_refused_by_file_and_line(plan, vary, e
 
 
 def test_a_number_is_varied_once_by_whichever_name(plan):
-    with pytest.raises(StudyError, match=r"\[\[vary\]\] 2 .*faults\.push\.time is varied by .*'faults\.push\.time', too"):
+    with pytest.raises(StudyError, match=r"\[\[vary\]\] 2 .*push\.time is varied by .*'faults\.push\.time', too"):
         plan('"faults.push.time"\nvalues = ["0.1 s"]', '"faults.0.time"\nvalues = ["0.2 s"]')
     with pytest.raises(StudyError, match=r"faults\.1\.rms is varied by .*'faults\.01\.rms', too"):
         plan('"faults.01.rms"\nvalues = [1.0]', '"faults.1.rms"\nvalues = [2.0]')
