@@ -12,7 +12,6 @@ import numpy as np
 from fmpy.model_description import ModelDescription
 
 from ..description import DISCRETE_TYPES, convert_value, explain_unsettable, find_variable, read_start
-from ..errors import UsageError
 from ..graph import Wiring
 from ..schemes.resolving import find_period
 from ..schemes.scheme import Scheme
