@@ -365,7 +365,7 @@ def test_what_is_written_of_a_checkpoint_is_enough_to_begin_from_and_always_the_
 def test_a_warm_start_of_another_system_is_refused(mixed, kept, tmp_path):
     with pytest.raises(CheckpointError, match="is of another system: another FMU behind mass"):
         begin(change_fmu(mixed, tmp_path), WarmStart(kept), 10)
-    with pytest.raises(UsageError, match="there is no component 'nobody'"):
+    with pytest.raises(CheckpointError, match="there is no component 'nobody'"):
         begin(mixed, WarmStart(kept, ["nobody"]), 10)
     with pytest.raises(CheckpointError, match="there is no checkpoint in this folder"):
         WarmStart(tmp_path)

@@ -36,6 +36,16 @@ def test_a_system_survives_the_round_trip(folder):
     assert not (folder / "out.ssp.partial").exists()
 
 
+def test_a_step_that_a_component_states_survives_the_round_trip(folder):
+    hint = (
+        '<ssd:Annotations><ssc:Annotation type="com.opensimulationplatform"><osp:StepSizeHint value="0.04" '
+        'xmlns:osp="http://opensimulationplatform.com/SSP/OSPAnnotations"/></ssc:Annotation></ssd:Annotations>'
+    )
+    text = ssd_text(*OSCILLATOR, after=EXPERIMENT).replace("</ssd:Connectors>", f"</ssd:Connectors>{hint}", 1)
+    system, again = write(folder, text)
+    assert [one.step for one in again.components] == [one.step for one in system.components] == [0.04, None]
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [(("stopTime", "startTime"), "no stop time"), (("FixedStepAlgorithm", "Other"), "no step")],

@@ -1,4 +1,4 @@
-"""``ps-fmu run SYSTEM.ssp|.ssd|FMU``: any system, its files and exit codes."""
+"""``ps-fmu run SYSTEM.ssp|.ssd|.xml|FMU``: any system, its files and exit codes."""
 
 import json
 import shutil

@@ -212,6 +212,11 @@ def test_a_run_begins_where_another_one_is(run, tmp_path, ssv):
     assert "isolator.delay is a fixed parameter" in said
     assert "--anew isolator" in said
     assert (tmp_path / "branch" / "report.html").is_file()  # of the run before
+    nobody = ["--from", settled, "--anew", "nobody", "--output", tmp_path / "nobody"]
+    code, said = run(*words, *nobody)
+    assert code == 1
+    assert "anew: there is no component 'nobody'" in said and "nothing was stored" in said
+    assert not (tmp_path / "nobody" / "results.nc").exists()
     code, said = run(*words, "--from", settled, "--parameters", slower, "--anew", "isolator")
     assert code == 0, said
     for more, why in (

@@ -31,7 +31,8 @@ def test_processes_do_not_grow_with_the_time_that_a_study_takes():
 
 
 @pytest.mark.parametrize(
-    ("address", "problem"), [("node1", "missing port number in address 'node1'"), ("node://x:1", "unknown address scheme")]
+    ("address", "problem"),
+    [("node1", "missing port number in address 'node1'"), ("node://x:1", "unknown address scheme")],
 )
 def test_what_is_no_address_is_said_without_asking_for_it(address, problem, monkeypatch):
     """A client of it would ask for twice its time-out, and then print a traceback."""

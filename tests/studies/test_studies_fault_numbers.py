@@ -1,7 +1,6 @@
 """Studies that vary numbers of faults: when they begin, how long they last, how large they are."""
 
 import json
-import shutil
 
 import numpy as np
 import pytest
@@ -19,6 +18,10 @@ from ps_fmu.studies.study_folder import open_folder
 from ps_fmu.studies.sweep import SweepOptions, prepare
 
 H = 0.01
+HINT = (
+    '<ssd:Annotations><ssc:Annotation type="com.opensimulationplatform"><osp:StepSizeHint value="0.04" '
+    'xmlns:osp="http://opensimulationplatform.com/SSP/OSPAnnotations"/></ssc:Annotation></ssd:Annotations>'
+)
 STUDY = """
 [study]
 system = "toys.ssd"
@@ -44,8 +47,8 @@ EVENTS = [
 def plan(stateful, tmp_path):
     """Prepares a study with these [[vary]], each a text; writes the faults."""
 
-    def make(*varied, text=STUDY, events=EVENTS, **more):
-        shutil.copy(stateful / "toys.ssd", tmp_path)
+    def make(*varied, text=STUDY, events=EVENTS, system=None, **more):
+        (tmp_path / "toys.ssd").write_text(system or (stateful / "toys.ssd").read_text())
         (tmp_path / "faults.json").write_text(json.dumps({"events": events, **more}, indent=1))
         tables = "".join(f"[[vary]]\nparameter = {one}\n" for one in varied)
         (tmp_path / "study.toml").write_text(text + tables)
@@ -55,13 +58,14 @@ def plan(stateful, tmp_path):
     return make
 
 
-def run(stateful, folder, changes, events=EVENTS, source=()):
+def run(stateful, folder, changes, events=EVENTS, system=None):
     """Largest position of the mass in a run whose file has these numbers."""
     changed = [{**event, **changes.get(place, {})} for place, event in enumerate(events)]
     path = folder / "changed.json"
     path.write_text(json.dumps({"events": changed}))
     keep = Keep()
-    with Master(read_system(stateful / "toys.ssd", stateful), H, faults=read_faults(path)) as master:
+    found = read_system(system or stateful / "toys.ssd", stateful)
+    with Master(found, H, faults=read_faults(path)) as master:
         place = [column.name for column in master.columns].index("mass.position")
         master.initialise()
         master.run(0.5, [keep])
@@ -92,6 +96,25 @@ def test_a_case_is_the_run_of_a_file_with_its_numbers(plan, stateful, tmp_path):
         row = runner.run(case, prepared.plan.values(case))
         assert row["status"] == DONE, row["error"]
         assert row["active.mass.position.APE.peak"] == expected[case]
+
+
+def test_numbers_vary_beside_the_longer_steps_of_a_component(plan, stateful, tmp_path):
+    """A fault at its input begins where its own steps do: the points of the case before are none of the next."""
+    gain = '<ssd:Component name="gain"'
+    before, _, after = (stateful / "toys.ssd").read_text().partition(gain)
+    text = before + gain + after.replace("</ssd:Connectors>", f"</ssd:Connectors>{HINT}", 1)
+    events = [{**PUSH, "variable": "u", "value": 5.0}]
+    times = (0.1, 0.13, 0.21, 0.1)
+    values = ", ".join(f'"{time} s"' for time in times)
+    prepared, _ = plan(f'"faults.push.time"\nvalues = [{values}]', system=text, events=events)
+    runner = CaseRunner(prepared.bundle.unpack(tmp_path))
+    changes = [{0: {"time": time}} for time in times]
+    expected = [run(stateful, tmp_path, change, events, tmp_path / "toys.ssd") for change in changes]
+    assert len(set(expected)) == 3 and expected[0] != run(stateful, tmp_path, changes[0], events)
+    for case, one in enumerate(expected):
+        row = runner.run(case, prepared.plan.values(case))
+        assert row["status"] == DONE, row["error"]
+        assert row["active.mass.position.APE.peak"] == one
 
 
 def test_a_case_again_has_the_same_bits(plan, tmp_path):
@@ -158,7 +181,7 @@ def test_numbers_that_no_run_can_have_are_refused_by_file_and_line(plan, vary, e
 
 
 def test_a_number_is_varied_once_by_whichever_name(plan):
-    with pytest.raises(StudyError, match=r"\[\[vary\]\] 2 .*faults\.push\.time is varied by .*'faults\.push\.time', too"):
+    with pytest.raises(StudyError, match=r"\[\[vary\]\] 2 .*push\.time is varied by .*'faults\.push\.time', too"):
         plan('"faults.push.time"\nvalues = ["0.1 s"]', '"faults.0.time"\nvalues = ["0.2 s"]')
     with pytest.raises(StudyError, match=r"faults\.1\.rms is varied by .*'faults\.01\.rms', too"):
         plan('"faults.01.rms"\nvalues = [1.0]', '"faults.1.rms"\nvalues = [2.0]')

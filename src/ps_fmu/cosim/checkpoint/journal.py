@@ -116,21 +116,24 @@ class Journal:
                 self._rows += block.rows
                 self._checksum = _add(self._checksum, block.words)
         except EOFError:
-            raise CheckpointError(f"{self.path}: ends before the {rows} rows of the checkpoint") from None
+            raise self._make_damaged(f"ends before the {rows} rows of the checkpoint") from None
         except ValueError as error:
-            raise CheckpointError(f"{self.path}: is damaged: {error}") from error
+            raise self._make_damaged(f"is damaged: {error}") from error
         if self._rows != rows or self._checksum != checksum:
-            raise CheckpointError(f"{self.path}: is damaged: the checksum of its {rows} rows does not fit")
+            raise self._make_damaged(f"is damaged: the checksum of its {rows} rows does not fit")
         end = self._file.tell()
         self._file.truncate(end)
         self._file.seek(end)
+
+    def _make_damaged(self, what: str) -> CheckpointError:
+        return CheckpointError(f"{self.path}: {what}: the run cannot go on, begin it anew")
 
     def _read_block(self, file: BinaryIO) -> _Block:
         """The next block.  Raises EOFError, and ValueError for one that is made up."""
         head = _read_words(file, 1 + _count_words(self.width))
         rows, flags = int(head[0]), head[1:].view(np.uint8)
         if not 1 <= rows <= self._most_rows or flags.max() > 1 or flags[self.width :].any():
-            raise ValueError(f"a block of {rows} rows")
+            raise ValueError(f"a block of {rows} rows, expected 1 to {self._most_rows}")
         keeps = flags[: self.width].astype(np.bool_)
         same = int(keeps.sum())
         values = _read_words(file, same + (self.width - same) * rows)

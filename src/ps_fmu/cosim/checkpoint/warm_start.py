@@ -12,7 +12,6 @@ import numpy as np
 from fmpy.model_description import ModelDescription
 
 from ..description import DISCRETE_TYPES, convert_value, explain_unsettable, find_variable, read_start
-from ..errors import UsageError
 from ..graph import Wiring
 from ..schemes.resolving import find_period
 from ..schemes.scheme import Scheme
@@ -130,7 +129,7 @@ class WarmStart:
 
     def _check_anew(self, components: Collection[str]) -> None:
         if unknown := sorted(self._anew - set(components)):
-            raise UsageError(f"anew: there is no component {unknown[0]!r}; there are {', '.join(components)}")
+            raise CheckpointError(f"anew: there is no component {unknown[0]!r}; there are {', '.join(components)}")
 
     def _check_system(self, identity: Mapping[str, State], scheme: Scheme, step: float) -> None:
         """Raises :class:`CheckpointError` for a checkpoint of another system."""

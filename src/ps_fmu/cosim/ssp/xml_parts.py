@@ -92,7 +92,7 @@ def _add_component(
 ) -> None:
     """A component with its connected ports; adds the units of these to ``units``.
 
-    It has no annotations: OMSimulator refuses a system in which a component has any.
+    It has an annotation only for a step of its own: OMSimulator refuses a system in which a component has any.
     """
     variables = index_variables(description)
     element = SubElement(
@@ -111,6 +111,8 @@ def _add_component(
             SubElement(connector, f"ssc:{_TYPES[variable.type]}", _unit(variable, description, units))
     bindings = SubElement(element, "ssd:ParameterBindings")
     SubElement(bindings, "ssd:ParameterBinding", type=PARAMETER_TYPE, source=parameters_place(component))
+    if component.step is not None:
+        SubElement(_annotation(element, "com.opensimulationplatform"), "osp:StepSizeHint", value=repr(component.step))
 
 
 def _add_master(top: Element, step: float) -> None:
