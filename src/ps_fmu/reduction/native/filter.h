@@ -104,7 +104,7 @@ INSTRUCTIONS static void PANELS(
     }
 }
 
-/* In which bits the numbers of the `n` vectors of columns at `begin` differ in `count` rows, into `changes` (columns). */
+/* In which bits the numbers of `n` vectors of columns, at `begin`, differ in `count` rows, into `changes` (columns). */
 INSTRUCTIONS static inline __attribute__((always_inline)) void COMPARE_SOME(
     const double *rows, int64_t count, int64_t columns, const int64_t *begin, int64_t *changes, const int n)
 {
