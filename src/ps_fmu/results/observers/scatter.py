@@ -151,7 +151,7 @@ class ScatterObserver(ColumnObserver):
 class _Hull:
     """Counter-clockwise corners (n, 2) of a hull that is asked which points lie outside.
 
-    Few do, and this costs a fraction of a new hull (0.01 instead of 0.54 us per point, in blocks of 1000) however many
+    Few do, and this costs a fraction of a new hull (0.02 instead of 0.54 us per point, in blocks of 1000) however many
     corners there are: 60 of the shape that noise makes, 500 of a slow motion.
     """
 
