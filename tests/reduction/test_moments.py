@@ -1,10 +1,10 @@
-"""Sums over signals, and points outside of an ellipse, compiled and in numpy."""
+"""Sums over signals, weights of a window, and points outside of a polygon, compiled and in numpy."""
 
 import numpy as np
 import pytest
 
 from ps_fmu.reduction import moments
-from ps_fmu.reduction.moments import Ellipse, find_moments
+from ps_fmu.reduction.moments import Polygon, find_moments, weigh_hann
 
 SAMPLES = 1e6 + np.random.default_rng(8).standard_normal((3, 700))
 
@@ -38,12 +38,24 @@ def test_the_peak_is_a_magnitude():
         find_moments(np.empty((2, 0)))
 
 
+@pytest.mark.parametrize("count", [0, 1, 7, 700])
+def test_weights_of_a_hann_window(count):
+    phases = np.random.default_rng(count).uniform(-1.0, 2.0, count)
+    np.testing.assert_allclose(weigh_hann(phases), 1.0 - np.cos(2.0 * np.pi * phases), rtol=0.0, atol=2e-15)
+    np.testing.assert_allclose(weigh_hann(phases[::2]), weigh_hann(phases)[::2], rtol=0.0, atol=0.0)
+
+
+def test_a_hann_window_is_zero_between_the_halves():
+    np.testing.assert_allclose(weigh_hann(np.array([0.0, 0.25, 0.5, 1.0, 1.5, 2.0])), [0, 1, 2, 0, 2, 0], atol=1e-15)
+
+
+@pytest.mark.parametrize("edges", [3, 16, 40])
 @pytest.mark.parametrize("count", [0, 1, 31, 32, 33, 700])
-def test_points_outside_of_an_ellipse(count):
+def test_points_outside_of_a_polygon(count, edges):
     points = np.random.default_rng(count).uniform(-2.0, 2.0, (2, count))
-    one = Ellipse(0.3, -0.2, 0.8, 0.25, 0.7)
-    x, y = points[0] - one.x, points[1] - one.y
-    sizes = (one.a * x) ** 2 + (one.b * x + one.c * y) ** 2
-    assert np.abs(sizes - 1.0).min(initial=1.0) > 1e-9  # no point is on it, to rounding
+    centre, angles = np.array([0.3, -0.2]), 2.0 * np.pi * np.arange(edges) / edges
+    normals = np.stack([0.8 * np.cos(angles), 0.5 * np.sin(angles)], axis=1)
+    heights = (normals @ (points - centre[:, None])).max(axis=0)
+    assert np.abs(heights - 1.0).min(initial=1.0) > 1e-9  # no point is on it, to rounding
     for laid in (points, np.asfortranarray(points)):
-        np.testing.assert_array_equal(one.find_outside(laid), np.flatnonzero(sizes > 1.0))
+        np.testing.assert_array_equal(Polygon(centre, normals).find_outside(laid), np.flatnonzero(heights > 1.0))

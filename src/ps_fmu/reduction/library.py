@@ -33,7 +33,8 @@ def find_library() -> CDLL | None:
     library.copy_columns.argtypes, library.copy_columns.restype = columns, None
     moments = c_void_p, c_int64, c_int64, c_int64, c_void_p
     library.find_moments.argtypes, library.find_moments.restype = moments, None
-    points = c_void_p, c_void_p, c_int64, c_void_p, c_void_p
+    library.weigh_hann.argtypes, library.weigh_hann.restype = (c_void_p, c_int64, c_void_p), None
+    points = c_void_p, c_void_p, c_int64, c_void_p, c_int64, c_void_p
     library.find_points_outside.argtypes, library.find_points_outside.restype = points, c_int64
     library.find_peak.argtypes, library.find_peak.restype = (c_void_p, c_int64), c_double
     return library

@@ -5,8 +5,9 @@
 
 #include "../../processor.h"
 
-/* Rows whose lines stay in the first cache while their columns are copied; sums side by side, so that none waits. */
-enum { ROWS = 32, LANES = 32 };
+/* Rows that fill a line of the cache with each column, so that few lines are in use at a time; sums side by side, so
+   that none waits. */
+enum { ROWS = 8, LANES = 32 };
 
 /* `count` rows, `stride` doubles apart: n columns at `places`, each side by side into `result`, `room` doubles apart. */
 __attribute__((visibility("default"))) void copy_columns(
@@ -17,8 +18,12 @@ __attribute__((visibility("default"))) void copy_columns(
         for (int64_t k = 0; k < n; k++) {
             const double *from = rows + places[k];
             double *to = result + k * room + first;
-            for (int64_t row = 0; row < some; row++)
-                to[row] = from[row * stride];
+            if (some == ROWS)
+                for (int row = 0; row < ROWS; row++)
+                    to[row] = from[row * stride];
+            else
+                for (int64_t row = 0; row < some; row++)
+                    to[row] = from[row * stride];
         }
     }
 }

@@ -10,9 +10,10 @@
 /* No fused multiply-add: each operation rounds. */
 #pragma STDC FP_CONTRACT OFF
 
-/* Rows that come out together, so that a row which goes in is fetched once for them; rows that are compared together, so
-   that they stay in the first cache; bytes of the rows that the passes go over in turn, so that they stay in the second. */
-enum { OUTPUTS = 4, COMPARED = 16, TILE_BYTES = 1 << 18 };
+/* Rows that come out together, so that a row which goes in is fetched once for them; vectors of columns that are
+   compared together, so that none waits; bytes of the rows that the passes go over in turn, so that they stay in the
+   second cache. */
+enum { OUTPUTS = 4, COMPARED = 6, TILE_BYTES = 1 << 18 };
 
 typedef struct {
     int64_t columns;

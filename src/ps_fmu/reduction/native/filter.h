@@ -12,6 +12,7 @@
 #define GROUP JOIN(group, WIDTH)
 #define PANELS JOIN(panels, WIDTH)
 #define COMPARE JOIN(compare, WIDTH)
+#define COMPARE_SOME JOIN(compare_some, WIDTH)
 #define TILE JOIN(tile, WIDTH)
 #define FILTER JOIN(filter, WIDTH)
 
@@ -103,21 +104,38 @@ INSTRUCTIONS static void PANELS(
     }
 }
 
+/* In which bits the numbers of `n` vectors of columns, at `begin`, differ in `count` rows, into `changes` (columns). */
+INSTRUCTIONS static inline __attribute__((always_inline)) void COMPARE_SOME(
+    const double *rows, int64_t count, int64_t columns, const int64_t *begin, int64_t *changes, const int n)
+{
+    Bits first[COMPARED], found[COMPARED];
+    int64_t places[COMPARED];
+    for (int v = 0; v < n; v++) {
+        places[v] = begin[v];
+        first[v] = *(const Bits *)(rows + places[v]);
+        found[v] = (Bits){0};
+    }
+    for (int64_t row = 1; row < count; row++)
+        for (int v = 0; v < n; v++)
+            found[v] |= *(const Bits *)(rows + row * columns + places[v]) ^ first[v];
+    for (int v = 0; v < n; v++)
+        *(Bits *)(changes + places[v]) = found[v];
+}
+
 /* In which bits the numbers of each column differ in `count` rows, into `changes` (columns). */
 INSTRUCTIONS static void COMPARE(const double *rows, int64_t count, int64_t columns, int64_t *changes)
 {
-    for (int64_t column = 0; column < columns; column++)
-        changes[column] = 0;
-    for (int64_t row = 1; row < count; row += COMPARED)
-        for (int64_t begin = 0; begin < columns; begin += WIDTH) {
-            const int64_t column = begin + WIDTH <= columns ? begin : columns - WIDTH;
-            const int64_t end = row + COMPARED < count ? row + COMPARED : count;
-            const Bits first = *(const Bits *)(rows + column);
-            Bits found = *(const Bits *)(changes + column);
-            for (int64_t k = row; k < end; k++)
-                found |= *(const Bits *)(rows + k * columns + column) ^ first;
-            *(Bits *)(changes + column) = found;
-        }
+    int64_t places[COMPARED];
+    for (int64_t column = 0; column < columns;) {
+        int n = 0;
+        for (; n < COMPARED && column < columns; column += WIDTH)
+            places[n++] = column + WIDTH <= columns ? column : columns - WIDTH;
+        if (n == COMPARED)
+            COMPARE_SOME(rows, count, columns, places, changes, COMPARED);
+        else
+            for (int v = 0; v < n; v++)
+                COMPARE_SOME(rows, count, columns, places + v, changes, 1);
+    }
 }
 
 /* As FILTER, for rows that fit into the cache. */
@@ -162,6 +180,7 @@ INSTRUCTIONS static void FILTER(const Lowpass *filter, const double *rows, int64
 #undef GROUP
 #undef PANELS
 #undef COMPARE
+#undef COMPARE_SOME
 #undef TILE
 #undef FILTER
 #undef WIDTH

@@ -1,4 +1,4 @@
-/* Sums over a signal, and which points lie outside of an ellipse. */
+/* Sums over a signal, weights of a Hann window, and which points lie outside of a polygon. */
 
 #include <math.h>
 #include <stdint.h>
@@ -17,10 +17,21 @@ typedef struct {
     double peak; /* magnitude */
 } Moments;
 
-typedef struct {
-    double x, y; /* centre */
-    double a, b, c; /* inside is (a x)^2 + (b x + c y)^2 <= 1, about the centre */
-} Ellipse;
+/* (pi^2)^k (-1)^k / (2 k + 1)!: sin(pi x) / (pi x) in powers of x^2, within 1e-17 for |x| <= 1/2. */
+static const double SINE[] = {
+    1.0,
+    -1.6449340668482264,
+    0.8117424252833536,
+    -0.19075182412208422,
+    0.0261478478176548,
+    -0.0023460810354558235,
+    0.000148428793031071,
+    -6.975873661656381e-06,
+    2.5312174041370274e-07,
+    -7.304711822217775e-09,
+    1.7165384749821432e-10,
+};
+enum { TERMS = sizeof SINE / sizeof *SINE };
 
 static inline __attribute__((always_inline)) double add_up(const double *lanes)
 {
@@ -69,41 +80,63 @@ static inline __attribute__((always_inline)) void find(const double *values, int
     *found = (Moments){mean, add_up(squares) - rest * rest / (double)n, peak};
 }
 
-static inline __attribute__((always_inline)) int64_t find_outer(
-    const double *x, const double *y, int64_t n, const Ellipse *ellipse, int64_t *places)
+static inline __attribute__((always_inline)) void weigh(const double *phases, int64_t n, double *weights)
 {
-    const double x_0 = ellipse->x, y_0 = ellipse->y, a = ellipse->a, b = ellipse->b, c = ellipse->c;
-    int64_t count = 0;
+    for (int64_t i = 0; i < n; i++) {
+        const double whole = (phases[i] + 0x1.8p52) - 0x1.8p52, x = phases[i] - whole; /* rounded to the nearest */
+        const double square = x * x;
+        double sum = SINE[TERMS - 1];
+        for (int k = TERMS - 2; k >= 0; k--)
+            sum = sum * square + SINE[k];
+        const double sine = sum * (3.141592653589793 * x);
+        weights[i] = 2.0 * (sine * sine);
+    }
+}
+
+static inline __attribute__((always_inline)) int64_t find_outer(
+    const double *x, const double *y, int64_t n, const double *edges, int64_t count, int64_t *places)
+{
+    int64_t found = 0;
     for (int64_t first = 0; first < n; first += LANES) {
-        double sizes[LANES] = {0.0}, largest = 0.0;
+        double from_x[LANES] = {0.0}, from_y[LANES] = {0.0}, heights[LANES] = {0.0}, largest = 0.0;
         const int64_t some = n - first < LANES ? n - first : LANES;
         for (int64_t k = 0; k < some; k++) {
-            const double from_x = x[first + k] - x_0, from_y = y[first + k] - y_0;
-            const double u = a * from_x, v = b * from_x + c * from_y;
-            sizes[k] = u * u + v * v;
+            from_x[k] = x[first + k] - edges[0];
+            from_y[k] = y[first + k] - edges[1];
         }
+        for (const double *edge = edges + 2; edge < edges + 2 + 2 * count; edge += 2)
+            for (int k = 0; k < LANES; k++) {
+                const double height = edge[0] * from_x[k] + edge[1] * from_y[k];
+                heights[k] = height > heights[k] ? height : heights[k];
+            }
         for (int k = 0; k < LANES; k++)
-            largest = sizes[k] > largest ? sizes[k] : largest;
+            largest = heights[k] > largest ? heights[k] : largest;
         if (largest > 1.0) /* seldom */
-            for (int k = 0; k < LANES; k++)
-                if (sizes[k] > 1.0)
-                    places[count++] = first + k;
+            for (int k = 0; k < some; k++)
+                if (heights[k] > 1.0)
+                    places[found++] = first + k;
     }
-    return count;
+    return found;
 }
 
 typedef void Find(const double *values, int64_t n, Moments *found);
-typedef int64_t FindOuter(const double *x, const double *y, int64_t n, const Ellipse *ellipse, int64_t *places);
+typedef void Weigh(const double *phases, int64_t n, double *weights);
+typedef int64_t FindOuter(
+    const double *x, const double *y, int64_t n, const double *edges, int64_t count, int64_t *places);
 
 #define DEFINE(width, instructions)                                                                                    \
     instructions static void find##width(const double *values, int64_t n, Moments *found)                              \
     {                                                                                                                  \
         find(values, n, found);                                                                                        \
     }                                                                                                                  \
-    instructions static int64_t find_outer##width(                                                                     \
-        const double *x, const double *y, int64_t n, const Ellipse *ellipse, int64_t *places)                          \
+    instructions static void weigh##width(const double *phases, int64_t n, double *weights)                            \
     {                                                                                                                  \
-        return find_outer(x, y, n, ellipse, places);                                                                   \
+        weigh(phases, n, weights);                                                                                     \
+    }                                                                                                                  \
+    instructions static int64_t find_outer##width(                                                                     \
+        const double *x, const double *y, int64_t n, const double *edges, int64_t count, int64_t *places)              \
+    {                                                                                                                  \
+        return find_outer(x, y, n, edges, count, places);                                                              \
     }
 
 DEFINE(2, )
@@ -111,13 +144,16 @@ DEFINE(4, __attribute__((target("avx2"))))
 DEFINE(8, __attribute__((target("avx512f"))))
 
 static Find *best_find = find2;
+static Weigh *best_weigh = weigh2;
 static FindOuter *best_find_outer = find_outer2;
 
 __attribute__((constructor)) static void choose_best(void)
 {
     Find *const finds[] = {[SSE2] = find2, [AVX2] = find4, [AVX512] = find8};
+    Weigh *const weighs[] = {[SSE2] = weigh2, [AVX2] = weigh4, [AVX512] = weigh8};
     FindOuter *const outers[] = {[SSE2] = find_outer2, [AVX2] = find_outer4, [AVX512] = find_outer8};
     best_find = finds[find_instructions()];
+    best_weigh = weighs[find_instructions()];
     best_find_outer = outers[find_instructions()];
 }
 
@@ -129,9 +165,16 @@ __attribute__((visibility("default"))) void find_moments(
         best_find(samples + k * room, n, found + k);
 }
 
-/* The places of those of n points that lie outside of an ellipse, into `places` (n); how many there are is returned. */
-__attribute__((visibility("default"))) int64_t find_points_outside(
-    const double *x, const double *y, int64_t n, const Ellipse *ellipse, int64_t *places)
+/* 1 - cos(2 pi p) of n phases, as 2 sin(pi p)^2. */
+__attribute__((visibility("default"))) void weigh_hann(const double *phases, int64_t n, double *weights)
 {
-    return best_find_outer(x, y, n, ellipse, places);
+    best_weigh(phases, n, weights);
+}
+
+/* The places of those of n points that lie outside of a polygon, into `places` (n); how many there are is returned.
+   `edges`: x and y of a point inside, then those of `count` normals; inside is a x + b y <= 1 from there, for all. */
+__attribute__((visibility("default"))) int64_t find_points_outside(
+    const double *x, const double *y, int64_t n, const double *edges, int64_t count, int64_t *places)
+{
+    return best_find_outer(x, y, n, edges, count, places);
 }

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from ...reduction.moments import weigh_hann
 from .observer import ColumnObserver, NamedColumn
 
 Array = NDArray[np.float64]
@@ -40,7 +41,7 @@ class DriftObserver(ColumnObserver):
         """Add the rows to the half they belong to."""
         start, end = self._window
         place = 2.0 * (time - start) / (end - start)  # 0 to 1: first half, 1 to 2: second half
-        weight = 1.0 - np.cos(2.0 * np.pi * place)
+        weight = weigh_hann(place)
         first, middle, last = np.searchsorted(place, (0.0, 1.0, 2.0), side="right")
         for half, inside in enumerate((slice(first, middle), slice(middle, last))):
             self._weights[half] += weight[inside].sum()

@@ -11,17 +11,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...pointing.hull import convex_hull
-from ...reduction.moments import Ellipse
+from ...reduction.moments import Polygon
 from .kept import State, check_array
 from .observer import ColumnObserver, NamedColumn
 from .statistics import Statistics
 
 Array = NDArray[np.float64]
 
-FLAT = 1e-8  # determinant over squared trace below which the corners of a hull lie on a line, to rounding
+EDGES = 24  # at most, of the polygon of some corners: with more of them fewer points lie between it and the hull
 BATCH_ROWS = 10_000  # looked at together: most batches of a long run have no point outside of the hull
 WIDER_ROWS = 500  # that lie outside of the hull wait for a new one: it costs as much as to look at 10000
-MARGIN = 1e-6  # of the ellipse's size: far more than rounding
+MARGIN = 1e-6  # of the polygon's size: far more than rounding
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +63,7 @@ class ScatterObserver(ColumnObserver):
         if sample < 1:
             raise ValueError(f"sample: expected 1 or more, got {sample}")
         self._statistics = Statistics(columns, names)
-        self._polygon = _Polygon(np.empty((0, 2)))
+        self._hull = _Hull(np.empty((0, 2)))
         self._sample = sample
         self._stride = 1
         self._rows = 0
@@ -77,14 +77,14 @@ class ScatterObserver(ColumnObserver):
 
     def save_state(self) -> dict[str, Any]:
         """As :meth:`ColumnObserver.save_state`."""
-        seen = {"hull": self._polygon.hull, "statistics": self._statistics.save_state()}
+        seen = {"hull": self._hull.corners, "statistics": self._statistics.save_state()}
         return {**super().save_state(), **seen, "held": self._held[:, : self._filled]}
 
     def load_state(self, state: State) -> None:
         """As :meth:`ColumnObserver.load_state`."""
         super().load_state(state)
         self._statistics.load_state(state["statistics"])
-        self._polygon = _Polygon(check_array("hull", state["hull"], self._polygon.hull, grows=True))
+        self._hull = _Hull(check_array("hull", state["hull"], self._hull.corners, grows=True))
         held = check_array("held", state["held"].T, self._held.T, grows=True)
         if len(held) >= BATCH_ROWS:
             raise ValueError(f"held: expected less than {BATCH_ROWS} rows, found {len(held)}")
@@ -107,7 +107,7 @@ class ScatterObserver(ColumnObserver):
         samples, self._filled = self._held[:, : self._filled], 0
         self._statistics.take(np.empty(0), samples)
         points = samples.T
-        self._wider = np.concatenate((self._wider, points[self._polygon.find_outside(samples)]))
+        self._wider = np.concatenate((self._wider, points[self._hull.find_outside(samples)]))
         if len(self._wider) > WIDER_ROWS:
             self._widen()
         kept = points[-self._rows % self._stride :: self._stride]
@@ -120,7 +120,7 @@ class ScatterObserver(ColumnObserver):
     def _widen(self) -> None:
         """The hull, with the points that lay outside of it."""
         if len(self._wider):
-            self._polygon = _Polygon(convex_hull(np.concatenate((self._polygon.hull, self._wider))))
+            self._hull = _Hull(convex_hull(np.concatenate((self._hull.corners, self._wider))))
             self._wider = np.empty((0, 2))
 
     def result(self) -> Scatter:
@@ -131,7 +131,7 @@ class ScatterObserver(ColumnObserver):
         statistics = self._statistics.result()
         centre = statistics.mean
         radius = np.hypot(*(self._points - centre).T)
-        hull = self._polygon.hull
+        hull = self._hull.corners
         x, y = (hull - centre).T
         return Scatter(
             unit=self.units[0],
@@ -148,37 +148,36 @@ class ScatterObserver(ColumnObserver):
         )
 
 
-class _Polygon:
-    """A counter-clockwise hull (n, 2) that is asked which points lie outside.
+class _Hull:
+    """Counter-clockwise corners (n, 2) of a hull that is asked which points lie outside.
 
-    Few do, and this costs a fraction of a new hull (0.04 instead of 0.54 us per point, in blocks of 1000) however many
+    Few do, and this costs a fraction of a new hull (0.02 instead of 0.54 us per point, in blocks of 1000) however many
     corners there are: 60 of the shape that noise makes, 500 of a slow motion.
     """
 
-    def __init__(self, hull: Array) -> None:
-        self.hull = hull
-        self._ellipse: Ellipse | None = None
-        if len(hull) < 3:
+    def __init__(self, corners: Array) -> None:
+        self.corners = corners
+        self._inner: Polygon | None = None
+        if len(corners) < 3:
             return
-        self._inside = hull.mean(axis=0)
-        ends = hull - self._inside
+        self._inside = corners.mean(axis=0)
+        ends = corners - self._inside
         angles = np.arctan2(ends[:, 1], ends[:, 0])
         first = int(angles.argmin())
-        to_circle = _inscribe_ellipse(ends)
-        if to_circle is not None:
-            (a, _), (b, c) = to_circle
-            self._ellipse = Ellipse(*self._inside, a, b, c)
+        normals = _find_normals(ends[:: -(-len(ends) // EDGES)])
+        if normals is not None:
+            self._inner = Polygon(self._inside, normals)
         ends, self._angles = np.roll(ends, -first, axis=0), np.roll(angles, -first)
         self._starts = np.roll(ends, 1, axis=0)
         self._edges = ends - self._starts
 
     def find_outside(self, points: Array) -> NDArray[np.intp]:
         """Places of those of the points (2, m) that lie outside."""
-        if len(self.hull) < 3:
+        if len(self.corners) < 3:
             return np.arange(points.shape[1])
-        if self._ellipse is None:
+        if self._inner is None:
             return self._look_closer(points)
-        far = self._ellipse.find_outside(points)
+        far = self._inner.find_outside(points)
         return far[self._look_closer(points[:, far])] if len(far) else far
 
     def _look_closer(self, points: Array) -> NDArray[np.intp]:
@@ -189,21 +188,16 @@ class _Polygon:
         return np.flatnonzero(x_edge * (y - y_start) < y_edge * (x - x_start))
 
 
-def _inscribe_ellipse(corners: Array) -> Array | None:
-    """An ellipse inside a hull whose corners (n, 2) are about a point inside, as the matrix that makes it the unit
-    circle; None for a hull that is hardly wider than a line.
+def _find_normals(corners: Array) -> Array | None:
+    """Normals (n, 2), as of :class:`.Polygon`, of a polygon of corners (n, 2) about a point inside, a little smaller.
 
-    It has the axes of the corners, and touches the nearest edge.  Of the points of a run all but a few lie in it, and
-    need not be looked at closer.
+    None if the point lies outside of it, or on an edge to rounding.  Of the points of a run all but a few lie inside,
+    and need not be looked at closer.
     """
-    moments = corners.T @ corners
-    if not np.linalg.det(moments) > FLAT * np.trace(moments) ** 2:
+    edges = np.roll(corners, -1, axis=0) - corners
+    normals = np.stack([edges[:, 1], -edges[:, 0]], axis=1)
+    heights = (normals * corners).sum(axis=1)
+    size = float(np.abs(corners).max())
+    if not (heights > MARGIN * size * np.hypot(edges[:, 0], edges[:, 1])).all():
         return None
-    to_circle = np.linalg.inv(np.linalg.cholesky(moments))
-    x, y = to_circle @ corners.T
-    x_next, y_next = np.roll(x, -1), np.roll(y, -1)
-    length = np.hypot(x_next - x, y_next - y)
-    if not length.all():
-        return None
-    distance = float(((x * y_next - y * x_next) / length).min())
-    return np.asarray(to_circle / (distance * (1.0 - MARGIN))) if distance > 0.0 else None
+    return np.asarray(normals / (heights[:, None] * (1.0 - MARGIN)))
