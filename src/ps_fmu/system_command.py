@@ -19,9 +19,9 @@ from .cosim.isolation.options import add_isolation_options, read_isolation
 from .cosim.osp.reading import OSP_NAME
 from .cosim.schemes.options import add_scheme_options, read_scheme
 from .cosim.ssp.sources import SSD_NAME
-from .product.files import find_file, find_product
+from .product.files import find_file
 from .runs.any_system import run_any
-from .runs.built_fmus import find_built_folder, provide_fmus
+from .runs.built_fmus import find_built_folder, is_own, provide_fmus
 from .runs.faults_option import add_faults_option, find_faults
 from .runs.options import PLOT, RESULTS, AnyRun, OptionError, claim_folder
 from .runs.output import hold_folder, leave_no_empty_folder, report_end
@@ -122,14 +122,6 @@ def run_system(options: AnyRun, program: str) -> int:
             return report_end(program, reason(error) + _suggest_folder(options, error), options.output, 1)
     print(f"results in {options.output}: {RESULTS}{f', {PLOT}' if (options.output / PLOT).is_file() else ''}")
     return 0
-
-
-def is_own(system: Path) -> bool:
-    """Whether a system description is one of ps_fmu, whose FMUs it can build."""
-    try:
-        return system.suffix.lower() == ".ssd" and system.resolve().parent == find_product().system.resolve()
-    except FileNotFoundError:
-        return False
 
 
 def _suggest_folder(options: AnyRun, error: Exception) -> str:

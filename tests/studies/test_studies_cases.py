@@ -203,8 +203,8 @@ def test_the_process_ends_with_the_one_that_started_it(folder):
 
 
 def test_a_process_that_does_not_start_says_why(folder):
-    (folder / "system.ssp").write_bytes(b"no archive")
-    with pytest.raises(StartError, match=r"(?s)does not start: exit code 1; it printed: .*system.ssp"):
+    (folder / "system.json").write_bytes(b"no system")
+    with pytest.raises(StartError, match=r"(?s)does not start: exit code 1; it printed: .*system.json"):
         next(CaseProcess(folder).run([(0, GAIN)]))
 
 

@@ -10,8 +10,9 @@ from fmpy.model_description import ModelDescription
 from .errors import UsageError
 from .rows import Column, OwnColumn, Rows, make_layout
 from .schemes.columns import lay_out
-from .schemes.scheme import Scheme
-from .signals import BoundSignal, derive_outputs
+from .schemes.resolving import resolve_scheme
+from .schemes.scheme import Scheme, make_scheme
+from .signals import BoundSignal, Signal, bind_signals, derive_outputs
 from .structure import PortName, System, suggest_names
 
 
@@ -78,3 +79,18 @@ class RunColumns:
         if capacity < 1:
             raise UsageError(f"block_rows: expected at least 1, got {capacity!r}")
         return Rows(self._layout, capacity, self._derived)
+
+
+def list_run_columns(
+    system: System,
+    descriptions: Mapping[str, ModelDescription],
+    inputs: Mapping[str, Signal],
+    scheme: str | Scheme,
+    step: float,
+) -> tuple[Column, ...]:
+    """What a run of a system with a ``step`` [s] can record, in order, without what only faults add.
+
+    Raises :class:`UsageError`: inputs or outputs of the system, or a scheme, that cannot be.
+    """
+    resolved = resolve_scheme(make_scheme(scheme), system, descriptions, step)
+    return RunColumns(system, descriptions, bind_signals(system, descriptions, inputs), resolved).every

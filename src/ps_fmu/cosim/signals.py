@@ -150,6 +150,16 @@ def bind_signals(
     return bound
 
 
+def list_ways(
+    system: System, item: SystemInput, descriptions: Mapping[str, ModelDescription]
+) -> tuple[tuple[PortName, Conversion], ...]:
+    """The inputs of components that an input of the system leads to, and what is done to its value on the way.
+
+    Raises :class:`UsageError` as :func:`bind_signals`.
+    """
+    return _convert_input(system, item, descriptions)[1]
+
+
 def get_first_values(signals: Sequence[BoundSignal], start: float, step: float) -> dict[PortName, Value]:
     """What the signals give the inputs of components at the start [s] of a run with a step [s]."""
     types: dict[str, type[float | int | bool]] = {"Real": float, "Boolean": bool}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import re
 import weakref
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -199,11 +199,8 @@ class System:
 
         Raises :class:`UsageError`: no component has such a name.
         """
-        known = {component.name for component in self.components}
-        place = len(name)
-        while (place := name.rfind(".", 0, place)) > 0:
-            if name[:place] in known and name[place + 1 :]:
-                return PortName(name[:place], name[place + 1 :])
+        if (found := split_port(name, {component.name for component in self.components})) is not None:
+            return found
         port = parse_port(name)
         self.component(port.component)  # raises: all that there are have been tried
         return port
@@ -264,6 +261,15 @@ class UnpackedFolder:
             if not error.path.is_relative_to(self.path):
                 raise
             raise SystemFileError(self.locate(error.path), error.text, error.line) from error
+
+
+def split_port(name: str, components: Collection[str]) -> PortName | None:
+    """``component.variable`` taken apart behind the longest of the names of components that fits; None if none does."""
+    place = len(name)
+    while (place := name.rfind(".", 0, place)) > 0:
+        if name[:place] in components and name[place + 1 :]:
+            return PortName(name[:place], name[place + 1 :])
+    return None
 
 
 def parse_port(name: str) -> PortName:

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
-import unicodedata
 from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
 
@@ -20,12 +18,12 @@ from ..cosim.faults.reading import read_faults
 from ..cosim.master import Master
 from ..cosim.recording.recorder import Recorder
 from ..cosim.recording.selection import matches
-from ..cosim.rows import Array, Column
+from ..cosim.rows import Array
 from ..cosim.schemes.resolving import resolve_scheme
 from ..cosim.schemes.scheme import make_scheme
 from ..cosim.signals import Signal, read_signals
-from ..cosim.ssp.reading import read_parameters, read_system
-from ..cosim.ssp.single import complete_experiment, fit_duration, read_single
+from ..cosim.ssp.reading import read_parameters
+from ..cosim.ssp.single import complete_experiment, fit_duration, read_any_system
 from ..cosim.structure import PortName, System
 from ..results.quick_plot import Line, draw_quick_plot
 from ..results.summary import plain
@@ -37,11 +35,11 @@ from .keeping import CaseKeeper, keep_run, leave_no_empty_file
 from .kept_options import SYSTEM
 from .options import MOST_STEPS, PLOT, RESULTS, SUMMARY, AnyRun, OptionError
 from .setup import select_stored
+from .stored_names import make_stored_names, rename_columns
 from .warning_log import WarningLog
 
 GROUP = "run"
 """Name of the group in results.nc."""
-_FORBIDDEN = re.compile(r"[/\x00-\x1f\x7f]")
 
 
 def run_any(options: AnyRun) -> None:
@@ -109,31 +107,9 @@ def _run(options: AnyRun) -> None:
             warnings.add(left)
 
 
-def make_stored_names(names: Sequence[str]) -> dict[str, str]:
-    """Names of netCDF variables for columns of any name, each once: netCDF has no slashes nor control characters.
-
-    It begins with a letter, digit or underscore, ends with no space and is in Unicode's normal form C (NetCDF Users
-    Guide, appendix B).
-    """
-    stored: dict[str, str] = {}
-    taken = {"time"}
-    for name in names:
-        plain = unicodedata.normalize("NFC", _FORBIDDEN.sub("_", name)).rstrip()
-        if not plain or (ord(plain[0]) < 128 and not (plain[0].isalnum() or plain[0] == "_")):
-            plain = f"_{plain}"
-        unique, number = plain, 2
-        while unique in taken:
-            unique, number = f"{plain}_{number}", number + 1
-        taken.add(unique)
-        stored[name] = unique
-    return stored
-
-
 def _read(options: AnyRun) -> System:
     sets = [read_parameters(path).entries() for path in options.parameters]
-    if options.system.suffix.lower() == ".fmu":
-        return read_single(options.system, sets)
-    return read_system(options.system, options.fmus, outside=options.outside, lenient=True, values=sets)
+    return read_any_system(options.system, options.fmus, outside=options.outside, values=sets)
 
 
 def _choose_times(options: AnyRun, system: System) -> tuple[float, float]:
@@ -191,10 +167,7 @@ def _record(
     costs: RunCosts | None,
     keeper: CaseKeeper,
 ) -> None:
-    columns = [
-        replace(column, name=stored[column.name], description=_describe(column, stored[column.name]))
-        for column in master.columns
-    ]
+    columns = rename_columns(master.columns, stored)
     attributes: dict[str, str | float] = {
         "system": str(options.system), "scheme": str(master.scheme), "step_s": master.step, "duration_s": duration,
         **keeper.attributes,
@@ -223,10 +196,6 @@ def _record(
             beside=True,
             checkpoints=keeper.checkpoints,
         )
-
-
-def _describe(column: Column, stored: str) -> str:
-    return column.description if stored == column.name else f"{column.name}: {column.description}".rstrip(": ")
 
 
 def _write_summary(
@@ -267,5 +236,3 @@ def _draw(options: AnyRun, system: System, stored: Mapping[str, str], faults: Se
             lines.append(Line(name, variable.units, held, np.array(variable[:], dtype=float)))
     title = system.labels.get("name") or options.system.stem
     return draw_quick_plot(options.output / PLOT, time, lines, title=title, shaded=find_spans(faults, float(time[-1])))
-
-

@@ -84,6 +84,14 @@ def find_cache() -> Path:
         raise OSError(f"{error} {_CACHE_HINT}") from error
 
 
+def is_own(system: Path) -> bool:
+    """Whether a system description is one of ps_fmu, whose FMUs it can build."""
+    try:
+        return system.suffix.lower() == ".ssd" and system.resolve().parent == find_product().system.resolve()
+    except FileNotFoundError:
+        return False
+
+
 def provide_fmus(folder: Path, system: Path | None = None) -> None:
     """Have the product's FMUs in a folder, up to date.
 

@@ -137,7 +137,7 @@ def run_case(
 
     def note(simulated: float, passed: float, factor: float) -> None:
         wall[0] = passed
-        show(simulated - (keeper.start_time or 0.0), passed, factor)
+        show(simulated - start_s, passed, factor)
 
     structure = system.structure.with_parameters(case.values)
     costs = system.costs.begin(case.name) if options.profile else None
@@ -148,9 +148,10 @@ def run_case(
         Master(
             structure, options.step_s, options.scheme, descriptions=system.descriptions,
             stopwatch=None if costs is None else costs.stopwatch, isolation=options.isolation, faults=system.faults,
-            start_time=keeper.start_time,
+            start_time=keeper.start_time, inputs=system.inputs,
         ) as master,
     ):
+        start_s = master.time
         texts = (
             *_list_overruled(system, case), *_list_connected(system, master), *_list_open(system, master, case),
             *list_mismatches(system, case.values, options.apart), *master.faults.remarks,

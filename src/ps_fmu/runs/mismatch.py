@@ -30,7 +30,7 @@ def list_mismatches(system: RunSystem, values: Mapping[str, Value], apart: Itera
         return values[name] if name in values else system.get_start(name)
 
     def is_meant(name: str) -> bool:
-        port = parse_port(name)
+        port = system.structure.find_port(name)
         entry = system.structure.component(port.component).parameters.get(port.variable)
         noted = entry is not None and APART in entry.notes and name not in values
         return noted or any(name == prefix or name.startswith((f"{prefix}.", f"{prefix}_")) for prefix in prefixes)

@@ -16,6 +16,7 @@ from ..cosim.faults.reading import read_faults
 from ..cosim.recording.selection import select_names
 from ..cosim.rows import Column, make_layout
 from ..cosim.schemes.scheme import make_scheme
+from ..cosim.signals import Signal
 from ..cosim.structure import Parameter, parse_port
 from ..results.summary import FmuFile
 from .cost_log import CostLog
@@ -56,13 +57,15 @@ class RunSystem:
     """Where the time of the runs goes, if the options ask for it."""
     faults: FaultFile | None = None
     """What happens to signals and parameters in each run."""
+    inputs: Mapping[str, Signal] = field(default_factory=dict)
+    """Inputs over time, by the name of an input of the system or by ``component.variable``."""
 
     def get_start(self, name: str) -> Value:
         """The value that ``component.variable`` will start with: as set in the system, or else as its FMU has it.
 
         Raises :class:`ps_fmu.cosim.UsageError` for a value that is not of the variable's type or unit.
         """
-        port = parse_port(name)
+        port = self.structure.find_port(name)
         entry = self.structure.component(port.component).parameters.get(port.variable)
         variable = find_variable(self.descriptions[port.component], port.variable)
         if entry is None:
@@ -81,7 +84,7 @@ class RunSystem:
 
     def get_origin(self, name: str) -> str:
         """Where the start value of ``component.variable`` comes from: a file with its line, or the FMU."""
-        port = parse_port(name)
+        port = self.structure.find_port(name)
         component = self.structure.component(port.component)
         entry = component.parameters.get(port.variable)
         return component.source.name if entry is None else entry.origin
@@ -122,7 +125,7 @@ def load_system(options: RunOptions, defaults: Mapping[str, Value] | None = None
     columns = make_layout(descriptions, seen).columns
     select_stored(columns, options.observe)
     system = RunSystem(structure, descriptions, given, judge=read_judge(options, columns), faults=faults)
-    return system if HIGHEST_NOISE in given or not disturbed else _limit_noise(system, options.step_s)
+    return limit_noise(system, options.step_s) if disturbed else system
 
 
 def _read_disturbance(options: RunOptions) -> dict[str, Value]:
@@ -168,10 +171,13 @@ def identify_fmus(system: RunSystem) -> tuple[FmuFile, ...]:
     return tuple(FmuFile.of(component.source) for component in system.structure.components)
 
 
-def _limit_noise(system: RunSystem, step_s: float) -> RunSystem:
-    """Have the noise end where the steps would fold it to low frequencies."""
+def limit_noise(system: RunSystem, step_s: float) -> RunSystem:
+    """Have the noise end where steps [s] would fold it to low frequencies, unless a parameter file sets its end.
+
+    Raises :class:`OptionError` for a step that is too long for any noise.
+    """
     highest = HIGHEST_PER_RATE / step_s
-    if not system.get_start(NOISE) or highest >= system.get_number(HIGHEST_NOISE):
+    if HIGHEST_NOISE in system.given or not system.get_start(NOISE) or highest >= system.get_number(HIGHEST_NOISE):
         return system
     lowest = system.get_number(LOWEST_NOISE)
     if highest <= lowest:

@@ -10,7 +10,6 @@ from ..cosim.checkpoint.warm_start import WarmStart
 from ..cosim.graph import check_wiring
 from ..cosim.schemes.resolving import resolve_scheme
 from ..cosim.schemes.scheme import make_scheme
-from ..cosim.structure import parse_port
 from ..runs.keeping import find_source
 from ..runs.options import OptionError
 from ..runs.setup import RunSystem
@@ -62,9 +61,10 @@ def keep_seeds(study: Study, system: RunSystem, sources: Sources) -> RunSystem:
         if study.branch.keeps(name, system.descriptions):
             seed = first.get_start(name)
             kept |= {} if seed is None else {name: seed}
+            component = system.structure.find_port(name).component
             system.warnings.add(
                 f"{name} is in the state of its FMU: all cases go on with the random numbers of the checkpoint.  To "
-                f"give each its own, begin that FMU anew: [from], anew = [{parse_port(name).component!r}]."
+                f"give each its own, begin that FMU anew: [from], anew = [{component!r}]."
             )
     return replace(system, structure=system.structure.with_parameters(kept))
 

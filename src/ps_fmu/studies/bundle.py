@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import hashlib
-import io
 import tempfile
-import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
 from ..slavekit.pack import zip_writer
 
-SYSTEM, TASK, REQUIREMENTS = "system.ssp", "task.json", "requirements.toml"
+SYSTEM, TASK, REQUIREMENTS, INPUTS = "system.json", "task.json", "requirements.toml", "inputs.csv"
+FMUS = "fmus"
+"""Folder of the FMUs, each in a folder of its own: two may have one name."""
 FAULTS = "faults"
 """JSON or YAML, which the content tells."""
 
@@ -38,14 +38,14 @@ class Bundle:
             raise ValueError(f"the study's files arrived damaged: their SHA-256 is not {self.sha256}")
         place = Path(tempfile.mkdtemp(prefix=f"study_{self.sha256[:16]}_", dir=folder))
         for name, content in self.files.items():
+            (place / name).parent.mkdir(parents=True, exist_ok=True)
             (place / name).write_bytes(content)
         return place
 
     def get_system_sha256(self) -> str:
-        """SHA-256 of the content of the archive with wiring, start values and FMUs; not of its compression."""
-        with zipfile.ZipFile(io.BytesIO(self.files[SYSTEM])) as archive:
-            found = {PurePosixPath(item.filename): archive.read(item) for item in archive.infolist()}
-        return zip_writer.compute_digest(found).hex()
+        """SHA-256 of the system: wiring, start values and FMUs."""
+        own = (SYSTEM, f"{FMUS}/")
+        return _digest({name: content for name, content in self.files.items() if name.startswith(own)})
 
 
 def _digest(files: Mapping[str, bytes]) -> str:

@@ -9,12 +9,14 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-from ..cosim import Column, Master, Observer, Recorder, RecorderError, SlaveError, Value, read_system
+from ..cosim import Column, Master, Observer, Recorder, RecorderError, SlaveError, Value
 from ..cosim.checkpoint.checkpoints import Checkpoints
 from ..cosim.checkpoint.state import CheckpointError
 from ..cosim.checkpoint.warm_start import WarmStart
+from ..cosim.columns import list_run_columns
 from ..cosim.faults.reading import read_faults
-from ..cosim.rows import make_layout
+from ..cosim.signals import read_signals
+from ..cosim.system_json import decode_system
 from ..pointing.interpretation import Interpretation
 from ..requirements.pooled import pack_distribution
 from ..requirements.reading import read_requirements
@@ -23,7 +25,7 @@ from ..runs.cases import Bounds
 from ..runs.judge import RunJudge
 from ..runs.keeping import SinceStart
 from ..terminal import reason
-from .bundle import FAULTS, REQUIREMENTS, SYSTEM, TASK
+from .bundle import FAULTS, INPUTS, REQUIREMENTS, SYSTEM, TASK
 from .indices import IndexRecord, SwitchRecord, find_signals
 from .parts import move_durably
 from .rows import ANSWER, DONE, FAILED, HISTOGRAM, LONGEST_TEXT, Row, VersionError
@@ -50,10 +52,11 @@ class CaseRunner:
         self._sources = {run: files[name] for run, name in task.sources.items()}
         """Read once: no case changes them."""
         self._began = next((source.time for source in files.values()), None)
-        self.warm = WarmSystem(
-            read_system(folder / SYSTEM), task.step_s, task.scheme, faults, task.isolation, self._began
-        )
-        self.columns = make_layout(self.warm.descriptions).columns
+        system = decode_system(folder / SYSTEM)
+        path = folder / INPUTS
+        inputs = read_signals(path) if path.is_file() else {}
+        self.warm = WarmSystem(system, task.step_s, task.scheme, faults, task.isolation, self._began, inputs)
+        self.columns = list_run_columns(system, self.warm.descriptions, inputs, task.scheme, task.step_s)
         path = folder / REQUIREMENTS
         self.requirements = read_requirements(path) if path.is_file() else ()
         self._needed = list_needed(self.task, self.columns)

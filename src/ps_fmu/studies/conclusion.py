@@ -9,7 +9,6 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from ..cosim.rows import make_layout
 from ..pointing.confidence import Statement
 from ..requirements.reading import read_requirements
 from ..requirements.verdict import Answer
@@ -21,6 +20,7 @@ from ..slavekit.pack.files import write_atomically
 from .control_variate import Controlled, control
 from .explorer import tabulate_cases
 from .figures import draw_all
+from .loading import list_columns
 from .outcome import Outcome, collect
 from .sensitivity import Influence, find_influences
 from .signals import FOLDER as SIGNALS
@@ -59,7 +59,7 @@ def conclude(options: SweepOptions, prepared: Prepared, folder: Path) -> str:
     """Write ``study.parquet``, summary.json, figures and study.html; the text for the terminal.  Raises ``OSError``."""
     study = prepared.plan.study
     requirements = () if study.requirements is None else read_requirements(study.requirements)
-    columns = make_layout(prepared.system.descriptions).columns
+    columns = list_columns(prepared.plan.study, prepared.system)
     outcome = collect(folder, prepared.plan, prepared.identity.plan_sha256, columns, requirements)
     found = Conclusion(
         outcome,

@@ -13,7 +13,9 @@ from numpy.typing import ArrayLike, NDArray
 from ..cosim import UsageError, Value
 from ..cosim.description import convert_value, explain_unsettable, get_unit, index_variables, read_start
 from ..cosim.graph import Wiring
-from ..cosim.structure import suggest_names
+from ..cosim.hops import list_items
+from ..cosim.signals import bind_signals, list_ways
+from ..cosim.structure import split_port, suggest_names
 from ..runs.setup import RunSystem
 from .fault_numbers import find_numbers, names_faults
 from .numbers import Number, parse_number
@@ -99,7 +101,7 @@ def find_factor(vary: Vary, system: RunSystem, wiring: Wiring, branch: Branch | 
         numbers = find_numbers(vary, system)
         stated = [float(read_start(number)) if number.type == "Real" else 0.0 for number in numbers.values()]
         return _make_factor(vary, tuple(numbers), tuple(numbers.values()), stated)
-    targets = find_targets(vary, system.descriptions)
+    targets = find_targets(vary, system.descriptions, _list_inputs(vary, system))
     variables = _find_variables(vary, targets, system, wiring, branch)
     pairs = zip(targets, variables, strict=True)
     starts = [system.get_number(name) if variable.type == "Real" else 0.0 for name, variable in pairs]
@@ -110,11 +112,15 @@ def _find_variables(
     vary: Vary, targets: Sequence[str], system: RunSystem, wiring: Wiring, branch: Branch | None
 ) -> tuple[ModelVariable, ...]:
     connected = {str(connection.target): connection.source for connection in wiring.connections}
+    signals = bind_signals(system.structure, system.descriptions, system.inputs)
+    fed = {str(port): signal.port for signal in signals for port, _ in signal.targets}
     variables = []
     for name in targets:
         if name in connected:
             raise vary.error("parameter", f"{name} is connected to {connected[name]}: nothing can be set")
-        component, _, variable = name.partition(".")
+        if name in fed:
+            raise vary.error("parameter", f"{name} gets {fed[name]} of the file of inputs: nothing can be set")
+        component, variable = system.structure.find_port(name)
         variables.append(index_variables(system.descriptions[component])[variable])
         if why := explain_unsettable(variables[-1], running=False):
             raise vary.error("parameter", f"{name} {why}")
@@ -146,10 +152,29 @@ def _make_factor(
     return Factor(vary, unit, targets, ratios, (), _find_spread(vary, starts[0], unit), variables)
 
 
-def find_targets(vary: Vary, descriptions: Mapping[str, ModelDescription]) -> tuple[str, ...]:
+def _list_inputs(vary: Vary, system: RunSystem) -> dict[str, tuple[str, ...]]:
+    """The ``component.variable`` that an input of the system leads to, of those that a ``[[vary]]`` names.
+
+    Raises :class:`.study.StudyError` for one whose value is converted on its way.
+    """
+    found: dict[str, tuple[str, ...]] = {}
+    for item in system.structure.inputs:
+        if item.name in vary.parameters:
+            for port, conversion in list_ways(system.structure, item, system.descriptions):
+                if not conversion.changes_nothing:
+                    text = f"the value of the system's input {item.name!r} is converted for {port}: vary {port} instead"
+                    raise vary.error("parameter", text)
+            found[item.name] = tuple(str(port) for port, _ in item.targets)
+    return found
+
+
+def find_targets(
+    vary: Vary, descriptions: Mapping[str, ModelDescription], inputs: Mapping[str, Sequence[str]]
+) -> tuple[str, ...]:
     """``component.parameter`` of each start value that a ``[[vary]]`` sets.
 
-    A name that begins with that of a component is exact; others are sought in all components, or in those of ``only``.
+    A name that begins with that of a component is exact; one of ``inputs`` means all that it leads to; others are
+    sought in all components, or in those of ``only``.
     """
     for component in vary.only:
         if component not in descriptions:
@@ -161,17 +186,20 @@ def find_targets(vary: Vary, descriptions: Mapping[str, ModelDescription]) -> tu
     }
     found: dict[str, None] = {}
     for name in vary.parameters:
-        first, _, rest = name.partition(".")
-        if first in settable and rest in settable[first]:
+        port = split_port(name, settable)
+        if port is not None and port.variable in settable[port.component]:
             if vary.only:
                 raise vary.error("only", f"{name!r} names its component already")
             found[name] = None
+            continue
+        if name in inputs and not vary.only:
+            found |= dict.fromkeys(inputs[name])
             continue
         wanted = vary.only or tuple(settable)
         own = [f"{component}.{name}" for component in wanted if name in settable[component]]
         if not own:
             exact = [f"{component}.{other}" for component, others in settable.items() for other in others]
-            known = exact if first in settable else dict.fromkeys(n for c in wanted for n in settable[c])
+            known = exact if port is not None else dict.fromkeys(n for c in wanted for n in settable[c])
             near = suggest_names(name, known)
             where = f"the components {', '.join(vary.only)} have" if vary.only else "the system has"
             raise vary.error("parameter", f"{where} no parameter or input {name!r}{near}")
@@ -198,11 +226,26 @@ def _find_levels(vary: Vary, variables: Sequence[ModelVariable], unit: str) -> t
     for level in given:
         for variable in variables:
             try:
-                value = convert_value(variable, level)  # type: ignore[arg-type]
+                value = convert_level(variable, level)  # type: ignore[arg-type]
             except (UsageError, OverflowError) as error:
                 raise vary.error("values" if vary.levels else "low", f"{variable.name}: {error}") from None
         found.append(value)
     return tuple(found)
+
+
+def convert_level(variable: ModelVariable, value: Value) -> Value:
+    """A value as the variable takes it; of an enumeration the name of an item will do.
+
+    Raises :class:`..cosim.UsageError`, without the name of the variable.
+    """
+    declared = variable.declaredType
+    if variable.type != "Enumeration" or declared is None or not declared.items:
+        return convert_value(variable, value)
+    items = {item.name: int(item.value) for item in declared.items}
+    number = convert_value(variable, items[value] if isinstance(value, str) and value in items else value)
+    if number not in items.values():
+        raise UsageError(f"the enumeration has no value {value!r}; it has {list_items(items)}")
+    return number
 
 
 def _read_level(vary: Vary, level: object, kind: str, unit: str) -> object:

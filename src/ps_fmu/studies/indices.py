@@ -31,7 +31,11 @@ def find_signals(observed: Observed, columns: Sequence[Column]) -> dict[str, int
     found: dict[str, int] = {}
     for signal in observed.signals:
         member = re.compile(re.escape(signal) + r"(?:\.\w+|_\d+)?")
-        own = {name: place for name, place in places.items() if "." in signal and member.fullmatch(name)}
+        own = {
+            name: place
+            for name, place in places.items()
+            if name == signal or ("." in signal and member.fullmatch(name))  # a component is no vector
+        }
         if not own:
             vectors = {name.rpartition(".")[0] for name in places}
             hint = suggest_names(signal, [*places, *(name for name in vectors if "." in name)])

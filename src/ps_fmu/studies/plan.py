@@ -6,7 +6,7 @@ import hashlib
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from ..cosim import UsageError, Value
 from ..cosim.description import convert_value, find_variable, index_variables
 from ..cosim.graph import check_wiring
-from ..cosim.structure import parse_port
+from ..cosim.structure import parse_port, split_port
 from ..runs.setup import RunSystem
-from .factors import Factor, find_factor
+from .factors import Factor, convert_level, find_factor
 from .sampling import draw_cases
 from .study import COMMON, GRID, LIST, MOST_CASES, Study, StudyError
 from .task import result_versions
@@ -73,7 +73,7 @@ def make_plan(study: Study, system: RunSystem) -> Plan:
     wiring = check_wiring(system.structure, system.descriptions)
     factors = tuple(find_factor(vary, system, wiring, study.branch) for vary in study.varied)
     _check_targets(study, factors)
-    _check_runs(study, system.descriptions)
+    study = replace(study, runs=_convert_runs(study, system.descriptions))
     if study.plan in (GRID, LIST):
         counts = [len(factor.levels) for factor in factors]
         total = math.prod(counts) if study.plan == GRID else max(counts)
@@ -116,6 +116,7 @@ def hash_plan(
     requirements: bytes,
     faults: bytes = b"",
     checkpoints: Mapping[str, str] | None = None,
+    inputs: bytes = b"",
 ) -> str:
     """SHA-256, hexadecimal, of all that decides the rows of the study.
 
@@ -123,7 +124,7 @@ def hash_plan(
     ----------
     fmus: SHA-256 of each FMU by its name.
     system_sha256: of wiring and start values, which the FMUs share.
-    requirements, faults: contents of the files, empty without one.
+    requirements, faults, inputs: contents of the files, empty without one.
     checkpoints: SHA-256 of that of each run, None without any.
     """
     study = plan.study
@@ -142,6 +143,8 @@ def hash_plan(
     }
     if faults:
         stated["faults"] = hashlib.sha256(faults).hexdigest()
+    if inputs:
+        stated["inputs"] = hashlib.sha256(inputs).hexdigest()
     if study.branch is not None:
         stated["from"] = (checkpoints, sorted(study.branch.anew))
     return hashlib.sha256(json.dumps(stated, sort_keys=True).encode()).hexdigest()
@@ -160,16 +163,20 @@ def _check_targets(study: Study, factors: Sequence[Factor]) -> None:
                 raise StudyError(f"{study.path}, [runs.{run}], {name}: is varied by [[vary]] {owner[name].name!r}")
 
 
-def _check_runs(study: Study, descriptions: Mapping[str, ModelDescription]) -> None:
+def _convert_runs(study: Study, descriptions: Mapping[str, ModelDescription]) -> dict[str, dict[str, Value]]:
+    """The start values of the runs as their FMUs take them.  Raises :class:`.study.StudyError`."""
+    found: dict[str, dict[str, Value]] = {run: {} for run in study.runs}
     for run, values in study.runs.items():
         for name, value in values.items():
             try:
-                port = parse_port(name)
-                if port.component not in descriptions:
-                    raise UsageError(f"there is no component {port.component!r}; there are {', '.join(descriptions)}")
-                _convert(descriptions, name, value)
+                port = split_port(name, descriptions)
+                if port is None:
+                    component = parse_port(name).component
+                    raise UsageError(f"there is no component {component!r}; there are {', '.join(descriptions)}")
+                found[run][name] = convert_level(find_variable(descriptions[port.component], port.variable), value)
             except UsageError as error:
                 raise StudyError(f"{study.path}, [runs.{run}], {name}: {error}") from None
+    return found
 
 
 def _check_values(plan: Plan) -> None:
@@ -184,7 +191,3 @@ def _check_values(plan: Plan) -> None:
                     key = "values" if factor.spread is None else "low"
                     raise factor.vary.error(key, f"case {index}, {name}: {error}; truncate with low and high") from None
 
-
-def _convert(descriptions: Mapping[str, ModelDescription], name: str, value: Value) -> Value:
-    port = parse_port(name)
-    return convert_value(find_variable(descriptions[port.component], port.variable), value)

@@ -1,86 +1,35 @@
-"""From a study to what is run: its system, checked against all that the study names, and the files for the workers."""
+"""From a study to what is run: what it observes and varies, checked, and the files for the workers."""
 
 from __future__ import annotations
 
+import hashlib
 import tempfile
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from ..cosim import CosimError, UsageError, write_ssp
+from ..cosim import CosimError
 from ..cosim.clock import StepClock
-from ..cosim.faults.active import make_faults
 from ..cosim.faults.binding import bind_faults
 from ..cosim.faults.numbers import change_numbers
-from ..cosim.rows import make_layout
-from ..cosim.schemes.scheme import make_scheme
 from ..cosim.structure import Experiment
+from ..cosim.system_json import encode_system
 from ..pointing.indices import AbsoluteError, MeanError, PointingIndex, RelativeError, ResidualJitter
-from ..runs.options import OptionError, RunOptions, Scenario
-from ..runs.setup import RunSystem, load_system
+from ..runs.setup import RunSystem
 from .branching import Sources
-from .bundle import FAULTS, REQUIREMENTS, SYSTEM, TASK, Bundle
+from .bundle import FAULTS, FMUS, INPUTS, REQUIREMENTS, SYSTEM, TASK, Bundle
 from .fault_numbers import names_faults, split_values
-from .indices import check_windows, find_signals
+from .indices import find_signals
+from .loading import list_columns
 from .plan import Plan
-from .signals import check_signals, find_columns
-from .study import Observed, Study, StudyError
+from .signals import find_columns
+from .study import Observed, Study
 from .task import Task, result_versions
 
 DEFAULT_SIGNAL = "plant.payload_rotation"
 DEFAULT_WINDOW_S = 1.0
 MOST_LEVELS = 1000  # of a number of faults: more are not checked one by one
-
-
-def make_options(study: Study, output: Path, run: Any = None) -> RunOptions:
-    """The study as options of a run.  ``run``: runs them, for a case that is run again.
-
-    Raises :class:`..runs.options.OptionError`.
-    """
-    scenario = Scenario(
-        study.name, study.name, run, study.duration_s, study.step_s, cases=tuple(study.runs), system=study.system.name
-    )
-    return RunOptions(
-        scenario,
-        system=study.system,
-        output=output,
-        duration_s=study.duration_s,
-        step_s=study.step_s,
-        parameters=study.parameters,
-        scheme=study.scheme,
-        requirements=study.requirements,
-        faults=study.faults,
-        isolation=study.isolation,
-        fmus=study.fmus,
-        progress=False,
-    )
-
-
-def load_study_system(study: Study) -> RunSystem:
-    """The system of a study; requirements, signals and windows are checked against it.
-
-    Raises :class:`.study.StudyError`, and :class:`..cosim.CosimError` for a system that cannot be read.
-    """
-    try:
-        system = load_system(make_options(study, Path()))
-    except OptionError as error:
-        raise StudyError(f"{study.path}, [study], {_as_key(str(error))}") from error
-    clock, scheme = StepClock(0.0, study.step_s), make_scheme(study.scheme)
-    make_faults(system.faults, system.structure, system.descriptions, clock, scheme)
-    if study.isolation is not None:
-        try:
-            study.isolation.check(system.structure)
-        except UsageError as error:
-            raise study.error("isolate", str(error)) from error
-    columns = make_layout(system.descriptions).columns
-    for observed in study.observed:
-        find_signals(observed, columns)
-        check_windows(observed, study.step_s, study.duration_s)
-    if study.signals is not None:
-        check_signals(study.signals, columns, study.step_s, study.duration_s)
-    return system
 
 
 def complete_observed(study: Study, system: RunSystem) -> Study:
@@ -92,7 +41,7 @@ def complete_observed(study: Study, system: RunSystem) -> Study:
         window = DEFAULT_WINDOW_S
         indices += [MeanError(window), RelativeError(window, "uniform"), ResidualJitter(window)]
     observed = Observed(f"{study.path}, [[observe]]", (DEFAULT_SIGNAL,), tuple(indices))
-    find_signals(observed, make_layout(system.descriptions).columns)
+    find_signals(observed, list_columns(study, system))
     return replace(study, observed=(observed,))
 
 
@@ -130,34 +79,42 @@ def check_numbers(plan: Plan, system: RunSystem) -> None:
 
 
 def make_bundle(study: Study, system: RunSystem, sources: Sources) -> Bundle:
-    """The files of a study.  Raises as :func:`..cosim.write_ssp`, OSError."""
-    experiment = Experiment(0.0, study.duration_s, study.step_s)
+    """The files of a study.  Raises OSError."""
+    start = system.structure.experiment.start_time
+    experiment = Experiment(start, start + study.duration_s, study.step_s)
+    names, files = _collect_fmus(system)
+    files[SYSTEM] = encode_system(replace(system.structure, experiment=experiment), names)
     distinct = list({source.path: source for source in sources.values()}.values())
-    names = {source.path: f"checkpoint_{number}.zip" for number, source in enumerate(distinct)}
+    kept = {source.path: f"checkpoint_{number}.zip" for number, source in enumerate(distinct)}
     with tempfile.TemporaryDirectory(prefix="study_") as folder:
-        path = Path(folder, SYSTEM)
-        write_ssp(replace(system.structure, experiment=experiment), path)
-        archive, checkpoints = path.read_bytes(), {}
         for source in distinct:
-            place = Path(folder, names[source.path])
+            place = Path(folder, kept[source.path])
             source.write(place)
-            checkpoints[place.name] = place.read_bytes()
+            files[place.name] = place.read_bytes()
     stored: tuple[str, ...] = ()
     if study.signals is not None:
-        stored = find_columns(study.signals, make_layout(system.descriptions).columns)
+        stored = find_columns(study.signals, list_columns(study, system))
     task = Task(
         study.step_s, study.duration_s, study.scheme, study.runs, study.observed, result_versions(), stored,
         None if study.signals is None else study.signals.step_s, study.isolation,
-        {run: names[source.path] for run, source in sources.items()}, () if study.branch is None else study.branch.anew,
+        {run: kept[source.path] for run, source in sources.items()}, () if study.branch is None else study.branch.anew,
     )  # fmt: skip
-    files = {SYSTEM: archive, TASK: task.as_json(), **checkpoints}
-    if study.requirements is not None:
-        files[REQUIREMENTS] = study.requirements.read_bytes()
-    if study.faults is not None:
-        files[FAULTS] = study.faults.read_bytes()
+    files[TASK] = task.as_json()
+    for name, path in ((REQUIREMENTS, study.requirements), (FAULTS, study.faults), (INPUTS, study.inputs)):
+        if path is not None:
+            files[name] = path.read_bytes()
     return Bundle.of(files)
 
 
-def _as_key(problem: str) -> str:
-    """The text of an option's error with the key of the study instead of the option."""
-    return problem.removeprefix("--")
+def _collect_fmus(system: RunSystem) -> tuple[dict[str, str], dict[str, bytes]]:
+    """What the FMU of each component is called in the bundle, and their contents by these names, each once."""
+    names: dict[str, str] = {}
+    files: dict[str, bytes] = {}
+    places: dict[str, str] = {}
+    for component in system.structure.components:
+        content = component.source.read_bytes()
+        digest = hashlib.sha256(content).hexdigest()
+        place = places.setdefault(digest, f"{FMUS}/{len(places)}/{component.source.name}")
+        names[component.name], files[place] = place, content
+    return names, files
+

@@ -43,6 +43,7 @@ from typing import Any
 from ..cosim import UsageError, Value
 from ..cosim.isolation.instance import Isolation
 from ..cosim.isolation.options import make_isolation
+from ..cosim.ssp.reading import find_description
 from ..cosim.structure import COMPONENT_NAME
 from ..pointing.index import PointingIndex
 from ..product.files import find_file, find_product
@@ -75,7 +76,7 @@ from .table_reader import TableReader
 TABLES = ("study", "from", "runs", "vary", "correlate", "observe", "signals")
 STUDY_KEYS = (
     "name", "system", "duration", "step", "scheme", "parameters", "requirements", "plan", "cases", "seed", "seeds",
-    "timeout", "control_variates", "faults", "isolate", "step_timeout",
+    "timeout", "control_variates", "faults", "isolate", "step_timeout", "inputs", "outside",
 )  # fmt: skip
 KEYS_OF = {
     VALUES: ("values",),
@@ -102,6 +103,7 @@ def read_study(path: Path) -> Study:
     system = _find(path, table.text("system", "SystemStructure.ssd"), "system", table)
     requirements = table.text("requirements", None)
     faults = table.text("faults", None)
+    inputs = table.text("inputs", None)
     varied = tuple(_read_varied(path, content, plan))
     return Study(
         path=path,
@@ -128,6 +130,8 @@ def read_study(path: Path) -> Study:
         isolation=_read_isolation(table),
         signals=read_signals(path, content),
         faults=None if faults is None else _find(path, faults, "faults", table),
+        inputs=None if inputs is None else _find(path, inputs, "inputs", table),
+        outside=table.flag("outside", False),
         branch=_read_branch(path, content),
     )
 
@@ -147,6 +151,8 @@ def _find(study: Path, name: str, key: str, table: TableReader) -> Path:
     """A file that the study names: beside the study, or one of ps_fmu."""
     own = study.parent / name
     found = own if own.exists() else find_file(Path(name))
+    if found.is_dir() and key == "system":
+        found = find_description(found)
     if not found.is_file() and key == "system":
         found = find_product().system / name
     if not found.is_file():

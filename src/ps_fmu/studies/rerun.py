@@ -20,10 +20,10 @@ from ..runs.publish import show_verdict
 from ..runs.setup import identify_fmus
 from ..slavekit.pack.files import write_atomically
 from .case_runner import describe_verdicts, make_records
-from .fault_numbers import split_values
+from .fault_numbers import names_faults, split_values
 from .indices import IndexRecord, SwitchRecord
+from .loading import make_options
 from .parts import list_parts, read_rows
-from .preparation import make_options
 from .rows import MEASURED, Row
 from .study import StudyError
 from .study_folder import explain_difference, read_identity
@@ -97,7 +97,8 @@ def compare_rows(row: Row, stored: Row | None) -> str:
 
 def _run(options: SweepOptions, prepared: Prepared, case: int, folder: Path) -> tuple[Row, str]:
     study = prepared.plan.study
-    varied = [name.partition(".")[2] for name in prepared.plan.targets]
+    targets = [name for name in prepared.plan.targets if not names_faults(name, prepared.system.descriptions)]
+    varied = [prepared.system.structure.find_port(name).variable for name in targets]
     apart = tuple(f"{component}.{name}" for component in prepared.system.descriptions for name in varied)
     branch = study.branch
     run_options = replace(

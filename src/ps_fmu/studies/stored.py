@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ..cosim.rows import make_layout
 from ..requirements.reading import read_requirements
 from ..runs.setup import RunSystem
+from .loading import list_columns
 from .outcome import collect
 from .parts import read_statuses
 from .plan import Plan
@@ -21,7 +21,7 @@ def check_stored(plan: Plan, system: RunSystem) -> int:
     if signals is None:
         return 0
     rows = round(study.duration_s / (signals.step_s or study.step_s)) + 1
-    return check_size(signals, make_layout(system.descriptions).columns, len(plan), len(study.runs), rows)
+    return check_size(signals, list_columns(plan.study, system), len(plan), len(study.runs), rows)
 
 
 def prepare_folder(folder: Path, plan: Plan, system: RunSystem) -> None:
@@ -58,5 +58,5 @@ def list_worst(folder: Path, plan: Plan, plan_hash: str, system: RunSystem) -> l
     if signals is None or not signals.worst:
         return []
     requirements = () if plan.study.requirements is None else read_requirements(plan.study.requirements)
-    outcome = collect(folder, plan, plan_hash, make_layout(system.descriptions).columns, requirements)
+    outcome = collect(folder, plan, plan_hash, list_columns(plan.study, system), requirements)
     return list_unstored(folder, (case for case, _, _ in find_worst(outcome, signals.worst)))

@@ -12,7 +12,7 @@ from fmpy.model_description import ModelDescription
 from ..cosim import Value
 from ..cosim.description import explain_unsettable, find_variable
 from ..cosim.isolation.instance import Isolation
-from ..cosim.structure import parse_port
+from ..cosim.structure import split_port
 from ..pointing.indices import PointingIndex
 from ..requirements.reading import INDICES
 from .numbers import Number
@@ -135,7 +135,8 @@ class Branch:
 
     def keeps(self, name: str, descriptions: Mapping[str, ModelDescription]) -> bool:
         """Whether ``component.variable`` is in the state of its FMU, so that no case can have another value."""
-        port = parse_port(name)
+        port = split_port(name, descriptions)
+        assert port is not None  # the plan has found it
         variable = find_variable(descriptions[port.component], port.variable)
         return port.component not in self.anew and explain_unsettable(variable, running=True) is not None
 
@@ -176,6 +177,10 @@ class Study:
     """What is stored of the signals; None: nothing."""
     faults: Path | None = None
     """What happens to signals and parameters in each run."""
+    inputs: Path | None = None
+    """Inputs over time, a CSV file; None: they keep their start values."""
+    outside: bool = False
+    """Whether the system may use files outside of its folder or archive."""
     branch: Branch | None = None
     """The state in which each run begins; None: that of the initialisation."""
 

@@ -13,7 +13,7 @@ from typing import Any
 from ..cosim.checkpoint.parts import hash_file
 from ..runs.setup import RunSystem, identify_fmus
 from .branching import Sources
-from .bundle import FAULTS, REQUIREMENTS, Bundle
+from .bundle import FAULTS, INPUTS, REQUIREMENTS, Bundle
 from .parts import FOLDER, write_durably
 from .plan import Plan, hash_plan
 from .study import StudyError
@@ -41,26 +41,42 @@ class Identity:
     faults_sha256: str | None = None
     checkpoints_sha256: Mapping[str, str] | None = None
     """Of the checkpoint that each run begins from, by the name of the run."""
+    inputs_sha256: str | None = None
+    """Of the inputs over time."""
 
     @classmethod
     def of(cls, plan: Plan, system: RunSystem, bundle: Bundle, sources: Sources) -> Identity:
         """The identity of a plan for a system.  Raises ``OSError``."""
-        fmus = {fmu.name: fmu.sha256 for fmu in identify_fmus(system)}
-        requirements, faults = bundle.files.get(REQUIREMENTS), bundle.files.get(FAULTS)
+        fmus = _name_fmus(system)
+        requirements, faults, inputs = (bundle.files.get(name) for name in (REQUIREMENTS, FAULTS, INPUTS))
         archive = bundle.get_system_sha256()
         checkpoints = {run: hash_file(source.path) for run, source in sources.items()} or None
         return cls(
-            hash_plan(plan, fmus, archive, requirements or b"", faults or b"", checkpoints),
+            hash_plan(plan, fmus, archive, requirements or b"", faults or b"", checkpoints, inputs or b""),
             plan.study.name,
             len(plan),
             plan.study.seed,
             fmus,
             archive,
-            None if requirements is None else hashlib.sha256(requirements).hexdigest(),
+            _hash(requirements),
             result_versions(),
-            None if faults is None else hashlib.sha256(faults).hexdigest(),
+            _hash(faults),
             checkpoints,
+            _hash(inputs),
         )
+
+
+def _hash(content: bytes | None) -> str | None:
+    return None if content is None else hashlib.sha256(content).hexdigest()
+
+
+def _name_fmus(system: RunSystem) -> dict[str, str]:
+    """SHA-256 of the FMUs by their names; of several with one name, by that of the component, too."""
+    found: dict[str, str] = {}
+    for component, fmu in zip(system.structure.components, identify_fmus(system), strict=True):
+        clash = found.get(fmu.name, fmu.sha256) != fmu.sha256
+        found[f"{fmu.name} ({component.name})" if clash else fmu.name] = fmu.sha256
+    return found
 
 
 def open_folder(folder: Path, plan: Plan, identity: Identity, *, resume: bool) -> None:
@@ -113,6 +129,8 @@ def explain_difference(stored: Mapping[str, Any], own: Identity) -> str:
         found.append("other requirements")
     if stored.get("faults_sha256") != own.faults_sha256:
         found.append("other faults")
+    if stored.get("inputs_sha256") != own.inputs_sha256:
+        found.append("other inputs over time")
     found += _compare_checkpoints(stored.get("checkpoints_sha256") or {}, own.checkpoints_sha256 or {})
     if not changed and stored.get("system_sha256") != own.system_sha256:
         found.append("another wiring, or other start values")

@@ -11,15 +11,15 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ..results.style import prepare_drawing
-from ..runs.built_fmus import find_built_folder, provide_fmus
 from ..runs.options import claim_folder
 from ..runs.output import lock_folder
 from ..runs.setup import RunSystem
 from .branching import check_sources, keep_seeds, read_sources
 from .bundle import Bundle
 from .control_variate import check_closed_form
+from .loading import choose_fmus, load_study_system
 from .plan import Plan, make_plan
-from .preparation import check_numbers, complete_observed, load_study_system, make_bundle
+from .preparation import check_numbers, complete_observed, make_bundle
 from .reading import read_study
 from .stored import check_stored, list_work, list_worst, prepare_folder
 from .study_folder import Identity
@@ -75,11 +75,7 @@ def prepare(options: SweepOptions) -> Prepared:
     Raises :class:`.study.StudyError`, :class:`..cosim.CosimError`, BuildError, OSError.
     """
     study = read_study(options.study)
-    if study.system.suffix.lower() != ".ssp":
-        folder = options.fmus or find_built_folder()
-        if options.fmus is None:
-            provide_fmus(folder, study.system)
-        study = replace(study, fmus=folder)
+    study = replace(study, fmus=choose_fmus(study, options.fmus))
     system = load_study_system(study)
     if study.control_variates:
         if study.faults is not None:

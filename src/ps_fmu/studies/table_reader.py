@@ -71,6 +71,13 @@ class TableReader:
             raise self.error(key, f"expected a whole number from {low} to {high}, got {value!r}")
         return value
 
+    def flag(self, key: str, default: bool) -> bool:
+        """True or false."""
+        value = self._get(key, default)
+        if not isinstance(value, bool):
+            raise self.error(key, f"expected true or false, got {value!r}")
+        return value
+
     def number(self, key: str) -> Number:
         """A number with its unit."""
         try:

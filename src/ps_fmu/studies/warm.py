@@ -11,6 +11,7 @@ from ..cosim.faults.binding import bind_faults
 from ..cosim.faults.event import FaultFile
 from ..cosim.faults.numbers import change_numbers
 from ..cosim.isolation.instance import Isolation
+from ..cosim.signals import Signal
 from .fault_numbers import split_values
 
 
@@ -24,6 +25,7 @@ class WarmSystem:
     faults: what happens in each run.
     isolation: which FMUs get processes of their own, which stay, too.
     start_time: of the runs, s; None: as the system says.
+    inputs: over time, by the name of an input of the system or by ``component.variable``.
     """
 
     def __init__(
@@ -34,11 +36,12 @@ class WarmSystem:
         faults: FaultFile | None = None,
         isolation: Isolation | None = None,
         start_time: float | None = None,
+        inputs: Mapping[str, Signal] | None = None,
     ) -> None:
         self.system = system
-        self.descriptions = read_descriptions(system)
+        self.descriptions = read_descriptions(system, lenient=True)
         self._step_s, self._scheme, self._faults, self._isolation = step_s, scheme, faults, isolation
-        self._start_time = start_time
+        self._start_time, self._inputs = start_time, inputs
         self._numbers: dict[str, Value] = {}
         """Of faults, as the last run had them."""
         self._master: Master | None = None
@@ -75,7 +78,7 @@ class WarmSystem:
             self._numbers = {}
             self._master = Master(
                 self.system, self._step_s, self._scheme, descriptions=self.descriptions, faults=self._faults,
-                isolation=self._isolation, start_time=self._start_time,
+                isolation=self._isolation, start_time=self._start_time, inputs=self._inputs,
             )
         starts, numbers = split_values(values, self.descriptions)
         self._master.reset(starts)

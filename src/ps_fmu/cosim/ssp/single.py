@@ -1,4 +1,4 @@
-"""A single FMU as a system: its inputs are those of the run."""
+"""A single FMU as a system, whose inputs are those of the run; and any system, in whatever form it is."""
 
 from __future__ import annotations
 
@@ -14,6 +14,16 @@ from ..description import read_description
 from ..hops import End
 from ..structure import Component, Experiment, Parameter, PortName, System, SystemInput
 from ..values import parse_real
+from .reading import read_system
+
+
+def read_any_system(
+    path: Path, resources: Path | None = None, *, outside: bool = False, values: Sequence[Mapping[str, Parameter]] = ()
+) -> System:
+    """A system as ``ps-fmu run`` takes it: a single FMU, or what :func:`.reading.read_system` reads, leniently."""
+    if path.suffix.lower() == ".fmu":
+        return read_single(path, values)
+    return read_system(path, resources, outside=outside, lenient=True, values=values)
 
 
 def read_single(fmu: Path, values: Sequence[Mapping[str, Parameter]] = ()) -> System:
