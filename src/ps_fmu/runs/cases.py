@@ -20,6 +20,7 @@ from .mismatch import list_mismatches
 from .options import RESULTS, RunOptions
 from .origin import format_settings, write_origin
 from .setup import RunSystem, select_stored
+from .stored_names import make_stored_names, rename_columns
 
 Array = NDArray[np.float64]
 
@@ -203,13 +204,14 @@ def _make_recorder(
         attributes["faults"] = "; ".join(fault.text for fault in planned)
     if case.lead_s:
         attributes["lead_in_s"] = case.lead_s
+    names = make_stored_names([column.name for column in master.columns])
     return Recorder(
         path,
         case.name,
-        columns=master.columns,
+        columns=rename_columns(master.columns, names),
         step=master.step,
         storage_step=options.storage_stride * master.step,
-        select=select_stored(master.columns, options.observe),
+        select=[names[name] for name in select_stored(master.columns, options.observe)],
         attributes=attributes,
         append=True,
         file=system.results.find(path),

@@ -23,6 +23,7 @@ from ..cosim.structure import Component, Value, parse_port
 from ..results.summary import FmuFile, versions
 from .options import RunOptions
 from .setup import SEED, RunSystem, identify_fmus
+from .stored_names import make_stored_names
 
 PARAMETERS = "parameters"
 """Name of the group of start values."""
@@ -72,18 +73,21 @@ def _write(file: Any, options: RunOptions, system: RunSystem) -> None:
     write_texts(file, "package", list(packages), "software that the results depend on")
     write_texts(file, "package_version", list(packages.values()), "version", "package")
     values: list[tuple[Any, Value]] = []
+    groups = make_stored_names([component.name for component in components])
     for component in components:
         variables = index_variables(system.descriptions[component.name])
-        group = file.createGroup(f"{PARAMETERS}/{component.name}")
+        names = make_stored_names(list(variables), taken=())
+        group = file.createGroup(PARAMETERS).createGroup(groups[component.name])
         for variable, value, place in _list_start_values(component, variables):
-            values.append((_define_start_value(group, variable, value, place), value))
+            values.append((_define_start_value(group, names[variable.name], variable, value, place), value))
     for stored, value in values:  # once all are defined: HDF5 flushes all there is at a value after a definition
         stored[...] = np.array(value, dtype=object) if stored.dtype is str else value
 
 
 def _list_attributes(options: RunOptions, system: RunSystem) -> dict[str, object]:
     """The attributes of the file; a system without a disturbance source has no seed."""
-    has_seed = parse_port(SEED).component in system.descriptions
+    component, seed = parse_port(SEED)
+    has_seed = component in system.descriptions and seed in index_variables(system.descriptions[component])
     return {
         "Conventions": CONVENTIONS,
         "title": f"{options.scenario.name}: {options.scenario.about}",
@@ -140,14 +144,14 @@ def _list_start_values(
         entry = component.parameters.get(name)
         if entry is not None:
             yield variable, convert_value(variable, entry.value), Path(entry.origin).name
-        elif variable.causality == "parameter":
+        elif variable.causality == "parameter" and variable.start is not None:
             yield variable, read_start(variable), ""
 
 
-def _define_start_value(group: Any, variable: ModelVariable, value: Value, place: str) -> Any:
+def _define_start_value(group: Any, name: str, variable: ModelVariable, value: Value, place: str) -> Any:
     """The variable of netCDF, with its attributes, that takes the value."""
     kind: Any = str if variable.type == "String" else STORAGE[variable.type][0]
-    stored = group.createVariable(variable.name, kind, ())
+    stored = group.createVariable(name, kind, ())
     unit = get_unit(variable) or "1"
     attributes = {"long_name": variable.description or variable.name, **({"set_by": place} if place else {})}
     if variable.type == "Boolean":
@@ -155,8 +159,7 @@ def _define_start_value(group: Any, variable: ModelVariable, value: Value, place
     elif variable.type != "String":
         # UDUNITS, and so CF, has no roots and no decibels.
         attributes["unit_text" if "sqrt(" in unit or unit == "dB" else "units"] = UDUNITS.get(unit, unit)
-    default = read_start(variable)
-    if value != default:
+    if variable.start is not None and value != (default := read_start(variable)):
         attributes["value_in_fmu"] = _format(default)
     stored.setncatts(attributes)
     return stored

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import unicodedata
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
 from ..cosim.rows import Column
@@ -12,22 +12,22 @@ from ..cosim.rows import Column
 _FORBIDDEN = re.compile(r"[/\x00-\x1f\x7f]")
 
 
-def make_stored_names(names: Sequence[str]) -> dict[str, str]:
+def make_stored_names(names: Sequence[str], taken: Collection[str] = ("time",)) -> dict[str, str]:
     """Names of netCDF variables for columns of any name, each once: netCDF has no slashes nor control characters.
 
     It begins with a letter, digit or underscore, ends with no space and is in Unicode's normal form C (NetCDF Users
-    Guide, appendix B).
+    Guide, appendix B).  None is one of those that are ``taken``.
     """
     stored: dict[str, str] = {}
-    taken = {"time"}
+    known = set(taken)
     for name in names:
         plain = unicodedata.normalize("NFC", _FORBIDDEN.sub("_", name)).rstrip()
         if not plain or (ord(plain[0]) < 128 and not (plain[0].isalnum() or plain[0] == "_")):
             plain = f"_{plain}"
         unique, number = plain, 2
-        while unique in taken:
+        while unique in known:
             unique, number = f"{plain}_{number}", number + 1
-        taken.add(unique)
+        known.add(unique)
         stored[name] = unique
     return stored
 

@@ -24,6 +24,7 @@ from ..requirements.verdict import Verdict
 from ..runs.cases import Bounds
 from ..runs.judge import RunJudge
 from ..runs.keeping import SinceStart
+from ..runs.stored_names import make_stored_names, rename_columns
 from ..terminal import reason
 from .bundle import FAULTS, INPUTS, REQUIREMENTS, SYSTEM, TASK
 from .indices import IndexRecord, SwitchRecord, find_signals
@@ -124,9 +125,10 @@ class CaseRunner:
         if file is None:
             yield ()
             return
-        task = self.task
+        task, names = self.task, make_stored_names([column.name for column in master.columns])
         with Recorder(
-            file, run, columns=master.columns, step=task.step_s, storage_step=task.stored_step_s, select=task.stored,
+            file, run, columns=rename_columns(master.columns, names), step=task.step_s,
+            storage_step=task.stored_step_s, select=[names[name] for name in task.stored],
             attributes={"duration_s": task.duration_s, "step_s": task.step_s,
                         **({} if self._began is None else {"warm_start_s": self._began})}, append=file.exists(),
             rows=round(task.duration_s / task.step_s) + 1,

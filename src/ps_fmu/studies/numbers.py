@@ -25,12 +25,16 @@ class Number:
         """
         if unit in ("", "-"):
             unit = "1"
-        own, other = parse_unit(self.unit or "1"), parse_unit(unit)
-        assert own is not None  # parse_number takes no other
         if self.unit == unit:  # also for units that are not read here
             return self.value
+        own, other = parse_unit(self.unit or "1"), parse_unit(unit)
+        if own is None or own.offset:
+            more = "" if unit == "1" else f"; the variable has the unit {unit!r}"
+            raise ValueError(
+                f"the unit {self.unit!r} is not known; known are SI units, urad, um, deg, rpm, % and others{more}"
+            )
         if other is None or other.offset:
-            raise ValueError(f"nothing can be converted to the unit {unit!r}")
+            raise ValueError(f"nothing can be converted to the unit {unit!r}: write '{self.value:g} {unit}'")
         if own.exponents != other.exponents:
             given = repr(self.unit) if self.unit else "a number without unit"
             raise ValueError(f"{given} does not fit the unit {unit!r}: write for example '{self.value:g} {unit}'")
@@ -43,7 +47,8 @@ class Number:
 def parse_number(given: object) -> Number:
     """A number from a text with its unit, or a plain number for what has no unit.
 
-    Raises ``ValueError`` for anything else: no number, an unknown unit, a number that is not finite.
+    Whether the unit is known shows when it is converted.  Raises ``ValueError`` for anything else: no number, or one
+    that is not finite.
     """
     if isinstance(given, int | float) and not isinstance(given, bool):
         value, unit = float(given), ""
@@ -52,9 +57,6 @@ def parse_number(given: object) -> Number:
         if found is None:
             raise ValueError(f"expected a number with its unit, such as '0.5 kg', got {given!r}")
         value, unit = float(found[1]), found[2] or ""
-    known = parse_unit(unit or "1")
-    if known is None or known.offset:
-        raise ValueError(f"the unit {unit!r} is not known; known are SI units, urad, um, deg, rpm, % and others")
     if not math.isfinite(value):
         raise ValueError(f"expected a finite number, got {given!r}")
     return Number(value, unit)

@@ -1,0 +1,227 @@
+"""A case of a study gives the rows that ``ps-fmu run`` gives with the same parameters, whatever the system is."""
+
+import json
+import shutil
+import zipfile
+from pathlib import Path
+
+import netCDF4
+import numpy as np
+import pytest
+from pythonfmu.builder import FmuBuilder
+from support.linear import make_oscillator
+from support.relays import LINEAR, TABLE, binding, description, make_relay, mapping, port, relay, system, wire
+
+from ps_fmu.cli import main
+from ps_fmu.studies.case_runner import CaseRunner
+from ps_fmu.studies.sweep import SweepOptions, prepare
+
+TOYS = Path(__file__).parents[1] / "cosim" / "toys"
+INVERTED = (
+    '<ssc:BooleanMappingTransformation><ssc:MapEntry source="true" target="false"/>'
+    '<ssc:MapEntry source="false" target="true"/></ssc:BooleanMappingTransformation>'
+)
+COLOURS = (
+    '<ssc:EnumerationMappingTransformation><ssc:MapEntry source="red" target="gruen"/>'
+    '<ssc:MapEntry source="blue" target="blau"/></ssc:EnumerationMappingTransformation>'
+)
+STUDY = """
+[study]
+system = "{system}"
+duration = "0.5 s"
+step = "0.1 s"
+plan = "list"
+seed = 1
+{more}
+{vary}
+[[observe]]
+signal = "{observed}"
+[signals]
+variables = "*"
+cases = "all"
+"""
+OSP = """<OspSystemStructure xmlns="http://opensimulationplatform.com/MSMI/OSPSystemStructure" version="0.1">
+<StartTime>1</StartTime><EndTime>3</EndTime><BaseStepSize>0.1</BaseStepSize>
+<Simulators><Simulator name="first" source="first.fmu"/>
+<Simulator name="second" source="second.fmu" stepSize="0.2"/></Simulators>
+<Functions><LinearTransformation name="double" factor="2" offset="1e-3"/></Functions>
+<Connections>
+<VariableConnection><Variable simulator="first" name="x"/><Variable simulator="second" name="x"/></VariableConnection>
+<VariableConnection><Variable simulator="first" name="v"/><Variable simulator="second" name="v"/></VariableConnection>
+<SignalConnection><Variable simulator="second" name="F"/><Signal function="double" name="in"/></SignalConnection>
+<SignalConnection><Signal function="double" name="out"/><Variable simulator="first" name="F"/></SignalConnection>
+</Connections></OspSystemStructure>
+"""
+
+
+@pytest.fixture(scope="module")
+def fmus(tmp_path_factory):
+    """Relays as in tests/cosim, and an oscillator in C."""
+    folder = tmp_path_factory.mktemp("fmus")
+    FmuBuilder.build_FMU(TOYS / "toy_relay.py", dest=folder)
+    plain = folder / "ToyRelay.fmu"
+    for name, unit in (("Metre", "m"), ("Milli", "mm")):
+        make_relay(plain, folder / f"{name}.fmu", {"real_in": unit, "real_out": unit})
+    make_relay(plain, folder / "English.fmu", items=[("red", 1), ("green", 2), ("blue", 3)])
+    make_relay(plain, folder / "German.fmu", items=[("rot", 10), ("gruen", 20), ("blau", 30)])
+    make_oscillator().build(folder)
+    return folder
+
+
+@pytest.fixture
+def compare(fmus, tmp_path):
+    """Writes a system and a study of it, runs case 0 and ``ps-fmu run`` with its values: equal rows, which it returns.
+
+    ``values``: what is varied, as a study has it; ``files``: further ones, by name.
+    """
+
+    def run(name, text, values, *, observed, files=None, more=""):
+        (tmp_path / "resources").mkdir()
+        for fmu in fmus.glob("*.fmu"):
+            shutil.copy(fmu, tmp_path / "resources")
+            shutil.copy(fmu, tmp_path)
+        for file, content in {name: text, **(files or {})}.items():
+            if content is not None:
+                (tmp_path / file).write_text(content, encoding="utf-8")
+        vary = "".join(f"[[vary]]\nparameter = '{key}'\nvalues = [{json.dumps(v)}]\n" for key, v in values.items())
+        study = tmp_path / "study.toml"
+        study.write_text(STUDY.format(system=name, vary=vary, observed=observed, more=more), encoding="utf-8")
+        prepared = prepare(SweepOptions(study, tmp_path / "study"))
+        place = prepared.bundle.unpack(tmp_path)
+        for path in [*tmp_path.glob("*.fmu"), *(tmp_path / "resources").iterdir()]:
+            path.rename(path.with_suffix(".away"))  # a worker has the bundle alone
+        row = CaseRunner(place).run(0, prepared.plan.values(0), tmp_path / "case.nc")
+        for path in [*tmp_path.glob("*.away"), *(tmp_path / "resources").iterdir()]:
+            path.rename(path.with_suffix(".fmu"))
+        assert (row["status"], row["error"]) == ("done", None)
+        return study, prepared, row, read(tmp_path / "case.nc", "active")
+
+    return run
+
+
+def read(path, group):
+    with netCDF4.Dataset(path) as file:
+        return {name: np.array(variable[:]) for name, variable in file[group].variables.items()}
+
+
+def make_set(values):
+    return (
+        '<ssv:ParameterSet xmlns:ssv="http://ssp-standard.org/SSP1/SystemStructureParameterValues" version="1.0" '
+        'name="set"><ssv:Parameters>'
+        + "".join(
+            f'<ssv:Parameter name="{name}"><ssv:{kind} value="{value}"/></ssv:Parameter>'
+            for name, (kind, value) in values.items()
+        )
+        + "</ssv:Parameters></ssv:ParameterSet>"
+    )
+
+
+def check(tmp_path, found, name, values, *options):
+    """``ps-fmu run`` with ``values`` has the rows ``found``, to the last bit; returns them."""
+    (tmp_path / "set.ssv").write_text(make_set(values), encoding="utf-8")
+    out = tmp_path / "run"
+    arguments = ["run", tmp_path / name, "--step", "0.1", "--duration", "0.5", "--parameters", tmp_path / "set.ssv"]
+    assert main([*map(str, arguments), *map(str, options), "--no-figures", "--output", str(out)]) == 0
+    expected = read(out / "results.nc", "run")
+    assert found.keys() == expected.keys()
+    for column, own in expected.items():
+        assert np.array_equal(found[column], own), column
+    return expected
+
+
+def test_connections_that_convert(compare, tmp_path):
+    """Units and a linear transformation, Booleans, Integers, enumerations, Strings; a parameter from a mapping."""
+    text = description(
+        system(
+            relay("a", source="Metre.fmu") + relay("b", source="Milli.fmu") + relay("e", source="English.fmu")
+            + relay("g", source="German.fmu"),
+            wire("a/real_out", "b/real_in", LINEAR) + wire("a/flag_out", "b/flag_in", INVERTED)
+            + wire("a/whole_out", "b/whole_in", TABLE) + wire("e/whole_out", "g/whole_in", COLOURS)
+            + wire("a/text_out", "b/text_in"),
+            bindings=binding("length=Real:3", "", mapping(f"length>b.gain>{LINEAR}")),
+        )
+    )  # fmt: skip
+    values = {"a.real_in": "2.5 m", "a.flag_in": True, "a.whole_in": 2, "e.whole_in": "blue", "a.text_in": "two words"}
+    _, _, row, found = compare("SystemStructure.ssd", text, values, observed="b.real_out")
+    assert (row["active.a.flag_out.share"], row["active.b.flag_out.share"]) == (1.0, 0.0)
+    kinds = zip(values, ("Real", "Boolean", "Integer", "Enumeration", "String"), strict=True)
+    given = {name: (kind, {"a.real_in": "2.5", "a.flag_in": "true"}.get(name, values[name])) for name, kind in kinds}
+    rows = check(tmp_path, found, "SystemStructure.ssd", given)
+    assert rows["b.real_out"][-1] == 9.0 * (2.0 * 2500.0 + 3.0)
+    assert (rows["b.whole_out"][-1], rows["g.whole_out"][-1]) == (9, 30)
+
+
+INPUTS = "time,u,n\n1,0,1\n1.25,5,1\n1.25,7,3\n2,10,2\n"
+
+
+def make_outside(version="1.0"):
+    """A system with inputs and outputs of its own, in mm and converted, a nested one, and a start time."""
+    inner = system(
+        relay("r"), wire("v", "r/real_in") + wire("r/real_out", "w") + wire("k", "r/whole_in", TABLE),
+        port("v", "input") + port("w", "output") + port("k", "input", "<ssc:Integer/>"),
+    )  # fmt: skip
+    outer = system(
+        relay("m", source="Metre.fmu") + f'<ssd:System name="s">{inner}</ssd:System>',
+        wire("u", "m/real_in") + wire("m/real_out", "s/v", LINEAR) + wire("n", "s/k") + wire("s/w", "y", LINEAR),
+        port("u", "input", '<ssc:Real unit="mm"/>') + port("n", "input", "<ssc:Integer/>") + port("y", "output"),
+        binding("s.r.gain=Real:1.5 nobody.gain=Real:2", 'prefix=""'),
+    )
+    text = description(outer, '<ssd:DefaultExperiment startTime="1" stopTime="2"/>')
+    return text.replace('version="1.0" name="test"', f'version="{version}" name="test"')
+
+
+@pytest.mark.parametrize("version", ["1.0", "2.0"])
+def test_inputs_over_time_and_outputs_of_the_system(compare, tmp_path, version):
+    study, prepared, row, found = compare(
+        "outside.ssd", make_outside(version), {"s.r.gain": 4.0}, observed="y", files={"in.csv": INPUTS},
+        more='inputs = "in.csv"',
+    )  # fmt: skip
+    given = {"s.r.gain": ("Real", "4")}
+    rows = check(tmp_path, found, "outside.ssd", given, "--input", tmp_path / "in.csv")
+    assert rows["time"] == pytest.approx(np.arange(1.0, 1.55, 0.1))
+    assert rows["u"] == pytest.approx([0.0, 2.0, 4.0, 7.2, 7.6, 8.0])
+    assert rows["y"][-1] == pytest.approx(2.0 * 4.0 * (2.0 * 7.2e-3 + 3.0) + 3.0)
+    assert (rows["n"][-1], rows["s.r.whole_out"][-1]) == (3, 3)
+    assert row["active.y.APE.peak"] == np.abs(rows["y"]).max()
+    assert any("nobody" in text for text in prepared.system.warnings.texts)
+    assert main(["sweep", str(study), "--case", "0", "--output", str(tmp_path / "again")]) == 0
+    again = read(tmp_path / "again" / "results.nc", "active")
+    assert np.array_equal(again["y"], rows["y"]) and np.array_equal(again["time"], rows["time"])
+    assert json.loads((tmp_path / "again" / "summary.json").read_text())["row"]["active.y.APE.peak"] == np.abs(
+        rows["y"]
+    ).max()
+
+
+def test_libcosims_description(compare, tmp_path):
+    """With a start time, a step of a component, a linear transformation, and FMUs beside it."""
+    values, observed = {"first.x1": 0.3}, "first.x"
+    _, _, _, found = compare("OspSystemStructure.xml", OSP, values, observed=observed)
+    rows = check(tmp_path, found, "OspSystemStructure.xml", {"first.x1": ("Real", "0.3")})
+    assert rows["time"][0] == 1.0 and rows["first.x"][0] == 0.3
+
+
+def test_a_single_fmu(compare, tmp_path):
+    values = {"real_in": "3 mm"}
+    _, _, _, found = compare("Milli.fmu", None, values, observed="ToyRelay.real_out")
+    assert check(tmp_path, found, "Milli.fmu", {"real_in": ("Real", "3")})["ToyRelay.real_out"][-1] == 3.0
+
+
+def test_an_archive_with_names_that_netcdf_has_not(compare, fmus, tmp_path):
+    """And with a system and an FMU of one name each in two places."""
+    name = "caf\u00e9/\u0394v"
+    inner = description(system(relay("r", source="ToyRelay.fmu")))
+    outer = relay(name) + (
+        '<ssd:Component name="t" type="application/x-ssp-definition" source="resources/inner.ssd"><ssd:Connectors/>'
+        "</ssd:Component>"
+    )
+    with zipfile.ZipFile(tmp_path / "system.ssp", "w") as archive:
+        archive.writestr("SystemStructure.ssd", description(system(outer)))
+        archive.writestr("resources/inner.ssd", inner)
+        archive.write(fmus / "ToyRelay.fmu", "resources/ToyRelay.fmu")
+        archive.write(fmus / "Metre.fmu", "resources/resources/ToyRelay.fmu")
+    values = {f"{name}.gain": 2.0, "t.r.real_in": "1 m"}
+    study, prepared, _, found = compare("system.ssp", None, values, observed="t.r.real_out")
+    check(tmp_path, found, "system.ssp", {f"{name}.gain": ("Real", "2"), "t.r.real_in": ("Real", "1")})
+    assert found["caf\u00e9_\u0394v.real_out"][-1] == 0.0
+    assert prepared.identity.fmus.keys() == {"ToyRelay", "ToyRelay (t.r)"}
+    assert main(["sweep", str(study), "--case", "0", "--output", str(tmp_path / "again")]) == 0
