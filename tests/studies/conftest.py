@@ -8,11 +8,14 @@ from pathlib import Path
 import pytest
 from pythonfmu.builder import FmuBuilder
 from support.cosim import HEAD, ssd_text
+from support.linear import make_oscillator
+from support.relays import make_relay
 
 from ps_fmu.studies.reading import read_study
 from ps_fmu.studies.sweep import SweepOptions, prepare
 
 TOY = Path(__file__).parent / "toys" / "toy_study.py"
+TOYS = Path(__file__).parents[1] / "cosim" / "toys"
 SSD = HEAD + (
     '<ssd:Elements><ssd:Component name="toy" type="application/x-fmu-sharedlibrary" source="resources/ToyStudy.fmu">'
     '<ssd:Connectors><ssd:Connector name="error.x" kind="output"><ssc:Real/></ssd:Connector></ssd:Connectors>'
@@ -53,12 +56,25 @@ def toy_fmus(tmp_path_factory) -> Path:
 
 
 @pytest.fixture(scope="session")
+def relays(tmp_path_factory) -> Path:
+    """Relays as in tests/cosim, and an oscillator in C."""
+    folder = tmp_path_factory.mktemp("relays")
+    FmuBuilder.build_FMU(TOYS / "toy_relay.py", dest=folder)
+    plain = folder / "ToyRelay.fmu"
+    for name, unit in (("Metre", "m"), ("Milli", "mm")):
+        make_relay(plain, folder / f"{name}.fmu", {"real_in": unit, "real_out": unit})
+    make_relay(plain, folder / "English.fmu", items=[("red", 1), ("green", 2), ("blue", 3)])
+    make_relay(plain, folder / "German.fmu", items=[("rot", 10), ("gruen", 20), ("blau", 30)])
+    make_oscillator().build(folder)
+    return folder
+
+
+@pytest.fixture(scope="session")
 def stateful(tmp_path_factory) -> Path:
     """Folder of toy FMUs whose state can be written, and of a system of them."""
     folder = tmp_path_factory.mktemp("stateful")
     for name in ("mass", "gain", "counter"):
-        source = Path(__file__).parents[1] / "cosim" / "toys" / f"toy_{name}.py"
-        FmuBuilder.build_FMU(source, dest=folder, canGetAndSetFMUstate=True, canSerializeFMUstate=True)
+        FmuBuilder.build_FMU(TOYS / f"toy_{name}.py", dest=folder, canGetAndSetFMUstate=True, canSerializeFMUstate=True)
     parts = {"mass": "ToyMass", "gain": "ToyGain", "first": "ToyCounter"}
     (folder / "toys.ssd").write_text(ssd_text(parts, ["mass.position -> gain.u", "gain.y -> mass.force"]))
     return folder

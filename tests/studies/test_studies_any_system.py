@@ -3,20 +3,16 @@
 import json
 import shutil
 import zipfile
-from pathlib import Path
 
 import netCDF4
 import numpy as np
 import pytest
-from pythonfmu.builder import FmuBuilder
-from support.linear import make_oscillator
-from support.relays import LINEAR, TABLE, binding, description, make_relay, mapping, port, relay, system, wire
+from support.relays import LINEAR, TABLE, binding, description, mapping, port, relay, system, wire
 
 from ps_fmu.cli import main
 from ps_fmu.studies.case_runner import CaseRunner
 from ps_fmu.studies.sweep import SweepOptions, prepare
 
-TOYS = Path(__file__).parents[1] / "cosim" / "toys"
 INVERTED = (
     '<ssc:BooleanMappingTransformation><ssc:MapEntry source="true" target="false"/>'
     '<ssc:MapEntry source="false" target="true"/></ssc:BooleanMappingTransformation>'
@@ -54,22 +50,8 @@ OSP = """<OspSystemStructure xmlns="http://opensimulationplatform.com/MSMI/OSPSy
 """
 
 
-@pytest.fixture(scope="module")
-def fmus(tmp_path_factory):
-    """Relays as in tests/cosim, and an oscillator in C."""
-    folder = tmp_path_factory.mktemp("fmus")
-    FmuBuilder.build_FMU(TOYS / "toy_relay.py", dest=folder)
-    plain = folder / "ToyRelay.fmu"
-    for name, unit in (("Metre", "m"), ("Milli", "mm")):
-        make_relay(plain, folder / f"{name}.fmu", {"real_in": unit, "real_out": unit})
-    make_relay(plain, folder / "English.fmu", items=[("red", 1), ("green", 2), ("blue", 3)])
-    make_relay(plain, folder / "German.fmu", items=[("rot", 10), ("gruen", 20), ("blau", 30)])
-    make_oscillator().build(folder)
-    return folder
-
-
 @pytest.fixture
-def compare(fmus, tmp_path):
+def compare(relays, tmp_path):
     """Writes a system and a study of it, runs case 0 and ``ps-fmu run`` with its values: equal rows, which it returns.
 
     ``values``: what is varied, as a study has it; ``files``: further ones, by name.
@@ -77,7 +59,7 @@ def compare(fmus, tmp_path):
 
     def run(name, text, values, *, observed, files=None, more=""):
         (tmp_path / "resources").mkdir()
-        for fmu in fmus.glob("*.fmu"):
+        for fmu in relays.glob("*.fmu"):
             shutil.copy(fmu, tmp_path / "resources")
             shutil.copy(fmu, tmp_path)
         for file, content in {name: text, **(files or {})}.items():
@@ -206,7 +188,7 @@ def test_a_single_fmu(compare, tmp_path):
     assert check(tmp_path, found, "Milli.fmu", {"real_in": ("Real", "3")})["ToyRelay.real_out"][-1] == 3.0
 
 
-def test_an_archive_with_names_that_netcdf_has_not(compare, fmus, tmp_path):
+def test_an_archive_with_names_that_netcdf_has_not(compare, relays, tmp_path):
     """And with a system and an FMU of one name each in two places."""
     name = "caf\u00e9/\u0394v"
     inner = description(system(relay("r", source="ToyRelay.fmu")))
@@ -217,8 +199,8 @@ def test_an_archive_with_names_that_netcdf_has_not(compare, fmus, tmp_path):
     with zipfile.ZipFile(tmp_path / "system.ssp", "w") as archive:
         archive.writestr("SystemStructure.ssd", description(system(outer)))
         archive.writestr("resources/inner.ssd", inner)
-        archive.write(fmus / "ToyRelay.fmu", "resources/ToyRelay.fmu")
-        archive.write(fmus / "Metre.fmu", "resources/resources/ToyRelay.fmu")
+        archive.write(relays / "ToyRelay.fmu", "resources/ToyRelay.fmu")
+        archive.write(relays / "Metre.fmu", "resources/resources/ToyRelay.fmu")
     values = {f"{name}.gain": 2.0, "t.r.real_in": "1 m"}
     study, prepared, _, found = compare("system.ssp", None, values, observed="t.r.real_out")
     check(tmp_path, found, "system.ssp", {f"{name}.gain": ("Real", "2"), "t.r.real_in": ("Real", "1")})

@@ -112,7 +112,7 @@ def test_values_outside_the_bounds_of_the_fmu_are_refused_before_anything_runs(b
 
 
 def test_a_system_that_is_not_observed_needs_a_table(make_prepared):
-    with pytest.raises(StudyError, match=r"\[\[observe\]\], signal: there is no output 'plant.payload_rotation'"):
+    with pytest.raises(StudyError, match=r"\[\[observe\]\]: is missing, .*such as toy.error.x"):
         make_prepared(changes={OBSERVE: ""})
 
 

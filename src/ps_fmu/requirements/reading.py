@@ -62,7 +62,7 @@ _HEADER = re.compile(r"\s*\[\[\s*requirement\s*\]\]")
 def read_requirements(path: Path) -> tuple[Requirement, ...]:
     """The requirements of a file.  Raises :class:`RequirementError` that names file, requirement and key."""
     try:
-        text = path.read_text(encoding="utf-8")
+        text = path.read_text(encoding="utf-8-sig")  # some editors begin a file with a mark
         content = tomllib.loads(text)
     except OSError as error:
         raise RequirementError(f"{path}: {error.strerror or error}") from error

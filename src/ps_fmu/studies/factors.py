@@ -15,6 +15,7 @@ from ..cosim.description import convert_value, explain_unsettable, get_unit, ind
 from ..cosim.graph import Wiring
 from ..cosim.hops import list_items
 from ..cosim.signals import bind_signals, list_ways
+from ..cosim.start_values import has_exact_start
 from ..cosim.structure import split_port, suggest_names
 from ..runs.setup import RunSystem
 from .fault_numbers import find_numbers, names_faults
@@ -111,19 +112,13 @@ def find_factor(vary: Vary, system: RunSystem, wiring: Wiring, branch: Branch | 
 def _find_variables(
     vary: Vary, targets: Sequence[str], system: RunSystem, wiring: Wiring, branch: Branch | None
 ) -> tuple[ModelVariable, ...]:
-    connected = {str(connection.target): connection.source for connection in wiring.connections}
-    signals = bind_signals(system.structure, system.descriptions, system.inputs)
-    fed = {str(port): signal.port for signal in signals for port, _ in signal.targets}
+    why_not = explain_fed(system, wiring)
     variables = []
     for name in targets:
-        if name in connected:
-            raise vary.error("parameter", f"{name} is connected to {connected[name]}: nothing can be set")
-        if name in fed:
-            raise vary.error("parameter", f"{name} gets {fed[name]} of the file of inputs: nothing can be set")
+        if name in why_not:
+            raise vary.error("parameter", f"{name} {why_not[name]}: nothing can be set")
         component, variable = system.structure.find_port(name)
         variables.append(index_variables(system.descriptions[component])[variable])
-        if why := explain_unsettable(variables[-1], running=False):
-            raise vary.error("parameter", f"{name} {why}")
         if branch is not None and branch.keeps(name, system.descriptions):
             raise vary.error(
                 "parameter",
@@ -132,6 +127,20 @@ def _find_variables(
                 f"[from], anew = [{component!r}]",
             )
     return tuple(variables)
+
+
+def explain_fed(system: RunSystem, wiring: Wiring) -> dict[str, str]:
+    """Why a start value of ``component.variable`` would count for nothing, of all that something else feeds."""
+    connected = {str(connection.target): f"is connected to {connection.source}" for connection in wiring.connections}
+    signals = bind_signals(system.structure, system.descriptions, system.inputs)
+    return connected | {
+        str(port): f"gets {signal.port} of the file of inputs" for signal in signals for port, _ in signal.targets
+    }
+
+
+def explain_unvaried(variable: ModelVariable) -> str | None:
+    """Why a case cannot give a variable a start value; None if it can."""
+    return None if has_exact_start(variable) else explain_unsettable(variable, running=False)
 
 
 def _make_factor(
@@ -174,7 +183,7 @@ def find_targets(
     """``component.parameter`` of each start value that a ``[[vary]]`` sets.
 
     A name that begins with that of a component is exact; one of ``inputs`` means all that it leads to; others are
-    sought in all components, or in those of ``only``.
+    sought among the parameters and inputs of all components, or of those of ``only``.
     """
     for component in vary.only:
         if component not in descriptions:
@@ -187,7 +196,11 @@ def find_targets(
     found: dict[str, None] = {}
     for name in vary.parameters:
         port = split_port(name, settable)
-        if port is not None and port.variable in settable[port.component]:
+        variables = {} if port is None else index_variables(descriptions[port.component])
+        if port is not None and port.variable in variables:
+            if reason := explain_unvaried(variables[port.variable]):
+                near = suggest_names(name, (f"{port.component}.{other}" for other in settable[port.component]))
+                raise vary.error("parameter", f"{name} {reason}{near}")
             if vary.only:
                 raise vary.error("only", f"{name!r} names its component already")
             found[name] = None
@@ -220,6 +233,8 @@ def _find_levels(vary: Vary, variables: Sequence[ModelVariable], unit: str) -> t
             raise vary.error("low", "steps of a constant ratio need a low end above 0")
         steps = np.geomspace(low, high, vary.count) if vary.logarithmic else np.linspace(low, high, vary.count)
         given: list[object] = steps.tolist()
+        if variables[0].type == "Integer":
+            given = [int(step) if step.is_integer() else step for step in steps.tolist()]
     else:
         given = [_read_level(vary, level, variables[0].type, unit) for level in vary.levels]
     found = []
@@ -242,10 +257,11 @@ def convert_level(variable: ModelVariable, value: Value) -> Value:
     if variable.type != "Enumeration" or declared is None or not declared.items:
         return convert_value(variable, value)
     items = {item.name: int(item.value) for item in declared.items}
-    number = convert_value(variable, items[value] if isinstance(value, str) and value in items else value)
-    if number not in items.values():
+    if isinstance(value, str) and value in items:
+        return items[value]
+    if isinstance(value, str) or convert_value(variable, value) not in items.values():
         raise UsageError(f"the enumeration has no value {value!r}; it has {list_items(items)}")
-    return number
+    return value
 
 
 def _read_level(vary: Vary, level: object, kind: str, unit: str) -> object:
@@ -294,8 +310,7 @@ def _find_spread(vary: Vary, start: float, unit: str) -> Spread:
     from scipy.stats import norm
 
     if norm.cdf(high, centre, width) - norm.cdf(low, centre, width) < LEAST_SHARE:
-        raise vary.error(
-            "low", f"a normal distribution about {centre:g} {unit} with a sigma of {width:g} has nothing between "
-            f"{low:g} and {high:g}"
-        )  # fmt: skip
+        about = f"{centre:g}" if unit == "1" else f"{centre:g} {unit}"
+        text = f"a normal distribution about {about} with a sigma of {width:g} has nothing between {low:g} and {high:g}"
+        raise vary.error("low", text)
     return Spread(low, high, centre, width)

@@ -36,6 +36,8 @@ class Number:
         if other is None or other.offset:
             raise ValueError(f"nothing can be converted to the unit {unit!r}: write '{self.value:g} {unit}'")
         if own.exponents != other.exponents:
+            if unit == "1":
+                raise ValueError(f"{self.unit!r} does not fit a number without unit: write for example {self.value:g}")
             given = repr(self.unit) if self.unit else "a number without unit"
             raise ValueError(f"{given} does not fit the unit {unit!r}: write for example '{self.value:g} {unit}'")
         return self.value * own.scale / other.scale

@@ -19,7 +19,7 @@ from ..cosim.description import convert_value, find_variable, index_variables
 from ..cosim.graph import check_wiring
 from ..cosim.structure import parse_port, split_port
 from ..runs.setup import RunSystem
-from .factors import Factor, convert_level, find_factor
+from .factors import Factor, convert_level, explain_fed, explain_unvaried, find_factor
 from .sampling import draw_cases
 from .study import COMMON, GRID, LIST, MOST_CASES, Study, StudyError
 from .task import result_versions
@@ -73,7 +73,7 @@ def make_plan(study: Study, system: RunSystem) -> Plan:
     wiring = check_wiring(system.structure, system.descriptions)
     factors = tuple(find_factor(vary, system, wiring, study.branch) for vary in study.varied)
     _check_targets(study, factors)
-    study = replace(study, runs=_convert_runs(study, system.descriptions))
+    study = replace(study, runs=_convert_runs(study, system.descriptions, explain_fed(system, wiring)))
     if study.plan in (GRID, LIST):
         counts = [len(factor.levels) for factor in factors]
         total = math.prod(counts) if study.plan == GRID else max(counts)
@@ -163,8 +163,13 @@ def _check_targets(study: Study, factors: Sequence[Factor]) -> None:
                 raise StudyError(f"{study.path}, [runs.{run}], {name}: is varied by [[vary]] {owner[name].name!r}")
 
 
-def _convert_runs(study: Study, descriptions: Mapping[str, ModelDescription]) -> dict[str, dict[str, Value]]:
-    """The start values of the runs as their FMUs take them.  Raises :class:`.study.StudyError`."""
+def _convert_runs(
+    study: Study, descriptions: Mapping[str, ModelDescription], fed: Mapping[str, str]
+) -> dict[str, dict[str, Value]]:
+    """The start values of the runs as their FMUs take them; ``fed``: what gets none, and why.
+
+    Raises :class:`.study.StudyError`.
+    """
     found: dict[str, dict[str, Value]] = {run: {} for run in study.runs}
     for run, values in study.runs.items():
         for name, value in values.items():
@@ -173,7 +178,12 @@ def _convert_runs(study: Study, descriptions: Mapping[str, ModelDescription]) ->
                 if port is None:
                     component = parse_port(name).component
                     raise UsageError(f"there is no component {component!r}; there are {', '.join(descriptions)}")
-                found[run][name] = convert_level(find_variable(descriptions[port.component], port.variable), value)
+                variable = find_variable(descriptions[port.component], port.variable)
+                if name in fed:
+                    raise UsageError(f"{fed[name]}: nothing can be set")
+                if reason := explain_unvaried(variable):
+                    raise UsageError(reason)
+                found[run][name] = convert_level(variable, value)
             except UsageError as error:
                 raise StudyError(f"{study.path}, [runs.{run}], {name}: {error}") from None
     return found

@@ -20,11 +20,10 @@ from ..runs.setup import RunSystem
 from .branching import Sources
 from .bundle import FAULTS, FMUS, INPUTS, REQUIREMENTS, SYSTEM, TASK, Bundle
 from .fault_numbers import names_faults, split_values
-from .indices import find_signals
 from .loading import list_columns
 from .plan import Plan
 from .signals import find_columns
-from .study import Observed, Study
+from .study import Observed, Study, StudyError
 from .task import Task, result_versions
 
 DEFAULT_SIGNAL = "plant.payload_rotation"
@@ -41,7 +40,13 @@ def complete_observed(study: Study, system: RunSystem) -> Study:
         window = DEFAULT_WINDOW_S
         indices += [MeanError(window), RelativeError(window, "uniform"), ResidualJitter(window)]
     observed = Observed(f"{study.path}, [[observe]]", (DEFAULT_SIGNAL,), tuple(indices))
-    find_signals(observed, list_columns(study, system))
+    columns = list_columns(study, system)
+    if not any(column.name.startswith(f"{DEFAULT_SIGNAL}.") for column in columns):
+        reals = [column.name for column in columns if column.type == "Real"]
+        raise StudyError(
+            f"{observed.place}: is missing, and the system has no {DEFAULT_SIGNAL}, which is observed without one: "
+            f"expected a table with a signal such as {', '.join(reals[:5]) or 'none, as it has no Real outputs'}"
+        )
     return replace(study, observed=(observed,))
 
 

@@ -138,9 +138,11 @@ def read_study(path: Path) -> Study:
 
 def _load(path: Path) -> dict[str, Any]:
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        return tomllib.loads(path.read_text(encoding="utf-8-sig"))  # some editors begin a file with a mark
     except OSError as error:
         raise StudyError(f"{path}: {error.strerror or error}") from error
+    except UnicodeError as error:
+        raise StudyError(f"{path}: is not in UTF-8, save it as such: {error}") from error
     except ValueError as error:
         raise StudyError(f"{path}: not a TOML file: {error}") from error
     except RecursionError:
