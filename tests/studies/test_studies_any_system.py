@@ -182,6 +182,24 @@ def test_libcosims_description(compare, tmp_path):
     assert rows["time"][0] == 1.0 and rows["first.x"][0] == 0.3
 
 
+@pytest.mark.parametrize(
+    ("more", "options"),
+    [
+        ('extrapolate = "linear"\nrates = { first = "1/2" }', ("--extrapolate", "linear", "--rate", "first=1/2")),
+        ('scheme = "iterated"\nsolver = "newton"\ntolerance = 1e-6\nerror_estimate = true',
+         ("--scheme", "iterated", "--solver", "newton", "--tolerance", "1e-6", "--error-estimate")),
+    ],
+)  # fmt: skip
+def test_schemes(compare, tmp_path, more, options):
+    """The columns of the scheme are stored, too; here no component has a step of its own."""
+    osp = OSP.replace(' stepSize="0.2"', "")
+    study, _, _, found = compare("OspSystemStructure.xml", osp, {"first.x1": 0.3}, observed="first.x", more=more)
+    rows = check(tmp_path, found, "OspSystemStructure.xml", {"first.x1": ("Real", "0.3")}, *options)
+    assert main(["sweep", str(study), "--case", "0", "--output", str(tmp_path / "again")]) == 0
+    again = read(tmp_path / "again" / "results.nc", "active")
+    assert np.array_equal(again["first.x"], rows["first.x"])
+
+
 def test_a_single_fmu(compare, tmp_path):
     values = {"real_in": "3 mm"}
     _, _, _, found = compare("Milli.fmu", None, values, observed="ToyRelay.real_out")

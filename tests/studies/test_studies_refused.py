@@ -79,6 +79,11 @@ def plan(write, tmp_path):
         ([("b.real_out", "plant.x")], "there is no output 'plant.x'"),
         ([('[[observe]]\nsignal = "b.real_out"', "")], "expected a table with a signal such as a.height, a.real_out"),
         ([("in.csv", "gone.csv")], "inputs: there is no file"),
+        ([("seed = 1", 'seed = 1\nextrapolate = "cubic"')], "extrapolate: expected one of hold, linear, smoothed"),
+        ([("seed = 1", 'seed = 1\nrates = { a = "2/3" }')], "rates: expected N or 1/N base steps"),
+        ([("seed = 1", 'seed = 1\nrates = { x = 2 }')], "there is no component 'x'; the system has a, b, e"),
+        ([("seed = 1", "seed = 1\ntolerance = 1e-3")], "tolerance: is for the scheme 'iterated'"),
+        ([("seed = 1", 'seed = 1\nscheme = "iterated"\ntolerance = 2')], "tolerance: expected a number between 0"),
         ([("seed = 1", 'seed = 1\noutside = "yes"')], "outside: expected true or false, got 'yes'"),
     ],
 )

@@ -197,8 +197,8 @@ def _make_recorder(
     if not path.exists():
         write_origin(path, options, system)
     attributes: dict[str, str | float] = {
-        "scenario": options.scenario.name, "scheme": options.scheme, "step_s": options.step_s, "duration_s": duration_s,
-        "settings": format_settings(case.values, case.events), **more,
+        "scenario": options.scenario.name, "scheme": str(options.scheme), "step_s": options.step_s,
+        "duration_s": duration_s, "settings": format_settings(case.values, case.events), **more,
     }  # fmt: skip
     if planned := master.faults.list_acted(master.time + duration_s):
         attributes["faults"] = "; ".join(fault.text for fault in planned)

@@ -63,7 +63,7 @@ class RunOptions:
     seed: int = 1
     parameters: tuple[Path, ...] = ()  # .ssv files with names component.parameter; later ones win
     apart: tuple[str, ...] = ()  # beginnings of names component.parameter that may differ from the plant's
-    scheme: str = "jacobi"
+    scheme: str | Scheme = "jacobi"
     storage_step_s: float | None = None  # time between stored rows; None: that of the scenario
     requirements: Path | None = None  # TOML file, see ps_fmu.requirements.reading
     disturbance: Path | None = None  # recorded wrench, CSV or netCDF, see ps_fmu.runs.recorded
@@ -80,7 +80,7 @@ class RunOptions:
     anew: tuple[str, ...] = ()  # components that have none of their state there
 
     def __post_init__(self) -> None:
-        if self.scheme not in SCHEMES:
+        if isinstance(self.scheme, str) and self.scheme not in SCHEMES:
             raise OptionError(f"--scheme: expected one of {', '.join(SCHEMES)}, got {self.scheme!r}")
         if not (math.isfinite(self.step_s) and self.step_s > 0.0):
             raise OptionError(f"--step: expected a time above 0 s, got {self.step_s!r}")

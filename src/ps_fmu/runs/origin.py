@@ -19,6 +19,7 @@ from fmpy.model_description import ModelVariable
 from .. import __version__
 from ..cosim.description import convert_value, get_unit, index_variables, read_start
 from ..cosim.recording.recorder import CONVENTIONS, STORAGE, UDUNITS
+from ..cosim.schemes.scheme import make_scheme
 from ..cosim.structure import Component, Value, parse_port
 from ..results.summary import FmuFile, versions
 from .options import RunOptions
@@ -101,7 +102,7 @@ def _list_attributes(options: RunOptions, system: RunSystem) -> dict[str, object
         "duration_s": options.duration_s,
         "step_s": options.step_s,
         "storage_step_s": options.storage_s,
-        "scheme": options.scheme,
+        "scheme": str(options.scheme),
     }
 
 
@@ -111,7 +112,7 @@ def format_command(options: RunOptions) -> str:
     words = [
         *("ps-fmu", "run", options.scenario.name, "--ssp" if archive else "--system", options.system.name),
         *("--duration", f"{options.duration_s!r}", "--step", f"{options.step_s!r}", "--seed", str(options.seed)),
-        *("--storage-step", f"{options.storage_s:.15g}", "--scheme", options.scheme),
+        *("--storage-step", f"{options.storage_s:.15g}", "--scheme", make_scheme(options.scheme).order),
     ]
     for option, values in (
         ("--parameters", [path.name for path in options.parameters]),

@@ -152,7 +152,7 @@ def collect_parameters(options: RunOptions, system: RunSystem) -> dict[str, obje
         "duration (s)": options.duration_s,
         "step (s)": options.step_s,
         "storage step (s)": options.storage_s,
-        "scheme": options.scheme,
+        "scheme": str(options.scheme),
         SEED: system.get_start(SEED),
         **({} if options.faults is None else {"faults": options.faults.name}),
     }

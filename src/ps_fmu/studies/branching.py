@@ -9,7 +9,6 @@ from ..cosim import CosimError, Value
 from ..cosim.checkpoint.warm_start import WarmStart
 from ..cosim.graph import check_wiring
 from ..cosim.schemes.resolving import resolve_scheme
-from ..cosim.schemes.scheme import make_scheme
 from ..runs.keeping import find_source
 from ..runs.options import OptionError
 from ..runs.setup import RunSystem
@@ -80,7 +79,7 @@ def check_sources(plan: Plan, system: RunSystem, sources: Sources) -> None:
         try:
             structure = system.structure.with_parameters(given)
             wiring = check_wiring(structure, system.descriptions)
-            scheme = resolve_scheme(make_scheme(study.scheme), structure, system.descriptions, study.step_s)
+            scheme = resolve_scheme(study.scheme, structure, system.descriptions, study.step_s)
             sources[run].giving(given).check(structure, wiring, system.descriptions, study.step_s, scheme)
         except (CosimError, OSError) as error:
             raise _explain(branch, error, f"run {run!r}: ") from error

@@ -17,7 +17,7 @@ from ..cosim.errors import MissingFmuError
 from ..cosim.faults.active import make_faults
 from ..cosim.faults.reading import read_faults
 from ..cosim.graph import Wiring, check_wiring
-from ..cosim.schemes.scheme import make_scheme
+from ..cosim.schemes.resolving import resolve_scheme
 from ..cosim.signals import read_signals
 from ..cosim.ssp.single import read_any_system
 from ..cosim.structure import Parameter, parse_port
@@ -125,11 +125,16 @@ def _read(study: Study, options: RunOptions, warnings: WarningLog) -> RunSystem:
     system = RunSystem(
         _settle(structure, wiring), descriptions, given, warnings=warnings, faults=faults, inputs=inputs
     )
-    make_faults(faults, structure, descriptions, StepClock(0.0, study.step_s), make_scheme(study.scheme))
+    make_faults(faults, structure, descriptions, StepClock(0.0, study.step_s), study.scheme)
+    try:
+        resolve_scheme(study.scheme, structure, descriptions, study.step_s)
+    except UsageError as error:
+        raise study.error("rates" if study.scheme.rates else "scheme", str(error)) from error
     try:
         columns = list_columns(study, system)
     except UsageError as error:
-        raise study.error("inputs" if study.inputs is not None else "scheme", str(error)) from error
+        own = study.inputs is not None and str(error).startswith(str(study.inputs))
+        raise study.error("inputs" if own else "system", str(error)) from error
     system = replace(system, judge=read_judge(options, columns))
     return limit_noise(system, study.step_s) if disturbed else system
 

@@ -134,7 +134,7 @@ def hash_plan(
         "levels": [factor.levels for factor in plan.factors],
         "seed": (study.seed, study.seeds, plan.seed_names),
         "runs": study.runs,
-        "times": (study.duration_s, study.step_s, study.scheme),
+        "times": (study.duration_s, study.step_s, study.scheme.as_dict()),
         "observed": [{**observed.as_dict(), "place": ""} for observed in study.observed],
         "requirements": hashlib.sha256(requirements).hexdigest(),
         "system": system_sha256,

@@ -43,12 +43,12 @@ from typing import Any
 from ..cosim import UsageError, Value
 from ..cosim.isolation.instance import Isolation
 from ..cosim.isolation.options import make_isolation
+from ..cosim.schemes.scheme import EXTRAPOLATIONS, METHODS, ORDERS, Iteration, Scheme, read_rate
 from ..cosim.ssp.reading import find_description
 from ..cosim.structure import COMPONENT_NAME
 from ..pointing.index import PointingIndex
 from ..product.files import find_file, find_product
 from ..requirements.reading import INDICES
-from ..runs.options import SCHEMES
 from .signals import read_signals
 from .study import (
     COMMON,
@@ -77,6 +77,7 @@ TABLES = ("study", "from", "runs", "vary", "correlate", "observe", "signals")
 STUDY_KEYS = (
     "name", "system", "duration", "step", "scheme", "parameters", "requirements", "plan", "cases", "seed", "seeds",
     "timeout", "control_variates", "faults", "isolate", "step_timeout", "inputs", "outside",
+    "extrapolate", "rates", "solver", "tolerance", "error_estimate",
 )  # fmt: skip
 KEYS_OF = {
     VALUES: ("values",),
@@ -112,7 +113,7 @@ def read_study(path: Path) -> Study:
         fmus=None,
         duration_s=table.time("duration"),
         step_s=table.time("step", 1e-4),
-        scheme=table.choice("scheme", SCHEMES, SCHEMES[0]),
+        scheme=_read_scheme(table),
         parameters=tuple(_find(path, name, "parameters", table) for name in table.names("parameters", ())),
         requirements=None if requirements is None else _find(path, requirements, "requirements", table),
         plan=plan,
@@ -173,6 +174,32 @@ def _read_cases(table: TableReader, plan: str) -> int | None:
     if cases > MOST_CASES:
         raise table.error("cases", f"{cases} are too many: expected at most {MOST_CASES}")
     return cases
+
+
+def _read_scheme(table: TableReader) -> Scheme:
+    order = table.choice("scheme", ORDERS, ORDERS[0])
+    default = Iteration()
+    for key in ("solver", "tolerance"):
+        if key in table and order != "iterated":
+            raise table.error(key, "is for the scheme 'iterated', which iterates loops")
+    rates = table.table.get("rates", {})
+    if not isinstance(rates, dict):
+        raise table.error("rates", f'expected a table such as {{ motor = "1/4" }}, got {rates!r}')
+    tolerance = table.table.get("tolerance", default.relative)
+    if isinstance(tolerance, bool) or not isinstance(tolerance, int | float):
+        raise table.error("tolerance", f"expected a number between 0 and 1, got {tolerance!r}")
+    try:
+        return Scheme(
+            order,
+            table.choice("extrapolate", EXTRAPOLATIONS, EXTRAPOLATIONS[0]),
+            {name: read_rate(str(rate)) for name, rate in rates.items()},
+            Iteration(table.choice("solver", METHODS, default.method), float(tolerance)),
+            table.flag("error_estimate", False),
+        )
+    except UsageError as error:
+        keys = {"extrapolation": "extrapolate", "rate": "rates", "relative tolerance": "tolerance"}
+        what, _, problem = str(error).partition(": ")
+        raise table.error(keys.get(what, what), problem) from error
 
 
 def _read_isolation(table: TableReader) -> Isolation | None:

@@ -12,6 +12,7 @@ from fmpy.model_description import ModelDescription
 from ..cosim import Value
 from ..cosim.description import explain_unsettable, find_variable
 from ..cosim.isolation.instance import Isolation
+from ..cosim.schemes.scheme import Scheme
 from ..cosim.structure import split_port
 from ..pointing.indices import PointingIndex
 from ..requirements.reading import INDICES
@@ -152,7 +153,7 @@ class Study:
     """Folder of the FMUs; None: beside the system, as it says."""
     duration_s: float
     step_s: float
-    scheme: str
+    scheme: Scheme
     parameters: tuple[Path, ...]
     requirements: Path | None
     plan: str

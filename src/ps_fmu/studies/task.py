@@ -9,6 +9,7 @@ from typing import Any
 
 from ..cosim import Value
 from ..cosim.isolation.instance import Isolation
+from ..cosim.schemes.scheme import Scheme
 from ..results.summary import versions
 from .study import Observed
 
@@ -22,7 +23,7 @@ class Task:
 
     step_s: float
     duration_s: float
-    scheme: str
+    scheme: Scheme
     runs: Mapping[str, Mapping[str, Value]]
     """Start values of each run, by its name."""
     observed: tuple[Observed, ...]
@@ -44,7 +45,7 @@ class Task:
         own = self.isolation
         isolation = None if own is None else {**vars(own), "names": None if own.names is None else sorted(own.names)}
         observed = [observed.as_dict() for observed in self.observed]
-        found = {**vars(self), "observed": observed, "isolation": isolation}
+        found = {**vars(self), "observed": observed, "isolation": isolation, "scheme": self.scheme.as_dict()}
         return json.dumps(found).encode()
 
     @classmethod
@@ -53,7 +54,8 @@ class Task:
         found: dict[str, Any] = json.loads(text)
         own: dict[str, Any] | None = found["isolation"]
         names = None if own is None or own["names"] is None else frozenset(own["names"])
-        return cls(**{**found, "observed": tuple(map(Observed.from_dict, found["observed"])),
+        return cls(**{**found, "scheme": Scheme.from_dict(found["scheme"]),
+                      "observed": tuple(map(Observed.from_dict, found["observed"])),
                       "stored": tuple(found["stored"]), "anew": tuple(found["anew"]),
                       "isolation": None if own is None else Isolation(**{**own, "names": names})})  # fmt: skip
 

@@ -11,6 +11,7 @@ from ..cosim.faults.binding import bind_faults
 from ..cosim.faults.event import FaultFile
 from ..cosim.faults.numbers import change_numbers
 from ..cosim.isolation.instance import Isolation
+from ..cosim.schemes.scheme import Scheme
 from ..cosim.signals import Signal
 from .fault_numbers import split_values
 
@@ -32,7 +33,7 @@ class WarmSystem:
         self,
         system: System,
         step_s: float,
-        scheme: str,
+        scheme: str | Scheme,
         faults: FaultFile | None = None,
         isolation: Isolation | None = None,
         start_time: float | None = None,

@@ -8,7 +8,8 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
+from typing import Any
 
 from ..clock import count_steps
 from ..errors import UsageError
@@ -123,6 +124,16 @@ class Scheme:
     def error_order(self) -> int:
         """Order of the global error that the exchange makes in smooth systems, see docs/schemes.md."""
         return 1 if self.extrapolation == "hold" else 2
+
+    def as_dict(self) -> dict[str, Any]:
+        """As JSON knows it; :meth:`from_dict` reads it."""
+        return asdict(self)
+
+    @classmethod
+    def from_dict(cls, found: Mapping[str, Any]) -> Scheme:
+        """What :meth:`as_dict` has written."""
+        rates = {name: Rate(**rate) for name, rate in found["rates"].items()}
+        return cls(**{**found, "rates": rates, "iteration": Iteration(**found["iteration"])})
 
     def get_rate(self, component: str) -> Rate:
         """The rate of a component."""
