@@ -99,6 +99,32 @@ def test_files_that_are_refused(folder, text, line, reason):
     assert str(caught.value).startswith(f"{folder / 'in.csv'}, line {line}: ")
 
 
+def test_two_inputs_for_one_variable_are_refused(folder):
+    with pytest.raises(UsageError, match=r"in\.csv, line 1: 'u' and 'm\.real_in' both feed m\.real_in: leave one out"):
+        Master(read_system(folder), H, inputs=signals(folder, "time,u,m.real_in\n0,1,2\n"))
+
+
+def test_items_of_an_enumeration_have_names(folder, collect):
+    make_relay(folder / "resources" / "ToyRelay.fmu", folder / "resources" / "E.fmu", items=[("red", 1), ("blue", 3)])
+    (folder / "SystemStructure.ssd").write_text(description(system(relay("e", source="E.fmu"))))
+    with Master(read_system(folder), H, inputs=signals(folder, "time,e.whole_in\n0,red\n0.1,blue\n0.2,1\n")) as master:
+        master.initialise()
+        master.run(3 * H, [collect])
+        place = [column.name for column in master.columns].index("e.whole_in")
+    assert collect.values[:, place].tolist() == [1, 3, 1, 1]
+    with pytest.raises(SystemFileError, match=r"line 2: input 'e\.whole_in': expected .* Enumeration, got 'x'"):
+        Master(read_system(folder), H, inputs=signals(folder, "time,e.whole_in\n0,x\n"))
+
+
+def test_a_value_that_no_input_can_have_is_named(folder):
+    inputs = signals(folder, "time,u\n0,1e307\n")  # m, and mm in one of the two
+    with (
+        Master(read_system(folder), H, inputs=inputs) as master,
+        pytest.raises(UsageError, match=r"^m\.real_in at t = 0 s: expected a finite number, got inf"),
+    ):
+        master.initialise()
+
+
 @pytest.mark.parametrize(
     ("name", "reason"),
     [

@@ -154,6 +154,7 @@ def test_a_loop_and_its_error(tmp_path, capsys):
         (["--duration", "1"], "--step: neither"),
         (["--step", "0.1", "--duration", "1.05"], "--duration: 1.05 s is not a whole number of steps"),
         (["--step", "0.1", "--storage-step", "0.15"], "--storage-step: 0.15 s is not"),
+        (["--step", "0.1", "--storage-step", "5"], "--storage-step: 5.0 s is longer than the run of 1.0 s"),
         (["--step", "0"], "expected a time above 0 s"),
         (["--step", "0.1", "--observe", "none*"], "--observe: no output matches 'none*'"),
         (["--step", "0.1", "--input", "none.csv"], "--input: there is no file none.csv"),
@@ -375,6 +376,19 @@ def test_names_for_netcdf():
         "a/b": "a_b", "a_b": "a_b_2", "time": "time_2", " x": "_ x", "y ": "y", "\t": "_", "e\u0301": "\u00e9",
         "+z": "_+z", "0": "0",
     }  # fmt: skip
+
+
+def test_a_value_for_a_connected_input_is_a_warning(fmus, tmp_path, capsys):
+    (tmp_path / "both.ssd").write_text(description(system(relay("a") + relay("b"), wire("a/real_out", "b/real_in"))))
+    (tmp_path / "set.ssv").write_text(
+        '<ssv:ParameterSet xmlns:ssv="http://ssp-standard.org/SSP1/SystemStructureParameterValues" version="1.0" '
+        'name="s"><ssv:Parameters>\n<ssv:Parameter name="b.real_in"><ssv:Real value="3"/></ssv:Parameter>'
+        "</ssv:Parameters></ssv:ParameterSet>"
+    )
+    options = "--step", "0.1", "--duration", "1", "--fmus", fmus, "--parameters", tmp_path / "set.ssv", "--no-figures"
+    assert run(tmp_path / "both.ssd", *options, "--output", tmp_path / "out") == 0
+    text = "b.real_in ({}, line 2) holds until the first exchange alone: it is connected to a.real_out"
+    assert text.format(tmp_path / "set.ssv") in capsys.readouterr().err
 
 
 def test_a_plot_of_an_earlier_run_does_not_stay(archive, tmp_path, capsys):

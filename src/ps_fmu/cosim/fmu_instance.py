@@ -233,12 +233,18 @@ class FmuInstance:
     # ---- variables ---------------------------------------------------------------------------------------
 
     def set(self, values: Mapping[str, Value], time: float) -> None:
-        """Set variables by name, one call per type.  Raises :class:`UsageError` for another type."""
+        """Set variables by name, one call per type.  Raises :class:`UsageError` for a value that one cannot have."""
         for family, names in self._families(values).items():
-            typed = [convert_value(self.variables[name], values[name]) for name in names]
+            typed = [self._convert(name, values[name], time) for name in names]
             raw = [value.encode() if isinstance(value, str) else value for value in typed]
             array = (C_TYPES[family] * len(names))(*raw)
             self._call(f"fmi2Set{family}", *self._references(names), array, time=time, variables=names)
+
+    def _convert(self, name: str, value: Value, time: float) -> Value:
+        try:
+            return convert_value(self.variables[name], value)
+        except UsageError as error:
+            raise UsageError(f"{self.name}.{name} at t = {time:.9g} s: {error}") from error
 
     def get(self, names: Iterable[str], time: float) -> dict[str, Value]:
         """Values of variables by name, one call per type."""

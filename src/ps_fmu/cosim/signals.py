@@ -130,13 +130,14 @@ def bind_signals(
     """Signals with the inputs of components that they feed.
 
     A name is that of an input of the system, or ``component.variable`` of an input that no connection feeds.  Raises
-    :class:`UsageError`: no such input, one that is connected, one of Strings; an input of the system, fed or not, whose
-    type is another than that of what it leads to, or whose unit cannot be converted; :class:`SystemFileError` with the
-    line: a value of another type, or none of the enumeration.
+    :class:`UsageError`: no such input, one that is connected, one of Strings, two for one variable; an input of the
+    system, fed or not, whose type is another than that of what it leads to, or whose unit cannot be converted;
+    :class:`SystemFileError` with the line: a value of another type, or none of the enumeration.
     """
     inputs = {item.name: _convert_input(system, item, descriptions) for item in system.inputs}
     connected = {connection.target for connection in system.connections}
     bound = []
+    owners: dict[PortName, str] = {}
     for name, signal in signals.items():
         if name in inputs:
             start, targets = inputs[name]
@@ -146,6 +147,9 @@ def bind_signals(
             except UsageError as error:
                 raise UsageError(f"{signal.origin}, line 1: {error}") from None
             start, targets = _find_end(port, descriptions), ((port, Conversion()),)
+        for port, _ in targets:
+            if (other := owners.setdefault(port, name)) != name:
+                raise UsageError(f"{signal.origin}, line 1: {other!r} and {name!r} both feed {port}: leave one out")
         bound.append(_bind(name, signal, start, targets, descriptions))
     return bound
 
@@ -199,7 +203,7 @@ def _bind(
         raise UsageError(f"{signal.origin}, line 1: input {name!r}: Strings cannot be read here: set a start value")
     values = np.empty(len(signal.texts))
     for row, text in enumerate(signal.texts):
-        value = parse_value(kind, text)
+        value = (start.items or {}).get(text.strip(), parse_value(kind, text))  # an item by its name or its number
         if value is None or isinstance(value, str) or (kind == "Integer" and not fits_int32(int(value))):
             text = f"input {name!r}: expected a value of type {start.type}, got {text!r}"
             raise SystemFileError(Path(signal.origin), text, signal.lines[row])

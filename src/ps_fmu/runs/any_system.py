@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import fields, replace
 
 import netCDF4
@@ -24,7 +24,7 @@ from ..cosim.schemes.scheme import make_scheme
 from ..cosim.signals import Signal, read_signals
 from ..cosim.ssp.reading import read_parameters
 from ..cosim.ssp.single import complete_experiment, fit_duration, read_any_system
-from ..cosim.structure import PortName, System
+from ..cosim.structure import PortName, System, split_port
 from ..results.quick_plot import Line, draw_quick_plot
 from ..results.summary import plain
 from ..slavekit.pack.files import write_atomically
@@ -87,7 +87,10 @@ def _run(options: AnyRun) -> None:
             if options.observe:
                 master.record(names)
             master.faults.check_end(duration)
-            for text in (*master.wiring.remarks, *master.faults.remarks, *_list_silent(system, descriptions, signals)):
+            for text in (
+                *master.wiring.remarks, *master.faults.remarks, *_list_fed(options, master, descriptions),
+                *_list_silent(system, descriptions, signals),
+            ):  # fmt: skip
                 warnings.add(text)
             master.initialise()
             _record(master, options, duration, all_stored, names, system, costs, keeper)
@@ -126,6 +129,8 @@ def _choose_times(options: AnyRun, system: System) -> tuple[float, float]:
     for name, value in (("--duration", duration), ("--storage-step", options.storage_step_s or step)):
         if count_steps(value, step) is None:
             raise OptionError(f"{name}: {value!r} s is not a whole number of steps of {step!r} s")
+    if options.storage_step_s is not None and options.storage_step_s > duration * (1.0 + 1e-9):
+        raise OptionError(f"--storage-step: {options.storage_step_s!r} s is longer than the run of {duration!r} s")
     return step, duration
 
 
@@ -139,6 +144,18 @@ def _find_others(descriptions: dict[str, ModelDescription], patterns: Sequence[s
         for port in [PortName(name, variable.name)]
         if any(matches(str(port), pattern) for pattern in patterns)
     }
+
+
+def _list_fed(
+    options: AnyRun, master: Master, descriptions: Mapping[str, ModelDescription]
+) -> Iterator[str]:
+    """Values of the user's parameter files for inputs that something feeds."""
+    sources = {connection.target: connection.source for connection in master.wiring.connections}
+    for path in options.parameters:
+        for name, entry in read_parameters(path).entries().items():
+            if (port := split_port(name, descriptions)) in sources:
+                fed = f"it is connected to {sources[port]}"
+                yield f"{name} ({entry.origin}) holds until the first exchange alone: {fed}"
 
 
 def _list_silent(
