@@ -134,6 +134,17 @@ def test_what_can_be_varied(plan):
     assert found.study.runs == {"active": {"e.whole_in": 2}}
 
 
+def test_a_system_in_a_folder_with_files_outside(plan, tmp_path):
+    folder = tmp_path / "folder"
+    folder.mkdir()
+    (folder / "SystemStructure.ssd").write_text(SYSTEM.replace('"resources/', '"../resources/'))
+    with pytest.raises(CosimError, match=r"--outside lets .* elsewhere \(in a study: outside = true\)"):
+        plan(("system.ssd", "folder"))
+    assert len(plan(("system.ssd", "folder"), ("seed = 1", "seed = 1\noutside = true")).plan) == 2
+    with pytest.raises(StudyError, match="system: there is no file"):
+        plan(("system.ssd", "resources"))
+
+
 def test_a_study_in_a_file_with_a_mark_of_its_encoding(write, tmp_path):
     path = write()
     path.write_bytes(b"\xef\xbb\xbf" + path.read_bytes())

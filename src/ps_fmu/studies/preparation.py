@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import tempfile
 from dataclasses import replace
 from pathlib import Path
@@ -112,14 +111,10 @@ def make_bundle(study: Study, system: RunSystem, sources: Sources) -> Bundle:
 
 
 def _collect_fmus(system: RunSystem) -> tuple[dict[str, str], dict[str, bytes]]:
-    """What the FMU of each component is called in the bundle, and their contents by these names, each once."""
-    names: dict[str, str] = {}
-    files: dict[str, bytes] = {}
-    places: dict[str, str] = {}
+    """What the FMU of each component is called in the bundle, and the contents of all files by these names."""
+    places: dict[Path, str] = {}
     for component in system.structure.components:
-        content = component.source.read_bytes()
-        digest = hashlib.sha256(content).hexdigest()
-        place = places.setdefault(digest, f"{FMUS}/{len(places)}/{component.source.name}")
-        names[component.name], files[place] = place, content
-    return names, files
+        places.setdefault(component.source, f"{FMUS}/{len(places)}/{component.source.name}")
+    names = {component.name: places[component.source] for component in system.structure.components}
+    return names, {place: source.read_bytes() for source, place in places.items()}
 
