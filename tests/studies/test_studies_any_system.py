@@ -200,6 +200,17 @@ def test_schemes(compare, tmp_path, more, options):
     assert np.array_equal(again["first.x"], rows["first.x"])
 
 
+@pytest.mark.parametrize(("step", "expected"), [("", 0.25), ('step = "0.1 s"', 0.1)])
+def test_the_step_is_that_of_the_system_unless_the_study_states_one(relays, tmp_path, step, expected):
+    osp = OSP.replace(' stepSize="0.2"', "").replace("0.1</Base", "0.25</Base")
+    (tmp_path / "OspSystemStructure.xml").write_text(osp)
+    vary = "[[vary]]\nparameter = 'first.x1'\nvalues = [1]\n"
+    text = STUDY.format(system="OspSystemStructure.xml", vary=vary, observed="first.x", more="")
+    (tmp_path / "study.toml").write_text(text.replace('step = "0.1 s"', step))
+    prepared = prepare(SweepOptions(tmp_path / "study.toml", tmp_path / "out", fmus=relays))
+    assert prepared.plan.study.step_s == expected
+
+
 def test_a_single_fmu(compare, tmp_path):
     values = {"real_in": "3 mm"}
     _, _, _, found = compare("Milli.fmu", None, values, observed="ToyRelay.real_out")

@@ -19,7 +19,7 @@ from ..cosim.faults.reading import read_faults
 from ..cosim.graph import Wiring, check_wiring
 from ..cosim.schemes.resolving import resolve_scheme
 from ..cosim.signals import read_signals
-from ..cosim.ssp.single import read_any_system
+from ..cosim.ssp.single import complete_experiment, read_any_system
 from ..cosim.structure import Parameter, parse_port
 from ..product.files import find_product
 from ..runs.built_fmus import find_built_folder, is_own, list_models, provide_fmus
@@ -73,6 +73,18 @@ def choose_fmus(study: Study, folder: Path | None) -> Path | None:
                 raise
     provide_fmus(own, study.system)
     return own
+
+
+def choose_step(study: Study) -> Study:
+    """The study with the step of its system, or else of its FMUs, where it states none itself.
+
+    Raises CosimError for a system that cannot be read.
+    """
+    if study.states_step:
+        return study
+    system = read_any_system(study.system, study.fmus, outside=study.outside)
+    stated = complete_experiment(system, read_descriptions(system, lenient=True)).step
+    return study if stated is None else replace(study, step_s=stated)
 
 
 def load_study_system(study: Study) -> RunSystem:

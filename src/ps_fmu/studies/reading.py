@@ -86,6 +86,7 @@ KEYS_OF = {
     NORMAL: ("mean", "sigma", "relative", "low", "high"),
 }
 WINDOWED = ("MPE", "RPE", "smear", "jitter")
+DEFAULT_STEP_S = 1e-4  # where the system states none either
 DEFAULT_RUN = "active"  # the run that requirements judge when they do not say which
 
 
@@ -112,7 +113,8 @@ def read_study(path: Path) -> Study:
         system=system,
         fmus=None,
         duration_s=table.time("duration"),
-        step_s=table.time("step", 1e-4),
+        step_s=table.time("step", DEFAULT_STEP_S),
+        states_step="step" in table,
         scheme=_read_scheme(table),
         parameters=tuple(_find(path, name, "parameters", table) for name in table.names("parameters", ())),
         requirements=None if requirements is None else _find(path, requirements, "requirements", table),

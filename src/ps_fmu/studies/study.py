@@ -180,6 +180,8 @@ class Study:
     """What happens to signals and parameters in each run."""
     inputs: Path | None = None
     """Inputs over time, a CSV file; None: they keep their start values."""
+    states_step: bool = True
+    """Whether the file states the step; else it is that of the system, where that states one."""
     outside: bool = False
     """Whether the system may use files outside of its folder or archive."""
     branch: Branch | None = None

@@ -17,7 +17,7 @@ from ..runs.setup import RunSystem
 from .branching import check_sources, keep_seeds, read_sources
 from .bundle import Bundle
 from .control_variate import check_closed_form
-from .loading import choose_fmus, load_study_system
+from .loading import choose_fmus, choose_step, load_study_system
 from .plan import Plan, make_plan
 from .preparation import check_numbers, complete_observed, make_bundle
 from .reading import read_study
@@ -75,7 +75,7 @@ def prepare(options: SweepOptions) -> Prepared:
     Raises :class:`.study.StudyError`, :class:`..cosim.CosimError`, BuildError, OSError.
     """
     study = read_study(options.study)
-    study = replace(study, fmus=choose_fmus(study, options.fmus))
+    study = choose_step(replace(study, fmus=choose_fmus(study, options.fmus)))
     system = load_study_system(study)
     if study.control_variates:
         if study.faults is not None:

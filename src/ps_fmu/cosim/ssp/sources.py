@@ -80,7 +80,8 @@ class Sources:
         path = PurePosixPath(plain)
         malformed = not path.name or set(plain) & set("\\\0") or ":" in plain
         if malformed or (not self.outside and (path.is_absolute() or ".." in path.parts)):
-            hint = "" if malformed or self.outside else "; --outside lets a system use files elsewhere (in a study: outside = true)"
+            way = "; --outside lets a system use files elsewhere (in a study: outside = true)"
+            hint = "" if malformed or self.outside else way
             text = f"source {text!r} is not a path inside the folder of the description{hint}"
             raise SystemFileError(ssd, text, element.line)
         return ssd.parent / path
