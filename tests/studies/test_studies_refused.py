@@ -76,6 +76,13 @@ def plan(write, tmp_path):
         ([WHOLE, ("values = [1, 2]", STEPS.format(4))], "expected a value of type Integer, got 2.5"),
         ([("1, 2", '"1 m"')], "'m' does not fit a number without unit: write for example 1"),
         ([("1, 2", '"1 furlong"')], "the unit 'furlong' is not known"),
+        ([('"a.gain"', '"a.gain"\nname = "status"')], "'status' is called as a column that all studies have"),
+        ([('"a.gain"', '"a.gain"\nname = "active.x"')], "'active.x' is called like the result of a run"),
+        (
+            [('"a.gain"', '"a.gain"\nname = "b.gain"'), ("[[obs", '[[vary]]\nparameter = "b.gain"\nname = "other"\n'
+              "values = [1, 2]\n[[obs")],
+            "'b.gain' is called as a start value or seed that the study sets, too: give it a name of its own",
+        ),
         ([("b.real_out", "plant.x")], "there is no output 'plant.x'"),
         ([('[[observe]]\nsignal = "b.real_out"', "")], "expected a table with a signal such as a.height, a.real_out"),
         ([("in.csv", "gone.csv")], "inputs: there is no file"),

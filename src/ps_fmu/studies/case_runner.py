@@ -29,7 +29,7 @@ from ..terminal import reason
 from .bundle import FAULTS, INPUTS, REQUIREMENTS, SYSTEM, TASK
 from .indices import IndexRecord, SwitchRecord, find_signals
 from .parts import move_durably
-from .rows import ANSWER, DONE, FAILED, HISTOGRAM, LONGEST_TEXT, Row, VersionError
+from .rows import ANSWER, DONE, FAILED, HISTOGRAM, LONGEST_TEXT, VERDICT, Row, VersionError
 from .task import Task, result_versions
 from .warm import WarmSystem
 
@@ -183,12 +183,12 @@ def describe_verdicts(judge: RunJudge) -> Row:
         row |= _describe_verdict(verdict)
     for requirement, run, label, found in judge.list_distributions():
         if requirement.interpretation is Interpretation.MIXED:
-            row[f"verdict/{requirement.name}/{run}/{label}{HISTOGRAM}"] = pack_distribution(found)
+            row[f"{VERDICT}{requirement.name}/{run}/{label}{HISTOGRAM}"] = pack_distribution(found)
     return row
 
 
 def _describe_verdict(verdict: Verdict) -> Row:
-    place = f"verdict/{verdict.requirement.name}/{verdict.case}/{verdict.signal}"
+    place = f"{VERDICT}{verdict.requirement.name}/{verdict.case}/{verdict.signal}"
     stated = verdict.statement
     return {
         f"{place}{ANSWER}": verdict.answer.value,

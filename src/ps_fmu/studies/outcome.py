@@ -20,7 +20,7 @@ from ..requirements.targets import find_targets
 from .indices import find_signals, label_index
 from .parts import list_parts, read_rows, read_texts, write_durably
 from .plan import Plan
-from .rows import DONE, HISTOGRAM
+from .rows import DONE, HISTOGRAM, VERDICT
 from .study_folder import PLAN
 
 Array = NDArray[np.float64]
@@ -129,7 +129,7 @@ def list_outputs(plan: Plan, columns: Sequence[Column], requirements: Sequence[R
         for run in plan.study.runs:
             if requirement.judges(run):
                 for target in find_targets(requirement, columns):
-                    name = f"verdict/{requirement.name}/{run}/{target.label}/value"
+                    name = f"{VERDICT}{requirement.name}/{run}/{target.label}/value"
                     limit = requirement.limit
                     found.append(Output(name, limit.unit, limit.value, requirement, run, target.label))
     for run in plan.study.runs:

@@ -20,6 +20,7 @@ from ..cosim.graph import check_wiring
 from ..cosim.structure import parse_port, split_port
 from ..runs.setup import RunSystem
 from .factors import Factor, convert_level, explain_fed, explain_unvaried, find_factor
+from .rows import OWN, VERDICT
 from .sampling import draw_cases
 from .study import COMMON, GRID, LIST, MOST_CASES, Study, StudyError
 from .task import result_versions
@@ -81,6 +82,7 @@ def make_plan(study: Study, system: RunSystem) -> Plan:
             raise study.error("plan", f"{total} cases are too many: expected at most {MOST_CASES}")
     plan = Plan(study, factors, draw_cases(study, factors), find_seeds(study, system.descriptions, factors))
     _check_values(plan)
+    _check_names(plan)
     return plan
 
 
@@ -187,6 +189,21 @@ def _convert_runs(
             except UsageError as error:
                 raise StudyError(f"{study.path}, [runs.{run}], {name}: {error}") from None
     return found
+
+
+def _check_names(plan: Plan) -> None:
+    """Each draw that is not that of the start value of its name has a column of that name beside all others."""
+    runs = tuple(f"{run}." for run in plan.study.runs)
+    for factor in plan.factors:
+        if factor.name in factor.targets:
+            continue
+        what = "as a column that all studies have" if factor.name in OWN else None
+        if factor.name in (*plan.targets, *plan.seed_names):
+            what = "as a start value or seed that the study sets, too"
+        elif factor.name.startswith((*runs, VERDICT)):
+            what = "like the result of a run"
+        if what is not None:
+            raise factor.vary.error("name", f"{factor.name!r} is called {what}: give it a name of its own")
 
 
 def _check_values(plan: Plan) -> None:

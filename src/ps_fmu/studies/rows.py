@@ -10,8 +10,12 @@ Row = dict[str, Any]
 DONE, FAILED, KILLED, LATE = "done", "failed", "killed its process", "took too long"
 """Values of ``status``."""
 TEXTS = ("status", "error", "warnings", "worker")
+OWN = ("case", *TEXTS, "wall_s")
+"""Columns of each row, beside the metrics."""
 MEASURED = ("wall_s", "worker")
 """Columns that another run of the same case has otherwise."""
+VERDICT = "verdict/"
+"""Beginning of the name of a column of a requirement."""
 ANSWER = "/answer"
 """End of the name of a column with an answer on a requirement."""
 HISTOGRAM = "/histogram"
