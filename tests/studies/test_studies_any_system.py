@@ -236,3 +236,26 @@ def test_an_archive_with_names_that_netcdf_has_not(compare, relays, tmp_path):
     assert found["caf\u00e9_\u0394v.real_out"][-1] == 0.0
     assert prepared.identity.fmus.keys() == {"ToyRelay", "ToyRelay (t.r)"}
     assert main(["sweep", str(study), "--case", "0", "--output", str(tmp_path / "again")]) == 0
+
+
+def test_a_study_from_a_checkpoint_with_inputs_over_time(stateful, tmp_path):
+    """Time in the file is that of the simulation, as of a run that begins there."""
+    for path in stateful.iterdir():
+        shutil.copy(path, tmp_path)
+    (tmp_path / "in.csv").write_text("time,first.increment\n0,1\n0.35,4\n0.6,2\n")
+    inputs = "--input", str(tmp_path / "in.csv"), "--fmus", str(tmp_path)
+    system, place = str(tmp_path / "toys.ssd"), str(tmp_path / "settled")
+    settle = ["run", system, "--step", "0.1", "--duration", "0.3", *inputs, "--checkpoint", "0.3", "--output", place]
+    assert main([*settle, "--no-figures"]) == 0
+    vary = "[[vary]]\nparameter = 'mass.mass'\nvalues = [7.0]\n"
+    vary += "[from]\ncheckpoint = 'settled'\nanew = 'mass'\n[runs.run]\n"
+    study = tmp_path / "study.toml"
+    study.write_text(STUDY.format(system="toys.ssd", vary=vary, observed="mass.position", more='inputs = "in.csv"'))
+    prepared = prepare(SweepOptions(study, tmp_path / "study", fmus=tmp_path))
+    row = CaseRunner(prepared.bundle.unpack(tmp_path)).run(0, prepared.plan.values(0), tmp_path / "case.nc")
+    assert (row["status"], row["error"]) == ("done", None)
+    found = read(tmp_path / "case.nc", "run")
+    rows = check(
+        tmp_path, found, "toys.ssd", {"mass.mass": ("Real", "7.0")}, *inputs, "--from", place, "--anew", "mass"
+    )
+    assert rows["time"][0] == pytest.approx(0.3) and rows["first.increment"].tolist() == [1, 4, 4, 2, 2, 2]
