@@ -12,6 +12,7 @@ import pytest
 import xarray
 
 from ps_fmu.cosim import Column, Master, Recorder, RecorderError, UsageError
+from ps_fmu.cosim.recording import recorder as recorder_module
 from ps_fmu.cosim.recording.columns_on_disk import read_rows, write_rows
 from ps_fmu.cosim.recording.decimate import Decimator
 from ps_fmu.cosim.recording.recorder import TIME_UNITS
@@ -325,6 +326,8 @@ PROCESS = """
     import os, resource, signal, sys
     import numpy as np
     from ps_fmu.cosim import Column, Recorder, RecorderError
+    from ps_fmu.cosim.recording import recorder
+    recorder.WRITE_INTERVAL_S = 1e9  # on a busy machine a second may pass anywhere: rows are written by count alone
     columns = [Column(f"a.x{n}", "m", "Real", "") for n in range(20)]
     recorder = Recorder(sys.argv[1], "run", columns=columns, step=1.0)
     if sys.argv[2] == "limit":
@@ -368,6 +371,7 @@ def test_a_full_disk_leaves_a_readable_file(path):
 
 
 def test_a_full_disk_ends_the_run_with_the_results_kept(make_system, path, monkeypatch):
+    monkeypatch.setattr(recorder_module, "WRITE_INTERVAL_S", 1e9)
     system = make_system({"mass": "ToyMass"}, [])
     full = r"the disk is full: 0\.\d MB needed, 0\.0 MB free"
     with pytest.raises(RecorderError, match=full) as caught, Master(system, 1e-3) as master:
