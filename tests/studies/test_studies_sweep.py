@@ -89,21 +89,20 @@ def start_dask(what, *arguments):
 
 
 def end_with_children(process):
+    children = []
     with suppress(psutil.NoSuchProcess):
         children = psutil.Process(process.pid).children(recursive=True)
-        process.kill()
-        for one in children:
-            with suppress(psutil.NoSuchProcess):
-                one.kill()
+    for one in (process, *children):
+        with suppress(psutil.NoSuchProcess):
+            one.kill()
     process.wait()
 
 
 def read_command(process):
     """The words of a process; none of one that has just ended."""
-    try:
+    with suppress(psutil.Error):
         return process.cmdline()
-    except psutil.Error:
-        return []
+    return []
 
 
 def wait_until(condition):
