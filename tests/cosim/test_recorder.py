@@ -13,7 +13,6 @@ import xarray
 
 from ps_fmu.cosim import Column, Master, Recorder, RecorderError, UsageError
 from ps_fmu.cosim.recording import recorder as recorder_module
-from ps_fmu.cosim.recording.columns_on_disk import read_rows, write_rows
 from ps_fmu.cosim.recording.decimate import Decimator
 from ps_fmu.cosim.recording.recorder import TIME_UNITS
 
@@ -229,35 +228,6 @@ def test_a_file_that_is_open_takes_several_runs_and_stays_open(path):
     with netCDF4.Dataset(path) as data:
         for run in ("passive", "active"):
             np.testing.assert_array_equal(data[run]["plant.angle"][:], values[:, 3])
-
-
-@pytest.mark.parametrize("fast", [True, False])
-def test_rows_on_disk_are_written_and_read_whatever_netcdf4_offers(tmp_path, fast):
-    """Without the methods that netCDF4 does not document, by the documented way."""
-
-    class Documented:
-        def __init__(self, variable):
-            self.variable, self.dtype = variable, variable.dtype
-
-        def __setitem__(self, part, values):
-            self.variable[part] = values
-
-        def __getitem__(self, part):
-            return self.variable[part]
-
-    with netCDF4.Dataset(tmp_path / "rows.nc", "w") as file:
-        file.createDimension("time", None)
-        for kind in ("f8", "i4", "i1"):
-            variable = file.createVariable(kind, kind, ("time",))
-            one = variable if fast else Documented(variable)
-            write_rows(one, 0, np.arange(3.0))
-            write_rows(one, 3, np.arange(8.0)[::2])
-            write_rows(one, 7, np.empty(0))
-            np.testing.assert_array_equal(variable[:], [0, 1, 2, 0, 2, 4, 6])
-            found = read_rows(one, 1, 5)
-            assert found.dtype == variable.dtype
-            np.testing.assert_array_equal(found, [1, 2, 0, 2])
-            assert read_rows(one, 2, 2).size == 0
 
 
 def test_memory_does_not_grow_with_the_rows(path):
