@@ -45,15 +45,18 @@ class Costs:
     get: float
 
 
-def measure(fmus: Path) -> dict[str, dict[str, float]]:
-    """Call -> way -> us; a step of the isolator, 12 Reals in and out of the plant."""
+def measure(fmus: Path, rounds: int = ROUNDS) -> dict[str, dict[str, float]]:
+    """Call -> way -> us; a step of the isolator, 12 Reals in and out of the plant.
+
+    ``rounds``: of calls in C; their median counts.
+    """
     with tempfile.TemporaryDirectory(prefix="ps_fmu_bench_") as temporary:
         folder = Path(temporary)
         program = folder / "c_host"
         program.write_bytes(PROGRAM.compiled("linux64"))
         program.chmod(0o700)
-        isolator = _in_all_ways(program, fmus / "FeedforwardIsolator.fmu", folder)
-        plant = _in_all_ways(program, fmus / "ManipulatorPlant.fmu", folder)
+        isolator = _in_all_ways(program, fmus / "FeedforwardIsolator.fmu", folder, rounds)
+        plant = _in_all_ways(program, fmus / "ManipulatorPlant.fmu", folder, rounds)
     return {
         "isolator, fmi2DoStep": {way: costs.step for way, costs in isolator.items()},
         f"plant, fmi2SetReal of {N_REALS}": {way: costs.set for way, costs in plant.items()},
@@ -76,7 +79,7 @@ def overhead(costs: dict[str, dict[str, float]]) -> float:
     return max(ways[LAUNCHER] - ways[OWN] for ways in costs.values())
 
 
-def _in_all_ways(program: Path, fmu: Path, temporary: Path) -> dict[str, Costs]:
+def _in_all_ways(program: Path, fmu: Path, temporary: Path, rounds: int) -> dict[str, Costs]:
     folder = temporary / fmu.stem
     extract(str(fmu), unzipdir=str(folder))
     description = read_model_description(str(folder))
@@ -86,7 +89,7 @@ def _in_all_ways(program: Path, fmu: Path, temporary: Path) -> dict[str, Costs]:
     pairs = [(v.valueReference, 0.0, 0.0 if "command" in v.name else 1e-3) for v in inputs]
     references = [v.valueReference for v in outputs]
     binaries, model = folder / "binaries" / "linux64", description.coSimulation.modelIdentifier
-    arguments = [(folder / "resources").as_uri(), description.guid, repr(STEP), str(ROUNDS), str(CALLS)]
+    arguments = [(folder / "resources").as_uri(), description.guid, repr(STEP), str(rounds), str(CALLS)]
     arguments += [" ".join(f"{r}:{low!r}:{high!r}" for r, low, high in pairs), " ".join(map(str, references))]
     threads = {"OMP_NUM_THREADS": "1"}
     libpython = Path(sysconfig.get_config_var("LIBDIR"), sysconfig.get_config_var("INSTSONAME"))

@@ -220,7 +220,7 @@ def run(arguments: argparse.Namespace, command_line: argparse.ArgumentParser) ->
         except OptionError as error:  # one that needs the system to be seen, such as a path that takes longer
             command_line.error(str(error))
         except (BuildError, CosimError, OSError, ValueError) as error:
-            return report_end(program, reason(error) + _suggest_other(options), options.output, 1)
+            return report_end(program, reason(error) + _suggest_other(options), options.output, 1, error)
     return 0
 
 

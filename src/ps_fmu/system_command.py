@@ -119,7 +119,7 @@ def run_system(options: AnyRun, program: str) -> int:
         except KeyboardInterrupt:
             return report_end(program, "interrupted", options.output, 130)
         except (BuildError, CosimError, OSError) as error:
-            return report_end(program, reason(error) + _suggest_folder(options, error), options.output, 1)
+            return report_end(program, reason(error) + _suggest_folder(options, error), options.output, 1, error)
     print(f"results in {options.output}: {RESULTS}{f', {PLOT}' if (options.output / PLOT).is_file() else ''}")
     return 0
 

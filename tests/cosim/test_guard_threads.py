@@ -18,11 +18,11 @@ class Thread(threading.Thread):
         super().__init__()
         self.ready, self.go = threading.Event(), threading.Event()
         self.start()
-        assert self.ready.wait(20)
+        assert self.ready.wait(60)
     def run(self):
         with guard.arm(False):
             self.ready.set()
-            assert self.go.wait(20)
+            assert self.go.wait(60)
     def end(self):
         self.go.set()
         self.join()
@@ -31,7 +31,7 @@ class Thread(threading.Thread):
 
 def run(text):
     return subprocess.run(
-        [sys.executable, "-c", HEAD + text], capture_output=True, text=True, timeout=60, check=False,
+        [sys.executable, "-c", HEAD + text], capture_output=True, text=True, timeout=240, check=False,
         cwd=Path(__file__).parents[2], env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
     )  # fmt: skip
 
@@ -133,7 +133,7 @@ class Caller(Thread):
     def run(self):
         with guard.NamedCall("second: fmi2GetReal"):
             self.ready.set()
-            assert self.go.wait(20)
+            assert self.go.wait(60)
 with guard.NamedCall("first: fmi2GetReal"):
     caller = Caller()
 caller.end()
@@ -148,7 +148,7 @@ class Caller(Thread):
     def run(self):
         with guard.NamedCall("second: fmi2GetReal"):
             self.ready.set()
-            assert self.go.wait(20)
+            assert self.go.wait(60)
             exit_process(0)
 with guard.NamedCall("first: fmi2GetReal"):
     caller = Caller()

@@ -138,7 +138,7 @@ def test_an_instance_that_cannot_be_loaded_leaves_no_process(tmp_path, make_syst
 def wait_until(condition):
     since = time.monotonic()
     while not condition():
-        assert time.monotonic() - since < 20.0
+        assert time.monotonic() - since < 60.0  # s; a busy machine is slow
         time.sleep(0.02)
 
 
@@ -191,13 +191,17 @@ def test_a_timeout_without_isolation(name):
 
 
 @pytest.mark.parametrize(
-    ("fault", "timeouts"),
-    [("hang_asleep", {"step_timeout_s": 0.3}), ("hang_in_terminate", {"call_timeout_s": 0.3})],
+    ("fault", "timeouts", "error"),
+    [
+        ("hang_asleep", {"step_timeout_s": 0.3}, r"fmi2DoStep at t = 0\.05 s did not return within 0\.3 s"),
+        # To instantiate, which starts a process, must take less.
+        ("hang_in_terminate", {"call_timeout_s": 2.0}, r"fmi2Terminate at t = 0\.1 s did not return within 2 s"),
+    ],
 )
-def test_each_call_has_its_own_timeout(tmp_path, make_system, fault, timeouts):
+def test_each_call_has_its_own_timeout(tmp_path, make_system, fault, timeouts, error):
     system = make_system({fault: "Faulty"}, [], faulty.build(tmp_path).parent)
     with (
-        pytest.raises(SlaveError, match=r"did not return within 0\.3 s; its process has been ended"),
+        pytest.raises(SlaveError, match=f"{error}; its process has been ended"),
         Master(system, H, isolation=Isolation(**timeouts)) as master,
     ):
         master.initialise()

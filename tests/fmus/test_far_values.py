@@ -1,11 +1,14 @@
 """Values that no one would choose: the models take them, or refuse them by name; nothing else is raised."""
 
+from dataclasses import replace
+
 import pytest
 from hypothesis import given, settings
 from support.models import Host, slave_class
 from support.states import clocks, numbers, use_made_up_state
 
 from ps_fmu.slavekit.author.slave import ModelError, Refused
+from ps_fmu.slavekit.author.state import to_bytes
 
 H = 1e-4  # s
 
@@ -65,3 +68,24 @@ def test_states_that_someone_made_up_are_refused_or_gone_on_from(folder, clock, 
     host = Host(folder).run_mode()
     host.step(H, 5)
     use_made_up_state(host.slave, clock, changes, H)
+
+
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")
+def test_states_far_from_the_usual_are_refused_in_words():
+    """An event of the plant is the first that has to do with them; the text names the one that someone made up."""
+    host = Host("manipulator_plant").run_mode()
+    host.step(H, 5)
+    slave, said = host.slave, []
+    good, states = slave._get_fmu_state(), slave.layout.x
+    for place in range(states.start, states.stop):
+        buffer = good.buffer.copy()
+        buffer[place] = 1e100
+        made_up = replace(good, buffer=buffer, clock=replace(good.clock, pending=True))
+        try:
+            slave._set_fmu_state(slave._fmu_state_from_bytes(to_bytes(made_up)))
+            slave.do_step(slave.time, H)
+        except (ModelError, Refused) as error:
+            said.append(str(error))
+            assert f"far beyond what is usual: state {place - states.start} = 1e+100" in said[-1]
+        slave._set_fmu_state(good)
+    assert said

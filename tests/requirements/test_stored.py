@@ -51,6 +51,22 @@ def test_all_rows_give_what_the_run_gave(store, require):
     assert verdict.rows == "all rows, 0.01 s apart"
 
 
+@pytest.mark.parametrize("chunk", [None, 90, 1500, 5001])
+def test_verdicts_do_not_depend_on_the_chunks_of_the_file(store, require, chunk):
+    """None: the signals lie in one piece, as in a file that another program has written."""
+    path, _ = store(duration_s=150.0)
+    with netCDF4.Dataset(path) as old, netCDF4.Dataset(path.with_name("other.nc"), "w") as new:
+        group, copy = old["active"], new.createGroup("active")
+        copy.setncatts({name: group.getncattr(name) for name in group.ncattrs()})
+        copy.createDimension("time", len(group["time"]))
+        layout = {"contiguous": True} if chunk is None else {"chunksizes": (chunk,)}
+        for name, variable in group.variables.items():
+            made = copy.createVariable(name, variable.dtype, ("time",), **layout)
+            made.setncatts({key: variable.getncattr(key) for key in variable.ncattrs()})
+            made[:] = variable[:]
+    assert judge_one(path.with_name("other.nc"), [require()]) == judge_one(path, [require()])
+
+
 def test_thinned_rows_say_which_bandwidth_they_have(store, require):
     """Ten times fewer rows of white noise, filtered to 4 of 50 Hz: a tenth of the variance is left."""
     path, _ = store(storage_step=0.1, duration_s=200.0)

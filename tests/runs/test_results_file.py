@@ -185,6 +185,22 @@ def test_what_shrinks_is_compressed_and_nothing_changes(rows):
     assert [one.name for one in path.parent.iterdir()] == ["results.nc"]
 
 
+@pytest.mark.parametrize(("count", "expected", "chunk"), [(25_001, 25_001, 8334), (2500, 25_001, 2500)])
+def test_chunks_stay_as_the_recorder_made_them(tmp_path, count, expected, chunk):
+    """But no longer than the column of a run that was interrupted."""
+    path = tmp_path / "results.nc"
+    values = np.random.default_rng(1).standard_normal((count, 2))
+    values[:, 1] = 1.0
+    columns = [Column("a.noise", "m", "Real", ""), Column("a.constant", "m", "Real", "")]
+    with Recorder(path, "run", columns=columns, step=1.0, rows=expected) as recorder:
+        recorder.block(0, np.arange(float(count)), values)
+    finish_file(path, IndexLog())
+    with netCDF4.Dataset(path) as file:
+        for place, column in enumerate(columns):
+            assert file["run"][column.name].chunking() == [chunk]
+            np.testing.assert_array_equal(file["run"][column.name][:], values[:, place])
+
+
 def test_a_short_run_takes_no_room_for_chunks(tmp_path):
     path = tmp_path / "results.nc"
     columns = [Column(f"a.x{k}", "m", "Real", "") for k in range(50)]

@@ -6,6 +6,7 @@
 import json
 import os
 import random
+import shutil
 import signal
 import subprocess
 import sys
@@ -249,6 +250,29 @@ def test_commands_take_checkpoints_that_are_paid_for(run, tmp_path, monkeypatch)
     code, said = run(*words)
     assert code == 0, said
     assert written == [("passive", 500), ("passive", 3000), ("active", 500), ("active", 3000)]
+
+
+def test_a_damaged_checkpoint_says_what_helps(inputs, undisturbed, stopped, run):
+    """Of a case that was done; the other one was in the middle."""
+    folder = stopped / "checkpoint" / "passive"
+    (journal,) = folder.glob("rows-*.bin")
+    whole = {path: path.read_bytes() for path in (journal, *folder.glob("row-*.zip"))}
+    assert len(whole) == 3
+    torn = bytearray(whole[journal])
+    torn[len(torn) // 2] ^= 1
+    zips = {path: b"torn" for path in whole if path != journal}
+    for damage, words in (({journal: torn}, "is damaged"), ({journal: None}, "No such file"), (zips, "damaged one")):
+        for path, content in {**whole, **damage}.items():
+            path.unlink(missing_ok=True) if content is None else path.write_bytes(content)
+        code, said = run("--resume", stopped, "--no-figures")
+        assert code == 1
+        assert words in said
+        assert f"remove {folder}, then ps-fmu run --resume {stopped}" in said
+        assert "from the last checkpoint" not in said
+    shutil.rmtree(folder)
+    code, said = run("--resume", stopped, "--no-figures")
+    assert code == 0, said
+    assert list_differences(undisturbed("isolation")[0], stopped) == []
 
 
 def test_any_system_goes_on(inputs, run, tmp_path, capsys):

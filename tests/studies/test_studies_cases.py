@@ -2,7 +2,6 @@
 
 import json
 import os
-import time
 
 import numpy as np
 import pytest
@@ -192,11 +191,7 @@ def test_the_process_ends_with_the_one_that_started_it(folder):
     next(process.run([(0, GAIN)]))
     pid = process.pid
     process._process.stdin.close()  # as when its other end is gone
-    for _ in range(100):
-        if process._process.poll() is not None:
-            break
-        time.sleep(0.1)
-    assert process._process.returncode == 0
+    assert process._process.wait(timeout=60.0) == 0
     process.close()
     with pytest.raises(ProcessLookupError):
         os.kill(pid, 0)

@@ -10,6 +10,7 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import suppress
 
 import psutil
 import pyarrow.parquet as pq
@@ -23,6 +24,7 @@ from .conftest import OBSERVE, STUDY
 
 KILLS = int(os.environ.get("PS_FMU_KILLS", "1"))
 PATIENCE_S = 300.0
+PATIENTLY = ("--scheduler-timeout", f"{PATIENCE_S:g}")
 SLOW = '[[vary]]\nparameter = "slowness"\ndistribution = "uniform"\nlow = "1e-3"\nhigh = "2e-3"\n'
 MANY = {"cases = 6": "cases = 40", "[[observe]]": SLOW + "[[observe]]"}
 HELD = 20  # cases of a study that is disturbed
@@ -62,7 +64,7 @@ def sweep(start):
 
 @pytest.fixture
 def hand_started(tmp_path):
-    """Address of a scheduler with two workers, each started by its command."""
+    """Arguments for a scheduler with two workers, each started by its command, and the processes."""
     file = tmp_path / "scheduler.json"
     scheduler = start_dask("scheduler", "--port", "0", "--scheduler-file", str(file))
     processes = [scheduler]
@@ -75,7 +77,7 @@ def hand_started(tmp_path):
                 start_dask("worker", "--scheduler-file", str(file), "--nthreads", "1", "--name", f"node{number}",
                            "--local-directory", str(folder))
             )  # fmt: skip
-        yield json.loads(file.read_text())["address"], processes
+        yield ("--scheduler", json.loads(file.read_text())["address"], *PATIENTLY), processes
     finally:
         for process in processes:
             end_with_children(process)
@@ -87,16 +89,24 @@ def start_dask(what, *arguments):
 
 
 def end_with_children(process):
-    if psutil.pid_exists(process.pid):
+    children = []
+    with suppress(psutil.NoSuchProcess):
         children = psutil.Process(process.pid).children(recursive=True)
-        for one in (process, *children):
-            if one.is_running() if isinstance(one, psutil.Process) else one.poll() is None:
-                one.kill()
+    for one in (process, *children):
+        with suppress(psutil.NoSuchProcess):
+            one.kill()
     process.wait()
 
 
-def wait_until(condition, patience_s=PATIENCE_S):
-    end = time.monotonic() + patience_s
+def read_command(process):
+    """The words of a process; none of one that has just ended."""
+    with suppress(psutil.Error):
+        return process.cmdline()
+    return []
+
+
+def wait_until(condition):
+    end = time.monotonic() + PATIENCE_S
     while not condition():
         assert time.monotonic() < end
         time.sleep(0.02)
@@ -195,8 +205,8 @@ def test_a_case_again_has_the_same_bits_and_all_signals(write_study, sweep, tmp_
 def test_workers_started_by_hand_give_identical_rows(
     write_study, make_prepared, sweep, undisturbed, hand_started, tmp_path
 ):
-    address, _ = hand_started
-    code, _, errors = sweep(write_study(changes=MANY), "--scheduler", address)
+    scheduler, _ = hand_started
+    code, _, errors = sweep(write_study(changes=MANY), *scheduler)
     assert code == 0, errors
     rows, cases = read(tmp_path / "out")
     assert rows == undisturbed(make_prepared(changes=MANY), tmp_path)
@@ -232,14 +242,14 @@ def test_a_disturbed_study_ends_with_the_rows_of_an_undisturbed_one(
     time.sleep(rng.random())
     assert process.poll() is None, process.communicate()
     children = psutil.Process(process.pid).children(recursive=True)
-    cases = [one for one in children if "ps_fmu.studies.child" in one.cmdline()]
-    workers = [one for one in children if any("spawn_main" in word for word in one.cmdline())]
+    cases = [one for one in children if "ps_fmu.studies.child" in read_command(one)]
+    workers = [one for one in children if any("spawn_main" in word for word in read_command(one))]
     if victim in ("case", "worker"):
         rng.choice(cases if victim == "case" else workers).kill()
     else:
         process.send_signal(signal.SIGKILL if victim == "client" else signal.SIGINT)
         process.wait(timeout=PATIENCE_S)
-        wait_until(lambda: not any(one.is_running() and one.status() != "zombie" for one in cases), 30.0)
+        wait_until(lambda: not any(read_command(one) for one in cases))
         assert HELD - 1 in list_missing(folder, plan_hash(folder), HELD)  # it was in the middle
     gate.unlink()
     _, errors = process.communicate(timeout=PATIENCE_S)
@@ -259,10 +269,10 @@ def test_a_disturbed_study_ends_with_the_rows_of_an_undisturbed_one(
 def test_a_study_that_loses_its_scheduler_is_resumed_elsewhere(
     write_study, make_prepared, start, sweep, undisturbed, hand_started, held, tmp_path, kill
 ):
-    address, processes = hand_started
+    scheduler, processes = hand_started
     changes, gate = held
     study, folder = write_study(changes=changes), tmp_path / "out"
-    process = start(study, "--scheduler", address)
+    process = start(study, *scheduler)
     wait_until(lambda: count_stored(folder) > kill or process.poll() is not None)
     assert process.poll() is None, process.communicate()
     end_with_children(processes[0])
@@ -345,7 +355,7 @@ def test_a_scheduler_without_workers_is_said(make_prepared, tmp_path, monkeypatc
     try:
         wait_until(lambda: file.is_file() and file.read_text().strip())
         prepared = make_prepared()
-        with cluster.connect(json.loads(file.read_text())["address"], None) as client:
+        with cluster.connect(json.loads(file.read_text())["address"], None, PATIENCE_S) as client:
             dispatcher = cluster.Dispatcher(
                 client, prepared.plan, prepared.identity.plan_sha256, prepared.bundle, tmp_path, lambda *_: None
             )

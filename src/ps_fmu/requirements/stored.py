@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 
 from ..cosim.clock import count_steps
+from ..cosim.recording.columns_on_disk import iterate_blocks, read_chunk_rows
 from ..cosim.recording.decimate import PASS_BAND
-from ..cosim.recording.recorder import CHUNK_ROWS, UDUNITS
+from ..cosim.recording.recorder import UDUNITS
 from .record import RequirementRecord
 from .requirement import Requirement
 from .targets import find_targets
@@ -96,8 +97,9 @@ def _record(requirement: Requirement, group: Any, path: Path) -> tuple[Requireme
     needed = [columns[place] for target in find_targets(requirement, columns) for place in target.places]
     record = RequirementRecord(requirement, needed, step, max(len(time), round(whole / step) + 1), lead_s)
     seen = "; ".join([_describe_rows(group, step) + record.after, *_explain_interruption(group)])
-    for first in range(0, len(time), CHUNK_ROWS):
-        rows = slice(first, first + CHUNK_ROWS)
+    chunk = max(read_chunk_rows(group[column.name]) for column in needed)
+    for first, last in iterate_blocks(len(time), chunk):
+        rows = slice(first, last)
         try:
             values = np.column_stack([np.asarray(group[column.name][rows], dtype=float) for column in needed])
         except RuntimeError as error:  # what netCDF4 raises for rows that cannot be unpacked

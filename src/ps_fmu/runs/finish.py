@@ -14,8 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..cosim.recording.columns_on_disk import read_rows, write_rows
-from ..cosim.recording.recorder import CHUNK_ROWS
+from ..cosim.recording.columns_on_disk import iterate_blocks, read_chunk_rows, read_rows, write_rows
 from .index_record import CONFIDENCE, PROBABILITIES, VECTORS, CaseIndices, IndexLog
 from .origin import write_texts
 from .results_file import ResultsFile
@@ -25,7 +24,7 @@ Array = NDArray[np.float64]
 LEVEL = 1  # of zlib, with shuffled bytes: 4 takes a sixth longer, for files 0.3 % smaller
 WORTH = 0.6  # compressed over plain size up to which it is done
 _SAMPLE_ROWS = 1000
-_BLOCK_ROWS = 40 * CHUNK_ROWS
+_BLOCK_ROWS = 160_000
 _SYMBOLS = ("APE", "MPE", "RPE", "PDE")
 _LABELS = {"axis": ("x", "y", "z"), "axis_xy": ("x", "y")}
 
@@ -71,8 +70,8 @@ def _copy_group(old: Any, new: Any) -> None:
         if rows is None:
             copied[...] = np.asarray(variable[...], dtype=object if variable.dtype is str else None)
             continue
-        for first in range(0, rows, _BLOCK_ROWS):
-            write_rows(copied, first, read_rows(variable, first, min(first + _BLOCK_ROWS, rows)))
+        for first, last in iterate_blocks(rows, read_chunk_rows(variable), _BLOCK_ROWS):
+            write_rows(copied, first, read_rows(variable, first, last))
 
 
 def _define_group(old: Any, new: Any) -> list[tuple[Any, Any, int | None]]:
@@ -90,7 +89,7 @@ def _define_group(old: Any, new: Any) -> list[tuple[Any, Any, int | None]]:
         kept = _keep_rows(variable, count) if rows else {}
         copied = new.createVariable(variable.name, variable.dtype, variable.dimensions, **kept)
         for one in (variable, copied) if rows else ():  # by default up to 64 MB of each variable stay in memory
-            one.set_var_chunk_cache(size=2 * CHUNK_ROWS * 8, nelems=7)
+            one.set_var_chunk_cache(size=2 * read_chunk_rows(one) * 8, nelems=7)
         copied.set_auto_maskandscale(False)
         copied.setncatts({name: variable.getncattr(name) for name in variable.ncattrs()})
         pairs.append((variable, copied, count if rows else None))
@@ -100,8 +99,8 @@ def _define_group(old: Any, new: Any) -> list[tuple[Any, Any, int | None]]:
 
 
 def _keep_rows(variable: Any, count: int) -> dict[str, Any]:
-    """How a column of ``count`` rows is stored: chunks no longer than it is, compressed or not."""
-    chunks = {"chunksizes": (max(1, min(CHUNK_ROWS, count)),)}
+    """How a column of ``count`` rows is stored: chunks as they are, but no longer than it is, compressed or not."""
+    chunks = {"chunksizes": (max(1, min(read_chunk_rows(variable), count)),)}
     if count <= 3 * _SAMPLE_ROWS:
         sample = read_rows(variable, 0, count)
     else:

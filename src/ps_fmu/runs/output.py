@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from ..cosim.checkpoint.state import DamagedCheckpointError
 from .kept_options import can_go_on
 from .options import CHECKPOINTS, PLOT, REPORT, RESULTS, SUMMARY, OptionError
 
@@ -85,8 +86,11 @@ def lock_folder(folder: Path) -> int | None:
     return handle
 
 
-def report_end(program: str, why: str, output: Path, code: int) -> int:
-    """Say why a run failed and where its results are; returns the exit code."""
+def report_end(program: str, why: str, output: Path, code: int, error: BaseException | None = None) -> int:
+    """Say why a run failed, where its results are and how it goes on; returns the exit code.
+
+    ``error``: that which ended it, as far as it tells whether there is a way on.
+    """
     results = output / RESULTS
     kept = f"results so far: {results}" if results.is_file() else "nothing was stored"
     if not results.is_file() and results.with_name(f"{RESULTS}.earlier").is_file():
@@ -95,6 +99,14 @@ def report_end(program: str, why: str, output: Path, code: int) -> int:
         kept = f"all results are written: {output}"
     print(f"{program}: {why}\n{program}: {kept}", file=sys.stderr)
     if can_go_on(output):
-        command = "python system/run.py" if program == "run.py" else program
-        print(f"{program}: to go on from the last checkpoint: {command} --resume {output}", file=sys.stderr)
+        command = f"{'python system/run.py' if program == 'run.py' else program} --resume {output}"
+        print(f"{program}: {_tell_way_on(command, output, error)}", file=sys.stderr)
     return code
+
+
+def _tell_way_on(command: str, output: Path, error: BaseException | None) -> str:
+    if isinstance(error, DamagedCheckpointError):
+        folder = error.path.parent
+        if folder.resolve().is_relative_to((output / CHECKPOINTS).resolve()):
+            return f"to compute this case anew, and the others from their checkpoints: remove {folder}, then {command}"
+    return f"to go on from the last checkpoint: {command}"

@@ -19,16 +19,19 @@ sys.path.insert(0, str(Path(__file__).parents[2]))
 from ps_fmu.cosim import Master, read_system
 from ps_fmu.cosim.isolation.instance import Isolation
 from support.cosim import Collect, ssd_text
+from support.faulty.cases import CALL_S, HANG_IN_CALL, HANG_IN_STEP, NEVER_S, STEP_S
 
 H, STEPS = 0.01, 10
-TIMEOUT_S = 0.5
-PATIENCE_S = 30.0
+PATIENCE_S = 120.0
 
 
 def run(folder, fault, where):
     """The report of one run; ``where``: isolated, inside, or unlimited for isolated without a time-out."""
-    limit = 1e4 if where == "unlimited" else TIMEOUT_S
-    isolation = Isolation(step_timeout_s=limit, call_timeout_s=limit)
+    limited = where == "isolated"
+    isolation = Isolation(
+        step_timeout_s=STEP_S if limited and fault in HANG_IN_STEP else NEVER_S,
+        call_timeout_s=CALL_S if limited and fault in HANG_IN_CALL else NEVER_S,
+    )
     collect, ended, error = Collect(), None, None
     with tempfile.TemporaryDirectory() as place:
         path = Path(place, "test.ssd")

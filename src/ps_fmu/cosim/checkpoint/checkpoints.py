@@ -21,7 +21,7 @@ from .folder import CheckpointFolder
 from .journal import Journal
 from .pace import Pace
 from .parts import MasterParts, find_difference
-from .state import CheckpointError, Journaled, State, Stateful
+from .state import CheckpointError, DamagedCheckpointError, Journaled, State, Stateful
 from .warm_start import WarmStart
 
 log = logging.getLogger("ps_fmu.cosim")
@@ -271,7 +271,7 @@ class Checkpoints:
                 raise ValueError("its events are no list")
             self._past = kept["events"]
         except (KeyError, ValueError, TypeError, AttributeError, IndexError, OverflowError) as error:
-            raise CheckpointError(f"{path}: is a damaged checkpoint: {error!r}") from error
+            raise DamagedCheckpointError(path, f"is a damaged checkpoint: {error!r}") from error
         assert self._folder is not None
         for newer in self._folder.list_files():
             if newer == path:

@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .state import CheckpointError, State
+from .state import CheckpointError, DamagedCheckpointError, State
 
 FORMAT = 1
 HEAD, ARRAYS = "checkpoint.json", "arrays.bin"
@@ -85,7 +85,7 @@ def read_file(path: Path) -> dict[str, State]:
         zipfile.BadZipFile, ValueError, KeyError, TypeError, IndexError, RecursionError, MemoryError,
         NotImplementedError, RuntimeError, OverflowError, EOFError, struct.error,
     ) as error:  # fmt: skip
-        raise CheckpointError(f"{path}: is no checkpoint, or a damaged one: {error}") from error
+        raise DamagedCheckpointError(path, f"is no checkpoint, or a damaged one: {error}") from error
     return content
 
 

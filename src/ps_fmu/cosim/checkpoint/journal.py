@@ -20,7 +20,7 @@ from typing import BinaryIO, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .state import Array, CheckpointError, State
+from .state import Array, CheckpointError, DamagedCheckpointError, State
 
 log = logging.getLogger("ps_fmu.cosim")
 
@@ -59,6 +59,8 @@ class Journal:
         except OSError as error:
             if isinstance(error, CheckpointError):
                 raise
+            if isinstance(error, FileNotFoundError):
+                raise self._make_damaged(f"rows of the checkpoint: {error.strerror}") from error
             raise CheckpointError(f"{path}: rows of the checkpoint: {error.strerror or error}") from error
 
     def append(self, rows: Array) -> None:
@@ -126,7 +128,7 @@ class Journal:
         self._file.seek(end)
 
     def _make_damaged(self, what: str) -> CheckpointError:
-        return CheckpointError(f"{self.path}: {what}: the run cannot go on, begin it anew")
+        return DamagedCheckpointError(self.path, f"{what}: the run cannot go on, begin it anew")
 
     def _read_block(self, file: BinaryIO) -> _Block:
         """The next block.  Raises EOFError, and ValueError for one that is made up."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from pathlib import Path
 from typing import Any, Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
@@ -17,6 +18,17 @@ State: TypeAlias = Any
 
 class CheckpointError(CosimError, OSError):
     """A checkpoint that cannot be written, read or used: the text says which, and what to do."""
+
+
+class DamagedCheckpointError(CheckpointError):
+    """A file of a checkpoint that is gone, or whose content is not what was written: no run can go on from it.
+
+    ``path``: the file.
+    """
+
+    def __init__(self, path: Path, what: str) -> None:
+        super().__init__(f"{path}: {what}")
+        self.path = path
 
 
 @runtime_checkable

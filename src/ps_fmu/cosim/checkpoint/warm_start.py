@@ -20,7 +20,7 @@ from ..values import Value
 from .files import read_file, write_file
 from .folder import CheckpointFolder
 from .parts import MasterParts, find_difference, identify_system, list_columns, list_starts
-from .state import Array, CheckpointError, State
+from .state import Array, CheckpointError, DamagedCheckpointError, State
 
 NEEDED = ("run", "index", "fmus", "latest", "set", "repeated", "faults", "scheme")
 """What a run that begins here takes of a checkpoint; the rows before it, and what observers have seen, are not."""
@@ -222,4 +222,4 @@ class WarmStart:
                     kind.values[place] = parts.instances[port.component].get([port.variable], time)[port.variable]
 
     def _make_damaged(self, error: Exception) -> CheckpointError:
-        return CheckpointError(f"{self.path}: is a damaged checkpoint: {error!r}")
+        return DamagedCheckpointError(self.path, f"is a damaged checkpoint: {error!r}")

@@ -23,13 +23,15 @@ def blame(error: BaseException, layout: BufferLayout, data: Array, step: float, 
 
     Parameters
     ----------
-    data: a buffer with what led to the error: inputs, parameters, memory
+    data: a buffer with what led to the error: inputs, parameters, memory; where none of these is far, states
     step, usual_step: step size, 0 if none was made, and what the model says it usually is [s]
     """
     if not isinstance(error, (ArithmeticError, ValueError)):  # numpy's LinAlgError is a ValueError
         return
     text = str(error) if isinstance(error, (ModelError, Refused)) else f"{type(error).__name__}: {error}"
-    far = sorted(_find_far_values(layout, data), key=lambda found: -found.decades)
+    # States are results, unless somebody has made them up.
+    causes, states = range(layout.u.start, layout.size), range(layout.x.start, layout.x.stop)
+    far = _find_far_values(layout, data, causes) or _find_far_values(layout, data, states)
     if any(name in text for name in [*(port.name for port in layout.strings), *(value.name for value in far)]):
         return
     named = [value.text for value in far]
@@ -47,9 +49,13 @@ class _Far(NamedTuple):
     text: str
 
 
-def _find_far_values(layout: BufferLayout, data: Array) -> Iterator[_Far]:
-    """Inputs, parameters and memory that are far from the usual; outputs and states are results."""
-    for place in range(layout.u.start, layout.size):
+def _find_far_values(layout: BufferLayout, data: Array, places: range) -> list[_Far]:
+    """The values at these places of the buffer that are far from the usual, the farthest first."""
+    return sorted(_iterate_far_values(layout, data, places), key=lambda found: -found.decades)
+
+
+def _iterate_far_values(layout: BufferLayout, data: Array, places: range) -> Iterator[_Far]:
+    for place in places:
         if place in range(layout.clock.start, layout.clock.stop):
             continue
         port, value = layout.by_reference.get(place), float(data[place])
