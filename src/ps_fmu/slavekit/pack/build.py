@@ -2,7 +2,7 @@
 
 pythonfmu's builder contributes native libraries and model description.  What this adds: only the Python
 files that the slave needs; terminals, icon, documentation and licences; a GUID from the content; the same bytes from
-the same source.  Each FMU has run by itself before it is written.
+the same source, in Python of one minor version.  Each FMU has run by itself before it is written.
 
 In an FMU ``ps_fmu`` has a name made from the content of all that the FMUs of one folder need of it.  FMUs of one build
 so have one copy of it in a process, those of two builds have two.

@@ -57,7 +57,7 @@ def wrap(
     interpreter: noted in the FMU as the Python for hosts that do not run one.
     bundled: put this Python into the FMU, with the packages that the slave imports or its requirements.txt names.
     source: the script that ``fmu`` has just been built from; messages name it.  The result then states no date: the
-        same source gives the same bytes.
+        same source gives the same bytes, in Python of one minor version.
 
     Returns
     -------
