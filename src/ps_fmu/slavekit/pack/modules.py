@@ -8,20 +8,19 @@ source is compiled.
 from __future__ import annotations
 
 import hashlib
-import importlib.util
-import marshal
+import py_compile
 import sys
+import tempfile
 import zipfile
 from functools import lru_cache
-from pathlib import PurePosixPath
+from pathlib import Path, PurePosixPath
+from py_compile import PycInvalidationMode
 
 from . import zip_writer
 from .sources import LIBRARIES, Files
 
-_HASHED, _CHECKED = 1, 2  # flags of PEP 552
-
-# Of a text of one letter there is one object in a process, and marshal writes it in another way where it is interned,
-# by whatever has been imported before.
+# Of a text of one letter there is one object in a process, and byte code has it in another way where it is interned, by
+# whatever has been imported before.
 _INTERNED = [sys.intern(chr(code)) for code in range(256)]
 
 
@@ -66,12 +65,14 @@ def compile_module(source: bytes, name: str, checked: bool = True) -> bytes:
     name: the file, for tracebacks.
     checked: whether Python compares it with the source before each use.
 
-    Raises SyntaxError or ValueError for what is no Python.
+    Raises PyCompileError for what is no Python.
     """
-    code = compile(source, name, "exec", dont_inherit=True, optimize=0)
-    flags = _HASHED | (_CHECKED if checked else 0)
-    head = importlib.util.MAGIC_NUMBER + flags.to_bytes(4, "little") + importlib.util.source_hash(source)
-    return head + marshal.dumps(code)
+    mode = PycInvalidationMode.CHECKED_HASH if checked else PycInvalidationMode.UNCHECKED_HASH
+    with tempfile.TemporaryDirectory() as folder:
+        script, result = Path(folder, "module.py"), Path(folder, "module.pyc")
+        script.write_bytes(source)
+        py_compile.compile(str(script), str(result), name, doraise=True, optimize=0, invalidation_mode=mode)
+        return result.read_bytes()
 
 
 _compile = lru_cache(maxsize=1024)(compile_module)  # the FMUs of a folder have most of their modules in common
