@@ -1,5 +1,6 @@
 """An FMU is unpacked once in a process."""
 
+import gc
 import os
 import shutil
 import subprocess
@@ -8,6 +9,7 @@ import zipfile
 from concurrent.futures import ThreadPoolExecutor
 
 import pytest
+from fmpy import platform
 
 from ps_fmu.cosim import SystemFileError, unpacked
 from ps_fmu.cosim.unpacked import discard_unpacked, provide_unpacked, release_unpacked
@@ -70,9 +72,39 @@ def test_a_discarded_folder_is_not_handed_out_again(archive):
 
 def test_a_file_that_changes_meanwhile_is_refused(archive, monkeypatch):
     path = archive(content="before")
-    monkeypatch.setattr(unpacked, "extract", lambda source, folder: archive(content="after"))
+    monkeypatch.setattr(unpacked, "extract", lambda *_: archive(content="after"))
     with pytest.raises(SystemFileError, match="was changed while it was unpacked"):
         provide_unpacked(path)
+
+
+def test_what_only_others_need_is_left_out(tmp_path):
+    needed = {"modelDescription.xml", "model.png", "resources/documentation/a.txt", "resources/binaries/win64/a.dll"}
+    needed |= {f"binaries/{name}" for name in (f"{platform}/A.so", f"{platform}/A/deep.so", "vax/A.so")}
+    systems = ("linux", "win", "darwin")
+    foreign = [f"{name}64" for name in systems if not platform.startswith(name)]
+    with zipfile.ZipFile(tmp_path / "a.fmu", "w") as file:
+        for name in [*needed, "documentation/index.html", *(f"binaries/{name}/A.dll" for name in foreign)]:
+            file.writestr(name, name)
+    folder = provide_unpacked(tmp_path / "a.fmu")
+    assert {str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file()} == needed
+    assert len(foreign) == 2
+    release_unpacked(folder)
+
+
+def test_imports_of_fmus_leave_the_interpreter_as_it_was(monkeypatch):
+    monkeypatch.setattr(sys, "dont_write_bytecode", False)
+    before = gc.get_threshold()
+    for often in (700, 0, 10**6):  # 0: never
+        gc.set_threshold(often, *before[1:])
+        try:
+            with pytest.raises(ZeroDivisionError), unpacked.ease_imports():
+                assert sys.dont_write_bytecode
+                assert (gc.get_threshold()[0] >= 100_000) == (often > 0)
+                raise ZeroDivisionError
+            assert gc.get_threshold() == (often, *before[1:])
+        finally:
+            gc.set_threshold(*before)
+    assert not sys.dont_write_bytecode
 
 
 def test_a_temporary_folder_that_is_cleared_is_made_again(archive):

@@ -11,8 +11,8 @@ from ps_fmu.disturbance import Disturbance, default_settings, kinds
 from ps_fmu.disturbance.kinds.chirp import Chirp
 from ps_fmu.disturbance.kinds.tones import Tone
 from ps_fmu.disturbance.kinds.wheels import (
-    FORCE_HARMONICS,
-    TORQUE_HARMONICS,
+    FORCE,
+    TORQUE,
     Harmonics,
     SpeedProfile,
     WheelSource,
@@ -121,9 +121,8 @@ def test_amplitudes_at_constant_speed_are_those_of_the_wrench():
 
 
 def test_the_packaged_harmonics():
-    force, torque = read_harmonics(FORCE_HARMONICS), read_harmonics(TORQUE_HARMONICS)
-    assert force.orders.size == torque.orders.size == 12
-    assert (force.orders[0], force.coefficients[0]) == (1.01, 2.18e-7)
+    assert FORCE.orders.size == TORQUE.orders.size == 12
+    assert (FORCE.orders[0], FORCE.coefficients[0]) == (1.01, 2.18e-7)
 
 
 @pytest.mark.parametrize(
@@ -136,11 +135,9 @@ def test_the_packaged_harmonics():
         ("", "holds no harmonics"),
     ],
 )
-def test_harmonics_that_cannot_be_used(tmp_path, text, problem):
-    path = tmp_path / "wheel.csv"
-    path.write_text(text)
+def test_harmonics_that_cannot_be_used(text, problem):
     with pytest.raises(ParameterError, match=problem):
-        read_harmonics(path)
+        read_harmonics(text, "wheel.csv")
 
 
 # --- Sines and sweeps -------------------------------------------------------------------

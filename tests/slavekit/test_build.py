@@ -1,6 +1,7 @@
 """FMU files: they stand alone, are reproducible, and each runs its own code."""
 
 import hashlib
+import io
 import os
 import shutil
 import subprocess
@@ -165,6 +166,10 @@ def test_an_fmu_carries_what_it_needs_under_its_own_names(built):
         package,
     }
     inside = {name.removeprefix(f"resources/{package}/") for name in names if package in name}
+    (modules,) = {name for name in inside if name.startswith("modules_")}
+    with zipfile.ZipFile(io.BytesIO(contents[f"resources/{package}/{modules}"])) as archive:
+        inside |= set(archive.namelist())
+        contents |= {name: archive.read(name) for name in archive.namelist()}
     script = sha256(MODELS / "oscillator" / "oscillator.py")[:12]
     assert {f"oscillator_{script}.py", "slavekit/author/slave.py", "pythonfmu/fmi2slave.py"} <= inside
     assert not {"slavekit/pack/build.py", "slavekit/pack/smoke.py", "cli.py", "pythonfmu/builder.py"} & inside

@@ -17,7 +17,7 @@ def test_the_library_is_shown_a_class_with_one_base(tmp_path, monkeypatch):
     (package / "slavekit" / "author").mkdir(parents=True)
     shutil.copy(guard.__file__, package / "slavekit" / "author" / "guard.py")
     script = tmp_path / "entry_of_the_search.py"
-    script.write_bytes(write_entry("toy_of_the_search", "toy", "Toy"))
+    script.write_bytes(write_entry("toy_of_the_search", "modules.zip", "toy", "Toy"))
     monkeypatch.syspath_prepend(str(tmp_path))
     module = importlib.import_module("entry_of_the_search")
     found = {}
@@ -32,7 +32,7 @@ def test_an_import_in_another_thread_misses_no_entry(tmp_path, monkeypatch):
     (package / "slavekit" / "author").mkdir(parents=True)
     (package / "slavekit" / "author" / "guard.py").write_text("def keep_alive(*objects): pass\n")
     (package / "toy.py").write_text("class Toy: pass\n")
-    (tmp_path / "entry_of_the_toy.py").write_bytes(write_entry("toy_of_the_entry", "toy", "Toy"))
+    (tmp_path / "entry_of_the_toy.py").write_bytes(write_entry("toy_of_the_entry", "modules.zip", "toy", "Toy"))
     before = list(sys.path)
     monkeypatch.setattr(sys, "path", list(before))
 

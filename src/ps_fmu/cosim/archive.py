@@ -8,7 +8,7 @@ import stat
 import struct
 import zipfile
 import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path, PurePosixPath
 
@@ -89,12 +89,18 @@ def _objection(member: zipfile.ZipInfo) -> str | None:
 
 @contextmanager
 def _opened(path: Path, problem: str) -> Iterator[zipfile.ZipFile]:
-    """An open archive.  What a damaged one makes zipfile stumble over becomes a SystemFileError with this text."""
+    """An open archive; errors as in :func:`_explained`."""
+    with _explained(path, problem), zipfile.ZipFile(path) as archive:
+        yield archive
+
+
+@contextmanager
+def _explained(path: Path, problem: str) -> Iterator[None]:
+    """What a damaged archive makes zipfile stumble over becomes a SystemFileError with this text."""
     try:
         if path.exists() and not path.is_file():  # a device or pipe may be read without end
             raise SystemFileError(path, f"{problem}: it is no ordinary file")
-        with zipfile.ZipFile(path) as archive:
-            yield archive
+        yield
     except SystemFileError:
         raise
     except FileNotFoundError as error:
@@ -124,20 +130,24 @@ def check_content(path: Path) -> None:
 
 def compute_digest(path: Path) -> str:
     """SHA-256 of an archive in hexadecimal.  Raises :class:`SystemFileError` if it cannot be read."""
-    with _opened(path, "is not a readable ZIP archive"), path.open("rb") as file:
+    with _explained(path, "cannot be read"), path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-def extract(path: Path, folder: Path) -> None:
+def extract(path: Path, folder: Path, wanted: Callable[[str], bool] = lambda _name: True) -> None:
     """Unpack an archive into ``folder`` after :func:`check_archive`.  Raises :class:`SystemFileError`.
 
     Nothing of a member but its name and content is used, so that this takes half as long as ``extractall``.
+
+    ``wanted``: whether to unpack the member of a name.  To make a file may take longer than to write it.
     """
     check_archive(path)
     with _opened(path, f"cannot be unpacked into {folder}") as archive:
         made = {folder}
         folder.mkdir(parents=True, exist_ok=True)
         for member in archive.infolist():
+            if not wanted(member.filename):
+                continue
             target = folder / member.filename
             above = target if member.is_dir() else target.parent
             if above not in made:

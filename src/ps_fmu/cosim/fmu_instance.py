@@ -23,7 +23,7 @@ from .guard import End
 from .library import find_binary, load_library
 from .messages import MessageLog, forget, listen
 from .structure import Component, Value
-from .unpacked import discard_unpacked, leave_no_bytecode, provide_unpacked, release_unpacked
+from .unpacked import discard_unpacked, ease_imports, provide_unpacked, release_unpacked
 from .values import parse_real
 
 OK, WARNING, DISCARD, ERROR, FATAL, PENDING = range(6)
@@ -104,7 +104,7 @@ class FmuInstance:
     def _instantiate(self) -> None:
         """fmi2Instantiate of the library."""
         try:
-            with leave_no_bytecode(), guard.NamedCall(f"{self.name}: fmi2Instantiate"):
+            with ease_imports(), guard.NamedCall(f"{self.name}: fmi2Instantiate"):
                 self._fmu.instantiate(callbacks=self._callbacks, loggingOn=True)
         except Exception as error:
             forget(self._callbacks)

@@ -11,6 +11,7 @@ from fmpy.fmi2 import FMU2Slave
 from fmpy.model_description import ModelDescription
 
 from . import guard
+from .archive import check_archive
 from .errors import SystemFileError
 from .structure import Component
 
@@ -24,7 +25,8 @@ def find_binary(component: Component, description: ModelDescription, folder: Pat
     path = folder / "binaries" / platform / name
     if path.is_file():
         return path
-    others = sorted(other.name for other in folder.glob("binaries/*") if other.is_dir())
+    members = [member.split("/") for member in check_archive(component.source)]
+    others = sorted({parts[1] for parts in members if parts[0] == "binaries" and len(parts) > 2})
     text = f"{_NOT_LOADED.format(component.name)}: the FMU has no binaries/{platform}/{name}; it has binaries for "
     raise SystemFileError(component.source, f"{text}{', '.join(others) or 'none'}: ask its maker for {platform}")
 

@@ -11,6 +11,7 @@ The values are in ``paper.toml``; :func:`load` reads them.
 from __future__ import annotations
 
 import difflib
+import pkgutil
 import reprlib
 import tomllib
 from collections.abc import Iterable
@@ -282,8 +283,9 @@ def read_table(path: Path) -> dict[str, Any]:
         raise ParameterError(str(path), "not a TOML file to read: its values are nested too deeply") from None
 
 
-# Read when the module is: an FMU's folder goes with its first instance, while others still run its code.
-_PAPER_TABLE = read_table(PAPER)
+# Read when the module is: an FMU's folder goes with its first instance, while others still run its code.  By the
+# module's loader: an FMU has its modules in an archive.
+_PAPER_TABLE = tomllib.loads((pkgutil.get_data(__name__, PAPER.name) or b"").decode())
 
 
 def make_parameters(table: dict[str, Any], bus: Any, bus_name: str) -> Parameters:

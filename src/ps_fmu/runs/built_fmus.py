@@ -9,7 +9,6 @@ from __future__ import annotations
 import hashlib
 import os
 import sys
-from importlib import metadata
 from pathlib import Path
 
 from ..product.files import find_product
@@ -147,6 +146,8 @@ def _make_private(folder: Path) -> None:
 
 def _compute_key(package: Path) -> str:
     """Digest of the files of the installed package, of pythonfmu's version and of Python's, in hexadecimal."""
+    from importlib import metadata  # only an installed package needs it
+
     digest = hashlib.sha256(f"{metadata.version('pythonfmu')} {sys.version_info[:2]}".encode())
     for path in sorted(package.rglob("*")):
         if path.is_file() and "__pycache__" not in path.parts:

@@ -19,6 +19,7 @@ Left out: axial force, torque about the spin axis, structural modes of the wheel
 from __future__ import annotations
 
 import csv
+import pkgutil
 from collections.abc import Callable
 from ctypes import byref, c_int64
 from dataclasses import dataclass
@@ -41,9 +42,6 @@ from ..turning import Turning
 _ROWS = 1024  # computed at once by compiled functions: 25 us
 _PLAIN_ROWS = 256  # without them: 60 us
 
-FORCE_HARMONICS = Path(__file__).with_name("wheel-radial-force-harmonics.csv")
-TORQUE_HARMONICS = Path(__file__).with_name("wheel-radial-torque-harmonics.csv")
-
 
 @dataclass(frozen=True, eq=False)
 class Harmonics:
@@ -53,32 +51,36 @@ class Harmonics:
     coefficients: Array
 
 
-def read_harmonics(path: Path) -> Harmonics:
-    """A file of lines ``h, C`` without header.
+def read_harmonics(text: str, name: str) -> Harmonics:
+    """The content of a file, lines ``h, C`` without header; ``name`` is its name.
 
     Raises
     ------
     ParameterError: a line does not hold two numbers, h > 0 and C >= 0; the text has its number.
     """
     rows: list[tuple[float, float]] = []
-    with path.open(newline="", encoding="utf-8") as file:
-        for number, fields in enumerate(csv.reader(file), 1):
-            where = f"{path.name}, line {number}"
-            try:
-                order, coefficient = (float(field) for field in fields)
-            except ValueError:
-                raise ParameterError(where, f"expected two numbers, got {fields!r}") from None
-            if not (0.0 < order < np.inf and 0.0 <= coefficient < np.inf):
-                raise ParameterError(where, f"expected h > 0 and C >= 0, got {fields!r}")
-            rows.append((order, coefficient))
+    for number, fields in enumerate(csv.reader(text.splitlines()), 1):
+        where = f"{name}, line {number}"
+        try:
+            order, coefficient = (float(field) for field in fields)
+        except ValueError:
+            raise ParameterError(where, f"expected two numbers, got {fields!r}") from None
+        if not (0.0 < order < np.inf and 0.0 <= coefficient < np.inf):
+            raise ParameterError(where, f"expected h > 0 and C >= 0, got {fields!r}")
+        rows.append((order, coefficient))
     if not rows:
-        raise ParameterError(path.name, "holds no harmonics")
+        raise ParameterError(name, "holds no harmonics")
     orders, coefficients = np.array(rows).T
     return Harmonics(orders, coefficients)
 
 
+def _read_packaged(name: str) -> Harmonics:
+    return read_harmonics((pkgutil.get_data(__name__, name) or b"").decode(), name)  # an FMU has it in an archive
+
+
 # Read when the module is: an FMU's folder goes with its first instance, while others still run its code.
-FORCE, TORQUE = read_harmonics(FORCE_HARMONICS), read_harmonics(TORQUE_HARMONICS)
+FORCE = _read_packaged("wheel-radial-force-harmonics.csv")
+TORQUE = _read_packaged("wheel-radial-torque-harmonics.csv")
 
 
 class WheelSource:

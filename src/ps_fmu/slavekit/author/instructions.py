@@ -81,7 +81,7 @@ def find_spans(places: Sequence[int]) -> Places:
 
     Near ones are one span: to copy a few numbers more takes less time than to begin again.
     """
-    found = np.unique(np.array(places, dtype=np.int64))
+    found = np.array(sorted(set(places)), dtype=np.int64)  # np.unique imports 4 MB first
     if not found.size:
         return np.empty((0, 2), dtype=np.int64)
     ends = np.flatnonzero(np.diff(found) > _NEAR)

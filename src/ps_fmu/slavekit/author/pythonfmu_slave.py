@@ -152,7 +152,7 @@ def _guard(method: Callable[..., Any]) -> Callable[..., Any]:
 def _cut(error: BaseException) -> None:
     """Leave the frames of this file out of the traceback: it begins with the author's."""
     trace = error.__traceback__
-    while trace is not None and trace.tb_frame.f_code.co_filename == __file__:
+    while trace is not None and trace.tb_frame.f_globals is globals():
         trace = trace.tb_next
     error.__traceback__ = trace
 

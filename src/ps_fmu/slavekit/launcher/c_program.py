@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
-import importlib.metadata
 import json
 import os
 import subprocess
@@ -92,6 +91,8 @@ class Program:
 
     def compiled(self, platform: str) -> bytes:
         """The program for a platform, compiled now.  Raises CompileError."""
+        import importlib.metadata  # a twentieth of the time that a master takes to start
+
         try:
             installed = importlib.metadata.version("ziglang")
         except importlib.metadata.PackageNotFoundError:

@@ -2,7 +2,7 @@
 
 pythonfmu's builder contributes native libraries and model description.  What this adds: only the Python
 files that the slave needs; terminals, icon, documentation and licences; a GUID from the content; the same bytes from
-the same source.  Each FMU has run by itself before it is written.
+the same source, in Python of one minor version.  Each FMU has run by itself before it is written.
 
 In an FMU ``ps_fmu`` has a name made from the content of all that the FMUs of one folder need of it.  FMUs of one build
 so have one copy of it in a process, those of two builds have two.
@@ -36,6 +36,7 @@ from .errors import BuildError
 from .files import write_atomically
 from .launch import OLDEST_PYTHON, put_launcher_in_front, write_notes
 from .licenses import LicenseError
+from .modules import pack_modules
 from .page import write_page
 from .sources import Files, SourceError, collect_modules, find_imports, find_needed_modules, rename_imports
 from .wrap import PACKAGE, check_interpreter, name_package
@@ -144,15 +145,18 @@ def _repackage(
     digest = archive.compute_digest(files | sources | {_RESOURCES / package: b""})
     module = f"{script.stem}_{hashlib.sha256(script.read_bytes()).hexdigest()[:12]}"
     names = {"ps_fmu": package, "pythonfmu": f"{package}.pythonfmu"}
+    inside: Files = {}
     for name, content in sources.items():
         if name.suffix == ".py":
             content = rename_imports(content, str(name), names)
-        inside = name.relative_to("ps_fmu") if name.parts[0] == "ps_fmu" else name
+        place = name.relative_to("ps_fmu") if name.parts[0] == "ps_fmu" else name
         if name == _place_of(script):
-            inside = inside.with_stem(module)  # FMUs that share the package may have another slave of this name
-        files[_RESOURCES / package / inside] = content
+            place = place.with_stem(module)  # FMUs that share the package may have another slave of this name
+        inside[place] = content
+    archived, packed = pack_modules(package, inside)
+    files |= {_RESOURCES / package / name: content for name, content in packed.items()}
     entry = f"{script.stem}_{digest.hex()[:12]}"
-    files[_RESOURCES / f"{entry}.py"] = write_entry(package, module, model)
+    files[_RESOURCES / f"{entry}.py"] = write_entry(package, archived, module, model)
     files[_RESOURCES / "slavemodule.txt"] = entry.encode()
     guid = make_guid(digest)
     files[_DESCRIPTION] = files[_DESCRIPTION].replace(b'guid=""', f'guid="{guid}"'.encode(), 1)

@@ -16,9 +16,7 @@ from __future__ import annotations
 
 import functools
 import importlib.metadata
-import io
 import json
-import py_compile
 import re
 import subprocess
 import sys
@@ -32,6 +30,7 @@ from pathlib import Path, PurePosixPath
 from . import zip_writer as archive
 from .elf import cut_unloaded
 from .licenses import License, collect_runtime_licenses
+from .modules import compile_module
 from .sources import Files
 
 _ROOT = PurePosixPath("python")
@@ -153,25 +152,14 @@ def _find_libpython() -> Path:
     raise BundleError(f"{sys.executable} was built without a shared libpython (looked in {', '.join(folders)})")
 
 
-def _compile(path: Path, name: str) -> bytes:
-    """A .pyc that is never checked against its source; the same bytes wherever it is made."""
-    with tempfile.TemporaryDirectory() as folder:
-        result = Path(folder) / "module.pyc"
-        mode = py_compile.PycInvalidationMode.UNCHECKED_HASH
-        py_compile.compile(str(path), str(result), name, doraise=True, optimize=0, invalidation_mode=mode)
-        return result.read_bytes()
-
-
 @functools.cache  # 2.5 s, the same for all FMUs
 def _pack_standard_library(folder: Path) -> bytes:
-    content = io.BytesIO()
-    with zipfile.ZipFile(content, "w", zipfile.ZIP_STORED) as library:  # the FMU compresses it
-        for path in sorted(folder.rglob("*.py")):
-            name = path.relative_to(folder)
-            if not _LEFT_OUT.intersection(name.parts) and not any("config-" in part for part in name.parts):
-                entry = zipfile.ZipInfo(str(name.with_suffix(".pyc")), archive.DATE)
-                library.writestr(entry, _compile(path, str(name)))
-    return content.getvalue()
+    files: Files = {}
+    for path in folder.rglob("*.py"):
+        name = PurePosixPath(path.relative_to(folder))
+        if not _LEFT_OUT.intersection(name.parts) and not any("config-" in part for part in name.parts):
+            files[name.with_suffix(".pyc")] = compile_module(path.read_bytes(), str(name), checked=False)
+    return archive.make(files, zipfile.ZIP_STORED)  # the FMU compresses it
 
 
 def _list_extensions(folder: Path) -> dict[str, Path]:
@@ -212,7 +200,7 @@ def _read_packages(distributions: Iterable[str]) -> Iterator[tuple[str, bytes]]:
                 continue
             path, name = Path(str(file.locate())), str(file)
             if name.endswith(".py"):
-                yield f"{name}c", _compile(path, name)
+                yield f"{name}c", compile_module(path.read_bytes(), name, checked=False)
             elif not name.endswith(_PACKAGE_FILES_LEFT_OUT) and file.name not in ("RECORD", "INSTALLER", "REQUESTED"):
                 yield name, path.read_bytes()
 

@@ -20,13 +20,19 @@ try:
         if os.path.isfile(os.path.join(_folder, __name__ + ".py")):
             break
     # The name of the package is made from its content: what another FMU has loaded of it is right for this one, too,
-    # and stays so when that one's folder is gone.  Each FMU has only the modules that it needs: the others are here.
+    # and stays so when that one's folder is gone.  Each FMU has only the modules that it needs: the others are here,
+    # in the folder of the package and in an archive in it.
+    importlib.import_module("{package}")
+    _home = os.path.join(_folder, "{package}")
     for _name, _module in list(sys.modules.items()):
         if (_name + ".").startswith("{package}.") and hasattr(_module, "__path__"):
-            _place = os.path.join(_folder, *_name.split("."))
-            if _place not in _module.__path__:
-                sys.path_importer_cache.pop(_place, None)  # it may remember an earlier folder of this name
-                _module.__path__ = [*filter(os.path.isdir, _module.__path__), _place]
+            _inside = "".join(os.sep + _part for _part in _name.split(".")[1:])
+            for _top in (_home, os.path.join(_home, "{modules}")):
+                if _top + _inside in _module.__path__ or not (_top != _home or os.path.isdir(_home + _inside)):
+                    continue
+                sys.path_importer_cache.pop(_top + _inside, None)  # it may remember an earlier folder of this name
+                _kept = [_old for _old in _module.__path__ if os.path.exists(_old.removesuffix(_inside))]
+                _module.__path__ = [*_kept, _top + _inside]
     globals()["{model}"] = {load}
     _guard = importlib.import_module("{package}.slavekit.author.guard")
     _guard.keep_alive(globals())  # see there
@@ -51,25 +57,26 @@ finally:
 '''
 
 
-def write_entry(package: str, module: str, model: str) -> bytes:
-    """The script for class ``model`` in ``package.module``."""
+def write_entry(package: str, modules: str, module: str, model: str) -> bytes:
+    """The script for class ``model`` in ``package.module``; ``modules`` is the archive in the package's folder."""
     load = f'importlib.import_module("{package}.{module}").{model}'
-    return _fill(package, f"{package}/{module}.py", model, load)
+    return _fill(package, modules, f"{package}/{module}.py", model, load)
 
 
-def write_loading_entry(package: str, private: str, module: str, names: Iterable[str]) -> bytes:
+def write_loading_entry(package: str, modules: str, private: str, module: str, names: Iterable[str]) -> bytes:
     """The script for a slave in ``module.py`` beside it.
 
     Parameters
     ----------
     package: the part of ps_fmu in the FMU.
+    modules: the archive in its folder.
     private: the package that the author's modules are kept in.
     names: modules and packages of the FMU, see :func:`..author.pythonfmu_slave.load_slave`.
     """
     arguments = f'"{private}", {tuple(names)!r}, "{module}", _folder'
     load = f'importlib.import_module("{package}.slavekit.author.pythonfmu_slave").load_slave({arguments})'
-    return _fill(package, f"{module}.py", "SlaveOfThisFmu", load)
+    return _fill(package, modules, f"{module}.py", "SlaveOfThisFmu", load)
 
 
-def _fill(package: str, place: str, model: str, load: str) -> bytes:
-    return _SOURCE.format(package=package, place=place, model=model, load=load).encode()
+def _fill(package: str, modules: str, place: str, model: str, load: str) -> bytes:
+    return _SOURCE.format(package=package, modules=modules, place=place, model=model, load=load).encode()

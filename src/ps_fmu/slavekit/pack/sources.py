@@ -20,7 +20,7 @@ from ...compiled_files import read_whole
 _DOTTED_NAME = re.compile(r"[A-Za-z_]\w*(\.\w+)*", re.ASCII)
 _DATA = (".toml", ".csv", ".json", ".license")
 _PLATFORMS = ("linux64", "aarch64-linux", "win64")
-_LIBRARIES = (".so", ".dll")
+LIBRARIES = (".so", ".dll")
 
 Files = dict[PurePosixPath, bytes]
 
@@ -189,13 +189,13 @@ def _list_data(folder: Path) -> Iterator[Path]:
         if path.is_file() and path.suffix in _DATA:
             yield path
     for platform in _PLATFORMS:
-        yield from (path for path in sorted((folder / platform).glob("*")) if path.suffix in _LIBRARIES)
+        yield from (path for path in sorted((folder / platform).glob("*")) if path.suffix in LIBRARIES)
 
 
 def _read_data(path: Path) -> bytes:
     """The content; of a library with a record, as of ps_fmu.numerics, only if it is the recorded one."""
     record = path.parents[1] / f"{path.stem}.json"
-    is_recorded = path.suffix in _LIBRARIES and record.is_file()
+    is_recorded = path.suffix in LIBRARIES and record.is_file()
     return read_whole(record, path.parent.name) if is_recorded else path.read_bytes()
 
 

@@ -28,6 +28,7 @@ from .errors import BuildError
 from .files import write_atomically
 from .launch import OLDEST_PYTHON, put_launcher_in_front, write_notes
 from .licenses import LicenseError
+from .modules import pack_modules
 from .sources import Files, SourceError, collect_imported, find_needed_modules
 from .stock import DESCRIPTION, RESOURCES, Stock, StockError, read_stock
 
@@ -56,7 +57,7 @@ def wrap(
     interpreter: noted in the FMU as the Python for hosts that do not run one.
     bundled: put this Python into the FMU, with the packages that the slave imports or its requirements.txt names.
     source: the script that ``fmu`` has just been built from; messages name it.  The result then states no date: the
-        same source gives the same bytes.
+        same source gives the same bytes, in Python of one minor version.
 
     Returns
     -------
@@ -124,10 +125,11 @@ def _add_launcher(stock: Stock, interpreter: Path | None, bundled: bool = False)
     digest = archive.compute_digest(files | kit)
 
     package = name_package(kit)
-    files |= {RESOURCES / package / name.relative_to("ps_fmu"): content for name, content in kit.items()}
+    archived, packed = pack_modules(package, {name.relative_to("ps_fmu"): content for name, content in kit.items()})
+    files |= {RESOURCES / package / name: content for name, content in packed.items()}
     entry, private = f"{stock.script}_{digest.hex()[:12]}", f"fmu_{digest.hex()[:12]}"
     names = sorted(_find_private_names(inside))
-    files[RESOURCES / f"{entry}.py"] = write_loading_entry(package, private, stock.script, names)
+    files[RESOURCES / f"{entry}.py"] = write_loading_entry(package, archived, private, stock.script, names)
     files[RESOURCES / "slavemodule.txt"] = entry.encode()
     guid = make_guid(digest)
     stock.description.set("guid", guid)

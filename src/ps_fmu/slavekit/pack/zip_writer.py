@@ -31,13 +31,18 @@ def compute_digest(files: Mapping[PurePosixPath, bytes]) -> bytes:
 
 
 def write(path: Path, files: Mapping[PurePosixPath, bytes]) -> None:
-    """Write a zip archive: entries sorted, dates and permissions fixed.  Raises as :func:`write_atomically`."""
+    """Write a zip archive as of :func:`make`.  Raises as :func:`write_atomically`."""
+    write_atomically(path, make(files))
+
+
+def make(files: Mapping[PurePosixPath, bytes], compression: int = zipfile.ZIP_DEFLATED) -> bytes:
+    """A zip archive: entries sorted, dates and permissions fixed."""
     content = io.BytesIO()
     with zipfile.ZipFile(content, "w") as archive:
         for name in sorted(files):
             entry = zipfile.ZipInfo(str(name), DATE)
-            entry.compress_type = zipfile.ZIP_DEFLATED
+            entry.compress_type = compression
             entry.create_system = 3  # Unix, also where it is made elsewhere
             entry.external_attr = _PERMISSIONS[name.suffix in (".so", ".dylib", ".dll")] << 16
             archive.writestr(entry, files[name], compresslevel=_COMPRESSION)
-    write_atomically(path, content.getvalue())
+    return content.getvalue()
