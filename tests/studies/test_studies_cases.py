@@ -203,6 +203,15 @@ def test_a_process_that_does_not_start_says_why(folder):
         next(CaseProcess(folder).run([(0, GAIN)]))
 
 
+@pytest.mark.parametrize("source", ["../elsewhere.fmu", "/elsewhere.fmu", "fmus/../../elsewhere.fmu"])
+def test_an_fmu_outside_the_files_of_a_study_is_not_loaded(folder, source):
+    system = json.loads((folder / "system.json").read_text())
+    system["components"][0]["source"] = source
+    (folder / "system.json").write_text(json.dumps(system))
+    with pytest.raises(StartError, match=f"(?s){source}.*is not a path inside the folder"):
+        next(CaseProcess(folder).run([(0, GAIN)]))
+
+
 def test_a_worker_with_other_packages_is_refused(folder):
     task = json.loads((folder / "task.json").read_text())
     task["versions"]["numpy"] = "1.0"

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any
 
 from .errors import SystemFileError
@@ -61,7 +61,7 @@ def encode_system(system: System, files: Mapping[str, str]) -> bytes:
 def decode_system(path: Path) -> System:
     """The system that :func:`encode_system` has written into a file, beside which its FMUs are.
 
-    Raises :class:`SystemFileError` for a file that is not there or damaged.
+    Raises :class:`SystemFileError` for a file that is not there or damaged, or names an FMU outside its folder.
     """
     content = read_bytes(path, MAXIMUM_BYTES)
     try:
@@ -74,7 +74,7 @@ def _read_system(found: dict[str, Any], folder: Path) -> System:
     components = tuple(
         Component(
             one["name"],
-            (folder / one["source"]).absolute(),
+            _find_inside(folder, one["source"]),
             tuple(
                 Connector(name, kind, type_, unit, 0, _read_end(end))
                 for name, kind, type_, unit, end in one["connectors"]
@@ -102,6 +102,13 @@ def _read_system(found: dict[str, Any], folder: Path) -> System:
             for name, end, source, hops in found["outputs"]
         ),
     )
+
+
+def _find_inside(folder: Path, name: str) -> Path:
+    place = PurePosixPath(name)
+    if place.is_absolute() or ".." in place.parts:
+        raise ValueError(f"{name!r} is not a path inside the folder")
+    return (folder / place).absolute()
 
 
 def _write_end(end: End) -> list[object]:
