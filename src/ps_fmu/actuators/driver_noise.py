@@ -7,11 +7,10 @@ from collections.abc import Generator
 import numpy as np
 
 from ..mechanism.quantities import Array
-from ..numerics import library
-from ..numerics.normal import draw_compiled, make_words, seed, transform
+from ..numerics.calls import Calls
+from ..numerics.normal import make_call, make_words, seed, transform
 
 _BLOCK = 512  # samples that one key makes: larger ones would stall a step, smaller ones take longer for each sample
-_AT_ONCE = 4  # blocks, compiled: 40 us
 
 
 class WhiteNoise:
@@ -36,30 +35,27 @@ class WhiteNoise:
             except StopIteration as end:
                 return np.asarray(end.value)
 
-    def in_parts(self, first: int, n: int) -> Generator[int, None, Array]:
-        """As :meth:`__call__`, some blocks at a time: yields how many parts are to come, and returns the samples."""
-        at_once = 1 if library.find_arithmetic() is None else _AT_ONCE
+    def in_parts(self, first: int, n: int) -> Generator[int | Calls, None, Array]:
+        """As :meth:`__call__`, a block at a time: yields how many parts are to come, or calls; returns the samples."""
         numbers = range(first // _BLOCK, (first + n - 1) // _BLOCK + 1)
-        blocks = []
-        for number in numbers:
-            known, block = self._last
-            if known != number:
-                block = self._draw(number)
-                self._last = number, block
-            blocks.append(block)
-            if len(blocks) % at_once == 0:
-                yield (numbers.stop - 1 - number) // at_once
+        blocks = np.empty((len(numbers), _BLOCK, self._channels))
+        half, work = _BLOCK // 2 * self._channels, []
+        for number, block in zip(numbers, blocks, strict=True):
+            known, samples = self._last
+            words = make_words((self._seed, number % 2**32))
+            if known == number:
+                block[:] = samples
+            elif (call := make_call(words, half, block)) is not None:
+                work.append(call)
+            else:
+                random = np.random.Generator(np.random.Philox(seed(words))).random((1, 2, half))
+                transform(random, block.reshape(1, 2 * half))
+                yield numbers.stop - 1 - number
+        if work:
+            yield from Calls(work, blocks)
+        self._last = numbers[-1], blocks[-1].copy()  # not all of them for the sake of one
         begin = first - numbers.start * _BLOCK
-        return np.concatenate(blocks)[begin : begin + n]
-
-    def _draw(self, number: int) -> Array:
-        """The samples of a block, (_BLOCK, channels)."""
-        words, half = make_words((self._seed, number % 2**32)), _BLOCK // 2 * self._channels
-        normal = draw_compiled(words, 1, half)
-        if normal is None:
-            normal = np.empty((1, 2 * half))
-            transform(np.random.Generator(np.random.Philox(seed(words))).random((1, 2, half)), normal)
-        return normal.reshape(_BLOCK, self._channels)
+        return blocks.reshape(-1, self._channels)[begin : begin + n]
 
 
 def sample_deviation(density: float, h: float) -> float:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from ctypes import byref
+from ctypes import byref, pointer
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ..mechanism.quantities import Array
 from ..numerics import library
+from ..numerics.calls import Pair, TableRows
 from ..numerics.library import Arithmetic, Tables, find_address
 
 # Six-point Lagrange interpolation: its error for a sine at the fraction r of the sampling rate is at most
@@ -73,6 +74,32 @@ def add_rows(
     one, other = (find_address(table) for table in (tables[0], tables[-1]))
     both = Tables(one, other if len(tables) == 2 else None, len(tables[0]), shifts[0], shifts[-1], start, rate)
     arithmetic.add_rows(byref(both), find_address(time), time.size, find_address(rows))
+
+
+def make_calls(
+    rows: Array,
+    time: Array,
+    tables: Sequence[Array],
+    shifts: Sequence[int],
+    start: float,
+    rate: float,
+    arithmetic: Arithmetic,
+    at_once: int,
+) -> tuple[list[Pair], list[object]]:
+    """What :func:`add_rows` does, as calls for so many rows each, and what has to be kept as long.
+
+    ``rows``: (k, 6), contiguous.
+    """
+    tables = [np.ascontiguousarray(table, dtype=np.float64) for table in tables]
+    time = np.ascontiguousarray(time, dtype=np.float64)
+    one, other = (find_address(table) for table in (tables[0], tables[-1]))
+    both = Tables(one, other if len(tables) == 2 else None, len(tables[0]), shifts[0], shifts[-1], start, rate)
+    times, results, shared, function = find_address(time), find_address(rows), pointer(both), arithmetic.add_some_rows
+    work: list[Pair] = [
+        (function, TableRows(shared, times + 8 * k, results + 8 * _COMPILED_COLUMNS * k, min(at_once, time.size - k)))
+        for k in range(0, time.size, at_once)
+    ]
+    return work, [rows, time, *tables]
 
 
 def _compute_weights(distances: Array) -> Array:

@@ -108,6 +108,13 @@ class Arithmetic(Structure):
         ("draw_keyed", CFUNCTYPE(None, c_void_p, c_int64, c_int64, c_int64, c_void_p)),
         ("make_errors", CFUNCTYPE(None, POINTER(Errors), c_int64, c_int64, c_void_p, c_void_p, c_int64)),
         ("connect", CFUNCTYPE(None, POINTER(Bridge), c_void_p, c_void_p, c_void_p, c_void_p)),
+        *(
+            (name, c_void_p)  # for calls.py
+            for name in (
+                "clear_rows", "draw_numbers", "draw_some_lines", "store_phase", "add_some_rows", "add_some_turns",
+                "draw_some_keyed", "make_some_errors", "gather",
+            )
+        ),
     )  # fmt: skip
 
 

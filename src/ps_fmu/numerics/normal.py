@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import library
+from .calls import KeyedRows, Pair
 
 Array = NDArray[np.float64]
 Words = ctypes.Array[ctypes.c_uint32]
@@ -38,6 +39,15 @@ def draw_compiled(words: Words, rows: int, half: int) -> Array | None:
     normal = np.empty((rows, 2 * half))
     arithmetic.draw_keyed(words, len(words), rows, half, library.find_address(normal))
     return normal
+
+
+def make_call(words: Words, half: int, normal: Array) -> Pair | None:
+    """What :func:`draw_compiled` makes, as a call that writes one row to ``normal`` (any shape, 2 half), contiguous."""
+    arithmetic = library.find_arithmetic()
+    if arithmetic is None:
+        return None
+    given = KeyedRows(words, library.find_address(normal), len(words), 1, half)
+    return arithmetic.draw_some_keyed, given  # the structure keeps the words
 
 
 def seed(words: Words) -> np.random.SeedSequence:

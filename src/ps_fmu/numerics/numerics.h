@@ -75,6 +75,60 @@ typedef struct {
     int64_t steps, processes, sensors;
 } Bridge;
 
+/* A block of noise that is made part by part: `draws` has room for (2, sources, lines) numbers and three more. */
+typedef struct {
+    const Lines *lines;
+    const double *factor;        /* (CHANNELS, sources) */
+    double *draws, *terms, *room;
+    const double *const *sizes;  /* of each phase */
+    double *rows;
+    const uint32_t *words;       /* that its random numbers belong to */
+    int64_t n_words, sources;
+    double power;
+} NoiseBlock;
+
+/* Arguments of calls; calls.h says what is done with them. */
+typedef struct {
+    const NoiseBlock *block;
+    int64_t first, end;
+} Part;
+
+typedef struct {
+    const Tables *tables;
+    const double *time;
+    double *rows;
+    int64_t n;
+} TableRows;
+
+typedef struct {
+    const Turning *turning;
+    const Profile *profile;
+    const double *time;
+    double *room, *rows;
+    int64_t n;
+} WheelRows;
+
+typedef struct {
+    const uint32_t *words;
+    double *rows;
+    int64_t n_words, n, half;
+} KeyedRows;
+
+typedef struct {
+    const Errors *errors;
+    const double *const *drift;
+    double *rows;
+    int64_t block, n_blocks, width;
+} ErrorRows;
+
+typedef struct {
+    const double *from;         /* the row of index `first`, and those behind it */
+    const int64_t *index;
+    const double *bias, *gain;  /* NULL: none */
+    double *rows;
+    int64_t first, n, width;
+} Gather;
+
 typedef struct {
     const char *instructions;
     void (*add_rows)(const Tables *, const double *, int64_t, double *);
@@ -85,6 +139,16 @@ typedef struct {
     void (*draw_keyed)(const uint32_t *, int64_t, int64_t, int64_t, double *);
     void (*make_errors)(const Errors *, int64_t, int64_t, const double *const *, double *, int64_t);
     void (*connect)(const Bridge *, const double *, const double *, const double *, double *);
+    /* Calls. */
+    void (*clear_rows)(const void *);
+    void (*draw_numbers)(const void *);
+    void (*draw_some_lines)(const void *);
+    void (*store_phase)(const void *);
+    void (*add_some_rows)(const void *);
+    void (*add_some_turns)(const void *);
+    void (*draw_some_keyed)(const void *);
+    void (*make_some_errors)(const void *);
+    void (*gather)(const void *);
 } Arithmetic;
 
 extern const Arithmetic arithmetic_sse2, arithmetic_avx2, arithmetic_avx512;

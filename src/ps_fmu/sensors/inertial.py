@@ -13,7 +13,7 @@ The centripetal term is read like any other and is not taken out of the estimate
 
 from __future__ import annotations
 
-from collections.abc import Generator
+from collections.abc import Generator, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from ..mechanism.quantities import Array, Checked, ParameterError, group, quantity
 from ..numerics import library
+from ..numerics.calls import Calls, Gather, Pair
 from .geometry import centripetal_rows, estimator, geometry_rows
 from .noise import WHITE_BLOCK, SensorNoise, split
 from .normal import count, draw_normal, finish
@@ -186,10 +187,11 @@ class ChannelNoise:
             rates = SensorNoise(sensors.rate_sensor.noise, RateSensor.AXES, interval, seed, _RATE_NOISE)
             self._noises.append((ACCELEROMETERS, rates))
         enabled = sensors.enabled.astype(np.float64)
-        self._bias, self._gain = sensors.bias, enabled
-        self._has_bias, self._has_gaps = bool(sensors.bias.any()), not enabled[:slots].all()
-        self._rows = np.zeros((_BLOCKS_AT_ONCE * WHITE_BLOCK, CHANNELS))
-        """Room for blocks of errors."""
+        self._bias = sensors.bias if sensors.bias.any() else None
+        self._gain = None if enabled[:slots].all() else enabled
+        """0 in gaps; None: there are none."""
+        self._room: Array | None = None
+        """For blocks of errors, without biases; None: a generator has it."""
         self._first, self._n = 0, 0
         """The blocks that are in it."""
         self._made = 0
@@ -198,21 +200,55 @@ class ChannelNoise:
         """Errors of the samples of these numbers (n,), 0 or greater and ascending, (n, CHANNELS), m/s2 and rad/s."""
         return finish(self.in_parts(index))
 
-    def in_parts(self, index: NDArray[np.int64]) -> Generator[int, None, Array]:
-        """As :meth:`__call__`, in parts of 20 to 60 us; yields about how many are still to come."""
+    def in_parts(self, index: NDArray[np.int64]) -> Generator[int | Calls, None, Array]:
+        """As :meth:`__call__`, in parts of 20 to 60 us; yields about how many are still to come, or calls."""
+        index, errors = np.ascontiguousarray(index, dtype=np.int64), np.empty((len(index), CHANNELS))
         blocks = split(index, WHITE_BLOCK)
-        errors = np.empty((len(index), CHANNELS))
         runs = self._find_runs([block for block, _ in blocks])
         counts = [sum(noise.count_parts(block, n) for _, noise in self._noises) for block, n in runs.items()]
-        for block, part in blocks:
-            if block in runs:
-                if part.start:
+        first, last, room = self._take_room()
+        work: list[Pair] = []
+        for part, block in _join(blocks, runs):
+            if block is not None:
+                if part.start and not work:
                     yield sum(counts)
-                yield from self._make_blocks(block, runs[block], sum(counts))
+                first, last = block, block + runs[block]
+                work += yield from self._make_blocks(block, room[: runs[block] * WHITE_BLOCK], sum(counts))
                 del counts[0]
-            k = index[part] - self._first * WHITE_BLOCK
-            self._rows.take(k, axis=0, out=errors[part], mode="clip")
+            if work:
+                work.append(self._gather_later(room, first, index[part], errors[part]))
+            else:
+                self._gather(room, first, index[part], errors[part])
+        if work:
+            yield from Calls(work, room, index, errors)
+        self._first, self._n, self._room = first, last - first, room
         return errors
+
+    def _take_room(self) -> tuple[int, int, Array]:
+        """First block and end of those in the room, and the room, which is this generator's from now on."""
+        found = self._first, self._first + self._n, self._room
+        self._n, self._room = 0, None
+        first, last, room = found
+        return (first, last, room) if room is not None else (0, 0, np.zeros((_BLOCKS_AT_ONCE * WHITE_BLOCK, CHANNELS)))
+
+    def _gather(self, room: Array, first: int, index: NDArray[np.int64], errors: Array) -> None:
+        """Errors of some samples, from a room that begins with a block."""
+        room.take(index - first * WHITE_BLOCK, axis=0, out=errors, mode="clip")
+        if self._bias is not None:
+            errors += self._bias
+        if self._gain is not None:
+            errors *= self._gain
+
+    def _gather_later(self, room: Array, first: int, index: NDArray[np.int64], errors: Array) -> Pair:
+        """The same as a call."""
+        arithmetic = library.find_arithmetic()
+        assert arithmetic is not None
+        bias, gain = (None if array is None else library.find_address(array) for array in (self._bias, self._gain))
+        given = Gather(
+            library.find_address(room), index.ctypes.data, bias, gain, library.find_address(errors),
+            first * WHITE_BLOCK, len(index), CHANNELS,
+        )  # fmt: skip
+        return arithmetic.gather, given
 
     def _find_runs(self, blocks: list[int]) -> dict[int, int]:
         """Of these numbers, those of blocks to make: the first of each part, and how many of them side by side."""
@@ -227,21 +263,31 @@ class ChannelNoise:
                 found[block] = 1
         return found
 
-    def _make_blocks(self, block: int, n: int, left: int) -> Generator[int, None, None]:
-        """Errors of n blocks of samples into the room; ``left``: parts still to come, with their own."""
-        self._n = 0
-        rows = self._rows[: n * WHITE_BLOCK]
+    def _make_blocks(self, block: int, rows: Array, left: int) -> Generator[int, None, list[Pair]]:
+        """Errors of blocks of samples into rows, or the calls that write them; ``left``: parts still to come."""
+        n = len(rows) // WHITE_BLOCK
+        calls = []
         for column, noise in self._noises:
             own = noise.count_parts(block, n)
-            yield from count(noise.store(block, rows, column), left - 1)
+            calls.append((yield from count(noise.store(block, rows, column), left - 1)))
             left -= own
-        if self._has_bias:
-            rows += self._bias
-        if self._has_gaps:
-            rows *= self._gain
-        self._first, self._n = block, n
         self._made += n
+        return [call for call in calls if call is not None]
 
     def find_samples(self, elapsed: Array) -> NDArray[np.int64]:
         """Numbers of the last samples at times since the start (n,), s; from :data:`LAST_SAMPLE` on, that one."""
         return np.floor(np.clip(elapsed / self.interval + 1e-6, 0.0, LAST_SAMPLE)).astype(np.int64)
+
+
+def _join(blocks: list[tuple[int, slice]], runs: Mapping[int, int]) -> Iterator[tuple[slice, int | None]]:
+    """The parts of blocks that lie in one room, and the block that begins a run; None: what is there already."""
+    begin: int | None = None
+    start = end = 0
+    for block, part in blocks:
+        if block in runs:
+            if end > start:
+                yield slice(start, end), begin
+            begin, start = block, part.start
+        end = part.stop
+    if end > start:
+        yield slice(start, end), begin

@@ -7,7 +7,7 @@ and linear between.  An FMU needs the noise while its steps are made, so it come
 from __future__ import annotations
 
 from collections.abc import Generator
-from ctypes import byref, c_void_p
+from ctypes import pointer
 from itertools import pairwise
 
 import numpy as np
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from ..mechanism.quantities import Array
 from ..numerics import library
+from ..numerics.calls import Calls, ErrorRows, Pair
 from .drift import DRIFT_BLOCK, Drift
 from .noise_model import NoiseModel
 from .normal import count_parts, draw_in_parts, finish, wrap
@@ -50,7 +51,9 @@ class SensorNoise:
         """The error of the samples of these numbers (n,), 0 or greater and ascending, (n, sensors)."""
         errors, rows = np.empty((len(index), self._sensors)), np.empty((WHITE_BLOCK, self._sensors))
         for block, part in split(index, WHITE_BLOCK):
-            finish(self.store(block, rows))
+            call = finish(self.store(block, rows))
+            if call is not None:
+                Calls([call]).finish()
             errors[part] = rows.take(index[part] - block * WHITE_BLOCK, axis=0)
         return errors
 
@@ -59,10 +62,12 @@ class SensorNoise:
         parts = 1 if library.find_arithmetic() is not None else n * count_parts(self._sensors, WHITE_BLOCK)
         return parts if self._drift is None else parts + self._drift.count_parts(*self._find_drift(block, n))
 
-    def store(self, block: int, rows: Array, column: int = 0) -> Generator[None, None, None]:
+    def store(
+        self, block: int, rows: Array, column: int = 0
+    ) -> Generator[None, None, Pair | None]:
         """Write the errors of samples, in parts, to columns of ``rows`` (n * WHITE_BLOCK, any number), contiguous.
 
-        Those of n blocks, from ``block`` on.
+        Those of n blocks, from ``block`` on.  Returns the call that writes them; None: they have been written.
         """
         n, drift = len(rows) // WHITE_BLOCK, []
         if self._drift is not None:
@@ -75,10 +80,11 @@ class SensorNoise:
                 part = rows[k * WHITE_BLOCK : (k + 1) * WHITE_BLOCK]
                 own = drift and drift[self._find_drift(block + k, 1)[0] - first :]
                 part[:, column : column + self._sensors] = (yield from self._make_plainly(block + k, own)).T
-            return
-        blocks = (c_void_p * len(drift))(*map(library.find_address, drift)) if drift else None
-        address = library.find_address(rows) + 8 * column
-        arithmetic.make_errors(byref(self._shared), block, n, blocks, address, rows.shape[1])
+            return None
+        given = ErrorRows(pointer(self._shared), None, library.find_address(rows) + 8 * column, block, n, rows.shape[1])
+        if drift:
+            given.point_to(drift)
+        return arithmetic.make_some_errors, given
 
     def _find_drift(self, block: int, n: int) -> tuple[int, int]:
         """The first and the last block of the drift in n blocks of samples."""

@@ -238,10 +238,8 @@ class Stepper(Tables):
             core.use_rows(self._table)
         else:
             core.use_table(self._table)
-        if self.block_rows:
-            core.n_rows = self._shown
-            if self._is_at_end_of_rows():
-                self._work_ahead()
+        if self._is_at_end_of_rows():
+            self._work_ahead()
         self._use_elements(step_map.elements)
         limits = self._compute_limits()
         core.finishing = self.finishing

@@ -29,8 +29,7 @@ class Tables(Values):
         self._origin = 0.0  # where steps of the present size began, s
         self._table = np.empty((0, self.r.size or self.y.size))
         self._next_rows = _FIRST_ROWS
-        self._ahead = TableAhead()
-        self._shown = 0  # rows of the table up to the next part of the work ahead
+        self._ahead = TableAhead(self._core)
 
     # --- For models ---------------------------------------------------------------------
 
@@ -84,11 +83,14 @@ class Tables(Values):
         self._work_ahead()
 
     def _work_ahead(self) -> None:
-        """Do a part of the work for the next table; the parts are spread evenly over the rows of this one."""
+        """Do a part of the work for the next table; the parts are spread evenly over the rows of this one.
+
+        The launcher does the same, where the part is a call.
+        """
         core, rows = self._core, len(self._table)
         row = core.count - core.block
         parts = self._ahead.advance()
-        self._shown = core.n_rows = row + max(1, (rows - row) // (parts + 1)) if parts else rows
+        core.n_rows = row + max(1, (rows - row) // (parts + 1)) if parts else rows
 
     def _compute_rows(self, n: int) -> Array:
         return finish(self._compute_rows_in_parts(self._get_time(), self._core.step, n))
@@ -135,7 +137,9 @@ class Tables(Values):
 
     def _put_table(self, table: Array, block: int) -> None:
         """Go on with a table that begins at count ``block``."""
-        self._table, self._core.block, self._shown = table, block, 0
+        self._table, self._core.block = table, block
+        if self.block_rows:
+            self._core.n_rows = 0  # the next step looks at once how far the work ahead is
         self._next_rows = min(4 * len(table), self.block_rows) if len(table) else _FIRST_ROWS
         self._renew()
 
