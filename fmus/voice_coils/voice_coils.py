@@ -35,7 +35,7 @@ class VoiceCoils(Slave):
     physics: ClassVar[type] = Coils
     n_states: ClassVar[int] = N  # currents, A
     n_row: ClassVar[int] = N  # noise of the demanded currents, of unit variance
-    block_rows: ClassVar[int] = 2048
+    block_rows: ClassVar[int] = 4096
     n_memory: ClassVar[int] = 1 + 8 * N + 6 * N + 2 * N  # the constant 1; see _build; what contacts are counted with
 
     ports: ClassVar[tuple[Port, ...]] = (

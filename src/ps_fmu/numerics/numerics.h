@@ -133,11 +133,8 @@ typedef struct {
     const char *instructions;
     void (*add_rows)(const Tables *, const double *, int64_t, double *);
     void (*draw_lines)(const Lines *, const double *, const double *, int64_t, double, double *, int64_t, int64_t);
-    void (*store_samples)(const Lines *, const double *, int64_t, int64_t, const double *, double *, double *);
     void (*add_turning)(const Turning *, const double *, int64_t, const double *, int64_t, double *, double *);
-    void (*add_wheel)(const Turning *, const Profile *, const double *, int64_t, double *, double *);
     void (*draw_keyed)(const uint32_t *, int64_t, int64_t, int64_t, double *);
-    void (*make_errors)(const Errors *, int64_t, int64_t, const double *const *, double *, int64_t);
     void (*connect)(const Bridge *, const double *, const double *, const double *, double *);
     /* Calls. */
     void (*clear_rows)(const void *);

@@ -210,7 +210,7 @@ class ChannelNoise:
         work: list[Pair] = []
         for part, block in _join(blocks, runs):
             if block is not None:
-                if part.start and not work:
+                if part.start and library.find_arithmetic() is None:
                     yield sum(counts)
                 first, last = block, block + runs[block]
                 work += yield from self._make_blocks(block, room[: runs[block] * WHITE_BLOCK], sum(counts))

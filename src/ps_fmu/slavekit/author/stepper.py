@@ -174,6 +174,7 @@ class Stepper(Tables):
         try:
             while not self._handle_event_and_step():
                 if core.pending != FOUND_DUE:
+                    self._check_row()
                     raise Refused(f"the step leads to numbers that are not finite: {self._describe_not_finite()}")
         except BaseException as error:
             data[:] = kept

@@ -17,7 +17,6 @@ from .state import SlaveClock
 from .values import Values
 
 _CHUNK = 256  # rows asked for at a time
-_CHECKED = 16_384  # numbers looked at together: to fetch 24 000 that are in no cache took 110 us
 _FIRST_ROWS = 16  # of the first table after a change of step: hosts with a new step each time pay little
 
 
@@ -93,7 +92,9 @@ class Tables(Values):
         core.n_rows = row + max(1, (rows - row) // (parts + 1)) if parts else rows
 
     def _compute_rows(self, n: int) -> Array:
-        return finish(self._compute_rows_in_parts(self._get_time(), self._core.step, n))
+        rows = finish(self._compute_rows_in_parts(self._get_time(), self._core.step, n))
+        self._check_finite_rows(rows)
+        return rows
 
     def _compute_rows_in_parts(self, t: float, h: float, n: int) -> RowParts:
         """Rows of a table; where the model makes them at once, so many in a part that it takes little time.
@@ -105,24 +106,14 @@ class Tables(Values):
             rows = make_rows(self, t, h, n)
             assert isinstance(rows, Generator)
             made = yield from rows  # in a line of its own: a method of the slave would wait with it, and keep the slave
-            table = self._check_shape(made, n)
-            for first in range(0, table.size, _CHECKED):
-                if first:
-                    yield -(-(table.size - first) // _CHECKED)
-                self._check_finite_rows(table.reshape(-1)[first : first + _CHECKED])
-            return table
+            return self._check_shape(made, n)
         chunks = []
         for first in range(0, n, _CHUNK):
             if n > _CHUNK:
                 yield -(-(n - first) // _CHUNK)
             size = min(_CHUNK, n - first)
-            chunks.append(self._check_rows(finish(self.rows(t + first * h, h, size)), size))
+            chunks.append(self._check_shape(finish(self.rows(t + first * h, h, size)), size))
         return chunks[0] if len(chunks) == 1 else np.concatenate(chunks)
-
-    def _check_rows(self, rows: Array, n: int) -> Array:
-        table = self._check_shape(rows, n)
-        self._check_finite_rows(table)
-        return table
 
     def _check_shape(self, rows: Array, n: int) -> Array:
         table = np.ascontiguousarray(rows, dtype=np.float64)
@@ -130,6 +121,12 @@ class Tables(Values):
         if table.shape != expected:
             raise ValueError(f"{type(self).__name__}.rows has shape {table.shape}; expected {expected}")
         return table
+
+    def _check_row(self) -> None:
+        """Raise ModelError if it is the row that a step was refused for: of tables made ahead, steps look at each."""
+        row = self._core.count - self._core.block
+        if self.block_rows and 0 <= row < len(self._table):
+            self._check_finite_rows(self._table[row])
 
     def _check_finite_rows(self, rows: Array) -> None:
         if not np.isfinite(rows).all():
