@@ -64,11 +64,17 @@ class GaussianNoise:
         """How often :meth:`add` nearly always yields for so many times."""
         return len(self._layers) * -(-n // (_PLAIN_ROWS if self._arithmetic is None else _ROWS))
 
-    def add(self, wrench: Array, time: Array) -> Iterator[Calls | None]:
-        """Add force and torque at ascending times (n,) in s to ``wrench`` (n, 6), in parts, or in calls."""
+    def add(self, wrench: Array, time: Array, *, clear: bool = False) -> Iterator[Calls | None]:
+        """Add force and torque at ascending times (n,) in s to ``wrench`` (n, 6), in parts, or in calls.
+
+        ``clear``: to zeros, whatever is there.
+        """
         if self._arithmetic is None:
+            if clear:
+                wrench[:] = 0.0
             yield from self._add_plainly(wrench, time)
             return
+        time = np.ascontiguousarray(time, dtype=np.float64)
         work: list[Pair] = []
         kept: list[object] = [wrench]
         for layer in self._layers:
@@ -81,10 +87,11 @@ class GaussianNoise:
                 blocks = [self._get(layer, i).values for i in (index, index + 1)]
                 begin, shifts = index * 0.5 * layer.period, [layer.points // 2, 0]
                 made, used = make_calls(
-                    wrench[part], time[part], blocks, shifts, begin, layer.rate, self._arithmetic, _ROWS
+                    wrench[part], time[part], blocks, shifts, begin, layer.rate, self._arithmetic, _ROWS, clear=clear
                 )
                 work += made
                 kept += used
+            clear = False
         yield from Calls(work, *kept)
 
     def _add_plainly(self, wrench: Array, time: Array) -> Iterator[None]:

@@ -80,16 +80,18 @@ class Disturbance:
 
     def in_parts(self, time: Array) -> Generator[int | Calls, None, Array]:
         """As :meth:`__call__`, in parts of less than 0.1 ms; yields about how many are still to come, or calls."""
-        wrench = np.zeros((time.size, 6))
         later = [self._count_parts(source, time.size) for source in self._sources]
+        clear = bool(self._sources) and isinstance(self._sources[0], GaussianNoise)  # part by part takes less at once
+        wrench = np.empty((time.size, 6)) if clear else np.zeros((time.size, 6))
         for source in self._sources:
             del later[0]
             if isinstance(source, GaussianNoise):
-                parts = self._add_noise(source, wrench, time)
+                parts = self._add_noise(source, wrench, time, clear)
             else:
                 parts = self._add(source, wrench, time)
             for part in parts:
                 yield put_before(part, sum(later))
+            clear = False
         return wrench
 
     @staticmethod
@@ -110,11 +112,11 @@ class Disturbance:
             wrench[chunk] += source(time[chunk])
             yield self._count_parts(source, time.size - first) - 1
 
-    def _add_noise(self, source: GaussianNoise, wrench: Array, time: Array) -> Iterator[int | Calls]:
+    def _add_noise(self, source: GaussianNoise, wrench: Array, time: Array, clear: bool) -> Iterator[int | Calls]:
         left = source.count_parts(time.size)
         for part in source.prepare(time):
             yield put_before(part, left)
-        for made in source.add(wrench, time):
+        for made in source.add(wrench, time, clear=clear):
             left = max(left - (1 if made is None else made.left), 0)
             yield left if made is None else made.put_before(left)
 

@@ -38,5 +38,5 @@ const Arithmetic ARITHMETIC = {
     NAME, add_rows, draw_lines, add_turning, draw_keyed, connect,
     /* calls */
     clear_rows, draw_numbers, draw_some_lines, store_phase, add_some_rows, add_some_turns, draw_some_keyed,
-    make_some_errors, gather,
+    make_some_errors,
 };

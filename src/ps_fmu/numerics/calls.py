@@ -10,9 +10,6 @@ import ctypes
 from collections.abc import Iterator, Sequence
 from ctypes import CFUNCTYPE, POINTER, Structure, c_double, c_int64, c_uint32, c_void_p
 
-import numpy as np
-from numpy.typing import NDArray
-
 from . import library
 
 Pair = tuple[int, Structure]
@@ -37,50 +34,54 @@ class Part(Structure):
     _fields_ = (("block", POINTER(NoiseBlock)), ("first", c_int64), ("end", c_int64))
 
 
+class Progress(Structure):
+    """``Progress`` of numerics.h: what is left of the rows that calls of one function make in turn."""
+
+    _fields_ = (("rows", c_void_p), ("n", c_int64), ("at_once", c_int64))
+
+
 class TableRows(Structure):
     """``TableRows`` of numerics.h."""
 
-    _fields_ = (("tables", POINTER(library.Tables)), ("time", c_void_p), ("rows", c_void_p), ("n", c_int64))
+    _fields_ = (("left", Progress), ("tables", POINTER(library.Tables)), ("time", c_void_p), ("clear", c_int64))
 
 
 class WheelRows(Structure):
     """``WheelRows`` of numerics.h."""
 
     _fields_ = (
-        ("turning", POINTER(library.Turning)), ("profile", POINTER(library.Profile)),
-        *((name, c_void_p) for name in ("time", "room", "rows")), ("n", c_int64),
+        ("left", Progress), ("turning", POINTER(library.Turning)), ("profile", POINTER(library.Profile)),
+        ("time", c_void_p), ("room", c_void_p),
     )  # fmt: skip
 
 
 class KeyedRows(Structure):
     """``KeyedRows`` of numerics.h."""
 
+    _fields_ = (("left", Progress), ("words", POINTER(c_uint32)), ("n_words", c_int64), ("half", c_int64))
+
+
+class ErrorKind(Structure):
+    """``ErrorKind`` of numerics.h."""
+
     _fields_ = (
-        ("words", POINTER(c_uint32)), ("rows", c_void_p), ("n_words", c_int64), ("n", c_int64), ("half", c_int64)
+        ("errors", POINTER(library.Errors)), ("drift", c_void_p), ("first_drift", c_int64), ("column", c_int64)
     )  # fmt: skip
+
+
+class ErrorRoom(Structure):
+    """``ErrorRoom`` of numerics.h."""
+
+    _fields_ = (("rows", c_void_p), ("first", c_int64), ("n", c_int64))
 
 
 class ErrorRows(Structure):
     """``ErrorRows`` of numerics.h."""
 
     _fields_ = (
-        ("errors", POINTER(library.Errors)), ("drift", c_void_p), ("rows", c_void_p),
-        *((name, c_int64) for name in ("block", "n_blocks", "width")),
-    )  # fmt: skip
-
-
-    def point_to(self, drift: Sequence[NDArray[np.float64]]) -> None:
-        """Blocks of the drift, side by side in time, which this keeps."""
-        self._drift = drift, (c_void_p * len(drift))(*map(library.find_address, drift))
-        self.drift = ctypes.addressof(self._drift[1])
-
-
-class Gather(Structure):
-    """``Gather`` of numerics.h."""
-
-    _fields_ = (
-        *((name, c_void_p) for name in ("start", "index", "bias", "gain", "rows")),
-        *((name, c_int64) for name in ("first", "n", "width")),
+        ("left", Progress), ("room", POINTER(ErrorRoom)), ("kinds", POINTER(ErrorKind)),
+        *((name, c_void_p) for name in ("index", "bias", "gain")),
+        *((name, c_int64) for name in ("n_kinds", "samples", "width")),
     )  # fmt: skip
 
 
@@ -105,7 +106,7 @@ class Calls:
 
     Parameters
     ----------
-    pairs: the calls.
+    pairs: the calls; one that occurs several times makes so many parts of the rows.
     kept: what the structures point to; it lives as long.
     """
 

@@ -109,7 +109,7 @@ class Arithmetic(Structure):
             (name, c_void_p)  # for calls.py
             for name in (
                 "clear_rows", "draw_numbers", "draw_some_lines", "store_phase", "add_some_rows", "add_some_turns",
-                "draw_some_keyed", "make_some_errors", "gather",
+                "draw_some_keyed", "make_some_errors",
             )
         ),
     )  # fmt: skip

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import library
-from .calls import KeyedRows, Pair
+from .calls import KeyedRows, Pair, Progress
 
 Array = NDArray[np.float64]
 Words = ctypes.Array[ctypes.c_uint32]
@@ -41,13 +41,18 @@ def draw_compiled(words: Words, rows: int, half: int) -> Array | None:
     return normal
 
 
-def make_call(words: Words, half: int, normal: Array) -> Pair | None:
-    """What :func:`draw_compiled` makes, as a call that writes one row to ``normal`` (any shape, 2 half), contiguous."""
+def make_calls(words: Words, half: int, normal: Array, at_once: int) -> list[Pair]:
+    """Rows of normal numbers (n, 2 half), contiguous, as calls that write so many of them each.
+
+    The first belongs to the words, each other one to those of the one before with 1 added to the last: the calls count
+    this up.  No calls: there is no library.
+    """
     arithmetic = library.find_arithmetic()
     if arithmetic is None:
-        return None
-    given = KeyedRows(words, library.find_address(normal), len(words), 1, half)
-    return arithmetic.draw_some_keyed, given  # the structure keeps the words
+        return []
+    n = normal.size // (2 * half)
+    given = KeyedRows(Progress(library.find_address(normal), n, at_once), words, len(words), half)
+    return [(arithmetic.draw_some_keyed, given)] * -(-n // at_once)
 
 
 def seed(words: Words) -> np.random.SeedSequence:

@@ -93,41 +93,57 @@ typedef struct {
     int64_t first, end;
 } Part;
 
+/* Rows that the next call makes: n are left, at most `at_once` are made by a call. */
 typedef struct {
-    const Tables *tables;
-    const double *time;
     double *rows;
-    int64_t n;
+    int64_t n, at_once;
+} Progress;
+
+typedef struct {
+    Progress left;
+    const Tables *tables;
+    const double *time; /* of the rows that are left */
+    int64_t clear;      /* before they are added to the rows */
 } TableRows;
 
 typedef struct {
+    Progress left;
     const Turning *turning;
     const Profile *profile;
     const double *time;
-    double *room, *rows;
-    int64_t n;
+    double *room;
 } WheelRows;
 
+/* Blocks of normal numbers, 2 half each: one belongs to the words, and the next one to the same with a last word that is
+   greater by 1. */
 typedef struct {
-    const uint32_t *words;
-    double *rows;
-    int64_t n_words, n, half;
+    Progress left; /* in blocks */
+    uint32_t *words;
+    int64_t n_words, half;
 } KeyedRows;
 
+/* Errors of sensors of one kind, and from which column of the rows on; `drift`: blocks side by side, the first of which is
+   number `first_drift`; NULL: there is none. */
 typedef struct {
     const Errors *errors;
     const double *const *drift;
+    int64_t first_drift, column;
+} ErrorKind;
+
+/* Blocks of errors as they are drawn: n of them, from block `first` on. */
+typedef struct {
     double *rows;
-    int64_t block, n_blocks, width;
-} ErrorRows;
+    int64_t first, n;
+} ErrorRoom;
 
 typedef struct {
-    const double *from;         /* the row of index `first`, and those behind it */
-    const int64_t *index;
-    const double *bias, *gain;  /* NULL: none */
-    double *rows;
-    int64_t first, n, width;
-} Gather;
+    Progress left;             /* at_once: blocks */
+    ErrorRoom *room;
+    const ErrorKind *kinds;
+    const int64_t *index;      /* numbers of the samples that are left, rising */
+    const double *bias, *gain; /* NULL: none */
+    int64_t n_kinds, samples, width;
+} ErrorRows;
 
 typedef struct {
     const char *instructions;
@@ -137,15 +153,14 @@ typedef struct {
     void (*draw_keyed)(const uint32_t *, int64_t, int64_t, int64_t, double *);
     void (*connect)(const Bridge *, const double *, const double *, const double *, double *);
     /* Calls. */
-    void (*clear_rows)(const void *);
-    void (*draw_numbers)(const void *);
-    void (*draw_some_lines)(const void *);
-    void (*store_phase)(const void *);
-    void (*add_some_rows)(const void *);
-    void (*add_some_turns)(const void *);
-    void (*draw_some_keyed)(const void *);
-    void (*make_some_errors)(const void *);
-    void (*gather)(const void *);
+    void (*clear_rows)(void *);
+    void (*draw_numbers)(void *);
+    void (*draw_some_lines)(void *);
+    void (*store_phase)(void *);
+    void (*add_some_rows)(void *);
+    void (*add_some_turns)(void *);
+    void (*draw_some_keyed)(void *);
+    void (*make_some_errors)(void *);
 } Arithmetic;
 
 extern const Arithmetic arithmetic_sse2, arithmetic_avx2, arithmetic_avx512;

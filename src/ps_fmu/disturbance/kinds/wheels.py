@@ -30,7 +30,7 @@ import numpy as np
 from ...mechanism.parameters import Parameters
 from ...mechanism.quantities import Array, Complex, ParameterError, quantity
 from ...numerics import library
-from ...numerics.calls import Calls, WheelRows
+from ...numerics.calls import Calls, Progress, WheelRows
 from ...numerics.library import find_address
 from ..kind import Kind, SharedSettings, Source, explain_folding
 from ..multiples import Products, plan_products
@@ -249,18 +249,15 @@ class _CompiledWheel:
 
     def add(self, rows: Array, time: Array) -> None:
         """Add the wrench at some times (n,), s, to rows (n, 6)."""
-        calls = self.make_calls(rows, time)
-        calls.finish()
+        self.make_calls(rows, time).finish()
 
     def make_calls(self, rows: Array, time: Array) -> Calls:
         """The same as calls; rows and times are contiguous."""
-        times, results, room = find_address(time), find_address(rows), find_address(self.room)
-        shared, function = (pointer(self.shared), pointer(self.profile)), self.turning.add_some_turns
-        work = [
-            (function, WheelRows(*shared, times + 8 * k, room, results + 48 * k, min(_ROWS, time.size - k)))
-            for k in range(0, time.size, _ROWS)
-        ]
-        return Calls(work, self, rows, time)
+        given = WheelRows(
+            Progress(find_address(rows), time.size, _ROWS), pointer(self.shared), pointer(self.profile),
+            find_address(time), find_address(self.room),
+        )  # fmt: skip
+        return Calls([(self.turning.add_some_turns, given)] * -(-time.size // _ROWS), self, rows, time)
 
 
 class _Turning:

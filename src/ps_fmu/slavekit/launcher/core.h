@@ -73,8 +73,8 @@ enum { MOST_MAPS = 2 };
 
 /* Work for the next table that needs no Python: a function, and what it takes its arguments from. */
 typedef struct Call {
-    void (*function)(const void *arguments);
-    const void *arguments;
+    void (*function)(void *arguments);
+    void *arguments;
 } Call;
 
 /* Calls to be made in their order, each once: now and then one, spread over the rows of the present table.  Who makes one
