@@ -154,12 +154,9 @@ class Core(ctypes.Structure):
         self.plain = TABLE
 
     def use_rows(self, table: Array) -> None:
-        """A plain step begins with ``row <- table[count - block]``, if there is a map as well.
-
-        ``n_rows`` says up to which row.
-        """
+        """A plain step begins with ``row <- table[count - block]``, if there is a map as well."""
         self._point(table=table)
-        self.all_rows = len(table)
+        self.n_rows = self.all_rows = len(table)
 
     def use_elements(self, elements: Elements) -> None:
         """What is done before and after the map."""

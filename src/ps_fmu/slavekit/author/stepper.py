@@ -233,12 +233,14 @@ class Stepper(Tables):
         core = self._core
         if self._is_used_up():
             self._fill_table()
+        rows = core.n_rows
         step_map = self._find_map(core.step)
         if step_map.maps:
             core.use_maps(*step_map.maps)
             core.use_rows(self._table)
         else:
             core.use_table(self._table)
+        core.n_rows = rows  # up to the next part of the work ahead
         if self._is_at_end_of_rows():
             self._work_ahead()
         self._use_elements(step_map.elements)
