@@ -35,8 +35,8 @@ class _LayerTables:
         self._elapsed = self._split(np.arange(layer.points) / layer.rate)
         """Time since the start of a block, (phases, points), s."""
         window = crossfade(np.arange(layer.points) / layer.rate, 0.5 * layer.period)
-        self._windows = [self._stack(Weight(*rows)) for rows in zip(*map(self._split, window), strict=True)]
-        """By phase."""
+        self.windows = [self._stack(Weight(*rows)) for rows in zip(*map(self._split, window), strict=True)]
+        """What g'', g' and g of a block that does not rise are multiplied by, (terms, points), by phase."""
         self._weights = window
         self._rising: dict[tuple[float, int], Array] = {}
         # Sources in other threads take from these, too: each method of a deque is one step for them.
@@ -49,9 +49,7 @@ class _LayerTables:
         return start < self._rise_time
 
     def get_sizes(self, start: float, phase: int) -> Array:
-        """What g'', g' and g of a block that starts at ``start`` (s) are multiplied by, (terms, points)."""
-        if not self.is_rising(start):
-            return self._windows[phase]
+        """What g'', g' and g of a rising block that starts at ``start`` (s) are multiplied by, (terms, points)."""
         found = self._rising.get((start, phase))  # of the two blocks that every simulation begins with
         if found is None:
             rising = ramp(start + self._elapsed[phase], self._rise_time)
@@ -148,10 +146,11 @@ class Block:
         yield None
         spare = shape.take_rows()
         rows = np.empty((shape.layer.points, len(shape.factor))) if spare is None else spare
-        sizes = []
-        for phase in range(tables.polyphase.phases):
-            sizes.append(tables.get_sizes(self.start, phase))
-            if tables.is_rising(self.start):
+        sizes = tables.windows
+        if tables.is_rising(self.start):
+            sizes = []
+            for phase in range(tables.polyphase.phases):
+                sizes.append(tables.get_sizes(self.start, phase))
                 yield None
         yield None
         yield from synthesis.make(self.key, shape.factor, sizes, rows, clear=spare is None)

@@ -14,9 +14,9 @@ import numpy as np
 
 from ..mechanism.quantities import Array, Complex
 from ..numerics import calls, library
-from ..numerics.calls import Calls
+from ..numerics.calls import CallList, Calls
 from ..numerics.library import Arithmetic, find_address
-from ..numerics.normal import Words, make_words, seed
+from ..numerics.normal import make_words, seed
 from .polyphase import Polyphase
 from .spectrum import Layer, share
 
@@ -111,13 +111,17 @@ class CompiledSynthesis:
             sources=sources, power=2.0 / layer.period,
         )  # fmt: skip
         a: Any = arithmetic
-        self._clearing = self._split(a.clear_rows, layer.points * _CHANNELS, _CLEARED)
-        self._making = [
+        clearing = self._split(a.clear_rows, layer.points * _CHANNELS, _CLEARED)
+        self._n_clearing = len(clearing)
+        self._calls = CallList([
+            *clearing,
             *self._split(a.draw_numbers, 2 * sources * n, _NUMBERS),
             *self._split(a.draw_some_lines, n, _LINES),
             *((a.store_phase, calls.Part(pointer(self._block), k, 0)) for k in range(polyphase.phases * groups)),
-        ]
-        self.n_parts = 1 + len(self._clearing) + len(self._making)
+        ])  # fmt: skip
+        self.n_parts = 1 + len(self._calls.words)
+        self._sizes: tuple[Sequence[Array], Any] = ((), None)
+        """Of the last block, mostly those of the next one, too; and their addresses."""
 
     def _split(self, function: int, n: int, size: int) -> list[tuple[int, calls.Part]]:
         """Calls for n items, so many at a time."""
@@ -129,13 +133,12 @@ class CompiledSynthesis:
         self, key: tuple[int, ...], factor: Array, sizes: Sequence[Array], rows: Array, *, clear: bool
     ) -> Iterator[Calls]:
         """As :meth:`Synthesis.make`."""
-        words: Words = make_words(key)
-        of_phases = (c_void_p * len(sizes))(*map(find_address, sizes))
-        block = self._block
-        block.factor, block.rows, block.sizes = find_address(factor), find_address(rows), addressof(of_phases)
+        if self._sizes[0] is not sizes:
+            self._sizes = sizes, (c_void_p * len(sizes))(*map(find_address, sizes))
+        words, block = make_words(key), self._block
+        block.factor, block.rows, block.sizes = find_address(factor), find_address(rows), addressof(self._sizes[1])
         block.words, block.n_words = words, len(words)
-        work = self._clearing + self._making if clear else self._making
-        yield from Calls(work, self, words, of_phases, factor, sizes, rows)
+        yield from Calls(self._calls, self, self._sizes, factor, rows, first=0 if clear else self._n_clearing)
 
 
 class PlainSynthesis:

@@ -101,19 +101,28 @@ class _Words(Structure):
     later: int
 
 
+class CallList:
+    """Calls that are made time and again: to list 50 takes 50 us.  The structures are its own."""
+
+    def __init__(self, pairs: Sequence[Pair]) -> None:
+        self._pairs = pairs
+        self.words = (Call * len(pairs))(*[Call(function, ctypes.addressof(given)) for function, given in pairs])
+
+
 class Calls:
     """Calls to be made in their order, each once; who makes one counts it in the words.
 
     Parameters
     ----------
-    pairs: the calls; one that occurs several times makes so many parts of the rows.
+    pairs: the calls; one that occurs several times makes so many parts of the rows.  Or a :class:`CallList` of them.
     kept: what the structures point to; it lives as long.
+    first: those before it are left out.
     """
 
-    def __init__(self, pairs: Sequence[Pair], *kept: object) -> None:
-        self._calls = (Call * len(pairs))(*[Call(function, ctypes.addressof(given)) for function, given in pairs])
-        self._kept = pairs, kept
-        self._words = _Words(self._calls, len(pairs), 0, 1)
+    def __init__(self, pairs: Sequence[Pair] | CallList, *kept: object, first: int = 0) -> None:
+        calls = pairs if isinstance(pairs, CallList) else CallList(pairs)
+        self._calls, self._kept = calls.words, (calls, kept)
+        self._words = _Words(self._calls, len(self._calls), first, 1)
 
     @property
     def address(self) -> int:

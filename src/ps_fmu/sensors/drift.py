@@ -49,7 +49,7 @@ class Drift:
 
     def count_parts(self, first: int, last: int) -> int:
         """In how many parts the blocks from ``first`` to ``last`` are nearly always found."""
-        path = count_parts(self._sensors, _PROCESSES * DRIFT_BLOCK) + self._bridges[0].n_parts
+        path = 1 + count_parts(self._sensors, _PROCESSES * DRIFT_BLOCK) + self._bridges[0].n_parts
         return sum(path for block in range(first, last + 1) if block not in self._sums)
 
     def find(self, block: int) -> Parts:
@@ -65,6 +65,7 @@ class Drift:
         if block not in self._paths[grid]:
             first = yield from self._find_value(grid + 1, block)
             last = yield from self._find_value(grid + 1, block + 1)
+            yield
             key = (*self._key, self._kind + grid, block)
             normal = yield from draw_in_parts(key, self._sensors, _PROCESSES * DRIFT_BLOCK)
             yield

@@ -134,7 +134,7 @@ def make_calls(
     )  # fmt: skip
     given.kept = kinds
     first, last = int(index[0]) // WHITE_BLOCK, int(index[-1]) // WHITE_BLOCK
-    n = -(-(last + 1 - first) // at_once) + (last > first)  # one more where the first is in the room, others are not
+    n = -(-(last + 1 - first) // at_once) + (at_once > 1)  # one more where the first is in the room, others are not
     return [(arithmetic.make_some_errors, given)] * n
 
 

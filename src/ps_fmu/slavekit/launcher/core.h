@@ -36,6 +36,10 @@ enum {
     ELEMENT_SPARSE
 };
 
+/* `n_source` of a WATCH whose sources, and seconds, lie side by side; of a QUANTISE whose targets do, if no resolution
+   is 0. */
+enum { NEIGHBOURS = 1 };
+
 /* The same as the class Instruction in instructions.py.  Lists of places are places in `data`. */
 typedef struct Element {
     int64_t kind, n;          /* n: length of `target`, and of the lists that go with it element by element */

@@ -2,8 +2,6 @@
 #include "elements.h"
 #include "kernel.h"
 
-#include <float.h>
-#include <math.h>
 #include <stddef.h>
 #include <string.h>
 
@@ -76,15 +74,10 @@ static const double *next_row(const Core *core, int64_t width)
 static bool copy_row(const Core *core, double *target, int64_t width)
 {
     const double *row = next_row(core, width);
-    if (row == NULL)
+    if (row == NULL || !are_finite(row, width))
         return false;
-    int finite = 1;
-    ONE_BY_ONE
-    for (int64_t k = 0; k < width; k++)
-        finite &= fabs(row[k]) <= DBL_MAX;
-    if (finite)
-        copy(target, row, width);
-    return finite;
+    copy(target, row, width);
+    return true;
 }
 
 /* The results, into `target`.  False: a map is not finite, and those before it have written theirs. */

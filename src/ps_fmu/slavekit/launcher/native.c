@@ -55,7 +55,7 @@ double native_time(const Instance *m)
 static bool has_call(const Core *core)
 {
     const int64_t row = core->count - core->block;
-    return core->calls != NULL && core->calls->next < core->calls->n && row >= core->n_rows && row < core->all_rows &&
+    return core->calls->next < core->calls->n && row >= core->n_rows && row < core->all_rows &&
            core->plain != CORE_NOTHING;
 }
 
@@ -79,7 +79,7 @@ bool native_step(Instance *m, double time, double step)
     if (core == NULL || core->pending || core->finishing || !(fabs(time - core->time) <= core->time_slack) ||
         !(fabs(step - core->step) <= core->step_slack) || !(time <= core->last_start))
         return false;
-    if (has_call(core))
+    if (core->calls != NULL && has_call(core))
         make_call(core);
     if (!kernel_step(core))
         return false;
