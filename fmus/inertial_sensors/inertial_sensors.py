@@ -43,7 +43,7 @@ class InertialSensors(Slave):
     n_states: ClassVar[int] = N_STATES
     n_auxiliary: ClassVar[int] = len(PRODUCTS)  # of the angular velocity, for the centripetal acceleration
     n_row: ClassVar[int] = CHANNELS  # bias and noise of each reading
-    block_rows: ClassVar[int] = 4096
+    block_rows: ClassVar[int] = 2048
     # Start time (s), whether a range was met, clock, zeros, readings as last sampled, past readings.
     n_memory: ClassVar[int] = 3 + 2 * CHANNELS + ring_size(CHANNELS, LONGEST_LATENCY)
 

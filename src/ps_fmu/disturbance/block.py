@@ -35,8 +35,9 @@ class _LayerTables:
         self._elapsed = self._split(np.arange(layer.points) / layer.rate)
         """Time since the start of a block, (phases, points), s."""
         window = crossfade(np.arange(layer.points) / layer.rate, 0.5 * layer.period)
-        self.windows = [self._stack(Weight(*rows)) for rows in zip(*map(self._split, window), strict=True)]
-        """What g'', g' and g of a block that does not rise are multiplied by, (terms, points), by phase."""
+        phases = zip(*map(self._split, window), strict=True)
+        self.windows = np.stack([self._stack(Weight(*rows)) for rows in phases])
+        """What g'', g' and g of a block that does not rise are multiplied by, (phases, terms, points)."""
         self._weights = window
         self._rising: dict[tuple[float, int], Array] = {}
         # Sources in other threads take from these, too: each method of a deque is one step for them.
@@ -148,9 +149,9 @@ class Block:
         rows = np.empty((shape.layer.points, len(shape.factor))) if spare is None else spare
         sizes = tables.windows
         if tables.is_rising(self.start):
-            sizes = []
-            for phase in range(tables.polyphase.phases):
-                sizes.append(tables.get_sizes(self.start, phase))
+            sizes = np.empty_like(tables.windows)
+            for phase in range(len(sizes)):
+                sizes[phase] = tables.get_sizes(self.start, phase)
                 yield None
         yield None
         yield from synthesis.make(self.key, shape.factor, sizes, rows, clear=spare is None)

@@ -5,8 +5,8 @@ Both do the same; their results differ by rounding.  Each part takes some 30 us 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from ctypes import addressof, c_void_p, pointer
+from collections.abc import Iterator
+from ctypes import pointer
 from itertools import pairwise
 from typing import Any, Protocol
 
@@ -60,7 +60,7 @@ class Synthesis(Protocol):
     """Of :meth:`make`."""
 
     def make(
-        self, key: tuple[int, ...], factor: Array, sizes: Sequence[Array], rows: Array, *, clear: bool
+        self, key: tuple[int, ...], factor: Array, sizes: Array, rows: Array, *, clear: bool
     ) -> Iterator[Calls | None]:
         """Make the samples of a block, in parts.
 
@@ -68,7 +68,7 @@ class Synthesis(Protocol):
         ----------
         key: whole numbers that its random numbers belong to.
         factor: (6, sources), of the lines.
-        sizes: what each integral is multiplied by, (n_terms, points of the phase), of each phase.
+        sizes: what each integral is multiplied by, (phases, n_terms, points of a phase).
         rows: for all points, (points, 6).
         clear: the memory of the rows is new: it comes from the system with its first use.
         """
@@ -120,8 +120,6 @@ class CompiledSynthesis:
             *((a.store_phase, calls.Part(pointer(self._block), k, 0)) for k in range(polyphase.phases * groups)),
         ])  # fmt: skip
         self.n_parts = 1 + len(self._calls.words)
-        self._sizes: tuple[Sequence[Array], Any] = ((), None)
-        """Of the last block, mostly those of the next one, too; and their addresses."""
 
     def _split(self, function: int, n: int, size: int) -> list[tuple[int, calls.Part]]:
         """Calls for n items, so many at a time."""
@@ -130,15 +128,13 @@ class CompiledSynthesis:
         ]
 
     def make(
-        self, key: tuple[int, ...], factor: Array, sizes: Sequence[Array], rows: Array, *, clear: bool
+        self, key: tuple[int, ...], factor: Array, sizes: Array, rows: Array, *, clear: bool
     ) -> Iterator[Calls]:
         """As :meth:`Synthesis.make`."""
-        if self._sizes[0] is not sizes:
-            self._sizes = sizes, (c_void_p * len(sizes))(*map(find_address, sizes))
         words, block = make_words(key), self._block
-        block.factor, block.rows, block.sizes = find_address(factor), find_address(rows), addressof(self._sizes[1])
+        block.factor, block.rows, block.sizes = map(find_address, (factor, rows, sizes))
         block.words, block.n_words = words, len(words)
-        yield from Calls(self._calls, self, self._sizes, factor, rows, first=0 if clear else self._n_clearing)
+        yield from Calls(self._calls, self, sizes, factor, rows, first=0 if clear else self._n_clearing)
 
 
 class PlainSynthesis:
@@ -156,7 +152,7 @@ class PlainSynthesis:
         self.n_parts = 2 + -(-self._draws.size // _NUMBERS) + len(self._edges) - 1 + n_cleared + n_stored
 
     def make(
-        self, key: tuple[int, ...], factor: Array, sizes: Sequence[Array], rows: Array, *, clear: bool
+        self, key: tuple[int, ...], factor: Array, sizes: Array, rows: Array, *, clear: bool
     ) -> Iterator[None]:
         """As :meth:`Synthesis.make`."""
         # 10 us for these three lines, but 150 us where their code has not run for a while.

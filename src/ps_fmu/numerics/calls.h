@@ -29,7 +29,8 @@ INSTRUCTIONS static void store_phase(void *arguments)
     const Part *p = arguments;
     const NoiseBlock *b = p->block;
     const int64_t phase = p->first / b->lines->n_terms, group = p->first % b->lines->n_terms;
-    store_samples(b->lines, b->terms, phase, group, b->sizes[phase], b->room, b->rows);
+    const double *sizes = b->sizes + phase * b->lines->n_terms * b->lines->points;
+    store_samples(b->lines, b->terms, phase, group, sizes, b->room, b->rows);
 }
 
 /* How many rows a call makes. */

@@ -80,7 +80,7 @@ typedef struct {
     const Lines *lines;
     const double *factor;        /* (CHANNELS, sources) */
     double *draws, *terms, *room;
-    const double *const *sizes;  /* of each phase */
+    const double *sizes;         /* of each phase, (n_terms, points) */
     double *rows;
     const uint32_t *words;       /* that its random numbers belong to */
     int64_t n_words, sources;
