@@ -217,7 +217,7 @@ static inline Pair find_nearest_pair(Pair value)
 }
 
 /* Of numbers that lie side by side, with resolutions above 0. */
-static bool quantise_neighbours(double *values, const double *resolution, int64_t n)
+NOT_INLINE static bool quantise_neighbours(double *values, const double *resolution, int64_t n)
 {
     int64_t k = 0;
     for (; k + 2 <= n; k += 2) {
@@ -268,7 +268,7 @@ static bool delay(Run *run, const Element *e)
 }
 
 /* As is_far, of values and places that lie side by side. */
-static bool are_neighbours_far(const double *value, const double *place, const double *high, int64_t n)
+NOT_INLINE static bool are_neighbours_far(const double *value, const double *place, const double *high, int64_t n)
 {
     const PairBits all = {INT64_MAX, INT64_MAX};
     PairBits far = {0, 0};

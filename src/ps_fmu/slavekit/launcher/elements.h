@@ -38,6 +38,9 @@ typedef struct {
 #define ONE_BY_ONE
 #endif
 
+/* Keep what is rarely done out of the code around it. */
+#define NOT_INLINE __attribute__((noinline))
+
 static inline void copy(double *target, const double *source, int64_t n)
 {
     enum { FEW = 16 }; /* a call of memcpy takes 3 ns */

@@ -60,7 +60,7 @@ static bool has_call(const Core *core)
 }
 
 /* Make a call, with the arithmetic that Python would have, and spread what is left as Tables._work_ahead does. */
-static void make_call(Core *core)
+NOT_INLINE static void make_call(Core *core)
 {
     Calls *calls = core->calls;
     const Call *call = &calls->calls[calls->next++];
