@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ps_fmu.disturbance import Disturbance, DisturbanceSettings, default_settings
 from ps_fmu.interface.ports import make_parameter_ports, refuse_parameters
 from ps_fmu.mechanism.parameters import load
 from ps_fmu.mechanism.quantities import take_values
+from ps_fmu.slavekit.author.ahead import RowParts
 from ps_fmu.slavekit.author.guard import Refused
 from ps_fmu.slavekit.author.slave import Slave
 from ps_fmu.slavekit.author.terminals import Terminal
@@ -52,7 +51,7 @@ class DisturbanceSource(Slave):
         self._build(self.parameters())
         self.y[:] = self.disturbance(np.zeros(1))[0]
 
-    def rows(self, t: float, h: float, n: int) -> Generator[int, None, NDArray[np.float64]]:
+    def rows(self, t: float, h: float, n: int) -> RowParts:
         """Wrench at t + h ... t + n h (s), shape (n, 6), in parts."""
         yield n // 16  # more than there are: the step at the end of the last table does nothing else
         self._warn_of_aliasing(h)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Sequence
+from collections.abc import Sequence
 from typing import ClassVar
 
 import numpy as np
@@ -13,6 +13,7 @@ from ps_fmu.mechanism.quantities import take_values
 from ps_fmu.sensors.defaults import default_sensors
 from ps_fmu.sensors.geometry import PRODUCTS
 from ps_fmu.sensors.inertial import ACCELEROMETERS, CHANNELS, ESTIMATES, N_STATES, ChannelNoise
+from ps_fmu.slavekit.author.ahead import RowParts
 from ps_fmu.slavekit.author.elements import (
     Clip,
     Delay,
@@ -142,7 +143,7 @@ class InertialSensors(Slave):
         estimates = self.places(self.y[:ESTIMATES])[seen]
         return [*elements, Linear(readings, sensors.estimator[np.ix_(seen, on)], estimates)]
 
-    def rows(self, t: float, h: float, n: int) -> Generator[int, None, NDArray[np.float64]]:
+    def rows(self, t: float, h: float, n: int) -> RowParts:
         """Bias and noise of the readings at the ends of n steps, (n, CHANNELS), m/s2 and rad/s, in parts."""
         yield n // 200  # the step at the end of the last table does nothing else
         noise = self._find_noise(self.sensors.sample_time or h)

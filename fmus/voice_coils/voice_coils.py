@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any, ClassVar
 
 import numpy as np
@@ -14,6 +14,7 @@ from ps_fmu.actuators.voice_coil import Coils, discretise
 from ps_fmu.interface.ports import make_parameter_ports, refuse_parameters
 from ps_fmu.mechanism.parameters import load
 from ps_fmu.mechanism.quantities import take_values
+from ps_fmu.slavekit.author.ahead import RowParts
 from ps_fmu.slavekit.author.elements import Clip, Count, Element, Excess, Linear, Product, Quantise, Sine, Watch
 from ps_fmu.slavekit.author.slave import ModelError, Slave
 from ps_fmu.slavekit.author.terminals import Terminal
@@ -34,7 +35,7 @@ class VoiceCoils(Slave):
     physics: ClassVar[type] = Coils
     n_states: ClassVar[int] = N  # currents, A
     n_row: ClassVar[int] = N  # noise of the demanded currents, of unit variance
-    block_rows: ClassVar[int] = 2048
+    block_rows: ClassVar[int] = 4096
     n_memory: ClassVar[int] = 1 + 8 * N + 6 * N + 2 * N  # the constant 1; see _build; what contacts are counted with
 
     ports: ClassVar[tuple[Port, ...]] = (
@@ -78,7 +79,7 @@ class VoiceCoils(Slave):
         self._warn_of_stops(h)
         return np.vstack([np.zeros((self.y.size, N)), EYE])
 
-    def rows(self, t: float, h: float, n: int) -> Generator[int, None, NDArray[np.float64]]:
+    def rows(self, t: float, h: float, n: int) -> RowParts:
         """Noise of unit variance in the steps that end at t + h ... t + n h (s), shape (n, 3), in parts."""
         yield n // 200  # the step at the end of the last table does nothing else
         if not self.coils.driver.noise:

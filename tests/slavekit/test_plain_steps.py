@@ -64,6 +64,22 @@ def test_tables_and_limits(instructions):
             assert data.tobytes() == np.array(row).tobytes()
 
 
+@pytest.mark.parametrize("number", [np.inf, -np.inf, np.nan])
+@pytest.mark.parametrize("place", [0, 1, 2])
+def test_a_row_that_is_not_finite_changes_nothing(instructions, number, place):
+    core, data = core_of(3, 0, 0)
+    table = np.array([[0.5, 2.0, 0.0], [1e308, -1e308, 1e308]])
+    table[0, place] = number
+    core.use_table(table)
+    for step in (lambda: step_by_kernel(instructions, core), make_plain_step(core)):
+        data[:], core.count = 9.0, 0
+        assert not step()
+        assert data.tolist() == [9.0, 9.0, 9.0]
+        core.count = 1
+        assert step()
+        assert data.tolist() == table[1].tolist()
+
+
 @pytest.mark.filterwarnings("error::RuntimeWarning")
 @pytest.mark.parametrize("matrix", [[[1e200], [1.0]], [[1.0], [1e200]]])
 def test_a_result_that_is_not_finite_changes_nothing(instructions, dense, matrix):

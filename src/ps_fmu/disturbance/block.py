@@ -1,4 +1,4 @@
-"""One block of Gaussian noise: random lines to samples, in parts of 20 to 60 us."""
+"""One block of Gaussian noise: random lines to samples, in parts."""
 
 from __future__ import annotations
 
@@ -6,20 +6,17 @@ from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
-from itertools import pairwise
 
 import numpy as np
 
 from ..mechanism.quantities import Array
 from ..numerics import library
+from ..numerics.calls import Calls
 from .sample_table import SampleTable
 from .smooth import Weight, crossfade, ramp
 from .spectrum import Layer
 from .synthesis import LayerLines, Synthesis, make_synthesis
 
-_FIRST_LINES = 16  # drawn in the first part, whose code has not run for a while: 60 us by that alone
-_NUMBERS = 12_288  # random numbers of a part: 30 us
-_ROWS = 500  # cleared in a part
 _MOST_SPARE = 2  # blocks of a layer, as many as a source begins with
 _MANY_CYCLES = 25.0
 """A line with so many cycles while it fades in or out needs no correction: of its impulse 4e-7 is left, since the steps
@@ -38,8 +35,9 @@ class _LayerTables:
         self._elapsed = self._split(np.arange(layer.points) / layer.rate)
         """Time since the start of a block, (phases, points), s."""
         window = crossfade(np.arange(layer.points) / layer.rate, 0.5 * layer.period)
-        self._windows = [self._stack(Weight(*rows)) for rows in zip(*map(self._split, window), strict=True)]
-        """By phase."""
+        phases = zip(*map(self._split, window), strict=True)
+        self.windows = np.stack([self._stack(Weight(*rows)) for rows in phases])
+        """What g'', g' and g of a block that does not rise are multiplied by, (phases, terms, points)."""
         self._weights = window
         self._rising: dict[tuple[float, int], Array] = {}
         # Sources in other threads take from these, too: each method of a deque is one step for them.
@@ -47,10 +45,12 @@ class _LayerTables:
         """By the instructions that are used and the number of independent sources."""
         self.spare_rows: deque[Array] = deque(maxlen=_MOST_SPARE)
 
+    def is_rising(self, start: float) -> bool:
+        """Whether sizes of a block that starts at ``start`` (s) are its own: they take some time."""
+        return start < self._rise_time
+
     def get_sizes(self, start: float, phase: int) -> Array:
-        """What g'', g' and g of a block that starts at ``start`` (s) are multiplied by, (terms, points)."""
-        if start >= self._rise_time:
-            return self._windows[phase]
+        """What g'', g' and g of a rising block that starts at ``start`` (s) are multiplied by, (terms, points)."""
         found = self._rising.get((start, phase))  # of the two blocks that every simulation begins with
         if found is None:
             rising = ramp(start + self._elapsed[phase], self._rise_time)
@@ -89,16 +89,10 @@ class BlockShape:
         instructions = b"" if arithmetic is None else arithmetic.instructions
         self._spare = self.tables.spare.setdefault((instructions, factor.shape[1]), deque(maxlen=1))
         self._spare_rows = self.tables.spare_rows
-        self.n_parts = self._count_parts()
-        """In which a block is made, at most."""
-
-    def _count_parts(self) -> int:
         synthesis = self.take_synthesis()
-        draws = -(-synthesis.draws.size // _NUMBERS)
-        chunks = 1 + -(-self.layer.numbers.size // synthesis.lines_at_once)
-        clearing = -(-self.layer.points // _ROWS)
+        self.n_parts = 3 + synthesis.n_parts
+        """In which a block is made, at most, but for its rise."""
         self.give_back(synthesis)
-        return 5 + draws + chunks + clearing + self.tables.polyphase.phases * synthesis.groups
 
     def take_synthesis(self) -> Synthesis:
         """What makes one block, to be given back: fresh memory costs as much time as what is done in it."""
@@ -140,40 +134,26 @@ class Block:
     table: SampleTable | None = None
     """When :meth:`make` has ended."""
 
-    def make(self) -> Iterator[None]:
-        """Make it; yields after each part, at most ``shape.n_parts`` times."""
+    @property
+    def n_parts(self) -> int:
+        """In which it is made, at most; the last is to keep it."""
+        tables = self.shape.tables
+        return self.shape.n_parts + (tables.polyphase.phases if tables.is_rising(self.start) else 0)
+
+    def make(self) -> Iterator[Calls | None]:
+        """Make it; yields None after each part, or calls."""
         shape, tables = self.shape, self.shape.tables
         synthesis = shape.take_synthesis()
-        yield
-        yield from self._draw(synthesis)
+        yield None
         spare = shape.take_rows()
         rows = np.empty((shape.layer.points, len(shape.factor))) if spare is None else spare
-        if spare is None:
-            for first in range(0, len(rows), _ROWS):  # the memory comes with its first use
-                rows[first : first + _ROWS] = 0.0
-                yield
-        for phase in range(tables.polyphase.phases):
-            sizes = tables.get_sizes(self.start, phase)
-            if phase == 0:
-                yield
-            for group in range(synthesis.groups):
-                synthesis.store_samples(phase, group, sizes, rows)
-                yield
+        sizes = tables.windows
+        if tables.is_rising(self.start):
+            sizes = np.empty_like(tables.windows)
+            for phase in range(len(sizes)):
+                sizes[phase] = tables.get_sizes(self.start, phase)
+                yield None
+        yield None
+        yield from synthesis.make(self.key, shape.factor, sizes, rows, clear=spare is None)
         shape.give_back(synthesis)
         self.table = SampleTable(rows, shape.layer.rate, self.start)
-
-    def _draw(self, synthesis: Synthesis) -> Iterator[None]:
-        """Amplitudes of the lines, from random numbers."""
-        # 10 us for these three lines, but 150 us where their code has not run for a while.
-        sequence = np.random.SeedSequence(self.key)
-        yield
-        philox = np.random.Philox(sequence)
-        yield
-        random, numbers = np.random.Generator(philox), synthesis.draws.reshape(-1)
-        for first in range(0, numbers.size, _NUMBERS):
-            random.random(out=numbers[first : first + _NUMBERS])
-            yield
-        n = self.shape.layer.numbers.size
-        for first, end in pairwise([0, *range(min(_FIRST_LINES, n), n, synthesis.lines_at_once), n]):
-            synthesis.draw(self.shape.factor, first, end)
-            yield

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from bisect import bisect_left
 from collections.abc import Iterator
 from itertools import pairwise
 
@@ -10,11 +9,12 @@ import numpy as np
 
 from ..mechanism.quantities import Array
 from ..numerics import library
+from ..numerics.calls import Calls, Pair
 from .block import Block, BlockShape
-from .sample_table import SampleTable, add_rows
+from .sample_table import SampleTable, add_rows, make_calls
 from .spectrum import Layer, factor, layers
 
-_ROWS = 1024  # read at once by compiled functions: 20 us, twice that where their memory is new
+_ROWS = 1024  # read by a call: 20 us, twice that where their memory is new
 _PLAIN_ROWS = 256  # without them: 60 us
 _KEPT = 3  # blocks per layer: two are alive at any time, and one is about to be
 
@@ -59,32 +59,57 @@ class GaussianNoise:
             for table in blocks.values():
                 self._shapes[key].recycle(table)
 
-    @property
-    def rows_at_once(self) -> int:
-        """Times that :meth:`add` takes little time for."""
-        return _PLAIN_ROWS if self._arithmetic is None else _ROWS
+    def count_parts(self, n: int) -> int:
+        """How often :meth:`add` nearly always yields for so many times."""
+        return len(self._layers) * -(-n // (_PLAIN_ROWS if self._arithmetic is None else _ROWS))
 
-    @property
-    def n_parts(self) -> int:
-        """How often :meth:`add` nearly always yields."""
-        return len(self._layers)
+    def add(self, wrench: Array, time: Array, *, clear: bool = False) -> Iterator[Calls | None]:
+        """Add force and torque at ascending times (n,) in s to ``wrench`` (n, 6), in parts, or in calls.
 
-    def add(self, wrench: Array, time: Array, *, often: bool = True) -> Iterator[None]:
-        """Add force and torque at ascending times (n,) in s to ``wrench`` (n, 6), in parts.
-
-        Not ``often``: in more parts, since this was not done for a while and its code is in no cache.
+        ``clear``: to zeros, whatever is there.
         """
+        if self._arithmetic is None:
+            if clear:
+                wrench[:] = 0.0
+            yield from self._add_plainly(wrench, time)
+            return
+        time = np.ascontiguousarray(time, dtype=np.float64)
+        work: list[Pair] = []
+        kept: list[object] = [wrench]
         for layer in self._layers:
-            for index, part in _find_stretches(layer, time):
-                if not often:
-                    yield
+            stretches = _find_stretches(layer, time)
+            for index, part in stretches:
+                known = self._blocks[layer.key]
+                if len(stretches) > 1:  # once in a while, by code that is in no cache
+                    yield None
+                if work and not (index in known and index + 1 in known):
+                    # A block that is made now may take the place of one that the calls read.
+                    yield from Calls(work, *kept)
+                    work, kept = [], [wrench]
                 blocks = [self._get(layer, i).values for i in (index, index + 1)]
                 begin, shifts = index * 0.5 * layer.period, [layer.points // 2, 0]
-                add_rows(wrench[part], time[part], blocks, shifts, begin, layer.rate, self._arithmetic)
-                yield
+                made, used = make_calls(
+                    wrench[part], time[part], blocks, shifts, begin, layer.rate, self._arithmetic, _ROWS, clear=clear
+                )
+                work += made
+                kept += used
+            clear = False
+        yield from Calls(work, *kept)
 
-    def prepare(self, time: Array) -> Iterator[int]:
-        """Make the blocks for ascending times (n,) in s in small parts; yields how many parts are still to come.
+    def _add_plainly(self, wrench: Array, time: Array) -> Iterator[None]:
+        for first in range(0, time.size, _PLAIN_ROWS):
+            rows, times = (array[first : first + _PLAIN_ROWS] for array in (wrench, time))
+            for layer in self._layers:
+                for index, part in _find_stretches(layer, times):
+                    if first == 0:  # this was not done for a while, and its code is in no cache
+                        yield
+                    blocks = [self._get(layer, i).values for i in (index, index + 1)]
+                    begin, shifts = index * 0.5 * layer.period, [layer.points // 2, 0]
+                    add_rows(rows[part], times[part], blocks, shifts, begin, layer.rate, None)
+                    yield
+
+    def prepare(self, time: Array) -> Iterator[int | Calls]:
+        """Make the blocks for ascending times (n,) in s in small parts; yields how many are still to come, or calls.
 
         Makes none where more are needed than are kept.
         """
@@ -98,12 +123,12 @@ class GaussianNoise:
             for index in indices
             if len(indices) <= _KEPT and index not in self._blocks[layer.key]
         ]
-        left = sum(block.shape.n_parts for _, _, block in missing)
+        left = sum(block.n_parts for _, _, block in missing)
         for layer, index, block in missing:
-            last = left - block.shape.n_parts
-            for _ in block.make():
-                left -= 1
-                yield left
+            last = left - block.n_parts
+            for made in block.make():
+                left -= 1 if made is None else 1 + made.left
+                yield left if made is None else made.put_before(left - 1)
             left = last
             self._keep(layer, block, index)
             yield left
@@ -144,8 +169,12 @@ def _find_stretches(layer: Layer, time: Array) -> list[tuple[int, slice]]:
     first, last = int(float(time[0]) // hop), int(float(time[-1]) // hop)
     if first == last:  # as nearly always
         return [(first, slice(0, time.size))]
-    if last == first + 1:  # by halves: all quotients of 4096 times take 50 us
-        edge = bisect_left(range(time.size), last, key=lambda i: int(float(time[i]) // hop))
+    if last == first + 1:  # not by all quotients: those of 4096 times take 50 us
+        edge = int(time.searchsorted(last * hop))  # but for rounding
+        while float(time[edge - 1]) // hop >= last:
+            edge -= 1
+        while float(time[edge]) // hop < last:
+            edge += 1
         return [(first, slice(0, edge)), (last, slice(edge, time.size))]
     hops = time // hop
     edges = [0, *(np.flatnonzero(np.diff(hops)) + 1).tolist(), time.size]

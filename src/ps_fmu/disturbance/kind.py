@@ -12,7 +12,8 @@ from ..mechanism.quantities import Array, Checked, ParameterError, group, quanti
 
 Source = Callable[[Array], Array]
 """Times (n,), s -> force and torque (n, 6), N and N.m in B at its origin.  An attribute ``rows_at_once`` says for how
-many times it is called in a step, at most, so that they take less than 60 us; without it, 256."""
+many times it is called in a step, at most, so that they take less than 60 us; without it, 256.  A method ``make_calls``
+of rows (n, 6), contiguous, and times (n,) gives calls that add the wrench to the rows; or None."""
 
 
 @dataclass(frozen=True, eq=False)

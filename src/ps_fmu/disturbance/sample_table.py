@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from ctypes import byref
+from ctypes import byref, pointer
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ..mechanism.quantities import Array
 from ..numerics import library
+from ..numerics.calls import Pair, Progress, TableRows
 from ..numerics.library import Arithmetic, Tables, find_address
 
 # Six-point Lagrange interpolation: its error for a sine at the fraction r of the sampling rate is at most
@@ -70,9 +71,36 @@ def add_rows(
         return
     tables = [np.ascontiguousarray(table, dtype=np.float64) for table in tables]
     time = np.ascontiguousarray(time, dtype=np.float64)
-    one, other = (find_address(table) for table in (tables[0], tables[-1]))
-    both = Tables(one, other if len(tables) == 2 else None, len(tables[0]), shifts[0], shifts[-1], start, rate)
+    both = _describe(tables, shifts, start, rate)
     arithmetic.add_rows(byref(both), find_address(time), time.size, find_address(rows))
+
+
+def make_calls(
+    rows: Array,
+    time: Array,
+    tables: Sequence[Array],
+    shifts: Sequence[int],
+    start: float,
+    rate: float,
+    arithmetic: Arithmetic,
+    at_once: int,
+    *,
+    clear: bool,
+) -> tuple[list[Pair], list[object]]:
+    """What :func:`add_rows` does, as calls for so many rows each, and what has to be kept as long.
+
+    ``rows``: (k, 6), contiguous; with ``clear``, what they hold before does not count.
+    """
+    both = _describe(tables, shifts, start, rate)
+    given = TableRows(
+        Progress(find_address(rows), time.size, at_once), pointer(both), find_address(time), clear
+    )  # the pointer keeps what it points to
+    return [(arithmetic.add_some_rows, given)] * -(-time.size // at_once), [rows, time, *tables]
+
+
+def _describe(tables: Sequence[Array], shifts: Sequence[int], start: float, rate: float) -> Tables:
+    one, other = find_address(tables[0]), find_address(tables[-1])
+    return Tables(one, other if len(tables) == 2 else None, len(tables[0]), shifts[0], shifts[-1], start, rate)
 
 
 def _compute_weights(distances: Array) -> Array:

@@ -1,23 +1,35 @@
 """From random numbers to the samples of a block of noise, phase by phase: compiled, or in numpy.
 
-Both do the same; their results differ by rounding.  Each method but those of numpy takes some 30 us at most.
+Both do the same; their results differ by rounding.  Each part takes some 30 us at most.
 """
 
 from __future__ import annotations
 
-from ctypes import byref
-from typing import Any, ClassVar, Protocol
+from collections.abc import Iterator
+from ctypes import pointer
+from itertools import pairwise
+from typing import Any, Protocol
 
 import numpy as np
 
 from ..mechanism.quantities import Array, Complex
-from ..numerics import library
+from ..numerics import calls, library
+from ..numerics.calls import CallList, Calls
 from ..numerics.library import Arithmetic, find_address
+from ..numerics.normal import make_words, seed
 from .polyphase import Polyphase
 from .spectrum import Layer, share
 
 _CHANNELS, _LANES = 6, 8  # as in numerics.h
-_TOGETHER = 3  # transforms of numpy made at once: 25 us
+_BEHIND = 3  # numbers that the compiled function may write behind the last
+_NUMBERS = 12_288  # random numbers of a part, a multiple of four: 30 us
+_LINES = 512  # drawn in a part
+_CLEARED = 3000  # numbers
+# In numpy:
+_TOGETHER = 3  # transforms made at once: 25 us
+_PLAIN_LINES = 256
+_FIRST_LINES = 16  # drawn in the first part, whose code has not run for a while: 60 us by that alone
+_ROWS = 500  # cleared in a part
 
 
 class LayerLines:
@@ -42,25 +54,23 @@ class LayerLines:
 
 
 class Synthesis(Protocol):
-    """Room for one block at a time, and what makes it.
+    """Room for one block at a time, and what makes it."""
 
-    Attributes
-    ----------
-    draws: random numbers from 0 to below 1, (2, sources, lines), to be filled in.
-    groups: in which the channels are transformed.
-    """
+    n_parts: int
+    """Of :meth:`make`."""
 
-    lines_at_once: ClassVar[int]
-    draws: Array
-    groups: int
+    def make(
+        self, key: tuple[int, ...], factor: Array, sizes: Array, rows: Array, *, clear: bool
+    ) -> Iterator[Calls | None]:
+        """Make the samples of a block, in parts.
 
-    def draw(self, factor: Array, first: int, end: int) -> None:
-        """Amplitudes of the lines from ``first`` to before ``end``, for a factor (6, sources), from ``draws``."""
-
-    def store_samples(self, phase: int, group: int, sizes: Array, rows: Array) -> None:
-        """The samples of a phase, for a group of channels, into the rows (all points, 6) of the block.
-
-        ``sizes``: what each integral is multiplied by, (n_terms, points of the phase).
+        Parameters
+        ----------
+        key: whole numbers that its random numbers belong to.
+        factor: (6, sources), of the lines.
+        sizes: what each integral is multiplied by, (phases, n_terms, points of a phase).
+        rows: for all points, (points, 6).
+        clear: the memory of the rows is new: it comes from the system with its first use.
         """
 
 
@@ -81,63 +91,100 @@ def _is_compiled(points: int) -> bool:
 
 
 class CompiledSynthesis:
-    """As :class:`Synthesis`, in the library of :mod:`ps_fmu.numerics`."""
-
-    lines_at_once: ClassVar[int] = 512
+    """As :class:`Synthesis`, in calls of the library of :mod:`ps_fmu.numerics`."""
 
     def __init__(self, lines: LayerLines, sources: int, arithmetic: Arithmetic) -> None:
         layer, polyphase, n = lines.layer, lines.polyphase, lines.layer.numbers.size
-        self.draws = np.empty((2, sources, n))
-        self.groups = lines.n_terms  # each has six spectra: one integral of all channels, or three of two
-        self._power = 2.0 / layer.period
-        self._terms = library.allocate(self.groups * n * 2 * _LANES)
-        self._room = library.allocate((polyphase.points + 2) * 2 * _LANES)
+        draws = np.empty(2 * sources * n + _BEHIND)
+        groups = lines.n_terms  # each has six spectra: one integral of all channels, or three of two
+        terms = library.allocate(groups * n * 2 * _LANES)
+        room = library.allocate((polyphase.points + 2) * 2 * _LANES)
         runs = [library.Run(part.start, part.stop, bins.start, back) for part, (bins, back) in polyphase.runs]
         arrays = lines.share, lines.gains, polyphase.turns, polyphase.roots
-        self._lines = library.Lines(
+        shared = library.Lines(
             *map(find_address, arrays), (library.Run * len(runs))(*runs),
             n, lines.n_terms, polyphase.phases, polyphase.points, len(runs),
         )  # fmt: skip
-        self._kept = lines  # its arrays are in use
-        self._places = find_address(self.draws), find_address(self._terms), find_address(self._room)
-        self._draw: Any = arithmetic.draw_lines
-        self._store_samples: Any = arithmetic.store_samples
+        self._kept = lines, draws, terms, room, shared  # they are in use
+        self._block = calls.NoiseBlock(
+            pointer(shared), None, find_address(draws), find_address(terms), find_address(room),
+            sources=sources, power=2.0 / layer.period,
+        )  # fmt: skip
+        a: Any = arithmetic
+        clearing = self._split(a.clear_rows, layer.points * _CHANNELS, _CLEARED)
+        self._n_clearing = len(clearing)
+        self._calls = CallList([
+            *clearing,
+            *self._split(a.draw_numbers, 2 * sources * n, _NUMBERS),
+            *self._split(a.draw_some_lines, n, _LINES),
+            *((a.store_phase, calls.Part(pointer(self._block), k, 0)) for k in range(polyphase.phases * groups)),
+        ])  # fmt: skip
+        self.n_parts = 1 + len(self._calls.words)
 
-    def draw(self, factor: Array, first: int, end: int) -> None:
-        """As :meth:`Synthesis.draw`."""
-        draws, terms, _ = self._places
-        self._draw(
-            byref(self._lines), draws, find_address(factor), factor.shape[1], self._power, terms, first, end
-        )
+    def _split(self, function: int, n: int, size: int) -> list[tuple[int, calls.Part]]:
+        """Calls for n items, so many at a time."""
+        return [
+            (function, calls.Part(pointer(self._block), first, min(first + size, n))) for first in range(0, n, size)
+        ]
 
-    def store_samples(self, phase: int, group: int, sizes: Array, rows: Array) -> None:
-        """As :meth:`Synthesis.store_samples`."""
-        _, terms, room = self._places
-        self._store_samples(byref(self._lines), terms, phase, group, find_address(sizes), room, find_address(rows))
+    def make(
+        self, key: tuple[int, ...], factor: Array, sizes: Array, rows: Array, *, clear: bool
+    ) -> Iterator[Calls]:
+        """As :meth:`Synthesis.make`."""
+        words, block = make_words(key), self._block
+        block.factor, block.rows, block.sizes = map(find_address, (factor, rows, sizes))
+        block.words, block.n_words = words, len(words)
+        yield from Calls(self._calls, self, sizes, factor, rows, first=0 if clear else self._n_clearing)
 
 
 class PlainSynthesis:
     """As :class:`Synthesis`, in numpy."""
 
-    lines_at_once: ClassVar[int] = 256
-
     def __init__(self, lines: LayerLines, sources: int) -> None:
         n, self._shared = lines.layer.numbers.size, lines
-        self.draws = np.empty((2, sources, n))
+        self._draws = np.empty((2, sources, n))
         self._together = _TOGETHER // lines.n_terms  # channels
-        self.groups = _CHANNELS // self._together
+        self._groups = _CHANNELS // self._together
         self._terms = np.empty((_CHANNELS, lines.n_terms, n), dtype=np.complex128)
+        self._edges = [0, *range(min(_FIRST_LINES, n), n, _PLAIN_LINES), n]
+        n_stored = lines.polyphase.phases * self._groups
+        n_cleared = -(-lines.layer.points // _ROWS)
+        self.n_parts = 2 + -(-self._draws.size // _NUMBERS) + len(self._edges) - 1 + n_cleared + n_stored
 
-    def draw(self, factor: Array, first: int, end: int) -> None:
-        """As :meth:`Synthesis.draw`."""
-        shared, chunk, (u, v) = self._shared, slice(first, end), self.draws
+    def make(
+        self, key: tuple[int, ...], factor: Array, sizes: Array, rows: Array, *, clear: bool
+    ) -> Iterator[None]:
+        """As :meth:`Synthesis.make`."""
+        # 10 us for these three lines, but 150 us where their code has not run for a while.
+        sequence = seed(make_words(key))
+        yield
+        philox = np.random.Philox(sequence)
+        yield
+        random, numbers = np.random.Generator(philox), self._draws.reshape(-1)
+        for first in range(0, numbers.size, _NUMBERS):
+            random.random(out=numbers[first : first + _NUMBERS])
+            yield
+        for first, end in pairwise(self._edges):
+            self._draw(factor, first, end)
+            yield
+        for first in range(0, len(rows) if clear else 0, _ROWS):
+            rows[first : first + _ROWS] = 0.0
+            yield
+        for phase in range(len(sizes)):
+            for group in range(self._groups):
+                self._store_samples(phase, group, sizes[phase], rows)
+                yield
+
+    def _draw(self, factor: Array, first: int, end: int) -> None:
+        """Amplitudes of the lines from ``first`` to before ``end``."""
+        shared, chunk, (u, v) = self._shared, slice(first, end), self._draws
         # Box-Muller: E|c|^2 = 2/T, uniform phase.
         size = np.sqrt(-2.0 / shared.layer.period * np.log1p(-u[:, chunk]))
         lines = factor @ (size * np.exp(2j * np.pi * v[:, chunk]) * shared.share[chunk])
         np.multiply(lines[:, np.newaxis], shared.gains[:, chunk], out=self._terms[:, :, chunk])
 
-    def store_samples(self, phase: int, group: int, sizes: Array, rows: Array) -> None:
-        """As :meth:`Synthesis.store_samples`."""
+    def _store_samples(self, phase: int, group: int, sizes: Array, rows: Array) -> None:
+        """The samples of a phase, for a group of channels."""
         polyphase, channels = self._shared.polyphase, slice(group * self._together, (group + 1) * self._together)
         samples = polyphase.transform(polyphase.fold(self._terms[channels], phase))
         samples *= sizes

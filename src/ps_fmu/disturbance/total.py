@@ -10,6 +10,7 @@ import numpy as np
 
 from ..mechanism.parameters import Parameters
 from ..mechanism.quantities import Array, ParameterError, group, list_members
+from ..numerics.calls import Calls, put_before
 from .gaussian import GaussianNoise
 from .kind import BusCentre, Kind, SharedSettings, Source
 from .kinds import find_kinds
@@ -77,41 +78,47 @@ class Disturbance:
                 wrench += source(time)
         return wrench
 
-    def in_parts(self, time: Array) -> Generator[int, None, Array]:
-        """As :meth:`__call__`, in parts of less than 0.1 ms; yields about how many parts are still to come."""
-        wrench = np.zeros((time.size, 6))
+    def in_parts(self, time: Array) -> Generator[int | Calls, None, Array]:
+        """As :meth:`__call__`, in parts of less than 0.1 ms; yields about how many are still to come, or calls."""
         later = [self._count_parts(source, time.size) for source in self._sources]
-        yield sum(later)
+        clear = bool(self._sources) and isinstance(self._sources[0], GaussianNoise)  # part by part takes less at once
+        wrench = np.empty((time.size, 6)) if clear else np.zeros((time.size, 6))
         for source in self._sources:
             del later[0]
             if isinstance(source, GaussianNoise):
-                parts = self._add_noise(source, wrench, time)
+                parts = self._add_noise(source, wrench, time, clear)
             else:
                 parts = self._add(source, wrench, time)
-            for left in parts:
-                yield left + sum(later)
+            for part in parts:
+                yield put_before(part, sum(later))
+            clear = False
         return wrench
 
     @staticmethod
     def _count_parts(source: Source, n: int) -> int:
+        if isinstance(source, GaussianNoise):
+            return source.count_parts(n)
         return -(-n // getattr(source, "rows_at_once", _CHUNK))
 
-    def _add(self, source: Source, wrench: Array, time: Array) -> Iterator[int]:
+    def _add(self, source: Source, wrench: Array, time: Array) -> Iterator[int | Calls]:
+        make_calls = getattr(source, "make_calls", None)
+        calls = None if make_calls is None else make_calls(wrench, time)
+        if calls is not None:
+            yield from calls
+            return
         rows = getattr(source, "rows_at_once", _CHUNK)
         for first in range(0, time.size, rows):
             chunk = slice(first, first + rows)
             wrench[chunk] += source(time[chunk])
             yield self._count_parts(source, time.size - first) - 1
 
-    def _add_noise(self, source: GaussianNoise, wrench: Array, time: Array) -> Iterator[int]:
-        parts = source.n_parts * self._count_parts(source, time.size)
-        for left in source.prepare(time):
-            yield left + parts
-        rows = source.rows_at_once
-        for first in range(0, time.size, rows):
-            chunk = slice(first, first + rows)
-            for _ in source.add(wrench[chunk], time[chunk], often=first > 0):  # the first comes after a while
-                yield parts - first // rows * source.n_parts
+    def _add_noise(self, source: GaussianNoise, wrench: Array, time: Array, clear: bool) -> Iterator[int | Calls]:
+        left = source.count_parts(time.size)
+        for part in source.prepare(time):
+            yield put_before(part, left)
+        for made in source.add(wrench, time, clear=clear):
+            left = max(left - (1 if made is None else made.left), 0)
+            yield left if made is None else made.put_before(left)
 
     def explain_aliasing(self, h: float) -> list[str]:
         """What is wrong with steps of ``h`` (s), a text for each disturbance that has a complaint."""

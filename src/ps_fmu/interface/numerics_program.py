@@ -12,7 +12,7 @@ from ..slavekit.launcher.c_program import CompileError, Program, Target
 
 _HEADERS = (
     "numerics.h", "arithmetic.h", "tables.h", "random.h", "keyed.h", "errors.h", "transform.h", "turning.h",
-    "../processor.h",
+    "calls.h", "../processor.h",
 )  # fmt: skip
 _COMMON = ("-O3", "-fno-math-errno", "-shared", "-s", "-Wl,--build-id=none")
 

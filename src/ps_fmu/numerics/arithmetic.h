@@ -32,6 +32,11 @@ typedef double Vector __attribute__((vector_size(8 * WIDTH), aligned(8))); /* ar
 #include "tables.h"
 #include "transform.h"
 #include "turning.h"
+#include "calls.h"
 
-const Arithmetic ARITHMETIC = {NAME,      add_rows,   draw_lines,  store_samples, add_turning,
-                               add_wheel, draw_keyed, make_errors, connect};
+const Arithmetic ARITHMETIC = {
+    NAME, add_rows, draw_lines, add_turning, draw_keyed, connect,
+    /* calls */
+    clear_rows, draw_numbers, draw_some_lines, store_phase, add_some_rows, add_some_turns, draw_some_keyed,
+    make_some_errors,
+};

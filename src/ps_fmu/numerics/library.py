@@ -102,12 +102,16 @@ class Arithmetic(Structure):
             "draw_lines",
             CFUNCTYPE(None, POINTER(Lines), c_void_p, c_void_p, c_int64, c_double, c_void_p, c_int64, c_int64),
         ),
-        ("store_samples", CFUNCTYPE(None, POINTER(Lines), c_void_p, c_int64, c_int64, c_void_p, c_void_p, c_void_p)),
         ("add_turning", CFUNCTYPE(None, POINTER(Turning), c_void_p, c_int64, c_void_p, c_int64, c_void_p, c_void_p)),
-        ("add_wheel", CFUNCTYPE(None, POINTER(Turning), POINTER(Profile), c_void_p, c_int64, c_void_p, c_void_p)),
         ("draw_keyed", CFUNCTYPE(None, c_void_p, c_int64, c_int64, c_int64, c_void_p)),
-        ("make_errors", CFUNCTYPE(None, POINTER(Errors), c_int64, c_int64, c_void_p, c_void_p, c_int64)),
         ("connect", CFUNCTYPE(None, POINTER(Bridge), c_void_p, c_void_p, c_void_p, c_void_p)),
+        *(
+            (name, c_void_p)  # for calls.py
+            for name in (
+                "clear_rows", "draw_numbers", "draw_some_lines", "store_phase", "add_some_rows", "add_some_turns",
+                "draw_some_keyed", "make_some_errors",
+            )
+        ),
     )  # fmt: skip
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import library
+from .calls import KeyedRows, Pair, Progress
 
 Array = NDArray[np.float64]
 Words = ctypes.Array[ctypes.c_uint32]
@@ -38,6 +39,20 @@ def draw_compiled(words: Words, rows: int, half: int) -> Array | None:
     normal = np.empty((rows, 2 * half))
     arithmetic.draw_keyed(words, len(words), rows, half, library.find_address(normal))
     return normal
+
+
+def make_calls(words: Words, half: int, normal: Array, at_once: int) -> list[Pair]:
+    """Rows of normal numbers (n, 2 half), contiguous, as calls that write so many of them each.
+
+    The first belongs to the words, each other one to those of the one before with 1 added to the last: the calls count
+    this up.  No calls: there is no library.
+    """
+    arithmetic = library.find_arithmetic()
+    if arithmetic is None:
+        return []
+    n = normal.size // (2 * half)
+    given = KeyedRows(Progress(library.find_address(normal), n, at_once), words, len(words), half)
+    return [(arithmetic.draw_some_keyed, given)] * -(-n // at_once)
 
 
 def seed(words: Words) -> np.random.SeedSequence:

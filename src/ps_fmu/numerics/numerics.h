@@ -75,16 +75,92 @@ typedef struct {
     int64_t steps, processes, sensors;
 } Bridge;
 
+/* A block of noise that is made part by part: `draws` has room for (2, sources, lines) numbers and three more. */
+typedef struct {
+    const Lines *lines;
+    const double *factor;        /* (CHANNELS, sources) */
+    double *draws, *terms, *room;
+    const double *sizes;         /* of each phase, (n_terms, points) */
+    double *rows;
+    const uint32_t *words;       /* that its random numbers belong to */
+    int64_t n_words, sources;
+    double power;
+} NoiseBlock;
+
+/* Arguments of calls; calls.h says what is done with them. */
+typedef struct {
+    const NoiseBlock *block;
+    int64_t first, end;
+} Part;
+
+/* Rows that the next call makes: n are left, at most `at_once` are made by a call. */
+typedef struct {
+    double *rows;
+    int64_t n, at_once;
+} Progress;
+
+typedef struct {
+    Progress left;
+    const Tables *tables;
+    const double *time; /* of the rows that are left */
+    int64_t clear;      /* before they are added to the rows */
+} TableRows;
+
+typedef struct {
+    Progress left;
+    const Turning *turning;
+    const Profile *profile;
+    const double *time;
+    double *room;
+} WheelRows;
+
+/* Blocks of normal numbers, 2 half each: one belongs to the words, and the next one to the same with a last word that is
+   greater by 1. */
+typedef struct {
+    Progress left; /* in blocks */
+    uint32_t *words;
+    int64_t n_words, half;
+} KeyedRows;
+
+/* Errors of sensors of one kind, and from which column of the rows on; `drift`: blocks side by side, the first of which is
+   number `first_drift`; NULL: there is none. */
+typedef struct {
+    const Errors *errors;
+    const double *const *drift;
+    int64_t first_drift, column;
+} ErrorKind;
+
+/* Blocks of errors as they are drawn: n of them, from block `first` on. */
+typedef struct {
+    double *rows;
+    int64_t first, n;
+} ErrorRoom;
+
+typedef struct {
+    Progress left;             /* at_once: blocks */
+    ErrorRoom *room;
+    const ErrorKind *kinds;
+    const int64_t *index;      /* numbers of the samples that are left, rising */
+    const double *bias, *gain; /* NULL: none */
+    int64_t n_kinds, samples, width;
+} ErrorRows;
+
 typedef struct {
     const char *instructions;
     void (*add_rows)(const Tables *, const double *, int64_t, double *);
     void (*draw_lines)(const Lines *, const double *, const double *, int64_t, double, double *, int64_t, int64_t);
-    void (*store_samples)(const Lines *, const double *, int64_t, int64_t, const double *, double *, double *);
     void (*add_turning)(const Turning *, const double *, int64_t, const double *, int64_t, double *, double *);
-    void (*add_wheel)(const Turning *, const Profile *, const double *, int64_t, double *, double *);
     void (*draw_keyed)(const uint32_t *, int64_t, int64_t, int64_t, double *);
-    void (*make_errors)(const Errors *, int64_t, int64_t, const double *const *, double *, int64_t);
     void (*connect)(const Bridge *, const double *, const double *, const double *, double *);
+    /* Calls. */
+    void (*clear_rows)(void *);
+    void (*draw_numbers)(void *);
+    void (*draw_some_lines)(void *);
+    void (*store_phase)(void *);
+    void (*add_some_rows)(void *);
+    void (*add_some_turns)(void *);
+    void (*draw_some_keyed)(void *);
+    void (*make_some_errors)(void *);
 } Arithmetic;
 
 extern const Arithmetic arithmetic_sse2, arithmetic_avx2, arithmetic_avx512;

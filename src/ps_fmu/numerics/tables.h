@@ -1,19 +1,28 @@
 /* Rows of tables, interpolated. */
 
+enum { ON_GRID = 2 /* the node at the cell itself */ };
+
 static const double SNAP = 1e-6;     /* grid steps */
 static const double FARTHEST = 1e15; /* grid steps; whole numbers up to there are rounded right */
 static const double SCALE[NODES] = {1.0 / -120.0, 1.0 / 24.0, 1.0 / -12.0, 1.0 / 12.0, 1.0 / -24.0, 1.0 / 120.0};
 
-/* Cells and weights (NODES, PART) of some times. */
+/* Cells and weights (NODES, PART) of some times.  On the grid, one weight is 1; where all are, the others are left out. */
 INLINE void find_places(const Tables *t, const double *time, int64_t n, double *cell, double (*weights)[PART])
 {
     double rest[PART];
+    bool beside = false; /* the grid, any of them */
     for (int64_t i = 0; i < n; i++) {
         const double position = (time[i] - t->start) * t->rate;
         const double nearest = round_to_whole(position);
         const double x = fabs(position - nearest) < SNAP ? nearest : position;
         cell[i] = fabs(x) < FARTHEST ? nearest - (nearest > x ? 1.0 : 0.0) : 0.0; /* also where it is no number */
         rest[i] = x - cell[i];
+        beside = beside || rest[i] != 0.0;
+    }
+    if (!beside) {
+        for (int64_t i = 0; i < n; i++)
+            weights[ON_GRID][i] = 1.0;
+        return;
     }
     for (int64_t i = 0; i < n; i++) {
         double d[NODES], w[NODES];
@@ -64,7 +73,7 @@ INSTRUCTIONS static void add_rows(const Tables *t, const double *time, int64_t n
         for (int64_t i = 0; i < m; i++, wrench += CHANNELS) {
             const int64_t here = (int64_t)cell[i];
             double sums[LANES] = {0.0};
-            if (weights[2][i] == 1.0) { /* on the grid: all other weights are 0 */
+            if (weights[ON_GRID][i] == 1.0) { /* on the grid: all other weights are 0 */
                 fetch(t, here, 1, rows);
                 fetched = INT64_MIN;
                 for (int c = 0; c < CHANNELS; c++)

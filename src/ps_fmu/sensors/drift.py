@@ -49,7 +49,7 @@ class Drift:
 
     def count_parts(self, first: int, last: int) -> int:
         """In how many parts the blocks from ``first`` to ``last`` are nearly always found."""
-        path = count_parts(self._sensors, _PROCESSES * DRIFT_BLOCK) + 1 + self._bridges[0].n_parts
+        path = 1 + count_parts(self._sensors, _PROCESSES * DRIFT_BLOCK) + self._bridges[0].n_parts
         return sum(path for block in range(first, last + 1) if block not in self._sums)
 
     def find(self, block: int) -> Parts:
@@ -58,7 +58,6 @@ class Drift:
             path = yield from self._find_path(0, block)
             total = path.sum(axis=1).T
             keep(self._sums, block, np.ascontiguousarray([total[:, :-1], np.diff(total)]))
-            yield
         return self._sums[block]
 
     def _find_path(self, grid: int, block: int) -> Parts:
@@ -66,11 +65,11 @@ class Drift:
         if block not in self._paths[grid]:
             first = yield from self._find_value(grid + 1, block)
             last = yield from self._find_value(grid + 1, block + 1)
+            yield
             key = (*self._key, self._kind + grid, block)
             normal = yield from draw_in_parts(key, self._sensors, _PROCESSES * DRIFT_BLOCK)
             yield
             path = yield from self._bridges[grid].connect(first, last, normal)
-            yield
             keep(self._paths[grid], block, path)
         return self._paths[grid][block]
 
@@ -107,7 +106,7 @@ class _Bridge:
     @property
     def n_parts(self) -> int:
         """Of :meth:`connect`."""
-        return 1 if library.find_arithmetic() is not None else DRIFT_BLOCK // _STEPS + 1
+        return 0 if library.find_arithmetic() is not None else DRIFT_BLOCK // _STEPS
 
     def go_on(self, before: Array | None, normal: Array) -> Array:
         """The processes one block later; None: at the start, where the Gauss-Markov ones are stationary already."""

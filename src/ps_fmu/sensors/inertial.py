@@ -13,7 +13,7 @@ The centripetal term is read like any other and is not taken out of the estimate
 
 from __future__ import annotations
 
-from collections.abc import Generator
+from collections.abc import Generator, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -22,8 +22,9 @@ from numpy.typing import NDArray
 
 from ..mechanism.quantities import Array, Checked, ParameterError, group, quantity
 from ..numerics import library
+from ..numerics.calls import Calls, ErrorRoom
 from .geometry import centripetal_rows, estimator, geometry_rows
-from .noise import WHITE_BLOCK, SensorNoise, split
+from .noise import WHITE_BLOCK, SensorNoise, make_calls, split
 from .normal import count, draw_normal, finish
 from .parameters import Accelerometer, AccelerometerKind, OneSensor, RateSensor, RateSensorKind, SensorKind
 
@@ -32,8 +33,8 @@ CHANNELS = ACCELEROMETERS + RateSensor.AXES
 ESTIMATES = 9  # acceleration, angular acceleration, angular velocity
 MOTION = 9  # inputs in the same order
 N_STATES = 2 * CHANNELS
-_BLOCKS_AT_ONCE = 3  # of noise, compiled: 50 us
-_FIRST = 24  # blocks, which are made one by one: rows for them come from the system, page by page
+_BLOCKS_AT_ONCE = 1  # of noise, compiled: 20 us, twice that where the memory of their rows is new
+_SPARSE = 4  # samples apart: then blocks are drawn that few of, or none, are needed
 LAST_SAMPLE = 1e13  # thirty years at 10 kHz: the noise stands still from there on
 _SLOTS = slice(0, ACCELEROMETERS)
 _RATES = slice(ACCELEROMETERS, CHANNELS)
@@ -186,62 +187,71 @@ class ChannelNoise:
             rates = SensorNoise(sensors.rate_sensor.noise, RateSensor.AXES, interval, seed, _RATE_NOISE)
             self._noises.append((ACCELEROMETERS, rates))
         enabled = sensors.enabled.astype(np.float64)
-        self._bias, self._gain = sensors.bias, enabled
-        self._has_bias, self._has_gaps = bool(sensors.bias.any()), not enabled[:slots].all()
+        self._bias = sensors.bias if sensors.bias.any() else None
+        self._gain = None if enabled[:slots].all() else enabled
+        """0 in gaps; None: there are none."""
         self._rows = np.zeros((_BLOCKS_AT_ONCE * WHITE_BLOCK, CHANNELS))
-        """Room for blocks of errors."""
-        self._first, self._n = 0, 0
-        """The blocks that are in it."""
-        self._made = 0
+        """Room for blocks of errors, without biases."""
+        self._room = ErrorRoom(library.find_address(self._rows))
+        self._last = -1, np.empty((0, CHANNELS))
+        """Number and errors of a block that numpy has made."""
 
     def __call__(self, index: NDArray[np.int64]) -> Array:
         """Errors of the samples of these numbers (n,), 0 or greater and ascending, (n, CHANNELS), m/s2 and rad/s."""
         return finish(self.in_parts(index))
 
-    def in_parts(self, index: NDArray[np.int64]) -> Generator[int, None, Array]:
-        """As :meth:`__call__`, in parts of 20 to 60 us; yields about how many are still to come."""
-        blocks = split(index, WHITE_BLOCK)
-        errors = np.empty((len(index), CHANNELS))
-        runs = self._find_runs([block for block, _ in blocks])
-        counts = [sum(noise.count_parts(block, n) for _, noise in self._noises) for block, n in runs.items()]
-        for block, part in blocks:
-            if block in runs:
-                if part.start:
-                    yield sum(counts)
-                yield from self._make_blocks(block, runs[block], sum(counts))
-                del counts[0]
-            k = index[part] - self._first * WHITE_BLOCK
-            self._rows.take(k, axis=0, out=errors[part], mode="clip")
+    def in_parts(self, index: NDArray[np.int64]) -> Generator[int | Calls, None, Array]:
+        """As :meth:`__call__`, in parts of 20 to 60 us; yields about how many are still to come, or calls."""
+        if library.find_arithmetic() is None:
+            return (yield from self._make_plainly(index))
+        index, errors = np.ascontiguousarray(index, dtype=np.int64), np.empty((len(index), CHANNELS))
+        for first, last in self._find_stretches(index):
+            own = index[first:last]
+            block = int(own[0]) // WHITE_BLOCK
+            n = int(own[-1]) // WHITE_BLOCK + 1 - block
+            left = [noise.count_parts(block, n) for _, noise in self._noises]
+            kinds = []
+            for column, noise in self._noises:
+                kinds.append((yield from count(noise.find_kind(block, n, column), sum(left) + n // _BLOCKS_AT_ONCE)))
+                del left[0]
+            parts = make_calls(self._room, kinds, own, errors[first:last], self._bias, self._gain, _BLOCKS_AT_ONCE)
+            yield from Calls(parts, self, own, errors)
         return errors
 
-    def _find_runs(self, blocks: list[int]) -> dict[int, int]:
-        """Of these numbers, those of blocks to make: the first of each part, and how many of them side by side."""
-        found: dict[int, int] = {}
-        most = _BLOCKS_AT_ONCE if self._made >= _FIRST and library.find_arithmetic() is not None else 1
-        first, n = self._first, self._n
-        for block in blocks:
-            if first in found and block == first + n and n < most:
-                found[first] = n = n + 1
-            elif not first <= block < first + n:
-                first, n = block, 1
-                found[block] = 1
-        return found
+    @staticmethod
+    def _find_stretches(index: NDArray[np.int64]) -> Iterator[tuple[int, int]]:
+        """Stretches of samples; one, unless these are so far apart that few of a block are needed."""
+        if not len(index):
+            return
+        if index[-1] - index[0] <= _SPARSE * len(index):
+            yield 0, len(index)
+            return
+        for _, part in split(index, WHITE_BLOCK):
+            yield part.start, part.stop
 
-    def _make_blocks(self, block: int, n: int, left: int) -> Generator[int, None, None]:
-        """Errors of n blocks of samples into the room; ``left``: parts still to come, with their own."""
-        self._n = 0
-        rows = self._rows[: n * WHITE_BLOCK]
-        for column, noise in self._noises:
-            own = noise.count_parts(block, n)
-            yield from count(noise.store(block, rows, column), left - 1)
-            left -= own
-        if self._has_bias:
-            rows += self._bias
-        if self._has_gaps:
-            rows *= self._gain
-        self._first, self._n = block, n
-        self._made += n
+    def _make_plainly(self, index: NDArray[np.int64]) -> Generator[int, None, Array]:
+        """As the compiled functions, in numpy."""
+        blocks = split(index, WHITE_BLOCK)
+        errors = np.empty((len(index), CHANNELS))
+        counts = [sum(noise.count_parts(block, 1) for _, noise in self._noises) for block, _ in blocks]
+        made, rows = self._last
+        for block, part in blocks:
+            if block != made:
+                if part.start:
+                    yield sum(counts)
+                made, rows = block, np.zeros((WHITE_BLOCK, CHANNELS))
+                for column, noise in self._noises:
+                    yield from count(noise.store(block, rows, column), sum(counts))
+            del counts[0]
+            rows.take(index[part] - block * WHITE_BLOCK, axis=0, out=errors[part], mode="clip")
+            if self._bias is not None:
+                errors[part] += self._bias
+            if self._gain is not None:
+                errors[part] *= self._gain
+        self._last = made, rows
+        return errors
 
     def find_samples(self, elapsed: Array) -> NDArray[np.int64]:
         """Numbers of the last samples at times since the start (n,), s; from :data:`LAST_SAMPLE` on, that one."""
         return np.floor(np.clip(elapsed / self.interval + 1e-6, 0.0, LAST_SAMPLE)).astype(np.int64)
+

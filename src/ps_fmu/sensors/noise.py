@@ -6,8 +6,8 @@ and linear between.  An FMU needs the noise while its steps are made, so it come
 
 from __future__ import annotations
 
-from collections.abc import Generator
-from ctypes import byref, c_void_p
+from collections.abc import Generator, Sequence
+from ctypes import addressof, c_void_p, pointer
 from itertools import pairwise
 
 import numpy as np
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from ..mechanism.quantities import Array
 from ..numerics import library
+from ..numerics.calls import Calls, ErrorKind, ErrorRoom, ErrorRows, Pair, Progress
 from .drift import DRIFT_BLOCK, Drift
 from .noise_model import NoiseModel
 from .normal import count_parts, draw_in_parts, finish, wrap
@@ -48,37 +49,42 @@ class SensorNoise:
 
     def __call__(self, index: NDArray[np.int64]) -> Array:
         """The error of the samples of these numbers (n,), 0 or greater and ascending, (n, sensors)."""
-        errors, rows = np.empty((len(index), self._sensors)), np.empty((WHITE_BLOCK, self._sensors))
+        errors, room = np.empty((len(index), self._sensors)), np.zeros((WHITE_BLOCK, self._sensors))
         for block, part in split(index, WHITE_BLOCK):
-            finish(self.store(block, rows))
-            errors[part] = rows.take(index[part] - block * WHITE_BLOCK, axis=0)
+            if library.find_arithmetic() is None:
+                finish(self.store(block, room))
+                errors[part] = room.take(index[part] - block * WHITE_BLOCK, axis=0)
+            else:
+                kind = finish(self.find_kind(block, 1, 0))
+                Calls(make_calls(ErrorRoom(library.find_address(room)), [kind], index[part], errors[part])).finish()
         return errors
 
     def count_parts(self, block: int, n: int) -> int:
-        """In how many parts so many blocks are nearly always made."""
-        parts = 1 if library.find_arithmetic() is not None else n * count_parts(self._sensors, WHITE_BLOCK)
+        """In how many parts so many blocks are nearly always made, but for calls."""
+        parts = 0 if library.find_arithmetic() is not None else n * count_parts(self._sensors, WHITE_BLOCK)
         return parts if self._drift is None else parts + self._drift.count_parts(*self._find_drift(block, n))
 
-    def store(self, block: int, rows: Array, column: int = 0) -> Generator[None, None, None]:
-        """Write the errors of samples, in parts, to columns of ``rows`` (n * WHITE_BLOCK, any number), contiguous.
-
-        Those of n blocks, from ``block`` on.
-        """
-        n, drift = len(rows) // WHITE_BLOCK, []
+    def find_kind(self, block: int, n: int, column: int) -> Generator[None, None, ErrorKind]:
+        """What makes the errors of n blocks of samples, compiled, in columns of rows from ``column`` on; in parts."""
+        kind = ErrorKind(pointer(self._shared), column=column)
         if self._drift is not None:
             first, last = self._find_drift(block, n)
+            drift = []
             for number in range(first, last + 1):
                 drift.append((yield from self._drift.find(number)))
-        arithmetic = library.find_arithmetic()
-        if arithmetic is None:
-            for k in range(n):
-                part = rows[k * WHITE_BLOCK : (k + 1) * WHITE_BLOCK]
-                own = drift and drift[self._find_drift(block + k, 1)[0] - first :]
-                part[:, column : column + self._sensors] = (yield from self._make_plainly(block + k, own)).T
-            return
-        blocks = (c_void_p * len(drift))(*map(library.find_address, drift)) if drift else None
-        address = library.find_address(rows) + 8 * column
-        arithmetic.make_errors(byref(self._shared), block, n, blocks, address, rows.shape[1])
+            addresses = (c_void_p * len(drift))(*map(library.find_address, drift))
+            kind.drift, kind.first_drift = addressof(addresses), first
+            kind.kept = drift, addresses
+        return kind
+
+    def store(self, block: int, rows: Array, column: int = 0) -> Generator[None, None, None]:
+        """Write the errors of a block of samples, in parts, to columns of ``rows`` (WHITE_BLOCK, any number)."""
+        drift = []
+        if self._drift is not None:
+            first, last = self._find_drift(block, 1)
+            for number in range(first, last + 1):
+                drift.append((yield from self._drift.find(number)))
+        rows[:, column : column + self._sensors] = (yield from self._make_plainly(block, drift)).T
 
     def _find_drift(self, block: int, n: int) -> tuple[int, int]:
         """The first and the last block of the drift in n blocks of samples."""
@@ -101,6 +107,35 @@ class SensorNoise:
                 error[:, part] += value.take(k, axis=1)
                 error[:, part] += share[part] * slope.take(k, axis=1)
         return error
+
+
+def make_calls(
+    room: ErrorRoom,
+    kinds: Sequence[ErrorKind],
+    index: NDArray[np.int64],
+    errors: Array,
+    bias: Array | None = None,
+    gain: Array | None = None,
+    at_once: int = 1,
+) -> list[Pair]:
+    """Errors (n, columns) of samples (n,), contiguous, as calls for so many blocks each; of the compiled library.
+
+    The caller keeps the arrays and the room, which has place for so many blocks.  What is in it is not drawn again.
+    ``bias`` and ``gain``, of each column: what is added to the errors, and what they are then multiplied by.
+    """
+    arithmetic = library.find_arithmetic()
+    assert arithmetic is not None
+    if not len(index):
+        return []
+    addresses = (None if array is None else library.find_address(array) for array in (bias, gain))
+    given = ErrorRows(
+        Progress(library.find_address(errors), len(index), at_once), pointer(room), (ErrorKind * len(kinds))(*kinds),
+        index.ctypes.data, *addresses, len(kinds), WHITE_BLOCK, errors.shape[1],
+    )  # fmt: skip
+    given.kept = kinds
+    first, last = int(index[0]) // WHITE_BLOCK, int(index[-1]) // WHITE_BLOCK
+    n = -(-(last + 1 - first) // at_once) + (at_once > 1)  # one more where the first is in the room, others are not
+    return [(arithmetic.make_some_errors, given)] * n
 
 
 def split(index: NDArray[np.int64], size: int) -> list[tuple[int, slice]]:

@@ -20,8 +20,7 @@ from __future__ import annotations
 
 import csv
 import pkgutil
-from collections.abc import Callable
-from ctypes import byref, c_int64
+from ctypes import byref, c_int64, pointer
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -32,6 +31,7 @@ import numpy as np
 from ...mechanism.parameters import Parameters
 from ...mechanism.quantities import Array, Complex, ParameterError, quantity
 from ...numerics import library
+from ...numerics.calls import Calls, Progress, WheelRows
 from ...numerics.library import find_address
 from ..kind import Kind, SharedSettings, Source, explain_folding
 from ..multiples import Products, plan_products
@@ -39,7 +39,7 @@ from ..smooth import ramp
 from ..speed import Speed, SpeedProfile, SpeedTable
 from ..turning import Turning
 
-_ROWS = 1024  # computed at once by compiled functions: 25 us
+_ROWS = 1024  # computed by a call: 25 us
 _PLAIN_ROWS = 256  # without them: 60 us
 
 
@@ -125,8 +125,8 @@ class WheelSource:
         which = [plan.place[order] for order in self._orders.tolist()]
         found = library.find_arithmetic()
         self._turning: _Turning | _CompiledTurning
-        self._ramp: Callable[[Array, Array], None] | None = None
-        """Adds the wrench at some times (n,) to rows (n, 6), where the speed is no table."""
+        self._ramp: _CompiledWheel | None = None
+        """Where the speed is no table."""
         if found is None:
             self._turning = _Turning(plan, which, _integrate(self._amplitudes, self._orders))
         else:
@@ -164,10 +164,14 @@ class WheelSource:
         for first in range(0, time.size, self.rows_at_once):
             part = slice(first, first + self.rows_at_once)
             if self._ramp is not None:
-                self._ramp(wrench[part], time[part])
+                self._ramp.add(wrench[part], time[part])
             else:
                 self._turning.add(wrench[part], self.profile.angle(time[part]), self._compute_sizes(time[part]))
         return wrench
+
+    def make_calls(self, rows: Array, time: Array) -> Calls | None:
+        """Calls that add the wrench at the times (n,), s, to rows (n, 6); None: it is not all compiled."""
+        return None if self._ramp is None else self._ramp.make_calls(rows, time)
 
     def _compute_sizes(self, time: Array) -> Array:
         """What the sums over the harmonics and over their first and second integrals are multiplied by, (m, n).
@@ -221,23 +225,41 @@ class _CompiledTurning:
         for row, wrench in zip(self._shared.along, along.reshape(4, 6).tolist(), strict=True):
             row[:] = wrench
         self._add: Any = arithmetic.add_turning
-        self._add_wheel: Any = arithmetic.add_wheel
+        found: Any = arithmetic
+        self.add_some_turns: int = found.add_some_turns
 
     def add(self, rows: Array, angle: Array, sizes: Array) -> None:
         """Add the first sums, each multiplied by its sizes (m, n), at the angles (n,), rad, to ``rows`` (n, 6)."""
         shared, (n_terms, n), room = byref(self._shared), sizes.shape, find_address(self._room)
         self._add(shared, find_address(angle), n, find_address(sizes), n_terms, room, find_address(rows))
 
-    def follow(self, profile: SpeedProfile, rise_time: float) -> Callable[[Array, Array], None]:
-        """A function that adds the wrench of a wheel, three sums, at some times (n,), s, to rows (n, 6)."""
+    def follow(self, profile: SpeedProfile, rise_time: float) -> _CompiledWheel:
+        """The wrench of a wheel, three sums."""
         whole = library.Profile(profile.initial, profile.final, profile.start, profile.duration, rise_time)
-        room = find_address(self._room)
+        return _CompiledWheel(self, self._shared, whole, self._room)
 
-        def add(rows: Array, time: Array) -> None:
-            shared = byref(self._shared), byref(whole)
-            self._add_wheel(*shared, find_address(time), time.size, room, find_address(rows))
 
-        return add
+@dataclass(frozen=True, eq=False)
+class _CompiledWheel:
+    """The wrench of a wheel whose speed is a profile, as a function of time."""
+
+    turning: _CompiledTurning
+    """What ``shared`` points into."""
+    shared: library.Turning
+    profile: library.Profile
+    room: Array
+
+    def add(self, rows: Array, time: Array) -> None:
+        """Add the wrench at some times (n,), s, to rows (n, 6)."""
+        self.make_calls(rows, time).finish()
+
+    def make_calls(self, rows: Array, time: Array) -> Calls:
+        """The same as calls; rows and times are contiguous."""
+        given = WheelRows(
+            Progress(find_address(rows), time.size, _ROWS), pointer(self.shared), pointer(self.profile),
+            find_address(time), find_address(self.room),
+        )  # fmt: skip
+        return Calls([(self.turning.add_some_turns, given)] * -(-time.size // _ROWS), self, rows, time)
 
 
 class _Turning:

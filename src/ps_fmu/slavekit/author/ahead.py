@@ -3,11 +3,38 @@
 from __future__ import annotations
 
 from collections.abc import Generator
+from typing import Protocol
 
 from .buffer import Array
+from .core import Core
 
-RowParts = Generator[int, None, Array]
-"""Rows of a table as a generator: after each part of its work it yields how many are to come; it returns the rows."""
+
+class Calls(Protocol):
+    """Compiled work that needs no Python: the launcher makes the calls, one by one, or :meth:`make_next` does.
+
+    Memory that they touch lives as long as this.  A generator that has yielded calls makes those that are left when it
+    is asked to go on.
+    """
+
+    @property
+    def address(self) -> int:
+        """Of the words ``Calls`` in ``launcher/core.h``."""
+
+    @property
+    def left(self) -> int:
+        """Calls that were not made yet."""
+
+    @property
+    def later(self) -> int:
+        """Parts of the work that come after the calls, at least 1: the generator has to go on."""
+
+    def make_next(self) -> None:
+        """Make the next call and count it in the words."""
+
+
+RowParts = Generator[int | Calls, None, Array]
+"""Rows of a table as a generator: after each part of its work it yields how many are to come, or calls that it wants to
+be made before it goes on; it returns the rows."""
 
 _Key = tuple[float, int, float, int]
 
@@ -25,13 +52,19 @@ def finish(rows: Array | RowParts) -> Array:
 
 
 class TableAhead:
-    """One table under way.  Its key is all that it depends on: origin (s), first count, step (s), number of rows."""
+    """One table under way.  Its key is all that it depends on: origin (s), first count, step (s), number of rows.
 
-    def __init__(self) -> None:
+    Calls that wait are in the words of the core: the launcher makes them, too.
+    """
+
+    def __init__(self, core: Core) -> None:
+        self._core = core
         self.drop()
 
     def drop(self) -> None:
         """Forget it: what it was made from has changed."""
+        self._core.calls = None  # before their memory goes
+        self._calls: Calls | None = None
         self._key: _Key | None = None
         self._parts: RowParts | None = None
         self._table: Array | None = None
@@ -48,18 +81,37 @@ class TableAhead:
         """
         if self._parts is None:
             return 0
+        calls = self._calls
+        if calls is not None and calls.left:
+            calls.make_next()
+            return calls.left + calls.later
         try:
-            return max(next(self._parts), 1)
+            part = next(self._parts)
         except StopIteration as end:
-            self._parts, self._table = None, end.value
+            table = end.value
+            self._end()
+            self._table = table
         except Exception:
             self.drop()
+        else:
+            return self._note(part)
         return 0
 
     def take(self, key: _Key) -> Array | None:
         """The table of this key, with all that is left of the work; None if another one was begun, or none."""
-        if key != self._key:
-            return None
-        parts, table = self._parts, self._table
+        found, parts, table = self._key, self._parts, self._table
         self.drop()
+        if key != found:
+            return None
         return table if parts is None else finish(parts)
+
+    def _note(self, part: int | Calls) -> int:
+        """What the generator has yielded; how many parts are still to come."""
+        if isinstance(part, int):
+            self._core.calls, self._calls = None, None
+            return max(part, 1)
+        self._core.calls, self._calls = part.address, part
+        return part.left + part.later
+
+    def _end(self) -> None:
+        self._core.calls, self._calls, self._parts = None, None, None

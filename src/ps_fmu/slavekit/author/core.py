@@ -43,7 +43,7 @@ class Elements:
         self.words = write_words(self.before), write_words(self.after)
 
 
-_MAGIC = 0x34302D65726F63  # "core-04"
+_MAGIC = 0x35302D65726F63  # "core-05"
 NOTHING, MAP, TABLE = range(3)
 FOUND_DUE = 2
 """Value of ``pending`` if an element has found, before the map, that an event is due before this step."""
@@ -95,7 +95,7 @@ class Core(ctypes.Structure):
         ("magic", c_uint64), ("size", c_uint64),
         ("data", c_void_p), ("kinds", c_void_p), ("low", c_void_p), ("high", c_void_p), ("n_references", c_int64),
         ("plain", c_int64), ("target", c_void_p), ("n_target", c_int64), ("map_words", MapWords * _MOST_MAPS),
-        ("n_maps", c_int64), ("table", c_void_p), ("n_rows", c_int64),
+        ("n_maps", c_int64), ("table", c_void_p), ("n_rows", c_int64), ("all_rows", c_int64), ("calls", c_void_p),
         ("row", c_void_p), ("n_row", c_int64),
         ("before", c_void_p), ("after", c_void_p), ("n_before", c_int64), ("n_after", c_int64),
         ("spans", c_void_p), ("n_spans", c_int64), ("kept_spans", c_void_p), ("kept_values", c_void_p),
@@ -114,6 +114,8 @@ class Core(ctypes.Structure):
     n_row: int
     n_spans: int
     n_rows: int
+    all_rows: int
+    calls: int | None
     stepping: int
     pending: int
     watching: int
@@ -154,7 +156,7 @@ class Core(ctypes.Structure):
     def use_rows(self, table: Array) -> None:
         """A plain step begins with ``row <- table[count - block]``, if there is a map as well."""
         self._point(table=table)
-        self.n_rows = len(table)
+        self.n_rows = self.all_rows = len(table)
 
     def use_elements(self, elements: Elements) -> None:
         """What is done before and after the map."""

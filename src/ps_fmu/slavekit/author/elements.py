@@ -37,6 +37,7 @@ from .instructions import (
     Instruction,
     Operand,
     Places,
+    tell_neighbours,
 )
 
 _SAME = 1e-6  # relative: intervals this close to a multiple of the step are one
@@ -240,7 +241,8 @@ class Quantise(Element):
         resolution = find.constants("resolution", self.resolution, target.size)
         if (resolution < 0.0).any():
             raise ValueError(f"resolution: expected 0 or greater, got {self.resolution!r}")
-        return Instruction(QUANTISE, target, low=resolution, n=target.size)
+        neighbours = tell_neighbours(target) if resolution.all() else 0
+        return Instruction(QUANTISE, target, low=resolution, n=target.size, n_source=neighbours)
 
 
 @dataclass(frozen=True, eq=False)
@@ -298,7 +300,7 @@ class Watch(Element):
         high = find.constants("distance", self.distance, n, finite=False)
         low = find.constants("least", self.least, n, finite=False)
         last = None if self.last is None else find.memory("last", self.last, n)
-        return Instruction(WATCH, last, source, centre, low, high, n=n)
+        return Instruction(WATCH, last, source, centre, low, high, n=n, n_source=tell_neighbours(source, centre))
 
 
 @dataclass(frozen=True, eq=False)

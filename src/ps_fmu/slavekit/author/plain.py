@@ -57,7 +57,7 @@ def _make_step(core: Core, compute: Step, hold: Callable[[Array], None] | None) 
     def step_or_fail() -> bool:
         if core.n_row:
             table, place = core.arrays["table"], core.count - core.block
-            if not 0 <= place < core.n_rows:
+            if not 0 <= place < core.n_rows or not np.isfinite(table[place]).all():
                 return False
             row[:] = table[place]
         if any([run() for run in before]) and core.watching:
@@ -113,7 +113,7 @@ def _make_row_step(core: Core) -> Step:
 
     def compute() -> bool:
         row = core.count - core.block
-        if not 0 <= row < core.n_rows:
+        if not 0 <= row < core.n_rows or not np.isfinite(table[row]).all():
             return False
         target[:] = table[row]
         return True

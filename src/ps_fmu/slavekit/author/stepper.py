@@ -174,6 +174,7 @@ class Stepper(Tables):
         try:
             while not self._handle_event_and_step():
                 if core.pending != FOUND_DUE:
+                    self._check_row()
                     raise Refused(f"the step leads to numbers that are not finite: {self._describe_not_finite()}")
         except BaseException as error:
             data[:] = kept
@@ -232,16 +233,16 @@ class Stepper(Tables):
         core = self._core
         if self._is_used_up():
             self._fill_table()
+        rows = core.n_rows
         step_map = self._find_map(core.step)
         if step_map.maps:
             core.use_maps(*step_map.maps)
             core.use_rows(self._table)
         else:
             core.use_table(self._table)
-        if self.block_rows:
-            core.n_rows = self._shown
-            if self._is_at_end_of_rows():
-                self._work_ahead()
+        core.n_rows = rows  # up to the next part of the work ahead
+        if self._is_at_end_of_rows():
+            self._work_ahead()
         self._use_elements(step_map.elements)
         limits = self._compute_limits()
         core.finishing = self.finishing

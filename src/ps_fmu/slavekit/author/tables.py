@@ -17,7 +17,6 @@ from .state import SlaveClock
 from .values import Values
 
 _CHUNK = 256  # rows asked for at a time
-_CHECKED = 16_384  # numbers looked at together: to fetch 24 000 that are in no cache took 110 us
 _FIRST_ROWS = 16  # of the first table after a change of step: hosts with a new step each time pay little
 
 
@@ -29,8 +28,7 @@ class Tables(Values):
         self._origin = 0.0  # where steps of the present size began, s
         self._table = np.empty((0, self.r.size or self.y.size))
         self._next_rows = _FIRST_ROWS
-        self._ahead = TableAhead()
-        self._shown = 0  # rows of the table up to the next part of the work ahead
+        self._ahead = TableAhead(self._core)
 
     # --- For models ---------------------------------------------------------------------
 
@@ -84,14 +82,19 @@ class Tables(Values):
         self._work_ahead()
 
     def _work_ahead(self) -> None:
-        """Do a part of the work for the next table; the parts are spread evenly over the rows of this one."""
+        """Do a part of the work for the next table; the parts are spread evenly over the rows of this one.
+
+        The launcher does the same, where the part is a call.
+        """
         core, rows = self._core, len(self._table)
         row = core.count - core.block
         parts = self._ahead.advance()
-        self._shown = core.n_rows = row + max(1, (rows - row) // (parts + 1)) if parts else rows
+        core.n_rows = row + max(1, (rows - row) // (parts + 1)) if parts else rows
 
     def _compute_rows(self, n: int) -> Array:
-        return finish(self._compute_rows_in_parts(self._get_time(), self._core.step, n))
+        rows = finish(self._compute_rows_in_parts(self._get_time(), self._core.step, n))
+        self._check_finite_rows(rows)
+        return rows
 
     def _compute_rows_in_parts(self, t: float, h: float, n: int) -> RowParts:
         """Rows of a table; where the model makes them at once, so many in a part that it takes little time.
@@ -103,24 +106,14 @@ class Tables(Values):
             rows = make_rows(self, t, h, n)
             assert isinstance(rows, Generator)
             made = yield from rows  # in a line of its own: a method of the slave would wait with it, and keep the slave
-            table = self._check_shape(made, n)
-            for first in range(0, table.size, _CHECKED):
-                if first:
-                    yield -(-(table.size - first) // _CHECKED)
-                self._check_finite_rows(table.reshape(-1)[first : first + _CHECKED])
-            return table
+            return self._check_shape(made, n)
         chunks = []
         for first in range(0, n, _CHUNK):
             if n > _CHUNK:
                 yield -(-(n - first) // _CHUNK)
             size = min(_CHUNK, n - first)
-            chunks.append(self._check_rows(finish(self.rows(t + first * h, h, size)), size))
+            chunks.append(self._check_shape(finish(self.rows(t + first * h, h, size)), size))
         return chunks[0] if len(chunks) == 1 else np.concatenate(chunks)
-
-    def _check_rows(self, rows: Array, n: int) -> Array:
-        table = self._check_shape(rows, n)
-        self._check_finite_rows(table)
-        return table
 
     def _check_shape(self, rows: Array, n: int) -> Array:
         table = np.ascontiguousarray(rows, dtype=np.float64)
@@ -129,13 +122,21 @@ class Tables(Values):
             raise ValueError(f"{type(self).__name__}.rows has shape {table.shape}; expected {expected}")
         return table
 
+    def _check_row(self) -> None:
+        """Raise ModelError if it is the row that a step was refused for: of tables made ahead, steps look at each."""
+        row = self._core.count - self._core.block
+        if self.block_rows and 0 <= row < len(self._table):
+            self._check_finite_rows(self._table[row])
+
     def _check_finite_rows(self, rows: Array) -> None:
         if not np.isfinite(rows).all():
             raise ModelError(f"{type(self).__name__}.rows has elements that are not finite")
 
     def _put_table(self, table: Array, block: int) -> None:
         """Go on with a table that begins at count ``block``."""
-        self._table, self._core.block, self._shown = table, block, 0
+        self._table, self._core.block = table, block
+        if self.block_rows:
+            self._core.n_rows = 0  # the next step looks at once how far the work ahead is
         self._next_rows = min(4 * len(table), self.block_rows) if len(table) else _FIRST_ROWS
         self._renew()
 

@@ -4,7 +4,7 @@
 
 #include <stdint.h>
 
-#define CORE_MAGIC 0x34302d65726f63ull /* "core-04" */
+#define CORE_MAGIC 0x35302d65726f63ull /* "core-05" */
 
 /* Asked for the String variable of this value reference, a slave answers with the address of its core, in decimal; 0: it
    wants none.  No model description lists it. */
@@ -35,6 +35,10 @@ enum {
     ELEMENT_COUNT,
     ELEMENT_SPARSE
 };
+
+/* `n_source` of a WATCH whose sources, and seconds, lie side by side; of a QUANTISE whose targets do, if no resolution
+   is 0. */
+enum { NEIGHBOURS = 1 };
 
 /* The same as the class Instruction in instructions.py.  Lists of places are places in `data`. */
 typedef struct Element {
@@ -71,6 +75,20 @@ typedef struct Map {
 
 enum { MOST_MAPS = 2 };
 
+/* Work for the next table that needs no Python: a function, and what it takes its arguments from. */
+typedef struct Call {
+    void (*function)(void *arguments);
+    void *arguments;
+} Call;
+
+/* Calls to be made in their order, each once: now and then one, spread over the rows of the present table.  Who makes one
+   counts it in `next`. */
+typedef struct Calls {
+    const Call *calls;
+    int64_t n, next;
+    int64_t later;            /* parts of the work that come after them, for which Python is asked; at least 1 */
+} Calls;
+
 /* The same as the class Core in core.py; all arrays belong to the slave.  Between two calls of the host each word has
    one writer: who makes the call. */
 typedef struct Core {
@@ -91,8 +109,10 @@ typedef struct Core {
     int64_t n_target;
     Map maps[MOST_MAPS];
     int64_t n_maps;
-    const double *table;      /* n_rows x n_target; n_rows x n_row where there is a map */
-    int64_t n_rows;
+    const double *table;      /* rows of n_target numbers; of n_row numbers where there is a map */
+    int64_t n_rows;           /* up to which steps take them: then a part of the work for the next table is due */
+    int64_t all_rows;         /* that there are */
+    Calls *calls;             /* that are such work; NULL: none */
     double *row;
     int64_t n_row;            /* 0: the map has no row of a table among its operands */
     const Element *before, *after;

@@ -205,8 +205,34 @@ static double find_nearest(double value)
     return fabs(value) < 4503599627370496.0 ? copysign((value + whole) - whole, value) : value;
 }
 
+static const Pair LARGE = {4503599627370496.0, 4503599627370496.0}; /* 2^52: from there on, doubles are whole */
+
+/* find_nearest of two numbers. */
+static inline Pair find_nearest_pair(Pair value)
+{
+    const PairBits all = {INT64_MAX, INT64_MAX}, bits = (PairBits)value, sign = bits & ~all;
+    const Pair whole = (Pair)((PairBits)LARGE | sign), rounded = (value + whole) - whole;
+    const PairBits small = (PairBits)((Pair)(bits & all) < LARGE);
+    return (Pair)(((((PairBits)rounded & all) | sign) & small) | (bits & ~small));
+}
+
+/* Of numbers that lie side by side, with resolutions above 0. */
+NOT_INLINE static bool quantise_neighbours(double *values, const double *resolution, int64_t n)
+{
+    int64_t k = 0;
+    for (; k + 2 <= n; k += 2) {
+        const Pair by = *(const Pair *)(resolution + k);
+        *(Pair *)(values + k) = find_nearest_pair(*(const Pair *)(values + k) / by) * by;
+    }
+    if (k < n)
+        values[k] = find_nearest(values[k] / resolution[k]) * resolution[k];
+    return are_finite(values, n);
+}
+
 static bool quantise(double *data, const Element *e)
 {
+    if (e->n_source == NEIGHBOURS)
+        return quantise_neighbours(data + e->target[0], e->low, e->n);
     const int64_t *target = e->target;
     const double *resolution = e->low;
     int finite = 1;
@@ -241,9 +267,24 @@ static bool delay(Run *run, const Element *e)
     return finite;
 }
 
+/* As is_far, of values and places that lie side by side. */
+NOT_INLINE static bool are_neighbours_far(const double *value, const double *place, const double *high, int64_t n)
+{
+    const PairBits all = {INT64_MAX, INT64_MAX};
+    PairBits far = {0, 0};
+    int64_t k = 0;
+    for (; k + 2 <= n; k += 2) {
+        const Pair off = *(const Pair *)(value + k) - *(const Pair *)(place + k);
+        far |= (PairBits)((Pair)((PairBits)off & all) > *(const Pair *)(high + k));
+    }
+    return (far[0] | far[1]) != 0 || (k < n && fabs(value[k] - place[k]) > high[k]);
+}
+
 /* Whether a value is farther from its place than its upper bound. */
 static bool is_far(const double *data, const Element *e)
 {
+    if (e->n_source == NEIGHBOURS)
+        return are_neighbours_far(data + e->source[0], data + e->second[0], e->high, e->n);
     const int64_t *source = e->source, *second = e->second;
     const double *high = e->high;
     int far = 0;

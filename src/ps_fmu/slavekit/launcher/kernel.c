@@ -70,16 +70,21 @@ static const double *next_row(const Core *core, int64_t width)
     return row < 0 || row >= core->n_rows ? NULL : core->table + row * width;
 }
 
+/* Copy the next row of the table.  False, and nothing is written: none is left, or a number is not finite. */
+static bool copy_row(const Core *core, double *target, int64_t width)
+{
+    const double *row = next_row(core, width);
+    if (row == NULL || !are_finite(row, width))
+        return false;
+    copy(target, row, width);
+    return true;
+}
+
 /* The results, into `target`.  False: a map is not finite, and those before it have written theirs. */
 static bool compute(Core *core, const Arithmetic *by)
 {
-    if (core->plain == CORE_TABLE) {
-        const double *row = next_row(core, core->n_target);
-        if (row == NULL)
-            return false;
-        copy(core->target, row, core->n_target);
-        return true;
-    }
+    if (core->plain == CORE_TABLE)
+        return copy_row(core, core->target, core->n_target);
     for (const Map *map = core->maps; map < core->maps + core->n_maps; map++) {
         if (!by->map(map))
             return false;
@@ -92,12 +97,8 @@ static bool compute(Core *core, const Arithmetic *by)
 static bool prepare(Run *run)
 {
     Core *core = run->core;
-    if (core->n_row > 0) {
-        const double *row = next_row(core, core->n_row);
-        if (row == NULL)
-            return false;
-        copy(core->row, row, core->n_row);
-    }
+    if (core->n_row > 0 && !copy_row(core, core->row, core->n_row))
+        return false;
     if (!run_elements(run, core->before, core->n_before))
         return false;
     if (run->due && core->watching) {

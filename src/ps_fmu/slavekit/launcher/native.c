@@ -51,12 +51,37 @@ double native_time(const Instance *m)
     return core != NULL ? core->time : m->time;
 }
 
+/* Whether one of the calls is due before the next step, and can be made: the table has rows beyond it. */
+static bool has_call(const Core *core)
+{
+    const int64_t row = core->count - core->block;
+    return core->calls->next < core->calls->n && row >= core->n_rows && row < core->all_rows &&
+           core->plain != CORE_NOTHING;
+}
+
+/* Make a call, with the arithmetic that Python would have, and spread what is left as Tables._work_ahead does. */
+NOT_INLINE static void make_call(Core *core)
+{
+    Calls *calls = core->calls;
+    const Call *call = &calls->calls[calls->next++];
+    floats_take();
+    call->function(call->arguments);
+    floats_give_back();
+    const int64_t row = core->count - core->block;
+    const int64_t rows = (core->all_rows - row) / (calls->n - calls->next + calls->later + 1);
+    core->n_rows = row + (rows > 1 ? rows : 1);
+}
+
 /* The same conditions as in Stepper.do_step. */
 bool native_step(Instance *m, double time, double step)
 {
     Core *core = words(m);
     if (core == NULL || core->pending || core->finishing || !(fabs(time - core->time) <= core->time_slack) ||
-        !(fabs(step - core->step) <= core->step_slack) || !(time <= core->last_start) || !kernel_step(core))
+        !(fabs(step - core->step) <= core->step_slack) || !(time <= core->last_start))
+        return false;
+    if (core->calls != NULL && has_call(core))
+        make_call(core);
+    if (!kernel_step(core))
         return false;
     core->time = time + step;
     core->count++;
