@@ -68,22 +68,33 @@ def test_integers_are_converted_once_when_ctrl_c_ends_the_wait_for_a_free_block(
     np.testing.assert_array_equal(np.concatenate(storing.blocks), EXPECTED)
 
 
-def test_no_early_rows_are_copied_from_a_block_that_is_being_completed(made, monkeypatch):
+def test_early_rows_are_copies_so_that_the_integers_of_a_block_are_converted_once(made):
+    _, storing, delivery = made
+    delivery._serve_early()
+    delivery._serve_early()
+    np.testing.assert_array_equal(storing.early_rows, [EXPECTED, EXPECTED])
+    delivery.hand_over()
+    delivery.wait()
+    np.testing.assert_array_equal(storing.blocks, [EXPECTED])
+
+
+def test_no_early_rows_are_copied_from_a_block_that_is_being_handed_over(made, monkeypatch):
+    """Before it is another one, nor after that as rows that come before those of the block."""
     rows, storing, delivery = made
-    delivery.close()
-    complete = rows.complete
+    go_on, others = rows.next_block, []
 
     def pause():
-        values = complete()
-        threading.Thread(target=delivery._serve_early).start()
-        storing.came.wait(CHANCE_S)
-        return values
+        others.append(threading.Thread(target=delivery._serve_early))
+        others[0].start()
+        assert not storing.came.wait(CHANCE_S)
+        go_on()
 
-    monkeypatch.setattr(rows, "complete", pause)
+    monkeypatch.setattr(rows, "next_block", pause)
     delivery.hand_over()
-    for values in storing.early_rows:
-        np.testing.assert_array_equal(values, EXPECTED[: len(values)])
-    assert delivery._handed.get().values.tolist() == EXPECTED.tolist()
+    others[0].join()
+    delivery.wait()
+    assert all(len(values) == 0 for values in storing.early_rows)
+    np.testing.assert_array_equal(storing.blocks, [EXPECTED])
 
 
 def test_rows_are_not_made_again_while_another_thread_counts_them(made):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from ps_fmu.reduction import columns
-from ps_fmu.reduction.columns import ColumnCopy, find_peak
+from ps_fmu.reduction.columns import ColumnCopy, complete_rows, find_peak
 
 ROWS = np.random.default_rng(4).standard_normal((71, 9))
 
@@ -49,6 +49,32 @@ def test_the_peak_is_the_largest_magnitude(count):
 def test_peak_of_what_is_empty_or_has_gaps():
     assert find_peak(np.empty((0, 3))) == 0.0
     assert find_peak(ROWS[:, ::4]) == np.abs(ROWS[:, ::4]).max()
+
+
+@pytest.mark.usefixtures("compiled")
+@pytest.mark.parametrize(("reals", "ints"), [(9, 0), (0, 1), (0, 2), (4, 1), (3, 5), (90, 30)])
+@pytest.mark.parametrize("count", [0, 1, 40, 400])
+def test_c_ints_become_doubles_in_place(count, reals, ints):
+    rng = np.random.default_rng(reals)
+    numbers = rng.integers(-(2**31), 2**31, (count, ints), dtype=np.int32)
+    numbers[:1], numbers[1:2] = -(2**31), 2**31 - 1
+    rows = np.full((count, reals + ints), np.nan)
+    rows[:, :reals] = rng.standard_normal((count, reals)) * 1e9
+    rows[:, reals:].view(np.int32)[:, :ints] = numbers
+    expected = np.hstack([rows[:, :reals], numbers.astype(float)])
+    again = rows.copy()
+    assert complete_rows(rows, reals) == np.abs(expected).max(initial=0.0)
+    np.testing.assert_array_equal(rows, expected)
+    if count and reals:
+        again[count // 2, reals - 1] = math.inf
+        assert math.isnan(complete_rows(again, reals))
+        np.testing.assert_array_equal(again[:, reals:], expected[:, reals:])
+
+
+def test_rows_that_cannot_be_completed_are_refused():
+    for wrong, reals in ((ROWS[:, ::-1], 3), (ROWS, 10), (ROWS, -1), (ROWS.astype(np.float32), 3), (ROWS[0], 3)):
+        with pytest.raises(ValueError, match="expected contiguous rows"):
+            complete_rows(wrong, reals)
 
 
 def test_arrays_that_do_not_fit_are_refused():

@@ -1,10 +1,10 @@
-"""The compiled low-pass gives the bits of numpy, whatever is filtered beside a column."""
+"""The compiled low-pass gives the bits of numpy, whatever is filtered beside a column, however rows are cut."""
 
 import numpy as np
 import pytest
 
 from ps_fmu.reduction import lowpass
-from ps_fmu.reduction.lowpass import Lowpass
+from ps_fmu.reduction.lowpass import Lowpass, Thinning
 
 
 def run(taps, factor, rows):
@@ -51,6 +51,38 @@ def test_columns_that_rest_for_some_time_give_the_same_bits(columns, monkeypatch
     compiled = run(taps, 5, rows)
     monkeypatch.setattr(lowpass, "find_library", lambda: None)
     np.testing.assert_array_equal(run(taps, 5, rows), compiled)
+
+
+@pytest.mark.parametrize("compiled", [True, False], ids=["compiled", "numpy"])
+@pytest.mark.parametrize("sampled", [[], [2], [0, 9, 10]])
+@pytest.mark.parametrize("size", [1, 4, 22, 23, 27, 60, 400])
+def test_rows_that_come_in_parts_give_the_same_bits(size, sampled, compiled, monkeypatch):
+    rng = np.random.default_rng(size)
+    first, rows = rng.standard_normal((11, 11)), rng.standard_normal((400, 11))
+    taps, chosen = rng.standard_normal(23), np.isin(np.arange(11), sampled)
+    whole = np.concatenate((first, rows))
+    expected = run(taps, 5, whole)
+    expected[:, sampled] = whole[11::5][: len(expected), sampled]
+    if not compiled:
+        monkeypatch.setattr(lowpass, "find_library", lambda: None)
+    one = Thinning(taps, 5, chosen)
+    one.waiting = first
+    found = [one.push(rows[begin : begin + size]) for begin in range(0, 400, size)]
+    np.testing.assert_array_equal(np.concatenate(found), expected)
+    np.testing.assert_array_equal(one.waiting, whole[5 * len(expected) :])
+
+
+def test_parts_that_do_not_fit_are_refused():
+    for taps in (np.ones(4), np.ones(5)):
+        with pytest.raises(ValueError, match="taps: expected an odd number above 5"):
+            Thinning(taps, 5, np.zeros(3, dtype=bool))
+    one = Thinning(np.ones(7), 2, np.zeros(3, dtype=bool))
+    with pytest.raises(ValueError, match="less than 7 rows, got 7"):
+        one.waiting = np.ones((7, 3))
+    for wrong in (np.ones((9, 4)), np.ones((9, 6))[:, ::2], np.ones((9, 3), dtype=np.float32)):
+        with pytest.raises(ValueError, match="contiguous rows of 3 doubles"):
+            one.push(wrong)
+    assert len(one.waiting) == 0
 
 
 def test_arrays_that_do_not_fit_are_refused():

@@ -1,10 +1,10 @@
-"""Sums over signals, weights of a window, and points outside of a polygon, compiled and in numpy."""
+"""Sums over signals, extremes in bins, weights of a window, and points outside of a polygon, compiled and in numpy."""
 
 import numpy as np
 import pytest
 
 from ps_fmu.reduction import moments
-from ps_fmu.reduction.moments import Polygon, find_moments, weigh_hann
+from ps_fmu.reduction.moments import Polygon, find_moments, weigh_hann, widen_bins
 
 SAMPLES = 1e6 + np.random.default_rng(8).standard_normal((3, 700))
 
@@ -27,6 +27,28 @@ def test_moments_under_a_large_mean(count):
         np.testing.assert_allclose(found[:, 0], mean.astype(float), rtol=1e-15)
         np.testing.assert_allclose(found[:, 1], squares.astype(float), rtol=1e-9, atol=1e-9)
         np.testing.assert_array_equal(found[:, 2], np.abs(laid).max(axis=1))
+
+
+@pytest.mark.parametrize("width", [1, 2, 3, 8, 16, 100, 512, 1024])
+@pytest.mark.parametrize("bins", [0, 1, 3, 70])
+def test_bins_are_widened_to_their_extremes(bins, width):
+    rng = np.random.default_rng(width)
+    samples, room = rng.standard_normal((2, bins * width)), rng.standard_normal((2, 2, bins + 4)) * 3.0
+    low, high = room[:, :, 2 : 2 + bins]
+    parts, before = samples.reshape(2, bins, width), room.copy()
+    expected = np.minimum(parts.min(axis=2), low), np.maximum(parts.max(axis=2), high)
+    widen_bins(np.asfortranarray(samples), width, low, high)
+    np.testing.assert_array_equal((low, high), expected)
+    np.testing.assert_array_equal(room[:, :, [0, 1, -2, -1]], before[:, :, [0, 1, -2, -1]])
+
+
+def test_bins_that_do_not_fit_are_refused():
+    low, high = np.zeros((2, 4)), np.zeros((2, 4))
+    for samples, width in ((np.ones((2, 9)), 2), (np.ones((3, 8)), 2), (np.ones((2, 8)), 4)):
+        with pytest.raises(ValueError, match="contiguous bins"):
+            widen_bins(samples, width, low, high)
+    with pytest.raises(ValueError, match="contiguous bins"):
+        widen_bins(np.ones((2, 8)), 2, low, np.zeros((4, 2)).T)
 
 
 def test_the_peak_is_a_magnitude():

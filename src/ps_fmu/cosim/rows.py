@@ -17,6 +17,7 @@ import numpy as np
 from fmpy.model_description import ModelDescription
 from numpy.typing import NDArray
 
+from ..reduction.columns import complete_rows, find_peak
 from .description import DISCRETE_TYPES, get_unit
 from .hops import Conversion
 from .structure import PortName
@@ -140,7 +141,7 @@ class Rows:
     The first ``filled`` rows are complete; ``first_index`` counts row 0 from the start of the simulation.
 
     Integers and Booleans, C int in FMI, lie in the places of the doubles that they become when the block is
-    complete, so that a row is one copy.
+    complete (:meth:`finish`, once), so that a row is one copy.
     """
 
     def __init__(self, layout: RowLayout, capacity: int, derived: Sequence[Derived] = ()) -> None:
@@ -185,13 +186,13 @@ class Rows:
         self.block[self.filled] = self.latest
         self.filled += 1
 
-    def complete(self) -> Array:
-        """The complete rows as numbers, derived columns last: perhaps a view that the next step overwrites."""
-        return self._finish(self.block[: self.filled])
+    def complete(self) -> tuple[Array, float]:
+        """The complete rows, see :meth:`finish`; perhaps a view that the next step overwrites."""
+        return self.finish(self.block[: self.filled])
 
     def copy(self, count: int) -> Array:
         """The first ``count`` rows as numbers; the block stays as it is."""
-        return self._finish(self.block[:count].copy())
+        return self.finish(self.block[:count].copy())[0]
 
     def next_block(self) -> None:
         """Start a new block behind the last complete row."""
@@ -199,12 +200,12 @@ class Rows:
         self.first_index += filled
 
     def exchange(self, other: Block) -> tuple[Array, Block]:
-        """As :meth:`complete` and :meth:`next_block`, in another block; the complete rows and the block so far."""
+        """Go on in another block: the complete rows, for :meth:`finish`, and the block so far."""
         with self.lock:
-            values = self.complete()
+            rows = self.block[: self.filled]
             self.next_block()
             self._block, other = other, self._block
-        return values, other
+        return rows, other
 
     def go_back(self, filled: int) -> None:
         """Only so many rows are complete any longer."""
@@ -230,8 +231,10 @@ class Rows:
             with self.lock:
                 self._block, self.filled = block, filled
 
-    def _finish(self, values: Array) -> Array:
-        values[:, self._n_real :] = self._integers(values).copy()
-        if self._derived:
-            values = np.column_stack([values, *(item.compute(values) for item in self._derived)])
-        return values
+    def finish(self, rows: Array) -> tuple[Array, float]:
+        """Rows of a block as numbers, in place, derived columns last, and what :func:`.find_peak` says of them."""
+        peak = complete_rows(rows, self._n_real)
+        if not self._derived:
+            return rows, peak
+        values = np.column_stack([rows, *(item.compute(rows) for item in self._derived)])
+        return values, find_peak(values)

@@ -54,8 +54,9 @@ def _leave_out_inner(points: Array, directions: Array) -> Array:
     if len(starts) < 3:
         return points
     outward = np.stack([edges[:, 1], -edges[:, 0]], axis=1) / np.hypot(edges[:, 0], edges[:, 1])[:, None]
-    beyond = (outward @ points.T - (outward * starts).sum(axis=1)[:, None]).max(axis=0)
-    return points[beyond > -_MARGIN * np.ptp(extreme, axis=0).max()]
+    beyond = outward @ points.T
+    beyond -= (outward * starts).sum(axis=1)[:, None]  # in place: of many points these are large arrays
+    return points[beyond.max(axis=0) > -_MARGIN * np.ptp(extreme, axis=0).max()]
 
 
 def _walk(places: NDArray[np.intp], points: Array) -> list[int]:

@@ -27,15 +27,19 @@ def find_library() -> CDLL | None:
         log.info("rows are filtered and counted in numpy: %s", error)
         return None
     library.filter_rows.argtypes, library.filter_rows.restype = (c_void_p, c_void_p, c_int64, c_void_p), None
+    library.thin_rows.argtypes, library.thin_rows.restype = (c_void_p, c_void_p, c_int64, c_void_p), c_int64
     types = c_void_p, c_int64, c_double, c_void_p, c_void_p, c_void_p
     library.add_values.argtypes, library.add_values.restype = types, None
     columns = c_void_p, c_int64, c_int64, c_void_p, c_int64, c_void_p, c_int64
     library.copy_columns.argtypes, library.copy_columns.restype = columns, None
     moments = c_void_p, c_int64, c_int64, c_int64, c_void_p
     library.find_moments.argtypes, library.find_moments.restype = moments, None
+    bins = c_void_p, c_int64, c_int64, c_void_p, c_void_p
+    library.widen_bins.argtypes, library.widen_bins.restype = bins, None
     library.weigh_hann.argtypes, library.weigh_hann.restype = (c_void_p, c_int64, c_void_p), None
     points = c_void_p, c_void_p, c_int64, c_void_p, c_int64, c_void_p
     library.find_points_outside.argtypes, library.find_points_outside.restype = points, c_int64
+    library.complete_rows.argtypes, library.complete_rows.restype = (c_void_p, c_int64, c_int64, c_int64), c_double
     library.find_peak.argtypes, library.find_peak.restype = (c_void_p, c_int64), c_double
     return library
 

@@ -1,4 +1,4 @@
-"""A low-pass on the columns of rows that keeps each m-th of them."""
+"""A low-pass on the columns of rows that keeps each m-th of them, also of rows that come in parts."""
 
 from __future__ import annotations
 
@@ -21,6 +21,18 @@ class _Filter(Structure):
     _fields_ = (("columns", c_int64), ("factor", c_int64), ("length", c_int64), ("taps", c_void_p), ("room", c_void_p))
 
 
+class _Thinning(Structure):
+    """``Thinning`` of filter.c."""
+
+    _fields_ = (
+        ("filter", c_void_p),
+        ("sampled", c_void_p),
+        ("n_sampled", c_int64),
+        ("waiting", c_void_p),
+        ("count", c_int64),
+    )
+
+
 class Lowpass:
     """``y[k] = sum_j h[j] x[k m + j]`` for each column, summed in the order of j, each operation rounded.
 
@@ -41,7 +53,8 @@ class Lowpass:
         self._room = np.empty(2 * columns, dtype=np.int64)
         addresses = self._padded[len(zeros) :].ctypes.data, self._room.ctypes.data
         self._filter = _Filter(columns, factor, len(taps), *addresses)
-        self._address = addressof(self._filter)
+        self.address = addressof(self._filter)
+        """Of what C needs."""
 
     def count(self, rows: int) -> int:
         """How many rows come out of so many."""
@@ -53,8 +66,7 @@ class Lowpass:
         Both are contiguous and finite.  Raises ``ValueError`` for arrays that do not fit.
         """
         for array in (rows, result):
-            if array.dtype != np.float64 or array.shape[1:] != (self.columns,) or not array.flags.c_contiguous:
-                raise ValueError(f"expected contiguous rows of {self.columns} doubles, got {array.dtype} {array.shape}")
+            _check_rows(array, self.columns)
         if len(result) > self.count(len(rows)):
             raise ValueError(f"{len(rows)} rows make {self.count(len(rows))}, not {len(result)}")
         if len(result) == 0:
@@ -63,7 +75,7 @@ class Lowpass:
         if library is None:
             self._run_in_numpy(rows, result)
         else:
-            library.filter_rows(self._address, get_address(rows), len(result), get_address(result))
+            library.filter_rows(self.address, get_address(rows), len(result), get_address(result))
 
     def _run_in_numpy(self, rows: Array, result: Array) -> None:
         product = np.empty_like(result)
@@ -71,3 +83,67 @@ class Lowpass:
         result.fill(0.0)
         for place, tap in enumerate(self.taps):
             result += np.multiply(rows[place : place + reach : self.factor], tap, out=product)
+
+
+class Thinning:
+    """A :class:`Lowpass` on rows that come in parts; some columns are sampled in the middle of its window instead.
+
+    The result does not depend on how the rows are cut.  To begin with, :attr:`waiting` is set.
+
+    Parameters
+    ----------
+    taps: (length,), an odd number
+    factor: m, less than there are taps
+    sampled: (columns,) True for those that are sampled
+
+    Raises ``ValueError`` for other taps.
+    """
+
+    def __init__(self, taps: Array, factor: int, sampled: NDArray[np.bool_]) -> None:
+        if len(taps) % 2 == 0 or len(taps) <= factor:
+            raise ValueError(f"taps: expected an odd number above {factor}, got {len(taps)}")
+        self._lowpass = Lowpass(taps, factor, len(sampled))
+        self._room = np.empty((2 * len(taps) + factor, len(sampled)))
+        self._sampled = np.flatnonzero(sampled).astype(np.int64)
+        places = self._sampled.ctypes.data, len(self._sampled)
+        self._thinning = _Thinning(self._lowpass.address, *places, self._room.ctypes.data, 0)
+        self._address = addressof(self._thinning)
+
+    @property
+    def waiting(self) -> Array:
+        """(n, columns) rows from the begin of the next window on, less than there are taps; valid until a push."""
+        return self._room[: self._thinning.count]
+
+    @waiting.setter
+    def waiting(self, rows: Array) -> None:
+        _check_rows(rows, self._lowpass.columns)
+        if len(rows) >= len(self._lowpass.taps):
+            raise ValueError(f"expected less than {len(self._lowpass.taps)} rows, got {len(rows)}")
+        self._room[: len(rows)] = rows
+        self._thinning.count = len(rows)
+
+    def push(self, rows: Array) -> Array:
+        """Take the next rows (n, columns), contiguous and finite; the rows that come out.
+
+        Raises ``ValueError`` for rows that do not fit.
+        """
+        _check_rows(rows, self._lowpass.columns)
+        result = np.empty((self._lowpass.count(self._thinning.count + len(rows)), self._lowpass.columns))
+        library = find_library()
+        if library is None:
+            self._push_in_numpy(rows, result)
+        else:
+            library.thin_rows(self._address, get_address(rows), len(rows), get_address(result))
+        return result
+
+    def _push_in_numpy(self, rows: Array, result: Array) -> None:
+        rows = np.concatenate((self.waiting, rows))
+        self._lowpass.run(rows, result)
+        middle, factor = len(self._lowpass.taps) // 2, self._lowpass.factor
+        result[:, self._sampled] = rows[middle::factor][: len(result), self._sampled]
+        self.waiting = rows[len(result) * factor :]
+
+
+def _check_rows(rows: Array, columns: int) -> None:
+    if rows.dtype != np.float64 or rows.shape[1:] != (columns,) or not rows.flags.c_contiguous:
+        raise ValueError(f"expected contiguous rows of {columns} doubles, got {rows.dtype} {rows.shape}")

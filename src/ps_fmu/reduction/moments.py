@@ -1,4 +1,4 @@
-"""Sums over signals, weights of a Hann window, and which points lie outside of a polygon."""
+"""Sums over signals, their extremes in bins, weights of a Hann window, and which points lie outside of a polygon."""
 
 from __future__ import annotations
 
@@ -35,6 +35,36 @@ def find_moments(samples: Array) -> Array:
     # The second term removes the rounding error of the mean.
     squares = np.square(deviation).sum(axis=1) - np.square(deviation.sum(axis=1)) / count
     return np.stack([mean, squares, np.abs(samples).max(axis=1)], axis=1)
+
+
+def widen_bins(samples: Array, width: int, low: Array, high: Array) -> None:
+    """Lower ``low`` and raise ``high`` to the extremes of ``width`` samples a bin, in place.
+
+    A value takes 0.3 ns, compiled, if the width is a power of two; in numpy 3 ns.  The results are the same, but for
+    the sign of a zero.
+
+    Parameters
+    ----------
+    samples: (signals, bins * width), finite; copied unless those of a signal are contiguous
+    low, high: (signals, bins), those of a signal contiguous
+
+    Raises ``ValueError`` for arrays that do not fit.
+    """
+    samples = _lay_side_by_side(samples)
+    shape = samples.shape[0], samples.shape[1] // width
+    for kept in (low, high):
+        beside = kept.dtype == np.float64 and kept.strides[-1] == 8
+        if not beside or kept.shape != shape or shape[1] * width != samples.shape[1]:
+            raise ValueError(f"expected {shape} contiguous bins of {width}, got {kept.dtype} {kept.shape}")
+    library = find_library()
+    if library is None or width & (width - 1):
+        starts = np.arange(0, samples.shape[1], width)
+        if len(starts):
+            np.minimum(low, np.minimum.reduceat(samples, starts, axis=1), out=low)
+            np.maximum(high, np.maximum.reduceat(samples, starts, axis=1), out=high)
+        return
+    for values, least, largest in zip(samples, low, high, strict=True):
+        library.widen_bins(get_address(values), shape[1], width, get_address(least), get_address(largest))
 
 
 def weigh_hann(phases: Array) -> Array:

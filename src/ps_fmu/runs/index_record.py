@@ -9,7 +9,7 @@ interpretation), with bounds from order statistics and the effective number of i
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from typing import Any
 
@@ -120,12 +120,23 @@ class IndexRecord(ColumnObserver):
         self._filled = self._width
         self._first = self._width  # of what is held: 0 once there is a window before
 
+    def block(self, first_index: int, time: Array, values: Array) -> None:
+        """As in :class:`ColumnObserver`, without a copy on the way."""
+        if len(time) and time[0] < self.start_s:
+            super().block(first_index, time, values)
+        else:
+            self._hold(len(values), lambda rows, goal: self.copy_columns(values[rows], goal))
+
     def take(self, time: Array, samples: Array) -> None:
         """Hold the rows; evaluate them when there is no room for more."""
+        self._hold(samples.shape[1], lambda rows, goal: np.copyto(goal, samples[:, rows]))
+
+    def _hold(self, rows: int, copy: Callable[[slice, Array], None]) -> None:
+        """As :meth:`take`; ``copy`` puts a slice of the rows where they are held."""
         taken, room = 0, self._held.shape[1]
-        while taken < samples.shape[1]:
-            count = min(room - self._filled, samples.shape[1] - taken)
-            self._held[:, self._filled : self._filled + count] = samples[:, taken : taken + count]
+        while taken < rows:
+            count = min(room - self._filled, rows - taken)
+            copy(slice(taken, taken + count), self._held[:, self._filled : self._filled + count])
             taken += count
             self._filled += count
             if self._filled == room:

@@ -25,7 +25,8 @@ class _Handed(NamedTuple):
     """A block on its way to the observers."""
 
     first_index: int
-    values: Array
+    rows: Array
+    """As the loop has left them: the thread makes numbers of them."""
     block: Block
 
 
@@ -119,9 +120,9 @@ class DeliveryBeside(Delivery):
                     self._note(error)
 
     def _serve_block(self, item: _Handed) -> None:
-        self._next = item.first_index + len(item.values)
+        self._next = item.first_index + len(item.rows)
         try:
-            failure = self.serve(item.first_index, item.values)
+            failure = self.serve(item.first_index, *self.rows.finish(item.rows))
         except BaseException as error:  # no memory, say: the loop must not wait for ever
             failure = error
         self._note(failure)

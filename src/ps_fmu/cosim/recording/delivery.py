@@ -8,7 +8,6 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from ...reduction.columns import find_peak
 from ..clock import StepClock
 from ..errors import SlaveError
 from ..rows import Array, Column, Rows
@@ -76,20 +75,20 @@ class Delivery:
         """Free what the delivery holds; nothing is handed over any longer."""
 
     def _serve_rows(self, error: BaseException | None = None) -> BaseException | None:
-        first, values = self.rows.first_index, self.rows.complete()
-        failure = self.serve(first, values, error)
+        failure = self.serve(self.rows.first_index, *self.rows.complete(), error)
         self.rows.next_block()
         return failure
 
-    def serve(self, first: int, values: Array, error: BaseException | None = None) -> BaseException | None:
-        """Give rows to all observers, up to the first with a value that is not finite.
+    def serve(
+        self, first: int, values: Array, peak: float, error: BaseException | None = None
+    ) -> BaseException | None:
+        """Give rows to all observers, up to the first with a value that is not finite; ``peak`` is that of the values.
 
         Every observer is served even if another one fails.  Returns the first that applies: :class:`SlaveError` for a
         value that is not finite, with ``error`` as its consequence; ``error``, the reason why the run ends; what an
         observer raised; None.
         """
         time = self._clock.times(first, len(values))
-        peak = find_peak(values)
         usable = len(values) if math.isfinite(peak) else count_finite(values)
         failure: BaseException | None = error
         if usable < len(values):

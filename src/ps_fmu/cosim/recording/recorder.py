@@ -191,11 +191,9 @@ class Recorder:
         if self._dataset is None:
             return
         self._keep(self._decimator.finish())
-        self._write()
+        self._write()  # all is on the disk then
         with self._guard():
-            if self._stays_open:
-                self._dataset.sync()
-            else:
+            if not self._stays_open:
                 self._dataset.close()
         self._dataset = None
 

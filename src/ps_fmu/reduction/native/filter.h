@@ -185,4 +185,5 @@ INSTRUCTIONS static void FILTER(const Lowpass *filter, const double *rows, int64
 #undef FILTER
 #undef WIDTH
 #undef VECTORS
+#undef COMPARED
 #undef INSTRUCTIONS

@@ -1,4 +1,4 @@
-/* Sums over a signal, weights of a Hann window, and which points lie outside of a polygon. */
+/* Sums over a signal, its extremes in bins, weights of a Hann window, and which points lie outside of a polygon. */
 
 #include <math.h>
 #include <stdint.h>
@@ -9,7 +9,7 @@
 #pragma STDC FP_CONTRACT OFF
 
 /* Sums are of each 32nd number, so that vectors of any width give the same bits, and none waits for another. */
-enum { LANES = 32 };
+enum { LANES = 32, CHUNK = 512 };
 
 typedef struct {
     double mean;
@@ -119,7 +119,43 @@ static inline __attribute__((always_inline)) int64_t find_outer(
     return found;
 }
 
+/* Each pair of n values becomes one; not in place, or else vectors could not do it. */
+static inline __attribute__((always_inline)) void join_pairs(
+    const double *restrict from_low, const double *restrict from_high, int64_t n, double *restrict low,
+    double *restrict high)
+{
+    for (int64_t i = 0; i < n / 2; i++) {
+        const double a = from_low[2 * i], b = from_low[2 * i + 1], c = from_high[2 * i], d = from_high[2 * i + 1];
+        low[i] = a < b ? a : b;
+        high[i] = c > d ? c : d;
+    }
+}
+
+static inline __attribute__((always_inline)) void widen(
+    const double *values, int64_t bins, int64_t width, double *low, double *high)
+{
+    const int64_t most = CHUNK / width > 1 ? CHUNK / width : 1, part = width < CHUNK ? width : CHUNK;
+    double rooms[2][2][CHUNK];
+    for (int64_t first = 0; first < bins; first += most) {
+        const int64_t some = bins - first < most ? bins - first : most;
+        for (int64_t begin = 0; begin < width; begin += part) { /* a bin wider than a chunk: piece by piece */
+            const double *lows = values + first * width + begin, *highs = lows;
+            int room = 0;
+            for (int64_t n = some * part; n > some; n /= 2, room = !room) {
+                join_pairs(lows, highs, n, rooms[room][0], rooms[room][1]);
+                lows = rooms[room][0];
+                highs = rooms[room][1];
+            }
+            for (int64_t i = 0; i < some; i++) {
+                low[first + i] = low[first + i] < lows[i] ? low[first + i] : lows[i];
+                high[first + i] = high[first + i] > highs[i] ? high[first + i] : highs[i];
+            }
+        }
+    }
+}
+
 typedef void Find(const double *values, int64_t n, Moments *found);
+typedef void Widen(const double *values, int64_t bins, int64_t width, double *low, double *high);
 typedef void Weigh(const double *phases, int64_t n, double *weights);
 typedef int64_t FindOuter(
     const double *x, const double *y, int64_t n, const double *edges, int64_t count, int64_t *places);
@@ -128,6 +164,11 @@ typedef int64_t FindOuter(
     instructions static void find##width(const double *values, int64_t n, Moments *found)                              \
     {                                                                                                                  \
         find(values, n, found);                                                                                        \
+    }                                                                                                                  \
+    instructions static void widen##width(                                                                             \
+        const double *values, int64_t bins, int64_t rows, double *low, double *high)                                   \
+    {                                                                                                                  \
+        widen(values, bins, rows, low, high);                                                                          \
     }                                                                                                                  \
     instructions static void weigh##width(const double *phases, int64_t n, double *weights)                            \
     {                                                                                                                  \
@@ -144,15 +185,18 @@ DEFINE(4, __attribute__((target("avx2"))))
 DEFINE(8, __attribute__((target("avx512f"))))
 
 static Find *best_find = find2;
+static Widen *best_widen = widen2;
 static Weigh *best_weigh = weigh2;
 static FindOuter *best_find_outer = find_outer2;
 
 __attribute__((constructor)) static void choose_best(void)
 {
     Find *const finds[] = {[SSE2] = find2, [AVX2] = find4, [AVX512] = find8};
+    Widen *const widens[] = {[SSE2] = widen2, [AVX2] = widen4, [AVX512] = widen8};
     Weigh *const weighs[] = {[SSE2] = weigh2, [AVX2] = weigh4, [AVX512] = weigh8};
     FindOuter *const outers[] = {[SSE2] = find_outer2, [AVX2] = find_outer4, [AVX512] = find_outer8};
     best_find = finds[find_instructions()];
+    best_widen = widens[find_instructions()];
     best_weigh = weighs[find_instructions()];
     best_find_outer = outers[find_instructions()];
 }
@@ -163,6 +207,14 @@ __attribute__((visibility("default"))) void find_moments(
 {
     for (int64_t k = 0; k < signals; k++)
         best_find(samples + k * room, n, found + k);
+}
+
+/* The smallest and the largest of `width` finite values, a power of two, in each of `bins`, and of `low` and `high`
+   before. */
+__attribute__((visibility("default"))) void widen_bins(
+    const double *values, int64_t bins, int64_t width, double *low, double *high)
+{
+    best_widen(values, bins, width, low, high);
 }
 
 /* 1 - cos(2 pi p) of n phases, as 2 sin(pi p)^2. */

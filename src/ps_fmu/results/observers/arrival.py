@@ -23,6 +23,7 @@ class LastRow(ColumnObserver):
 
     def __init__(self, columns: Sequence[NamedColumn], names: Sequence[str]) -> None:
         super().__init__(columns, names)
+        self._taken = np.array(self.places)
         self._last: Array | None = None
 
     def save_state(self) -> dict[str, Any]:
@@ -37,7 +38,7 @@ class LastRow(ColumnObserver):
     def block(self, first_index: int, time: Array, values: Array) -> None:
         """As in :class:`ColumnObserver`; the other rows are not looked at."""
         if len(time):
-            self.take(time[-1:], values[-1:, self.places].T)
+            self._last = values[-1].take(self._taken)
 
     def take(self, time: Array, samples: Array) -> None:
         """Keep the last row."""

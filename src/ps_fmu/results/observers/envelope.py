@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...reduction.moments import widen_bins
 from .kept import State, check_array
 from .observer import ColumnObserver, NamedColumn
 
@@ -102,14 +103,7 @@ class EnvelopeObserver(ColumnObserver):
 
     def _widen(self, bins: slice, samples: Array, width: int) -> None:
         """Widen some bins by ``width`` samples each."""
-        for kept, extreme in ((self._low, np.minimum), (self._high, np.maximum)):
-            rest = samples
-            if width & (width - 1) == 0 and rest.shape[1] > width:  # as all bins are: pairs cost a third of reduceat
-                for _ in range(width.bit_length() - 1):
-                    rest = extreme(rest[:, ::2], rest[:, 1::2])
-            elif rest.shape[1]:
-                rest = extreme.reduceat(rest, np.arange(0, rest.shape[1], width), axis=1)
-            extreme(kept[:, bins], rest, out=kept[:, bins])
+        widen_bins(samples, width, self._low[:, bins], self._high[:, bins])
 
     def _join_pairs(self) -> None:
         half = self._bins // 2

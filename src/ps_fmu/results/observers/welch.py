@@ -61,6 +61,7 @@ class Welch(ColumnObserver):
         self._held = np.empty((len(self.names), rows))
         self._filled = 0
         self._power = np.zeros((len(self.names), len(self.frequency)))
+        self._rooms = np.empty(rows), np.empty(rows // 2 + 1, dtype=complex), *np.empty((2, rows // 2 + 1))
 
     def take(self, time: Array, samples: Array) -> None:
         """Fill the segment; transform it when it is full and keep its second half for the next."""
@@ -81,14 +82,17 @@ class Welch(ColumnObserver):
     def _transform(self, segment: Array, power: Array) -> None:
         """Add the squares of a segment's lines (rows,) to ``power``.
 
-        Of all signals at once they take twice the time and more: the arrays on the way outgrow the cache, and are
-        mapped anew each time.
+        Of all signals at once they take twice the time and more: the arrays on the way outgrow the cache.  Arrays that
+        are made anew each time, and so mapped anew, take twice the time, too.
         """
-        segment = segment - segment.mean() if self._remove_mean else segment.copy()
-        segment *= self._window
-        lines = np.fft.rfft(segment)
-        squares = np.square(lines.real)
-        squares += np.square(lines.imag)
+        windowed, lines, squares, more = self._rooms
+        np.multiply(
+            np.subtract(segment, segment.mean(), out=windowed) if self._remove_mean else segment,
+            self._window, out=windowed,
+        )  # fmt: skip
+        np.fft.rfft(windowed, out=lines)
+        np.square(lines.real, out=squares)
+        squares += np.square(lines.imag, out=more)
         power += squares
 
     def save_state(self) -> dict[str, Any]:
