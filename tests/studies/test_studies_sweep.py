@@ -10,11 +10,11 @@ import signal
 import subprocess
 import sys
 import time
-from contextlib import suppress
 
 import psutil
 import pyarrow.parquet as pq
 import pytest
+from support.processes import end_with_children, read_command
 
 from ps_fmu.studies.case_runner import CaseRunner
 from ps_fmu.studies.parts import list_missing, list_parts, read_rows
@@ -86,23 +86,6 @@ def hand_started(tmp_path):
 def start_dask(what, *arguments):
     command = [sys.executable, "-I", "-m", f"distributed.cli.dask_{what}", "--no-dashboard", *arguments]
     return subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-
-
-def end_with_children(process):
-    children = []
-    with suppress(psutil.NoSuchProcess):
-        children = psutil.Process(process.pid).children(recursive=True)
-    for one in (process, *children):
-        with suppress(psutil.NoSuchProcess):
-            one.kill()
-    process.wait()
-
-
-def read_command(process):
-    """The words of a process; none of one that has just ended."""
-    with suppress(psutil.Error):
-        return process.cmdline()
-    return []
 
 
 def wait_until(condition):
