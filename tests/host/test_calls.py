@@ -19,7 +19,7 @@ from pathlib import Path
 
 import pytest
 from fmpy import read_model_description
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, example, given, settings
 from support.fmi_calls.caller import OK, Caller
 from support.fmi_calls.sequences import Step, sequences
 from support.fmi_calls.session import Session
@@ -33,6 +33,15 @@ TOYS = Path(__file__).parents[1] / "slavekit" / "models"
 # What BLAS computes to the last bit depends on these.
 BLAS = {name: value for name, value in os.environ.items() if name.startswith(("OMP_", "OPENBLAS_", "MKL_"))}
 SANITIZERS = {"ASAN_OPTIONS": "detect_leaks=0:exitcode=99", "UBSAN_OPTIONS": "print_stacktrace=1:exitcode=99"}
+
+STEPPED: list[Step] = [*[("advance", (0,))] * 4, ("step", (0, 0.0, 0.3))]
+UNKNOWN = 2**32 - 1  # no value reference
+BOTH_WAYS: list[Step] = [
+    *STEPPED, ("step", (0, 0.0, -1.0)), ("get", (0, "Real", [UNKNOWN])), ("set", (0, "Real", [UNKNOWN], [0.0])),
+    ("checkpoint", (0, 0)), ("get_state", (0, None)), ("set_state", (0, 0)), ("set_state", (0, None)),
+    ("deserialise", (0, 1, 0)), ("deserialise", (0, None, 0)),
+]  # fmt: skip
+"""Calls that are possible, and the same ones where they are not: few sequences at random may have one of them alone."""
 
 
 class Fmu:
@@ -75,6 +84,7 @@ class Fmu:
         """At least so many calls in all, and what has to have happened among them."""
 
         @settings(max_examples=calls // SEQUENCE, suppress_health_check=[HealthCheck.too_slow])
+        @example(BOTH_WAYS)
         @given(sequences(self.model.layout))
         def run(sequence: list[Step]) -> None:
             self.run(sequence)
@@ -93,7 +103,6 @@ def oscillator(calls_program, bound):
     return Fmu(calls_program, bound["oscillator"], slave_class("oscillator", TOYS))
 
 
-STEPPED = [*[("advance", (0,))] * 4, ("step", (0, 0.0, 0.3))]
 LAST_TIME = ("get_statuses", (0, 2))
 
 
