@@ -49,13 +49,14 @@ class Drift:
 
     def count_parts(self, first: int, last: int) -> int:
         """In how many parts the blocks from ``first`` to ``last`` are nearly always found."""
-        path = 1 + count_parts(self._sensors, _PROCESSES * DRIFT_BLOCK) + self._bridges[0].n_parts
+        path = 2 + count_parts(self._sensors, _PROCESSES * DRIFT_BLOCK) + self._bridges[0].n_parts
         return sum(path for block in range(first, last + 1) if block not in self._sums)
 
     def find(self, block: int) -> Parts:
         """Drift at the places of a block, and its growth to the next ones, (2, sensors, DRIFT_BLOCK)."""
         if block not in self._sums:
             path = yield from self._find_path(0, block)
+            yield
             total = path.sum(axis=1).T
             keep(self._sums, block, np.ascontiguousarray([total[:, :-1], np.diff(total)]))
         return self._sums[block]

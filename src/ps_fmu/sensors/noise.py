@@ -130,7 +130,7 @@ def make_calls(
     addresses = (None if array is None else library.find_address(array) for array in (bias, gain))
     given = ErrorRows(
         Progress(library.find_address(errors), len(index), at_once), pointer(room), (ErrorKind * len(kinds))(*kinds),
-        index.ctypes.data, *addresses, len(kinds), WHITE_BLOCK, errors.shape[1],
+        index.__array_interface__["data"][0], *addresses, len(kinds), WHITE_BLOCK, errors.shape[1],
     )  # fmt: skip
     given.kept = kinds
     first, last = int(index[0]) // WHITE_BLOCK, int(index[-1]) // WHITE_BLOCK
