@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Generator
-from numbers import Integral
 from typing import Protocol
+
+import numpy as np
 
 from .buffer import Array
 from .core import Core
@@ -109,7 +110,7 @@ class TableAhead:
 
     def _note(self, part: int | Calls) -> int:
         """What the generator has yielded; how many parts are still to come."""
-        if isinstance(part, Integral):  # numpy's, too
+        if isinstance(part, (int, np.integer)):
             self._core.calls, self._calls = None, None
             return max(int(part), 1)
         self._core.calls, self._calls = part.address, part
