@@ -403,21 +403,3 @@ def test_a_refused_run_leaves_no_empty_folder(archive, tmp_path, capsys):
     with pytest.raises(SystemExit):
         system_command.run(*parse(archive, "--step", "0.1", "--observe", "none*", "--output", tmp_path / "a" / "b"))
     assert not (tmp_path / "a").exists()
-
-
-def test_an_fmu_without_outputs_leaves_its_times(tmp_path):
-    script = tmp_path / "quiet.py"
-    script.write_text(
-        "from pythonfmu import Fmi2Causality, Fmi2Slave, Real\n"
-        "class Quiet(Fmi2Slave):\n"
-        "    def __init__(self, **given):\n"
-        "        super().__init__(**given)\n"
-        "        self.u = 0.0\n"
-        "        self.register_variable(Real('u', causality=Fmi2Causality.input))\n"
-        "    def do_step(self, t, h):\n"
-        "        return True\n"
-    )
-    fmu = FmuBuilder.build_FMU(script, dest=tmp_path)
-    assert run(fmu, "--step", 0.125, "--duration", 1.0, "--no-figures", "--output", tmp_path / "out") == 0
-    (times,) = read(tmp_path / "out").values()
-    np.testing.assert_array_equal(times, np.arange(9) * 0.125)
