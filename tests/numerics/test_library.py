@@ -1,10 +1,13 @@
 """The compiled library: the same bits with all instructions, those of numpy but for rounding, no lock of Python."""
 
+import importlib
+import shutil
 import sys
 import threading
 import zipfile
 from concurrent.futures import ThreadPoolExecutor
 from ctypes import byref
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -220,3 +223,15 @@ def test_the_fmu_carries_the_libraries(built_fmus):
     with zipfile.ZipFile(built_fmus / "DisturbanceSource.fmu") as fmu:
         names = {name.partition("/numerics/")[2] for name in fmu.namelist()}
     assert {"linux64/numerics.so", "aarch64-linux/numerics.so", "win64/numerics.dll"} <= names
+
+
+def test_the_library_of_a_folder_that_is_gone(tmp_path, monkeypatch):
+    """As where an FMU was freed before it has made a number, and others share its modules."""
+    package, source = tmp_path / "shared_by_fmus", Path(library.__file__).parents[1]
+    shutil.copytree(source / "numerics", package / "numerics")
+    shutil.copy(source / "compiled_files.py", package)
+    (package / "__init__.py").touch()
+    monkeypatch.syspath_prepend(tmp_path)
+    shared = importlib.import_module("shared_by_fmus.numerics.library")
+    shutil.rmtree(package)
+    assert shared.find_arithmetic() is not None

@@ -31,6 +31,15 @@ def test_columns_lie_side_by_side(count, places):
 
 
 @pytest.mark.usefixtures("compiled")
+@pytest.mark.parametrize(("places", "count"), [([], 5), ([0, 4], 0), ([], 0)])
+def test_nothing_is_copied_to_where_nothing_is(places, count):
+    result = np.empty((len(places), count))
+    ColumnCopy(places, 9).run(ROWS[:count], result)
+    with pytest.raises(ValueError, match="result"):
+        ColumnCopy([0, 4], 9).run(ROWS[:5], result)
+
+
+@pytest.mark.usefixtures("compiled")
 @pytest.mark.parametrize("count", [1, 31, 32, 33, 639])
 def test_the_peak_is_the_largest_magnitude(count):
     values = ROWS.reshape(-1)[:count].copy()
@@ -52,7 +61,7 @@ def test_peak_of_what_is_empty_or_has_gaps():
 
 
 @pytest.mark.usefixtures("compiled")
-@pytest.mark.parametrize(("reals", "ints"), [(9, 0), (0, 1), (0, 2), (4, 1), (3, 5), (90, 30)])
+@pytest.mark.parametrize(("reals", "ints"), [(9, 0), (0, 1), (0, 2), (4, 1), (3, 5), (90, 30), (0, 0)])
 @pytest.mark.parametrize("count", [0, 1, 40, 400])
 def test_c_ints_become_doubles_in_place(count, reals, ints):
     rng = np.random.default_rng(reals)

@@ -42,6 +42,13 @@ def test_bins_are_widened_to_their_extremes(bins, width):
     np.testing.assert_array_equal(room[:, :, [0, 1, -2, -1]], before[:, :, [0, 1, -2, -1]])
 
 
+@pytest.mark.parametrize("shape", [(0, 4), (2, 0), (0, 0)])
+def test_no_bins_are_widened(shape):
+    low, high = np.empty(shape), np.empty(shape)
+    widen_bins(np.empty((shape[0], 8 * shape[1])), 8, low, high)
+    assert low.shape == high.shape == shape
+
+
 def test_bins_that_do_not_fit_are_refused():
     low, high = np.zeros((2, 4)), np.zeros((2, 4))
     for samples, width in ((np.ones((2, 9)), 2), (np.ones((3, 8)), 2), (np.ones((2, 8)), 4)):

@@ -22,6 +22,7 @@ class Drawn(Slave):
     )
     n_memory = 1  # gain
     block_rows = 64
+    calls = Calls
 
     def configure(self) -> None:
         self.made: list[Calls] = []
@@ -33,7 +34,7 @@ class Drawn(Slave):
         gain, first = self.memory[0], round(t / h)
         begin, end = first // BLOCK, -(-(first + n) // BLOCK)
         drawn = np.empty((end - begin, 2 * BLOCK))
-        self.made.append(Calls(make_calls(make_words((5, begin)), BLOCK, drawn, 1), drawn))
+        self.made.append(self.calls(make_calls(make_words((5, begin)), BLOCK, drawn, 1), drawn))
         yield from self.made[-1]
         self.ends.append(self._core.count)
         return gain * drawn.reshape(-1, 2)[first - begin * BLOCK :][:n]
@@ -163,3 +164,49 @@ def test_a_row_that_is_not_finite_is_refused_at_its_step():
         with pytest.raises(ModelError, match=r"t = 0\.99 s refused: Broken\.rows has elements that are not finite"):
             slave.do_step(slave.time, H)
         assert slave._fmu_state_to_bytes(slave._get_fmu_state()) == before
+
+
+class Interrupted(Calls):
+    """Calls of which Ctrl-C, once, ends one that is counted already."""
+
+    due = True
+
+    def make_next(self) -> None:
+        if self.due and self.left == 5:
+            Interrupted.due = False
+            self._words.next += 1
+            raise KeyboardInterrupt
+        super().make_next()
+
+
+class OftenInterrupted(Drawn):
+    calls = Interrupted
+
+
+def test_a_table_whose_calls_were_interrupted_is_made_anew():
+    Interrupted.due, slave, rows = True, start(OftenInterrupted), []
+    while Interrupted.due:
+        try:
+            rows += run(slave, 1)
+        except KeyboardInterrupt:
+            interrupted = len(rows)
+    assert interrupted > 0
+    rows += run(slave, 300)
+    assert rows == expected(0, len(rows))
+
+
+class Counting(Drawn):
+    """Says by other numbers how many parts are to come, or not at all."""
+
+    left: object = np.int64(3)
+
+    def rows(self, t, h, n):
+        yield self.left
+        yield self.left
+        return (yield from super().rows(t, h, n))
+
+
+@pytest.mark.parametrize("left", [np.int64(3), np.uint8(1), None, "many"])
+def test_generators_may_count_by_other_numbers_or_not_at_all(left):
+    model = type("CountingOtherwise", (Counting,), {"left": left})
+    assert run(start(model), 400) == expected(0, 400)

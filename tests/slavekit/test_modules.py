@@ -24,7 +24,7 @@ KNOWN = {"b", "a", "c", "?"}
 def find(name, table={"left": 1.5}):
     return name in {"left", "right", "both", "none"} and [part for part in (1, (2, "left")) if part]
 '''
-GUARD = b"def keep_alive(*objects): pass\n"
+GUARD = b"def keep_alive(*objects): pass\ndef find_stand_in(): return object\n"
 
 
 def make_package(folder, package, files):
@@ -150,6 +150,20 @@ def test_modules_are_found_in_the_archive_of_the_next_fmu_when_the_first_is_gone
     assert inner.shared.LOADED == ["left", "right"]
     places = [place for place in inner.__path__ if not place.startswith(str(folders[2]))]
     assert places == []
+
+
+def test_the_script_adds_no_folder_that_it_is_not_in(tmp_path):
+    """The library executes it twice; the first time takes its folder out of sys.path."""
+    script = b"from .slavekit.author import guard\nclass Toy: pass\n"
+    archive = make_package(tmp_path, "toy_run_twice", {"toy.py": script})
+    start(tmp_path, "toy_run_twice", archive)
+    (place,) = tmp_path.glob("entry_*.py")
+    entry, inner = sys.modules[place.stem], sys.modules["toy_run_twice.slavekit"]
+    home = tmp_path / "toy_run_twice"
+    expected = {str(home / "slavekit"), str(archive / "slavekit")}
+    assert set(inner.__path__) <= expected
+    exec(compile(place.read_bytes(), place, "exec"), vars(entry), {})
+    assert set(inner.__path__) <= expected
 
 
 def test_another_fmu_in_a_folder_of_the_same_name(tmp_path):

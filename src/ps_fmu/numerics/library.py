@@ -138,6 +138,9 @@ def _load() -> ctypes.CDLL | None:
         return None
 
 
+_load()  # when the module is: an FMU's folder goes with its first instance, perhaps before that asks for a function
+
+
 def clear() -> None:
     """Look for the library again, the next time that a function is asked for."""
     find_arithmetic.cache_clear()

@@ -41,8 +41,11 @@ class ColumnCopy:
         if rows.dtype != np.float64 or rows.shape[1:] != (self._columns,) or not rows.flags.c_contiguous:
             raise ValueError(f"expected contiguous rows of {self._columns} doubles, got {rows.dtype} {rows.shape}")
         shape, (apart, beside) = (len(self._places), len(rows)), result.strides
-        if result.dtype != np.float64 or result.shape != shape or beside != 8 or apart % 8 or apart < 8 * len(rows):
+        is_laid = not result.size or (beside == 8 and apart % 8 == 0 and apart >= 8 * len(rows))
+        if result.dtype != np.float64 or result.shape != shape or not is_laid:
             raise ValueError(f"result: expected {shape} doubles, got {result.dtype} {result.shape} {result.strides}")
+        if not result.size:  # numpy gives it other strides
+            return
         library = find_library()
         if library is None:
             result[...] = rows[:, self._places].T
@@ -74,6 +77,8 @@ def complete_rows(rows: Array, reals: int) -> float:
     """
     if rows.dtype != np.float64 or rows.ndim != 2 or not rows.flags.c_contiguous or not 0 <= reals <= rows.shape[1]:
         raise ValueError(f"expected contiguous rows of {reals} doubles or more, got {rows.dtype} {rows.shape}")
+    if not rows.size:
+        return 0.0
     library = find_library()
     if library is None:
         ints = rows[:, reals:].view(np.int32)[:, : rows.shape[1] - reals]

@@ -53,7 +53,7 @@ def widen_bins(samples: Array, width: int, low: Array, high: Array) -> None:
     samples = _lay_side_by_side(samples)
     shape = samples.shape[0], samples.shape[1] // width
     for kept in (low, high):
-        beside = kept.dtype == np.float64 and kept.strides[-1] == 8
+        beside = kept.dtype == np.float64 and (kept.strides[-1] == 8 or not kept.size)
         if not beside or kept.shape != shape or shape[1] * width != samples.shape[1]:
             raise ValueError(f"expected {shape} contiguous bins of {width}, got {kept.dtype} {kept.shape}")
     library = find_library()

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Generator
 from typing import Protocol
 
+import numpy as np
+
 from .buffer import Array
 from .core import Core
 
@@ -82,19 +84,20 @@ class TableAhead:
         if self._parts is None:
             return 0
         calls = self._calls
-        if calls is not None and calls.left:
+        try:
+            if calls is None or not calls.left:
+                return self._note(next(self._parts))
             calls.make_next()
             return calls.left + calls.later
-        try:
-            part = next(self._parts)
         except StopIteration as end:
             table = end.value
             self._end()
             self._table = table
         except Exception:
             self.drop()
-        else:
-            return self._note(part)
+        except BaseException:  # Ctrl-C: a call may be counted that was not made
+            self.drop()
+            raise
         return 0
 
     def take(self, key: _Key) -> Array | None:
@@ -107,9 +110,9 @@ class TableAhead:
 
     def _note(self, part: int | Calls) -> int:
         """What the generator has yielded; how many parts are still to come."""
-        if isinstance(part, int):
+        if isinstance(part, (int, np.integer)):
             self._core.calls, self._calls = None, None
-            return max(part, 1)
+            return max(int(part), 1)
         self._core.calls, self._calls = part.address, part
         return part.left + part.later
 

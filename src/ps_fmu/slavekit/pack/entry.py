@@ -17,14 +17,15 @@ import traceback
 
 try:
     for _folder in sys.path:
-        if os.path.isfile(os.path.join(_folder, __name__ + ".py")):
+        if _is_here := os.path.isfile(os.path.join(_folder, __name__ + ".py")):
             break
     # The name of the package is made from its content: what another FMU has loaded of it is right for this one, too,
     # and stays so when that one's folder is gone.  Each FMU has only the modules that it needs: the others are here,
-    # in the folder of the package and in an archive in it.
+    # in the folder of the package and in an archive in it.  The library may execute this again at once: then all is
+    # done, and the folder is not in sys.path any longer.
     importlib.import_module("{package}")
     _home = os.path.join(_folder, "{package}")
-    for _name, _module in list(sys.modules.items()):
+    for _name, _module in list(sys.modules.items()) if _is_here else ():
         if (_name + ".").startswith("{package}.") and hasattr(_module, "__path__"):
             _inside = "".join(os.sep + _part for _part in _name.split(".")[1:])
             for _top in (_home, os.path.join(_home, "{modules}")):
