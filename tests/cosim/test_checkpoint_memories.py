@@ -14,6 +14,7 @@ from ps_fmu.cosim.checkpoint.checkpoints import Checkpoints
 from ps_fmu.cosim.checkpoint.state import CheckpointError
 from ps_fmu.cosim.checkpoint.warm_start import WarmStart
 from ps_fmu.cosim.schemes.scheme import Iteration, Rate, Scheme
+from ps_fmu.cosim.signals import read_signals
 
 CUTS = (0.05, 0.14, 0.2, 0.28, 0.47, None)  # s
 
@@ -230,9 +231,9 @@ def keep_one(system, folder, scheme, steps):
     run(system, Checkpoints(folder, 10.0), steps=steps, scheme=scheme, events=())
 
 
-def begin(system, folder, scheme, anew=()):
+def begin(system, folder, scheme, anew=(), **options):
     source, keep = WarmStart(folder, anew), Keep()
-    with Master(system, H, scheme, block_rows=7, start_time=source.time) as master:
+    with Master(system, H, scheme, block_rows=7, start_time=source.time, **options) as master:
         master.initialise()
         master.run(0.2, [keep], checkpoints=Checkpoints(None, source=source))
     return keep
@@ -285,6 +286,26 @@ def test_lines_go_on_where_another_run_begins(masses, tmp_path, extrapolation, r
     np.testing.assert_allclose(rows.values, whole.values[30:], rtol=1e-9, atol=1e-12)
     other = begin(masses, tmp_path, scheme, ["second"])
     assert np.abs(other.values - whole.values[30:]).max() > 0.01
+
+
+@pytest.mark.parametrize("there", [None, 3.0])
+@pytest.mark.parametrize("here", [None, 3.0, 7.0])
+def test_lines_of_other_inputs_begin_anew(masses, tmp_path, there, here):
+    """An input over time that the other run had not, or had otherwise, jumps: it is no line from what was before."""
+    system, name = replace(masses, connections=()), str(masses.connections[-1].target)
+
+    def read(*rows):
+        (tmp_path / "in.csv").write_text("\n".join([f"time,{name}", *(f"{t},{value}" for t, value in rows)]))
+        return {} if rows[0][1] is None else {"inputs": read_signals(tmp_path / "in.csv")}
+
+    scheme = Scheme("jacobi", "linear")
+    run(system, Checkpoints(tmp_path, 10.0), steps=30, scheme=scheme, events=(), **read((0, there)))
+    found = begin(system, tmp_path, scheme, **read((0, here))).values
+    then = there if here is None else here  # without an input the FMU keeps what it has
+    inputs = read((0, there or 0.0), (0.3, there or 0.0), (0.3, then or 0.0))
+    held = run(system, steps=50, events=(), **inputs).values[30:]
+    width = min(found.shape[1], held.shape[1])  # the input comes last
+    np.testing.assert_allclose(found[:, :width], held[:, :width], rtol=1e-9, atol=1e-12)
 
 
 def test_a_run_does_not_begin_within_a_step_of_a_component(masses, tmp_path):

@@ -21,6 +21,7 @@ from ps_fmu.cosim.fmu_instance import FmuInstance
 from ps_fmu.cosim.graph import check_wiring
 from ps_fmu.cosim.isolation.instance import Isolation
 from ps_fmu.cosim.schemes.scheme import make_scheme
+from ps_fmu.cosim.signals import read_signals
 
 
 @pytest.mark.parametrize(
@@ -327,6 +328,20 @@ def test_a_warm_start_may_record_other_variables(mixed, tmp_path, there, here):
         names = [column.name for column in master.columns]
         own = [names.index(column.name) for column in fewer.columns]
     np.testing.assert_array_equal(rows.values, whole.values[30:, own])
+
+
+@pytest.mark.parametrize("there", [None, "0,1\n", "0,1\n0.3,2\n"])
+def test_a_warm_start_has_its_own_inputs_over_time(mixed, tmp_path, there):
+    """From the first step on, whatever the run of the checkpoint had."""
+
+    def read(text):
+        (tmp_path / "in.csv").write_text(f"time,first.increment\n{text}")
+        return read_signals(tmp_path / "in.csv")
+
+    run(mixed, Checkpoints(tmp_path, 10.0), steps=30, events=(), **({} if there is None else {"inputs": read(there)}))
+    rows = begin(mixed, WarmStart(tmp_path), 10, inputs=read("0,1\n0.3,5\n")).values
+    whole = run(mixed, steps=40, events=(), inputs=read("0,1\n0.3,5\n")).values[30:]
+    np.testing.assert_array_equal(rows, whole)
 
 
 def test_a_value_that_is_given_holds_although_the_other_run_began_with_it(mixed, tmp_path):

@@ -8,7 +8,7 @@ from support import relays
 from support.relays import binding, description, make_relay, port, relay, system, wire
 
 from ps_fmu.cli import main
-from ps_fmu.cosim import Master, SystemFileError, UsageError, WiringError, read_system
+from ps_fmu.cosim import Master, SlaveError, SystemFileError, UsageError, WiringError, read_system
 from ps_fmu.cosim.description import read_description
 from ps_fmu.cosim.signals import read_signals
 from ps_fmu.cosim.ssp.single import complete_experiment, fit_duration, read_single
@@ -130,3 +130,15 @@ def test_a_stop_time_that_no_steps_reach(folder, capsys):
     path = change_experiment(folder, 'stopTime="1e300"')
     assert main(["run", str(path), "--step", "1e-300", "--output", str(folder / "out")]) == 2
     assert "more than 1e+10 steps" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("count", [1, 20])
+def test_a_conversion_that_grows_beyond_all_numbers_names_the_fmu(folder, recwarn, count):
+    """Few inputs and many are converted otherwise; numpy says nothing of its own before the error."""
+    names = [f"b{number}" for number in range(count)]
+    wires = "".join(wire("a/real_out", f"{name}/real_in", HUGE) for name in names)
+    with Master(read(folder, system("".join(map(relay, ["a", *names])), wires)), 0.1) as master:
+        master.initialise()
+        with pytest.raises(SlaveError, match=r"b0: not a finite number at t = 0\.3 s"):
+            master.run(0.5, events=[(0.1, "a.real_in", 10.0)])
+    assert not [str(one.message) for one in recwarn if issubclass(one.category, RuntimeWarning)]

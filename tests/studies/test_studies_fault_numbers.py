@@ -170,6 +170,7 @@ def test_a_spread_may_be_relative_to_what_the_file_states(plan):
         ('"faults.push.time"\nvalues = [1.0]', r", values: a number without unit does not fit the unit 's'"),
         ('"faults.push.time"\nvalues = ["1 s"]', r", values: case 0: .*line \d+: events\[0\]: time 1 s is not before "
          r"the end of the run"),
+        ('"faults.push.time"\nvalues = ["1e308 s"]', r"case 0: .*line 3: events\[0\]: duration: 0\.1 s has"),
         ('"faults.push.time"\nvalues = ["-1 s"]', r", values: push\.time: -1.0 is outside"),
         ('"faults.late.value"\nvalues = ["20 ms", "25 ms"]', r"case 1: .*events\[2\]: value: expected a delay of"),
         ('"faults.push.duration"\nvalues = ["1 ns"]', r"case 0: .*events\[0\]: duration: 1e-09 s has no step"),

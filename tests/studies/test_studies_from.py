@@ -147,7 +147,7 @@ def test_each_run_begins_from_the_case_of_its_name(settle, plan, stateful, tmp_p
     pushed = run_whole(stateful, [(0.2, "mass.force", 3.0)])
     assert row["b.mass.position.APE.peak"] == np.abs(pushed[SETTLING:]).max() != row["a.mass.position.APE.peak"]
     assert [*prepared.identity.checkpoints_sha256] == ["a", "b"]
-    with pytest.raises(StudyError, match=r"\[from\], checkpoint: .* has no checkpoint of active; it has a, b"):
+    with pytest.raises(StudyError, match=r"\[from\], checkpoint: .* it has a, b: give the folder of one"):
         plan()
     settle("settled/checkpoint/b", steps=10)
     with pytest.raises(StudyError, match=r"run 'b' is of t = 0.1 s, that of 'a' of 0.3 s"):

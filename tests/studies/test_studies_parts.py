@@ -3,6 +3,8 @@
 import errno
 import os
 
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 
 from ps_fmu.studies.parts import FOLDER, list_missing, list_parts, read_rows, write_part
@@ -62,6 +64,24 @@ def test_a_full_disk_leaves_what_was_there(folder, monkeypatch, call):
     monkeypatch.undo()
     assert [one.name for one in (folder / FOLDER).iterdir()] == [path.name]
     assert path.read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    ("change", "problem"),
+    [
+        ({"case": ["a", "b"]}, "case is of the type string, expected int64"),
+        ({"case": [0, None]}, "case is not in each row"),
+        ({"status": None}, "status"),
+        ({"status": [1, 2]}, "status is of the type int64"),
+        ({"x.rms": ["a", "b"]}, "x.rms is of the type string, expected double"),
+    ],
+)
+def test_a_part_with_other_columns_is_named(folder, change, problem):
+    path = write_part(folder, PLAN, rows(0, 1))
+    columns = pq.read_table(path).to_pydict() | change
+    pq.write_table(pa.table({name: values for name, values in columns.items() if values is not None}), path)
+    with pytest.raises(OSError, match=f"{problem}.*: delete this part, and resume"):
+        read_rows([path])
 
 
 def test_a_part_that_cannot_be_read_is_named(folder):

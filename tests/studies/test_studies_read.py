@@ -86,6 +86,13 @@ def test_what_is_no_number_of_metres_is_refused(given, problem):
         ("seed = 7", 'seed = 7\nisolate = 1', "isolate: expected a name, or a list of names"),
         ("seed = 7", 'seed = 7\nstep_timeout = "1 s"', "step_timeout: only FMUs with .* give isolate, too"),
         ("seed = 7", 'seed = 7\nisolate = true\nstep_timeout = "0 s"', "step_timeout: expected a time"),
+        ('low = "1"', f"low = 1{'0' * 400}", r"low: expected a number up to 1.8e\+308"),
+        ("seed = 7", f'seed = 7\nscheme = "iterated"\ntolerance = 1{"0" * 400}', "tolerance: expected a number"),
+        ("[[observe]]", f'[signals]\nvariables = "*"\ncases = "all"\nmost = 1{"0" * 400}\n[[observe]]', "gigabytes"),
+        ('window = "0.02 s"', 'window = "1e308 s"', "whole number of steps"),
+        ('low = "1"\nhigh = "2"', 'low = -1e308\nhigh = 1e308', "high: .* too far from"),
+        ('"uniform"\nlow = "1"\nhigh = "2"', '"steps"\ncount = 3\nlow = -1e308\nhigh = 1e308', "high: .* too far from"),
+        ('distribution = "uniform"', 'distribution = "normal"\nmean = 1e308\nsigma = 0.1', "nothing between"),
         ("seed = 7", 'seed = 7\nrequirements = "none.toml"', "requirements: there is no file"),
     ],
 )  # fmt: skip

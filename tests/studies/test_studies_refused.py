@@ -1,5 +1,7 @@
 """Studies of any system that cannot be run are refused before anything runs: by table, file and line."""
 
+import json
+import re
 import shutil
 
 import pytest
@@ -7,7 +9,7 @@ from support.relays import LINEAR, description, port, relay, system, wire
 
 from ps_fmu.cosim import CosimError
 from ps_fmu.studies.study import StudyError
-from ps_fmu.studies.study_folder import open_folder
+from ps_fmu.studies.study_folder import open_folder, read_identity
 from ps_fmu.studies.sweep import SweepOptions, prepare
 
 STUDY = """
@@ -191,3 +193,19 @@ def test_another_system_is_not_resumed(plan, tmp_path, what, reason):
     with pytest.raises(StudyError, match=reason):
         open_folder(folder, second.plan, second.identity, resume=True)
     assert {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()} == before
+
+
+@pytest.mark.parametrize(
+    "change", [{"fmus": 5}, {"fmus": {"ToyRelay": 5}}, {"versions": []}, {"checkpoints_sha256": {"active": None}}, None]
+)
+def test_a_damaged_manifest_is_named(plan, tmp_path, change):
+    prepared, folder = plan(), tmp_path / "out"
+    folder.mkdir()
+    open_folder(folder, prepared.plan, prepared.identity, resume=False)
+    manifest = folder / "manifest.json"
+    found = json.loads(manifest.read_text()) | {"plan_sha256": "0"}
+    manifest.write_text("[" * 100000 if change is None else json.dumps(found | change))
+    with pytest.raises(StudyError, match=re.escape(str(manifest))):
+        open_folder(folder, prepared.plan, prepared.identity, resume=True)
+    with pytest.raises(StudyError, match=re.escape(str(manifest))):
+        read_identity(folder)

@@ -11,6 +11,7 @@ from support.cosim import Collect
 from ps_fmu.cosim import Master, RecorderError
 from ps_fmu.studies import stored, worker
 from ps_fmu.studies.case_runner import CaseRunner
+from ps_fmu.studies.conclusion import describe_signals
 from ps_fmu.studies.parts import list_missing, list_parts, read_rows, write_part
 from ps_fmu.studies.rows import DONE
 from ps_fmu.studies.signals import FOLDER, name_file
@@ -152,6 +153,15 @@ def test_worst_cases_run_again_with_their_signals(write_study, toy_fmus, tmp_pat
         before = {path: path.stat().st_mtime_ns for path in (folder / FOLDER).iterdir()}
         compute(options, prepared, folder)  # nothing is left to do
         assert {path: path.stat().st_mtime_ns for path in (folder / FOLDER).iterdir()} == before
+
+
+def test_the_study_says_whose_signals_there_are(tmp_path):
+    (tmp_path / FOLDER).mkdir()
+    assert describe_signals(tmp_path) == []
+    (tmp_path / FOLDER / name_file(3)).touch()
+    assert describe_signals(tmp_path) == [f"Signals of one case are in the folder {FOLDER}: 3."]
+    (tmp_path / FOLDER / name_file(17)).touch()
+    assert describe_signals(tmp_path) == [f"Signals of 2 cases are in the folder {FOLDER}: 3, 17."]
 
 
 @pytest.mark.parametrize(

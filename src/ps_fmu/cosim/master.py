@@ -271,7 +271,7 @@ class Master:
         keeper, steps = checkpoints or NoCheckpoints(), self.clock.steps(duration)
         parts = MasterParts(
             self.system, self._descriptions, self._instances, self.wiring, self._rows, self.clock, self.scheme,
-            self.faults, self._set, self.columns, lambda: self._loop, self._make_plan,
+            self.faults, self._set, self.columns, lambda: self._loop, self._make_plan, self._signals,
         )  # fmt: skip
         first, self._index = keeper.begin(parts, self._index, steps, observers)
         end = first + steps

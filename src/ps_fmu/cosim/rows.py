@@ -68,7 +68,8 @@ class Derived:
         """The values (rows,) from the rows of all columns."""
         source = values[:, self.place]
         if not self.conversion.tables:
-            return source * self.conversion.factor + self.conversion.offset
+            with np.errstate(over="ignore", invalid="ignore"):  # who looks at the rows finds what is not finite
+                return source * self.conversion.factor + self.conversion.offset
         return np.array([float(self.conversion.apply(int(value))) for value in source])
 
 

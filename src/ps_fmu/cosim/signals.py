@@ -8,8 +8,10 @@ from __future__ import annotations
 
 import csv
 import io
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -213,8 +215,22 @@ def _bind(
         values[row] = value
     variables = [find_variable(descriptions[port.component], port.variable) for port, _ in targets]
     linear = kind == "Real" and all(variable.variability in (None, "continuous") for variable in variables)
+    if linear:
+        _check_spans(name, signal, values)
     unit = start.unit.name if start.unit is not None else "1"
     return BoundSignal(PortName("", name), start.type or "Real", unit, signal.times, values, linear, targets)
+
+
+def _check_spans(name: str, signal: Signal, values: NDArray[np.float64]) -> None:
+    """Raises :class:`SystemFileError` with the line where a line cannot be drawn from the row before."""
+    for row, (before, value) in enumerate(pairwise(values.tolist()), 1):
+        begin, end = signal.times[row - 1 : row + 1].tolist()
+        if not (math.isfinite(value - before) and math.isfinite(end - begin)):
+            text = (
+                f"input {name!r}: goes from {before:g} at {begin:g} s to {value:g} at {end:g} s: the difference is too "
+                "large a number to interpolate"
+            )
+            raise SystemFileError(Path(signal.origin), text, signal.lines[row])
 
 
 def _find_open(

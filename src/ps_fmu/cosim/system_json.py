@@ -66,7 +66,7 @@ def decode_system(path: Path) -> System:
     content = read_bytes(path, MAXIMUM_BYTES)
     try:
         return _read_system(json.loads(content), path.parent)
-    except (ValueError, TypeError, KeyError, AttributeError) as error:
+    except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
         raise SystemFileError(path, f"is no system of a study: {error!r}") from error
 
 

@@ -25,6 +25,8 @@ _pointer, _size, _boolean, _double = c_void_p.from_param, c_size_t.from_param, c
 _CONVERTED = CFUNCTYPE(c_int)
 # An FMU that runs Python takes the interpreter's lock at once: to let go of it first costs another 0.1 us.
 _CONVERTED_LOCKED = PYFUNCTYPE(c_int)
+_FEW = 12
+"""So many inputs are converted one by one, which costs 0.1 us each."""
 
 
 def make_plan(
@@ -190,14 +192,17 @@ class Wires:
                     inputs[place] = apply(int(inputs[place]))
 
             return look_up
+        if len(found) <= _FEW:
+            return _scale_few(found, inputs, slopes)
         places = np.array([place for place, _ in found])
         factors = np.array([conversion.factor for _, conversion in found])
         offsets = np.array([conversion.offset for _, conversion in found])
 
         def scale() -> None:
-            inputs[places] = inputs[places] * factors + offsets
-            if slopes is not None:
-                slopes[places] *= factors
+            with np.errstate(over="ignore", invalid="ignore"):  # the FMU's outputs show what is not finite
+                inputs[places] = inputs[places] * factors + offsets
+                if slopes is not None:
+                    slopes[places] *= factors
 
         return scale
 
@@ -211,6 +216,23 @@ class Wires:
             if (source := self.sources[port]).component and instance.variables[port.variable].type == "String"
             and port not in cut
         ]
+
+
+def _scale_few(
+    found: Sequence[tuple[int, Conversion]], inputs: NDArray[np.float64], slopes: NDArray[np.float64] | None
+) -> Callable[[], None]:
+    """What converts some inputs in place one by one, without the 2 us that numpy needs for few as for many."""
+    table = [(place, conversion.factor, conversion.offset) for place, conversion in found]
+    values: Any = inputs.data  # of doubles, where mypy knows bytes
+    lines: Any = None if slopes is None else slopes.data
+
+    def scale() -> None:
+        for place, factor, offset in table:
+            values[place] = values[place] * factor + offset
+            if lines is not None:
+                lines[place] *= factor
+
+    return scale
 
 
 def make_step(instance: FmuInstance, now: c_double, step: float, span: Span | None = None) -> Call:

@@ -111,7 +111,10 @@ def find_source(source: Path, case: str) -> Path:
         folder = name_folder(source, case)
         if not folder.is_dir():
             known = sorted(path.name for path in (source / CHECKPOINTS).iterdir() if path.is_dir())
-            raise OptionError(f"--from: {source} has no checkpoint of {case}; it has {', '.join(known) or 'none'}")
+            hint = f": give the folder of one, such as {source / CHECKPOINTS / known[0]}" if known else ""
+            raise OptionError(
+                f"--from: {source} has no checkpoint of {case}; it has {', '.join(known) or 'none'}{hint}"
+            )
         return folder
     return source
 

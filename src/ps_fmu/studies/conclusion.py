@@ -118,7 +118,8 @@ def describe_signals(folder: Path) -> list[str]:
     if not cases:
         return []
     named = ", ".join(map(str, cases[:20])) + (" ..." if len(cases) > 20 else "")
-    return [f"Signals of {len(cases)} cases are in the folder {SIGNALS}: {named}."]
+    what = f"{len(cases)} cases are" if len(cases) > 1 else "one case are"
+    return [f"Signals of {what} in the folder {SIGNALS}: {named}."]
 
 
 def list_notes(found: Conclusion) -> list[str]:

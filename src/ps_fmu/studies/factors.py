@@ -227,6 +227,7 @@ def _is_settable(variable: ModelVariable) -> bool:
 def _find_levels(vary: Vary, variables: Sequence[ModelVariable], unit: str) -> tuple[Value, ...]:
     if vary.distribution == STEPS:
         low, high = _convert(vary, "low", unit), _convert(vary, "high", unit)
+        _check_width(vary, low, high)
         if vary.count > 1 and low >= high:
             raise vary.error("low", f"{vary.numbers['low']} is not below high, {vary.numbers['high']}")
         if vary.logarithmic and low <= 0.0:
@@ -289,6 +290,12 @@ def _find_ratios(vary: Vary, targets: Sequence[str], starts: Sequence[float]) ->
     return tuple(start / starts[0] for start in starts)
 
 
+def _check_width(vary: Vary, low: float, high: float) -> None:
+    if not math.isfinite(high - low):
+        ends = f"{vary.numbers['high']} is too far from low, {vary.numbers['low']}"
+        raise vary.error("high", f"{ends}: expected a finite difference")
+
+
 def _find_spread(vary: Vary, start: float, unit: str) -> Spread:
     number: Mapping[str, Number] = vary.numbers
     centre = _convert(vary, "mean", unit) if "mean" in number else start
@@ -305,11 +312,14 @@ def _find_spread(vary: Vary, start: float, unit: str) -> Spread:
     if low >= high:
         raise vary.error("low", f"{number['low']} is not below high, {number['high']}")
     if vary.distribution == UNIFORM:
+        _check_width(vary, low, high)
         return Spread(low, high)
     assert vary.distribution == NORMAL
     from scipy.stats import norm
 
-    if norm.cdf(high, centre, width) - norm.cdf(low, centre, width) < LEAST_SHARE:
+    with np.errstate(over="ignore"):  # a limit that is too many sigmas away is as good as none
+        share = norm.cdf(high, centre, width) - norm.cdf(low, centre, width)
+    if share < LEAST_SHARE:
         about = f"{centre:g}" if unit == "1" else f"{centre:g} {unit}"
         text = f"a normal distribution about {about} with a sigma of {width:g} has nothing between {low:g} and {high:g}"
         raise vary.error("low", text)

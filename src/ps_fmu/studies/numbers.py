@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+import sys
 from dataclasses import dataclass
 
 from ..slavekit.author.units import parse_unit
@@ -53,7 +54,10 @@ def parse_number(given: object) -> Number:
     that is not finite.
     """
     if isinstance(given, int | float) and not isinstance(given, bool):
-        value, unit = float(given), ""
+        try:
+            value, unit = float(given), ""
+        except OverflowError:
+            raise ValueError(f"expected a number up to {sys.float_info.max:.2g}, got {given!r:.20}...") from None
     else:
         found = _NUMBER.fullmatch(given) if isinstance(given, str) else None
         if found is None:

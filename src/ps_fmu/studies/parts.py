@@ -146,9 +146,17 @@ def _read(path: Path, columns: list[str] | None = None) -> Any:
     import pyarrow.parquet as pq
 
     try:
-        return pq.read_table(path, columns=columns, partitioning=None)
-    except (OSError, pa.ArrowInvalid) as error:
-        raise OSError(f"{path}: {error}: delete this part, and resume the study") from error
+        table = pq.read_table(path, columns=columns, partitioning=None)
+        for name in table.column_names if columns is None else columns:
+            if table.schema.field(name).type not in (_find_type(name), pa.null()):
+                raise KeyError(f"{name} is of the type {table.schema.field(name).type}, expected {_find_type(name)}")
+        for name in ("case", "status"):
+            if table[name].null_count:
+                raise KeyError(f"{name} is not in each row")
+    except (OSError, KeyError, pa.ArrowInvalid) as error:
+        problem = str(error.args[0] if isinstance(error, KeyError) else error).partition("\n")[0]
+        raise OSError(f"{path}: {problem}: delete this part, and resume the study") from error
+    return table
 
 
 def _find_type(name: str) -> Any:

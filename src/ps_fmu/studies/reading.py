@@ -188,8 +188,8 @@ def _read_scheme(table: TableReader) -> Scheme:
     if not isinstance(rates, dict):
         raise table.error("rates", f'expected a table such as {{ motor = "1/4" }}, got {rates!r}')
     tolerance = table.table.get("tolerance", default.relative)
-    if isinstance(tolerance, bool) or not isinstance(tolerance, int | float):
-        raise table.error("tolerance", f"expected a number between 0 and 1, got {tolerance!r}")
+    if isinstance(tolerance, bool) or not isinstance(tolerance, int | float) or not 0.0 < tolerance < 1.0:
+        raise table.error("tolerance", f"expected a number between 0 and 1, got {tolerance!r:.30}")
     try:
         return Scheme(
             order,

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import re
 import shutil
+import sys
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -44,8 +45,8 @@ def read_signals(path: Path, content: Mapping[str, Any]) -> Signals | None:
     if cases != "all" and (not isinstance(cases, list) or any(type(case) is not int or case < 0 for case in cases)):
         raise table.error("cases", f'expected "all" or a list of cases, got {cases!r}')
     most = content["signals"].get("most", MOST_GB)
-    if isinstance(most, bool) or not isinstance(most, int | float) or not most > 0.0:
-        raise table.error("most", f"expected gigabytes above 0, got {most!r}")
+    if isinstance(most, bool) or not isinstance(most, int | float) or not 0.0 < most <= sys.float_info.max:
+        raise table.error("most", f"expected gigabytes above 0, got {most!r:.30}")
     found = Signals(
         place,
         table.names("variables"),

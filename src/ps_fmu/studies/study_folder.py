@@ -21,6 +21,8 @@ from .task import result_versions
 from .worker import MANIFEST
 
 PLAN, STUDY_COPY = "plan.parquet", "study.toml"
+TABLES = ("fmus", "versions", "checkpoints_sha256")
+"""Keys of a manifest with texts by name."""
 
 
 @dataclass(frozen=True)
@@ -173,10 +175,15 @@ def encode_plan(plan: Plan) -> bytes:
 def _read(manifest: Path) -> dict[str, Any]:
     try:
         found = json.loads(manifest.read_bytes())
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise StudyError(f"{manifest}: cannot be read: {error}") from error
     if not isinstance(found, dict):
-        raise StudyError(f"{manifest}: is no manifest of a study")
+        raise StudyError(f"{manifest}: is no manifest of a study: expected a table of keys")
+    for key in TABLES:
+        table = found.get(key)
+        named = isinstance(table, dict) and all(isinstance(value, str) for value in table.values())
+        if not (named or (table is None and key == "checkpoints_sha256")):
+            raise StudyError(f"{manifest}, {key}: is damaged: expected texts by name; name another --output")
     return found
 
 

@@ -20,6 +20,7 @@ from ..fmu_instance import FmuInstance
 from ..graph import Wiring
 from ..rows import Column, Rows
 from ..schemes.scheme import Scheme
+from ..signals import BoundSignal
 from ..structure import PortName, System, Value
 from ..substeps import RepeatingLoop
 from .state import CheckpointError, State
@@ -45,6 +46,8 @@ class MasterParts:
     get_loop: Callable[[], RepeatingLoop | None]
     make_plan: Callable[[], None]
     """Makes the plan of the steps, and the loop, anew."""
+    signals: Sequence[BoundSignal]
+    """Inputs of the run over time."""
 
     def check_abilities(self) -> None:
         """Raises :class:`CheckpointError` for an FMU whose state cannot be written into a file."""
@@ -72,7 +75,16 @@ class MasterParts:
             **identify_system(self.system, self.wiring, self.clock.step, self.scheme),
             "start": self.clock.start,
             "columns": list_columns(self.columns),
+            "inputs": self.list_inputs(),
             "faults": self.faults.identify(),
+        }
+
+    def list_inputs(self) -> dict[str, State]:
+        """The inputs of the run over time, as columns, with what each is fed into."""
+        return {
+            text: [str(port) for port, _ in signal.targets]
+            for signal in self.signals
+            for text in list_columns([signal.column])
         }
 
     def list_starts(self) -> dict[str, State]:

@@ -32,9 +32,10 @@ class WarmStart:
     The master is made with the ``start_time`` of :attr:`time` and its own start values.  Where these are not those of
     the checkpoint's run, inputs and tunable parameters are set, as by an event there.  A fixed parameter is in the
     state of its FMU and cannot change, unless that FMU begins ``anew``: it is initialised with its new values at that
-    time, gets the outputs of the others, and has none of its state of before.  Lines of inputs go on, or begin anew
-    where an FMU does.  Faults of the other run are over.  Other variables may be recorded than there: what the
-    checkpoint lacks is read of the FMUs.
+    time, gets the outputs of the others, and has none of its state of before.  Inputs over time are those of this run.
+    Lines of extrapolated inputs go on; all begin anew where an FMU does, or where an input over time is another one or
+    has another value than there.  Faults of the other run are over.  Other variables may be recorded than there: what
+    the checkpoint lacks is read of the FMUs.
 
     Nothing of it is changed by a run: many can begin from one.
 
@@ -116,7 +117,7 @@ class WarmStart:
             kept = self._kept["set"].items()
             values = {name: value for name, value in kept if parts.find_port(name).component not in self._anew}
             parts.load_values_set({"set": values, "repeated": self._kept["repeated"]})
-            if not self._anew:
+            if not self._anew and self._keeps_inputs(parts):
                 parts.load_scheme({**self._kept, "latest": latest})
             bases = {parts.find_port(name): value for name, value in self._kept["faults"]["bases"].items()}
             for port, value in {**bases, **changes}.items():
@@ -179,12 +180,18 @@ class WarmStart:
             )
 
     def _read_latest(self, parts: MasterParts, time: float) -> Array:
-        """The outputs at the checkpoint, as they lie in the rows of this run."""
+        """The outputs at the checkpoint, as they lie in the rows of this run.
+
+        Inputs of the run stay what the first row has: what the file of this run says of that time.
+        """
         there, rows = self._index_latest(), parts.rows
+        given = {signal.column for signal in parts.signals}
         reals = len(rows.real.places)
         for place, column in enumerate(parts.columns[: rows.latest.size]):  # those that are computed come last
             kind, own = (rows.real, place) if place < reals else (rows.discrete, place - reals)
             (name,) = list_columns([column])
+            if column in given:
+                continue
             if name in there:
                 kind.values[own] = there[name]
             elif not column.component:
@@ -193,6 +200,13 @@ class WarmStart:
                 variable = column.name.removeprefix(f"{column.component}.")
                 kind.values[own] = parts.instances[column.component].get([variable], time)[variable]
         return rows.latest.copy()
+
+    def _keeps_inputs(self, parts: MasterParts) -> bool:
+        """Whether the inputs over time are those of the checkpoint's run, with the values that they had there."""
+        own, there = parts.list_inputs(), self._index_latest()
+        places = [parts.rows.find_place(signal.port) for signal in parts.signals]
+        now = [values[place] for values, place in places]
+        return own == self._kept["run"]["inputs"] and [there[name] for name in own] == now
 
     def _index_latest(self) -> dict[str, float | int]:
         """The outputs in the checkpoint by name, unit and type of their columns: Reals, then C ints side by side."""

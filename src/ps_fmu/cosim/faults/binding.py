@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
@@ -118,7 +119,7 @@ class _Binder:
 
     def find_point(self, time: float) -> int:
         """The first communication point that is not before a time [s] from the start of the run."""
-        ratio = time / self._clock.step
+        ratio = min(time / self._clock.step, sys.float_info.max)  # a point there may be none of: check_end says so
         near = round(ratio)
         return near if abs(ratio - near) <= 1e-6 * max(1.0, near * 1e-6) else math.ceil(ratio)
 
