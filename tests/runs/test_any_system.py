@@ -14,7 +14,6 @@ from support.relays import description, port, relay, system, wire
 from ps_fmu import system_command
 from ps_fmu.cli import main
 from ps_fmu.cosim import Master
-from ps_fmu.runs.any_system import make_stored_names
 from ps_fmu.runs.output import hold_folder
 
 TOYS = system_command.Path(__file__).parents[1] / "cosim" / "toys"
@@ -368,14 +367,6 @@ def test_fmus_of_a_description_from_a_folder(fmus, built_fmus, tmp_path, capsys)
 def test_a_scenario_says_what_runs_a_foreign_system(archive, tmp_path, capsys):
     assert run("isolation", "--ssp", archive, "--duration", "1", "--output", tmp_path / "out") == 1
     assert f"The system has no 'plant', which scenarios need: ps-fmu run {archive} runs" in capsys.readouterr().err
-
-
-def test_names_for_netcdf():
-    found = make_stored_names(["a/b", "a_b", "time", " x", "y ", "\t", "e\u0301", "+z", "0"])
-    assert found == {
-        "a/b": "a_b", "a_b": "a_b_2", "time": "time_2", " x": "_ x", "y ": "y", "\t": "_", "e\u0301": "\u00e9",
-        "+z": "_+z", "0": "0",
-    }  # fmt: skip
 
 
 def test_a_value_for_a_connected_input_is_a_warning(fmus, tmp_path, capsys):
