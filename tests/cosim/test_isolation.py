@@ -8,13 +8,13 @@ import signal
 import subprocess
 import sys
 import textwrap
-import time
 from pathlib import Path
 
 import numpy as np
 import pytest
 from support import faulty
 from support.cosim import OSCILLATOR, Collect
+from support.processes import wait_until
 
 from ps_fmu.cosim import Master, SlaveError, UsageError, read_system
 from ps_fmu.cosim.fmu_instance import InstancePhase
@@ -133,13 +133,6 @@ def test_an_instance_that_cannot_be_loaded_leaves_no_process(tmp_path, make_syst
     with pytest.raises(Exception, match="no licence"), Master(system, H, isolation=Isolation()) as master:
         master.initialise()
     assert not list_guests(os.getpid())
-
-
-def wait_until(condition):
-    since = time.monotonic()
-    while not condition():
-        assert time.monotonic() - since < 60.0  # s; a busy machine is slow
-        time.sleep(0.02)
 
 
 def test_processes_end_with_a_master_that_is_killed(tmp_path, make_system):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,6 +10,7 @@ import pytest
 from pythonfmu.builder import FmuBuilder
 from support.cosim import HEAD, ssd_text
 from support.linear import make_oscillator
+from support.processes import PATIENCE_S, end_with_children, start_dask, wait_until
 from support.relays import make_relay
 
 from ps_fmu.studies.reading import read_study
@@ -110,3 +112,25 @@ def make_prepared(write_study, toy_fmus, tmp_path):
 def read(write_study, toy_fmus):
     """Reads a study of the toy, see ``write_study``."""
     return lambda *arguments, **named: replace(read_study(write_study(*arguments, **named)), fmus=toy_fmus)
+
+
+@pytest.fixture
+def hand_started(tmp_path):
+    """Arguments for a scheduler with two workers, each started by its command, and the processes."""
+    file = tmp_path / "scheduler.json"
+    scheduler = start_dask("scheduler", "--port", "0", "--scheduler-file", str(file))
+    processes = [scheduler]
+    try:
+        wait_until(lambda: file.is_file() and file.read_text().strip())
+        for number in (1, 2):
+            folder = tmp_path / f"node{number}"
+            folder.mkdir()
+            processes.append(
+                start_dask("worker", "--scheduler-file", str(file), "--nthreads", "1", "--name", f"node{number}",
+                           "--local-directory", str(folder))
+            )  # fmt: skip
+        address = json.loads(file.read_text())["address"]
+        yield ("--scheduler", address, "--scheduler-timeout", f"{PATIENCE_S:g}"), processes
+    finally:
+        for process in processes:
+            end_with_children(process)

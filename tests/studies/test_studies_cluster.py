@@ -1,9 +1,14 @@
-"""The cluster on this machine: what its processes keep of the past is bounded."""
+"""Clusters: what their processes keep of the past is bounded; schedulers without workers, and those that end."""
+
+import json
 
 import pytest
+from support.processes import PATIENCE_S, end_with_children, start_dask, wait_until
 
 from ps_fmu.studies import cluster
+from ps_fmu.studies.parts import list_parts
 from ps_fmu.studies.rows import ClusterError
+from ps_fmu.studies.study_folder import open_folder
 
 
 def count_messages(dask_scheduler):
@@ -39,3 +44,42 @@ def test_what_is_no_address_is_said_without_asking_for_it(address, problem, monk
     monkeypatch.setattr("distributed.Client", None)
     with pytest.raises(ClusterError, match=f"--scheduler {address}: {problem}"), cluster.connect(address, None):
         pass
+
+
+def test_a_scheduler_without_workers_is_said(make_prepared, tmp_path, monkeypatch):
+    monkeypatch.setattr(cluster, "WATCH_S", 0.2)
+    monkeypatch.setattr(cluster, "NO_WORKER_S", 1.0)
+    file = tmp_path / "scheduler.json"
+    scheduler = start_dask("scheduler", "--port", "0", "--scheduler-file", str(file))
+    try:
+        wait_until(lambda: file.is_file() and file.read_text().strip())
+        prepared = make_prepared()
+        with cluster.connect(json.loads(file.read_text())["address"], None, PATIENCE_S) as client:
+            dispatcher = cluster.Dispatcher(
+                client, prepared.plan, prepared.identity.plan_sha256, prepared.bundle, tmp_path, lambda *_: None
+            )
+            with pytest.raises(ClusterError, match="has had no worker for 1 s"):
+                dispatcher.run([0])
+    finally:
+        end_with_children(scheduler)
+
+
+@pytest.mark.parametrize("moment", ["before the first batch", "when a batch has come in"])
+def test_a_scheduler_that_ends_is_noticed(moment, make_prepared, hand_started, tmp_path):
+    """At once, although the scheduler had long to answer at first: dask's client asks it again for that long."""
+    (_, address, *_), (scheduler, *_) = hand_started
+    prepared, folder = make_prepared(), tmp_path / "out"
+    name = prepared.identity.plan_sha256
+    folder.mkdir()
+    open_folder(folder, prepared.plan, prepared.identity, resume=False)
+
+    def end(*_):
+        end_with_children(scheduler)
+
+    with cluster.connect(address, None, PATIENCE_S) as client:
+        dispatcher = cluster.Dispatcher(client, prepared.plan, name, prepared.bundle, folder, end)
+        if moment == "before the first batch":
+            end()
+        with pytest.raises(ClusterError, match=f"the scheduler {address} is lost"):
+            dispatcher.run(range(len(prepared.plan)))
+    assert bool(list_parts(folder, name)) == (moment == "when a batch has come in")

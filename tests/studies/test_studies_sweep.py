@@ -14,7 +14,7 @@ import time
 import psutil
 import pyarrow.parquet as pq
 import pytest
-from support.processes import end_with_children, read_command
+from support.processes import PATIENCE_S, end_with_children, read_command, wait_until
 
 from ps_fmu.studies.case_runner import CaseRunner
 from ps_fmu.studies.parts import list_missing, list_parts, read_rows
@@ -23,8 +23,6 @@ from ps_fmu.studies.rows import DONE, KILLED, MEASURED
 from .conftest import OBSERVE, STUDY
 
 KILLS = int(os.environ.get("PS_FMU_KILLS", "1"))
-PATIENCE_S = 300.0
-PATIENTLY = ("--scheduler-timeout", f"{PATIENCE_S:g}")
 SLOW = '[[vary]]\nparameter = "slowness"\ndistribution = "uniform"\nlow = "1e-3"\nhigh = "2e-3"\n'
 MANY = {"cases = 6": "cases = 40", "[[observe]]": SLOW + "[[observe]]"}
 HELD = 20  # cases of a study that is disturbed
@@ -60,39 +58,6 @@ def sweep(start):
         return process.returncode, printed, errors
 
     return run
-
-
-@pytest.fixture
-def hand_started(tmp_path):
-    """Arguments for a scheduler with two workers, each started by its command, and the processes."""
-    file = tmp_path / "scheduler.json"
-    scheduler = start_dask("scheduler", "--port", "0", "--scheduler-file", str(file))
-    processes = [scheduler]
-    try:
-        wait_until(lambda: file.is_file() and file.read_text().strip())
-        for number in (1, 2):
-            folder = tmp_path / f"node{number}"
-            folder.mkdir()
-            processes.append(
-                start_dask("worker", "--scheduler-file", str(file), "--nthreads", "1", "--name", f"node{number}",
-                           "--local-directory", str(folder))
-            )  # fmt: skip
-        yield ("--scheduler", json.loads(file.read_text())["address"], *PATIENTLY), processes
-    finally:
-        for process in processes:
-            end_with_children(process)
-
-
-def start_dask(what, *arguments):
-    command = [sys.executable, "-I", "-m", f"distributed.cli.dask_{what}", "--no-dashboard", *arguments]
-    return subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-
-
-def wait_until(condition):
-    end = time.monotonic() + PATIENCE_S
-    while not condition():
-        assert time.monotonic() < end
-        time.sleep(0.02)
 
 
 def plan_hash(folder):
@@ -325,27 +290,6 @@ def test_a_time_for_no_scheduler_is_refused(tmp_path, capsys, arguments, error):
 
     assert main(["sweep", "study.toml", "--output", str(tmp_path / "out"), *arguments]) == 2
     assert f"--scheduler-timeout: {error}" in capsys.readouterr().err
-
-
-def test_a_scheduler_without_workers_is_said(make_prepared, tmp_path, monkeypatch):
-    from ps_fmu.studies import cluster
-    from ps_fmu.studies.rows import ClusterError
-
-    monkeypatch.setattr(cluster, "WATCH_S", 0.2)
-    monkeypatch.setattr(cluster, "NO_WORKER_S", 1.0)
-    file = tmp_path / "scheduler.json"
-    scheduler = start_dask("scheduler", "--port", "0", "--scheduler-file", str(file))
-    try:
-        wait_until(lambda: file.is_file() and file.read_text().strip())
-        prepared = make_prepared()
-        with cluster.connect(json.loads(file.read_text())["address"], None, PATIENCE_S) as client:
-            dispatcher = cluster.Dispatcher(
-                client, prepared.plan, prepared.identity.plan_sha256, prepared.bundle, tmp_path, lambda *_: None
-            )
-            with pytest.raises(ClusterError, match="has had no worker for 1 s"):
-                dispatcher.run([0])
-    finally:
-        end_with_children(scheduler)
 
 
 def test_a_worker_that_does_not_see_the_folder_sends_its_part(make_prepared, tmp_path):

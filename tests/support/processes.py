@@ -1,8 +1,14 @@
 """Processes that tests have started, and those that these have started: any of them may end at any moment."""
 
+import subprocess
+import sys
+import time
 from contextlib import suppress
 
 import psutil
+
+PATIENCE_S = 300.0
+"""What nobody should wait for: a machine may be slow, and a test that waits as long has failed."""
 
 
 def end_with_children(process):
@@ -20,3 +26,17 @@ def read_command(process):
     with suppress(psutil.Error):
         return process.cmdline()
     return []
+
+
+def start_dask(what, *arguments):
+    """A ``scheduler`` or a ``worker`` of dask, as by hand."""
+    command = [sys.executable, "-I", "-m", f"distributed.cli.dask_{what}", "--no-dashboard", *arguments]
+    return subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+
+
+def wait_until(condition):
+    """Wait for ``condition()``."""
+    end = time.monotonic() + PATIENCE_S
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.02)

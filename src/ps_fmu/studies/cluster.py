@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import asyncio
+import concurrent.futures
 import time
 from collections import deque
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Coroutine, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from importlib.util import find_spec
@@ -23,7 +25,7 @@ BATCH_S = 10.0
 """Wanted time of a batch: much longer than dask's overhead of some 10 ms, short enough that little is lost."""
 BATCHES_PER_THREAD = 2  # in flight: one runs, one waits at the worker
 MOST_IN_BATCH = 200
-WATCH_S = 10.0  # between looks at whether there are workers at all
+WATCH_S = 1.0  # between looks at whether the scheduler is still there, and has workers at all
 NO_WORKER_S = 60.0  # that workers may take to come, or to come back
 CONNECT_S = 10.0
 """That a scheduler may take to answer: it is asked again until then, so that it may be started at the same time."""
@@ -95,6 +97,7 @@ class Dispatcher:
         self, client: Any, plan: Plan, plan_hash: str, bundle: Bundle, output: Path, report: Callable[[int, int], None]
     ) -> None:
         self._client, self._plan, self._hash = client, plan, plan_hash
+        self._address = client.scheduler.address  # a client that has given up has none
         self._output, self._report = output, report
         self._order = Order(str(output), plan_hash, plan.study.timeout_s)
         self._bundle = client.submit(keep, bundle, key=f"ps-fmu-study-{bundle.sha256}", pure=False)
@@ -125,7 +128,8 @@ class Dispatcher:
                 self._alone = self._alone and bool(self._flights)
                 self._fill()
         finally:
-            self._client.cancel(list(self._flights))
+            if self._client.status == "running":
+                self._client.cancel(list(self._flights))
 
     def _wait(self) -> Collection[Any]:
         """The batches that have come in; none after a while without any."""
@@ -136,21 +140,43 @@ class Dispatcher:
                 arrived: Collection[Any] = wait(list(self._flights), WATCH_S, "FIRST_COMPLETED").done
                 return arrived
         except CancelledError as error:
-            raise ClusterError(f"the scheduler {self._client.scheduler.address} is lost") from error
+            raise self._say_lost() from error
         except TimeoutError:
             self._check_workers()
             return ()
 
     def _check_workers(self) -> None:
         """Batches wait for ever at a scheduler without workers."""
-        if self._client.nthreads():
+        if self._ask(self._client.nthreads):
             self._seen = time.monotonic()
         elif time.monotonic() - self._seen > NO_WORKER_S:
-            address = self._client.scheduler.address
-            raise ClusterError(f"the scheduler {address} has had no worker for {NO_WORKER_S:g} s")
+            raise ClusterError(f"the scheduler {self._address} has had no worker for {NO_WORKER_S:g} s")
+
+    def _ask(self, question: Callable[..., Coroutine[Any, Any, Any]], *arguments: Any) -> Any:
+        """What the scheduler answers to a method of the client.
+
+        A client that has lost its scheduler goes on asking for as long as the scheduler had to answer at first
+        (``--scheduler-timeout``).  Its status says at once that it is lost.
+        """
+        self._check_connection()
+        coroutine = question(*arguments, asynchronous=True)
+        answer = asyncio.run_coroutine_threadsafe(coroutine, self._client.loop.asyncio_loop)
+        while not concurrent.futures.wait([answer], WATCH_S).done:
+            self._check_connection()
+        try:
+            return answer.result()
+        except (OSError, concurrent.futures.CancelledError) as error:
+            raise self._say_lost() from error
+
+    def _check_connection(self) -> None:
+        if self._client.status != "running":
+            raise self._say_lost()
+
+    def _say_lost(self) -> ClusterError:
+        return ClusterError(f"the scheduler {self._address} is lost")
 
     def _fill(self) -> None:
-        threads = max(1, sum(self._client.nthreads().values()))
+        threads = max(1, sum(self._ask(self._client.nthreads).values()))
         most = 1 if self._suspects or self._alone else BATCHES_PER_THREAD * threads
         while len(self._flights) < most and (self._suspects or self._todo):
             self._alone = bool(self._suspects)
@@ -174,13 +200,13 @@ class Dispatcher:
         from distributed.scheduler import KilledWorker
 
         if future.status == "finished":
-            self._keep(future.result(), cases)
+            self._keep(self._ask(self._client.gather, future), cases)
         elif future.status == "error" and isinstance(future.exception(), KilledWorker):
             self._isolate(cases, future.exception())
         elif future.status == "error":
             raise future.exception()
         else:  # cancelled, or forgotten by a scheduler that was started again
-            raise ClusterError(f"the scheduler {self._client.scheduler.address} is lost")
+            raise self._say_lost()
 
     def _keep(self, done: Done, cases: list[int]) -> None:
         for case, content in done.signals.items():  # before the part, which says that a case is done
