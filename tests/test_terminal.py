@@ -32,7 +32,7 @@ sys.exit(run_command(command))
 def ended(folder, code="0", **streams):
     """The script's process after it has ended, with its result checked."""
     command = [sys.executable, "-c", SCRIPT, code]
-    run = subprocess.run(command, cwd=folder, text=True, check=False, timeout=60, **streams)
+    run = subprocess.run(command, cwd=folder, text=True, check=False, timeout=300, **streams)
     assert (folder / "result").read_text() == "done"
     return run
 
@@ -79,7 +79,7 @@ def test_sigterm_is_like_ctrl_c_and_everything_is_put_back():
 def test_help_that_does_not_arrive_is_a_failure(full, code):
     with open("/dev/full" if full else os.devnull, "w") as stdout:
         command = [sys.executable, "-m", "ps_fmu.cli", "--help"]
-        run = subprocess.run(command, stdout=stdout, stderr=subprocess.PIPE, text=True, check=False, timeout=60)
+        run = subprocess.run(command, stdout=stdout, stderr=subprocess.PIPE, text=True, check=False, timeout=300)
     assert (run.returncode, run.stderr) == (code, "standard output: No space left on device\n" if full else "")
 
 

@@ -77,7 +77,7 @@ def libraries(tmp_path_factory):
 
 def run(library, text, **environment):
     ended = subprocess.run(
-        [sys.executable, "-c", HEAD + text, str(library)], capture_output=True, text=True, timeout=60, check=False,
+        [sys.executable, "-c", HEAD + text, str(library)], capture_output=True, text=True, timeout=300, check=False,
         cwd=Path(__file__).parents[2], env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path), **environment},
     )  # fmt: skip
     return ended.returncode, ended.stderr

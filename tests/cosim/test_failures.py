@@ -234,7 +234,7 @@ def test_an_exception_of_a_stock_slave_is_fatal_and_reported(toys, tmp_path):
     """
     result = subprocess.run(
         [sys.executable, "-c", textwrap.dedent(script), toys, tmp_path, Path(__file__).parents[1]],
-        capture_output=True, text=True, timeout=60, check=False,
+        capture_output=True, text=True, timeout=300, check=False,
     )  # fmt: skip
     assert result.stdout.split() == ["clock", "4", "0.05", "6", "True"], result.stderr
 

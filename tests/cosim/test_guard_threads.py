@@ -18,11 +18,11 @@ class Thread(threading.Thread):
         super().__init__()
         self.ready, self.go = threading.Event(), threading.Event()
         self.start()
-        assert self.ready.wait(60)
+        assert self.ready.wait(300)
     def run(self):
         with guard.arm(False):
             self.ready.set()
-            assert self.go.wait(60)
+            assert self.go.wait(300)
     def end(self):
         self.go.set()
         self.join()
@@ -133,7 +133,7 @@ class Caller(Thread):
     def run(self):
         with guard.NamedCall("second: fmi2GetReal"):
             self.ready.set()
-            assert self.go.wait(60)
+            assert self.go.wait(300)
 with guard.NamedCall("first: fmi2GetReal"):
     caller = Caller()
 caller.end()
@@ -148,7 +148,7 @@ class Caller(Thread):
     def run(self):
         with guard.NamedCall("second: fmi2GetReal"):
             self.ready.set()
-            assert self.go.wait(60)
+            assert self.go.wait(300)
             exit_process(0)
 with guard.NamedCall("first: fmi2GetReal"):
     caller = Caller()

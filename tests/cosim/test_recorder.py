@@ -318,7 +318,7 @@ PROCESS = """
 def in_process(path, how):
     path.parent.mkdir()
     command = [sys.executable, "-c", textwrap.dedent(PROCESS), path, how]
-    return subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    return subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
 
 
 def stored_rows(path):

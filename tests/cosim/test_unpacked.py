@@ -158,4 +158,4 @@ def test_a_forked_worker_of_multiprocessing_leaves_no_folder_behind(archive, tmp
     place.mkdir()
     environment = {**os.environ, "TMPDIR": str(place)}
     command = [sys.executable, "-I", "-c", WORKER, str(archive()), str(place)]
-    subprocess.run(command, check=True, env=environment, timeout=60.0)
+    subprocess.run(command, check=True, env=environment, timeout=300)

@@ -66,6 +66,6 @@ def test_the_recipe_runs(tool, folder):
     before = "from ecos_library import load_tbb\nload_tbb()\n" if tool == "Ecos" else ""
     command = [str(interpreter), "-c", before + recipe(tool)]
     environment = os.environ | {"PYTHONPATH": str(HOSTS)}
-    run = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, timeout=120)
+    run = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, timeout=300)
     assert run.returncode == 0, run.stdout + run.stderr
     assert float(run.stdout.split()[-1]) != 0.0, run.stdout

@@ -236,5 +236,5 @@ def test_python_hosts_end_well(bound):
     )
     command = [sys.executable, "-c", program, *map(str, bound.values())]
     for _ in range(5):
-        run = subprocess.run(command, env=dict(os.environ), capture_output=True, text=True, timeout=120)
+        run = subprocess.run(command, env=dict(os.environ), capture_output=True, text=True, timeout=300)
         assert (run.returncode, run.stderr) == (0, "")

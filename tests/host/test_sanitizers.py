@@ -17,7 +17,7 @@ MEMORY = "address,undefined"
 def run(sanitized, sanitizers, mode, n, **environment):
     program, folder = sanitized(sanitizers)
     command = [str(program), mode, str(n), str(told(folder))]
-    return subprocess.run(command, env=SETTINGS | environment, capture_output=True, text=True, timeout=120)
+    return subprocess.run(command, env=SETTINGS | environment, capture_output=True, text=True, timeout=300)
 
 
 @pytest.mark.parametrize(("mode", "n"), [("run", 50), ("reload", 5), ("threads", 20), ("keep", 5), ("faults", 50)])

@@ -37,7 +37,7 @@ def test_drawing_is_prepared_in_a_thread():
         from ps_fmu.results.style import prepare_drawing
         assert "matplotlib" not in sys.modules
         thread = prepare_drawing()
-        thread.join(120.0)
+        thread.join(300.0)
         print(thread.is_alive(), thread.daemon, "matplotlib.backends.backend_agg" in sys.modules)
     """
     found = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=240, check=True)

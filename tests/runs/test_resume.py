@@ -72,7 +72,7 @@ FAULTS = {
 
 def start(folder, *words, driver=()):
     program = [sys.executable, "-I", *(driver or ("-m", "ps_fmu.cli")), "run", *words]
-    return subprocess.run(program, cwd=folder, capture_output=True, text=True, timeout=120.0, check=False)
+    return subprocess.run(program, cwd=folder, capture_output=True, text=True, timeout=300, check=False)
 
 
 def tables(printed):

@@ -25,6 +25,6 @@ print(threading.main_thread().ident == _thread.get_ident())
 
 def test_python_ends_though_a_worker_imported_threading_first():
     """The worker waits for ever, as those of thread pools do until the host has freed them."""
-    run = subprocess.run([sys.executable, "-c", HOST], capture_output=True, text=True, timeout=60)
+    run = subprocess.run([sys.executable, "-c", HOST], capture_output=True, text=True, timeout=300)
     assert (run.returncode, run.stderr) == (0, "")
     assert run.stdout == ("True\n" if sys.version_info >= (3, 13) else "False\n")

@@ -191,7 +191,7 @@ def test_the_process_ends_with_the_one_that_started_it(folder):
     next(process.run([(0, GAIN)]))
     pid = process.pid
     process._process.stdin.close()  # as when its other end is gone
-    assert process._process.wait(timeout=60.0) == 0
+    assert process._process.wait(timeout=300) == 0
     process.close()
     with pytest.raises(ProcessLookupError):
         os.kill(pid, 0)

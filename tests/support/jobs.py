@@ -36,7 +36,7 @@ def run_job(job: Job, interpreter: Path, tool: str, folder: Path) -> Results:
     path = folder / "job.json"
     path.write_text(json.dumps(job), encoding="utf-8")
     command = [str(interpreter), str(HOSTS / f"fmus_in_{tool}.py"), str(path)]
-    run = subprocess.run(command, capture_output=True, text=True, timeout=120)
+    run = subprocess.run(command, capture_output=True, text=True, timeout=300)
     assert run.returncode == 0, run.stdout + run.stderr
     return json.loads(run.stdout.splitlines()[-1])
 

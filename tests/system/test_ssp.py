@@ -154,7 +154,7 @@ def test_another_importer_gets_the_same_numbers(tool, system, archive, expected)
     extra = [str(STEP)] if tool == "Ecos" else []
     script = HOSTS / f"in_{tool.lower()}.py"
     command = [str(interpreter), str(script), str(archive), json.dumps(wanted), str(STEPS), *extra]
-    run = subprocess.run(command, capture_output=True, text=True, timeout=120)
+    run = subprocess.run(command, capture_output=True, text=True, timeout=300)
     assert run.returncode == 0, run.stdout + run.stderr
     values = json.loads(run.stdout.splitlines()[-1])
     assert values.keys() == expected.keys()
@@ -177,7 +177,7 @@ def test_the_archive_becomes_one_fmu(archive, expected, tmp_path):
         for c in system.components
     }
     command = [str(interpreter), str(HOSTS / "in_container.py"), str(archive), json.dumps(components)]
-    run = subprocess.run([*command, str(STEPS), str(STEP), str(tmp_path)], capture_output=True, text=True, timeout=120)
+    run = subprocess.run([*command, str(STEPS), str(STEP), str(tmp_path)], capture_output=True, text=True, timeout=300)
     assert run.returncode == 0, run.stdout + run.stderr
     values = json.loads(run.stdout.splitlines()[-1])
     assert len(values) == 6
@@ -214,6 +214,6 @@ def test_a_scenario_runs_from_the_archive(archive, tmp_path):
     """The summary names the values of the archive, and no FMU of the checkout was needed."""
     command = [sys.executable, str(ROOT / "system" / "run.py"), "isolation", "--ssp", str(archive)]
     command += ["--duration", "0.02", "--output", str(tmp_path)]
-    run = subprocess.run(command, capture_output=True, text=True, timeout=120)
+    run = subprocess.run(command, capture_output=True, text=True, timeout=300)
     assert run.returncode == 0, run.stdout + run.stderr
     assert "plant.payload.mass" in (tmp_path / "report.html").read_text(encoding="utf-8")

@@ -72,7 +72,7 @@ class Caller:
         assert self._process.stdin is not None
         assert self._process.stdout is not None
         self._process.stdin.close()
-        code = self._process.wait(timeout=60)
+        code = self._process.wait(timeout=300)
         self._process.stdout.close()
         self._errors.close()
         return code
