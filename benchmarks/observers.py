@@ -2,7 +2,8 @@
 
 All run in turn, round by round, and the figures are the least of the rounds, in us a step: processor time of the
 process and of the loop's thread, and wall time.  Those of each observer are processor time in the loop, where its rows
-are those that the FMUs have just written.  With two idle processors a run with the thread takes as long as the loop.
+are those that the FMUs have just written; they come from runs of their own, for to ask the clock costs something, too.
+With two idle processors a run with the thread takes as long as the loop.
 """
 
 from __future__ import annotations
@@ -74,12 +75,14 @@ def measure(system: System, rounds: int, folder: Path, duration: float = DURATIO
             found[kind][name] = min(cost, found[kind].get(name, cost))
 
     for _ in range(rounds):
-        for name, beside in (("none", False), ("in the loop", False), ("beside", True)):
-            costs, each = _time_run(system, duration, folder / "rows.nc" if name != "none" else None, beside)
-            for clock, cost in costs.items():
-                note(clock, {name: cost})
-            if name == "in the loop":
+        for name in ("none", "in the loop", "beside", "each"):
+            path = folder / "rows.nc" if name != "none" else None
+            costs, each = _time_run(system, duration, path, beside=name == "beside", apart=name == "each")
+            if each:
                 note("each", each)
+            else:
+                for clock, cost in costs.items():
+                    note(clock, {name: cost})
             (folder / "rows.nc").unlink(missing_ok=True)
     return found
 
@@ -119,23 +122,27 @@ def report(result: dict[str, Cost]) -> str:
     return "\n".join(lines)
 
 
-def _time_run(system: System, duration: float, path: Path | None, beside: bool) -> tuple[Cost, Cost]:
+def _time_run(
+    system: System, duration: float, path: Path | None, beside: bool, apart: bool = False
+) -> tuple[Cost, Cost]:
     """A run with all observers, stored in ``path``, or without any: clock -> us a step, and observer -> us a step.
 
-    The file is open before and afterwards, as that of a scenario is.
+    Observers are timed only if that is asked for, ``apart``.  The file is open before and afterwards, as that of a
+    scenario is.
     """
     with ExitStack() as stack:
         master = stack.enter_context(Master(system, STEP))
         master.initialise()
-        timed: dict[str, Timed] = {}
+        observers: dict[str, Observer] = {}
         if path is not None:
             file = stack.enter_context(netCDF4.Dataset(path, "w"))
             observers = make_observers(master.columns, duration, path, file)
-            timed = {name: Timed(observer) for name, observer in observers.items()}
+        timed = {name: Timed(observer) for name, observer in observers.items()} if apart else {}
         begun = {name: clock() for name, clock in CLOCKS.items()}
-        master.run(duration, list(timed.values()), beside=beside)
-        for observer in timed.values():
-            observer.close()
+        master.run(duration, list((timed or observers).values()), beside=beside)
+        for observer in (timed or observers).values():
+            if isinstance(observer, Timed | Recorder):
+                observer.close()
         steps = duration / STEP * 1e-6
         costs = {name: (clock() - begun[name]) / steps for name, clock in CLOCKS.items()}
         return costs, {name: observer.spent / steps for name, observer in timed.items()}

@@ -73,7 +73,7 @@ def test_rows_are_stored_unchanged_with_units(path):
         Recorder(path, "active", columns=COLUMNS, step=0.1, append=True)
 
 
-EXPECTED = [(1, 100), (700, 700), (2500, 2500), (25_001, 8334), (10**9, 10_000)]
+EXPECTED = [(1, 100), (700, 700), (2500, 2500), (25_001, 25_001), (50_001, 16_667), (10**9, 20_000)]
 
 
 @pytest.mark.parametrize(("expected", "chunk"), EXPECTED)
@@ -100,6 +100,32 @@ def test_chunks_count_the_rows_that_are_stored(path):
         feed(recorder, rows(2501), 0.1)
     with netCDF4.Dataset(path) as data:
         assert data["run"]["time"].chunking() == [251] == [len(data["run"].dimensions["time"])]
+
+
+def test_chunks_of_many_columns_have_fewer_rows(path):
+    """So that no more than 64 MB wait in memory."""
+    columns = [Column(f"plant.y_{k}", "m", "Real", "") for k in range(600)]
+    with Recorder(path, "run", columns=columns, step=0.1, rows=10**9):
+        pass
+    with netCDF4.Dataset(path) as data:
+        assert data["run"]["plant.y_7"].chunking() == [2**26 // (601 * 8)]
+
+
+@pytest.mark.parametrize("size", [70, 333, 5000])
+def test_rows_are_written_when_a_chunk_is_full(path, size):
+    """Chunks are filled whatever the blocks are; what is left waits for the next one, or for the end."""
+    values, time = rows(5000), np.arange(5000) * 0.1
+    with Recorder(path, "run", columns=COLUMNS, step=0.1, rows=700) as recorder:
+        for first in range(0, 5000, size):
+            recorder.block(first, time[first : first + size], values[first : first + size])
+            with netCDF4.Dataset(path) as data:
+                stored = len(data["run"].dimensions["time"])
+                assert stored % 700 == 0 and stored > 0.6 * (first + size) - 1400
+                np.testing.assert_array_equal(data["run"]["plant.angle"][:], values[:stored, 3])
+    with netCDF4.Dataset(path) as data:
+        for name, place in (("plant.los.x", 0), ("plant.on", 1), ("plant.count", 2), ("plant.angle", 3)):
+            np.testing.assert_array_equal(data["run"][name][:], values[:, place])
+        np.testing.assert_array_equal(data["run"]["time"][:], time)
 
 
 def test_time_is_that_of_the_cf_conventions(path):

@@ -185,7 +185,7 @@ def test_what_shrinks_is_compressed_and_nothing_changes(rows):
     assert [one.name for one in path.parent.iterdir()] == ["results.nc"]
 
 
-@pytest.mark.parametrize(("count", "expected", "chunk"), [(25_001, 25_001, 8334), (2500, 25_001, 2500)])
+@pytest.mark.parametrize(("count", "expected", "chunk"), [(50_001, 50_001, 16_667), (2500, 25_001, 2500)])
 def test_chunks_stay_as_the_recorder_made_them(tmp_path, count, expected, chunk):
     """But no longer than the column of a run that was interrupted."""
     path = tmp_path / "results.nc"

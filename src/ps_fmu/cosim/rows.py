@@ -127,8 +127,8 @@ class Block:
     A row is stored through such a view in half of the time that numpy needs (0.13 instead of 0.29 us for 65 numbers).
     """
 
-    def __init__(self, capacity: int, columns: int) -> None:
-        self.values: Array = np.zeros((capacity, columns))
+    def __init__(self, values: Array) -> None:
+        self.values = values
 
     @cached_property
     def rows(self) -> list[memoryview]:
@@ -150,7 +150,7 @@ class Rows:
         self._derived = derived
         self.filled = 0
         self.first_index = 0
-        self._block = Block(capacity, len(layout.columns))
+        self._block = Block(np.zeros((capacity, len(layout.columns))))
         self._n_real, self._n_discrete = len(layout.real), len(layout.discrete)
         self.latest: Array = np.zeros(len(layout.columns))
         self.real = Latest(layout.real, self.latest[: self._n_real])
@@ -169,9 +169,12 @@ class Rows:
         """The rows of :attr:`block` as memory views."""
         return self._block.rows
 
-    def make_block(self) -> Block:
-        """Another block, for :meth:`exchange`."""
-        return Block(self.capacity, self.latest.size)
+    def make_blocks(self, count: int) -> list[Block]:
+        """Other blocks, for :meth:`exchange`: side by side, so that the system maps them in few large pages.
+
+        Those that are never filled take no memory.
+        """
+        return [Block(values) for values in np.empty((count, self.capacity, self.latest.size))]
 
     def _integers(self, rows: Array) -> NDArray[np.int32]:
         """The C ints at the end of rows, a view."""
@@ -225,7 +228,7 @@ class Rows:
         """During the body rows go into another block, which is forgotten after it."""
         with self.lock:
             block, filled = self._block, self.filled
-            self._block, self.filled = self.make_block(), 0
+            (self._block,), self.filled = self.make_blocks(1), 0
         try:
             yield
         finally:

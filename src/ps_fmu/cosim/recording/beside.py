@@ -56,8 +56,8 @@ class DeliveryBeside(Delivery):
         self._next = rows.first_index  # the row that the observers expect
         # The block that was freed last comes first: it is still in the cache.
         self._free: LifoQueue[Block] = LifoQueue()
-        for _ in range(WAITING_BLOCKS):
-            self._free.put(rows.make_block())
+        for block in rows.make_blocks(WAITING_BLOCKS):
+            self._free.put(block)
         self._handed: SimpleQueue[_Handed | Event | Callable[[], None] | None] = SimpleQueue()
         self._thread: Thread | None = Thread(target=self._work, name="observers", daemon=True)
         self._thread.start()

@@ -30,8 +30,10 @@ from .decimate import Decimator
 
 CHUNK_ROWS = 4000
 """Rows of a chunk in the file, where nobody knows how many there will be."""
-USUAL_CHUNK_ROWS = 10_000
-"""And about so many where that is known.  A chunk costs 15 us for each column, and a kilobyte of it 0.3 us."""
+USUAL_CHUNK_ROWS = 20_000
+"""And about so many where that is known.  A chunk costs 20 us for each column, and a kilobyte of it 0.3 us."""
+MOST_CHUNK_BYTES = 2**26
+"""But no more of all columns together: they wait in memory [B]."""
 LEAST_CHUNK_ROWS = 100
 """However few are expected."""
 LEAST_CHUNKS = 16
@@ -102,9 +104,10 @@ class Recorder:
         self._row_bytes = 8 + sum(STORAGE[column.type][1] for column in self._columns)
         chunk = CHUNK_ROWS if rows is None else find_chunk_rows(-(-rows // self.factor))
         # What does not fit in whole chunks is lost: of little room not much at once.
-        self._chunk = max(LEAST_CHUNK_ROWS, min(chunk, int(min(self._find_room()) / LEAST_CHUNKS / self._row_bytes)))
+        most = int(min(MOST_CHUNK_BYTES, min(self._find_room()) / LEAST_CHUNKS) / self._row_bytes)
+        self._chunk = self._enough = max(LEAST_CHUNK_ROWS, min(chunk, most))
         # Values of a column side by side, time first: netCDF4 would copy each column from all over the rows.
-        self._pending: Array = np.empty((1 + len(self._columns), self._chunk))
+        self._pending: Array = np.empty((1 + len(self._columns), self._enough))
         self._copy = ColumnCopy(range(len(self._columns)), len(self._columns))
         self._n_pending = 0
         self._began: int | None = None
@@ -245,17 +248,25 @@ class Recorder:
         return variable
 
     def _keep(self, rows: Array) -> None:
-        begin, end = self._n_pending, self._n_pending + len(rows)
-        if end > self._pending.shape[1]:
-            larger = np.empty((len(self._pending), 2 * end))
-            larger[:, :begin] = self._pending[:, :begin]
-            self._pending = larger
-        self._pending[0, begin:end] = self._times[: len(rows)]
-        self._copy.run(np.ascontiguousarray(rows), self._pending[1:, begin:end])
-        self._times, self._n_pending = self._times[len(rows) :], end
-        enough = max(1, min(self._written // 2, WRITE_BYTES // self._row_bytes) // self._chunk) * self._chunk
-        if end >= enough or wall_clock.perf_counter() - self._last_write > WRITE_INTERVAL_S:
+        taken = 0
+        while taken < len(rows):
+            begin = self._n_pending
+            count = min(self._enough - begin, len(rows) - taken)
+            self._pending[0, begin : begin + count] = self._times[taken : taken + count]
+            part = np.ascontiguousarray(rows[taken : taken + count])
+            self._copy.run(part, self._pending[1:, begin : begin + count])
+            taken += count
+            self._n_pending += count
+            if self._n_pending == self._enough:
+                self._write()
+        self._times = self._times[taken:]
+        if wall_clock.perf_counter() - self._last_write > WRITE_INTERVAL_S:
             self._write()
+
+    def _find_enough(self) -> int:
+        """How many rows are written next: those that fill a chunk, or some in a long run."""
+        chunks = max(1, min(self._written // 2, WRITE_BYTES // self._row_bytes) // self._chunk)
+        return chunks * self._chunk - self._written % self._chunk
 
     def _add_to_journal(self) -> None:
         """Many rows at once: they cost half as much as block by block."""
@@ -276,6 +287,9 @@ class Recorder:
                 write_rows(variable, self._written, column)
             self._dataset.sync()
         self._written = end
+        self._enough = self._find_enough()
+        if self._enough > self._pending.shape[1]:
+            self._pending = np.empty((len(self._pending), self._enough))
 
     def _find_room(self) -> tuple[float, float]:
         """Bytes that are free on the disk, and by which the file may grow."""

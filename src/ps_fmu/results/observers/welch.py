@@ -61,7 +61,8 @@ class Welch(ColumnObserver):
         self._held = np.empty((len(self.names), rows))
         self._filled = 0
         self._power = np.zeros((len(self.names), len(self.frequency)))
-        self._rooms = np.empty(rows), np.empty(rows // 2 + 1, dtype=complex), *np.empty((2, rows // 2 + 1))
+        lines = len(self.names), len(self.frequency)
+        self._rooms = np.empty(self._held.shape), np.empty(lines, dtype=complex), *np.empty((2, len(self.frequency)))
 
     def take(self, time: Array, samples: Array) -> None:
         """Fill the segment; transform it when it is full and keep its second half for the next."""
@@ -73,27 +74,29 @@ class Welch(ColumnObserver):
             taken += count
             self._filled += count
             if self._filled == rows:
-                for segment, power in zip(self._held, self._power, strict=True):
-                    self._transform(segment, power)
+                self._transform()
                 self.segments += 1
                 self._held[:, : self._overlap] = self._held[:, rows - self._overlap :].copy()
                 self._filled = self._overlap
 
-    def _transform(self, segment: Array, power: Array) -> None:
-        """Add the squares of a segment's lines (rows,) to ``power``.
+    def _transform(self) -> None:
+        """Add the squares of the segment's lines to the power.
 
-        Of all signals at once they take twice the time and more: the arrays on the way outgrow the cache.  Arrays that
-        are made anew each time, and so mapped anew, take twice the time, too.
+        One call transforms all signals: it prepares itself once, for a tenth of its time.  What comes before and after
+        takes one signal at a time, which stays in the cache.  Arrays that are made anew each time, and so mapped anew,
+        take twice the time.
         """
         windowed, lines, squares, more = self._rooms
-        np.multiply(
-            np.subtract(segment, segment.mean(), out=windowed) if self._remove_mean else segment,
-            self._window, out=windowed,
-        )  # fmt: skip
+        for segment, one in zip(self._held, windowed, strict=True):
+            np.multiply(
+                np.subtract(segment, segment.mean(), out=one) if self._remove_mean else segment,
+                self._window, out=one,
+            )  # fmt: skip
         np.fft.rfft(windowed, out=lines)
-        np.square(lines.real, out=squares)
-        squares += np.square(lines.imag, out=more)
-        power += squares
+        for own, power in zip(lines, self._power, strict=True):
+            np.square(own.real, out=squares)
+            squares += np.square(own.imag, out=more)
+            power += squares
 
     def save_state(self) -> dict[str, Any]:
         """As :meth:`ColumnObserver.save_state`."""
