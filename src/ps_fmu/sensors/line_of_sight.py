@@ -203,8 +203,10 @@ class TrackerNoise:
 
     def in_parts(self, numbers: NDArray[np.int64]) -> Generator[int, None, Array]:
         """As :meth:`__call__`, in parts of 20 to 60 us; yields how many are still to come."""
-        found = np.zeros((len(numbers), 3))
-        blocks = split(numbers, _BLOCK) if self._deviation_P.any() else []
+        if not self._deviation_P.any():
+            return np.zeros((len(numbers), 3))
+        found, blocks = np.empty((len(numbers), 3)), split(numbers, _BLOCK)
+        yield len(blocks) * _PARTS
         for number, (block, part) in enumerate(blocks, 1):
             left = (len(blocks) - number) * _PARTS
             known, noise = self._last
@@ -213,7 +215,7 @@ class TrackerNoise:
                 noise = self._draw(random)
                 self._last = block, noise
                 yield left + 1
-            found[part] = noise.take(numbers[part] - block * _BLOCK, axis=0)
+            noise.take(numbers[part] - block * _BLOCK, axis=0, out=found[part], mode="clip")
             if left:
                 yield left
         return found
