@@ -181,6 +181,19 @@ def test_a_value_is_stored_as_it_is(start):
     assert oscillator.fmu.getInteger([oscillator.variables["substeps"].valueReference]) == [1]
 
 
+def test_a_zero_of_another_sign_is_no_event_and_the_least_number_is_one(start):
+    oscillator = start("oscillator")
+    oscillator.set({"reference": 0.0})
+    drive(oscillator, 0, 5, inputs=False)
+    native, in_python = oscillator.steps()
+    oscillator.set({"reference": -0.0, "load": 1.0})
+    drive(oscillator, 5, 1, inputs=False)
+    assert oscillator.steps() == (native + 1, in_python)
+    oscillator.set({"load": 1.0, "reference": 5e-324})
+    drive(oscillator, 6, 1, inputs=False)
+    assert oscillator.steps() == (native + 1, in_python + 1)
+
+
 def test_lists_of_all_shapes(start):
     oscillator = start("oscillator")
     drive(oscillator, 0, 20)
