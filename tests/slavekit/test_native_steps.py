@@ -232,6 +232,19 @@ def test_a_refused_list_sets_nothing(start, capfd, values, problem):
     drive(oscillator, 20, 20)
 
 
+def test_bounds_that_are_not_as_far_below_0_as_above(start, capfd):
+    channel = start("channel")
+    send(channel, 0, 20)
+    signal = [channel.variables["signal"].valueReference]
+    for value in (-1e300, 1.7e308, 5e-324, -0.0, 2e300):
+        channel.set({"signal": value})
+        assert channel.fmu.getReal(signal) == [value]
+    for value in (-2e300, math.inf, math.nan):
+        assert refused(channel.set, {"signal": value}) == ERROR
+    assert capfd.readouterr().err.count("signal = ") == 3
+    assert channel.fmu.getReal(signal) == [2e300]
+
+
 def test_references_of_other_types_and_of_nothing(start, capfd):
     oscillator = start("oscillator")
     drive(oscillator, 0, 20)
