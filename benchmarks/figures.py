@@ -24,10 +24,6 @@ LABELS = {
     "Ecos": "our FMUs in Ecos, nothing stored",
 }
 
-FREE = 1.9
-"""Throughput of two threads over that of one with C FMUs, at least, where two cores have nothing else to do."""
-
-
 @dataclass(frozen=True)
 class Target:
     """What a figure may be at most, or has to be ``at_least``."""
@@ -71,10 +67,10 @@ TARGETS = (
     Target("us added by the launcher", lambda found: c_host.overhead(found["us_per_call_in_c_host"]), 1.5),
     Target(
         "throughput of two threads",
-        lambda found: found["two_threads"],
+        lambda found: found["two_threads"]["ours"],
         1.6,
         at_least=True,
-        judged=lambda found: found["two_threads_c_fmus"] >= FREE,
+        judged=lambda found: found["two_threads"]["is_judged"],
     ),
 )
 
@@ -103,9 +99,11 @@ def report(found: Figures) -> str:
         f"  noise, {found['mean_to_c_fmus_with_table']:.2f} of dense C FMUs that have it beforehand"
     )
     lines.append("\nThroughput of two systems in two threads over that of one")
-    lines.append(
-        f"  our FMUs {found['two_threads']:.2f}, C FMUs {found['two_threads_c_fmus']:.2f} (2 where cores are free)"
-    )
+    threads = found["two_threads"]
+    lines.append(f"  our FMUs {threads['ours']:.2f}, C FMUs {threads['c_fmus']:.2f} (2 where cores are free)")
+    which = "medians of these" if threads["free"] else "medians of all"
+    few = "" if threads["is_judged"] else ": too few to judge by"
+    lines.append(f"  C FMUs had both cores in {threads['free']} of {threads['rounds']} rounds{few}; {which}")
     lines.append("\nus per call from C, in the order of a step")
     for component, calls in found["us_per_call"].items():
         lines.append(f"  {component:<14}" + "  ".join(f"{name} {cost:.3f}" for name, cost in calls.items()))

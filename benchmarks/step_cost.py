@@ -13,6 +13,7 @@ import platform
 import sys
 from collections import deque
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from statistics import mean, median
 from time import perf_counter
@@ -28,7 +29,7 @@ from contenders import Contender, CoSimulation, StockFmus, Textbook
 from figures import find_missed, report
 from importers import IMPORTERS, in_importer
 from stock import build_probes, build_stock
-from threads import throughput_of_two
+from threads import measure_throughput
 from tqdm import tqdm
 
 from ps_fmu.cosim import System, read_system
@@ -67,7 +68,7 @@ def measure(system: System, rounds: int, folder: Path) -> dict[str, Any]:
     stock, probes = build_stock(folder / "stock", models), build_probes(folder)
     ours = CoSimulation(system, STEP, STEPS)
     fewer = min(rounds, MOST_OF_OTHERS)
-    longest = max((rounds + 1) * STEPS, (2 * fewer + 1) * STEPS_OF_THREADS) + 1
+    longest = max((rounds + 1) * STEPS, (2 * fewer + 3) * STEPS_OF_THREADS) + 1
     build_c_fmus(system, ours.initial_values, STEP, longest, folder / "C")
     build_c_fmus(system, ours.initial_values, STEP, longest, folder / "structured", structured=True)
     build_c_fmus(system, ours.initial_values, STEP, longest, folder / "noisy", synthesis=True)
@@ -92,6 +93,7 @@ def measure(system: System, rounds: int, folder: Path) -> dict[str, Any]:
         contender.close()
     costs |= in_importers(system, fewer, folder)
     middle = {name: median(values) for name, values in costs.items()}
+    threads = measure_throughput(system, in_c, STEP, STEPS_OF_THREADS, fewer)
     return {
         "us_per_step": middle["ours"],
         "ratios": {name: value / middle["ours"] for name, value in middle.items()},
@@ -99,8 +101,7 @@ def measure(system: System, rounds: int, folder: Path) -> dict[str, Any]:
         "ours_to_structured_c_fmus": middle["ours, no synthesis"] / middle["C FMUs, structured"],
         "mean_to_c_fmus": mean(costs["ours"]) / mean(costs["C FMUs, synthesis"]),
         "mean_to_c_fmus_with_table": mean(costs["ours"]) / mean(costs["C FMUs"]),
-        "two_threads": throughput_of_two(system, STEP, STEPS_OF_THREADS, fewer),
-        "two_threads_c_fmus": throughput_of_two(in_c, STEP, STEPS_OF_THREADS, fewer),
+        "two_threads": {**asdict(threads), "is_judged": threads.is_judged},
         "real_time_factor": STEP * 1e6 / middle["ours"],
         "median_us": middle,
         "min_us": {name: min(values) for name, values in costs.items()},

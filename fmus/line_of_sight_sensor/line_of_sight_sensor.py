@@ -131,9 +131,9 @@ class LineOfSightSensor(Slave):
 
     def rows(self, t: float, h: float, n: int) -> Generator[int, None, NDArray[np.float64]]:
         """Noise of the samples that the steps put out, (n, 3), rad, in parts."""
-        yield 2  # the step at the end of the last table does nothing else
+        yield 3  # the step at the end of the last table does nothing else
         numbers = self.tracker.sample_numbers(self.times(t, h, n) - h - self.start[0])
-        yield 1
+        yield 2
         return (yield from self.noise.in_parts(numbers))
 
     def event(self, t: float, h: float) -> bool:

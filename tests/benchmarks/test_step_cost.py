@@ -21,7 +21,7 @@ def test_one_round(built_fmus: Path, tmp_path: Path) -> None:
     assert set(found["median_us"]) == contenders
     assert set(found["us_per_call"]) == {"disturbance", "commander", "plant", "isolator"}
     assert set(found["us_per_fmpy_call_of_30_reals"]["ours"]) == {"set", "get"}
-    assert min(found["two_threads"], found["two_threads_c_fmus"], found["ours_to_c_fmus"]) > 0.0
+    assert min(found["two_threads"]["ours"], found["two_threads"]["c_fmus"], found["ours_to_c_fmus"]) > 0.0
     assert min(found["ours_to_structured_c_fmus"], found["mean_to_c_fmus"], found["mean_to_c_fmus_with_table"]) > 0.0
     assert len(found["us_per_call_in_c_host"]) == 3
     assert all(min(ways.values()) > 0.0 for ways in found["us_per_call_in_c_host"].values())

@@ -21,6 +21,7 @@ WANTED = INVALID | DIVISION | OVERFLOW
 identifier = description.coSimulation.modelIdentifier
 fmu = FMU2Slave(guid=description.guid, unzipDirectory=folder, modelIdentifier=identifier, instanceName="fmu")
 outputs = [v.valueReference for v in description.modelVariables if v.causality == "output" and v.type == "Real"]
+inputs = [v.valueReference for v in description.modelVariables if v.causality == "input" and v.type == "Real"]
 
 def trapped(call, *arguments, **named):
     libm.feenableexcept(WANTED)
@@ -39,7 +40,13 @@ for arming in (trapped, lambda call, *arguments, **named: call(*arguments, **nam
     arming(fmu.exitInitializationMode)
     time = 0.0
     values = []
-    for h in steps:
+    for n, h in enumerate(steps):
+        for value in (float("nan"), 5e-324 * (n % 3)):
+            try:
+                arming(fmu.setReal, inputs, [value] * len(inputs))
+            except Exception as error:
+                print("refused", value)
+        values.append(arming(fmu.getReal, inputs))
         try:
             arming(fmu.doStep, currentCommunicationPoint=time, communicationStepSize=h)
         except Exception as error:
@@ -59,11 +66,13 @@ print("alive", len(found[0]))
 
 @pytest.mark.parametrize("model", ["DisturbanceSource", "ManipulatorPlant", "FeedforwardIsolator"])
 def test_a_host_with_traps_lives_and_keeps_them(built_fmus: Path, tmp_path: Path, model: str) -> None:
-    """The same bits with traps and without; a step of 1e300 s overflows in each of them."""
+    """The same bits with traps and without; a step of 1e300 s overflows in each of them, and NaN is no input."""
     folder = unpack(built_fmus / f"{model}.fmu", tmp_path / model)
     steps = ["1e-4"] * 40 + ["1e300", "1e150", "1e-4"]
     run = subprocess.run(
         [sys.executable, "-I", "-c", HOST, str(folder), *steps], capture_output=True, text=True, timeout=120
     )
     assert run.returncode == 0, run.stderr[-2000:]
-    assert run.stdout.splitlines()[-1] == "alive 43"
+    assert run.stdout.splitlines()[-1] == "alive 86"
+    has_inputs = model != "DisturbanceSource"
+    assert run.stdout.count("refused nan") == 86 * has_inputs

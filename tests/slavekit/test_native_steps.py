@@ -181,6 +181,19 @@ def test_a_value_is_stored_as_it_is(start):
     assert oscillator.fmu.getInteger([oscillator.variables["substeps"].valueReference]) == [1]
 
 
+def test_a_zero_of_another_sign_is_no_event_and_the_least_number_is_one(start):
+    oscillator = start("oscillator")
+    oscillator.set({"reference": 0.0})
+    drive(oscillator, 0, 5, inputs=False)
+    native, in_python = oscillator.steps()
+    oscillator.set({"reference": -0.0, "load": 1.0})
+    drive(oscillator, 5, 1, inputs=False)
+    assert oscillator.steps() == (native + 1, in_python)
+    oscillator.set({"load": 1.0, "reference": 5e-324})
+    drive(oscillator, 6, 1, inputs=False)
+    assert oscillator.steps() == (native + 1, in_python + 1)
+
+
 def test_lists_of_all_shapes(start):
     oscillator = start("oscillator")
     drive(oscillator, 0, 20)
@@ -217,6 +230,19 @@ def test_a_refused_list_sets_nothing(start, capfd, values, problem):
     assert problem in capfd.readouterr().err
     assert oscillator.state() == before
     drive(oscillator, 20, 20)
+
+
+def test_bounds_that_are_not_as_far_below_0_as_above(start, capfd):
+    channel = start("channel")
+    send(channel, 0, 20)
+    signal = [channel.variables["signal"].valueReference]
+    for value in (-1e300, 1.7e308, 5e-324, -0.0, 2e300):
+        channel.set({"signal": value})
+        assert channel.fmu.getReal(signal) == [value]
+    for value in (-2e300, math.inf, math.nan):
+        assert refused(channel.set, {"signal": value}) == ERROR
+    assert capfd.readouterr().err.count("signal = ") == 3
+    assert channel.fmu.getReal(signal) == [2e300]
 
 
 def test_references_of_other_types_and_of_nothing(start, capfd):

@@ -119,7 +119,7 @@ class CompiledSynthesis:
             *self._split(a.draw_some_lines, n, _LINES),
             *((a.store_phase, calls.Part(pointer(self._block), k, 0)) for k in range(polyphase.phases * groups)),
         ])  # fmt: skip
-        self.n_parts = 1 + len(self._calls.words)
+        self.n_parts = 1 + len(self._calls)
 
     def _split(self, function: int, n: int, size: int) -> list[tuple[int, calls.Part]]:
         """Calls for n items, so many at a time."""

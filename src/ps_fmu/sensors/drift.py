@@ -49,7 +49,7 @@ class Drift:
 
     def count_parts(self, first: int, last: int) -> int:
         """In how many parts the blocks from ``first`` to ``last`` are nearly always found."""
-        path = 2 + count_parts(self._sensors, _PROCESSES * DRIFT_BLOCK) + self._bridges[0].n_parts
+        path = 3 + count_parts(self._sensors, _PROCESSES * DRIFT_BLOCK) + self._bridges[0].n_parts
         return sum(path for block in range(first, last + 1) if block not in self._sums)
 
     def find(self, block: int) -> Parts:
@@ -59,6 +59,7 @@ class Drift:
             yield
             total = path.sum(axis=1).T
             keep(self._sums, block, np.ascontiguousarray([total[:, :-1], np.diff(total)]))
+            yield
         return self._sums[block]
 
     def _find_path(self, grid: int, block: int) -> Parts:

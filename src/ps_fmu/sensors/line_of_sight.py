@@ -19,6 +19,8 @@ from collections.abc import Generator
 from dataclasses import dataclass
 from enum import Enum
 from functools import cached_property
+from math import isnan, nan
+from operator import mul
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,6 +54,7 @@ def relative_rows() -> Array:
 
 
 _RELATIVE_ROWS = relative_rows()
+_RELATIVE_LISTS: list[list[float]] = _RELATIVE_ROWS.tolist()
 
 
 def error_rows() -> Array:
@@ -73,6 +76,17 @@ def _second_products(payload: Array, target: Array) -> Array:
     (i, j), (k, m) = _PLACES, _SECOND_PLACES
     q = (payload[..., i] * target[..., j]) @ _RELATIVE_ROWS.T
     return np.asarray(q[..., k] * q[..., m])
+
+
+def _multiply(rows: list[list[float]], column: list[float]) -> list[float]:
+    """The product of a matrix, by rows, and a column."""
+    return [sum(map(mul, row, column)) for row in rows]
+
+
+def _find_largest(place: Array) -> float:
+    """The largest absolute value of a few numbers; nan if one is: in a step, what numpy needs is in no cache."""
+    sizes = [abs(value) for value in place.tolist()]
+    return nan if any(map(isnan, sizes)) else max(sizes)
 
 
 class Lock(Enum):
@@ -142,14 +156,22 @@ class Tracker(Checked):
         rows[6, 5:9], rows[6, 13] = 1.0 / _LARGEST_SCALE_ERROR, -1.0 / _LARGEST_SCALE_ERROR
         return rows
 
+    @cached_property
+    def _place_lists(self) -> list[list[float]]:
+        """Of :attr:`rows`, those of the place."""
+        return [row.tolist() for row in self.rows[3:]]
+
     def look(self, payload: Array, target: Array, turned: Array) -> Array:
         """The place (4,) of a target, see :meth:`rows`.
 
         ``payload`` and ``target``: quaternions (4,); ``turned``: line_of_sight and payload_rotation, x and y of each,
         (4,), rad.
         """
-        sources = np.concatenate([_second_products(payload, target), turned, [1.0]])
-        return np.asarray(self.rows[3:] @ sources)
+        # Numbers, not arrays: an event comes between steps, and what numpy needs for this is in no cache then.
+        p, t = payload.tolist(), target.tolist()
+        q = _multiply(_RELATIVE_LISTS, [p[i] * t[j] for i, j in PAIRS])
+        sources = [q[i] * q[j] for i, j in SECOND_PAIRS]
+        return np.array(_multiply(self._place_lists, [*sources, *turned.tolist(), 1.0]))
 
     def judge(self, lock: Lock, place: Array, visible: bool, elapsed: float) -> Lock:
         """The next state.
@@ -160,7 +182,7 @@ class Tracker(Checked):
         visible: nothing hides the target.
         elapsed: time in the state ACQUIRING, s.
         """
-        largest = float(np.abs(place).max())
+        largest = _find_largest(place)
         if not visible or largest > 1.0:
             return Lock.SEARCHING
         if lock is Lock.LOCKED:
@@ -178,7 +200,7 @@ class Tracker(Checked):
         if not visible:
             return place, 1e30
         # The component that is farthest outside has to come back by so much at least.
-        return place, max(float(np.abs(place).max()) - self.acquisition_share, 0.0)
+        return place, max(_find_largest(place) - self.acquisition_share, 0.0)
 
     def sample_numbers(self, time: Array) -> NDArray[np.int64]:
         """Number of the last sample before or at times (n,), s since the start; before the first one: 0."""
@@ -203,8 +225,10 @@ class TrackerNoise:
 
     def in_parts(self, numbers: NDArray[np.int64]) -> Generator[int, None, Array]:
         """As :meth:`__call__`, in parts of 20 to 60 us; yields how many are still to come."""
-        found = np.zeros((len(numbers), 3))
-        blocks = split(numbers, _BLOCK) if self._deviation_P.any() else []
+        if not self._deviation_P.any():
+            return np.zeros((len(numbers), 3))
+        found, blocks = np.empty((len(numbers), 3)), split(numbers, _BLOCK)
+        yield len(blocks) * _PARTS
         for number, (block, part) in enumerate(blocks, 1):
             left = (len(blocks) - number) * _PARTS
             known, noise = self._last
@@ -213,7 +237,7 @@ class TrackerNoise:
                 noise = self._draw(random)
                 self._last = block, noise
                 yield left + 1
-            found[part] = noise.take(numbers[part] - block * _BLOCK, axis=0)
+            noise.take(numbers[part] - block * _BLOCK, axis=0, out=found[part], mode="clip")
             if left:
                 yield left
         return found

@@ -6,8 +6,9 @@ and linear between.  An FMU needs the noise while its steps are made, so it come
 
 from __future__ import annotations
 
+from array import array
 from collections.abc import Generator, Sequence
-from ctypes import addressof, c_void_p, pointer
+from ctypes import pointer
 from itertools import pairwise
 
 import numpy as np
@@ -72,8 +73,8 @@ class SensorNoise:
             drift = []
             for number in range(first, last + 1):
                 drift.append((yield from self._drift.find(number)))
-            addresses = (c_void_p * len(drift))(*map(library.find_address, drift))
-            kind.drift, kind.first_drift = addressof(addresses), first
+            addresses = array("Q", map(library.find_address, drift))  # a ctypes array would make a type for this length
+            kind.drift, kind.first_drift = addresses.buffer_info()[0], first
             kind.kept = drift, addresses
         return kind
 

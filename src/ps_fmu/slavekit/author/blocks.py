@@ -21,9 +21,10 @@ LANES = 8
 """Rows taken together."""
 
 _LARGEST = 8  # groups of rows in a block: their sums stay in registers
-# Costs in units of a group with a column, as measured with registers of eight doubles (0.1 ns).
-_COLUMN = 1.5  # to fetch and test an operand
-_BLOCK = 30.0  # to begin a block, and to store its results
+# Costs in units of a group with a column, as measured with registers of eight doubles (0.1 to 0.2 ns).  Half as much
+# again would keep the map of FeedforwardIsolator whole, which takes 15 ns more than its three blocks.
+_COLUMN = 1.0  # to fetch and test an operand
+_BLOCK = 20.0  # to begin a block, and to store its results
 
 
 class Words(ctypes.Structure):

@@ -37,12 +37,19 @@ static Core *words_in_any_phase(const Instance *m)
     return m != NULL && m->core != NULL && m->generation == python_generation() ? m->core : NULL;
 }
 
-/* In its stepping phase; NULL in all others, and where arithmetic may end the process: then steps are made in Python,
-   with settings of its own. */
-static Core *words(const Instance *m)
+/* In its stepping phase; NULL in all others. */
+static Core *words_to_move(const Instance *m)
 {
     Core *core = words_in_any_phase(m);
-    return core != NULL && core->stepping && !floats_trap() ? core : NULL;
+    return core != NULL && core->stepping ? core : NULL;
+}
+
+/* The same for arithmetic; NULL, too, where that may end the process: then it is done in Python, with settings of its
+   own.  To ask takes 5 ns, since the processor ends all arithmetic under way first: what moves numbers does not ask. */
+static Core *words(const Instance *m)
+{
+    Core *core = words_to_move(m);
+    return core != NULL && !floats_trap() ? core : NULL;
 }
 
 double native_time(const Instance *m)
@@ -99,18 +106,37 @@ static bool allows_value(const Core *core, fmi2ValueReference reference, uint8_t
     return allows(core, reference, kind | CORE_SET) && core->low[reference] <= value && value <= core->high[reference];
 }
 
+static int64_t bits_of(double value)
+{
+    int64_t bits;
+    memcpy(&bits, &value, sizeof bits);
+    return bits;
+}
+
+/* The bits of |value|, which are in the order of these sizes; those of what is no number are above all. */
+static int64_t size_bits(double value)
+{
+    return bits_of(value) & INT64_MAX;
+}
+
+/* Whether two numbers differ, without arithmetic. */
+static bool differ(double one, double other)
+{
+    return bits_of(one) != bits_of(other) && (size_bits(one) | size_bits(other)) != 0;
+}
+
 /* A new value of an event input makes an event due; all others just go to their place. */
 static void store(Core *core, fmi2ValueReference reference, double value)
 {
-    if ((core->kinds[reference] & CORE_EVENT) && core->data[reference] != value)
+    if ((core->kinds[reference] & CORE_EVENT) && differ(core->data[reference], value))
         core->pending = 1;
     core->data[reference] = value;
 }
 
-#define GET(name, type, kind, possible, converted)                                                                     \
+#define GET(name, type, kind, find_words, possible, converted)                                                         \
     bool native_Get##name(const Instance *m, const fmi2ValueReference vr[], size_t n, type value[])                    \
     {                                                                                                                  \
-        const Core *core = words(m);                                                                                   \
+        const Core *core = find_words(m);                                                                              \
         if (core == NULL)                                                                                              \
             return false;                                                                                              \
         for (size_t i = 0; i < n; i++) {                                                                               \
@@ -138,8 +164,8 @@ static void store(Core *core, fmi2ValueReference reference, double value)
         return true;                                                                                                   \
     }
 
-GET(Integer, fmi2Integer, CORE_INTEGER, fabs(raw) <= INT32_MAX, (fmi2Integer)raw)
-GET(Boolean, fmi2Boolean, CORE_BOOLEAN, true, raw != 0.0 ? fmi2True : fmi2False)
+GET(Integer, fmi2Integer, CORE_INTEGER, words, fabs(raw) <= INT32_MAX, (fmi2Integer)raw)
+GET(Boolean, fmi2Boolean, CORE_BOOLEAN, words_to_move, true, size_bits(raw) != 0 ? fmi2True : fmi2False)
 SET(Integer, fmi2Integer, CORE_INTEGER, (double)value[i])
 SET(Boolean, fmi2Boolean, CORE_BOOLEAN, value[i] != fmi2False ? 1.0 : 0.0)
 
@@ -172,34 +198,6 @@ static bool allow_run(const Core *core, fmi2ValueReference first, size_t n, uint
     return common == kind;
 }
 
-/* Store n numbers from `first` on.  Hosts have often just written them one by one: a vector of such numbers cannot be
-   read before all that was written earlier has reached the cache, perhaps a row of results: 40 ns. */
-static void store_run(Core *core, fmi2ValueReference first, const fmi2Real value[], size_t n)
-{
-    double *data = core->data + first;
-    uint8_t any = 0;
-    for (size_t k = 0; k < n; k++)
-        any |= core->kinds[first + k];
-    if (any & CORE_EVENT) {
-        for (size_t k = 0; k < n; k++)
-            store(core, first + (fmi2ValueReference)k, value[k]);
-        return;
-    }
-    ONE_BY_ONE
-    for (size_t k = 0; k < n; k++)
-        data[k] = value[k];
-}
-
-static bool allow_values(const Core *core, fmi2ValueReference first, const fmi2Real value[], size_t n)
-{
-    const double *low = core->low + first, *high = core->high + first;
-    int inside = 1; /* not a number: outside */
-    ONE_BY_ONE
-    for (size_t k = 0; k < n; k++)
-        inside &= (low[k] <= value[k]) & (value[k] <= high[k]);
-    return inside;
-}
-
 static bool get_run(const Core *core, fmi2ValueReference first, size_t n, fmi2Real value[])
 {
     if (!allow_run(core, first, n, CORE_REAL))
@@ -208,14 +206,9 @@ static bool get_run(const Core *core, fmi2ValueReference first, size_t n, fmi2Re
     return true;
 }
 
-static bool may_set_run(const Core *core, fmi2ValueReference first, size_t n, const fmi2Real value[])
-{
-    return allow_run(core, first, n, CORE_REAL | CORE_SET) && allow_values(core, first, value, n);
-}
-
 bool native_GetReal(const Instance *m, const fmi2ValueReference vr[], size_t n, fmi2Real value[])
 {
-    const Core *core = words(m);
+    const Core *core = words_to_move(m);
     if (core == NULL)
         return false;
     if (n > 0 && is_one_run(vr, n))
@@ -228,20 +221,54 @@ bool native_GetReal(const Instance *m, const fmi2ValueReference vr[], size_t n, 
     return true;
 }
 
+/* Whether all values are within their bounds. */
+static bool are_within(const Core *core, const fmi2ValueReference vr[], size_t n, const fmi2Real value[])
+{
+    for (size_t i = 0; i < n; i++)
+        if (!(core->low[vr[i]] <= value[i] && value[i] <= core->high[vr[i]])) /* not a number: outside */
+            return false;
+    return true;
+}
+
+/* Whether all of a list may be set to these values; `any`: what one of the references allows, or more.  In one loop, that
+   is without arithmetic where the bounds are as far below 0 as above, as those of nearly all inputs are. */
+static bool may_set(const Core *core, const fmi2ValueReference vr[], size_t n, const fmi2Real value[], uint8_t *any)
+{
+    const uint8_t needed = CORE_REAL | CORE_SET;
+    uint8_t all = needed, some = 0;
+    int inside = 1;
+    ONE_BY_ONE
+    for (size_t i = 0; i < n; i++) {
+        const fmi2ValueReference reference = vr[i];
+        if (reference >= (uint64_t)core->n_references)
+            return false;
+        const int64_t bound = bits_of(core->high[reference]);
+        all &= core->kinds[reference];
+        some |= core->kinds[reference];
+        inside &= size_bits(value[i]) <= bound;
+        inside &= bits_of(core->low[reference]) == (bound | INT64_MIN);
+    }
+    *any = some;
+    return all == needed && (inside || (!floats_trap() && are_within(core, vr, n, value)));
+}
+
+/* One by one: hosts have often just written the values so, and a vector of such numbers cannot be read before all that
+   was written earlier has reached the cache, perhaps a row of results: 40 ns. */
 bool native_SetReal(const Instance *m, const fmi2ValueReference vr[], size_t n, const fmi2Real value[])
 {
-    Core *core = words(m);
-    if (core == NULL)
+    Core *core = words_to_move(m);
+    uint8_t any;
+    if (core == NULL || !may_set(core, vr, n, value, &any))
         return false;
-    for (size_t i = 0, k; i < n; i += k) {
-        k = run_length(vr + i, n - i);
-        if (!may_set_run(core, vr[i], k, value + i))
-            return false;
+    if (any & CORE_EVENT) {
+        for (size_t i = 0; i < n; i++)
+            store(core, vr[i], value[i]);
+        return true;
     }
-    for (size_t i = 0, k; i < n; i += k) {
-        k = run_length(vr + i, n - i);
-        store_run(core, vr[i], value + i, k);
-    }
+    double *data = core->data;
+    ONE_BY_ONE
+    for (size_t i = 0; i < n; i++)
+        data[vr[i]] = value[i];
     return true;
 }
 

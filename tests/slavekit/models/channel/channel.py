@@ -27,7 +27,7 @@ class Channel(Slave):
         Port("turns", "output", "1", "How often the input has risen above 0.9 N"),
         Port("far", "output", "1", "Number of events"),
         Port("clipped", "output", type="Boolean", description="The reading is at its limit"),
-        Port("signal", "input", "N", "Input"),
+        Port("signal", "input", "N", "Input", min=-1e300),
         Port("sample_time", "parameter", "s", "Period of sampling", start=0.04, min=0.0),
         Port("delay", "parameter", "s", "Delay of the reading", start=0.06, min=0.0),
         Port("resolution", "parameter", "N", "Of the reading", start=0.01, min=0.0),
