@@ -5,7 +5,7 @@ import json
 import pytest
 from support.processes import PATIENCE_S, end_with_children, start_dask, wait_until
 
-from ps_fmu.studies import cluster
+from ps_fmu.studies import cluster, scheduler
 from ps_fmu.studies.parts import list_parts
 from ps_fmu.studies.rows import ClusterError
 from ps_fmu.studies.study_folder import open_folder
@@ -47,10 +47,10 @@ def test_what_is_no_address_is_said_without_asking_for_it(address, problem, monk
 
 
 def test_a_scheduler_without_workers_is_said(make_prepared, tmp_path, monkeypatch):
-    monkeypatch.setattr(cluster, "WATCH_S", 0.2)
-    monkeypatch.setattr(cluster, "NO_WORKER_S", 1.0)
+    monkeypatch.setattr(scheduler, "WATCH_S", 0.2)
+    monkeypatch.setattr(scheduler, "NO_WORKER_S", 1.0)
     file = tmp_path / "scheduler.json"
-    scheduler = start_dask("scheduler", "--port", "0", "--scheduler-file", str(file))
+    process = start_dask("scheduler", "--port", "0", "--scheduler-file", str(file))
     try:
         wait_until(lambda: file.is_file() and file.read_text().strip())
         prepared = make_prepared()
@@ -61,20 +61,20 @@ def test_a_scheduler_without_workers_is_said(make_prepared, tmp_path, monkeypatc
             with pytest.raises(ClusterError, match="has had no worker for 1 s"):
                 dispatcher.run([0])
     finally:
-        end_with_children(scheduler)
+        end_with_children(process)
 
 
 @pytest.mark.parametrize("moment", ["before the first batch", "when a batch has come in"])
 def test_a_scheduler_that_ends_is_noticed(moment, make_prepared, hand_started, tmp_path):
     """At once, although the scheduler had long to answer at first: dask's client asks it again for that long."""
-    (_, address, *_), (scheduler, *_) = hand_started
+    (_, address, *_), (process, *_) = hand_started
     prepared, folder = make_prepared(), tmp_path / "out"
     name = prepared.identity.plan_sha256
     folder.mkdir()
     open_folder(folder, prepared.plan, prepared.identity, resume=False)
 
     def end(*_):
-        end_with_children(scheduler)
+        end_with_children(process)
 
     with cluster.connect(address, None, PATIENCE_S) as client:
         dispatcher = cluster.Dispatcher(client, prepared.plan, name, prepared.bundle, folder, end)
