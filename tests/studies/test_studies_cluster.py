@@ -3,6 +3,7 @@
 import json
 import os
 import signal
+import socket
 
 import psutil
 import pytest
@@ -119,6 +120,16 @@ def test_a_scheduler_that_ends_is_noticed(moment, opened, hand_started, capfd):
                 asked.find_dashboard()
     assert bool(list_cases(opened)) == (moment == "when a batch has come in")
     assert "Traceback" not in capfd.readouterr().err
+
+
+def test_what_is_no_scheduler_is_said(monkeypatch):
+    """dask waits for ever for what it says first."""
+    monkeypatch.setattr(cluster, "SLACK_S", 0.1)
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        address = f"tcp://127.0.0.1:{silent.getsockname()[1]}"
+        said = f"--scheduler {address}: .* has not answered as a scheduler after 0.2 s"
+        with pytest.raises(ClusterError, match=said), cluster.connect(address, None, 0.2):
+            pass
 
 
 def test_a_scheduler_that_does_not_answer_is_said(hand_started, monkeypatch):

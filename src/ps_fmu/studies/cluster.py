@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Collection, Iterator, Sequence
+from concurrent.futures import Future, wait
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import replace
 from logging import CRITICAL
 from pathlib import Path
+from threading import Thread
 from typing import Any
 
 from ..child_processes import ONE_THREAD
@@ -26,6 +28,7 @@ BATCHES_PER_THREAD = 2  # in flight: one runs, one waits at the worker
 MOST_IN_BATCH = 200
 CONNECT_S = 10.0
 """That a scheduler may take to answer: it is asked again until then, so that it may be started at the same time."""
+SLACK_S = 2.0  # beyond CONNECT_S: where dask notices that there is no scheduler, it says why
 CLOSE_S = 10.0  # that a connection or a cluster may take to close: processes that are stopped do not answer
 ALLOWED_FAILURES = 20
 """Deaths of workers that a batch may see; with dask's 3 a few random ones would break innocent batches."""
@@ -68,12 +71,41 @@ def connect(address: str | None, workers: int | None, timeout_s: float = CONNECT
                 client = Client(_start_cluster(workers, stack), set_as_default=False)
             else:
                 get_address_host_port(address)  # a client asks for what is no address again, and ends with a traceback
-                client = Client(address, set_as_default=False, timeout=timeout_s)
+                client = _connect_within(address, timeout_s)
             stack.callback(_close, client)
         except Exception as error:  # no scheduler there, it did not answer, no address; workers that do not start
             where = "a cluster on this machine" if address is None else f"--scheduler {address}"
             raise ClusterError(f"{where}: {error}") from error
         yield client
+
+
+def _connect_within(address: str, timeout_s: float) -> Any:
+    """A client of a scheduler; ``OSError`` if there is none.
+
+    dask itself waits for ever for the first words of a process that is stopped, and of one that is no scheduler.
+    """
+    from distributed import Client
+
+    client = Client.__new__(Client)
+    found: Future[None] = Future()
+
+    def connect() -> None:
+        try:
+            Client.__init__(client, address, set_as_default=False, timeout=timeout_s)
+        except Exception as error:
+            found.set_exception(error)
+        else:
+            found.set_result(None)
+
+    Thread(target=connect, daemon=True).start()
+    try:
+        if not wait([found], timeout_s + SLACK_S).done:
+            raise OSError(f"there is something, but it has not answered as a scheduler after {timeout_s:g} s")
+        found.result()
+    except BaseException:
+        client.status = "closed"  # one that is connecting would keep Python from ending
+        raise
+    return client
 
 
 def _start_cluster(workers: int | None, stack: ExitStack) -> Any:
