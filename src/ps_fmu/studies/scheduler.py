@@ -62,7 +62,8 @@ class Scheduler:
         except (ClusterError, KilledWorker, StartError, VersionError, OSError):
             raise
         except Exception as error:
-            raise ClusterError(f"a worker cannot run cases: {type(error).__name__}: {reason(error)}") from error
+            text = " ".join(reason(error).split())
+            raise ClusterError(f"cases cannot be run there: {type(error).__name__}: {text}") from error
 
     def count_threads(self) -> int:
         """Of all workers.  Raises :class:`.rows.ClusterError` if there have been no workers for long."""
