@@ -1,14 +1,14 @@
 """Clusters: what their processes keep of the past is bounded; schedulers and workers that end."""
 
-import json
 import os
 import signal
 import socket
+import threading
 
 import psutil
 import pytest
 from pyarrow.parquet import read_table
-from support.processes import PATIENCE_S, end_with_children, start_dask, wait_until
+from support.processes import PATIENCE_S, end_with_children, start_dask, wait_for_scheduler, wait_until
 
 from ps_fmu.studies import cluster, scheduler
 from ps_fmu.studies.parts import list_parts
@@ -63,9 +63,8 @@ def test_a_scheduler_without_workers_is_said(make_prepared, tmp_path, monkeypatc
     file = tmp_path / "scheduler.json"
     process = start_dask("scheduler", "--port", "0", "--scheduler-file", str(file))
     try:
-        wait_until(lambda: file.is_file() and file.read_text().strip())
-        prepared = make_prepared()
-        with cluster.connect(json.loads(file.read_text())["address"], None, PATIENCE_S) as client:
+        address, prepared = wait_for_scheduler(file), make_prepared()
+        with cluster.connect(address, None, PATIENCE_S) as client:
             dispatcher = cluster.Dispatcher(
                 client, prepared.plan, prepared.identity.plan_sha256, prepared.bundle, tmp_path, lambda *_: None
             )
@@ -130,6 +129,7 @@ def test_what_is_no_scheduler_is_said(monkeypatch):
         said = f"--scheduler {address}: .* has not answered as a scheduler after 0.2 s"
         with pytest.raises(ClusterError, match=said), cluster.connect(address, None, 0.2):
             pass
+    wait_until(lambda: not any(thread.name == cluster.CONNECTING for thread in threading.enumerate()))
 
 
 def test_a_scheduler_that_does_not_answer_is_said(hand_started, monkeypatch):

@@ -28,6 +28,7 @@ BATCHES_PER_THREAD = 2  # in flight: one runs, one waits at the worker
 MOST_IN_BATCH = 200
 CONNECT_S = 10.0
 """That a scheduler may take to answer: it is asked again until then, so that it may be started at the same time."""
+CONNECTING = "connecting"  # name of the thread that does
 SLACK_S = 2.0  # beyond CONNECT_S: where dask notices that there is no scheduler, it says why
 CLOSE_S = 10.0  # that a connection or a cluster may take to close: processes that are stopped do not answer
 ALLOWED_FAILURES = 20
@@ -97,7 +98,7 @@ def _connect_within(address: str, timeout_s: float) -> Any:
         else:
             found.set_result(None)
 
-    Thread(target=connect, daemon=True).start()
+    Thread(target=connect, name=CONNECTING, daemon=True).start()
     try:
         if not wait([found], timeout_s + SLACK_S).done:
             raise OSError(f"there is something, but it has not answered as a scheduler after {timeout_s:g} s")
