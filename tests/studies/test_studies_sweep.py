@@ -298,13 +298,19 @@ def test_a_time_for_no_scheduler_is_refused(tmp_path, capsys, arguments, error):
     assert f"--scheduler-timeout: {error}" in capsys.readouterr().err
 
 
-def test_a_worker_that_does_not_see_the_folder_sends_its_part(make_prepared, tmp_path):
+@pytest.mark.parametrize("folder", ["elsewhere", "read only"])
+def test_a_worker_that_cannot_write_in_the_folder_sends_its_part(make_prepared, tmp_path, monkeypatch, folder):
     import io
 
+    from ps_fmu.studies.study_folder import open_folder
     from ps_fmu.studies.worker import Order, run_batch
 
-    prepared = make_prepared()
-    order = Order(str(tmp_path / "elsewhere"), prepared.identity.plan_sha256, None)
+    prepared, path = make_prepared(), tmp_path / folder
+    if folder == "read only":
+        path.mkdir()
+        open_folder(path, prepared.plan, prepared.identity, resume=False)
+        monkeypatch.setattr(os, "access", lambda *_: False)  # permissions do not hold for root
+    order = Order(str(path), prepared.identity.plan_sha256, None)
     done = run_batch(prepared.bundle, [(1, prepared.plan.values(1))], order)
     assert (done.cases, done.not_done) == (1, 0)
     assert pq.read_table(io.BytesIO(done.content))["case"].to_pylist() == [1]

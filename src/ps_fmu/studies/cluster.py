@@ -30,7 +30,7 @@ CONNECT_S = 10.0
 """That a scheduler may take to answer: it is asked again until then, so that it may be started at the same time."""
 CONNECTING = "connecting"  # name of the thread that does
 SLACK_S = 2.0  # beyond CONNECT_S: where dask notices that there is no scheduler, it says why
-CLOSE_S = 10.0  # that a connection or a cluster may take to close: processes that are stopped do not answer
+CLOSE_S = 60.0  # that a connection or a cluster may take to close: processes that are stopped do not answer
 ALLOWED_FAILURES = 20
 """Deaths of workers that a batch may see; with dask's 3 a few random ones would break innocent batches."""
 
@@ -76,7 +76,7 @@ def connect(address: str | None, workers: int | None, timeout_s: float = CONNECT
             stack.callback(_close, client)
         except Exception as error:  # no scheduler there, it did not answer, no address; workers that do not start
             where = "a cluster on this machine" if address is None else f"--scheduler {address}"
-            raise ClusterError(f"{where}: {error}") from error
+            raise ClusterError(f"{where}: {str(error) or type(error).__name__}") from error
         yield client
 
 

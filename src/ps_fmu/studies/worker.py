@@ -16,6 +16,7 @@ from typing import Any
 from ..terminal import reason
 from .bundle import TASK, Bundle
 from .case_process import CaseProcess
+from .parts import FOLDER as PARTS
 from .parts import encode_part, write_part
 from .rows import Row, StartError, VersionError
 from .signals import FOLDER, name_file
@@ -102,12 +103,16 @@ def _run_batch(name: str, bundle: Bundle, jobs: Sequence[Job], order: Order) -> 
 
 
 def sees(output: Path, plan_hash: str) -> bool:
-    """Whether this is the study's output folder also here: on another machine the path may lead elsewhere."""
+    """Whether this is the study's output folder also here, and parts can be written.
+
+    On another machine the path may lead elsewhere, or to a share that is read only.
+    """
     try:
         found = json.loads((output / MANIFEST).read_bytes())
     except (OSError, ValueError):
         return False
-    return isinstance(found, dict) and found.get("plan_sha256") == plan_hash
+    own = isinstance(found, dict) and found.get("plan_sha256") == plan_hash
+    return own and os.access(output / PARTS, os.W_OK)
 
 
 _LOCK = threading.Lock()
