@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from ps_fmu.terminal import reason, run_command
+from ps_fmu.terminal import hold_interrupts, reason, run_command
 
 # Says something on both streams, then writes its result: into a file that must not take a stream's number.
 SCRIPT = """
@@ -112,3 +112,53 @@ def test_reasons():
         Path("no/such/file").read_text()
     assert reason(missing.value) == "no/such/file: No such file or directory"
     assert reason(OSError("text alone")) == "text alone"
+
+
+def test_ctrl_c_waits_for_what_must_not_be_left_half_done():
+    done, before = [], signal.getsignal(signal.SIGINT)
+    with pytest.raises(KeyboardInterrupt), hold_interrupts():
+        for number in (signal.SIGINT, signal.SIGINT):
+            signal.raise_signal(number)
+            done.append(number)
+    assert len(done) == 2
+    with pytest.raises(KeyboardInterrupt), hold_interrupts():
+        for number in (signal.SIGINT, signal.SIGINT, signal.SIGINT):  # it may hang
+            signal.raise_signal(number)
+            done.append(number)
+    assert len(done) == 4
+    assert signal.getsignal(signal.SIGINT) is before is signal.default_int_handler
+
+
+def test_ctrl_c_that_others_treat_is_left_to_them():
+    seen = []
+    before = signal.signal(signal.SIGINT, lambda number, _: seen.append(number))
+    try:
+        with hold_interrupts():
+            signal.raise_signal(signal.SIGINT)
+            assert seen == [signal.SIGINT]
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+# A terminal sends Ctrl-C to all processes of a command.  The first process of multiprocessing starts its tracker, too.
+SPAWN = """
+import multiprocessing, signal, threading
+from ps_fmu.terminal import block_interrupts
+
+def start():
+    process = multiprocessing.get_context("spawn").Process(target=signal.raise_signal, args=(signal.SIGINT,))
+    process.start()
+    process.join()
+    print(process.exitcode)
+
+thread = threading.Thread(target=start)
+with block_interrupts():
+    thread.start()
+thread.join()
+print(signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, ()))
+"""
+
+
+def test_processes_of_a_thread_that_has_no_ctrl_c_have_none():
+    run = subprocess.run([sys.executable, "-I", "-c", SPAWN], capture_output=True, text=True, check=False, timeout=300)
+    assert (run.stdout, run.stderr) == ("0\nFalse\n", "")

@@ -1,7 +1,7 @@
 """``ps-fmu sweep STUDY.toml``: a study of many cases, on this machine or on a cluster; or one of its cases again.
 
-Exit codes: 0 all cases have a row, 1 the study cannot go on, 2 study or argument cannot be used, 130 interrupted.
-Rows so far are kept in any case.
+Exit codes: 0 all cases have a row, 1 the study cannot go on, 2 study or argument cannot be used, 130 interrupted by
+Ctrl-C or SIGTERM.  Rows so far are kept in any case.
 """
 
 from __future__ import annotations

@@ -9,8 +9,13 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from types import FrameType
 from typing import Any, TextIO
+
+PATIENCE = 3
+"""Ctrl-C so many times ends what must not be left half done."""
 
 
 def run_command(command: Callable[[], int]) -> int:
@@ -54,6 +59,49 @@ def _treat_like_ctrl_c() -> Any:
     if before is not None and signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGTERM, lambda *_: signal.raise_signal(signal.SIGINT))
     return before
+
+
+@contextmanager
+def hold_interrupts() -> Iterator[None]:
+    """Have Ctrl-C wait for the end of the body, which takes seconds and must not be left half done.
+
+    The third one does not wait: the body may hang.  Where Ctrl-C is not Python's, nothing is changed.
+    """
+    main = threading.current_thread() is threading.main_thread()
+    if not main or signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
+        yield
+        return
+    held = 0
+
+    def hold(number: int, frame: FrameType | None) -> None:
+        nonlocal held
+        held += 1
+        if held == PATIENCE:
+            signal.default_int_handler(number, frame)
+
+    signal.signal(signal.SIGINT, hold)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+    if held:
+        raise KeyboardInterrupt
+
+
+@contextmanager
+def block_interrupts() -> Iterator[None]:
+    """Keep Ctrl-C from threads that begin in the body, and from all processes that these start (not on Windows)."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    from multiprocessing.resource_tracker import ensure_running
+
+    ensure_running()  # the first process of multiprocessing would: it ends with the thread having Ctrl-C again
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _get_code(ended: SystemExit) -> int:

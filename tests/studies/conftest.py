@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from distributed import Client
 from pythonfmu.builder import FmuBuilder
 from support.cosim import HEAD, ssd_text
 from support.linear import make_oscillator
-from support.processes import PATIENCE_S, end_with_children, start_dask, wait_until
+from support.processes import PATIENCE_S, end_with_children, start_dask, wait_for_scheduler
 from support.relays import make_relay
 
 from ps_fmu.studies.reading import read_study
@@ -121,7 +121,7 @@ def hand_started(tmp_path):
     scheduler = start_dask("scheduler", "--port", "0", "--scheduler-file", str(file))
     processes = [scheduler]
     try:
-        wait_until(lambda: file.is_file() and file.read_text().strip())
+        address = wait_for_scheduler(file)
         for number in (1, 2):
             folder = tmp_path / f"node{number}"
             folder.mkdir()
@@ -129,7 +129,8 @@ def hand_started(tmp_path):
                 start_dask("worker", "--scheduler-file", str(file), "--nthreads", "1", "--name", f"node{number}",
                            "--local-directory", str(folder))
             )  # fmt: skip
-        address = json.loads(file.read_text())["address"]
+        with Client(address, timeout=PATIENCE_S, set_as_default=False) as client:
+            client.wait_for_workers(2, PATIENCE_S)  # else one may do all before the other has started
         yield ("--scheduler", address, "--scheduler-timeout", f"{PATIENCE_S:g}"), processes
     finally:
         for process in processes:

@@ -1,13 +1,19 @@
-"""Clusters: what their processes keep of the past is bounded; schedulers without workers, and those that end."""
+"""Clusters: what their processes keep of the past is bounded; schedulers and workers that end."""
 
-import json
+import os
+import signal
+import socket
+import threading
 
+import psutil
 import pytest
-from support.processes import PATIENCE_S, end_with_children, start_dask, wait_until
+from pyarrow.parquet import read_table
+from support.processes import PATIENCE_S, end_with_children, start_dask, wait_for_scheduler, wait_until
 
-from ps_fmu.studies import cluster
+from ps_fmu.studies import cluster, scheduler
 from ps_fmu.studies.parts import list_parts
 from ps_fmu.studies.rows import ClusterError
+from ps_fmu.studies.scheduler import Scheduler
 from ps_fmu.studies.study_folder import open_folder
 
 
@@ -22,6 +28,11 @@ def ask_worker():
 
     worker = get_worker()
     return "profile" in worker.periodic_callbacks, worker.monitor.maxlen, worker.state.log.maxlen
+
+
+def leave(_):
+    """End the worker."""
+    os._exit(1)
 
 
 def test_processes_do_not_grow_with_the_time_that_a_study_takes():
@@ -47,39 +58,135 @@ def test_what_is_no_address_is_said_without_asking_for_it(address, problem, monk
 
 
 def test_a_scheduler_without_workers_is_said(make_prepared, tmp_path, monkeypatch):
-    monkeypatch.setattr(cluster, "WATCH_S", 0.2)
-    monkeypatch.setattr(cluster, "NO_WORKER_S", 1.0)
+    monkeypatch.setattr(scheduler, "WATCH_S", 0.2)
+    monkeypatch.setattr(scheduler, "NO_WORKER_S", 1.0)
     file = tmp_path / "scheduler.json"
-    scheduler = start_dask("scheduler", "--port", "0", "--scheduler-file", str(file))
+    process = start_dask("scheduler", "--port", "0", "--scheduler-file", str(file))
     try:
-        wait_until(lambda: file.is_file() and file.read_text().strip())
-        prepared = make_prepared()
-        with cluster.connect(json.loads(file.read_text())["address"], None, PATIENCE_S) as client:
+        address, prepared = wait_for_scheduler(file), make_prepared()
+        with cluster.connect(address, None, PATIENCE_S) as client:
             dispatcher = cluster.Dispatcher(
                 client, prepared.plan, prepared.identity.plan_sha256, prepared.bundle, tmp_path, lambda *_: None
             )
             with pytest.raises(ClusterError, match="has had no worker for 1 s"):
                 dispatcher.run([0])
     finally:
-        end_with_children(scheduler)
+        end_with_children(process)
 
 
-@pytest.mark.parametrize("moment", ["before the first batch", "when a batch has come in"])
-def test_a_scheduler_that_ends_is_noticed(moment, make_prepared, hand_started, tmp_path):
-    """At once, although the scheduler had long to answer at first: dask's client asks it again for that long."""
-    (_, address, *_), (scheduler, *_) = hand_started
+@pytest.fixture
+def opened(make_prepared, tmp_path):
+    """A study of six cases, prepared, and its output folder."""
     prepared, folder = make_prepared(), tmp_path / "out"
-    name = prepared.identity.plan_sha256
     folder.mkdir()
     open_folder(folder, prepared.plan, prepared.identity, resume=False)
+    return prepared, folder
+
+
+def dispatch(client, opened, report=lambda *_: None):
+    """Run all cases of a study."""
+    prepared, folder = opened
+    name = prepared.identity.plan_sha256
+    cluster.Dispatcher(client, prepared.plan, name, prepared.bundle, folder, report).run(range(len(prepared.plan)))
+
+
+def list_cases(opened):
+    """The cases of all parts."""
+    prepared, folder = opened
+    parts = list_parts(folder, prepared.identity.plan_sha256)
+    return sorted(case for part in parts for case in read_table(part, columns=["case"])["case"].to_pylist())
+
+
+@pytest.mark.parametrize("moment", ["before the dashboard is asked for", "before a batch", "when a batch has come in"])
+def test_a_scheduler_that_ends_is_noticed(moment, opened, hand_started, capfd):
+    """At once, although the scheduler had long to answer at first: dask's client asks it again for that long."""
+    (_, address, *_), (process, *_) = hand_started
+    lost = pytest.raises(ClusterError, match=f"the scheduler {address} is lost")
 
     def end(*_):
-        end_with_children(scheduler)
+        end_with_children(process)
 
     with cluster.connect(address, None, PATIENCE_S) as client:
-        dispatcher = cluster.Dispatcher(client, prepared.plan, name, prepared.bundle, folder, end)
-        if moment == "before the first batch":
+        if moment == "when a batch has come in":
+            with lost:
+                dispatch(client, opened, end)
+        else:
+            asked = Scheduler(client)
             end()
-        with pytest.raises(ClusterError, match=f"the scheduler {address} is lost"):
-            dispatcher.run(range(len(prepared.plan)))
-    assert bool(list_parts(folder, name)) == (moment == "when a batch has come in")
+            with lost:
+                if moment == "before a batch":
+                    dispatch(client, opened)
+                asked.find_dashboard()
+    assert bool(list_cases(opened)) == (moment == "when a batch has come in")
+    assert "Traceback" not in capfd.readouterr().err
+
+
+def test_what_is_no_scheduler_is_said(monkeypatch):
+    """dask waits for ever for what it says first."""
+    monkeypatch.setattr(cluster, "SLACK_S", 0.1)
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        address = f"tcp://127.0.0.1:{silent.getsockname()[1]}"
+        said = f"--scheduler {address}: .* has not answered as a scheduler after 0.2 s"
+        with pytest.raises(ClusterError, match=said), cluster.connect(address, None, 0.2):
+            pass
+    wait_until(lambda: not any(thread.name == cluster.CONNECTING for thread in threading.enumerate()))
+
+
+def test_a_scheduler_that_does_not_answer_is_said(hand_started, monkeypatch):
+    """Its process is stopped: the connection stays."""
+    monkeypatch.setattr(scheduler, "WATCH_S", 0.1)
+    monkeypatch.setattr(scheduler, "ANSWER_S", 0.5)
+    (_, address, *_), (process, *_) = hand_started
+    with cluster.connect(address, None, PATIENCE_S) as client:
+        asked = Scheduler(client)
+        process.send_signal(signal.SIGSTOP)
+        for question in (asked.find_dashboard, asked.count_threads):
+            with pytest.raises(ClusterError, match=f"the scheduler {address} has not answered for 0.5 s"):
+                question()
+
+
+def test_rows_that_are_lost_with_their_worker_are_computed_again(opened, hand_started, monkeypatch):
+    """The worker ends when its batch is done and has not been fetched; its nanny starts another one."""
+    (_, address, *_), (_, *nannies) = hand_started
+    fetch, lost = Scheduler.fetch, []
+
+    def lose(asked, future):
+        if not lost:
+            lost.append(future.status)
+            for nanny in nannies:
+                for worker in psutil.Process(nanny.pid).children():
+                    worker.kill()
+            wait_until(lambda: future.status != "finished")
+        return fetch(asked, future)
+
+    monkeypatch.setattr(Scheduler, "fetch", lose)
+    with cluster.connect(address, None, PATIENCE_S) as client:
+        dispatch(client, opened)
+    assert lost == ["finished"]
+    assert list_cases(opened) == list(range(6))
+
+
+def test_what_goes_wrong_on_a_worker_is_no_loss_of_the_scheduler(opened, monkeypatch):
+    """Nor a row, if workers end before they have a case."""
+    monkeypatch.setattr(cluster, "ALLOWED_FAILURES", 0)
+    monkeypatch.setattr(cluster, "keep", leave)
+    with cluster.connect(None, 1) as client:
+        asked = Scheduler(client)
+        with pytest.raises(ClusterError, match="cases cannot be run there: ValueError: invalid literal"):
+            asked.fetch(asked.submit(int, "x"))
+        with pytest.raises(FileNotFoundError, match="/nowhere"):
+            asked.fetch(asked.submit(os.listdir, "/nowhere"))
+        with pytest.raises(ClusterError, match="workers end when they take over the files of the study"):
+            dispatch(client, opened)
+    assert list_cases(opened) == []
+
+
+def test_a_cluster_that_does_not_start_is_said():
+    import dask
+
+    with (
+        dask.config.set({"temporary-directory": "/dev/null/x"}),
+        pytest.raises(ClusterError, match="a cluster on this machine: "),
+        cluster.connect(None, 1),
+    ):
+        pass

@@ -7,7 +7,10 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
+from ps_fmu.studies.bundle import Bundle
 from ps_fmu.studies.parts import FOLDER, list_missing, list_parts, read_rows, write_part
+from ps_fmu.studies.signals import FOLDER as SIGNALS
+from ps_fmu.studies.stored import remove_leftovers
 
 PLAN, OTHER = "ab" * 32, "cd" * 32
 
@@ -90,3 +93,18 @@ def test_a_part_that_cannot_be_read_is_named(folder):
     for read in (lambda: list_missing(folder, PLAN, 2), lambda: read_rows([path])):
         with pytest.raises(OSError, match="delete this part, and resume"):
             read()
+
+
+def test_what_ended_processes_were_writing_is_removed(folder):
+    path = write_part(folder, PLAN, rows(0, 1))
+    (folder / SIGNALS).mkdir()
+    for name in (FOLDER, SIGNALS):
+        (folder / name / ".abc.part").write_bytes(b"PAR1")
+    remove_leftovers(folder)
+    assert list(folder.glob("*/*")) == [path]
+
+
+def test_files_that_cannot_all_be_unpacked_leave_none(tmp_path):
+    with pytest.raises(OSError, match="task"):
+        Bundle.of({"task": b"", "task/more": b""}).unpack(tmp_path)
+    assert list(tmp_path.iterdir()) == []

@@ -1,5 +1,6 @@
 """Processes that tests have started, and those that these have started: any of them may end at any moment."""
 
+import json
 import subprocess
 import sys
 import time
@@ -32,6 +33,19 @@ def start_dask(what, *arguments):
     """A ``scheduler`` or a ``worker`` of dask, as by hand."""
     command = [sys.executable, "-I", "-m", f"distributed.cli.dask_{what}", "--no-dashboard", *arguments]
     return subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+
+
+def wait_for_scheduler(file):
+    """The address in a scheduler's file, once it is complete."""
+    found = []
+
+    def read():
+        with suppress(OSError, ValueError):
+            found.append(json.loads(file.read_text())["address"])
+        return found
+
+    wait_until(read)
+    return found[0]
 
 
 def wait_until(condition):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import shutil
 import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -37,9 +38,13 @@ class Bundle:
         if _digest(self.files) != self.sha256:
             raise ValueError(f"the study's files arrived damaged: their SHA-256 is not {self.sha256}")
         place = Path(tempfile.mkdtemp(prefix=f"study_{self.sha256[:16]}_", dir=folder))
-        for name, content in self.files.items():
-            (place / name).parent.mkdir(parents=True, exist_ok=True)
-            (place / name).write_bytes(content)
+        try:
+            for name, content in self.files.items():
+                (place / name).parent.mkdir(parents=True, exist_ok=True)
+                (place / name).write_bytes(content)
+        except BaseException:  # a full disk: each try would leave less room
+            shutil.rmtree(place, ignore_errors=True)
+            raise
         return place
 
     def get_system_sha256(self) -> str:

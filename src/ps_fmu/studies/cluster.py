@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
-import asyncio
-import concurrent.futures
-import time
 from collections import deque
-from collections.abc import Callable, Collection, Coroutine, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable, Collection, Iterator, Sequence
+from concurrent.futures import Future, wait
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import replace
-from importlib.util import find_spec
+from logging import CRITICAL
 from pathlib import Path
+from threading import Thread
 from typing import Any
 
 from ..child_processes import ONE_THREAD
+from ..terminal import block_interrupts, hold_interrupts
 from .bundle import Bundle
 from .parts import write_durably, write_part
 from .plan import Plan
 from .rows import KILLED, ClusterError
+from .scheduler import Scheduler
 from .signals import FOLDER, name_file
 from .worker import Done, Order, keep, run_batch
 
@@ -25,10 +26,11 @@ BATCH_S = 10.0
 """Wanted time of a batch: much longer than dask's overhead of some 10 ms, short enough that little is lost."""
 BATCHES_PER_THREAD = 2  # in flight: one runs, one waits at the worker
 MOST_IN_BATCH = 200
-WATCH_S = 1.0  # between looks at whether the scheduler is still there, and has workers at all
-NO_WORKER_S = 60.0  # that workers may take to come, or to come back
 CONNECT_S = 10.0
 """That a scheduler may take to answer: it is asked again until then, so that it may be started at the same time."""
+CONNECTING = "connecting"  # name of the thread that does
+SLACK_S = 2.0  # beyond CONNECT_S: where dask notices that there is no scheduler, it says why
+CLOSE_S = 60.0  # that a connection or a cluster may take to close: processes that are stopped do not answer
 ALLOWED_FAILURES = 20
 """Deaths of workers that a batch may see; with dask's 3 a few random ones would break innocent batches."""
 
@@ -52,8 +54,9 @@ def connect(address: str | None, workers: int | None, timeout_s: float = CONNECT
     """
     try:
         import dask
-        from distributed import Client, LocalCluster
+        from distributed import Client
         from distributed.comm.addressing import get_address_host_port
+        from distributed.utils import silence_logging_cmgr
     except ImportError as error:
         raise ClusterError("a study needs dask: pip install 'ps-fmu[sweep]'") from error
     settings = _BOUNDED | {
@@ -62,27 +65,72 @@ def connect(address: str | None, workers: int | None, timeout_s: float = CONNECT
                                                 **ONE_THREAD},
         "distributed.admin.large-graph-warning-threshold": "100MB",  # the FMUs travel as a task
     }  # fmt: skip
-    with dask.config.set(settings), ExitStack() as stack:
-        limit: dict[str, float] = {} if address is None else {"timeout": timeout_s}
+    # A client tells of a lost scheduler by tracebacks; what it means for the study is said in a line.
+    with dask.config.set(settings), silence_logging_cmgr(CRITICAL), ExitStack() as stack:
         try:
             if address is None:
-                cluster = LocalCluster(
-                    n_workers=workers, threads_per_worker=1, processes=True, dashboard_address="127.0.0.1:0",
-                    silence_logs=50,
-                )  # fmt: skip
-                address = stack.enter_context(cluster)
+                client = Client(_start_cluster(workers, stack), set_as_default=False)
             else:
                 get_address_host_port(address)  # a client asks for what is no address again, and ends with a traceback
-            client = stack.enter_context(Client(address, set_as_default=False, **limit))
-        except (OSError, ValueError) as error:  # no scheduler there, it did not answer, no address
-            raise ClusterError(f"--scheduler {address}: {error}") from error
+                client = _connect_within(address, timeout_s)
+            stack.callback(_close, client)
+        except Exception as error:  # no scheduler there, it did not answer, no address; workers that do not start
+            where = "a cluster on this machine" if address is None else f"--scheduler {address}"
+            raise ClusterError(f"{where}: {str(error) or type(error).__name__}") from error
         yield client
 
 
-def find_dashboard(client: Any) -> str | None:
-    """Address of dask's dashboard; None where bokeh, which draws it, is not installed (of a remote one: not known)."""
-    local = client.cluster is not None
-    return None if local and find_spec("bokeh") is None else str(client.dashboard_link)
+def _connect_within(address: str, timeout_s: float) -> Any:
+    """A client of a scheduler; ``OSError`` if there is none.
+
+    dask itself waits for ever for the first words of a process that is stopped, and of one that is no scheduler.
+    """
+    from distributed import Client
+
+    client = Client.__new__(Client)
+    found: Future[None] = Future()
+
+    def connect() -> None:
+        try:
+            Client.__init__(client, address, set_as_default=False, timeout=timeout_s)
+        except Exception as error:
+            found.set_exception(error)
+        else:
+            found.set_result(None)
+
+    Thread(target=connect, name=CONNECTING, daemon=True).start()
+    try:
+        if not wait([found], timeout_s + SLACK_S).done:
+            raise OSError(f"there is something, but it has not answered as a scheduler after {timeout_s:g} s")
+        found.result()
+    except BaseException:
+        client.status = "closed"  # one that is connecting would keep Python from ending
+        raise
+    return client
+
+
+def _start_cluster(workers: int | None, stack: ExitStack) -> Any:
+    """A cluster on this machine, which ``stack`` closes."""
+    from distributed import LocalCluster
+    from distributed.utils import LoopRunner
+
+    loop = LoopRunner()  # its thread starts the workers, also those that take the place of others
+    with block_interrupts():  # a terminal sends Ctrl-C to all processes: workers would end with tracebacks
+        loop.start()
+    stack.callback(loop.stop)
+    with hold_interrupts():
+        cluster = LocalCluster(
+            n_workers=workers, threads_per_worker=1, processes=True, dashboard_address="127.0.0.1:0",
+            silence_logs=CRITICAL, loop=loop.loop,
+        )  # fmt: skip
+        stack.callback(_close, cluster)
+    return cluster
+
+
+def _close(opened: Any) -> None:
+    """Close a client or a cluster: what there is to say of the study, and of the cluster, has been said before."""
+    with hold_interrupts(), suppress(Exception):
+        opened.close(CLOSE_S)
 
 
 class Dispatcher:
@@ -96,11 +144,10 @@ class Dispatcher:
     def __init__(
         self, client: Any, plan: Plan, plan_hash: str, bundle: Bundle, output: Path, report: Callable[[int, int], None]
     ) -> None:
-        self._client, self._plan, self._hash = client, plan, plan_hash
-        self._address = client.scheduler.address  # a client that has given up has none
+        self._scheduler, self._plan, self._hash = Scheduler(client), plan, plan_hash
         self._output, self._report = output, report
         self._order = Order(str(output), plan_hash, plan.study.timeout_s)
-        self._bundle = client.submit(keep, bundle, key=f"ps-fmu-study-{bundle.sha256}", pure=False)
+        self._bundle = self._scheduler.submit(keep, bundle, key=f"ps-fmu-study-{bundle.sha256}")
         self._todo: deque[int] = deque()
         self._stored: frozenset[int] = frozenset()
         self._suspects: deque[list[int]] = deque()
@@ -109,8 +156,6 @@ class Dispatcher:
         self._alone = False
         self._flights: dict[Any, list[int]] = {}
         self._finished, self._spent_s = 0, 0.0
-        self._seen = time.monotonic()
-        """When there was a worker."""
 
     def run(self, cases: Sequence[int], stored: Collection[int] = ()) -> None:
         """Run these cases, ascending; ``stored`` are those of them whose signals are stored.
@@ -122,68 +167,24 @@ class Dispatcher:
         try:
             self._fill()
             while self._flights:
-                for future in self._wait():
+                arrived = self._scheduler.wait(self._flights)
+                for future in arrived:
                     self._land(future, self._flights.pop(future))
                     future.release()
                 self._alone = self._alone and bool(self._flights)
                 self._fill()
         finally:
-            if self._client.status == "running":
-                self._client.cancel(list(self._flights))
-
-    def _wait(self) -> Collection[Any]:
-        """The batches that have come in; none after a while without any."""
-        from distributed import CancelledError, wait
-
-        try:
-            with self._client.as_current():
-                arrived: Collection[Any] = wait(list(self._flights), WATCH_S, "FIRST_COMPLETED").done
-                return arrived
-        except CancelledError as error:
-            raise self._say_lost() from error
-        except TimeoutError:
-            self._check_workers()
-            return ()
-
-    def _check_workers(self) -> None:
-        """Batches wait for ever at a scheduler without workers."""
-        if self._ask(self._client.nthreads):
-            self._seen = time.monotonic()
-        elif time.monotonic() - self._seen > NO_WORKER_S:
-            raise ClusterError(f"the scheduler {self._address} has had no worker for {NO_WORKER_S:g} s")
-
-    def _ask(self, question: Callable[..., Coroutine[Any, Any, Any]], *arguments: Any) -> Any:
-        """What the scheduler answers to a method of the client.
-
-        A client that has lost its scheduler goes on asking for as long as the scheduler had to answer at first
-        (``--scheduler-timeout``).  Its status says at once that it is lost.
-        """
-        self._check_connection()
-        coroutine = question(*arguments, asynchronous=True)
-        answer = asyncio.run_coroutine_threadsafe(coroutine, self._client.loop.asyncio_loop)
-        while not concurrent.futures.wait([answer], WATCH_S).done:
-            self._check_connection()
-        try:
-            return answer.result()
-        except (OSError, concurrent.futures.CancelledError) as error:
-            raise self._say_lost() from error
-
-    def _check_connection(self) -> None:
-        if self._client.status != "running":
-            raise self._say_lost()
-
-    def _say_lost(self) -> ClusterError:
-        return ClusterError(f"the scheduler {self._address} is lost")
+            self._scheduler.cancel(self._flights)
 
     def _fill(self) -> None:
-        threads = max(1, sum(self._ask(self._client.nthreads).values()))
+        threads = max(1, self._scheduler.count_threads())
         most = 1 if self._suspects or self._alone else BATCHES_PER_THREAD * threads
         while len(self._flights) < most and (self._suspects or self._todo):
             self._alone = bool(self._suspects)
             cases = self._suspects.popleft() if self._suspects else self._take(threads)
             jobs = [(index, self._plan.values(index)) for index in cases]
             order = replace(self._order, stored=tuple(index for index in cases if index in self._stored))
-            future = self._client.submit(run_batch, self._bundle, jobs, order, pure=False)
+            future = self._scheduler.submit(run_batch, self._bundle, jobs, order)
             self._flights[future] = cases
 
     def _take(self, threads: int) -> list[int]:
@@ -199,14 +200,14 @@ class Dispatcher:
     def _land(self, future: Any, cases: list[int]) -> None:
         from distributed.scheduler import KilledWorker
 
-        if future.status == "finished":
-            self._keep(self._ask(self._client.gather, future), cases)
-        elif future.status == "error" and isinstance(future.exception(), KilledWorker):
-            self._isolate(cases, future.exception())
-        elif future.status == "error":
-            raise future.exception()
-        else:  # cancelled, or forgotten by a scheduler that was started again
-            raise self._say_lost()
+        try:
+            done: Done = self._scheduler.fetch(future)
+        except KilledWorker as error:
+            if error.task == self._bundle.key:
+                raise ClusterError(f"workers end when they take over the files of the study: {error}") from error
+            self._isolate(cases, error)
+        else:
+            self._keep(done, cases)
 
     def _keep(self, done: Done, cases: list[int]) -> None:
         for case, content in done.signals.items():  # before the part, which says that a case is done

@@ -136,9 +136,3 @@ def list_unstored(folder: Path, wanted: Iterable[int]) -> list[int]:
     """Those of the cases ``wanted`` that have no file."""
     stored = list_stored(folder)
     return sorted(case for case in set(wanted) if case not in stored)
-
-
-def remove_leftovers(folder: Path) -> None:
-    """Remove files that a process was writing when it ended."""
-    for path in (folder / FOLDER).glob(".case-*.part"):
-        path.unlink(missing_ok=True)

@@ -8,10 +8,12 @@ from ..requirements.reading import read_requirements
 from ..runs.setup import RunSystem
 from .loading import list_columns
 from .outcome import collect
+from .parts import FOLDER as PARTS
 from .parts import read_statuses
 from .plan import Plan
 from .rows import DONE
-from .signals import FOLDER, check_free, check_size, list_stored, list_unstored, remove_leftovers
+from .signals import FOLDER as SIGNALS
+from .signals import check_free, check_size, list_stored, list_unstored
 from .statistics import find_worst
 
 
@@ -25,16 +27,23 @@ def check_stored(plan: Plan, system: RunSystem) -> int:
 
 
 def prepare_folder(folder: Path, plan: Plan, system: RunSystem) -> None:
-    """Make the folder of the signals, if there are any, free of what ended processes were writing.
+    """Remove leftovers, make the folder of the signals, if there are any.
 
     Raises ``OSError``, also if the disk has no room for all of them.
     """
+    remove_leftovers(folder)
     if plan.study.signals is None:
         return
-    (folder / FOLDER).mkdir(exist_ok=True)
-    remove_leftovers(folder)
+    (folder / SIGNALS).mkdir(exist_ok=True)
     stored = sum(path.stat().st_size for path in list_stored(folder).values())
     check_free(folder, check_stored(plan, system), stored)
+
+
+def remove_leftovers(folder: Path) -> None:
+    """Remove what processes were writing when they ended."""
+    for name in (PARTS, SIGNALS):
+        for path in (folder / name).glob(".*.part"):
+            path.unlink(missing_ok=True)
 
 
 def list_work(folder: Path, plan: Plan, plan_hash: str) -> tuple[list[int], set[int]]:

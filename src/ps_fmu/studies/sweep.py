@@ -21,7 +21,7 @@ from .loading import choose_fmus, choose_step, load_study_system
 from .plan import Plan, make_plan
 from .preparation import check_numbers, complete_observed, make_bundle
 from .reading import read_study
-from .stored import check_stored, list_work, list_worst, prepare_folder
+from .stored import check_stored, list_work, list_worst, prepare_folder, remove_leftovers
 from .study_folder import Identity
 
 Report = Callable[[int, int], None]
@@ -118,7 +118,8 @@ def compute(options: SweepOptions, prepared: Prepared, folder: Path) -> None:
     Raises :class:`.rows.ClusterError`, :class:`.rows.StartError`, :class:`.rows.VersionError`, OSError and
     KeyboardInterrupt; the parts so far are kept.
     """
-    from .cluster import CONNECT_S, Dispatcher, connect, find_dashboard
+    from .cluster import CONNECT_S, Dispatcher, connect
+    from .scheduler import Scheduler
 
     plan, name = prepared.plan, prepared.identity.plan_sha256
     prepare_folder(folder, plan, prepared.system)
@@ -130,7 +131,7 @@ def compute(options: SweepOptions, prepared: Prepared, folder: Path) -> None:
     print(f"{plan.study.name}: {len(plan)} cases" + (f", {kept} of them done before" if kept else ""), file=sys.stderr)
     timeout = CONNECT_S if options.scheduler_timeout_s is None else options.scheduler_timeout_s
     with connect(options.scheduler, options.workers, timeout) as client:
-        if dashboard := find_dashboard(client):
+        if dashboard := Scheduler(client).find_dashboard():
             print(f"dask's dashboard: {dashboard}", file=sys.stderr)
 
         prepare_drawing()  # while the workers start
@@ -145,6 +146,7 @@ def compute(options: SweepOptions, prepared: Prepared, folder: Path) -> None:
         if worst:  # known only now: they run again, with their signals
             with _show_progress(options, "signals", len(worst), 0) as report:
                 run(worst, worst, report)
+    remove_leftovers(folder)
 
 
 @contextmanager

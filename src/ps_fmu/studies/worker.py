@@ -13,10 +13,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from ..terminal import reason
 from .bundle import TASK, Bundle
 from .case_process import CaseProcess
+from .parts import FOLDER as PARTS
 from .parts import encode_part, write_part
-from .rows import Row
+from .rows import Row, StartError, VersionError
 from .signals import FOLDER, name_file
 from .task import Task
 
@@ -60,10 +62,20 @@ def keep(bundle: Bundle) -> Bundle:
 def run_batch(bundle: Bundle, jobs: Sequence[Job], order: Order) -> Done:
     """Run neighbouring cases, write their part.
 
-    Raises :class:`.rows.StartError`, :class:`.rows.VersionError`, and ``OSError`` if signals or the part cannot be
-    written.
+    Raises :class:`.rows.StartError`, :class:`.rows.VersionError`, and ``OSError`` if the study's files, signals or the
+    part cannot be written; all name the worker.
     """
-    name, output = _name_worker(), Path(order.output)
+    name = _name_worker()
+    try:
+        return _run_batch(name, bundle, jobs, order)
+    except (StartError, VersionError) as error:
+        raise type(error)(f"worker {name}: {error}") from error
+    except OSError as error:
+        raise OSError(f"worker {name}: {reason(error)}") from error
+
+
+def _run_batch(name: str, bundle: Bundle, jobs: Sequence[Job], order: Order) -> Done:
+    output = Path(order.output)
     here = sees(output, order.plan_hash)
     rows: list[Row] = []
     signals: dict[int, bytes] = {}
@@ -74,7 +86,7 @@ def run_batch(bundle: Bundle, jobs: Sequence[Job], order: Order) -> Done:
             folder.mkdir(exist_ok=True)
         try:
             rows.extend({**row, "worker": name} for row in process.run(jobs, files))
-        except OSError:  # no room for signals: what there is of rows is kept
+        except (OSError, StartError):  # no room for signals, no process for the rest: what there is of rows is kept
             if here and rows:
                 write_part(output, order.plan_hash, rows)
             raise
@@ -91,12 +103,16 @@ def run_batch(bundle: Bundle, jobs: Sequence[Job], order: Order) -> Done:
 
 
 def sees(output: Path, plan_hash: str) -> bool:
-    """Whether this is the study's output folder also here: on another machine the path may lead elsewhere."""
+    """Whether this is the study's output folder also here, and parts can be written.
+
+    On another machine the path may lead elsewhere, or to a share that is read only.
+    """
     try:
         found = json.loads((output / MANIFEST).read_bytes())
     except (OSError, ValueError):
         return False
-    return isinstance(found, dict) and found.get("plan_sha256") == plan_hash
+    own = isinstance(found, dict) and found.get("plan_sha256") == plan_hash
+    return own and os.access(output / PARTS, os.W_OK)
 
 
 _LOCK = threading.Lock()
