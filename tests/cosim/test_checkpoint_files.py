@@ -2,6 +2,7 @@
 
 import json
 import math
+import os
 import struct
 import zipfile
 from itertools import pairwise
@@ -192,6 +193,23 @@ def test_a_journal_is_cut_where_the_checkpoint_is(tmp_path):
     path.unlink()
     with pytest.raises(CheckpointError, match="No such file"):
         Journal(path, 3, kept)
+
+
+@pytest.mark.parametrize("system", ["writes a part", "has no writev"])
+def test_a_journal_is_whole_however_the_system_writes(tmp_path, system, monkeypatch):
+    rows = RNG.normal(size=(900, 600))
+    rows[:, 7] = -0.0
+    if system == "has no writev":
+        monkeypatch.delattr(os, "writev")
+    else:
+        monkeypatch.setattr(os, "writev", lambda file, pieces: os.write(file, b"".join(pieces)[:100_003]))
+    journal = Journal(tmp_path / "rows.bin", 600)
+    journal.append(np.asfortranarray(rows))
+    kept = journal.sync()
+    journal.close()
+    monkeypatch.undo()
+    found = np.concatenate(list(Journal(tmp_path / "rows.bin", 600, kept).read()))
+    assert found.tobytes() == rows.tobytes()
 
 
 @pytest.mark.parametrize("width", [1, 7, 8, 95])

@@ -13,6 +13,7 @@ from __future__ import annotations
 import logging
 import os
 from collections.abc import Iterator, Mapping
+from io import FileIO
 from pathlib import Path
 from time import perf_counter
 from typing import BinaryIO, NamedTuple
@@ -34,6 +35,7 @@ FACTOR = 3
 It takes a seventh of the time of a CRC-32, and tells the blocks of one run from those of another.
 """
 _GLANCE = 64  # of so many rows one shows of most columns that they change
+_MOST_PIECES = 512  # of memory that are written at once; 1024 are possible on Linux
 
 
 class Journal:
@@ -53,7 +55,7 @@ class Journal:
         self._rows = self._checksum = 0
         self._most_rows = max(1, MOST_BLOCK_BYTES // (8 * width))
         try:
-            self._file = path.open("w+b" if kept is None else "r+b")
+            self._file = FileIO(path, "w+" if kept is None else "r+")
             if kept is not None:
                 self._go_on(kept)
         except OSError as error:
@@ -80,14 +82,11 @@ class Journal:
         """Have all rows on the disk; what a checkpoint says of them.  Raises OSError."""
         if self.failure is not None:
             raise self.failure
-        self._file.flush()
         os.fsync(self._file.fileno())
         return {"width": self.width, "rows": self._rows, "sum": self._checksum}
 
     def read(self) -> Iterator[Array]:
         """All rows so far, some thousand at a time."""
-        if not self._file.closed:
-            self._file.flush()
         left = self._rows
         with self.path.open("rb") as file:
             while left:
@@ -99,13 +98,13 @@ class Journal:
         """Close the file."""
         try:
             self._file.close()
-        except OSError as error:  # a full disk again: it is flushed
+        except OSError as error:
             log.warning("%s: %s", self.path, error.strerror or error)
 
     def _append(self, rows: Array) -> None:
-        words = _pack(rows)
-        self._file.write(words.view(np.uint8).data)
-        self._checksum = _add(self._checksum, words)
+        pieces, total = _pack(rows)
+        _write(self._file.fileno(), [piece.view(np.uint8).data for piece in pieces])
+        self._checksum = _add(self._checksum, total)
         self._rows += len(rows)
 
     def _go_on(self, kept: Mapping[str, State]) -> None:
@@ -116,7 +115,7 @@ class Journal:
             while self._rows < rows:
                 block = self._read_block(self._file)
                 self._rows += block.rows
-                self._checksum = _add(self._checksum, block.words)
+                self._checksum = _add(self._checksum, int(block.words.sum()))
         except EOFError:
             raise self._make_damaged(f"ends before the {rows} rows of the checkpoint") from None
         except ValueError as error:
@@ -130,7 +129,7 @@ class Journal:
     def _make_damaged(self, what: str) -> CheckpointError:
         return DamagedCheckpointError(self.path, f"{what}: the run cannot go on, begin it anew")
 
-    def _read_block(self, file: BinaryIO) -> _Block:
+    def _read_block(self, file: BinaryIO | FileIO) -> _Block:
         """The next block.  Raises EOFError, and ValueError for one that is made up."""
         head = _read_words(file, 1 + _count_words(self.width))
         rows, flags = int(head[0]), head[1:].view(np.uint8)
@@ -143,7 +142,7 @@ class Journal:
 
 
 class _Block(NamedTuple):
-    """What :func:`_pack` makes of rows."""
+    """What a file has of some rows."""
 
     rows: int
     keeps: NDArray[np.bool_]
@@ -160,23 +159,37 @@ class _Block(NamedTuple):
         return found.T
 
 
-def _pack(rows: Array) -> Words:
-    """The block of rows (rows, width)."""
+def _pack(rows: Array) -> tuple[list[Words], int]:
+    """The block of rows (rows, width), in pieces, and the sum of its words modulo 2^64.
+
+    Where the values of each column lie side by side, they are not copied: that halves the time.
+    """
     count, width = rows.shape
     columns = np.asarray(rows, dtype="<f8").T.view("<u8")  # also numbers that are not equal to themselves
-    first = columns[:, :1]
-    keeps = (columns[:, ::_GLANCE] == first).all(axis=1)
-    keeps[keeps] = (columns[keeps] == first[keeps]).all(axis=1)
+    if columns.strides[1] != columns.itemsize:
+        columns = np.ascontiguousarray(columns)
+    first = columns[:, 0]
+    keeps = (columns[:, ::_GLANCE] == first[:, None]).all(axis=1)
+    for place in np.flatnonzero(keeps).tolist():
+        keeps[place] = (columns[place] == first[place]).all()
     flags = np.zeros(8 * _count_words(width), np.uint8)
     flags[:width] = keeps
-    begin = 1 + _count_words(width)
-    changing = np.flatnonzero(~keeps)
-    same = width - len(changing)
-    words = np.empty(begin + same + len(changing) * count, "<u8")
-    words[0], words[1:begin], words[begin : begin + same] = count, flags.view("<u8"), first[keeps, 0]
-    for place, column in zip(words[begin + same :].reshape(len(changing), count), changing.tolist(), strict=True):
-        place[:] = columns[column]
-    return words
+    head = np.concatenate((np.array([count], "<u8"), flags.view("<u8"), first[keeps]))
+    total = int(head.sum()) + int(columns.sum()) - count * int(first[keeps].sum())
+    return [head, *(columns[place] for place in np.flatnonzero(~keeps).tolist())], total % 2**64
+
+
+def _write(file: int, pieces: list[memoryview]) -> None:
+    """Write all bytes of some pieces of memory, one behind the other."""
+    place = 0
+    while place < len(pieces):
+        some = pieces[place : place + _MOST_PIECES]
+        written = os.writev(file, some) if hasattr(os, "writev") else os.write(file, some[0])  # as on Windows
+        while place < len(pieces) and written >= len(pieces[place]):
+            written -= len(pieces[place])
+            place += 1
+        if written:
+            pieces[place] = pieces[place][written:]
 
 
 def _count_words(width: int) -> int:
@@ -184,11 +197,11 @@ def _count_words(width: int) -> int:
     return -(-width // 8)
 
 
-def _add(checksum: int, words: Words) -> int:
-    return (FACTOR * checksum + int(words.sum())) % 2**64
+def _add(checksum: int, total: int) -> int:
+    return (FACTOR * checksum + total) % 2**64
 
 
-def _read_words(file: BinaryIO, count: int) -> Words:
+def _read_words(file: BinaryIO | FileIO, count: int) -> Words:
     data = file.read(8 * count)
     if len(data) < 8 * count:
         raise EOFError
