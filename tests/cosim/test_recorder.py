@@ -102,9 +102,10 @@ def test_chunks_count_the_rows_that_are_stored(path):
         assert data["run"]["time"].chunking() == [251] == [len(data["run"].dimensions["time"])]
 
 
-def test_chunks_of_many_columns_have_fewer_rows(path):
-    """So that no more than 64 MB wait in memory."""
-    columns = [Column(f"plant.y_{k}", "m", "Real", "") for k in range(600)]
+@pytest.mark.parametrize("kind", ["Real", "Boolean"])
+def test_chunks_of_many_columns_have_fewer_rows(path, kind):
+    """So that no more than 64 MB wait in memory, where each type takes as much."""
+    columns = [Column(f"plant.y_{k}", "1", kind, "") for k in range(600)]
     with Recorder(path, "run", columns=columns, step=0.1, rows=10**9):
         pass
     with netCDF4.Dataset(path) as data:
@@ -126,6 +127,32 @@ def test_rows_are_written_when_a_chunk_is_full(path, size):
         for name, place in (("plant.los.x", 0), ("plant.on", 1), ("plant.count", 2), ("plant.angle", 3)):
             np.testing.assert_array_equal(data["run"][name][:], values[:, place])
         np.testing.assert_array_equal(data["run"]["time"][:], time)
+
+
+@pytest.mark.parametrize("factor", [1, 2])
+def test_ctrl_c_within_a_write_loses_no_rows_of_it(path, monkeypatch, factor):
+    """They are written at the end; rows that the filter held come with their own times."""
+    values, calls, write_rows = rows(3000 * factor), [], recorder_module.write_rows
+    values[:, 2] = np.arange(len(values))
+
+    def interrupt(variable, first, column):
+        calls.append(first)
+        if len(calls) == 13:  # of five columns at a time: within the third chunk
+            raise KeyboardInterrupt
+        write_rows(variable, first, column)
+
+    monkeypatch.setattr(recorder_module, "WRITE_INTERVAL_S", 1e9)
+    monkeypatch.setattr(recorder_module, "write_rows", interrupt)
+    options = {"storage_step": 0.1 * factor, "rows": 700 * factor}
+    with pytest.raises(KeyboardInterrupt), Recorder(path, "run", columns=COLUMNS, step=0.1, **options) as recorder:
+        feed(recorder, values, 0.1, (1000,))
+    with netCDF4.Dataset(path) as data:
+        data.set_auto_mask(False)  # what was not written counts, too
+        time, count, angle = (data["run"][name][:] for name in ("time", "plant.count", "plant.angle"))
+    np.testing.assert_array_equal(count[:2100], np.arange(0, 2100 * factor, factor))
+    np.testing.assert_array_equal(time, count * 0.1)
+    if factor == 1:
+        np.testing.assert_array_equal(angle, values[:2100, 3])
 
 
 def test_time_is_that_of_the_cf_conventions(path):
