@@ -81,7 +81,7 @@ def _second_products(payload: Array, target: Array) -> Array:
 def _multiply(rows: list[list[float]], column: list[float]) -> list[float]:
     """The product of a matrix, by rows, and a column."""
     # Not sum(): from Python 3.12 on it adds in another way, and other bits come out.
-    return [reduce(add, map(mul, row, column)) for row in rows]
+    return [reduce(add, map(mul, row, column), 0.0) for row in rows]
 
 
 def _find_largest(place: Array) -> float:
