@@ -8,7 +8,14 @@ import pytest
 from ps_fmu.mechanism.quantities import ParameterError
 from ps_fmu.mechanism.quaternions import from_rotation_matrix
 from ps_fmu.mechanism.rotations import rotation_from_vector
-from ps_fmu.sensors.line_of_sight import DEFAULT_TRACKER, Lock, line_of_sight_error
+from ps_fmu.sensors.line_of_sight import (
+    DEFAULT_TRACKER,
+    PAIRS,
+    SECOND_PAIRS,
+    Lock,
+    line_of_sight_error,
+    relative_rows,
+)
 
 RANDOM = np.random.default_rng(11)
 TURNS = RANDOM.normal(size=(40, 3)) * 1.5  # rad
@@ -93,6 +100,20 @@ def test_the_place_in_the_field():
     np.testing.assert_allclose(look([0.0, 0.0, 0.0], turned=[half, 0.0, half, 0.0]), np.zeros(4), atol=1e-12)
     assert look([np.pi, 0.0, 0.0])[2] == pytest.approx(2.0)
     assert look([0.0, 0.0, 0.0], scale=1.1)[3] == pytest.approx(21.0)
+
+
+def test_the_place_is_the_same_to_the_last_bit_in_every_version_of_python():
+    """Products are added one after the other, as in the compiled step; sum() of Python 3.12 adds otherwise."""
+
+    def multiply(rows, column):
+        return np.add.accumulate(rows * column, axis=1)[:, -1]
+
+    (i, j), (k, m) = np.array(PAIRS).T, np.array(SECOND_PAIRS).T
+    for p, t, turned in zip(RANDOM.normal(size=(50, 4)), RANDOM.normal(size=(50, 4)), TURNS.repeat(2, 0), strict=False):
+        turned = np.append(turned, 0.1)
+        q = multiply(relative_rows(), p[i] * t[j])
+        expected = multiply(DEFAULT_TRACKER.rows[3:], np.concatenate([q[k] * q[m], turned, [1.0]]))
+        np.testing.assert_array_equal(DEFAULT_TRACKER.look(p, t, turned), expected)
 
 
 def test_nothing_changes_unnoticed_within_the_watched_distance():

@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 
 from ps_fmu.numerics import library
+from ps_fmu.sensors.drift import Drift
 from ps_fmu.sensors.noise import SensorNoise
 from ps_fmu.sensors.noise_model import PLATEAU, NoiseModel
+from ps_fmu.sensors.normal import finish
 
 SENSORS = 30
 INTERVAL = 0.01  # s, a tenth of the shortest correlation time
@@ -71,6 +73,23 @@ def test_a_sample_does_not_depend_on_how_it_is_asked_for(interval):
     np.testing.assert_array_equal(make(sensors=5)(np.arange(3000))[:, :3], whole)
     assert (make(seed=2)(np.arange(3000)) != whole).all()
     assert np.abs(np.corrcoef(whole.T) - np.eye(3)).max() < (0.2 if interval < 1.0 else 1.0)
+
+
+def test_drift_is_found_though_others_are_found_between_its_parts():
+    """Work ahead waits while a jump in time asks for more blocks than are kept."""
+
+    def make():
+        return Drift(NoiseModel(1.0, 2.0, 0.5), 3, INTERVAL, (1, 0), (1, 2))
+
+    expected = finish(make().find(0))
+    for parts in range(len(list(make().find(0))) + 1):
+        drift = make()
+        waiting = drift.find(0)
+        for _ in range(parts):
+            next(waiting)
+        for block in range(1, 6):
+            finish(drift.find(block))
+        np.testing.assert_array_equal(finish(waiting), expected)
 
 
 def test_sample_of_any_time():

@@ -217,6 +217,7 @@ def test_lists_of_all_shapes(start):
     [
         ({"load": 1.0, "force": math.nan}, "force = nan: expected a finite number"),
         ({"load": 1.0, "force": -math.inf}, "force = -inf: expected a finite number"),
+        ({"reference": 0.9, "force": math.nan}, "force = nan: expected a finite number"),  # no event, either
         ({"load": 1.0, "force": math.nextafter(100.0, math.inf)}, "expected a value from -100 to 100 N"),
         ({"load": 1.0, "position": 1.0}, "position is an output"),
         ({"load": 1.0, "mass": 1.0}, "mass is a fixed parameter"),

@@ -54,13 +54,15 @@ class Drift:
 
     def find(self, block: int) -> Parts:
         """Drift at the places of a block, and its growth to the next ones, (2, sensors, DRIFT_BLOCK)."""
-        if block not in self._sums:
+        found = self._sums.get(block)
+        if found is None:
             path = yield from self._find_path(0, block)
             yield
             total = path.sum(axis=1).T
-            keep(self._sums, block, np.ascontiguousarray([total[:, :-1], np.diff(total)]))
-            yield
-        return self._sums[block]
+            found = np.ascontiguousarray([total[:, :-1], np.diff(total)])
+            keep(self._sums, block, found)
+            yield  # others may be found meanwhile, and this one forgotten
+        return found
 
     def _find_path(self, grid: int, block: int) -> Parts:
         """The processes on a block of a grid, both ends included, (DRIFT_BLOCK + 1, processes, sensors)."""

@@ -18,9 +18,9 @@ from __future__ import annotations
 from collections.abc import Generator
 from dataclasses import dataclass
 from enum import Enum
-from functools import cached_property
+from functools import cached_property, reduce
 from math import isnan, nan
-from operator import mul
+from operator import add, mul
 
 import numpy as np
 from numpy.typing import NDArray
@@ -80,7 +80,8 @@ def _second_products(payload: Array, target: Array) -> Array:
 
 def _multiply(rows: list[list[float]], column: list[float]) -> list[float]:
     """The product of a matrix, by rows, and a column."""
-    return [sum(map(mul, row, column)) for row in rows]
+    # Not sum(): from Python 3.12 on it adds in another way, and other bits come out.
+    return [reduce(add, map(mul, row, column), 0.0) for row in rows]
 
 
 def _find_largest(place: Array) -> float:

@@ -104,7 +104,8 @@ class Recorder:
         self._row_bytes = 8 + sum(STORAGE[column.type][1] for column in self._columns)
         chunk = CHUNK_ROWS if rows is None else find_chunk_rows(-(-rows // self.factor))
         # What does not fit in whole chunks is lost: of little room not much at once.
-        most = int(min(MOST_CHUNK_BYTES, min(self._find_room()) / LEAST_CHUNKS) / self._row_bytes)
+        most = int(min(self._find_room()) / LEAST_CHUNKS / self._row_bytes)
+        most = min(most, MOST_CHUNK_BYTES // (8 * (1 + len(self._columns))))  # doubles of all types, in memory
         self._chunk = self._enough = max(LEAST_CHUNK_ROWS, min(chunk, most))
         # Values of a column side by side, time first: netCDF4 would copy each column from all over the rows.
         self._pending: Array = np.empty((1 + len(self._columns), self._enough))
@@ -248,18 +249,19 @@ class Recorder:
         return variable
 
     def _keep(self, rows: Array) -> None:
+        # First: Ctrl-C may end a write, and the rows that the filter still holds have the other times.
+        times, self._times = self._times[: len(rows)], self._times[len(rows) :]
         taken = 0
         while taken < len(rows):
             begin = self._n_pending
             count = min(self._enough - begin, len(rows) - taken)
-            self._pending[0, begin : begin + count] = self._times[taken : taken + count]
+            self._pending[0, begin : begin + count] = times[taken : taken + count]
             part = np.ascontiguousarray(rows[taken : taken + count])
             self._copy.run(part, self._pending[1:, begin : begin + count])
             taken += count
             self._n_pending += count
             if self._n_pending == self._enough:
                 self._write()
-        self._times = self._times[taken:]
         if wall_clock.perf_counter() - self._last_write > WRITE_INTERVAL_S:
             self._write()
 
@@ -276,7 +278,7 @@ class Recorder:
 
     def _write(self) -> None:
         self._add_to_journal()
-        count, self._n_pending, self._journaled = self._n_pending, 0, 0
+        count = self._n_pending
         self._last_write = wall_clock.perf_counter()
         if count == 0:
             return
@@ -286,7 +288,8 @@ class Recorder:
             for variable, column in zip(self._variables, self._pending[:, :count], strict=True):
                 write_rows(variable, self._written, column)
             self._dataset.sync()
-        self._written = end
+        # Not before: what Ctrl-C keeps from being written is written when the file is closed.
+        self._written, self._n_pending, self._journaled = end, 0, 0
         self._enough = self._find_enough()
         if self._enough > self._pending.shape[1]:
             self._pending = np.empty((len(self._pending), self._enough))
