@@ -26,8 +26,10 @@ def convex_hull(points: Array) -> Array:
     A. M. Andrew, Inf. Process. Lett. 9(5), 1979: lower and upper chain of the sorted points.  ``scipy.spatial`` needs
     0.2 us for each point, and 0.3 s to be imported: more than a run of 100 s saves by it.
     """
+    centred = points - points[:1]  # exact for jitter beside an offset, whose rounding would hide what lies outside
     for directions in _DIRECTIONS:
-        points = _leave_out_inner(points, directions)
+        outer = _find_outer(centred, directions)
+        points, centred = points[outer], centred[outer]
     points = points[np.lexsort((points[:, 1], points[:, 0]))]
     new = np.ones(len(points), dtype=bool)
     new[1:] = (points[1:] != points[:-1]).any(axis=1)
@@ -44,19 +46,19 @@ def convex_hull(points: Array) -> Array:
     return points[corners]
 
 
-def _leave_out_inner(points: Array, directions: Array) -> Array:
-    """Those of the points (m, 2) that do not lie inside the polygon of the extreme ones in the directions (n, 2)."""
+def _find_outer(points: Array, directions: Array) -> NDArray[np.bool_]:
+    """Which of the points (m, 2) do not lie inside the polygon of the extreme ones in the directions (n, 2)."""
     heights = directions @ points.T
     extreme = points[np.concatenate((heights.argmax(axis=1), heights.argmin(axis=1)))]
     edges = np.roll(extreme, -1, axis=0) - extreme  # counter-clockwise, as the directions are
     edges = edges[edges.any(axis=1)]
     starts = extreme[(np.roll(extreme, -1, axis=0) != extreme).any(axis=1)]
     if len(starts) < 3:
-        return points
+        return np.ones(len(points), dtype=bool)
     outward = np.stack([edges[:, 1], -edges[:, 0]], axis=1) / np.hypot(edges[:, 0], edges[:, 1])[:, None]
     beyond = outward @ points.T
     beyond -= (outward * starts).sum(axis=1)[:, None]  # in place: of many points these are large arrays
-    return points[beyond.max(axis=0) > -_MARGIN * np.ptp(extreme, axis=0).max()]
+    return np.asarray(beyond.max(axis=0) > -_MARGIN * np.ptp(extreme, axis=0).max())
 
 
 def _walk(places: NDArray[np.intp], points: Array) -> list[int]:

@@ -44,6 +44,18 @@ def test_no_corner_of_the_hull_is_missed_whatever_its_shape(columns, feed, ratio
     assert {tuple(corner) for corner in result.hull} == {tuple(corner) for corner in at_once}
 
 
+@pytest.mark.parametrize("seed", range(20))
+def test_no_corner_is_missed_beside_an_offset(columns, feed, seed):
+    """Jitter of 1e-12 m, beside an offset of a millimetre: a few thousand units of rounding."""
+    values = np.zeros((3000, 4))
+    values[:, 2:] = np.random.default_rng(seed).normal((1e-3, 0.7e-3), 1e-12, (3000, 2))
+    result = feed(ScatterObserver(columns, NAMES), values, 0.1, ()).result()
+    about = values[:, 2:] - values[0, 2:]  # exact
+    hull = ConvexHull(about * 1e12)
+    assert result.hull_area == pytest.approx(hull.volume * 1e-24, rel=1e-3)
+    assert {tuple(corner) for corner in result.hull} >= {tuple(values[k, 2:]) for k in hull.vertices}
+
+
 @given(cuts=st.lists(st.integers(1, 24_999), max_size=8))
 def test_the_sample_is_even_and_bounded(columns, feed, cuts):
     values = np.arange(25_000.0)[:, None] * np.ones(4)
