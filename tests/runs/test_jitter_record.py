@@ -49,9 +49,11 @@ def test_all_results_of_a_run():
 def test_a_lead_in_is_left_out_of_all_but_the_envelope():
     values = samples(5000)
     values[:2001, PLACES] += 1.0
+    values[:2001, -1] = 1.0
     jitter = observed(values, lead_steps=2000)
     rotation = values[2001:, PLACES]
     assert (jitter.statistics.count, jitter.scatter.count) == (3000, 3000)
+    assert jitter.saturated == 0.0
     np.testing.assert_allclose(jitter.statistics.rms, np.sqrt((rotation**2).mean(axis=0)), rtol=1e-12)
     assert jitter.spectrum[1].max() < 1e-6
     assert jitter.envelope.time[0] == 0.0

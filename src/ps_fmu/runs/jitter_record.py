@@ -62,7 +62,7 @@ class JitterRecord:
         self._envelope = EnvelopeObserver(columns, ROTATION, bins=(EXPLORED_BINS if explored else PICTURE_BINS) // 2)
         self._history = HistoryObserver(columns, ROTATION) if history else None
         self._state = LastRow(columns, (*ORIENTATION, REACHABLE))
-        self._saturated = Statistics(columns, (SATURATED,))
+        self._saturated = Statistics(columns, (SATURATED,), start_s=start_s)
         self._welch: Welch | None = None
         # Two segments' length at least, so that three are averaged; a power of two for the transform.
         rows = min(2 ** int(math.log2(max(counted, 1)) - 1), MAX_SEGMENT_ROWS)
@@ -125,7 +125,7 @@ class JitterRecord:
 
     @property
     def saturated(self) -> float:
-        """Fraction of the rows in which the isolator was at its force limit."""
+        """Fraction of the rows after the lead-in in which the isolator was at its force limit."""
         return float(self._read(self._saturated).result().mean[0])
 
     def _read(self, observer: A) -> A:
