@@ -4,18 +4,23 @@ from __future__ import annotations
 
 import io
 from collections.abc import Mapping
+from itertools import cycle
 from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
-from .style import ACTIVE, AXES, DOTS_PER_INCH, PASSIVE, REFERENCE, STYLE, engineering, label, largest
+from .style import ACTIVE, AXES, DOTS_PER_INCH, FAULT, PASSIVE, REFERENCE, STYLE, engineering, label, largest
 
 if TYPE_CHECKING:
     from xarray import DataArray
 
-_COLOURS = {"passive": PASSIVE, "active": ACTIVE}
+_COLOURS = {
+    name: colour for what in ("isolator", "loop") for name, colour in ((f"{what}_off", PASSIVE), (f"{what}_on", ACTIVE))
+} | {"passive": PASSIVE, "active": ACTIVE}
+_OTHERS = (*AXES, FAULT, REFERENCE)
+_STYLES = ("-", "--", ":")
 
 
 class ShownFigure(Figure):
@@ -46,10 +51,11 @@ def plot_histories(signals: Mapping[str, DataArray]) -> ShownFigure:
         for place, (axes, row) in enumerate(zip(grid, rows, strict=True)):
             columns = {case: np.asarray(signal).reshape(len(signal), -1)[:, place] for case, signal in signals.items()}
             factor, unit = engineering(str(first.attrs.get("units", "")), largest(columns.values()))
-            others = iter([*AXES, *[REFERENCE] * len(signals)])
+            taken = {_COLOURS[case] for case in signals if case in _COLOURS}
+            others = cycle((colour, style) for style in _STYLES for colour in _OTHERS if colour not in taken)
             for case, values in columns.items():
-                colour = _COLOURS.get(case) or next(others)
-                axes.plot(signals[case]["time"], values * factor, color=colour, label=case, lw=1.0)
+                colour, style = (_COLOURS[case], "-") if case in _COLOURS else next(others)
+                axes.plot(signals[case]["time"], values * factor, style, color=colour, label=case, lw=1.0)
             label(axes, row or str(first.name), unit)
         grid[-1].set_xlabel("time (s)")
         grid[0].legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(signals))
