@@ -255,6 +255,14 @@ def test_temporal_interpretation(amplitudes):
     assert stated.ensemble_share == pytest.approx(0.05 ** (1.0 / 400.0))  # 99.25 % of all runs
 
 
+def test_a_signal_that_saturates_has_a_bound():
+    """The share up to the largest value never varies; the share below it does."""
+    runs = np.minimum(np.abs(np.random.default_rng(7).normal(size=(1, 20_000))), 1.5)
+    stated = quantile_of_runs(runs, 0.95, 0.9, "temporal")
+    assert stated.bound == 1.5
+    assert stated.independent > 15_000
+
+
 def test_bounds_of_all_runs_hold_together():
     """Temporal: each run of twenty is bounded with a twentieth of the risk."""
     runs = np.abs(np.random.default_rng(7).normal(size=(20, 2000)))

@@ -216,6 +216,16 @@ def least_samples(values: ArrayLike) -> float:
     return _effective_samples(values, 1.0)
 
 
+def effective_share(values: ArrayLike, level: float) -> float:
+    """Number of independent samples for the share of a record (n,) up to ``level``; 1 to n.
+
+    Where no value is above it, as of a signal that saturates, for the share below it: the other never varies.
+    """
+    series = _finite(values)
+    inside = series <= level
+    return effective_samples(series < level if inside.all() else inside)
+
+
 def _effective_samples(values: ArrayLike, deviations: float) -> float:
     """With so many standard deviations of the correlation time added to its estimate."""
     series = _finite(values)

@@ -17,7 +17,7 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .confidence import Statement, bootstrap_counts, effective_samples, quantile
+from .confidence import Statement, bootstrap_counts, effective_share, quantile
 
 
 class Interpretation(StrEnum):
@@ -59,7 +59,7 @@ def quantile_of_runs(
     each = []
     for run in magnitude:
         level = float(np.quantile(run, probability, method="inverted_cdf"))
-        each.append(quantile(run, probability, together, independent=effective_samples(run <= level)))
+        each.append(quantile(run, probability, together, independent=effective_share(run, level)))
     return replace(
         max(each, key=lambda one: one.value),
         confidence=confidence,

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..pointing.confidence import effective_samples, least_samples
+from ..pointing.confidence import effective_samples, effective_share, least_samples
 from ..reduction.histogram import LogarithmicBins, Totals
 from ..results.observers.kept import State, check_array
 
@@ -118,10 +118,8 @@ class Distribution:
         return self.value(find_rank(self.count, probability))
 
     def effective_share(self, value: float) -> float:
-        """Number of independent samples for the share of values up to ``value``; below it, where none is above."""
-        series, level = np.concatenate(self._series), value / self.limit
-        inside = series <= level
-        return effective_samples(series < level if inside.all() else inside)
+        """Number of independent samples for the share of values up to ``value``, see :func:`.effective_share`."""
+        return effective_share(np.concatenate(self._series), value / self.limit)
 
     def effective_squares(self) -> float:
         """Number of independent samples for the mean square."""
