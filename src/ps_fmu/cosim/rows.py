@@ -1,14 +1,14 @@
 """The recorded outputs: which columns there are, and the block of rows that the FMUs write into.
 
 Real outputs come first, side by side for each component, so that ``fmi2GetReal`` can write them straight into
-a row.  Integers and Booleans (C int in FMI) go into a block of their own and are copied once per block.
+a row.  Integers and Booleans (C int in FMI) lie at the end of the same row.
 """
 
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from threading import Lock
 from typing import Any, Protocol
@@ -91,21 +91,27 @@ def make_layout(
     """Columns of all outputs of all components, in the order of the components and of their variables.
 
     Strings are left out: they have no place in an array of numbers.  ``more``: other variables to take in;
-    ``signals`` come after the outputs of their kind; ``only``: leave out all other variables.
+    ``signals`` come after the outputs of their kind, under another name where a variable has theirs; ``only``: leave
+    out all other variables.
     """
     real: dict[PortName, Column] = {}
     discrete: dict[PortName, Column] = {}
+    taken = set()
     for name, description in descriptions.items():
         for variable in description.modelVariables:
             port = PortName(name, variable.name)
             if (variable.causality != "output" and port not in more) or variable.type == "String":
                 continue
+            taken.add(str(port))
             if only is not None and port not in only:
                 continue
             column = Column(str(port), get_unit(variable) or "1", variable.type, variable.description or "", name)
             (discrete if variable.type in DISCRETE_TYPES else real)[port] = column
     for signal in signals:
-        (discrete if signal.column.type in DISCRETE_TYPES else real)[signal.port] = signal.column
+        column = signal.column
+        if column.name in taken:  # the variable's own column has what its FMU got, as from a fault
+            column = replace(column, name=f"{column.name} ({column.description})")
+        (discrete if column.type in DISCRETE_TYPES else real)[signal.port] = column
     return RowLayout(
         (*real.values(), *discrete.values()),
         {port: place for place, port in enumerate(real)},
