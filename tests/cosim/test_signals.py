@@ -5,6 +5,7 @@ import shutil
 
 import numpy as np
 import pytest
+from support.faults import write
 from support.relays import description, make_relay, port, relay, system, wire
 
 from ps_fmu.cosim import Master, SystemFileError, UsageError, read_system
@@ -59,6 +60,34 @@ def test_an_input_may_be_of_one_row_or_begin_late(folder, collect):
         master.initialise()
         master.run(3 * H, [collect])
         assert collect.values[:, [c.name for c in master.columns].index("m.level_out")].tolist() == [4.0] * 4
+
+
+def test_what_a_fault_makes_of_an_input_is_recorded_beside_what_the_file_gives(folder, collect, tmp_path):
+    faults = write(tmp_path, {"time": 0.0, "model": "a", "variable": "level_in", "action": "bias", "value": 2})
+    inputs = signals(folder, "time,a.level_in\n0,3\n")
+    with Master(read_system(folder), H, inputs=inputs, faults=faults) as master:
+        names = [column.name for column in master.columns]
+        master.initialise()
+        master.run(3 * H, [collect])
+        assert master.get("a.level_in") == 5
+    assert len(set(names)) == len(names)
+    rows = dict(zip(names, collect.values.T, strict=True))
+    assert rows["a.level_in"].tolist() == [3.0, 5.0, 5.0, 5.0]  # row 0 is before the first step
+    assert rows["a.level_in (input of the run)"].tolist() == [3.0] * 4
+
+
+@pytest.mark.parametrize("begin", ["before", "after", "event"])
+def test_a_value_that_is_set_takes_the_place_of_the_file(folder, collect, begin):
+    events = [(H, "m.level_in", 9)] if begin == "event" else []
+    with Master(read_system(folder), H, inputs=signals(folder, "time,v\n0,3\n1,5\n")) as master:
+        if begin == "before":
+            master.set("m.level_in", 9)
+        master.initialise()
+        if begin == "after":
+            master.set("m.level_in", 9)
+        master.run(4 * H, [collect], events)
+        seen = collect.values[:, [c.name for c in master.columns].index("m.level_out")].tolist()
+    assert seen == {"before": [9.0] * 5, "after": [3.0] + [9.0] * 4, "event": [3.0, 3.0, 9.0, 9.0, 9.0]}[begin]
 
 
 def test_a_reset_gives_the_same_rows(folder, collect):

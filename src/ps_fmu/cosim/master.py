@@ -168,8 +168,8 @@ class Master:
     def set(self, name: str, value: Value) -> None:
         """Set an input or a parameter, ``component.variable``, from the current communication point on.
 
-        A connected input leaves its connection and keeps the value.  Raises :class:`UsageError`: no such
-        variable, not of its type, a fixed parameter after the initialisation.
+        An input leaves what feeds it and keeps the value; the column of an input of the run goes on.  Raises
+        :class:`UsageError`: no such variable, not of its type, a fixed parameter after the initialisation.
         """
         if self._closed:
             raise UsageError(f"{name}: the system is closed")
@@ -335,7 +335,7 @@ class Master:
         if self._loop is not None:
             self._loop.forget()
             self._instances[port.component].set({port.variable: value}, self.time)
-            cut = new and any(port == c.target for c in self.wiring.connections)
+            cut = new and port in find_fed(self._instances, self.wiring, (), self._signals)
             if self.faults.note(port, value) or cut:
                 self._make_plan(None if cut else self._loop)
 
