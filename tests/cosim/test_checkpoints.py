@@ -37,6 +37,22 @@ def test_it_goes_on_bit_for_bit(mixed, tmp_path, scheme, compiled, stop_s):
     check_same(again, run(mixed, **options))
 
 
+def test_an_input_of_a_file_that_is_set_goes_on_bit_for_bit(mixed, tmp_path):
+    (tmp_path / "in.csv").write_text("time,first.increment\n0,2\n0.5,3\n")
+    options = {"inputs": read_signals(tmp_path / "in.csv"), "events": [(0.2, "first.increment", 9)]}
+    kept = tmp_path / "kept"
+    run(mixed, Checkpoints(kept, 0.05), stop_s=0.4, **options)
+    check_same(run(mixed, Checkpoints(kept, 0.05, resume=True), **options), run(mixed, **options))
+
+
+def test_a_run_that_is_refused_leaves_the_checkpoints_of_before(mixed, tmp_path):
+    run(mixed, Checkpoints(tmp_path, 0.05))
+    kept = {path.name: path.read_bytes() for path in tmp_path.iterdir() if path.is_file()}
+    with pytest.raises(UsageError, match="not within this run"):
+        run(mixed, Checkpoints(tmp_path, 0.05), events=[(99.0, "mass.mass", 3.0)])
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir() if path.is_file()} == kept
+
+
 def test_the_first_checkpoint_may_be_missing(mixed, tmp_path):
     check_same(run(mixed, Checkpoints(tmp_path, 10.0, resume=True)), run(mixed))
 

@@ -148,9 +148,6 @@ class Checkpoints:
         else:
             if self._source is not None:
                 self._source.apply(parts)
-            if self._folder is not None:
-                self._folder.clear()
-            self._open_journals([None] * len(observers))
         self._identity = {**parts.identify(), "starts": parts.list_starts()} if self._folder is not None else {}
         self._every = max(1, math.ceil(self._interval / parts.clock.step - 1e-6)) if self._interval < math.inf else 0
         self._set_due(index)
@@ -160,11 +157,15 @@ class Checkpoints:
     def skip(self, schedule: Schedule) -> Schedule:
         """See :class:`RunKeeper`.
 
-        Raises :class:`CheckpointError` if what has happened is not what the checkpoint has in it.
+        The run can no longer be refused for what it is given: one that begins anew takes the folder.  Raises
+        :class:`CheckpointError` if what has happened is not what the checkpoint has in it.
         """
         self._schedule = list(schedule)
         past = self._past
         if past is None:
+            if self._folder is not None:
+                self._folder.clear()
+            self._open_journals([None] * len(self._observers))
             return schedule
         left = schedule[len(past) :]
         if _list_events(schedule[: len(past)]) != past or (left and left[0][0] < self._index):
