@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -78,6 +79,7 @@ class _Reader:
 
     def __init__(self, path: Path) -> None:
         self._path = path
+        self._unseeded: Counter[tuple[str, PortName, str | None]] = Counter()
 
     def error(self, node: Node, where: str, text: str) -> SystemFileError:
         """An error at a node, whose key is ``where``."""
@@ -150,17 +152,18 @@ class _Reader:
         if "value" in own and not isinstance(value, bool | int | float | str):
             raise self.error(own["value"], f"{prefix}value", f"expected a value, got {_show(own['value'])}")
         model, variable = (self.read_text(given, key, prefix) for key in ("model", "variable"))  # type: ignore[arg-type]
+        signal, target = PortName(str(model), str(variable)), self.read_text(own, "target", prefix)
         return FaultEvent(
             time_s=self.read_number(own, "time", prefix),
-            signal=PortName(str(model), str(variable)),
+            signal=signal,
             action=action,
-            target=self.read_text(own, "target", prefix),
+            target=target,
             value=self.read_number(own, "value", prefix) if action == DELAY else _as_value(value),
             duration_s=numbers.get("duration"),
             probability=numbers.get("probability", 1.0),
             rms=numbers.get("rms"),
             density=numbers.get("density"),
-            seed=self._read_seed(own, prefix),
+            seed=self._read_seed(own, prefix, (action, signal, target)),
             joins=joins,
             line=node.line,
             key=where,
@@ -193,9 +196,11 @@ class _Reader:
             raise self.error(own["name"], f"{prefix}name", text)
         return name
 
-    def _read_seed(self, own: Mapping[str, Node], prefix: str) -> int:
+    def _read_seed(self, own: Mapping[str, Node], prefix: str, what: tuple[str, PortName, str | None]) -> int:
+        """The seed; by default 0, 1, 2 ... of events that do the same to a signal: their numbers are independent."""
         if "seed" not in own:
-            return 0
+            self._unseeded[what] += 1
+            return self._unseeded[what] - 1
         value = own["seed"].value
         if not isinstance(value, int) or isinstance(value, bool) or not 0 <= value < _HIGHEST_SEED:
             text = f"expected a whole number from 0 to 2^53 - 1, got {_show(own['seed'])}"
