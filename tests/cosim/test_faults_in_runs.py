@@ -1,6 +1,8 @@
 """Faults and the rest of a run: neutral ones, steps that are repeated, processes, refusals, what is said of them."""
 
 import json
+import math
+from itertools import count
 
 import numpy as np
 import pytest
@@ -9,11 +11,12 @@ from hypothesis import strategies as st
 from support import faulty
 from support.faults import run_oscillator, write
 
-from ps_fmu.cosim import Master, SystemFileError
+from ps_fmu.cosim import Master, SlaveError, SystemFileError
 from ps_fmu.cosim.clock import StepClock
 from ps_fmu.cosim.description import read_descriptions
 from ps_fmu.cosim.faults.active import make_faults
 from ps_fmu.cosim.faults.reading import read_faults
+from ps_fmu.cosim.fmu_instance import FmuInstance
 from ps_fmu.cosim.isolation.instance import Isolation
 from ps_fmu.cosim.schemes.scheme import Scheme
 from ps_fmu.cosim.structure import PortName
@@ -81,6 +84,16 @@ def test_a_fault_behind_the_end_of_the_run_is_refused(oscillator, tmp_path):
         master.faults.check_end(2.01)
 
 
+def test_noises_without_seeds_are_independent(oscillator, tmp_path):
+    """Two of RMS 1 on one signal have the RMS sqrt(2), and not 2; a dropout beside them changes neither."""
+    noise = {"time": 0.0, "model": "mass", "variable": "position", "action": "noise", "rms": 1.0, "joins": True}
+    faults = write(tmp_path, noise, noise, {**noise, "seed": 7})
+    assert [event.seed for event in faults.events] == [0, 1, 7]
+    rows = run_oscillator(oscillator, write(tmp_path, noise, noise), duration=20.0)
+    added = rows["spring.position"] - rows["mass.position"]
+    assert np.sqrt((added**2).mean()) == pytest.approx(math.sqrt(2.0), rel=0.05)
+
+
 @pytest.fixture(scope="module")
 def discarding(tmp_path_factory):
     """A folder with an FMU that is named after what it does wrong."""
@@ -98,6 +111,23 @@ def test_steps_in_parts_see_the_fault_of_the_whole_step(discarding, make_system,
         )
         found[name] = run_oscillator(system, faults, duration=0.1)[f"{name}.u"]
     assert found["partial"] == pytest.approx(found["good"], rel=1e-12)
+
+
+@pytest.mark.parametrize("refused", range(2, 10))
+def test_a_step_in_parts_is_right_or_fails(discarding, make_system, monkeypatch, refused):
+    """Whenever an FMU first refuses its state: no step goes on from where another one was discarded."""
+    system = make_system({"other": "Faulty", "partial": "Faulty"}, ["other.y -> partial.u"], discarding)
+    expected = run_oscillator(system, duration=0.06)
+    asked, keep = count(), FmuInstance.try_state
+    monkeypatch.setattr(FmuInstance, "try_state", lambda self: keep(self) if next(asked) < refused else None)
+    try:
+        rows = run_oscillator(system, duration=0.06)
+    except SlaveError as error:
+        assert "has refused fmi2GetFMUstate" in "".join([str(error), *error.__notes__])
+    else:
+        for name, values in expected.items():
+            assert values.tobytes() == rows[name].tobytes(), name
+    assert next(asked) > refused
 
 
 def test_isolated_fmus_see_the_same_faults(oscillator, tmp_path):

@@ -26,6 +26,8 @@ log = logging.getLogger("ps_fmu.cosim")
 
 SMALLEST = 2.0**-20
 """The smallest part of a step that is tried."""
+MOST_TRIES = 1000
+"""So many parts of a step may be discarded: an FMU may say each time that it came almost to the end."""
 KEPT_S = 0.05
 """So long may states be kept [s of wall time].  To take those of our four FMUs costs as much as 90 steps."""
 
@@ -162,7 +164,7 @@ class RepeatingLoop:
         """Make the step from ``time`` on in parts; its row is stored."""
         rows = self._rows
         filled, end, now = rows.filled, time + self._step, time
-        size = _choose(error, now, self._step)
+        size, tries = _choose(error, now, self._step), MOST_TRIES
         while now < end:
             kept = self._keep()
             last = now + size >= end
@@ -178,8 +180,12 @@ class RepeatingLoop:
                 raise
             except DiscardedStep as again:
                 rows.go_back(filled)
-                if size / 2.0 < SMALLEST * self._step:
+                tries -= 1
+                if size / 2.0 < SMALLEST * self._step or tries == 0:
                     again.add_note(f"It was repeated in parts, the last of {size:.3g} s.")
+                    raise
+                if self._obstacle is not None:
+                    again.add_note(f"It cannot be repeated in smaller parts: {self._obstacle}.")
                     raise
                 self._restore(kept)
                 size = _choose(again, now, size)

@@ -42,6 +42,7 @@ TOLD = {  # the same in both
     "refuses": (0, ("SlaveError", "fmi2Instantiate failed", "no licence: 100 % used"), 0),
     "ended": (6, ("fmi2Discard and fmi2Terminated", "last successful time 0.05 s", "has ended the simulation"), 0),
     "discard": (11, ("discarded the step at t = 0.05 s", "repeated in parts"), 0),
+    "almost": (6, ("DiscardedStep", "discarded the step at t = 0.05 s", "repeated in parts, the last of", FAILED), 0),
     "partial": (11, ("discarded the step at t = 0.05 s", "repeated in parts"), 0),
     "messages": (11, ("message 0 of many", "too many different messages"), 0),
     "child": FINE,

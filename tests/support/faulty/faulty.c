@@ -159,8 +159,10 @@ static fmi2Status misbehave(Instance *m, double time, double step)
         return m->successful = time, fmi2Discard;
     else if (is(m, "ended"))
         return m->successful = time, m->ended = 1, fmi2Discard;
+    else if (is(m, "almost"))
+        return m->successful = time + step - 1e-9, fmi2Discard;
     else if (is(m, "partial") && step > 0.0041)
-        return m->successful = time + 0.004, fmi2Discard;
+        return m->now.time += 0.004, m->successful = time + 0.004, fmi2Discard;
     return fmi2OK;
 }
 
@@ -231,7 +233,7 @@ fmi2Status fmi2DoStep(fmi2Component c, double time, double step, fmi2Boolean onl
     Instance *m = c;
     (void)only_forward;
     if (time > 0.0499 && !m->asked) {
-        m->asked = !is(m, "partial");
+        m->asked = !is(m, "partial") && !is(m, "almost");
         fmi2Status status = misbehave(m, time, step);
         if (status != fmi2OK)
             return status;
