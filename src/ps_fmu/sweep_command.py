@@ -72,6 +72,10 @@ def run(arguments: argparse.Namespace) -> int:
                 raise StudyError(f"--scheduler-timeout: expected a time above 0 s, got {limit:g}")
             if arguments.scheduler is None:
                 raise StudyError("--scheduler-timeout: is for a study with --scheduler ADDRESS")
+        if arguments.case is not None:
+            given = {"--resume": arguments.resume, "--workers": arguments.workers, "--scheduler": arguments.scheduler}
+            for name in (name for name, value in given.items() if value):
+                raise StudyError(f"{name}: --case runs one case, in this process: leave {name} out")
         return _rerun(options, arguments.case) if arguments.case is not None else _sweep(options)
     except (StudyError, OptionError, RequirementError, ParameterError) as error:
         return _report(reason(error), EXIT_REFUSED)

@@ -10,6 +10,7 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import psutil
 import pyarrow.parquet as pq
@@ -112,6 +113,21 @@ def count_stored(folder):
     return HELD - len(list_missing(folder, plan_hash(folder), HELD))
 
 
+def test_workers_import_nothing_of_the_current_directory(write_study, toy_fmus, tmp_path, monkeypatch):
+    """By the command as people type it, whose Python is started without -I."""
+    study, here = write_study(), tmp_path / "here"
+    here.mkdir()
+    for name in ("multiprocessing", "json", "distributed"):
+        (here / f"{name}.py").write_text(f"open({str(tmp_path / 'taken')!r}, 'a').write('{name}')\n")
+    monkeypatch.chdir(here)
+    command = [Path(sys.executable).with_name("ps-fmu"), "sweep", study, "--output", tmp_path / "out", "--workers", "1"]
+    done = subprocess.run(
+        [*command, "--fmus", toy_fmus], capture_output=True, text=True, timeout=PATIENCE_S, start_new_session=True
+    )
+    assert done.returncode == 0, done.stderr
+    assert not (tmp_path / "taken").exists()
+
+
 def test_a_study_on_this_machine_says_what_it_says(write_study, make_prepared, sweep, undisturbed, tmp_path):
     study = write_study()
     code, printed, errors = sweep(study)
@@ -146,6 +162,10 @@ def test_a_case_again_has_the_same_bits_and_all_signals(write_study, sweep, tmp_
     assert "all numbers are those of the study, to the last bit" in printed
     for name in ("results.nc", "report.html", "summary.json"):
         assert (tmp_path / "out" / "case-4" / name).is_file()
+    for option in ("--resume", "--workers=2"):
+        code, _, errors = sweep(study, "--case", "4", option)
+        assert (code, errors.count("\n")) == (2, 1)
+        assert f"{option[:8]}" in errors and "--case runs one case" in errors
     code, _, errors = sweep(study, "--case", "6")
     assert code == 2
     assert "has the cases 0 to 5, got 6" in errors

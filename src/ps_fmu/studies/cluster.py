@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections import deque
 from collections.abc import Callable, Collection, Iterator, Sequence
 from concurrent.futures import Future, wait
@@ -114,6 +115,8 @@ def _start_cluster(workers: int | None, stack: ExitStack) -> Any:
     from distributed import LocalCluster
     from distributed.utils import LoopRunner
 
+    # Its processes are started by python -c, which would import modules of the current directory before its own.
+    os.environ["PYTHONSAFEPATH"] = "1"
     loop = LoopRunner()  # its thread starts the workers, also those that take the place of others
     with block_interrupts():  # a terminal sends Ctrl-C to all processes: workers would end with tracebacks
         loop.start()
