@@ -1,12 +1,14 @@
 """Rows on disk: part files that are complete or not there, and what is still missing.
 
-A part is named by the plan's hash and its first and last case.  Which cases are done is read from the parts alone: no
+A part is named by the plan's hash, its first and last case, and a digest of its content and the plan: one that a disk
+has changed, or that is of another study, is refused.  Which cases are done is read from the parts alone: no
 scheduler is asked.  Two parts may have the same case, as when a worker goes on while its study is resumed elsewhere:
 the rows are equal but for the time they took, and one is taken.
 """
 
 from __future__ import annotations
 
+import hashlib
 import io
 import os
 import re
@@ -19,7 +21,7 @@ from .rows import ANSWER, HISTOGRAM, TEXTS, Row
 
 FOLDER = "parts"
 HASH_DIGITS = 16  # of the plan's hash in a name
-_NAME = re.compile(r"(?P<plan>[0-9a-f]{16})-(?P<first>\d+)-(?P<last>\d+)\.parquet")
+_NAME = re.compile(r"(?P<plan>[0-9a-f]{16})-(?P<first>\d+)-(?P<last>\d+)-(?P<digest>[0-9a-f]{16})\.parquet")
 
 
 def encode_part(rows: Sequence[Row]) -> bytes:
@@ -41,9 +43,14 @@ def write_part(folder: Path, plan_hash: str, rows: Sequence[Row], content: bytes
     They are on the disk before the file has its name.  Raises ``OSError``; nothing is left behind then.
     """
     first, last = rows[0]["case"], rows[-1]["case"]
-    path = folder / FOLDER / f"{plan_hash[:HASH_DIGITS]}-{first:07d}-{last:07d}.parquet"
-    write_durably(path, encode_part(rows) if content is None else content)
+    content, plan = encode_part(rows) if content is None else content, plan_hash[:HASH_DIGITS]
+    path = folder / FOLDER / f"{plan}-{first:07d}-{last:07d}-{_digest(plan, content)}.parquet"
+    write_durably(path, content)
     return path
+
+
+def _digest(plan: str, content: bytes) -> str:
+    return hashlib.blake2b(content, digest_size=8, key=plan.encode()).hexdigest()
 
 
 def write_durably(path: Path, content: bytes) -> None:
@@ -146,7 +153,10 @@ def _read(path: Path, columns: list[str] | None = None) -> Any:
     import pyarrow.parquet as pq
 
     try:
-        table = pq.read_table(path, columns=columns, partitioning=None)
+        content, name = path.read_bytes(), _NAME.fullmatch(path.name)
+        if name is None or _digest(name["plan"], content) != name["digest"]:
+            raise KeyError("it is damaged, or of another study")
+        table = pq.read_table(pa.BufferReader(content), columns=columns, partitioning=None)
         for name in table.column_names if columns is None else columns:
             if table.schema.field(name).type not in (_find_type(name), pa.null()):
                 raise KeyError(f"{name} is of the type {table.schema.field(name).type}, expected {_find_type(name)}")

@@ -76,7 +76,7 @@ def rerun(options: SweepOptions, case: int) -> str:
 def find_row(folder: Path, plan_hash: str, case: int) -> Row | None:
     """The row of a case in the parts of a study; None if it has none.  Raises ``OSError``."""
     for part in list_parts(folder, plan_hash):
-        first, last = map(int, part.stem.split("-")[1:])
+        first, last = map(int, part.stem.split("-")[1:3])
         if first <= case <= last:
             rows: list[Row] = read_rows([part], histograms=True).to_pylist()
             return next((row for row in rows if row["case"] == case), None)
