@@ -1,13 +1,14 @@
 """What a study says: percentiles, probabilities, sensitivities and control variates against what is known."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
 import pytest
 from scipy.stats import norm
 
-from ps_fmu.studies.control_variate import compute_variance, estimate
+from ps_fmu.studies.control_variate import compute_variance, control, estimate
 from ps_fmu.studies.factors import Factor, Spread
 from ps_fmu.studies.outcome import Outcome, Output
 from ps_fmu.studies.plan import Plan
@@ -32,7 +33,7 @@ def make_outcome(read):
         names = [f"x{i}" for i in range(factors)]
         made = tuple(Factor(Vary("", n, (n,), (), "uniform", {}), "1", (n,), (1.0,), (), spread) for n in names)
         draws = study_shares(study, factors)
-        table = pd.DataFrame({"case": range(cases), "status": "done", "error": None, OUTPUT.name: function(draws)})
+        table = pd.DataFrame({"case": range(cases), "status": "done", "error": None, outputs[0].name: function(draws)})
         return Outcome(Plan(study, made, draws, ()), table, outputs)
 
     return make
@@ -124,6 +125,19 @@ def test_a_requirement_on_the_ensemble_is_judged_by_all_cases(required):
     assert found.pooled.value == 4.0
     assert found.pooled.bound == 7.0  # the 8th of 10 is the first with 90 %: P(binomial(10, 0.5) < 8) = 0.945
     assert find_worst(required, 2) == [(9, 9.0, required.outputs[0]), (8, 8.0, required.outputs[0])]
+
+
+def test_a_run_without_motion_has_no_control_variate(make_outcome, monkeypatch):
+    moves, still = (Output(f"{run}.plant.payload_rotation.x.APE.rms", "rad", run=run, signal="plant.payload_rotation.x")
+                    for run in ("moves", "still"))  # fmt: skip
+    outcome = make_outcome("random", 20, 1, lambda draws: 1.0 + draws[:, 0], (moves, still))
+    study = replace(outcome.plan.study, control_variates=8, runs={"moves": {}, "still": {}})
+    table = outcome.table.assign(**{moves.name: outcome.table[moves.name], still.name: 0.0})
+    outcome = replace(outcome, plan=replace(outcome.plan, study=study), table=table)
+    monkeypatch.setattr("ps_fmu.studies.control_variate.compute_variance", lambda *_: np.ones(3))
+    monkeypatch.setattr("ps_fmu.studies.control_variate.draw_more", lambda _: [{}])
+    controlled = control(outcome, None)
+    assert [one.output for one in controlled] == [moves]
 
 
 def test_a_control_variate_gains_what_the_correlation_allows():

@@ -117,6 +117,8 @@ def control(outcome: Outcome, system: RunSystem) -> list[Controlled]:
         for output in outputs:
             axis = "xyz".index(output.signal[-1])
             squares = outcome.values(output)[done] ** 2
+            if not squares.any():  # a run without motion
+                continue
             found.append(estimate(output, squares, np.array(here)[:, axis], np.array(more)[:, axis]))
     return found
 
