@@ -98,6 +98,7 @@ def test_a_file_that_is_not_there(tmp_path):
 
 def test_a_vector_needs_two_components_and_a_name_of_its_own():
     kinds = {"a.b_1": "m", "a.c": "m", "a.c_1": "m", "a.c_2": "m", "a_1": "m", "a_2": "m"}
+    kinds |= {"a.t.hot": "K", "a.t.cold": "K", "a.cell_2": "V", "a.cell_7": "V"}
     assert group_components(kinds) == {name: {name: ""} for name in kinds}
 
 

@@ -102,10 +102,17 @@ def group_components(kinds: Mapping[str, object]) -> dict[str, dict[str, str]]:
     vectors = {
         name: (vector, members)
         for vector, members in found.items()
-        if len(members) > 1 and len({kinds[name] for name in members}) == 1 and vector not in kinds
+        if len({kinds[name] for name in members}) == 1 and vector not in kinds and _are_components(members.values())
         for name in members
     }
     return dict(vectors.get(name, (name, {name: ""})) for name in kinds)
+
+
+def _are_components(labels: Iterable[str]) -> bool:
+    """Names of axes, or numbers from 1 on: other names side by side, ``hot`` and ``cold``, are no vector."""
+    found = tuple(labels)
+    axes = found in DIMENSIONS or all(set(label) <= set("xyz") for label in found)
+    return len(found) > 1 and (axes or found == tuple(map(str, range(1, len(found) + 1))))
 
 
 def shorten(names: Iterable[str]) -> dict[str, str]:
