@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import socket
 import tempfile
 import threading
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -117,6 +119,8 @@ def sees(output: Path, plan_hash: str) -> bool:
 
 _LOCK = threading.Lock()
 _FOLDERS: dict[str, Path] = {}
+_BUSY: Counter[str] = Counter()
+"""Batches of each study that run now: their folders stay."""
 _IDLE: dict[tuple[str, float | None], list[CaseProcess]] = {}
 """Warm processes by study: a worker with several threads has one for each."""
 
@@ -129,6 +133,9 @@ def _borrow(bundle: Bundle, timeout_s: float | None) -> Any:
         for other in [other for other in _IDLE if other != key]:  # another study's: one at a time keeps memory low
             for process in _IDLE.pop(other):
                 process.close()
+        for study in [study for study in _FOLDERS if study != bundle.sha256 and not _BUSY[study]]:
+            shutil.rmtree(_FOLDERS.pop(study), ignore_errors=True)
+        _BUSY[bundle.sha256] += 1
         idle = _IDLE.setdefault(key, [])
         found = idle.pop() if idle else None
         if found is None:
@@ -140,8 +147,11 @@ def _borrow(bundle: Bundle, timeout_s: float | None) -> Any:
         yield found
     except BaseException:
         found.close()
+        with _LOCK:
+            _BUSY[bundle.sha256] -= 1
         raise
     with _LOCK:
+        _BUSY[bundle.sha256] -= 1
         _IDLE.setdefault(key, []).append(found)
 
 
