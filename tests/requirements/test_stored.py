@@ -166,7 +166,7 @@ def test_files_that_are_no_results(tmp_path, require):
         group.createVariable("plant.rotation.x", "f8", ("time",)).units = "rad"
     for name, problem in (
         ("none.nc", "No such file"), ("text.nc", "cannot be read"), ("empty.nc", "holds no run"),
-        ("short.nc", "has 1 rows; two are needed"),
+        ("short.nc", "there are 1 rows; two are needed"),
     ):  # fmt: skip
         with pytest.raises(ResultsError, match=rf"{name}: .*{problem}"):
             judge_files([tmp_path / name], [require()])
@@ -239,9 +239,18 @@ def test_rows_that_cannot_be_unpacked(tmp_path, require):
         judge_files([path], [require()])
 
 
+def test_rows_that_are_not_equally_spaced(store, require):
+    """As of another program that stored each row at first and then each tenth: windows would be of mixed lengths."""
+    path, _ = store()
+    with netCDF4.Dataset(path, "a") as file:
+        file["active"]["time"][:] = STEP * np.concatenate((np.arange(1000), 1000.0 + 10.0 * np.arange(1001)))
+    with pytest.raises(ResultsError, match=r"the run active: the rows are not equally spaced, as at .* one each"):
+        judge_files([path], [require()])
+
+
 def test_times_that_do_not_ascend(store, require):
     path, _ = store()
     with netCDF4.Dataset(path, "a") as file:
         file["active"]["time"][:] = np.zeros(2001)
-    with pytest.raises(ResultsError, match="the times of the run active do not ascend"):
+    with pytest.raises(ResultsError, match="the run active: the times do not ascend"):
         judge_files([path], [require()])

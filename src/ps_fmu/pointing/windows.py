@@ -94,6 +94,23 @@ def count_samples(time: float, step: float, name: str) -> int:
     return count
 
 
+def find_step(time: Array) -> float:
+    """The step [s] of the times (rows,) of a record; raises ``ValueError`` unless they are equally spaced.
+
+    Times of a file may be rounded: each may be a hundredth of a step off.
+    """
+    if len(time) < 2:
+        raise ValueError(f"there are {len(time)} rows; two are needed")
+    step = float(time[-1] - time[0]) / (len(time) - 1)
+    if not step > 0.0:
+        raise ValueError("the times do not ascend")
+    off = np.abs(time - (time[0] + step * np.arange(len(time))))
+    if not off.max() <= 0.01 * step:
+        at = float(time[off.argmax()])
+        raise ValueError(f"the rows are not equally spaced, as at {at:g} s: expected one each {step:g} s")
+    return step
+
+
 def triangle(lags: NDArray[np.int64], samples: int) -> Array:
     """Lag weights of the mean of N samples: (N - abs(m)) / N^2, zero from N on."""
     return np.asarray(np.maximum(samples - np.abs(lags), 0) / samples**2)

@@ -13,6 +13,7 @@ from ..cosim.clock import count_steps
 from ..cosim.recording.columns_on_disk import iterate_blocks, read_chunk_rows
 from ..cosim.recording.decimate import PASS_BAND
 from ..cosim.recording.recorder import UDUNITS
+from ..pointing.windows import find_step
 from .record import RequirementRecord
 from .requirement import Requirement
 from .targets import find_targets
@@ -87,11 +88,10 @@ def _record(requirement: Requirement, group: Any, path: Path) -> tuple[Requireme
         if name != "time" and variable.dimensions == ("time",)
     ]
     time = np.asarray(group["time"][:], dtype=float)
-    if len(time) < 2:
-        raise ResultsError(f"{path}: the run {group.name} has {len(time)} rows; two are needed")
-    step = float(time[-1] - time[0]) / (len(time) - 1)
-    if not step > 0.0:
-        raise ResultsError(f"{path}: the times of the run {group.name} do not ascend")
+    try:
+        step = find_step(time)
+    except ValueError as error:
+        raise ResultsError(f"{path}: the run {group.name}: {error}") from error
     whole, lead_s = _read_number(group, "duration_s", float(time[-1])), _read_number(group, "lead_in_s", 0.0)
     requirement.check_times(step, max(whole, float(time[-1])) - lead_s, f" between stored rows ({path})")
     needed = [columns[place] for target in find_targets(requirement, columns) for place in target.places]

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..pointing.index import PointingIndex
 from ..pointing.indices import AbsoluteError, MeanError, RelativeError, ResidualJitter
+from ..pointing.windows import find_step
 
 if TYPE_CHECKING:
     from xarray import DataArray
@@ -51,9 +52,10 @@ def _find_rms(case: str, signal: DataArray, index: PointingIndex) -> np.ndarray:
     if signal.dtype.kind not in "fi":
         raise ValueError(f"{case}: {signal.name} is no number, of which there could be an RMS")
     time = np.asarray(signal["time"], dtype=float)
-    if len(time) < 2:
-        raise ValueError(f"{case}: {len(time)} rows; two are needed")
-    step = float(time[-1] - time[0]) / (len(time) - 1)
+    try:
+        step = find_step(time)
+    except ValueError as error:
+        raise ValueError(f"{case}: {error}") from error
     try:
         count = index.count(step)
     except ValueError as error:

@@ -48,17 +48,6 @@ def find_columns(columns: Sequence[NamedColumn], names: Sequence[str]) -> list[i
     return [places[name] for name in names]
 
 
-def count_rows(duration_s: float, step_s: float, what: str) -> int:
-    """Number of steps in a duration; raises ``ValueError`` unless it is a whole number of at least one."""
-    if not (math.isfinite(step_s) and step_s > 0.0):
-        raise ValueError(f"step: expected a positive number of seconds, got {step_s!r}")
-    ratio = duration_s / step_s
-    rows = round(ratio) if math.isfinite(ratio) else 0
-    if rows < 1 or abs(ratio - rows) > 1e-6 * rows:
-        raise ValueError(f"{what}: {duration_s!r} s is not a positive whole number of steps of {step_s!r} s")
-    return rows
-
-
 class ColumnObserver(ABC):
     """Picks the named columns out of each block and passes them on to :meth:`take`.
 

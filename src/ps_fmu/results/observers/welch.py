@@ -15,8 +15,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...pointing.windows import count_samples
 from .kept import State, check_array
-from .observer import ColumnObserver, NamedColumn, count_rows
+from .observer import ColumnObserver, NamedColumn
 
 Array = NDArray[np.float64]
 
@@ -43,7 +44,7 @@ class Welch(ColumnObserver):
         start_s: float = -math.inf,
     ) -> None:
         super().__init__(columns, names, start_s=start_s)
-        rows = count_rows(segment_s, step_s, "segment")
+        rows = count_samples(segment_s, step_s, "segment")
         if rows < 4:
             raise ValueError(f"segment: {segment_s!r} s is {rows} steps; a spectrum needs four at least")
         self.segment_s = segment_s

@@ -40,7 +40,7 @@ from .instructions import (
     tell_neighbours,
 )
 
-_SAME = 1e-6  # relative: intervals this close to a multiple of the step are one
+_SAME = 1e-6  # of a step, and 1e-9 of the interval: so close to a multiple of the step it is one
 _SPARSE = 5
 """Time of a column of a dense matrix over that of an entry of a sparse one, in the kernel."""
 
@@ -53,7 +53,7 @@ def count_steps(name: str, interval: float, h: float, most: int | None = None) -
     ModelError: not a multiple of the step, or above ``most`` steps; the text starts with ``name``.
     """
     count = round(interval / h)
-    if abs(interval / h - count) > _SAME * count:
+    if abs(interval / h - count) > _SAME + 1e-9 * count:
         raise ModelError(f"{name}: {interval:g} s is not a multiple of the communication step {h:g} s")
     if most is not None and count > most:
         raise ModelError(f"{name}: {interval:g} s is {count} steps of {h:g} s; at most {most} are kept")
