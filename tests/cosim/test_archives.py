@@ -6,7 +6,10 @@ import io
 import os
 import struct
 import tempfile
+import tracemalloc
+import warnings
 import zipfile
+import zlib
 from pathlib import Path
 
 import pytest
@@ -113,6 +116,34 @@ def test_a_bomb_that_lies_about_its_size(tmp_path):
     assert sum(file.stat().st_size for file in (tmp_path / "inside").rglob("*")) <= 10
     with pytest.raises(SystemFileError, match="damaged"):
         check_content(path)
+
+
+@pytest.mark.parametrize("method", [zipfile.ZIP_DEFLATED, zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA])
+def test_no_more_is_inflated_than_a_member_claims(tmp_path, method):
+    """Also where the checksum is that of what is claimed."""
+    size, claimed = 30_000_000, bytes(2000)
+    path = written(tmp_path / "a.fmu", [("modelDescription.xml", bytes(size))], method)
+    raw = path.read_bytes().replace(struct.pack("<I", size), struct.pack("<I", len(claimed)))
+    path.write_bytes(raw.replace(struct.pack("<I", zlib.crc32(bytes(size))), struct.pack("<I", zlib.crc32(claimed))))
+    tracemalloc.start()
+    try:
+        for use in (lambda: read_member(path, "modelDescription.xml", 5000), lambda: extract(path, tmp_path / "in")):
+            with contextlib.suppress(SystemFileError):
+                check_archive(path)
+                use()
+        assert tracemalloc.get_traced_memory()[1] < size / 5
+    finally:
+        tracemalloc.stop()
+
+
+def test_a_folder_may_be_entered_twice(tmp_path):
+    """As CMake writes archives."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # zipfile says that the name is there already
+        path = written(tmp_path / "a.fmu", [("extra/", b""), ("extra/a", b"1"), ("extra/", b"")])
+    assert check_archive(path) == ["extra/", "extra/a"]
+    extract(path, tmp_path / "inside")
+    assert (tmp_path / "inside" / "extra" / "a").read_bytes() == b"1"
 
 
 def test_too_many_members(tmp_path, monkeypatch):

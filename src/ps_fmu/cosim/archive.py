@@ -40,8 +40,8 @@ def check_archive(path: Path) -> list[str]:
     """Names of the members, after checking that they can be unpacked into one folder and stay in it.
 
     Raises :class:`SystemFileError`: not a readable ZIP archive, an absolute path, a drive letter, ``..``, an empty
-    part or a backslash in a name, a name that is too long, a link, a name that occurs twice or is a file and a folder,
-    an encrypted member, too many bytes or members.
+    part or a backslash in a name, a name that is too long, a link, a file that occurs twice or is a folder, too, a
+    member that is encrypted or compressed by another method than deflate, too many bytes or members.
     """
     with _opened(path, "is not a readable ZIP archive") as archive:
         members = archive.infolist()
@@ -57,7 +57,7 @@ def check_archive(path: Path) -> list[str]:
         name = member.orig_filename
         if reason := _objection(member):
             raise SystemFileError(path, f"member {name!r} {reason}: the archive is not unpacked")
-        if name in seen:
+        if name in seen and not member.is_dir():  # CMake writes folders twice
             raise SystemFileError(path, f"member {name!r} occurs twice: the archive is not unpacked")
         seen.add(name)
     for name in sorted(seen):
@@ -84,6 +84,8 @@ def _objection(member: zipfile.ZipInfo) -> str | None:
         return "is a link"
     if member.flag_bits & 0x1:
         return "is encrypted"
+    if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):  # others may inflate to any size at once
+        return "is compressed by another method than deflate, which FMI and SSP ask for"
     return None
 
 
@@ -118,7 +120,13 @@ def read_member(path: Path, name: str, maximum_bytes: int) -> bytes:
             raise SystemFileError(path, f"has no {name}") from error
         if size > maximum_bytes:
             raise SystemFileError(path, f"{name} has {size} bytes; at most {maximum_bytes} are read")
-        return archive.read(name)
+        return _inflate(archive, archive.getinfo(name))
+
+
+def _inflate(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> bytes:
+    """Content of a member, of which no more is inflated than it claims to have."""
+    with archive.open(member) as file:
+        return file.read(member.file_size + 1)  # and one, so that the checksum is looked at
 
 
 def check_content(path: Path) -> None:
@@ -154,4 +162,4 @@ def extract(path: Path, folder: Path, wanted: Callable[[str], bool] = lambda _na
                 above.mkdir(parents=True, exist_ok=True)
                 made.add(above)
             if not member.is_dir():
-                target.write_bytes(archive.read(member))
+                target.write_bytes(_inflate(archive, member))
