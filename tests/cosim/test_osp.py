@@ -7,6 +7,7 @@ import pytest
 from support.linear import make_oscillator, run
 
 from ps_fmu.cosim import Master, SystemFileError, read_system
+from ps_fmu.cosim.osp import reading
 
 SIMULATORS = '<Simulator name="first" source="first.fmu"/>\n<Simulator name="second" source="second.fmu"/>\n'
 FORCE = '<VariableConnection><Variable simulator="first" name="F"/><Variable simulator="second" name="F"/>'
@@ -67,6 +68,15 @@ def test_a_system_runs_as_its_twin_in_ssp_does(read, fmus, tmp_path):
     for name in ours.names:
         assert np.array_equal(ours[name], theirs[name]), name
     assert read_system(tmp_path).components == found.components  # the folder means the file in it
+
+
+def test_each_fmu_is_read_once_however_many_variables_it_has(read, monkeypatch):
+    known, found = reading.read_description, []
+    monkeypatch.setattr(
+        reading, "read_description", lambda path, **options: found.append(path.name) or known(path, **options)
+    )
+    read()
+    assert sorted(found) == ["first.fmu", "second.fmu"]
 
 
 def test_linear_transformations_lie_on_the_way(read):

@@ -5,9 +5,11 @@ A connection of two variables has no direction in the file: the causality of the
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+
+from fmpy.model_description import ModelVariable
 
 from ..description import index_variables, read_description
 from ..errors import SystemFileError
@@ -42,6 +44,7 @@ class _Reader:
     def __init__(self, path: Path, sources: Sources) -> None:
         self._path, self._sources = path, sources
         self._components: dict[str, Component] = {}
+        self._variables: dict[str, Mapping[str, ModelVariable]] = {}
         self._connectors: dict[PortName, Connector] = {}
 
     def read(self) -> System:
@@ -191,7 +194,10 @@ class _Reader:
         if component not in self._components:
             hint = suggest_names(component, self._components)
             raise self._make_error(f"there is no simulator {component!r}{hint}", element)
-        variables = index_variables(read_description(self._components[component].source, lenient=True))
+        if component not in self._variables:  # to read a description takes the digest of the whole FMU
+            source = self._components[component].source
+            self._variables[component] = index_variables(read_description(source, lenient=True))
+        variables = self._variables[component]
         if name not in variables:
             raise self._make_error(f"{component} has no variable {name!r}{suggest_names(name, variables)}", element)
         port, causality = PortName(component, name), str(variables[name].causality)
