@@ -3,6 +3,8 @@
 import pytest
 
 from ps_fmu.cosim import SystemFileError, read_parameters
+from ps_fmu.cosim.ssp.xml_parts import start_values_xml
+from ps_fmu.cosim.structure import Parameter
 
 SSV = """<?xml version="1.0" encoding="UTF-8"?>
 <ssv:ParameterSet xmlns:ssv="http://ssp-standard.org/SSP1/SystemStructureParameterValues" version="1.0" name="s">
@@ -17,6 +19,13 @@ def read(tmp_path, *entries, text=SSV):
     path = tmp_path / "a.ssv"
     path.write_text(text.format("\n".join(f'<ssv:Parameter name="{n}">{v}</ssv:Parameter>' for n, v in entries)))
     return read_parameters(path)
+
+
+@pytest.mark.parametrize("about", ["my---sat.toml", "-", "a--", "----", "plain"])
+def test_any_comment_is_well_formed(tmp_path, about):
+    path = tmp_path / "a.ssv"
+    path.write_bytes(start_values_xml({"mass.mass": Parameter(2.0, None, path)}, about))
+    assert read_parameters(path)["mass.mass"].value == 2.0
 
 
 def test_values_have_their_types(tmp_path):

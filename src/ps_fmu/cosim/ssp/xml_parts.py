@@ -6,6 +6,7 @@ communication step to libcosim (``com.opensimulationplatform``) and OMSimulator 
 
 from __future__ import annotations
 
+import re
 from collections.abc import Collection, Iterable, Mapping
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
@@ -169,7 +170,7 @@ def start_values_xml(values: Mapping[str, Parameter], about: str) -> bytes:
         SubElement(element, f"ssv:{kinds[type(entry.value)]}", {"value": text, **unit})
         _add_notes(element, entry)
     head, _, rest = _text(root).partition(b"\n")
-    comment = about.replace("--", "- -").rstrip("-")  # two hyphens end a comment
+    comment = re.sub("-(?=-)", "- ", about)  # two hyphens end a comment
     return head + f"\n<!-- {comment} -->\n".encode() + rest
 
 
