@@ -4,7 +4,8 @@ VERSION_CHECK := import sys; sys.exit(not (3, 11) <= sys.version_info < (3, 14))
 PYTHON ?= $(shell for p in python3.11 python3.12 python3.13 python3; do \
 	$$p -c '$(VERSION_CHECK)' 2>/dev/null && { echo $$p; break; }; done)
 BIN := .venv/bin
-FMU_SOURCES := $(shell find src fmus -name '*.py' -o -name '*.toml' -o -name '*.csv' -o -name 'README.md' -o -name '*.so' -o -name '*.dll' -o -name 'icon.png')
+FMU_SOURCES := LICENSE $(shell find src fmus -name '*.py' -o -name '*.toml' -o -name '*.csv' -o -name '*.json' -o -name '*.license' \
+	-o -name 'README.md' -o -name '*.so' -o -name '*.dll' -o -name 'icon.png')
 
 # The matrices are small (below 100 x 100): threads in BLAS cost more than they bring.
 export OMP_NUM_THREADS := 1
@@ -68,7 +69,7 @@ lint: .venv/.installed
 	$(BIN)/mypy
 
 clean:
-	rm -rf build dist results .venv .venv-* .mypy_cache .pytest_cache .ruff_cache .hypothesis src/*.egg-info
+	rm -rf build dist .venv .venv-* .mypy_cache .pytest_cache .ruff_cache .hypothesis src/*.egg-info
 
 build/fmus/.built: .venv/.installed $(FMU_SOURCES)
 	$(BIN)/ps-fmu build --output build/fmus

@@ -1,9 +1,12 @@
+import io
 import os
 import shutil
+import zipfile
 from pathlib import Path
 
 import pytest
 
+import ps_fmu
 from ps_fmu.product.files import ProductFiles
 from ps_fmu.runs import built_fmus
 from ps_fmu.runs.built_fmus import (
@@ -62,6 +65,28 @@ def test_the_package_s_own_file_is_in_each_fmu(checkout):
     package.write_text("")
     os.utime(package, (3000, 3000))
     assert list_outdated(checkout / "build", checkout) == ["DisturbanceSource", "PointingCommander"]
+
+
+def test_all_that_is_packed_is_watched(built_fmus, checkout):
+    """Each room and module of the package that is in any FMU."""
+    package, packed = Path(ps_fmu.__file__).parent, set()
+    for path in built_fmus.glob("*.fmu"):
+        with zipfile.ZipFile(path) as archive:
+            inside = [name.split("/", 2)[2] for name in archive.namelist() if name.startswith("resources/ps_fmu_")]
+            for name in archive.namelist():
+                if "/modules_" in name:  # modules that need not be files
+                    with zipfile.ZipFile(io.BytesIO(archive.read(name))) as modules:
+                        inside += [one.partition("/")[2] for one in modules.namelist()] + modules.namelist()
+        packed |= {name.partition("/")[0] for name in inside}
+    rooms = packed & {path.name for path in package.iterdir()} - {"__pycache__", ""}
+    assert {"mechanism", "numerics", "compiled_files.py"} <= rooms
+    for room in rooms:
+        source = checkout / "src" / "ps_fmu" / room / ("" if room.endswith(".py") else "library.py")
+        source.parent.mkdir(parents=True, exist_ok=True)
+        source.write_text("")
+        os.utime(source, (3000, 3000))
+        assert list_outdated(checkout / "build", checkout) == ["DisturbanceSource", "PointingCommander"], room
+        source.unlink()
 
 
 def test_a_new_folder_is_a_new_fmu(tmp_path):
