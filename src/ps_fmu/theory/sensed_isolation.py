@@ -31,6 +31,7 @@ from .transfer_matrices import Practical, place_frequencies
 
 LOOP_DELAY = 1.5  # communication steps: the exchange takes one, a force that is held for a step is half a step late
 LOWEST, HIGHEST = 1e-4, 2e3  # Hz, of the integrals: below, the high-passed errors add less than 1 %
+AT_REST = 1e-3  # of the corner: there the high-pass passes what is constant to 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,7 +84,7 @@ class SensedIsolation:
             L = A @ inner @ control.response(self._s) * timing.factor(self._s)[:, None, None]
             S = np.linalg.inv(eye + L)
             to_noise, to_wrench, to_target = S @ to_noise, S @ to_wrench, S @ L
-        return Responses(self, to_wrench, to_noise, to_target)
+        return Responses(self, to_wrench, to_noise, to_target, sensors, corner, pointing)
 
     @cached_property
     def wrench_density(self) -> Array:
@@ -131,6 +132,9 @@ class Responses:
     """From the error of the estimated base motion (m/s2, rad/s2; B), (n, 3, 6)."""
     to_target: Complex
     """From the rotation of the target, or minus the tracker's noise (rad, P), (n, 3, 3); 0 without a loop."""
+    sensors: InertialSensors | None
+    corner: float
+    pointing: tuple[PointingFilter, Timing] | None
 
     @cached_property
     def disturbance_density(self) -> Array:
@@ -168,7 +172,8 @@ class Responses:
 
     def offset(self, bias: Array) -> Array:
         """Rotation (3,), rad, in which a constant error of the estimate (6,), m/s2 and rad/s2, ends."""
-        return np.asarray(self.to_noise[0].real @ bias)
+        rest = replace(self.isolation, lines=np.array([AT_REST * self.corner]))
+        return np.asarray(rest.solve(self.sensors, self.corner, self.pointing).to_noise[0].real @ bias)
 
 
 def sensing_response(sensors: InertialSensors, frequency: Array, h: float) -> Complex:
