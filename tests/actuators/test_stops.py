@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from support.mechanics import restitution
 
-from ps_fmu.actuators.stops import STEPS_AHEAD, restitution
+from ps_fmu.actuators.stops import STEPS_AHEAD
 from ps_fmu.actuators.voice_coil import Coils
 from ps_fmu.mechanism.linear_model import Plant
 from ps_fmu.mechanism.parameters import load

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 from support.host import unpack
+from support.mechanics import restitution
 from support.models import Host, slave_class
 from support.twins import InFmpy, InPython
 
-from ps_fmu.actuators.stops import restitution
 from ps_fmu.actuators.voice_coil import Coils, discretise
 from ps_fmu.mechanism.parameters import load
 from ps_fmu.mechanism.quantities import replace_values

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import lambertw
 
 from ps_fmu.mechanism.dynamics import Dynamics, Pose, assemble
 from ps_fmu.mechanism.inverse_kinematics import inverse_kinematics
@@ -54,3 +55,15 @@ def complex_array(pair: list) -> NDArray[np.complex128]:
 def relative_error(value: NDArray, reference: NDArray) -> float:
     """Largest difference over frequencies, each against the largest element of the reference matrix there."""
     return float((np.abs(value - reference).max(axis=(-2, -1)) / np.abs(reference).max(axis=(-2, -1))).max())
+
+
+def restitution(damping: float, speed: float) -> float:
+    """Speed after a contact over ``speed`` before it (m/s), for a free body; ``damping`` in s/m.
+
+    The equation in the text of :mod:`ps_fmu.actuators.stops`, solved by Lambert's function:
+    ``D w = 1 + W_0(-(1 + D v) exp(-1 - D v))``.
+    """
+    rate = damping * speed
+    if rate == 0.0:
+        return 1.0
+    return float((1.0 + lambertw(-(1.0 + rate) * np.exp(-1.0 - rate)).real) / rate)

@@ -100,16 +100,3 @@ def find_effective_mass(p: Parameters) -> float:
     mobility = np.linalg.inv(dynamics.M[np.ix_(dynamics.active, dynamics.active)])
     legs = dynamics.slices["d_f"]  # the first coordinates, always active
     return float(f"{0.92 / np.linalg.eigvalsh(mobility[legs, legs]).max():.3g}")
-
-
-def restitution(damping: float, speed: float) -> float:
-    """Speed after a contact over ``speed`` before it (m/s), for a free body; ``damping`` in s/m.
-
-    The equation in the module's text, solved by Lambert's function: ``D w = 1 + W_0(-(1 + D v) exp(-1 - D v))``.
-    """
-    from scipy.special import lambertw  # here: it takes 0.1 s to import, and no step needs it
-
-    rate = damping * speed
-    if rate == 0.0:
-        return 1.0
-    return float((1.0 + lambertw(-(1.0 + rate) * np.exp(-1.0 - rate)).real) / rate)
