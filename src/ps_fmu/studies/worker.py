@@ -135,7 +135,6 @@ def _borrow(bundle: Bundle, timeout_s: float | None) -> Any:
                 process.close()
         for study in [study for study in _FOLDERS if study != bundle.sha256 and not _BUSY[study]]:
             shutil.rmtree(_FOLDERS.pop(study), ignore_errors=True)
-        _BUSY[bundle.sha256] += 1
         idle = _IDLE.setdefault(key, [])
         found = idle.pop() if idle else None
         if found is None:
@@ -143,6 +142,7 @@ def _borrow(bundle: Bundle, timeout_s: float | None) -> Any:
                 _FOLDERS[bundle.sha256] = bundle.unpack(_find_scratch())
             isolates = Task.from_json(bundle.files[TASK]).isolation is not None
             found = CaseProcess(_FOLDERS[bundle.sha256], timeout_s, _find_memory_limit(), isolates=isolates)
+        _BUSY[bundle.sha256] += 1
     try:
         yield found
     except BaseException:
