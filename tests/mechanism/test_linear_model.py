@@ -16,7 +16,8 @@ from ps_fmu.mechanism.kinematics import jacobians
 from ps_fmu.mechanism.linear_model import Plant, momentum
 from ps_fmu.mechanism.parameters import Optics
 from ps_fmu.mechanism.quaternions import from_rotation_matrix, from_rotation_vector, to_rotation_matrix
-from ps_fmu.mechanism.rotations import rotation_from_vector
+from ps_fmu.mechanism.quantities import ParameterError
+from ps_fmu.mechanism.rotations import GimbalLockError, rotation_from_vector
 from ps_fmu.mechanism.signals import N_EXTERNAL, N_INPUTS, N_OUTPUTS, OUTPUTS, output_slices, servo_slices
 from ps_fmu.theory.transfer_matrices import Practical
 
@@ -273,3 +274,14 @@ def test_models_made_together_are_those_made_one_by_one_to_the_bit():
         if together.convection is not None and alone.convection is not None:
             assert together.convection.tobytes() == alone.convection.tobytes()
         assert together.rpy.tobytes() == alone.rpy.tobytes()
+
+
+def test_a_pose_whose_pitch_is_90_degrees_is_refused_in_words(monkeypatch):
+    """Strokes that reach it are far beyond the paper's: its angles are made to fail."""
+
+    def fail(*_):
+        raise GimbalLockError("pitch is 90 deg")
+
+    monkeypatch.setattr(Plant, "_find_places", fail)
+    with pytest.raises(ParameterError, match=r"coarse_stroke: too large: no usable pose .*; pitch is 90 deg"):
+        Plant.from_parameters(PAPER).linearise(np.zeros(3))

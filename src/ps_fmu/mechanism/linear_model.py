@@ -41,7 +41,7 @@ from .parameters import Bus, CoarseServo, Manipulator, Optics, Parameters, Paylo
 from .quantities import Array, ParameterError, group
 from .quaternions import IDENTITY
 from .rates import make_rate_matrices, turn_base
-from .rotations import rotation_from_vector
+from .rotations import GimbalLockError, rotation_from_vector
 from .signals import ADDED, N_INPUTS, TIME, count_states, servo_slices
 
 _ONE = slice(N_INPUTS - 1, N_INPUTS)
@@ -191,7 +191,7 @@ class Plant:
     def _linearise(self, centres: Sequence[Centre], beside: Array) -> _Linearised:
         try:
             places = self._find_places(centres, beside)
-        except KinematicsError as error:
+        except (KinematicsError, GimbalLockError) as error:
             at = "; ".join(_list_mm(centre.coarse) for centre in centres)
             raise ParameterError(
                 "coarse_stroke", f"too large: no usable pose with the coarse legs at ({at}) mm from nominal; {error}"
