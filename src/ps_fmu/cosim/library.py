@@ -45,7 +45,8 @@ class FMU2Library(FMU2Slave):  # FMPy tells the version of FMI by this name
         self.unzipDirectory, self.instanceName = str(folder), name
         self.fmiCallLogger, self.requireFunctions = None, True
         self._functions: dict[str, Any] = {}
-        self.component = self.callbacks = None
+        self.component: Any = None
+        self.callbacks: Any = None
         # The flag keeps it also when the FMU itself unloads it.
         self.dll = ctypes.CDLL(str(library), mode=getattr(os, "RTLD_NODELETE", 0))
         self._loadFunctions()
