@@ -78,6 +78,15 @@ def test_arguments_that_cannot_be_used(tmp_path, monkeypatch, capsys, arguments,
     assert os.listdir() == ["file"]
 
 
+def test_a_working_directory_that_was_removed_is_named(tmp_path, monkeypatch, capsys):
+    gone = tmp_path / "gone"
+    gone.mkdir()
+    monkeypatch.chdir(gone)
+    gone.rmdir()
+    assert main(["run", "slew"]) == 1
+    assert capsys.readouterr().err.endswith("the working directory has been removed: change to one that exists\n")
+
+
 def analyse_with(monkeypatch, function):
     """Have ``ps-fmu analyse jitter`` call a function of its options."""
     found = analyse_command.find_analyses()

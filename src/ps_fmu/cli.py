@@ -43,6 +43,12 @@ def _command(arguments: Sequence[str] | None) -> int:
     except KeyboardInterrupt:
         print("ps-fmu: interrupted", file=sys.stderr)
         return EXIT_INTERRUPTED
+    except FileNotFoundError as error:
+        if error.filename is not None:
+            raise
+        # Only the working directory has no name: a relative path was to be found from it.
+        print("ps-fmu: the working directory has been removed: change to one that exists", file=sys.stderr)
+        return 1
 
 
 def parser() -> argparse.ArgumentParser:

@@ -125,3 +125,35 @@ def test_a_killed_process_leaves_a_readable_file(path):
     result = in_process(path, "kill")
     assert result.returncode == -signal.SIGKILL
     assert stored_rows(path) == 8000
+
+
+THREADS = """
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+import numpy as np
+from ps_fmu.cosim import Column, Recorder
+from ps_fmu.results.datasets import list_cases, read_case
+
+COLUMNS = [Column(f"a.x{n}", "m", "Real", "") for n in range(20)]
+
+def record(path):
+    rows = np.arange(200.0)[:, None] * np.ones(len(COLUMNS))
+    for run in range(10):
+        with Recorder(path, f"run {run}", columns=COLUMNS, step=1.0, append=run > 0) as recorder:
+            for first in range(0, 200, 100):
+                recorder.early(first, np.arange(first, first + 100.0), rows[first : first + 100])
+        assert list_cases(path) == [f"run {k}" for k in range(run + 1)]
+        assert read_case(path, f"run {run}")["x7"].values.tolist() == rows[:, 7].tolist()
+    return path.name
+
+with ThreadPoolExecutor(2) as pool:
+    print(*pool.map(record, [Path(sys.argv[1], name) for name in ("a.nc", "b.nc")]))
+"""
+
+
+def test_two_threads_record_and_read_at_once(tmp_path):
+    """In a process of its own, for without a lock the libraries of netCDF crash or hang."""
+    command = [sys.executable, "-c", THREADS, str(tmp_path)]
+    ended = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    assert (ended.returncode, ended.stdout) == (0, "a.nc b.nc\n"), ended.stderr

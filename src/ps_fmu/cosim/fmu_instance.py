@@ -13,14 +13,13 @@ from ctypes import CFUNCTYPE, byref, c_char, c_char_p, c_double, c_int, c_size_t
 from enum import Enum, auto
 from typing import Any, NoReturn
 
-from fmpy.fmi2 import FMU2Slave
 from fmpy.model_description import ModelDescription
 
 from . import guard, pythonfmu
 from .description import convert_value, index_variables, read_tolerance
 from .errors import DiscardedStep, SlaveEnded, SlaveError, SystemFileError, UsageError, name_status
 from .guard import End
-from .library import find_binary, load_library
+from .library import FMU2Library, load_library
 from .messages import MessageLog, forget, listen
 from .structure import Component, Value
 from .unpacked import discard_unpacked, ease_imports, provide_unpacked, release_unpacked
@@ -94,8 +93,7 @@ class FmuInstance:
             release_unpacked(self._folder)
             raise
 
-    def _load(self, component: Component, description: ModelDescription) -> FMU2Slave:
-        find_binary(component, description, self._folder)
+    def _load(self, component: Component, description: ModelDescription) -> FMU2Library:
         fmu = load_library(component, description, self._folder)
         if pythonfmu.is_plain(fmu.dll) and (problem := pythonfmu.find_missing_in(self._folder)):
             raise SystemFileError(component.source, problem)
@@ -147,7 +145,7 @@ class FmuInstance:
             self._call("fmi2Terminate", time=time)
 
     def free(self) -> None:
-        """fmi2FreeInstance and unloading of the library; nothing after fmi2Fatal."""
+        """fmi2FreeInstance; the library stays loaded.  Nothing after fmi2Fatal."""
         self.messages.show_held()
         if self.phase not in (InstancePhase.FATAL, InstancePhase.FREED):
             self.phase = InstancePhase.FREED

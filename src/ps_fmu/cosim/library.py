@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import ctypes
 import os
 import threading
 from pathlib import Path
+from typing import Any
 
 from fmpy import platform, sharedLibraryExtension
 from fmpy.fmi2 import FMU2Slave
@@ -16,7 +18,7 @@ from .errors import SystemFileError
 from .structure import Component
 
 _NOT_LOADED = "component {!r} cannot be loaded on this platform"
-_LOADING = threading.Lock()  # the working directory, which FMPy changes, is that of all threads
+_LOADING = threading.Lock()  # what is loaded meanwhile is taken for a part of the FMU
 
 
 def find_binary(component: Component, description: ModelDescription, folder: Path) -> Path:
@@ -31,20 +33,42 @@ def find_binary(component: Component, description: ModelDescription, folder: Pat
     raise SystemFileError(component.source, f"{text}{', '.join(others) or 'none'}: ask its maker for {platform}")
 
 
-def load_library(component: Component, description: ModelDescription, folder: Path) -> FMU2Slave:
-    """Load the library; FMPy changes the working directory for that and leaves it changed when it fails."""
+class FMU2Library(FMU2Slave):  # FMPy tells the version of FMI by this name
+    """The library of an FMU, which stays in the process.
+
+    FMPy would enter its folder to load it, for all threads, and unload it with the instance: the process crashes then
+    if threads that the FMU has started, as OpenMP does, live on.
+    """
+
+    def __init__(self, description: ModelDescription, folder: Path, name: str, library: Path) -> None:
+        self.guid, self.modelIdentifier = description.guid, description.coSimulation.modelIdentifier
+        self.unzipDirectory, self.instanceName = str(folder), name
+        self.fmiCallLogger, self.requireFunctions = None, True
+        self._functions: dict[str, Any] = {}
+        self.component: Any = None
+        self.callbacks: Any = None
+        # The flag keeps it also when the FMU itself unloads it.
+        self.dll = ctypes.CDLL(str(library), mode=getattr(os, "RTLD_NODELETE", 0))
+        self._loadFunctions()
+
+    def freeLibrary(self) -> None:
+        """Keep the library: FMPy calls this when an instance is freed."""
+
+
+def load_library(component: Component, description: ModelDescription, folder: Path) -> FMU2Library:
+    """Load the library of an unpacked FMU.  Raises :class:`SystemFileError`."""
+    library = find_binary(component, description, folder)
     with _LOADING:
-        directory = Path.cwd()
         try:
             with guard.divert_ends(), guard.NamedCall(f"{component.name}: loading the library"):
-                return FMU2Slave(
-                    guid=description.guid,
-                    unzipDirectory=str(folder),
-                    modelIdentifier=description.coSimulation.modelIdentifier,
-                    instanceName=component.name,
-                )
+                return FMU2Library(description, folder, component.name, library)
         except Exception as error:
             text = f"{_NOT_LOADED.format(component.name)}: " + str(error).replace(f"{folder}{os.sep}", "")
-            raise SystemFileError(component.source, text) from error
-        finally:
-            os.chdir(directory)
+            raise SystemFileError(component.source, text + _explain(folder)) from error
+
+
+def _explain(folder: Path) -> str:
+    """What to do where no library can be loaded from the folder; nothing elsewhere."""
+    if not hasattr(os, "statvfs") or not os.statvfs(folder).f_flag & os.ST_NOEXEC:
+        return ""
+    return f". {folder.parent} is on a file system without execution (noexec): set TMPDIR to a folder on another one"

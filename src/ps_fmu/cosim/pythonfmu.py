@@ -40,7 +40,7 @@ def find_missing_in(folder: Path) -> str | None:
 
 
 def release_once(library: ctypes.CDLL) -> None:
-    """Before the library is unloaded, have it drop its interpreter state; nothing for libraries of other makers.
+    """Before the process ends, have the library drop its interpreter state; nothing for libraries of other makers.
 
     It does so twice otherwise, in a static pointer's destructor and in its own, and the second time writes to freed
     memory: "corrupted double-linked list" in one of some ten runs.  The library exports this call for that purpose.

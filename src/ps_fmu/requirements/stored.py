@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..cosim.clock import count_steps
-from ..cosim.recording.columns_on_disk import iterate_blocks, read_chunk_rows
+from ..cosim.recording.columns_on_disk import NETCDF_LOCK, iterate_blocks, read_chunk_rows
 from ..cosim.recording.decimate import PASS_BAND
 from ..cosim.recording.recorder import UDUNITS
 from ..pointing.windows import find_step
@@ -44,19 +44,20 @@ def judge_files(paths: Sequence[Path], requirements: Sequence[Requirement]) -> l
     import netCDF4
 
     datasets: list[Any] = []
-    try:
-        for path in paths:
-            try:
-                datasets.append(netCDF4.Dataset(path))
-            except OSError as error:
-                raise ResultsError(f"{path}: cannot be read: {_explain(path, error)}") from error
-            datasets[-1].set_auto_maskandscale(False)
-            if not _find_runs(datasets[-1]):
-                raise ResultsError(f"{path}: holds no run")
-        return [verdict for one in requirements for verdict in _judge(one, paths, datasets)]
-    finally:
-        for dataset in datasets:
-            dataset.close()
+    with NETCDF_LOCK:
+        try:
+            for path in paths:
+                try:
+                    datasets.append(netCDF4.Dataset(path))
+                except OSError as error:
+                    raise ResultsError(f"{path}: cannot be read: {_explain(path, error)}") from error
+                datasets[-1].set_auto_maskandscale(False)
+                if not _find_runs(datasets[-1]):
+                    raise ResultsError(f"{path}: holds no run")
+            return [verdict for one in requirements for verdict in _judge(one, paths, datasets)]
+        finally:
+            for dataset in datasets:
+                dataset.close()
 
 
 def _judge(requirement: Requirement, paths: Sequence[Path], datasets: Sequence[Any]) -> list[Verdict]:

@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..cosim.recording.columns_on_disk import NETCDF_LOCK
+
 if TYPE_CHECKING:
     from xarray import Dataset
 
@@ -33,7 +35,7 @@ def list_cases(path: Path) -> list[str]:
     """Names of the runs in a results.nc, in their order.  Raises OSError if it cannot be read."""
     import netCDF4
 
-    with netCDF4.Dataset(path) as file:
+    with NETCDF_LOCK, netCDF4.Dataset(path) as file:
         return _list_runs(file)
 
 
@@ -57,7 +59,7 @@ def read_case(path: Path, case: str) -> Dataset:
         from xarray import Dataset
     except ModuleNotFoundError as error:
         raise ModuleNotFoundError(f"{error}: pip install 'ps-fmu[notebook]'", name=error.name) from error
-    with netCDF4.Dataset(path) as file:
+    with NETCDF_LOCK, netCDF4.Dataset(path) as file:
         if case not in (known := _list_runs(file)):
             raise KeyError(f"{path}: no run {case!r}; there are {', '.join(known) or 'none'}")
         group = file[case]

@@ -16,6 +16,7 @@ from ..cosim.errors import UsageError
 from ..cosim.faults.acted import ActedFault
 from ..cosim.faults.reading import read_faults
 from ..cosim.master import Master
+from ..cosim.recording.columns_on_disk import NETCDF_LOCK
 from ..cosim.recording.recorder import Recorder
 from ..cosim.recording.selection import matches
 from ..cosim.rows import Array
@@ -243,7 +244,7 @@ def _write_summary(
 
 def _draw(options: AnyRun, system: System, stored: Mapping[str, str], faults: Sequence[ActedFault]) -> str:
     """Draw what is stored, by its names in the system and in the file; what is left out."""
-    with netCDF4.Dataset(options.output / RESULTS) as file:
+    with NETCDF_LOCK, netCDF4.Dataset(options.output / RESULTS) as file:
         group = file.groups[GROUP]
         time: Array = np.array(group.variables["time"][:], dtype=float)
         lines = []

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..cosim.recording.columns_on_disk import iterate_blocks, read_chunk_rows, read_rows, write_rows
+from ..cosim.recording.columns_on_disk import NETCDF_LOCK, iterate_blocks, read_chunk_rows, read_rows, write_rows
 from .index_record import CONFIDENCE, PROBABILITIES, VECTORS, CaseIndices, IndexLog
 from .origin import write_texts
 from .results_file import ResultsFile
@@ -49,7 +49,7 @@ def finish_file(path: Path, indices: IndexLog, results: ResultsFile | None = Non
     beside = path.with_name(f".{path.name}.part")
     try:
         beside.unlink(missing_ok=True)
-        with results.read(path) as old, netCDF4.Dataset(beside, "w", format="NETCDF4") as new:
+        with NETCDF_LOCK, results.read(path) as old, netCDF4.Dataset(beside, "w", format="NETCDF4") as new:
             _copy_group(old, new)
             _write_tables(new, indices)
         results.close()

@@ -18,6 +18,7 @@ from fmpy.model_description import ModelVariable
 
 from .. import __version__
 from ..cosim.description import convert_value, get_unit, index_variables, read_start
+from ..cosim.recording.columns_on_disk import NETCDF_LOCK
 from ..cosim.recording.recorder import CONVENTIONS, STORAGE, UDUNITS
 from ..cosim.schemes.scheme import make_scheme
 from ..cosim.structure import Component, Value, parse_port
@@ -45,10 +46,11 @@ def write_origin(path: Path, options: RunOptions, system: RunSystem) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     path.unlink(missing_ok=True)  # whoever still reads an older result keeps it
     try:
-        file = netCDF4.Dataset(path, "w", format="NETCDF4")
-        system.results.keep(path, file)
-        _write(file, options, system)
-        file.sync()
+        with NETCDF_LOCK:
+            file = netCDF4.Dataset(path, "w", format="NETCDF4")
+            system.results.keep(path, file)
+            _write(file, options, system)
+            file.sync()
     except BaseException as error:
         with suppress(OSError, RuntimeError):
             system.results.close()

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ..cosim.recording.columns_on_disk import NETCDF_LOCK
 from ..disturbance.csv_table import MAX_ROWS, read_columns
 from ..disturbance.kinds.recording import HEADER
 from ..mechanism.quantities import Array, ParameterError
@@ -60,7 +61,7 @@ def read_netcdf(path: Path) -> Array:
     """
     import netCDF4
 
-    with netCDF4.Dataset(path) as file:
+    with NETCDF_LOCK, netCDF4.Dataset(path) as file:
         time = _read(path, file, ("time",), "s")
         if time.ndim != 1 or not 2 <= len(time) <= MAX_ROWS:
             raise _bad(path, "time", f"expected 2 to {MAX_ROWS} values, got the shape {time.shape}")

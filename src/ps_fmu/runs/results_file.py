@@ -14,6 +14,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from ..cosim.recording.columns_on_disk import NETCDF_LOCK
+
 _open: dict[Path, Any] = {}
 """The datasets that are open, also those of runs that were given up."""
 
@@ -43,12 +45,13 @@ class ResultsFile:
         """A dataset to read a file from: the open one, or one for the body.  Raises OSError if it cannot be read."""
         import netCDF4
 
-        kept = self.find(path)
-        if kept is not None:
-            yield kept
-            return
-        with netCDF4.Dataset(path) as file:
-            yield file
+        with NETCDF_LOCK:
+            kept = self.find(path)
+            if kept is not None:
+                yield kept
+                return
+            with netCDF4.Dataset(path) as file:
+                yield file
 
     @contextmanager
     def close_on_failure(self) -> Iterator[None]:
@@ -68,5 +71,6 @@ class ResultsFile:
 
 def _close(path: Path) -> None:
     dataset = _open.pop(path, None)
-    if dataset is not None and dataset.isopen():
-        dataset.close()
+    with NETCDF_LOCK:
+        if dataset is not None and dataset.isopen():
+            dataset.close()

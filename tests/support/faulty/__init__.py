@@ -20,10 +20,10 @@ def compile_c(source: Path, library: Path, *others: str) -> Path:
     return library
 
 
-def build(folder: Path) -> Path:
-    """Faulty.fmu in a folder."""
+def build(folder: Path, source: Path = HERE / "faulty.c") -> Path:
+    """Faulty.fmu in a folder; ``source``: another one, which includes that of the FMU."""
     below = compile_c(HERE / "below.c", folder / "libbelow.so")
-    library = compile_c(HERE / "faulty.c", folder / "Faulty.so", f"-L{folder}", "-lbelow", "-Wl,-rpath,$ORIGIN")
+    library = compile_c(source, folder / "Faulty.so", f"-L{folder}", "-lbelow", "-Wl,-rpath,$ORIGIN")
     with zipfile.ZipFile(folder / "Faulty.fmu", "w") as archive:
         archive.write(HERE / "modelDescription.xml", "modelDescription.xml")
         archive.write(library, "binaries/linux64/Faulty.so")

@@ -10,13 +10,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NoReturn
 
-from fmpy.fmi2 import FMU2Slave
 from fmpy.model_description import ModelDescription
 
 from ..errors import SlaveError
 from ..fmu_instance import FAMILY, FATAL, OK, WARNING, FmuInstance, InstancePhase, at_time, quote
 from ..guard import End, find_interrupts
-from ..library import find_binary
+from ..library import FMU2Library, find_binary
 from ..messages import forget
 from ..structure import Component, System
 from ..unpacked import release_unpacked
@@ -93,17 +92,10 @@ class IsolatedInstance(FmuInstance):
         assert self._guest is not None
         return self._guest
 
-    def _load(self, component: Component, description: ModelDescription) -> FMU2Slave:
-        identifier = description.coSimulation.modelIdentifier
+    def _load(self, component: Component, description: ModelDescription) -> FMU2Library:
         library = find_binary(component, description, self._folder)
         self._guest = GuestProcess(library.absolute(), self._timeouts_s, self._show, find_interrupts())
-        return FMU2Slave(
-            guid=description.guid,
-            unzipDirectory=str(self._folder),
-            modelIdentifier=identifier,
-            instanceName=component.name,
-            libraryPath=str(find_library()),
-        )
+        return FMU2Library(description, self._folder, component.name, find_library())
 
     def _show(self, line: str) -> None:
         self.messages.show(f"[output] {line}")

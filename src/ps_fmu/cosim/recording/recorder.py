@@ -25,7 +25,7 @@ from ..clock import count_steps
 from ..errors import RecorderError, UsageError
 from ..rows import Array, Column
 from ..structure import suggest_names
-from .columns_on_disk import write_rows
+from .columns_on_disk import NETCDF_LOCK, write_rows
 from .decimate import Decimator
 
 CHUNK_ROWS = 4000
@@ -315,9 +315,10 @@ class Recorder:
 
     @contextmanager
     def _guard(self) -> Iterator[None]:
-        """Turn what netCDF4 and HDF5 raise into an error that names the file."""
+        """Turn what netCDF4 and HDF5 raise into an error that names the file; no other thread calls them meanwhile."""
         try:
-            yield
+            with NETCDF_LOCK:
+                yield
         except (OSError, RuntimeError) as error:
             self._release()
             free = shutil.disk_usage(self.path.absolute().parent).free if self.path.parent.exists() else 0
@@ -334,7 +335,7 @@ class Recorder:
         dataset, self._dataset = self._dataset, None
         self._n_pending = self._journaled = 0
         if dataset is not None:
-            with suppress(OSError, RuntimeError):
+            with NETCDF_LOCK, suppress(OSError, RuntimeError):
                 dataset.close()
 
 

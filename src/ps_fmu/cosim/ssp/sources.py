@@ -92,7 +92,7 @@ class Sources:
         places = [path] if self.resources is None else [self.resources / path.name, path]
         for place in places:
             if place.is_file():
-                return place.absolute()  # a thread that loads an FMU changes the working directory of all
+                return place.absolute()  # an FMU may change the working directory
         known = " and no ".join(str(self.locate(place)) for place in places)
         text = f"{what}: there is no FMU {known}; build it, or say where it is"
         raise MissingFmuError(ssd, text, element.line, path)
