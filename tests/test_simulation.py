@@ -63,6 +63,22 @@ def test_results_that_miss_a_requirement_are_results(temporary, monkeypatch):
     assert found.cases == ["passive", "active"] and found.summary["scenario"] == "isolation"
 
 
+def test_results_with_a_target_out_of_reach_are_kept(temporary):
+    with pytest.raises(ValueError, match=r"(?s)target.*all results are written: ") as caught:
+        simulate("isolation", parameters={"commander.target.roll": 1.0}, **SHORT)
+    assert Result(str(caught.value).rpartition(": ")[2]).cases == ["passive", "active"]
+
+
+def test_a_refused_call_leaves_earlier_results_and_their_parameters(tmp_path):
+    simulate("isolation", parameters={"plant.payload.mass": 60.0}, output=tmp_path, figures=False, **SHORT)
+    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    with pytest.raises(CosimError):
+        simulate("isolation", parameters={"plant.payload.mas": 50.0}, output=tmp_path, figures=False, **SHORT)
+    with pytest.raises(OptionError, match="output: expected a folder, got an empty name"):
+        simulate("isolation", output="", **SHORT)
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
+
+
 def test_importing_the_package_loads_nothing_else():
     code = "import sys; before = set(sys.modules); import ps_fmu; print(sorted(set(sys.modules) - before))"
     loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

@@ -7,10 +7,11 @@ import json
 import shutil
 import tempfile
 import weakref
+from argparse import ArgumentTypeError
 from collections.abc import Mapping, Sequence
 from contextlib import redirect_stdout, suppress
 from dataclasses import dataclass, field
-from os import PathLike
+from os import PathLike, fspath
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -24,7 +25,18 @@ from .product.files import find_file, find_product
 from .results.datasets import list_cases, read_case
 from .run_command import build_and_run, find_all_scenarios
 from .runs.built_fmus import find_built_folder
-from .runs.options import REPORT, RESULTS, SCHEMES, SUMMARY, OptionError, RunOptions, claim_folder
+from .runs.comparison import TargetError
+from .runs.options import (
+    PARAMETERS,
+    REPORT,
+    RESULTS,
+    SCHEMES,
+    SUMMARY,
+    OptionError,
+    RunOptions,
+    claim_folder,
+    read_folder,
+)
 from .runs.output import hold_folder, leave_no_empty_folder
 from .runs.publish import NotMetError
 from .slavekit.pack.files import write_atomically
@@ -34,8 +46,6 @@ if TYPE_CHECKING:
 
     from .pointing.index import PointingIndex
     from .results.history_plot import ShownFigure
-
-PARAMETERS = "parameters.ssv"  # in the output folder
 
 
 def simulate(
@@ -102,6 +112,7 @@ def simulate(
     Raises
     ------
     OptionError: an argument cannot be used; the message names it as on the command line.
+    TargetError: the target is out of reach; all results are written, and the message says where.
     BuildError, CosimError, OSError, ValueError: the FMUs cannot be built or run, or results cannot be written.
     """
     found = find_all_scenarios()
@@ -115,13 +126,16 @@ def simulate(
     except UsageError as error:
         raise OptionError(str(error)) from error
     own = None if system is None else find_file(Path(system))
-    folder = Path(tempfile.mkdtemp(prefix="ps_fmu_") if output is None else output).absolute()
+    try:
+        folder = Path(tempfile.mkdtemp(prefix="ps_fmu_")) if output is None else read_folder(fspath(output)).absolute()
+    except ArgumentTypeError as error:
+        raise OptionError(f"output: {error}") from error
     try:
         with leave_no_empty_folder(folder), hold_folder(claim_folder(folder), resume):
             files = [find_file(Path(file)) for file in parameter_files]
             if parameters:
                 files.append(folder / PARAMETERS)
-                write_atomically(files[-1], _make_values_xml(parameters))
+                _write_values(files[-1], parameters, resume)
             options = RunOptions(
                 chosen,
                 system=find_product().system / chosen.system if own is None else own,
@@ -148,6 +162,8 @@ def simulate(
             )
             with redirect_stdout(io.StringIO()) as printed, suppress(NotMetError):
                 build_and_run(options)
+    except TargetError as error:  # raised once all is written
+        raise TargetError(f"{error}\nall results are written: {folder}") from error
     except BaseException:
         if output is None:
             shutil.rmtree(folder, ignore_errors=True)
@@ -253,6 +269,15 @@ class Result:
             names = sorted({str(known) for dataset in datasets.values() for known in dataset})
             raise KeyError(f"no case has {name!r}{suggest_names(name, names)}")
         return signals
+
+
+def _write_values(path: Path, values: Mapping[str, Value], resume: bool) -> None:
+    """Write the parameter file; one that a run goes on with has to be the same.  Raises OptionError, OSError."""
+    content = _make_values_xml(values)
+    if not resume:
+        write_atomically(path, content)
+    elif not path.is_file() or path.read_bytes() != content:
+        raise OptionError(f"parameters: the run in {path.parent} was begun with others: give those, or run it anew")
 
 
 def _make_values_xml(values: Mapping[str, Value]) -> bytes:

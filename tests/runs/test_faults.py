@@ -137,6 +137,8 @@ def test_spans_are_those_of_the_run_and_overlapping_ones_are_one():
 
     faults = [acted(5.0, None), acted(1.0, 2.0), acted(1.5, 3.0), acted(3.0, 3.5), acted(8.0, 20.0)]
     assert find_spans(faults, 10.0) == [(1.0, 3.5), (5.0, 10.0)]
+    later = [acted(23.0, 25.0), acted(28.0, None)]
+    assert find_spans(later, 10.0, begin_s=20.0) == [(3.0, 5.0), (8.0, 10.0)]
     table = tabulate_faults({"passive": faults[:1], "active": [acted(1.0, 2.0, "y"), faults[0]]})
     assert table.rows == [("x", "passive, active"), ("y", "active")]
     assert tabulate_faults({"run": []}).rows == [("none has acted", "run")]

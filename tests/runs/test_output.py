@@ -4,6 +4,7 @@ import os
 
 import pytest
 
+from ps_fmu.cli import main
 from ps_fmu.runs.options import OptionError
 from ps_fmu.runs.output import hold_folder
 
@@ -13,7 +14,7 @@ EARLIER = ("summary.json", "results.nc", "report.html")
 @pytest.fixture
 def folder(tmp_path):
     for name in (*EARLIER, "notes.txt"):
-        (tmp_path / name).write_text("earlier")
+        (tmp_path / name).write_text("earlier, of ps_fmu")
     return tmp_path
 
 
@@ -29,7 +30,7 @@ def test_earlier_results_outlive_a_run_that_stores_nothing(folder):
     with pytest.raises(RuntimeError), hold_folder(folder):
         raise RuntimeError
     assert sorted(os.listdir(folder)) == sorted([*EARLIER, "notes.txt"])
-    assert (folder / "results.nc").read_text() == "earlier"
+    assert (folder / "results.nc").read_text() == "earlier, of ps_fmu"
 
 
 def test_earlier_results_do_not_pass_for_those_of_a_run_that_stops_early(folder):
@@ -39,10 +40,69 @@ def test_earlier_results_do_not_pass_for_those_of_a_run_that_stops_early(folder)
     assert sorted(os.listdir(folder)) == ["notes.txt", "results.nc"]
 
 
-def test_what_a_killed_run_left_aside_is_removed(tmp_path):
-    (tmp_path / "results.nc.earlier").write_text("old")
-    with hold_folder(tmp_path):
-        pass
+def test_what_a_killed_run_set_aside_is_put_back(folder):
+    """It had stored nothing; the next run is refused."""
+    for name in EARLIER:
+        (folder / name).rename(folder / f"{name}.earlier")
+    with pytest.raises(OptionError), hold_folder(folder):
+        raise OptionError
+    assert sorted(os.listdir(folder)) == sorted([*EARLIER, "notes.txt"])
+    assert (folder / "results.nc").read_text() == "earlier, of ps_fmu"
+
+
+def test_results_before_those_of_a_killed_run_are_removed(folder):
+    """The old report would say of the new rows what is not true."""
+    (folder / "report.html").rename(folder / "report.html.earlier")
+    with pytest.raises(OptionError), hold_folder(folder):
+        raise OptionError
+    assert sorted(os.listdir(folder)) == ["notes.txt", "results.nc", "summary.json"]
+
+
+@pytest.mark.parametrize(
+    "name", ["summary.json", "report.html", "results.nc", "plot.png", "checkpoint/model.pt", "report.html.earlier"]
+)
+def test_what_is_not_of_ps_fmu_is_left_alone(tmp_path, name):
+    (tmp_path / name).parent.mkdir(exist_ok=True)
+    (tmp_path / name).write_text("mine")
+    taken = tmp_path / name.split("/")[0]
+    with pytest.raises(OptionError, match=f"--output: {taken} is not of ps_fmu"), hold_folder(tmp_path):
+        (tmp_path / "results.nc").write_text("new")
+    assert (tmp_path / name).read_text() == "mine" and os.listdir(tmp_path) == [taken.name]
+
+
+@pytest.mark.parametrize("mark", ["run.json", "passive/row-000000000050.zip"])
+def test_our_checkpoints_and_plot_are_replaced(folder, mark):
+    (folder / "checkpoint" / mark).parent.mkdir(parents=True)
+    (folder / "checkpoint" / mark).write_text("{}")
+    (folder / "plot.png").write_bytes(b"\x89PNG")
+    with hold_folder(folder):
+        (folder / "results.nc").write_text("new")
+    assert sorted(os.listdir(folder)) == ["notes.txt", "results.nc"]
+
+
+@pytest.mark.parametrize("name", ["parameters.ssv", "disturbance.csv"])
+def test_what_earlier_results_were_made_from_stays_with_them(folder, name):
+    (folder / name).write_text("earlier")
+    with pytest.raises(OptionError), hold_folder(folder):
+        (folder / name).write_text("new")
+        raise OptionError
+    assert (folder / name).read_text() == "earlier"
+    assert sorted(os.listdir(folder)) == sorted([*EARLIER, "notes.txt", name])
+
+
+@pytest.mark.parametrize(
+    ("name", "reason"),
+    [
+        ("", "expected a folder, got an empty name"),
+        ("x" * 300, "File name too long"),
+        ("\udcff", "expected a name in UTF-8"),
+    ],
+)
+@pytest.mark.parametrize("what", ["isolation", "any.fmu"])
+def test_names_that_no_folder_can_have(tmp_path, monkeypatch, capsys, what, name, reason):
+    monkeypatch.chdir(tmp_path)
+    assert main(["run", what, "--output", name]) == 2
+    assert reason in capsys.readouterr().err.splitlines()[-1]
     assert os.listdir(tmp_path) == []
 
 
@@ -51,7 +111,7 @@ def test_one_run_at_a_time(folder):
         message = r"--output: another run is writing in .*: name another"
         with pytest.raises(OptionError, match=message), hold_folder(folder):
             pass
-        (folder / "results.nc").write_text("new")
-    assert (folder / "results.nc").read_text() == "new"
+        (folder / "results.nc").write_text("new, of ps_fmu")
+    assert (folder / "results.nc").read_text() == "new, of ps_fmu"
     with hold_folder(folder):
         pass

@@ -13,6 +13,7 @@ import xarray
 
 from ps_fmu import __version__
 from ps_fmu.cosim import Column, Recorder
+from ps_fmu.cosim.schemes.scheme import Iteration, Scheme, read_rate
 from ps_fmu.results.datasets import list_cases, read_case
 from ps_fmu.runs import finish, publish
 from ps_fmu.runs.cases import Case, run_case
@@ -79,6 +80,16 @@ def test_the_command_names_a_recorded_disturbance(done, tmp_path):
     recorded = tmp_path / "shaken.csv"
     recorded.touch()
     assert format_command(replace(done, disturbance=recorded)).endswith("--disturbance shaken.csv")
+
+
+def test_the_command_names_faults_and_the_whole_scheme(done, tmp_path):
+    faults = tmp_path / "faults.yaml"
+    faults.touch()
+    assert format_command(replace(done, faults=faults)).endswith("--faults faults.yaml")
+    iteration = Iteration("newton", 1e-6)
+    scheme = Scheme("iterated", "linear", {"plant": read_rate("1/2")}, iteration, error_estimate=True)
+    words = "--scheme iterated --extrapolate linear --rate plant=1/2 --solver newton --tolerance 1e-06 --error-estimate"
+    assert f" {words} " in format_command(replace(done, scheme=scheme))
 
 
 def test_every_parameter_of_every_fmu_is_there(done):

@@ -34,7 +34,7 @@ from .cost_log import RunCosts
 from .fault_report import find_spans, list_faults, tabulate_faults
 from .keeping import CaseKeeper, keep_run, leave_no_empty_file
 from .kept_options import SYSTEM
-from .options import MOST_STEPS, PLOT, RESULTS, SUMMARY, AnyRun, OptionError
+from .options import MOST_STEPS, PLOT, RESULTS, SOURCE, SUMMARY, AnyRun, OptionError
 from .setup import select_stored
 from .stored_names import make_stored_names, rename_columns
 from .warning_log import WarningLog
@@ -102,6 +102,8 @@ def _run(options: AnyRun) -> None:
             table = costs.to_table(GROUP)
             print(f"{table.caption}\n{table.to_text()}\n")
         more["scheme"] = str(scheme)
+        if keeper.start_time is not None:
+            more["start_s"] = keeper.start_time
         if options.faults is not None:
             more["faults"] = list_faults(options.faults, acted)
             found = tabulate_faults(acted)
@@ -187,8 +189,8 @@ def _record(
 ) -> None:
     columns = rename_columns(master.columns, stored)
     attributes: dict[str, str | float] = {
-        "system": str(options.system), "scheme": str(master.scheme), "step_s": master.step, "duration_s": duration,
-        **keeper.attributes,
+        "source": SOURCE, "system": str(options.system), "scheme": str(master.scheme), "step_s": master.step,
+        "duration_s": duration, **keeper.attributes,
     }  # fmt: skip
     if planned := master.faults.list_acted(master.time + duration):
         attributes["faults"] = "; ".join(fault.text for fault in planned)
@@ -227,6 +229,7 @@ def _write_summary(
     more: Mapping[str, object],
 ) -> None:
     summary = {
+        "source": SOURCE,
         "system": str(system.path),
         "components": {component.name: component.source.name for component in system.components},
         "start_s": system.experiment.start_time,

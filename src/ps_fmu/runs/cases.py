@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from ..cosim import Column, CosimError, Event, Master, Observer, Recorder, Value
 from ..cosim.faults.acted import ActedFault
 from ..cosim.terminals import read_terminal_variables
+from .fault_report import find_spans
 from .index_record import SIGNALS
 from .keeping import CaseKeeper, leave_no_empty_file
 from .mismatch import list_mismatches
@@ -56,6 +57,12 @@ class Outcome:
     simulated_s: float
     wall_s: float
     faults: tuple[ActedFault, ...] = ()
+    begin_s: float = 0.0
+    """Time of the simulation at which it began: not zero in the state of a checkpoint."""
+
+    def find_spans(self) -> list[tuple[float, float]]:
+        """When any of the faults acted [s since the start of the case]."""
+        return find_spans(self.faults, self.simulated_s, begin_s=self.begin_s)
 
     @property
     def real_time_factor(self) -> float:
@@ -179,7 +186,8 @@ def run_case(
             watched = observers if costs is None else costs.time(observers)
             events = keeper.shift_events(case.events)
             master.run(duration, watched, events, note, beside=True, checkpoints=keeper.checkpoints)
-        return Outcome(case, duration, before_s + wall[0], master.faults.list_acted(master.time)), analysis
+        acted = master.faults.list_acted(master.time)
+        return Outcome(case, duration, before_s + wall[0], acted, keeper.start_time or 0.0), analysis
 
 
 def _list_needed(

@@ -18,7 +18,6 @@ from ..results import plots
 from ..results.report import Picture
 from ..results.tables import Table, format_angles, format_number
 from .cases import Case, Outcome, run_case
-from .fault_report import find_spans
 from .index_record import PROBABILITIES, WINDOW_S, IndexLog
 from .jitter_record import JITTER_SIGNALS, JitterRecord
 from .options import RunOptions
@@ -217,7 +216,7 @@ def draw_comparison(comparison: Comparison, folder: Path, prefix: str = "") -> l
     where = "roll, pitch, yaw = {:g}, {:g}, {:g} deg".format(*comparison.orientation_deg)
     pictures = []
     path = folder / f"{prefix}jitter.png"
-    shaded = find_spans(comparison.outcomes[1].faults, comparison.outcomes[1].simulated_s)
+    shaded = comparison.outcomes[1].find_spans()
     plots.draw_time_histories(
         path, passive.envelope, active.envelope, title=f"Payload rotation, {where}", shaded=shaded
     )

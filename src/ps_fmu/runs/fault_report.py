@@ -27,10 +27,15 @@ def tabulate_faults(acted: Acted) -> Table:
     return Table("Faults", ("fault", "run"), rows)
 
 
-def find_spans(faults: Iterable[ActedFault], end_s: float) -> list[tuple[float, float]]:
-    """When any of the faults acted, to the end of the run at the latest [s]; spans that touch are one."""
+def find_spans(faults: Iterable[ActedFault], end_s: float, *, begin_s: float = 0.0) -> list[tuple[float, float]]:
+    """When any of the faults acted, to the end of the run at the latest [s]; spans that touch are one.
+
+    Faults have times of the simulation; the spans, and ``end_s``, count from its time ``begin_s``.
+    """
     spans: list[tuple[float, float]] = []
-    for first, last in sorted((f.from_s, end_s if f.until_s is None else min(f.until_s, end_s)) for f in faults):
+    for first, last in sorted(
+        (f.from_s - begin_s, end_s if f.until_s is None else min(f.until_s - begin_s, end_s)) for f in faults
+    ):
         if spans and first <= spans[-1][1]:
             spans[-1] = spans[-1][0], max(last, spans[-1][1])
         else:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import argparse
 import math
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from .. import __version__
 from ..cosim.clock import count_steps
 from ..cosim.isolation.instance import Isolation
 from ..cosim.schemes.scheme import ORDERS, Scheme
@@ -16,7 +18,13 @@ MOST_STEPS = 10**10  # of a run: 1e6 s at 1e-4 s, some hours
 RESULTS, SUMMARY, REPORT = "results.nc", "summary.json", "report.html"  # in the output folder
 PLOT = "plot.png"  # of a run of any system
 CHECKPOINTS = "checkpoint"  # folder in the output folder
+PARAMETERS = "parameters.ssv"  # values that ps_fmu.simulate was given
+CONVERTED = "disturbance.csv"  # a recorded disturbance from netCDF
+INPUTS = (PARAMETERS, CONVERTED)
+"""What a run reads and may write itself into the output folder."""
 SCHEMES = ORDERS
+SOURCE = f"ps_fmu {__version__}, FMI 2.0 co-simulation"
+"""What made the results, as they say themselves."""
 
 
 class OptionError(ValueError):
@@ -178,6 +186,22 @@ def check_keeping(interval_s: float | None, source: Path | None, anew: tuple[str
         raise OptionError(f"--from: there is no {source}")
     if source is not None and output.resolve() in (source.resolve(), *source.resolve().parents):
         raise OptionError(f"--from: {source} is in the output folder, which gets new results: name another --output")
+
+
+def read_folder(text: str) -> Path:
+    """A folder for results from a command line.  Raises ``ArgumentTypeError`` for what cannot be the name of one."""
+    try:
+        text.encode()
+        Path(text).exists()
+    except UnicodeEncodeError:
+        raise argparse.ArgumentTypeError(f"expected a name in UTF-8, got {text!a}") from None
+    except OSError as error:
+        raise argparse.ArgumentTypeError(f"{text}: {error.strerror}") from None
+    except ValueError as error:  # a null character
+        raise argparse.ArgumentTypeError(f"{text!r}: {error}") from None
+    if not text:
+        raise argparse.ArgumentTypeError("expected a folder, got an empty name (a variable that is not set?)")
+    return Path(text)
 
 
 def claim_folder(folder: Path) -> Path:

@@ -16,14 +16,13 @@ from typing import Any
 import numpy as np
 from fmpy.model_description import ModelVariable
 
-from .. import __version__
 from ..cosim.description import convert_value, get_unit, index_variables, read_start
 from ..cosim.recording.columns_on_disk import NETCDF_LOCK
 from ..cosim.recording.recorder import CONVENTIONS, STORAGE, UDUNITS
-from ..cosim.schemes.scheme import make_scheme
+from ..cosim.schemes.scheme import Scheme, make_scheme
 from ..cosim.structure import Component, Value, parse_port
 from ..results.summary import FmuFile, versions
-from .options import RunOptions
+from .options import SOURCE, RunOptions
 from .setup import SEED, RunSystem, identify_fmus
 from .stored_names import make_stored_names
 
@@ -34,8 +33,8 @@ COMMENT = (
     "Each group with a coordinate time holds the rows of a run, for example xarray.open_dataset(path, group='active'); "
     "its group filter says how they were filtered before they were thinned, its attribute settings what the run sets "
     "itself. The group parameters has the start values, a group for each FMU. The date of time is nominal: its values "
-    "are seconds since the start of the run. Once all runs are done, the root has tables of their pointing error "
-    "indices."
+    "are seconds of simulation, which a run from a checkpoint counts on (attribute warm_start_s). Once all runs are "
+    "done, the root has tables of their pointing error indices."
 )
 
 
@@ -94,7 +93,7 @@ def _list_attributes(options: RunOptions, system: RunSystem) -> dict[str, object
     return {
         "Conventions": CONVENTIONS,
         "title": f"{options.scenario.name}: {options.scenario.about}",
-        "source": f"ps_fmu {__version__}, FMI 2.0 co-simulation",
+        "source": SOURCE,
         "history": f"{datetime.now(UTC):%Y-%m-%dT%H:%M:%SZ} {format_command(options)}",
         "references": REFERENCES,
         "comment": COMMENT,
@@ -114,7 +113,7 @@ def format_command(options: RunOptions) -> str:
     words = [
         *("ps-fmu", "run", options.scenario.name, "--ssp" if archive else "--system", options.system.name),
         *("--duration", f"{options.duration_s!r}", "--step", f"{options.step_s!r}", "--seed", str(options.seed)),
-        *("--storage-step", f"{options.storage_s:.15g}", "--scheme", make_scheme(options.scheme).order),
+        *("--storage-step", f"{options.storage_s:.15g}", *_list_scheme(make_scheme(options.scheme))),
     ]
     for option, values in (
         ("--parameters", [path.name for path in options.parameters]),
@@ -122,11 +121,28 @@ def format_command(options: RunOptions) -> str:
         ("--requirements", [options.requirements.name] if options.requirements else []),
         ("--disturbance", [options.disturbance.name] if options.disturbance else []),
         *(("--observe", [pattern]) for pattern in options.observe),
+        ("--faults", [options.faults.name] if options.faults else []),
         ("--from", [options.source.name] if options.source else []),
         ("--anew", options.anew),
     ):
         words += [option, *values] if values else []
     return shlex.join(words)
+
+
+def _list_scheme(scheme: Scheme) -> Iterator[str]:
+    """The options of a scheme, where they are not the defaults."""
+    plain = Scheme()
+    yield from ("--scheme", scheme.order)
+    if scheme.extrapolation != plain.extrapolation:
+        yield from ("--extrapolate", scheme.extrapolation)
+    for name, rate in scheme.rates.items():
+        yield from ("--rate", f"{name}={rate}")
+    if scheme.iteration.method != plain.iteration.method:
+        yield from ("--solver", scheme.iteration.method)
+    if scheme.iteration.relative != plain.iteration.relative:
+        yield from ("--tolerance", f"{scheme.iteration.relative!r}")
+    if scheme.error_estimate:
+        yield "--error-estimate"
 
 
 def format_settings(values: Mapping[str, Value], events: Sequence[tuple[float, str, Value]]) -> str:

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import mmap
 import os
 import shutil
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from ..cosim.checkpoint.state import DamagedCheckpointError
-from .kept_options import can_go_on
-from .options import CHECKPOINTS, PLOT, REPORT, RESULTS, SUMMARY, OptionError
+from .kept_options import RUN, can_go_on
+from .options import CHECKPOINTS, INPUTS, PLOT, REPORT, RESULTS, SUMMARY, OptionError
+
+MARK = b"ps_fmu"
+"""What each file of results says of its origin."""
 
 
 @contextmanager
@@ -32,30 +36,71 @@ def hold_folder(folder: Path, resume: bool = False) -> Iterator[None]:
     """Lock an existing folder against other runs, and set the results of an earlier run aside, during the body.
 
     Nobody can take them for the results of a run that stops early.  They are removed once new results are stored, and
-    put back if none are, as after a misspelt parameter.  With ``resume`` the checkpoints stay.  Raises
-    :class:`OptionError` if another run uses the folder.
+    put back if none are, as after a misspelt parameter or a killed run.  With ``resume`` the checkpoints stay.  Raises
+    :class:`OptionError` if another run uses the folder, and for a file or folder of such a name that is not of ps_fmu.
     """
     lock = lock_folder(folder)
     names = (RESULTS, SUMMARY, REPORT, PLOT, *(() if resume else (CHECKPOINTS,)))
     aside = {folder / name: folder / f"{name}.earlier" for name in names}
+    kept = {} if resume else {folder / name: folder / f"{name}.earlier" for name in INPUTS}
     try:
         for path, earlier in aside.items():
-            _remove(earlier)  # of a run that was killed
+            _check_own(path)
+            _check_own(earlier)
+        if any(earlier.exists() for earlier in aside.values()):  # of a run that was killed
+            _settle(folder, {**aside, **kept})
+        for path, earlier in aside.items():
             if path.exists():
                 path.replace(earlier)
+        for path, earlier in kept.items():
+            if path.is_file():  # a copy: the new run may read it
+                shutil.copy2(path, earlier)
+        made = [path for path in kept if not path.exists()]
         try:
             yield
         finally:
-            stored = (folder / RESULTS).exists()
-            for path, earlier in aside.items():
-                if stored:
-                    _remove(earlier)
-                elif earlier.exists():
+            _settle(folder, {**aside, **kept})
+            if not (folder / RESULTS).exists():
+                for path in made:
                     _remove(path)
-                    earlier.replace(path)
     finally:
         if lock is not None:
             os.close(lock)
+
+
+def _settle(folder: Path, aside: Mapping[Path, Path]) -> None:
+    """Remove what was set aside if there are new results, else put it back."""
+    stored = (folder / RESULTS).exists()
+    for path, earlier in aside.items():
+        if stored:
+            _remove(earlier)
+        elif earlier.exists():
+            _remove(path)
+            earlier.replace(path)
+
+
+def _check_own(path: Path) -> None:
+    """Raises :class:`OptionError` for a file or folder that no run of ps_fmu has written."""
+    if path.exists() and not _is_own(path):
+        raise OptionError(
+            f"--output: {path} is not of ps_fmu, and would be replaced: name another folder, or move it away"
+        )
+
+
+def _is_own(path: Path) -> bool:
+    name = path.name.removesuffix(".earlier")
+    if name == CHECKPOINTS:
+        marks = (path / RUN, *path.glob("*/row-*.zip"))
+        return path.is_dir() and (any(mark.is_file() for mark in marks) or not any(path.iterdir()))
+    if not path.is_file():
+        return False
+    if name == PLOT:  # has no mark of its own
+        beside = (path.with_name(path.name.replace(PLOT, other)) for other in (RESULTS, SUMMARY))
+        return any(other.is_file() and _is_own(other) for other in beside)
+    if path.stat().st_size == 0:  # of a run that was killed at once
+        return True
+    with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
+        return content.find(MARK) >= 0
 
 
 def _remove(path: Path) -> None:

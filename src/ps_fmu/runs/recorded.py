@@ -14,9 +14,8 @@ from ..disturbance.csv_table import MAX_ROWS, read_columns
 from ..disturbance.kinds.recording import HEADER
 from ..mechanism.quantities import Array, ParameterError
 from ..slavekit.author.units import parse_unit
-from .options import OptionError, RunOptions
+from .options import CONVERTED, OptionError, RunOptions
 
-CONVERTED = "disturbance.csv"  # in the output folder
 _NETCDF = (b"CDF", b"\x89HDF")  # first bytes: classic, and netCDF-4
 _TIMES = {"second": "s", "sec": "s", "millisecond": "ms", "minute": "min", "hour": "h"}
 

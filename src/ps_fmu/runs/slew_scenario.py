@@ -11,7 +11,6 @@ from ..pointing.rejection import rejection_percent
 from ..results.tables import Table, format_angles
 from .cases import Case, run_case
 from .comparison import TARGET, TargetError, explain_refusal, read_target
-from .fault_report import find_spans
 from .jitter_record import ROTATION
 from .options import RESULTS, OptionError, RunOptions
 from .publish import Findings, publish
@@ -81,7 +80,7 @@ def run(options: RunOptions) -> None:
     print(*text, sep="\n")
     moved = slews.on.arrival.during is not None
     passive, active = (slew.during(ROTATION, "rms") for slew in (slews.off, slews.on))
-    shaded = find_spans(outcomes[-1].faults, outcomes[-1].simulated_s)
+    shaded = outcomes[-1].find_spans()
     publish(
         options,
         system,

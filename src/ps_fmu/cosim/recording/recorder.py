@@ -1,7 +1,7 @@
 """Results on disk while the simulation runs: netCDF-4, one group per run, one variable per output.
 
 Time is a coordinate as the CF Conventions want it (section 4.4): seconds since a date.  A simulation has none, so the
-date is a nominal one; the numbers are the seconds since the start of the run.
+date is a nominal one; the numbers are seconds of simulation.
 
 Rows are not compressed here.  A chunk that is compressed changes its size, and so its place, with each write; of 60
 processes killed while they wrote such files 9 left one that cannot be read, of 60 that wrote plain ones none.
@@ -46,7 +46,7 @@ WRITE_INTERVAL_S = 1.0
 """Rows are written, too, when the last write was so long ago [s]."""
 CONVENTIONS = "CF-1.11"
 TIME_UNITS = "seconds since 2000-01-01 00:00:00"
-"""The date is nominal: the values are seconds since the start of the run."""
+"""The date is nominal: the values are seconds of simulation."""
 FILTER = "filter"
 """Name of the group, within that of a run, that says how rows were filtered."""
 UDUNITS = {"": "1", "-": "1", "deg": "degree", "%": "percent"}

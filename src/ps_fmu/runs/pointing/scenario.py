@@ -16,7 +16,6 @@ from ...results.tables import Table
 from ...theory.line_of_sight import PointingLoop
 from ..cases import Case, Outcome, run_case
 from ..comparison import TARGET, Orientation, TargetError, explain_refusal, read_target, to_degrees
-from ..fault_report import find_spans
 from ..options import RESULTS, OptionError, RunOptions
 from ..publish import Findings, publish
 from ..setup import RunSystem, load_system
@@ -73,7 +72,7 @@ def run(options: RunOptions) -> None:
     pointing = Pointing(off, on, tracker, loop, measured, to_degrees(target))
     text, tables = [HOW, *describe(pointing)], make_tables(pointing)
     _show(text[1:], tables)
-    shaded = find_spans(outcomes[-1].faults, outcomes[-1].simulated_s)
+    shaded = outcomes[-1].find_spans()
     publish(
         options,
         system,
