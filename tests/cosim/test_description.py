@@ -92,6 +92,7 @@ def test_damaged_archives_give_an_error_of_ours_or_their_content(tmp_path_factor
         ('fmiVersion="2.0"', 'fmiVersion="3.0"', "expected an FMU of FMI 2.0, got fmiVersion '3.0'"),
         ("<fmiModelDescription", "<!DOCTYPE a><fmiModelDescription", "DOCTYPE"),
         ('modelIdentifier="ToyGain"', 'modelIdentifier="../ToyGain"', "not a C identifier"),
+        ('name="u"', 'name="u&#10;ps-fmu: done"', r"variable 'u\\nps-fmu: done' contains a line break"),
         ('name="u"', 'name="y"', "is not valid"),
         ('index="3"', 'index="300"', "is not valid"),
     ],

@@ -12,6 +12,7 @@ from pathlib import Path
 from fmpy import read_model_description
 from fmpy.model_description import ModelDescription, ModelVariable
 
+from ..terminal import escape_controls
 from .archive import check_archive, compute_digest, read_member
 from .errors import SystemFileError, UsageError
 from .structure import PortName, System, Value, suggest_names
@@ -49,6 +50,9 @@ def _read_description(path: Path, _digest: str, lenient: bool) -> ModelDescripti
     identifier = description.coSimulation.modelIdentifier
     if not (identifier.isascii() and identifier.isidentifier()):
         raise SystemFileError(path, f"modelIdentifier {identifier!r} is not a C identifier")
+    for variable in description.modelVariables:
+        if not {"\n", "\r"}.isdisjoint(variable.name):  # such a name could forge lines of messages
+            raise SystemFileError(path, f"the name of the variable {variable.name!r} contains a line break: rename it")
     return description
 
 
@@ -60,7 +64,8 @@ def _parse(path: Path, lenient: bool) -> ModelDescription:
         if lenient:
             with suppress(Exception):
                 description = read_model_description(path, validate=False)
-                log.warning("%s: breaks rules of FMI and is run all the same: %s", path.name, error)
+                why = escape_controls(str(error))
+                log.warning("%s: breaks rules of FMI and is run all the same: %s", path.name, why)
                 return description
         raise SystemFileError(path, f"modelDescription.xml is not valid: {error}") from error
 
