@@ -102,6 +102,24 @@ def test_model_descriptions_that_cannot_be_used(toys, rewrite, old, new, reason)
         read_description(rewrite(toys / "ToyGain.fmu", {old: new}))
 
 
+TYPES = """<TypeDefinitions><SimpleType name="Mode"><Enumeration><Item name="off" value="1 s"/></Enumeration>
+</SimpleType></TypeDefinitions><ModelVariables>"""
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "reason"),
+    [
+        (' modelIdentifier="ToyGain"', "", "CoSimulation states no modelIdentifier"),
+        ("<ModelVariables>", TYPES, "item 'off' of the enumeration 'Mode' has the value '1 s'"),
+    ],
+)
+def test_broken_descriptions_that_are_read_leniently(toys, rewrite, old, new, reason):
+    path = rewrite(toys / "ToyGain.fmu", {old: new})
+    with pytest.raises(SystemFileError, match=reason) as caught:
+        read_description(path, lenient=True)
+    assert str(caught.value).startswith(f"{path}: ")
+
+
 def test_an_fmu_for_model_exchange(toys, rewrite):
     changes = {"<CoSimulation": "<ModelExchange"}
     changes |= {
