@@ -112,6 +112,7 @@ def test_reasons():
         Path("no/such/file").read_text()
     assert reason(missing.value) == "no/such/file: No such file or directory"
     assert reason(OSError("text alone")) == "text alone"
+    assert reason(ValueError("a\x1b[2J\x07\x9b1m\rb é")) == r"a\x1b[2J\x07\x9b1m\rb é"
 
 
 def test_ctrl_c_waits_for_what_must_not_be_left_half_done():

@@ -112,12 +112,17 @@ def _get_code(ended: SystemExit) -> int:
     return ended.code or 0
 
 
+def escape_controls(text: str, but: str = "") -> str:
+    """A text from elsewhere without what a terminal would obey: control characters escaped, ``but`` for some."""
+    return "".join(c if c.isprintable() or c in but else c.encode("unicode_escape").decode("ascii") for c in text)
+
+
 def reason(error: Exception) -> str:
-    """The text of an exception with its notes; for an OSError the file and the cause."""
+    """The text of an exception with its notes, for a terminal; for an OSError the file and the cause."""
     text = str(error)
     if isinstance(error, OSError) and error.filename is not None and error.strerror:
         text = f"{error.filename2 or error.filename}: {error.strerror}"
-    return "\n".join([text, *getattr(error, "__notes__", ())])
+    return escape_controls("\n".join([text, *getattr(error, "__notes__", ())]), but="\n")
 
 
 class _Stream:

@@ -92,6 +92,7 @@ def test_damaged_archives_give_an_error_of_ours_or_their_content(tmp_path_factor
         ('fmiVersion="2.0"', 'fmiVersion="3.0"', "expected an FMU of FMI 2.0, got fmiVersion '3.0'"),
         ("<fmiModelDescription", "<!DOCTYPE a><fmiModelDescription", "DOCTYPE"),
         ('modelIdentifier="ToyGain"', 'modelIdentifier="../ToyGain"', "not a C identifier"),
+        ('name="u"', 'name="u&#10;ps-fmu: done"', r"variable 'u\\nps-fmu: done' contains a line break"),
         ('name="u"', 'name="y"', "is not valid"),
         ('index="3"', 'index="300"', "is not valid"),
     ],
@@ -99,6 +100,24 @@ def test_damaged_archives_give_an_error_of_ours_or_their_content(tmp_path_factor
 def test_model_descriptions_that_cannot_be_used(toys, rewrite, old, new, reason):
     with pytest.raises(SystemFileError, match=reason):
         read_description(rewrite(toys / "ToyGain.fmu", {old: new}))
+
+
+TYPES = """<TypeDefinitions><SimpleType name="Mode"><Enumeration><Item name="off" value="1 s"/></Enumeration>
+</SimpleType></TypeDefinitions><ModelVariables>"""
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "reason"),
+    [
+        (' modelIdentifier="ToyGain"', "", "CoSimulation states no modelIdentifier"),
+        ("<ModelVariables>", TYPES, "item 'off' of the enumeration 'Mode' has the value '1 s'"),
+    ],
+)
+def test_broken_descriptions_that_are_read_leniently(toys, rewrite, old, new, reason):
+    path = rewrite(toys / "ToyGain.fmu", {old: new})
+    with pytest.raises(SystemFileError, match=reason) as caught:
+        read_description(path, lenient=True)
+    assert str(caught.value).startswith(f"{path}: ")
 
 
 def test_an_fmu_for_model_exchange(toys, rewrite):

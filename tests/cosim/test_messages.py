@@ -40,6 +40,15 @@ def test_a_chatty_fmu_does_not_fill_the_memory(caplog):
     assert "too many different messages" in caplog.records[-1].getMessage()
 
 
+def test_messages_cannot_drive_the_terminal_or_forge_lines(caplog):
+    messages = MessageLog("plant")
+    with caplog.at_level(logging.WARNING):
+        messages.add(1, "", "a\x1b[2J\x07\x9b1m é\r\nps-fmu: done\rps-fmu: done")
+    shown = r"plant: [fmi2Warning] a\x1b[2J\x07\x9b1m é" + 2 * "\n    ps-fmu: done"
+    assert [record.getMessage() for record in caplog.records] == [shown]
+    assert messages.take() == (shown.removeprefix("plant: ").replace("\n    ", "\n"),)
+
+
 def test_each_instance_is_heard_and_others_go_to_fmpy(capfd):
     first, second = MessageLog("first"), MessageLog("second")
     callbacks = [listen(first), listen(second)]

@@ -12,10 +12,11 @@ from pathlib import Path
 from fmpy import read_model_description
 from fmpy.model_description import ModelDescription, ModelVariable
 
+from ..terminal import escape_controls
 from .archive import check_archive, compute_digest, read_member
 from .errors import SystemFileError, UsageError
 from .structure import PortName, System, Value, suggest_names
-from .values import fits_int32, parse_real
+from .values import EXPECTED, fits_int32, parse_real, parse_value
 from .xmlfile import MAXIMUM_BYTES, parse_xml
 
 log = logging.getLogger("ps_fmu.cosim")
@@ -47,8 +48,18 @@ def _read_description(path: Path, _digest: str, lenient: bool) -> ModelDescripti
     if description.coSimulation is None:
         raise SystemFileError(path, "the FMU is not for co-simulation: export it as a co-simulation FMU")
     identifier = description.coSimulation.modelIdentifier
+    if identifier is None:
+        raise SystemFileError(path, "its element CoSimulation states no modelIdentifier, the name of the library")
     if not (identifier.isascii() and identifier.isidentifier()):
         raise SystemFileError(path, f"modelIdentifier {identifier!r} is not a C identifier")
+    for declared in description.typeDefinitions:
+        for item in declared.items or ():
+            if not isinstance(parse_value("Integer", item.value or ""), int):
+                text = f"item {item.name!r} of the enumeration {declared.name!r} has the value {item.value!r}"
+                raise SystemFileError(path, f"{text}: expected {EXPECTED['Integer']}")
+    for variable in description.modelVariables:
+        if not {"\n", "\r"}.isdisjoint(variable.name):  # such a name could forge lines of messages
+            raise SystemFileError(path, f"the name of the variable {variable.name!r} contains a line break: rename it")
     return description
 
 
@@ -60,7 +71,8 @@ def _parse(path: Path, lenient: bool) -> ModelDescription:
         if lenient:
             with suppress(Exception):
                 description = read_model_description(path, validate=False)
-                log.warning("%s: breaks rules of FMI and is run all the same: %s", path.name, error)
+                why = escape_controls(str(error))
+                log.warning("%s: breaks rules of FMI and is run all the same: %s", path.name, why)
                 return description
         raise SystemFileError(path, f"modelDescription.xml is not valid: {error}") from error
 

@@ -22,6 +22,7 @@ from fmpy.fmi2 import (
 )
 from fmpy.logging import addLoggerProxy
 
+from ..terminal import escape_controls
 from .errors import name_status
 
 log = logging.getLogger("ps_fmu.cosim")
@@ -49,7 +50,7 @@ class MessageLog:
     def add(self, status: int, category: str, text: str) -> None:
         """Take a message of the FMU."""
         self.counts[status] = self.counts.get(status, 0) + 1
-        line = f"[{name_status(status)}] {text.strip()}"
+        line = f"[{name_status(status)}] " + "\n".join(map(escape_controls, text.strip().splitlines()))
         if status == 0:
             log.debug("%s: %s", self.component, line)
             return
@@ -69,7 +70,8 @@ class MessageLog:
         if line in self._shown or len(self._shown) > REMEMBERED:
             return
         self._shown.add(line)
-        log.warning("%s: %s%s", self.component, line, "" if time is None else f", first at t = {time:.9g} s")
+        text = line.replace("\n", "\n    ")  # none of its lines can be taken for one of ours
+        log.warning("%s: %s%s", self.component, text, "" if time is None else f", first at t = {time:.9g} s")
         if len(self._shown) > REMEMBERED:
             log.warning("%s: too many different messages; the rest is only counted", self.component)
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
+from ..terminal import escape_controls
+
 OK, WARNING, FAILED, NOT_RUN = "ok", "warning", "FAILED", "not run"
 SHOWN = 10
 """Details of one check that the table shows; it counts the others."""
@@ -43,4 +45,4 @@ def clean_line(text: str) -> str:
     """A text from an FMU as a line for the terminal: at most :data:`LONGEST` characters, none of them for control."""
     if len(text) > LONGEST:
         text = f"{text[: LONGEST - _END]} ... {text[-_END:]}"
-    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in text)
+    return escape_controls(text)

@@ -19,6 +19,7 @@ from pathlib import Path
 
 from fmpy import platform
 
+from ...terminal import escape_controls
 from ..errors import CosimError, UsageError
 from .program import ISOLATION
 
@@ -215,7 +216,7 @@ class GuestProcess:
         assert pipe is not None
         with pipe:
             for raw in _iterate_lines(pipe):
-                text = raw.decode(errors="replace").rstrip()
+                text = escape_controls(raw.decode(errors="replace").rstrip())
                 if text:
                     self.lines.append(text)
                     show(text)
