@@ -56,6 +56,22 @@ def test_hosts_that_add_up_times_are_followed(make):
     assert slave._get_fmu_state().clock.origin == 0.0
 
 
+@pytest.mark.parametrize("start", [1.4e9, -1.4e9])  # a UNIX time: its last place is 2.4e-7 s, more than 1e-3 of a step
+def test_start_times_far_from_zero(toys, start):
+    h, n = 1e-4, 3000
+    slave, usual = (toys["waves"](instance_name="w") for _ in range(2))
+    for instance, begin in ((slave, start), (usual, 0.0)):
+        instance.setup_experiment(begin, begin + n * h)
+        instance.enter_initialization_mode()
+        instance.exit_initialization_mode()
+    for i in range(n):
+        assert slave.do_step(start + i * h, h)
+        assert usual.do_step(i * h, h)
+    assert slave._get_fmu_state().clock.origin == start  # all in one count of steps
+    with pytest.raises(Refused, match="ends beyond the stop time"):
+        slave.do_step(start + n * h, h)
+
+
 def test_a_host_that_drifts_off_the_grid_is_followed_too(make):
     slave = make("waves")
     t = 0.0

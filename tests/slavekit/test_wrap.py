@@ -209,6 +209,12 @@ class TestWhatIsRefused:
             (("import math", "import nowhere_to_be_found"), "(?s)valve.py.*No module named 'nowhere_to_be_found'"),
             (("        return True\n", ""), "do_step did not return True"),
             (("        return True\n", "        __import__('os')._exit(0)\n"), "does not run by itself"),
+            (("        return True\n", "        __import__('os')._exit(3)\n"), "does not run by itself"),
+            (
+                ("        return True\n", "        print('no licence', flush=True); __import__('os')._exit(3)\n"),
+                "no licence",
+            ),
+            (("        return True\n", "        __import__('os')._exit(4)\n"), "does not run by itself"),
             (("import valve", "__import__('os')._exit(0)"), "cannot be built"),
             (("import valve", "from . import valve"), r"source/tank\.py:3: a relative import"),
             (("import math", "__import__('os').write(1, b'\\xff'); 1 / 0"), "(?s)\ufffd.*valve.py.*ZeroDivisionError"),

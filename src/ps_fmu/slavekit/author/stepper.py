@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import weakref
 from collections.abc import Sequence
-from math import inf, isfinite
+from math import inf, isfinite, ulp
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from .tables import Tables
 
 SAME_STEP = 1e-6  # relative: step sizes this close are one; hosts form them as differences of times
 SAME_TIME = 1e-3  # of a step: hosts add up times with rounding
+_ROUNDING = 4  # units in the last place of a time: more than 1e-3 of a step, if times are such as 1.4e9 s
 _MOST_MAPS = 8  # step sizes remembered: enough for hosts that alternate a few
 
 
@@ -148,8 +149,8 @@ class Stepper(Tables):
             raise
         core.time = t + h
         core.count += 1
-        core.time_slack = SAME_TIME * core.step
-        core.last_start = self._stop - (1.0 - SAME_TIME) * core.step
+        core.time_slack = _compute_time_slack(t, core.step)
+        core.last_start = self._stop - core.step + core.time_slack
         core.step_slack = SAME_STEP * core.step
 
     def _step_if_due(self) -> bool:
@@ -213,15 +214,16 @@ class Stepper(Tables):
             raise Refused(f"no step is possible in phase {self._phase.name.lower()}")
         if not (isfinite(h) and h > 0.0):
             raise Refused(f"step size {h!r} s: expected a finite number above 0")
-        if not abs(t - self._core.time) <= SAME_TIME * h:
+        slack = _compute_time_slack(t, h)
+        if not abs(t - self._core.time) <= slack:
             raise Refused(f"current time {t!r} s: expected {self._core.time!r} s, where the last step ended")
         if not t < t + h < inf:
             raise Refused(f"step size {h!r} s: expected one that leads from {t!r} s to a later time")
-        if t > self._stop - (1.0 - SAME_TIME) * h:
+        if t > self._stop - h + slack:
             raise Refused(f"a step from {t!r} s to {t + h!r} s ends beyond the stop time {self._stop!r} s")
 
     def _is_on_grid(self, t: float) -> bool:
-        return abs(self._get_time() - t) <= SAME_TIME * self._core.step
+        return abs(self._get_time() - t) <= _compute_time_slack(t, self._core.step)
 
     def _restart_count(self, t: float, h: float) -> None:
         known = [found.step for found in self._maps if abs(found.step - h) <= SAME_STEP * found.step]
@@ -388,3 +390,8 @@ class Stepper(Tables):
         core.count, core.time, core.step = clock.count, clock.time, clock.step
         self._put_table(table, clock.block)
         self._enter(clock.phase)
+
+
+def _compute_time_slack(t: float, h: float) -> float:
+    """How far apart two statements of one time may be, s."""
+    return max(SAME_TIME * h, _ROUNDING * ulp(t))

@@ -14,7 +14,8 @@ from pathlib import Path
 from typing import Any
 
 _TIMEOUT = 120.0  # s
-_FINISHED, _STATE_FAILED = 4, 3  # exit codes; with 0 a slave may have ended the process: os._exit(0)
+_VERDICT = "ps_fmu trial: "  # begins a last line of output; the exit code may be the slave's own: os._exit(0)
+_FINISHED, _STATE_FAILED = "finished", "state: "
 _USUAL_STEP = 0.01  # s, where the model has no default experiment
 _STEPS = 3
 
@@ -40,9 +41,10 @@ def check(fmu: Path) -> None:
     except subprocess.TimeoutExpired:
         raise SmokeError(f"{fmu.name} did not finish a few steps within {_TIMEOUT:g} s") from None
     output = f"{run.stdout}{run.stderr}"
-    if run.returncode == _STATE_FAILED:
-        raise StateError(output.strip().splitlines()[-1])
-    if run.returncode != _FINISHED:
+    _, found, verdict = (run.stdout.splitlines() or [""])[-1].partition(_VERDICT)
+    if found and verdict.startswith(_STATE_FAILED):
+        raise StateError(verdict.removeprefix(_STATE_FAILED))
+    if run.returncode or not found:
         raise SmokeError(f"{fmu.name} does not run by itself (exit code {run.returncode}):\n{output}")
 
 
@@ -84,8 +86,7 @@ def _run_once(fmu: Path, folder: str) -> None:
         try:
             _compare_states(slave, description, start, step, outputs)
         except Exception as error:
-            print(f"{type(error).__name__}: {error}", file=sys.stderr)
-            sys.exit(_STATE_FAILED)
+            raise StateError(" ".join(f"{type(error).__name__}: {error}".split())) from error
     slave.terminate()
     slave.freeInstance()
 
@@ -150,6 +151,9 @@ if __name__ == "__main__":
         sys.modules[absent] = None  # type: ignore[assignment]
     try:
         exercise(Path(sys.argv[1]))
+        verdict = _FINISHED
+    except StateError as error:
+        verdict = f"{_STATE_FAILED}{error}"
     except Exception as error:  # the FMU itself has printed the traceback, if there is one
         sys.exit(f"{type(error).__name__}: {error}")
-    sys.exit(_FINISHED)
+    print(f"{_VERDICT}{verdict}")
