@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from ps_fmu.actuators.driver_noise import WhiteNoise, sample_deviation
+from ps_fmu.numerics.normal import Stream, make_key
 
 
 def test_samples_do_not_depend_on_the_order_they_are_asked_for_in():
@@ -29,7 +30,8 @@ def test_white_and_of_unit_variance():
 
 def test_the_transform_is_that_of_box_and_muller():
     """The first half of a block has the cosines, the other one the sines."""
-    u, v = np.random.Generator(np.random.Philox(np.random.SeedSequence((5, 2)))).random((2, 256, 3))
+    sequence = np.random.SeedSequence(make_key(Stream.DRIVER, 5, 2))
+    u, v = np.random.Generator(np.random.Philox(sequence)).random((2, 256, 3))
     radius = np.sqrt(-2.0 * np.log1p(-u))
     expected = np.concatenate([radius * np.cos(2.0 * np.pi * v), radius * np.sin(2.0 * np.pi * v)])
     np.testing.assert_allclose(WhiteNoise(5, 3)(1024, 512), expected, rtol=0.0, atol=1e-13)

@@ -9,7 +9,7 @@ import numpy as np
 from ..mechanism.quantities import Array
 from ..numerics import library
 from ..numerics.calls import Calls
-from ..numerics.normal import Words, make_calls, make_words, seed, transform
+from ..numerics.normal import Stream, Words, make_calls, make_key, make_words, seed, transform
 
 _BLOCK = 512  # samples that one key makes: larger ones would stall a step, smaller ones take longer for each sample
 _AT_ONCE = 2  # blocks, compiled: 20 us
@@ -58,7 +58,7 @@ class WhiteNoise:
         return blocks.reshape(-1, self._channels)[begin : begin + n]
 
     def _make_words(self, number: int) -> Words:
-        return make_words((self._seed, number % 2**32))
+        return make_words(make_key(Stream.DRIVER, self._seed, number % 2**32))
 
 
 def sample_deviation(density: float, h: float) -> float:

@@ -10,6 +10,7 @@ import numpy as np
 from ..mechanism.quantities import Array
 from ..numerics import library
 from ..numerics.calls import Calls, Pair
+from ..numerics.normal import Stream, make_key
 from .block import Block, BlockShape
 from .sample_table import SampleTable, add_rows, make_calls
 from .spectrum import Layer, factor, layers
@@ -139,9 +140,8 @@ class GaussianNoise:
 
     def _begin(self, layer: Layer, index: int) -> Block:
         """Block ``index``, which lives from (index - 1) to (index + 1) half periods."""
-        return Block(
-            self._shapes[layer.key], (self._seed, layer.key, index % 2**32), (index - 1) * 0.5 * layer.period
-        )
+        key = make_key(Stream.GAUSSIAN, self._seed, layer.key, index % 2**32)
+        return Block(self._shapes[layer.key], key, (index - 1) * 0.5 * layer.period)
 
     def _finish(self, layer: Layer, block: Block, index: int) -> SampleTable:
         for _ in block.make():

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Sequence
+from enum import IntEnum
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,28 @@ from .calls import KeyedRows, Pair, Progress
 
 Array = NDArray[np.float64]
 Words = ctypes.Array[ctypes.c_uint32]
+
+
+class Stream(IntEnum):
+    """All streams of random numbers of the components: equal seeds must not give two of them the same numbers."""
+
+    GAUSSIAN = 1
+    MULTISINE = 2
+    WHEEL = 3
+    SENSOR_WHITE = 4
+    SENSOR_DRIFT = 5
+    SENSOR_SPREAD = 6
+    TRACKER = 7
+    DRIVER = 8
+
+
+def make_key(stream: Stream, *numbers: int) -> tuple[int, ...]:
+    """The words of numbers of a stream, 0 or greater; the first word is of the stream and of how many follow.
+
+    ``numpy.random.SeedSequence`` pads with zeros: without the count (1, 1) would be (1, 1, 0).
+    """
+    words = make_words(numbers)
+    return (stream << 8 | len(words), *words)
 
 
 def make_words(numbers: Sequence[int]) -> Words:

@@ -15,8 +15,9 @@ import numpy as np
 from ..mechanism.quantities import Array
 from ..numerics import library
 from ..numerics.library import find_address
+from ..numerics.normal import Stream, make_key
 from .noise_model import CORRELATION_TIMES, NoiseModel
-from .normal import Parts, count_parts, draw_in_parts, draw_normal
+from .normal import Parts, count_parts, draw_in_parts, draw_normal, wrap
 
 DRIFT_BLOCK = 64  # intervals
 GRIDS = 6  # the widest one has an interval of four months, if that of the first is 0.01 s
@@ -70,7 +71,7 @@ class Drift:
             first = yield from self._find_value(grid + 1, block)
             last = yield from self._find_value(grid + 1, block + 1)
             yield
-            key = (*self._key, self._kind + grid, block)
+            key = make_key(Stream.SENSOR_DRIFT, *wrap((*self._key, self._kind + grid, block)))
             normal = yield from draw_in_parts(key, self._sensors, _PROCESSES * DRIFT_BLOCK)
             yield
             path = yield from self._bridges[grid].connect(first, last, normal)
@@ -85,7 +86,8 @@ class Drift:
             return np.asarray(path[k])
         while len(self._widest) <= place:
             number = len(self._widest)
-            normal = draw_normal((*self._key, self._kind_of_widest, number), self._sensors, _PROCESSES).T
+            key = make_key(Stream.SENSOR_DRIFT, *wrap((*self._key, self._kind_of_widest, number)))
+            normal = draw_normal(key, self._sensors, _PROCESSES).T
             self._widest.append(self._bridges[-1].go_on(self._widest[-1] if number else None, normal))
             yield
         return self._widest[place]

@@ -23,9 +23,10 @@ from numpy.typing import NDArray
 from ..mechanism.quantities import Array, Checked, ParameterError, group, quantity
 from ..numerics import library
 from ..numerics.calls import Calls, ErrorRoom
+from ..numerics.normal import Stream, make_key
 from .geometry import centripetal_rows, estimator, geometry_rows
 from .noise import WHITE_BLOCK, SensorNoise, make_calls, split
-from .normal import count, draw_normal, finish
+from .normal import count, draw_normal, finish, wrap
 from .parameters import Accelerometer, AccelerometerKind, OneSensor, RateSensor, RateSensorKind, SensorKind
 
 ACCELEROMETERS = 12  # places for them
@@ -38,7 +39,7 @@ _SPARSE = 4  # samples apart: then blocks are drawn that few of, or none, are ne
 LAST_SAMPLE = 1e13  # thirty years at 10 kHz: the noise stands still from there on
 _SLOTS = slice(0, ACCELEROMETERS)
 _RATES = slice(ACCELEROMETERS, CHANNELS)
-_SPREAD, _LINEAR_NOISE, _RATE_NOISE = 0, 1, 2  # tell the random numbers apart
+_LINEAR_NOISE, _RATE_NOISE = 1, 2  # tell the random numbers apart
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,7 +171,8 @@ class InertialSensors(Checked):
 
     def _spread(self, name: str, number: int) -> Array:
         """The part of a constant error that is drawn, (CHANNELS,); ``number`` tells the errors apart."""
-        return np.asarray(self._of_kind(name) * draw_normal((int(self.seed), _SPREAD, number), 1, CHANNELS)[0])
+        key = make_key(Stream.SENSOR_SPREAD, *wrap((int(self.seed), number)))
+        return np.asarray(self._of_kind(name) * draw_normal(key, 1, CHANNELS)[0])
 
 
 class ChannelNoise:

@@ -26,8 +26,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..mechanism.quantities import Array, Checked, ParameterError, check_number, quantity
+from ..numerics.normal import Stream, make_key
 from .noise import split
-from .normal import count, finish, seed_in_parts
+from .normal import count, finish, seed_in_parts, wrap
 
 _BLOCK = 128  # samples that are drawn at once
 _PARTS = 4  # in which that is done
@@ -234,7 +235,7 @@ class TrackerNoise:
             left = (len(blocks) - number) * _PARTS
             known, noise = self._last
             if known != block:
-                random = yield from count(seed_in_parts((self._seed, block)), left + 3)
+                random = yield from count(seed_in_parts(self._make_key(block)), left + 3)
                 noise = self._draw(random)
                 self._last = block, noise
                 yield left + 1
@@ -242,6 +243,9 @@ class TrackerNoise:
             if left:
                 yield left
         return found
+
+    def _make_key(self, block: int) -> tuple[int, ...]:
+        return make_key(Stream.TRACKER, *wrap((self._seed, block)))
 
     def _draw(self, random: np.random.Generator) -> Array:
         """A block of samples, (_BLOCK, 3)."""

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from ..mechanism.quantities import Array
 from ..numerics import library
 from ..numerics.calls import Calls, ErrorKind, ErrorRoom, ErrorRows, Pair, Progress
+from ..numerics.normal import Stream, make_key
 from .drift import DRIFT_BLOCK, Drift
 from .noise_model import NoiseModel
 from .normal import count_parts, draw_in_parts, finish, wrap
@@ -24,7 +25,7 @@ from .normal import count_parts, draw_in_parts, finish, wrap
 DRIFT_INTERVAL = 0.01  # s, a tenth of the shortest correlation time
 WHITE_BLOCK = 256  # samples
 _LONGEST_STRIDE = 2.0**53  # samples; steps may be as short as 1e-300 s
-_WHITE, _WIDEST, _DRIFT = 0, 1, 2  # tell the random numbers apart
+_WIDEST, _DRIFT = 1, 2  # tell the random numbers apart
 
 
 class SensorNoise:
@@ -43,7 +44,7 @@ class SensorNoise:
         self._deviation = model.density / np.sqrt(2.0 * interval)
         self._stride = round(min(max(1.0, DRIFT_INTERVAL / interval), _LONGEST_STRIDE))
         self._shared = library.Errors(self._deviation, sensors, WHITE_BLOCK, self._stride, DRIFT_BLOCK)
-        self._shared.words[:3] = wrap((*self._key, _WHITE))
+        self._shared.words[:3] = make_key(Stream.SENSOR_WHITE, *wrap((*self._key, 0)))[:3]  # the block follows
         self._drift = None
         if model.instability > 0.0 or model.random_walk > 0.0:
             self._drift = Drift(model, sensors, self._stride * interval, self._key, (_WIDEST, _DRIFT))
@@ -97,7 +98,8 @@ class SensorNoise:
         """As the compiled function, in numpy: (sensors, WHITE_BLOCK)."""
         error = np.zeros((self._sensors, WHITE_BLOCK))
         if self._deviation:
-            white = yield from draw_in_parts((*self._key, _WHITE, block), self._sensors, WHITE_BLOCK)
+            key = make_key(Stream.SENSOR_WHITE, *wrap((*self._key, block)))
+            white = yield from draw_in_parts(key, self._sensors, WHITE_BLOCK)
             yield
             error = white * self._deviation
         if drift:

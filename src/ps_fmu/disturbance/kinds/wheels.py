@@ -33,6 +33,7 @@ from ...mechanism.quantities import Array, Complex, ParameterError, quantity
 from ...numerics import library
 from ...numerics.calls import Calls, Progress, WheelRows
 from ...numerics.library import find_address
+from ...numerics.normal import Stream, make_key
 from ..kind import Kind, SharedSettings, Source, explain_folding
 from ..multiples import Products, plan_products
 from ..smooth import ramp
@@ -354,7 +355,7 @@ class WheelSettings(Kind):
         """The wheel; its initial phases depend on seed and number.  Raises ParameterError for an unusable profile."""
         if not self.enabled:
             return None
-        seed = (shared.seed, 100 + number)
+        seed = make_key(Stream.WHEEL, shared.seed, number)
         return WheelSource(self.profile, self.spin_axis_B, self.position_B, seed, self.scale, shared.rise_time)
 
     def explain_aliasing(self, h: float) -> str | None:

@@ -1,0 +1,58 @@
+"""Streams of random numbers: those of different components differ, even with equal seeds."""
+
+from collections.abc import Iterator
+from itertools import combinations, product
+
+import numpy as np
+
+from ps_fmu.actuators.driver_noise import WhiteNoise
+from ps_fmu.disturbance.gaussian import GaussianNoise
+from ps_fmu.disturbance.multisine import Multisine
+from ps_fmu.numerics import library
+from ps_fmu.numerics.normal import Stream, make_key, make_words, seed
+from ps_fmu.sensors.line_of_sight import DEFAULT_TRACKER, TrackerNoise
+from ps_fmu.sensors.noise import SensorNoise
+from ps_fmu.sensors.noise_model import NoiseModel
+
+NUMBERS = range(3)
+
+
+def _list_keys() -> Iterator[tuple[int, ...]]:
+    """Keys of all streams with equal seeds, of every length in use, blocks 0 to 2."""
+    for stream, length in product(Stream, (1, 2, 3)):
+        for rest in product(NUMBERS, repeat=length):
+            yield make_key(stream, 1, *rest)
+
+
+def test_no_two_keys_give_the_same_state():
+    keys = list(_list_keys())
+    states = {tuple(seed(make_words(key)).generate_state(4)) for key in keys}
+    assert len(states) == len(keys)
+
+
+def test_blocks_0_of_streams_are_independent():
+    n = 4096
+    drawn = [
+        np.random.Generator(np.random.Philox(seed(make_words(make_key(stream, 1, *zeros))))).random(n)
+        for stream in Stream
+        for zeros in ((0,), (0, 0), (0, 0, 0))
+    ]
+    for one, other in combinations(drawn, 2):
+        assert abs(np.corrcoef(one, other)[0, 1]) < 5.0 / np.sqrt(n)
+
+
+def test_components_with_equal_seeds_share_no_key(monkeypatch):
+    """Each names the words that it draws from to numpy, where there is no compiled library."""
+    monkeypatch.setattr(library, "find_arithmetic", lambda: None)
+    given, sequence = [], np.random.SeedSequence
+    monkeypatch.setattr(np.random, "SeedSequence", lambda words: given.append(tuple(words)) or sequence(words))
+    times, band = np.array([0.0, 1.0]), np.array([0.1, 300.0])
+    GaussianNoise(np.eye(6), band, 1)(times)
+    Multisine(np.eye(6), band, 1)
+    WhiteNoise(1, 3)(0, 1024)
+    TrackerNoise(DEFAULT_TRACKER)(np.arange(3))
+    for kind in (1, 2):
+        SensorNoise(NoiseModel(1.0, 2.0, 0.5), 3, 1e-3, seed=1, kind=kind)(np.arange(600))
+    assert {words[0] >> 8 for words in given} >= set(Stream) - {Stream.WHEEL, Stream.SENSOR_SPREAD}
+    states = {tuple(sequence(words).generate_state(4)) for words in given}
+    assert len(states) == len(set(given)) == len(given)
