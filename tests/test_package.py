@@ -31,7 +31,9 @@ MAY_IMPORT = {
     "pointing": set(),
     "results": {"pointing", "reduction", "slavekit"},
     "requirements": {"cosim", "pointing", "reduction", "results", "slavekit"},
-    "runs": {*PHYSICS, "theory", "interface", "cosim", "pointing", "results", "requirements", "slavekit", "product"},
+    "runs": {
+        *PHYSICS, "theory", "interface", "cosim", "pointing", "reduction", "results", "requirements", "slavekit", "product"
+    },
     "paper": {*PHYSICS, "theory", "interface", "cosim", "pointing", "results", "runs", "slavekit", "product"},
     "studies": {
         *PHYSICS, "theory", "interface", "cosim", "pointing", "results", "requirements", "runs", "slavekit", "product"

@@ -1,8 +1,9 @@
-"""Rows as numbers, columns out of them, and the largest magnitude in them."""
+"""Rows as numbers, columns out of them, and the largest magnitude in them; who may read and write them in files."""
 
 from __future__ import annotations
 
 import math
+import threading
 from collections.abc import Sequence
 
 import numpy as np
@@ -11,6 +12,9 @@ from numpy.typing import NDArray
 from .library import find_library, get_address
 
 Array = NDArray[np.float64]
+
+NETCDF_LOCK = threading.RLock()
+"""Held in each call of netCDF4.  It lets other threads run meanwhile, and its libraries crash if one calls them."""
 
 
 class ColumnCopy:

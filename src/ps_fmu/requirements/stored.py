@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 
 from ..cosim.clock import count_steps
-from ..cosim.recording.columns_on_disk import NETCDF_LOCK, iterate_blocks, read_chunk_rows
+from ..cosim.recording.columns_on_disk import iterate_blocks, read_chunk_rows
 from ..cosim.recording.decimate import PASS_BAND
 from ..cosim.recording.recorder import UDUNITS
 from ..pointing.windows import find_step
+from ..reduction.columns import NETCDF_LOCK
 from .record import RequirementRecord
 from .requirement import Requirement
 from .targets import find_targets

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..cosim.recording.columns_on_disk import NETCDF_LOCK
+from ..reduction.columns import NETCDF_LOCK
 
 if TYPE_CHECKING:
     from xarray import Dataset

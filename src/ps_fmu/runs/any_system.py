@@ -16,7 +16,6 @@ from ..cosim.errors import UsageError
 from ..cosim.faults.acted import ActedFault
 from ..cosim.faults.reading import read_faults
 from ..cosim.master import Master
-from ..cosim.recording.columns_on_disk import NETCDF_LOCK
 from ..cosim.recording.recorder import Recorder
 from ..cosim.recording.selection import matches
 from ..cosim.rows import Array
@@ -26,6 +25,7 @@ from ..cosim.signals import Signal, read_signals
 from ..cosim.ssp.reading import read_parameters
 from ..cosim.ssp.single import complete_experiment, fit_duration, read_any_system
 from ..cosim.structure import PortName, System, split_port
+from ..reduction.columns import NETCDF_LOCK
 from ..results.quick_plot import Line, draw_quick_plot
 from ..results.summary import plain
 from ..slavekit.pack.files import write_atomically

@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..cosim.recording.columns_on_disk import NETCDF_LOCK, iterate_blocks, read_chunk_rows, read_rows, write_rows
+from ..cosim.recording.columns_on_disk import iterate_blocks, read_chunk_rows, read_rows, write_rows
+from ..reduction.columns import NETCDF_LOCK
 from .index_record import CONFIDENCE, PROBABILITIES, VECTORS, CaseIndices, IndexLog
 from .origin import write_texts
 from .results_file import ResultsFile

@@ -17,10 +17,10 @@ import numpy as np
 from fmpy.model_description import ModelVariable
 
 from ..cosim.description import convert_value, get_unit, index_variables, read_start
-from ..cosim.recording.columns_on_disk import NETCDF_LOCK
 from ..cosim.recording.recorder import CONVENTIONS, STORAGE, UDUNITS
 from ..cosim.schemes.scheme import Scheme, make_scheme
 from ..cosim.structure import Component, Value, parse_port
+from ..reduction.columns import NETCDF_LOCK
 from ..results.summary import FmuFile, versions
 from .options import SOURCE, RunOptions
 from .setup import SEED, RunSystem, identify_fmus

@@ -9,10 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
-from ..cosim.recording.columns_on_disk import NETCDF_LOCK
 from ..disturbance.csv_table import MAX_ROWS, read_columns
 from ..disturbance.kinds.recording import HEADER
 from ..mechanism.quantities import Array, ParameterError
+from ..reduction.columns import NETCDF_LOCK
 from ..slavekit.author.units import parse_unit
 from .options import CONVERTED, OptionError, RunOptions
 

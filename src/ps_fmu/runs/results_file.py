@@ -14,7 +14,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from ..cosim.recording.columns_on_disk import NETCDF_LOCK
+from ..reduction.columns import NETCDF_LOCK
 
 _open: dict[Path, Any] = {}
 """The datasets that are open, also those of runs that were given up."""

@@ -153,8 +153,8 @@ def _read(path: Path, columns: list[str] | None = None) -> Any:
     import pyarrow.parquet as pq
 
     try:
-        content, name = path.read_bytes(), _NAME.fullmatch(path.name)
-        if name is None or _digest(name["plan"], content) != name["digest"]:
+        content, named = path.read_bytes(), _NAME.fullmatch(path.name)
+        if named is None or _digest(named["plan"], content) != named["digest"]:
             raise KeyError("it is damaged, or of another study")
         table = pq.read_table(pa.BufferReader(content), columns=columns, partitioning=None)
         for name in table.column_names if columns is None else columns:

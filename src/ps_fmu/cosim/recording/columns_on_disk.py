@@ -4,21 +4,17 @@
 the group: with 95 of them that takes 45 us of 60 us.  The methods that netCDF4 itself calls next do without.  It does
 not document them; where there are none, the documented way serves.
 
-netCDF and HDF5 may be called by one thread at a time: whoever opens, reads, writes or closes a dataset holds
-:data:`NETCDF_LOCK`.
+Whoever opens, reads, writes or closes a dataset holds :data:`.reduction.columns.NETCDF_LOCK`.
 """
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-NETCDF_LOCK = threading.RLock()
-"""Held in each call of netCDF4.  It lets other threads run meanwhile, and its libraries crash if one calls them."""
 BLOCK_ROWS = 10_000
 """About so many rows are read at once; each time costs some 40 us for each column."""
 MOST_BLOCK_ROWS = 1_000_000

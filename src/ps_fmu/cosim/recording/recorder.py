@@ -19,13 +19,13 @@ from typing import Any, Self
 
 import numpy as np
 
-from ...reduction.columns import ColumnCopy
+from ...reduction.columns import NETCDF_LOCK, ColumnCopy
 from ..checkpoint.state import RowJournal
 from ..clock import count_steps
 from ..errors import RecorderError, UsageError
 from ..rows import Array, Column
 from ..structure import suggest_names
-from .columns_on_disk import NETCDF_LOCK, write_rows
+from .columns_on_disk import write_rows
 from .decimate import Decimator
 
 CHUNK_ROWS = 4000
