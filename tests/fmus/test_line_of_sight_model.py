@@ -166,3 +166,10 @@ def test_a_restored_state_goes_on_in_the_same_way() -> None:
 def test_times_that_do_not_fit_the_step_are_refused(values: dict, text: str) -> None:
     with pytest.raises(ModelError, match=text):
         make(**values).step(H)
+
+
+def test_the_noise_is_displayed_in_a_unit_of_its_size():
+    slave = Host("line_of_sight_sensor").slave
+    ports = {port.name: port for port in slave.layout.ports}
+    assert {ports[f"noise_equivalent_angle.{axis}"].display_unit for axis in "xyz"} == {"urad"}
+    assert ports["field_of_view"].display_unit == "deg"

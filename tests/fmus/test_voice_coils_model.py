@@ -348,3 +348,8 @@ def test_native_steps_give_the_same_bits(built_fmus, tmp_path):
     native, python = pair[0].steps()
     assert (native + python, python <= 60) == (1000, True)
     pair[0].free()
+
+
+def test_the_seed_has_its_minimum():
+    (seed,) = (port for port in slave_class("voice_coils").ports if port.name == "driver.seed")
+    assert seed.min == 0

@@ -4,6 +4,7 @@ import math
 
 import pytest
 
+from ps_fmu.slavekit.author.guard import FmuError
 from ps_fmu.slavekit.author.slave import ModelError, Refused, Slave
 
 
@@ -147,6 +148,23 @@ def test_messages_are_safe_as_printf_formats(make, capfd):
         (3, "logStatusError", "Oscillator 'oscillator': 100 %%n"),
     ]
     assert capfd.readouterr().err == "Oscillator 'oscillator': 100 %n\n"
+
+
+@pytest.mark.parametrize("name", ["terminate", "exit_initialization_mode", "setup_experiment", "get_real", "do_step"])
+@pytest.mark.parametrize("inherited", [False, True])
+def test_exceptions_of_overridden_methods_do_not_reach_the_library(toys, capfd, name, inherited):
+    def fail(self, *arguments):
+        raise KeyError("a slip of the author, 100 % sure")
+
+    if inherited:
+        broken = type("Broken", (type("Mixin", (), {name: fail}), toys["oscillator"]), {})
+    else:
+        broken = type("Broken", (toys["oscillator"],), {name: fail})
+    slave = broken(instance_name="b")
+    slave.hosted = True
+    with pytest.raises(FmuError, match="Broken 'b': KeyError: 'a slip of the author, 100 %% sure'"):
+        getattr(slave, name)()
+    assert "Traceback" in capfd.readouterr().err
 
 
 def test_mistakes_in_a_class_are_told_at_its_definition():

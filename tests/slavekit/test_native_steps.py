@@ -246,6 +246,26 @@ def test_bounds_that_are_not_as_far_below_0_as_above(start, capfd):
     assert channel.fmu.getReal(signal) == [2e300]
 
 
+@pytest.mark.parametrize(
+    ("kind", "number", "known"),
+    [
+        ("Real", ctypes.c_double, ["speed", "position"]),
+        ("Integer", ctypes.c_int, ["substeps"]),
+        ("Boolean", ctypes.c_int, ["engage"]),
+    ],
+)
+def test_a_refused_list_gets_nothing(start, kind, number, known):
+    """What the host has in the place of the values stays, also of those variables that exist."""
+    oscillator = start("oscillator")
+    drive(oscillator, 0, 20)
+    references = [oscillator.variables[name].valueReference for name in known] + [999]
+    values = (number * len(references))(*[77] * len(references))
+    get = getattr(oscillator.fmu, f"fmi2Get{kind}")
+    asked = (ctypes.c_uint32 * len(references))(*references)
+    assert refused(get, oscillator.fmu.component, asked, len(references), values) == ERROR
+    assert list(values) == [77] * len(references)
+
+
 def test_references_of_other_types_and_of_nothing(start, capfd):
     oscillator = start("oscillator")
     drive(oscillator, 0, 20)

@@ -75,7 +75,7 @@ class Driver(Checked):
     current_limit: float = quantity("A", "Largest demanded current; 0 = no limit", at_least=0.0)
     current_resolution: float = quantity("A", "Step of the demanded current; 0 = none", at_least=0.0)
     noise: float = quantity("A/sqrt(Hz)", "White noise of the demanded current, one-sided density", at_least=0.0)
-    seed: int = quantity("", "Seed of the noise, 0 or greater")
+    seed: int = quantity("", "Seed of the noise", at_least=0)
 
     def __post_init__(self) -> None:
         super().__post_init__()

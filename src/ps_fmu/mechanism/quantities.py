@@ -211,6 +211,7 @@ def list_entries(obj: Any, prefix: str = "", keep: Callable[[str], bool] | None 
                     float(value[index]),
                     _unit(unit, index, value.ndim),
                     f"{text} ({suffix})",
+                    display=f.metadata.get("display"),
                 )
                 for suffix, index in _components(value)
             ]

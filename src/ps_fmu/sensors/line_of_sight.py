@@ -110,7 +110,7 @@ class Tracker(Checked):
     """
 
     noise_equivalent_angle_P: Array = quantity(
-        "rad", "Noise-equivalent angle: standard deviation of a sample about an axis of P", shape=(3,)
+        "rad", "Noise-equivalent angle: standard deviation of a sample about an axis of P", shape=(3,), display="urad"
     )
     roll_measured: bool = quantity("", "The rotation about the boresight is measured, too; false: error.z stays 0")
     sample_time: float = quantity("s", "Time between samples, a multiple of the communication step", above=0.0)

@@ -39,6 +39,10 @@ __all__ = ["LifePhase", "ModelError", "Port", "Refused", "Slave", "numbered", "v
 # The library looks its methods up by a new text in each call, which no cache knows: every class on the way to the one
 # that has the method costs time: 0.4 us in a step of four FMUs.  So the model's own class has these.
 _CALLED_OFTEN = ("do_step", "get_real", "get_integer", "get_boolean", "set_real", "set_integer", "set_boolean")
+_CALLED_BY_HOSTS = (
+    *_CALLED_OFTEN, "get_string", "set_string", "setup_experiment", "enter_initialization_mode",
+    "exit_initialization_mode", "terminate", "_get_fmu_state", "_set_fmu_state",
+)  # fmt: skip
 
 
 class Slave(Stepper):
@@ -60,6 +64,10 @@ class Slave(Stepper):
         flags = {port.name for port in cls.ports if port.causality == "output" and port.type == "Boolean"}
         if cls.limit_flag and cls.limit_flag not in flags:
             raise TypeError(f"{cls.__name__}: limit_flag = {cls.limit_flag!r} is no Boolean output")
+        for name in _CALLED_BY_HOSTS:
+            method = getattr(cls, name)
+            if method is not getattr(Slave, name):  # what a model overrides may raise, too
+                setattr(cls, name, guard_method(method))
         for name in _CALLED_OFTEN:
             setattr(cls, name, getattr(cls, name))
         cls.instances = WeakSet()

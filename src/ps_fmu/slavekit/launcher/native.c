@@ -133,18 +133,18 @@ static void store(Core *core, fmi2ValueReference reference, double value)
     core->data[reference] = value;
 }
 
+/* All are looked at before the first is written: a refused call leaves the host's numbers as they were. */
 #define GET(name, type, kind, find_words, possible, converted)                                                         \
     bool native_Get##name(const Instance *m, const fmi2ValueReference vr[], size_t n, type value[])                    \
     {                                                                                                                  \
         const Core *core = find_words(m);                                                                              \
         if (core == NULL)                                                                                              \
             return false;                                                                                              \
+        for (size_t i = 0; i < n; i++)                                                                                 \
+            if (!allows(core, vr[i], kind) || !possible(core->data[vr[i]]))                                            \
+                return false;                                                                                          \
         for (size_t i = 0; i < n; i++) {                                                                               \
-            if (!allows(core, vr[i], kind))                                                                            \
-                return false;                                                                                          \
-            double raw = core->data[vr[i]];                                                                            \
-            if (!(possible))                                                                                           \
-                return false;                                                                                          \
+            const double raw = core->data[vr[i]];                                                                      \
             value[i] = converted;                                                                                      \
         }                                                                                                              \
         return true;                                                                                                   \
@@ -164,8 +164,10 @@ static void store(Core *core, fmi2ValueReference reference, double value)
         return true;                                                                                                   \
     }
 
-GET(Integer, fmi2Integer, CORE_INTEGER, words, fabs(raw) <= INT32_MAX, (fmi2Integer)raw)
-GET(Boolean, fmi2Boolean, CORE_BOOLEAN, words_to_move, true, size_bits(raw) != 0 ? fmi2True : fmi2False)
+#define FITS(raw) (fabs(raw) <= INT32_MAX)
+#define ALWAYS(raw) true
+GET(Integer, fmi2Integer, CORE_INTEGER, words, FITS, (fmi2Integer)raw)
+GET(Boolean, fmi2Boolean, CORE_BOOLEAN, words_to_move, ALWAYS, size_bits(raw) != 0 ? fmi2True : fmi2False)
 SET(Integer, fmi2Integer, CORE_INTEGER, (double)value[i])
 SET(Boolean, fmi2Boolean, CORE_BOOLEAN, value[i] != fmi2False ? 1.0 : 0.0)
 
@@ -198,26 +200,24 @@ static bool allow_run(const Core *core, fmi2ValueReference first, size_t n, uint
     return common == kind;
 }
 
-static bool get_run(const Core *core, fmi2ValueReference first, size_t n, fmi2Real value[])
-{
-    if (!allow_run(core, first, n, CORE_REAL))
-        return false;
-    memcpy(value, core->data + first, n * sizeof *value);
-    return true;
-}
-
 bool native_GetReal(const Instance *m, const fmi2ValueReference vr[], size_t n, fmi2Real value[])
 {
     const Core *core = words_to_move(m);
     if (core == NULL)
         return false;
-    if (n > 0 && is_one_run(vr, n))
-        return get_run(core, vr[0], n, value);
+    if (n > 0 && is_one_run(vr, n)) {
+        if (!allow_run(core, vr[0], n, CORE_REAL))
+            return false;
+        memcpy(value, core->data + vr[0], n * sizeof *value);
+        return true;
+    }
     for (size_t i = 0, k; i < n; i += k) {
         k = run_length(vr + i, n - i);
-        if (!get_run(core, vr[i], k, value + i))
+        if (!allow_run(core, vr[i], k, CORE_REAL))
             return false;
     }
+    for (size_t i = 0; i < n; i++)
+        value[i] = core->data[vr[i]];
     return true;
 }
 
