@@ -1,6 +1,7 @@
 """Systems that are nested or repeated without measure: refused by name, in time and space that have a bound."""
 
 import io
+import os
 import shutil
 import zipfile
 
@@ -8,8 +9,12 @@ import pytest
 from support.relays import description, port, relay, system
 
 from ps_fmu.cosim import SystemFileError, read_system
+from ps_fmu.cosim.faults.reading import read_faults
 from ps_fmu.cosim.signals import read_signals
 from ps_fmu.cosim.ssp import sources
+from ps_fmu.cosim.xmlfile import read_bytes
+from ps_fmu.requirements.reading import read_requirements
+from ps_fmu.studies.reading import read_study
 
 
 @pytest.fixture
@@ -79,3 +84,26 @@ def test_lines_of_inputs_end_as_files_do(tmp_path, end):
     path = tmp_path / "in.csv"
     path.write_bytes(f"time,u\u2028v{end}0,1{end}1,2{end}".encode())
     assert list(read_signals(path)["u\u2028v"].texts) == ["1", "2"]
+
+
+@pytest.mark.parametrize("read", [read_signals, read_faults, read_requirements, read_study])
+def test_pipes_and_devices_are_refused(tmp_path, read):
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    keep_open = os.open(pipe, os.O_RDWR | os.O_NONBLOCK)  # whoever reads it all the same finds a text, and no end
+    os.write(keep_open, b"?")
+    link = tmp_path / "link"
+    link.symlink_to("/dev/null")
+    try:
+        for path in (link, pipe):  # the device first: it ends at once
+            with pytest.raises(ValueError, match="is no file but"):
+                read(path)
+    finally:
+        os.close(keep_open)
+
+
+def test_no_more_is_read_than_asked_for(tmp_path):
+    (tmp_path / "four").write_bytes(b"1234")
+    assert read_bytes(tmp_path / "four", 4) == b"1234"
+    with pytest.raises(SystemFileError, match="at most 3 are read"):
+        read_bytes(tmp_path / "four", 3)

@@ -128,7 +128,7 @@ def test_files_that_hold_no_requirements(write, text, problem):
 
 
 def test_a_file_that_cannot_be_read(tmp_path):
-    with pytest.raises(RequirementError, match=r"none\.toml: No such file"):
+    with pytest.raises(RequirementError, match=r"none\.toml: cannot be read: No such file"):
         read_requirements(tmp_path / "none.toml")
     (tmp_path / "binary.toml").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(RequirementError, match="not a TOML file"):

@@ -6,6 +6,7 @@ and no files to fetch.  Elements keep their line, so that an error can name it.
 
 from __future__ import annotations
 
+import stat
 from dataclasses import dataclass, field
 from pathlib import Path
 from xml.parsers import expat
@@ -63,14 +64,19 @@ class Element:
 
 
 def read_bytes(path: Path, maximum: int) -> bytes:
-    """Content of a file of at most ``maximum`` bytes.  Raises :class:`SystemFileError` if it cannot be read."""
+    """Content of a regular file of at most ``maximum`` bytes: a pipe may never end, and a device fill the memory.
+
+    Raises :class:`SystemFileError` if it cannot be read.
+    """
     try:
-        size = path.stat().st_size
-        data = path.read_bytes() if size <= maximum else b""
+        if not stat.S_ISREG(path.stat().st_mode):
+            raise SystemFileError(path, "is no file but a folder, pipe or device: write the content into a file")
+        with path.open("rb") as file:
+            data = file.read(maximum + 1)
     except OSError as error:
         raise SystemFileError(path, f"cannot be read: {error.strerror}") from error
-    if size > maximum:
-        raise SystemFileError(path, f"has {size} bytes; at most {maximum} are read")
+    if len(data) > maximum:
+        raise SystemFileError(path, f"is too large: of its bytes at most {maximum} are read")
     return data
 
 

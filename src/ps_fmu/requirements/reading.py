@@ -30,7 +30,9 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
+from ..cosim.errors import SystemFileError
 from ..cosim.structure import suggest_names
+from ..cosim.xmlfile import MAXIMUM_BYTES, read_bytes
 from ..pointing.indices import (
     AbsoluteError,
     DriftError,
@@ -62,10 +64,10 @@ _HEADER = re.compile(r"\s*\[\[\s*requirement\s*\]\]")
 def read_requirements(path: Path) -> tuple[Requirement, ...]:
     """The requirements of a file.  Raises :class:`RequirementError` that names file, requirement and key."""
     try:
-        text = path.read_text(encoding="utf-8-sig")  # some editors begin a file with a mark
+        text = read_bytes(path, MAXIMUM_BYTES).decode("utf-8-sig")  # some editors begin a file with a mark
         content = tomllib.loads(text)
-    except OSError as error:
-        raise RequirementError(f"{path}: {error.strerror or error}") from error
+    except SystemFileError as error:
+        raise RequirementError(str(error)) from error
     except ValueError as error:
         raise RequirementError(f"{path}: not a TOML file: {error}") from error
     except RecursionError:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -27,12 +27,15 @@ _COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")  #
 
 @dataclass(frozen=True)
 class Line:
-    """A column: its name, its unit ("1": none), whether it is held between its values, and the values (rows,)."""
+    """A column: its name, its unit ("1": none), whether it is held between its values, and what reads them (rows,).
+
+    Only those that are drawn are read: to read all of thousands of columns of a file takes minutes.
+    """
 
     name: str
     unit: str
     held: bool
-    values: Array
+    read: Callable[[], Array]
 
 
 def draw_quick_plot(
@@ -73,10 +76,11 @@ def draw_quick_plot(
 
 def _draw_panel(axes: Axes, time: Array, panel: Sequence[Line]) -> None:
     held, unit = panel[0].held, panel[0].unit
-    factor, scaled = (1.0, unit) if held else engineering(unit, largest(line.values for line in panel))
+    columns = [line.read() for line in panel]
+    factor, scaled = (1.0, unit) if held else engineering(unit, largest(columns))
     drawn = []
-    for line, colour in zip(panel, _COLOURS, strict=False):
-        at, values = _thin(time, line.values)
+    for column, colour in zip(columns, _COLOURS, strict=False):
+        at, values = _thin(time, column)
         drawn += axes.plot(at, values * factor, color=colour, drawstyle="steps-post" if held else "default")
     label(axes, "value", scaled)
     # With handles: a name that begins with an underscore would hide its line.

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import fields, replace
+from functools import partial
 
 import netCDF4
 import numpy as np
@@ -249,11 +250,15 @@ def _draw(options: AnyRun, system: System, stored: Mapping[str, str], faults: Se
     """Draw what is stored, by its names in the system and in the file; what is left out."""
     with NETCDF_LOCK, netCDF4.Dataset(options.output / RESULTS) as file:
         group = file.groups[GROUP]
-        time: Array = np.array(group.variables["time"][:], dtype=float)
+        time = _read_column(group.variables["time"])
         lines = []
         for name, place in stored.items():
             variable = group.variables[place]
-            held = variable.dtype.kind != "f"
-            lines.append(Line(name, variable.units, held, np.array(variable[:], dtype=float)))
-    title = system.labels.get("name") or options.system.stem
-    return draw_quick_plot(options.output / PLOT, time, lines, title=title, shaded=find_spans(faults, float(time[-1])))
+            read = partial(_read_column, variable)
+            lines.append(Line(name, variable.units, variable.dtype.kind != "f", read))
+        title, shaded = system.labels.get("name") or options.system.stem, find_spans(faults, float(time[-1]))
+        return draw_quick_plot(options.output / PLOT, time, lines, title=title, shaded=shaded)
+
+
+def _read_column(variable: netCDF4.Variable) -> Array:
+    return np.array(variable[:], dtype=float)

@@ -40,12 +40,13 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
-from ..cosim import UsageError, Value
+from ..cosim import SystemFileError, UsageError, Value
 from ..cosim.isolation.instance import Isolation
 from ..cosim.isolation.options import make_isolation
 from ..cosim.schemes.scheme import EXTRAPOLATIONS, METHODS, ORDERS, Iteration, Scheme, read_rate
 from ..cosim.ssp.reading import find_description
 from ..cosim.structure import COMPONENT_NAME
+from ..cosim.xmlfile import MAXIMUM_BYTES, read_bytes
 from ..pointing.index import PointingIndex
 from ..product.files import find_file, find_product
 from ..requirements.reading import INDICES
@@ -141,9 +142,10 @@ def read_study(path: Path) -> Study:
 
 def _load(path: Path) -> dict[str, Any]:
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8-sig"))  # some editors begin a file with a mark
-    except OSError as error:
-        raise StudyError(f"{path}: {error.strerror or error}") from error
+        text = read_bytes(path, MAXIMUM_BYTES).decode("utf-8-sig")  # some editors begin a file with a mark
+        return tomllib.loads(text)
+    except SystemFileError as error:
+        raise StudyError(str(error)) from error
     except UnicodeError as error:
         raise StudyError(f"{path}: is not in UTF-8, save it as such: {error}") from error
     except ValueError as error:

@@ -36,8 +36,6 @@ def read_tree(path: Path) -> Node:
 
     Raises :class:`SystemFileError` with the line: not such a file, a key that occurs twice, too large, too deep.
     """
-    if path.exists() and not path.is_file():
-        raise SystemFileError(path, "is no file")
     try:
         text = read_bytes(path, MAXIMUM_BYTES).decode("utf-8-sig")
     except UnicodeError as error:
