@@ -32,7 +32,8 @@ MAY_IMPORT = {
     "results": {"pointing", "reduction", "slavekit"},
     "requirements": {"cosim", "pointing", "reduction", "results", "slavekit"},
     "runs": {
-        *PHYSICS, "theory", "interface", "cosim", "pointing", "reduction", "results", "requirements", "slavekit", "product"
+        *PHYSICS, "theory", "interface", "cosim", "pointing", "reduction", "results", "requirements", "slavekit",
+        "product",
     },
     "paper": {*PHYSICS, "theory", "interface", "cosim", "pointing", "results", "runs", "slavekit", "product"},
     "studies": {

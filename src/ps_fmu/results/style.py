@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable
 from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
-from threading import Thread
+from threading import Lock, Thread
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -33,6 +33,8 @@ AXES = ("#0072B2", "#D55E00", "#009E73")  # x, y, z
 REFERENCE = "#555555"
 FAULT = "#CC79A7"
 
+_DRAWING = Lock()
+"""Settings and texts of matplotlib are those of all threads: one draws at a time."""
 DOTS_PER_INCH = 150
 COMPRESSION = 4  # of zlib; 6, the default, takes a fifth longer, for files 1 to 4 % smaller
 
@@ -75,7 +77,7 @@ def draw(path: Path, width: float, height: float, paint: Callable[[Figure], None
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    with rc_context(STYLE):
+    with _DRAWING, rc_context(STYLE):
         figure = Figure(figsize=(width, height), dpi=DOTS_PER_INCH, layout="constrained")
         paint(figure)
         image = io.BytesIO()
