@@ -54,7 +54,7 @@ def test_ideal_coils_are_a_delay_of_one_step(coils, built_fmus):
 
 def test_default_coils_follow_the_isolator(coils):
     """The demand through the pole of the current loop, and what resolution and noise add to it."""
-    found, driver = simulate(coils, {}, 0.5), Coils.from_parameters(load()).driver
+    found, driver = simulate(coils, {}, 1.0), Coils.from_parameters(load()).driver
     pole = np.exp(-2.0 * np.pi * driver.bandwidth * STEP)
     variance = driver.current_resolution**2 / 12.0 + driver.noise**2 / (2.0 * STEP)  # A2
     for i in (1, 2, 3):
