@@ -144,3 +144,8 @@ def test_commands_find_system_and_fmus_from_any_folder(tmp_path, monkeypatch, ca
     assert main(["parameters", "--list", "--system", "VoiceCoils.ssd"]) == 0
     assert "coils." in capsys.readouterr().out
     assert sorted(os.listdir()) == ["mine.ssv", "named.ssp", "own.ssp", "told.ssp"]
+
+
+def test_parameters_of_an_analysis_may_be_repeated():
+    given = cli.parser().parse_args(["analyse", "budget", "--parameters", "a.ssv", "--parameters", "b.ssv", "c.ssv"])
+    assert [path.name for path in given.parameters] == ["a.ssv", "b.ssv", "c.ssv"]

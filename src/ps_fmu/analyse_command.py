@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 _OPTIONS: dict[str, dict[str, Any]] = {
     "parameters": {
-        "type": Path, "nargs": "+", "default": [], "metavar": "F.ssv",
+        "type": Path, "nargs": "+", "action": "extend", "default": [], "metavar": "F.ssv",
         "help": "files with start values, own ones or those of ps_fmu; later ones win",
     },
     "requirements": {"type": Path, "metavar": "F.toml", "help": "default: requirements.toml of ps_fmu"},

@@ -26,7 +26,7 @@ from .runs import scenarios
 from .runs.built_fmus import find_built_folder, provide_fmus
 from .runs.faults_option import add_faults_option, find_faults
 from .runs.keeping import keep_run
-from .runs.kept_options import SCENARIO, read_run
+from .runs.kept_options import SCENARIO, name_option, read_run
 from .runs.options import REPORT, SCHEMES, AnyRun, OptionError, RunOptions, Scenario, claim_folder, read_folder
 from .runs.output import hold_folder, leave_no_empty_folder, report_end
 from .runs.registry import find_scenarios
@@ -145,8 +145,8 @@ def read_resumed(arguments: argparse.Namespace, defaults: argparse.Namespace) ->
     given = vars(arguments) | {"resume": None, "figures": True}
     if others := [name for name, value in given.items() if name in defaults and value != getattr(defaults, name)]:
         raise OptionError(
-            f"--resume: the run goes on with the options that it has, so that {others[0]} cannot be given: to change "
-            "something, begin a run --from its checkpoint"
+            "--resume: the run goes on with the options that it has, so that "
+            f"{name_option(others[0])} cannot be given: to change something, begin a run --from its checkpoint"
         )
     kept = read_run(claim_folder(arguments.resume.absolute()))
     options = {**kept.options, "resume": True}

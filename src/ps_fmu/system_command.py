@@ -80,10 +80,15 @@ _FLAGS = ("--error-estimate", "--isolate", "--no-figures", "--outside", "--profi
 def is_meant(arguments: Sequence[str]) -> bool:
     """Whether the arguments of ``ps-fmu run`` name a system and not a scenario: values of options may look like one.
 
-    A first argument that is a file, or a path with a slash, is meant as a system, too, though it cannot be run.
+    A first argument that is a file, or a path with a slash, is meant as a system, too, though it cannot be run.  The
+    name of a scenario is that, whatever lies in the working directory: a file of that name is ``./slew``.
     """
     first = Path(arguments[0] if arguments else "")
     if not str(first).startswith("-") and (first.is_file() or _is_system_folder(first) or len(first.parts) > 1):
+        if len(first.parts) == 1 and arguments:
+            from .run_command import find_all_scenarios
+
+            return arguments[0] not in find_all_scenarios()
         return bool(arguments)
     for before, argument in zip(("", *arguments), arguments, strict=False):
         is_value = before.startswith("-") and "=" not in before and not any(flag.startswith(before) for flag in _FLAGS)
@@ -138,7 +143,8 @@ def _suggest_folder(options: AnyRun, error: Exception) -> str:
 def read_options(arguments: argparse.Namespace) -> AnyRun:
     """Checked options.  Raises OptionError."""
     system: Path = find_file(arguments.system)
-    files = [("--parameters", path) for path in arguments.parameters]
+    parameters = tuple(map(find_file, arguments.parameters))
+    files = [("--parameters", path) for path in parameters]
     files += [("--input", arguments.input)] if arguments.input is not None else []
     faults = find_faults(arguments.faults)
     files += [("--faults", faults)] if faults is not None else []
@@ -162,7 +168,7 @@ def read_options(arguments: argparse.Namespace) -> AnyRun:
         duration_s=arguments.duration,
         step_s=arguments.step,
         storage_step_s=arguments.storage_step,
-        parameters=tuple(arguments.parameters),
+        parameters=parameters,
         inputs=arguments.input,
         observe=tuple(arguments.observe),
         scheme=scheme,

@@ -76,7 +76,7 @@ def test_runs_of_an_interrupted_analysis_are_not_among_those_of_the_next(tmp_pat
     monkeypatch.setattr(cosimulation, "provide_fmus", lambda folder, system: None)
     options = AnalysisOptions(tmp_path, tmp_path / "fmus", CHECKOUT / "system" / "SystemStructure.ssd", progress=False)
     with pytest.raises(KeyboardInterrupt), cosimulation.hold_run(options, table2.SCENARIO) as run:
-        (run.output / "results.nc").write_text("interrupted")
+        (run.output / "results.nc").write_text("interrupted, of ps_fmu")
         raise KeyboardInterrupt
     with cosimulation.hold_run(options, table2.SCENARIO) as run:
         assert not (run.output / "results.nc").exists()

@@ -155,7 +155,7 @@ def run(capsys):
 def test_what_does_not_go_on_says_why_and_loses_nothing(stopped, run, tmp_path):
     code, said = run("--resume", stopped, "--step", "2e-4")
     assert code == 2
-    assert "--resume: the run goes on with the options that it has, so that step cannot be given" in said
+    assert "--resume: the run goes on with the options that it has, so that --step cannot be given" in said
     code, said = run("--resume", tmp_path / "other")
     assert code == 2
     assert "there is no run with checkpoints in" in said
@@ -292,6 +292,21 @@ def test_any_system_goes_on(inputs, run, tmp_path, capsys):
     assert list_differences(tmp_path / "whole", tmp_path / "out") == []
 
 
+def test_a_system_in_a_folder_has_checkpoints_and_begins_there(run, tmp_path):
+    from ps_fmu.cli import main
+
+    assert main(["ssp", "--output", str(tmp_path / "own.ssp")]) == 0
+    shutil.unpack_archive(tmp_path / "own.ssp", tmp_path / "own", "zip")
+    words = [tmp_path / "own", "--step", "1e-3", "--duration", "0.02", "--observe", "plant.los*", "--no-figures"]
+    code, said = run(*words, "--checkpoint", "9", "--output", tmp_path / "out")
+    assert code == 0, said
+    code, said = run(*words, "--from", tmp_path / "out", "--output", tmp_path / "more")
+    assert code == 0, said
+    summary = json.loads((tmp_path / "more" / "summary.json").read_text())
+    with netCDF4.Dataset(tmp_path / "more" / "results.nc") as file:
+        assert summary["start_s"] == file["run"]["time"][0] == pytest.approx(0.02)
+
+
 def test_a_run_with_faults_goes_on(inputs, run, tmp_path):
     path, out = tmp_path / "faults.json", tmp_path / "out"
     path.write_text(json.dumps(FAULTS))
@@ -369,8 +384,8 @@ def test_simulate_goes_on(tmp_path, monkeypatch):
         ps_fmu.simulate("isolation", **options)
     monkeypatch.undo()
     for change, words in (
-        ({"storage_step": 1e-3}, "another value of storage_step_s: None there, 0.001 here"),
-        ({"observe": "plant.*"}, "another value of observe"),
+        ({"storage_step": 1e-3}, "another value of --storage-step: None there, 0.001 here"),
+        ({"observe": "plant.*"}, "another value of --observe"),
         ({"output": tmp_path / "new"}, "there is no run with checkpoints in"),
     ):
         with pytest.raises(ps_fmu.runs.options.OptionError, match=words):

@@ -1,5 +1,8 @@
 """Where the start values of a run come from, and the band of the noise."""
 
+import re
+from dataclasses import replace
+
 import pytest
 from support.models import COMPONENTS
 
@@ -90,3 +93,15 @@ def test_fmus_are_identified(make_options):
     files = identify_fmus(load_system(make_options("isolation", 1.0)))
     assert {file.name for file in files} == set(COMPONENTS.values())
     assert all(len(file.sha256) == 64 for file in files)
+
+
+def test_a_system_without_a_disturbance_is_refused(make_options, tmp_path):
+    """Before the runs, which it would only fail after."""
+    options = make_options("isolation", 1.0)
+    text = options.system.read_text()
+    text = re.sub(r'<ssd:Component name="disturbance".*?</ssd:Component>', "", text, flags=re.DOTALL)
+    text = re.sub(r'<ssd:Connection [^>]*"disturbance"[^>]*/>', "", text)
+    own = tmp_path / "own.ssd"
+    own.write_text(text)
+    with pytest.raises(UsageError, match=r"own\.ssd: there is no component 'disturbance', .*: add one"):
+        load_system(replace(options, system=own))

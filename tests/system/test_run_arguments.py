@@ -1,12 +1,13 @@
 """The command line of system/run.py: what it takes, what it refuses, how it ends."""
 
+import argparse
 import importlib.util
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from ps_fmu import cli, run_command
+from ps_fmu import cli, run_command, system_command
 from ps_fmu.cosim.errors import UsageError
 from ps_fmu.product import files
 from ps_fmu.runs.options import OptionError
@@ -220,3 +221,18 @@ def test_a_run_that_is_refused_leaves_no_folder(run, scenario, tmp_path):
             run.main(arguments)
     assert [path.name for path in tmp_path.iterdir()] == ["earlier"]
     assert not list((tmp_path / "earlier").iterdir())
+
+
+def test_a_file_does_not_hide_a_scenario(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "slew").touch()
+    (tmp_path / "slow").touch()
+    assert [system_command.is_meant([name]) for name in ("slew", "./slew", "slow")] == [False, True, True]
+
+
+def test_any_system_finds_parameters_of_ps_fmu_by_name():
+    command_line = argparse.ArgumentParser()
+    system_command.add_arguments(command_line)
+    given = command_line.parse_args(["SystemStructure.ssd", "--parameters", "rigid.ssv"])
+    (found,) = system_command.read_options(given).parameters
+    assert found.is_file() and found.name == "rigid.ssv"

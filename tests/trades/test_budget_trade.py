@@ -32,7 +32,8 @@ def systems(built_fmus):
 def found(built_fmus, tmp_path_factory):
     """The analysis with few frequencies, and what it has written."""
     output = tmp_path_factory.mktemp("budget")
-    options = AnalysisOptions(output, built_fmus, SYSTEM / "SystemStructure.ssd", progress=False)
+    named = SYSTEM / "parameters" / ".." / "SystemStructure.ssd"  # however it is named, the instrument goes with it
+    options = AnalysisOptions(output, built_fmus, named, progress=False)
     result = analysis.analyse(options, points=200)
     result.write(output)
     return result, json.loads((output / "budget.json").read_text())["budgets"], output

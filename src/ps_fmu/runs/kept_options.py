@@ -12,7 +12,9 @@ from typing import Any
 
 from .. import __version__
 from ..cosim.isolation.instance import Isolation
+from ..cosim.osp.reading import OSP_NAME
 from ..cosim.schemes.scheme import Iteration, Scheme, read_rate
+from ..cosim.ssp.sources import SSD_NAME
 from ..slavekit.pack.files import write_atomically
 from .options import CHECKPOINTS, OptionError
 
@@ -95,9 +97,15 @@ def check_options(output: Path, kind: str, name: str, options: Mapping[str, Any]
     for key, value in kept.options.items():
         if key not in ("figures", "output") and _encode(value) != _encode(options[key]):
             raise OptionError(
-                f"--resume: the run in {output} was begun with another value of {key}: {_encode(value)!r} there, "
-                f"{_encode(options[key])!r} here: it goes on with the options that it has"
+                f"--resume: the run in {output} was begun with another value of {name_option(key)}: "
+                f"{_encode(value)!r} there, {_encode(options[key])!r} here: it goes on with the options that it has"
             )
+
+
+def name_option(name: str) -> str:
+    """An option as on the command line, by its name in Python."""
+    special = {"source": "--from", "isolation": "--isolate", "inputs": "--input"}
+    return special.get(name, "--" + name.removesuffix("_s").replace("_", "-"))
 
 
 def _write(output: Path, document: Mapping[str, Any]) -> None:
@@ -120,7 +128,10 @@ def _read(output: Path) -> dict[str, Any]:
 def _list_files(options: Mapping[str, Any]) -> list[Path]:
     """Files whose content decides on the results, but for the FMUs, which are in each checkpoint."""
     single = [options.get(name) for name in ("system", "requirements", "disturbance", "inputs", "faults")]
-    return [path.absolute() for path in (*single, *options.get("parameters", ())) if path is not None]
+    found = [path.absolute() for path in (*single, *options.get("parameters", ())) if path is not None]
+    # A system in a folder is what its description says.
+    return [next(filter(Path.is_file, (path / SSD_NAME, path / OSP_NAME)), path) if path.is_dir() else path
+            for path in found]  # fmt: skip
 
 
 def _hash(path: Path) -> str:

@@ -100,7 +100,7 @@ def load_system(options: RunOptions, defaults: Mapping[str, Value] | None = None
     Raises :class:`OptionError` for a step that is too long for any noise, for requirements or a recorded disturbance
     that cannot be used, for outputs to store that there are not, and for a recorded disturbance in a scenario whose
     defaults are a recording or a multisine; :class:`ps_fmu.cosim.SystemFileError` or :class:`ps_fmu.cosim.UsageError`
-    naming the file and line.
+    naming the file and line, and for a system without a disturbance source.
     """
     given: dict[str, Parameter] = {}
     for path in options.parameters:
@@ -114,9 +114,9 @@ def load_system(options: RunOptions, defaults: Mapping[str, Value] | None = None
         )
     recorded = _read_disturbance(options)
     structure = read_system(options.system, options.fmus)
-    disturbed = parse_port(SEED).component in {component.name for component in structure.components}
-    own = {SEED: options.seed} if disturbed else {}  # a system of somebody's own may have no disturbance source
-    first = {**(defaults or {}), **own, **({NOISE: False} if recorded else {}), **recorded}
+    if (source := parse_port(SEED).component) not in {component.name for component in structure.components}:
+        raise UsageError(f"{options.system}: there is no component {source!r}, whose noise scenarios need: add one")
+    first = {**(defaults or {}), SEED: options.seed, **({NOISE: False} if recorded else {}), **recorded}
     structure = structure.with_parameters(first).with_parameters(given)
     descriptions = read_descriptions(structure)
     faults = None if options.faults is None else read_faults(options.faults)
@@ -125,7 +125,7 @@ def load_system(options: RunOptions, defaults: Mapping[str, Value] | None = None
     columns = make_layout(descriptions, seen).columns
     select_stored(columns, options.observe)
     system = RunSystem(structure, descriptions, given, judge=read_judge(options, columns), faults=faults)
-    return limit_noise(system, options.step_s) if disturbed else system
+    return limit_noise(system, options.step_s)
 
 
 def _read_disturbance(options: RunOptions) -> dict[str, Value]:

@@ -55,7 +55,7 @@ def analyse(options: AnalysisOptions, points: int = POINTS) -> AnalysisResult:
 def _read_systems(options: AnalysisOptions) -> list[System]:
     systems = [load_built_system(options)]
     instrument = find_product().system / INSTRUMENT
-    if options.system == find_product().system / SYSTEM:
+    if options.system.resolve() == (find_product().system / SYSTEM).resolve():
         provide_fmus(options.fmus, instrument)
         systems.append(read_system(instrument, options.fmus))
     return systems
