@@ -9,6 +9,8 @@ from dataclasses import replace
 
 from ..cosim.rows import Column
 
+_LONGEST = 240
+"""Bytes of a name; netCDF has 256, and some are for numbers that tell equal beginnings apart."""
 _FORBIDDEN = re.compile(r"[/\x00-\x1f\x7f]")
 
 
@@ -16,7 +18,7 @@ def make_stored_names(names: Sequence[str], taken: Collection[str] = ("time",)) 
     """Names of netCDF variables for columns of any name, each once: netCDF has no slashes nor control characters.
 
     It begins with a letter, digit or underscore, ends with no space and is in Unicode's normal form C (NetCDF Users
-    Guide, appendix B).  None is one of those that are ``taken``.
+    Guide, appendix B).  Long ones, as of Modelica, are cut.  None is one of those that are ``taken``.
     """
     stored: dict[str, str] = {}
     known = set(taken)
@@ -24,6 +26,7 @@ def make_stored_names(names: Sequence[str], taken: Collection[str] = ("time",)) 
         plain = unicodedata.normalize("NFC", _FORBIDDEN.sub("_", name)).rstrip()
         if not plain or (ord(plain[0]) < 128 and not (plain[0].isalnum() or plain[0] == "_")):
             plain = f"_{plain}"
+        plain = plain.encode()[:_LONGEST].decode(errors="ignore").rstrip()
         unique, number = plain, 2
         while unique in known:
             unique, number = f"{plain}_{number}", number + 1

@@ -12,6 +12,7 @@ import numpy as np
 from fmpy.model_description import ModelDescription
 
 from ..description import DISCRETE_TYPES, convert_value, explain_unsettable, find_variable, read_start
+from ..errors import UsageError
 from ..graph import Wiring
 from ..schemes.resolving import find_period
 from ..schemes.scheme import Scheme
@@ -95,6 +96,8 @@ class WarmStart:
         try:
             self._check_system(identify_system(system, wiring, step, scheme), scheme, step)
             self._find_changes(system, list_starts(wiring), descriptions)
+        except UsageError:  # what is wrong is a value of this run
+            raise
         except (KeyError, ValueError, TypeError, AttributeError, IndexError, OverflowError) as error:
             raise self._make_damaged(error) from error
 
@@ -125,6 +128,8 @@ class WarmStart:
                     parts.instances[port.component].set({port.variable: value}, time)
             self._feed_new(parts, time)
             parts.rows.store_latest()
+        except UsageError:
+            raise
         except (KeyError, ValueError, TypeError, AttributeError, IndexError, OverflowError) as error:
             raise self._make_damaged(error) from error
 
