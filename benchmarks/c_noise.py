@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ps_fmu.disturbance.gaussian import GaussianNoise
+from ps_fmu.numerics.normal import Stream, make_key
 from ps_fmu.slavekit.author.slave import Slave
 
 
@@ -25,7 +26,7 @@ def write_noise(slave: Slave, duration: float) -> bytes:
         weights = [
             np.stack([tables.get_sizes((index - 1) * hop, phase) for phase in phases], axis=2) for index in (0, 1, 2)
         ]  # (terms, points of a phase, phases)
-        keys = [(source._seed, layer.key, index) for index in range(blocks)]
+        keys = [make_key(Stream.GAUSSIAN, source._seed, layer.key, index) for index in range(blocks)]
         states = [np.random.Philox(np.random.SeedSequence(key)).state["state"] for key in keys]
         sizes = [layer.points, layer.numbers.size, int(layer.numbers[0]), n_terms, shape.factor.shape[1], blocks]
         arrays = (

@@ -99,17 +99,18 @@ def test_two_systems_in_two_threads(mixed_chain):
 
 
 def test_libraries_are_loaded_one_at_a_time(monkeypatch, tmp_path):
-    """FMPy changes the working directory for that, which all threads share."""
+    """What is loaded meanwhile is taken for a part of the FMU."""
     both_are_in = threading.Barrier(2)
 
-    def fmpy(**_):
+    def load(*_):
         try:
             both_are_in.wait(0.2)
         except threading.BrokenBarrierError:
             return "alone"
         return "together"
 
-    monkeypatch.setattr(library, "FMU2Slave", fmpy)
+    monkeypatch.setattr(library, "FMU2Library", load)
+    monkeypatch.setattr(library, "find_binary", lambda *_: tmp_path)
     description = SimpleNamespace(guid="", coSimulation=SimpleNamespace(modelIdentifier=""))
     with ThreadPoolExecutor(2) as pool:
         components = [SimpleNamespace(name=name) for name in "ab"]

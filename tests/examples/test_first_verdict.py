@@ -28,12 +28,12 @@ def test_from_the_payload_to_the_verdict(built_fmus, tmp_path):
 def test_a_run_that_fails_is_no_verdict(built_fmus, tmp_path):
     report = tmp_path / "run" / "report.html"  # of an earlier walk: it stays, and is not taken for that of this one
     report.parent.mkdir()
-    report.write_text("earlier")
+    report.write_text("earlier, by ps_fmu")
     done = subprocess.run([FOLDER / "walk.sh", "--ready", tmp_path, "3"], capture_output=True, text=True, timeout=300)
     assert done.returncode == 1
     assert "12 s are all of the run of 3 s" in done.stderr
     assert "There is no report: the run has failed." in done.stderr
-    assert "Requirements:" not in done.stdout and report.read_text() == "earlier"
+    assert "Requirements:" not in done.stdout and report.read_text() == "earlier, by ps_fmu"
 
 
 def test_the_readme_names_what_is_there():

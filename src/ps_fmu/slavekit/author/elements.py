@@ -53,7 +53,7 @@ def count_steps(name: str, interval: float, h: float, most: int | None = None) -
     ModelError: not a multiple of the step, or above ``most`` steps; the text starts with ``name``.
     """
     count = round(interval / h)
-    if abs(interval / h - count) > _SAME + 1e-9 * count:
+    if abs(interval / h - count) > (_SAME if count else 0.0) + 1e-9 * count:
         raise ModelError(f"{name}: {interval:g} s is not a multiple of the communication step {h:g} s")
     if most is not None and count > most:
         raise ModelError(f"{name}: {interval:g} s is {count} steps of {h:g} s; at most {most} are kept")
