@@ -18,7 +18,7 @@ from ps_fmu.runs.shaking import Shaking
 SYSTEM = Path(__file__).parents[2] / "system" / "SystemStructure.ssd"
 STEP = 1e-3  # s
 SCENARIO = replace(fig10.SCENARIO, duration_s=3.0, step_s=STEP)
-SHORT = Shaking(half_period=5.0, settling=12.0, band=(2.0, 30.0), step=STEP, stride=2)
+SHORT = Shaking(half_period=5.0, settling=15.0, band=(2.0, 30.0), step=STEP, stride=2)
 
 
 @pytest.fixture(scope="module")
