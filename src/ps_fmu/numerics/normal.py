@@ -23,7 +23,6 @@ class Stream(IntEnum):
     """All streams of random numbers of the components: equal seeds must not give two of them the same numbers."""
 
     GAUSSIAN = 1
-    MULTISINE = 2
     WHEEL = 3
     SENSOR_WHITE = 4
     SENSOR_DRIFT = 5
