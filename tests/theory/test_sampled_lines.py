@@ -13,6 +13,7 @@ from ps_fmu.disturbance.kinds.wheels import SpeedProfile, WheelSource
 from ps_fmu.interface.parameter_sets import build_plant_and_isolator
 from ps_fmu.mechanism.parameters import load
 from ps_fmu.mechanism.quantities import replace_values
+from ps_fmu.numerics.normal import Stream, make_key
 from ps_fmu.product.files import find_product
 from ps_fmu.theory.loop import loop_at, loop_of
 from ps_fmu.theory.natural_modes import find_natural_modes
@@ -58,7 +59,8 @@ def make_wheel():
     """The first wheel of the disturbance source at the speed of the run."""
     settings = replace_values(default_settings(load()), {"seed": 1})
     wheel = settings.kinds["wheels"][0]
-    return WheelSource(SpeedProfile(SPEED, SPEED, 0.0, 0.0), wheel.spin_axis_B, wheel.position_B, (settings.seed, 101))
+    key = make_key(Stream.WHEEL, settings.seed, 1)
+    return WheelSource(SpeedProfile(SPEED, SPEED, 0.0, 0.0), wheel.spin_axis_B, wheel.position_B, key)
 
 
 def fit_lines(time, signal, frequency):
