@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -94,16 +94,22 @@ def _add_run(commands: argparse._SubParsersAction[_LazyParser]) -> None:
     def fill(parser: argparse.ArgumentParser, arguments: Sequence[str]) -> None:
         from . import system_command
 
-        if system_command.is_meant(arguments):
+        if system_command.is_meant(arguments, _find_scenarios):
             system_command.add_arguments(parser)
             parser.set_defaults(run=lambda options: system_command.run(options, parser))
             return
         from . import run_command as command
 
-        command.add_arguments(parser, command.find_all_scenarios())
+        command.add_arguments(parser, _find_scenarios())
         parser.set_defaults(run=lambda options: command.run(options, parser))
 
     run.fill = fill
+
+
+def _find_scenarios() -> Mapping[str, Any]:
+    from .run_command import find_all_scenarios
+
+    return find_all_scenarios()
 
 
 def _add_build(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:

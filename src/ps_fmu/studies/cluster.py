@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections import deque
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from concurrent.futures import Future, wait
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import replace
@@ -115,7 +115,9 @@ def _start_cluster(workers: int | None, stack: ExitStack) -> Any:
     from distributed import LocalCluster
     from distributed.utils import LoopRunner
 
-    # Its processes are started by python -c, which would import modules of the current directory before its own.
+    # Its processes are started by python -c, which would import modules of the current directory before its own.  They
+    # inherit this from here, and dask sets more here: all of it ends with the cluster.
+    stack.callback(_restore_environment, dict(os.environ))
     os.environ["PYTHONSAFEPATH"] = "1"
     loop = LoopRunner()  # its thread starts the workers, also those that take the place of others
     with block_interrupts():  # a terminal sends Ctrl-C to all processes: workers would end with tracebacks
@@ -128,6 +130,12 @@ def _start_cluster(workers: int | None, stack: ExitStack) -> Any:
         )  # fmt: skip
         stack.callback(_close, cluster)
     return cluster
+
+
+def _restore_environment(before: Mapping[str, str]) -> None:
+    for name in os.environ.keys() - before.keys():
+        del os.environ[name]
+    os.environ.update(before)
 
 
 def _close(opened: Any) -> None:
