@@ -300,9 +300,6 @@ def test_an_impossible_interval_is_refused(tmp_path, interval):
         Checkpoints(tmp_path, interval)
 
 
-# ---- warm start --------------------------------------------------------------------------------------------------
-
-
 def begin(system, source, steps, events=(), **options):
     keep = Keep()
     with Master(system, H, block_rows=7, start_time=source.time, **options) as master:
