@@ -12,6 +12,7 @@ import sys
 import time
 from pathlib import Path
 
+import netCDF4
 import psutil
 import pyarrow.parquet as pq
 import pytest
@@ -162,6 +163,9 @@ def test_a_case_again_has_the_same_bits_and_all_signals(write_study, sweep, tmp_
     assert "all numbers are those of the study, to the last bit" in printed
     for name in ("results.nc", "report.html", "summary.json"):
         assert (tmp_path / "out" / "case-4" / name).is_file()
+    with netCDF4.Dataset(tmp_path / "out" / "case-4" / "results.nc") as results:
+        assert results.history.endswith("Z ps-fmu sweep study.toml --case 4")
+        assert results.title == "toy: a case of the study study.toml"
     for option in ("--resume", "--workers=2"):
         code, _, errors = sweep(study, "--case", "4", option)
         assert (code, errors.count("\n")) == (2, 1)

@@ -1,6 +1,7 @@
 """ps-fmu analyse indices: the FMUs beside the closed form, within stated intervals and under lines without scatter."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ from ps_fmu.analyse_command import find_analyses
 from ps_fmu.cosim import read_system
 from ps_fmu.mechanism.parameters import load
 from ps_fmu.paper.analysis import AnalysisOptions
+from ps_fmu.runs.options import OptionError
 from ps_fmu.trades.indices import ANALYSIS, analysis, measured
 from ps_fmu.trades.indices.closed_form import ORIENTATIONS, SIGNALS, STEP, STRIDE, list_indices, solve
 
@@ -45,6 +47,27 @@ def test_all_indices_are_within_what_their_spectra_allow(found):
     assert [each for each in compared if not each["known_holds"]] == []
     widths = [np.divide(*each["interval_joint_closed_form_rad"][::-1]) - 1.0 for each in compared]
     assert min(widths) < 0.1  # the fastest are known to some percent, so that 10 % more disturbance would be seen
+
+
+HEAVY = (
+    '<ssd:ParameterBindings><ssd:ParameterBinding><ssd:ParameterValues><ssv:ParameterSet version="1.0" name="heavy">'
+    '<ssv:Parameters><ssv:Parameter name="payload.mass"><ssv:Real value="45"/></ssv:Parameter></ssv:Parameters>'
+    "</ssv:ParameterSet></ssd:ParameterValues></ssd:ParameterBinding></ssd:ParameterBindings>"
+)
+
+
+@pytest.mark.parametrize(
+    ("place", "text", "words"),
+    [
+        (r"(?<=</ssd:Connectors>)(?=\s*</ssd:Component>\s*<ssd:Component name=.isolator)", HEAVY, "payload.mass = 45"),
+        (r'<ssd:Connection startElement="isolator" startConnector="fine_force_1".*?/>', "", "the connection isolator"),
+    ],
+)
+def test_a_system_that_the_closed_form_is_not_of_is_refused(built_fmus, tmp_path, place, text, words):
+    own = tmp_path / "own.ssd"
+    own.write_text(re.sub(place, text, SYSTEM.read_text(), count=1))
+    with pytest.raises(OptionError, match=words):
+        analysis.analyse(AnalysisOptions(tmp_path, built_fmus, own, progress=False))
 
 
 def test_files(found):

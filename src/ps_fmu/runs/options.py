@@ -86,6 +86,7 @@ class RunOptions:
     resume: bool = False  # go on from the checkpoints in the output folder
     source: Path | None = None  # checkpoint to begin from: a file, a folder of them, or the output folder of a run
     anew: tuple[str, ...] = ()  # components that have none of their state there
+    command: str = ""  # that makes this run, for its history; empty: ps-fmu run with these options
 
     def __post_init__(self) -> None:
         if isinstance(self.scheme, str) and self.scheme not in SCHEMES:

@@ -109,6 +109,8 @@ def _list_attributes(options: RunOptions, system: RunSystem) -> dict[str, object
 
 def format_command(options: RunOptions) -> str:
     """The command that makes such a run, files by their names without folders."""
+    if options.command:
+        return options.command
     archive = options.system.suffix.lower() == ".ssp"
     words = [
         *("ps-fmu", "run", options.scenario.name, "--ssp" if archive else "--system", options.system.name),

@@ -31,15 +31,18 @@ from .indices import check_windows, find_signals
 from .signals import check_signals
 from .study import Study, StudyError
 
+_NO_RUN: Any = None  # a study runs its cases itself
 
-def make_options(study: Study, output: Path, run: Any = None) -> RunOptions:
-    """The study as options of a run.  ``run``: runs them, for a case that is run again.
+
+def make_options(study: Study, output: Path) -> RunOptions:
+    """The study as options of a run.
 
     Raises :class:`..runs.options.OptionError`.
     """
     scenario = Scenario(
-        study.name, study.name, run, study.duration_s, study.step_s, cases=tuple(study.runs), system=study.system.name
-    )
+        study.name, f"a case of the study {study.path.name}", _NO_RUN, study.duration_s, study.step_s,
+        cases=tuple(study.runs), system=study.system.name,
+    )  # fmt: skip
     return RunOptions(
         scenario,
         system=study.system,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import shlex
 from dataclasses import replace
 from pathlib import Path
 
@@ -103,6 +104,7 @@ def _run(options: SweepOptions, prepared: Prepared, case: int, folder: Path) -> 
     branch = study.branch
     run_options = replace(
         make_options(study, folder), progress=options.progress, apart=apart,
+        command=shlex.join(["ps-fmu", "sweep", study.path.name, "--case", str(case)]),
         source=None if branch is None else branch.checkpoint, anew=() if branch is None else branch.anew,
     )  # fmt: skip
     (folder / RESULTS).unlink(missing_ok=True)

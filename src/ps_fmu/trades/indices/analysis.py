@@ -8,9 +8,9 @@ from functools import partial
 import numpy as np
 from tqdm import tqdm
 
-from ...paper.analysis import AnalysisOptions
+from ...paper.analysis import SYSTEM, AnalysisOptions
 from ...paper.analysis_result import AnalysisResult
-from ...paper.cosimulation import load_built_system
+from ...paper.cosimulation import load_default_system
 from ...pointing import PointingIndex
 from ...results.report import draw_pictures
 from ...results.tables import Table
@@ -33,7 +33,7 @@ def analyse(
     ``points``: frequencies of the closed form, see :class:`.closed_form.ClosedForm`.
     """
     indices = list_indices() if indices is None else indices
-    system = load_built_system(options)
+    system = load_default_system(options, SYSTEM)
     with tqdm(total=len(list_cases()), unit="run", desc="indices", disable=not options.progress) as bar:
         compared = measure(system, indices, duration, options.seed, points, bar.update)
     figure = (

@@ -11,7 +11,8 @@ from tqdm import tqdm
 from ...mechanism.parameters import Array
 from ...paper.analysis import AnalysisOptions
 from ...paper.analysis_result import AnalysisResult
-from ...paper.cosimulation import load_built_system
+from ...paper.cosimulation import load_default_system
+from ...product.files import find_product
 from ...results.report import draw_pictures
 from ...results.tables import Table
 from .measured import BIAS_CORNER, MEASURED_CORNERS, BiasAnswer, Point, measure_bias, measure_points
@@ -33,8 +34,8 @@ def analyse(
 
     ``points``: frequencies of the integrals besides those around the resonances.
     """
-    system = load_built_system(options)
-    trade = compute_trade(options.system.parent / "parameters", corners, points)
+    system = load_default_system(options, "InertialSensors.ssd")
+    trade = compute_trade(find_product().system / "parameters", corners, points)
     runs = sum(map(len, measured_corners.values())) + 1
     with tqdm(total=runs, unit="run", desc="sensors", disable=not options.progress) as bar:
         answer = measure_bias(system, trade.isolation)
