@@ -74,7 +74,7 @@ def test_a_refused_call_leaves_earlier_results_and_their_parameters(tmp_path):
     before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
     with pytest.raises(CosimError):
         simulate("isolation", parameters={"plant.payload.mas": 50.0}, output=tmp_path, figures=False, **SHORT)
-    with pytest.raises(OptionError, match="output: expected a folder, got an empty name"):
+    with pytest.raises(OptionError, match="output: expected a path, got an empty name"):
         simulate("isolation", output="", **SHORT)
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
 

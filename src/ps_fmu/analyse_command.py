@@ -17,7 +17,7 @@ from .paper.analysis import Analysis, AnalysisOptions, find_analyses_in, find_fi
 from .product.files import find_file, find_product
 from .runs.built_fmus import find_built_folder
 from .runs.late import import_and_call
-from .terminal import reason
+from .terminal import read_output, reason
 
 if TYPE_CHECKING:
     from .paper.analysis_result import AnalysisResult
@@ -51,7 +51,7 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     fmus = "folder of the built FMUs (default: those of ps_fmu, built if they are not)"
     for name, analysis in find_analyses().items():
         parser = names.add_parser(name, help=analysis.about, description=analysis.about)
-        parser.add_argument("--output", type=Path, metavar="DIR", help=f"folder of the results (results/{name})")
+        parser.add_argument("--output", type=read_output, metavar="DIR", help=f"folder of the results (results/{name})")
         parser.add_argument("--fmus", type=Path, metavar="DIR", help=fmus)
         parser.add_argument("--system", type=Path, metavar="F.ssd", help=f"default: {analysis.system} of ps_fmu")
         parser.add_argument("--seed", type=int, default=AnalysisOptions.seed, metavar="N", help=default)

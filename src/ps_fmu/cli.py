@@ -7,6 +7,7 @@ is printed in one line without a traceback.
 from __future__ import annotations
 
 import argparse
+import errno
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -20,10 +21,11 @@ from .paper.identification.identify_command import add_parser as add_identify
 from .product.files import find_file, find_product
 from .runs.built_fmus import find_built_folder, provide_fmus
 from .sweep_command import add_parser as add_sweep
-from .terminal import reason, run_command
+from .terminal import read_output, reason, run_command
 
 EXIT_OK = 0
-EXIT_FAILED = 1  # argparse exits with 2 on arguments that it does not understand
+EXIT_FAILED = 1
+EXIT_REFUSED = 2  # as argparse on arguments that it does not understand
 EXIT_INTERRUPTED = 130
 
 _DEFAULT_SYSTEM = "SystemStructure.ssd"
@@ -43,8 +45,11 @@ def _command(arguments: Sequence[str] | None) -> int:
     except KeyboardInterrupt:
         print("ps-fmu: interrupted", file=sys.stderr)
         return EXIT_INTERRUPTED
-    except FileNotFoundError as error:
-        if error.filename is not None:
+    except OSError as error:
+        if error.errno == errno.ENAMETOOLONG:
+            print(f"ps-fmu: {reason(error)}", file=sys.stderr)
+            return EXIT_REFUSED
+        if not isinstance(error, FileNotFoundError) or error.filename is not None:
             raise
         # Only the working directory has no name: a relative path was to be found from it.
         print("ps-fmu: the working directory has been removed: change to one that exists", file=sys.stderr)
@@ -122,7 +127,7 @@ def _add_build(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     build.add_argument("script", type=Path, nargs="?", metavar="SLAVE.py", help="modules beside it go with it")
     build.add_argument("files", type=Path, nargs="*", metavar="FILE", help="other files and folders that it needs")
     build.add_argument(
-        "--output", type=Path, metavar="DIR", help="default: build/fmus, for a script the current folder"
+        "--output", type=read_output, metavar="DIR", help="default: build/fmus, for a script the current folder"
     )
     build.add_argument(
         "--only", action="append", default=[], metavar="NAME", help="one of their folders; may be repeated"
@@ -174,7 +179,7 @@ def _add_wrap(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> 
         "do not run Python.  This runs the code of the FMU.",
     )
     wrap.add_argument("fmu", type=Path, metavar="IN.fmu")
-    wrap.add_argument("--output", type=Path, required=True, metavar="OUT.fmu", help="the new file, or its folder")
+    wrap.add_argument("--output", type=read_output, required=True, metavar="OUT.fmu", help="new file, or its folder")
     _add_python_options(wrap)
     wrap.set_defaults(run=_wrap)
 
@@ -227,7 +232,7 @@ def _add_ssp(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
         help="write the system as one .ssp file",
         description="Write wiring, FMUs and start values into one SSP 1.0 archive for other simulators.",
     )
-    ssp.add_argument("--output", type=Path, required=True, metavar="FILE.ssp")
+    ssp.add_argument("--output", type=read_output, required=True, metavar="FILE.ssp")
     _add_system_options(ssp)
     ssp.add_argument(
         "--parameters",
@@ -297,7 +302,7 @@ def _add_parameters(commands: argparse._SubParsersAction[argparse.ArgumentParser
         "system/parameters/README.md.",
     )
     command.add_argument("instrument", type=Path, nargs="?", metavar="INSTRUMENT.toml")
-    command.add_argument("--output", type=Path, metavar="FILE.ssv")
+    command.add_argument("--output", type=read_output, metavar="FILE.ssv")
     command.add_argument(
         "--list", action="store_true", help="write nothing; list name, start value, unit and description of all values"
     )
@@ -349,7 +354,7 @@ def _add_crosscheck(commands: argparse._SubParsersAction[argparse.ArgumentParser
     instead.add_argument("--write", action="store_true", help="write new reference solutions instead")
     instead.add_argument(
         "--output",
-        type=Path,
+        type=read_output,
         metavar="DIR",
         help="write what agrees into this folder, as a tree ready for the FMI cross-check repository",
     )

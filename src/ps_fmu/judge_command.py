@@ -7,7 +7,7 @@ import json
 import sys
 from pathlib import Path
 
-from .terminal import reason
+from .terminal import read_output, reason
 
 
 def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -24,7 +24,7 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     parser.add_argument(
         "--requirements", type=Path, required=True, metavar="F.toml", help="own file, or one of ps_fmu by its name"
     )
-    parser.add_argument("--output", type=Path, metavar="F.json", help="write the verdicts into this file, too")
+    parser.add_argument("--output", type=read_output, metavar="F.json", help="write the verdicts into this file, too")
     parser.set_defaults(run=run)
 
 

@@ -27,11 +27,11 @@ from .runs.built_fmus import find_built_folder, provide_fmus
 from .runs.faults_option import add_faults_option, find_faults
 from .runs.keeping import keep_run
 from .runs.kept_options import SCENARIO, name_option, read_run
-from .runs.options import REPORT, SCHEMES, AnyRun, OptionError, RunOptions, Scenario, claim_folder, read_folder
+from .runs.options import REPORT, SCHEMES, AnyRun, OptionError, RunOptions, Scenario, claim_folder
 from .runs.output import hold_folder, leave_no_empty_folder, report_end
 from .runs.registry import find_scenarios
 from .slavekit.pack.errors import BuildError
-from .terminal import reason
+from .terminal import read_output, reason
 
 _PLANT = "plant"  # the component that all scenarios need
 ABOUT = "Run a scenario of the pointing manipulator: FMUs, wired as a system description (.ssd) says."
@@ -77,7 +77,7 @@ def add_arguments(p: argparse.ArgumentParser, found: Mapping[str, Scenario]) -> 
         "--system", type=Path, metavar="FILE.ssd",
         help="another system than that of the scenario; FMUs that ps_fmu has not are found by their source",
     )  # fmt: skip
-    p.add_argument("--output", type=read_folder, metavar="DIR", help="folder of the results (results/SCENARIO)")
+    p.add_argument("--output", type=read_output, metavar="DIR", help="folder of the results (results/SCENARIO)")
     p.add_argument("--scheme", choices=SCHEMES, default=SCHEMES[0], help="order of exchange (%(default)s)")
     p.add_argument("--storage-step", type=float, metavar="S", help="seconds between stored rows")
     p.add_argument(
@@ -98,7 +98,7 @@ def add_arguments(p: argparse.ArgumentParser, found: Mapping[str, Scenario]) -> 
     add_faults_option(p)
     add_checkpoint_options(p)
     p.add_argument(
-        "--resume", type=read_folder, metavar="DIR",
+        "--resume", type=read_output, metavar="DIR",
         help="go on with the run whose results are in DIR, from its last checkpoint, with the options that it has",
     )  # fmt: skip
     p.add_argument(

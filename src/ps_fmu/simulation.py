@@ -35,11 +35,11 @@ from .runs.options import (
     OptionError,
     RunOptions,
     claim_folder,
-    read_folder,
 )
 from .runs.output import hold_folder, leave_no_empty_folder
 from .runs.publish import NotMetError
 from .slavekit.pack.files import write_atomically
+from .terminal import read_output
 
 if TYPE_CHECKING:
     from xarray import DataArray, Dataset
@@ -127,7 +127,7 @@ def simulate(
         raise OptionError(str(error)) from error
     own = None if system is None else find_file(Path(system))
     try:
-        folder = Path(tempfile.mkdtemp(prefix="ps_fmu_")) if output is None else read_folder(fspath(output)).absolute()
+        folder = Path(tempfile.mkdtemp(prefix="ps_fmu_")) if output is None else read_output(fspath(output)).absolute()
     except ArgumentTypeError as error:
         raise OptionError(f"output: {error}") from error
     try:

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from .product.files import find_file
-from .terminal import reason
+from .terminal import read_output, reason
 
 if TYPE_CHECKING:
     from .studies.sweep import SweepOptions
@@ -31,7 +31,7 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         "docs/cluster.md how to use more than one machine.  Needs the extra: pip install 'ps-fmu[sweep]'.",
     )
     parser.add_argument("study", type=Path, metavar="STUDY.toml")
-    parser.add_argument("--output", type=Path, metavar="DIR", help="folder of the results (results/STUDY)")
+    parser.add_argument("--output", type=read_output, metavar="DIR", help="folder of the results (results/STUDY)")
     parser.add_argument("--resume", action="store_true", help="compute what a study in DIR lacks")
     parser.add_argument("--case", type=int, metavar="N", help="run case N alone, with all signals and a report")
     where = parser.add_mutually_exclusive_group()

@@ -23,10 +23,10 @@ from .product.files import find_file
 from .runs.any_system import run_any
 from .runs.built_fmus import find_built_folder, is_own, provide_fmus
 from .runs.faults_option import add_faults_option, find_faults
-from .runs.options import PLOT, RESULTS, AnyRun, OptionError, claim_folder, read_folder
+from .runs.options import PLOT, RESULTS, AnyRun, OptionError, claim_folder
 from .runs.output import hold_folder, leave_no_empty_folder, report_end
 from .slavekit.pack.errors import BuildError
-from .terminal import reason
+from .terminal import read_output, reason
 
 SUFFIXES = (".ssp", ".ssd", ".fmu", ".xml")
 ABOUT = (
@@ -59,7 +59,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--observe", action="append", default=[], metavar="PATTERN",
         help="variables to store and draw, such as 'plant.*'; may be repeated (all outputs)",
     )  # fmt: skip
-    add("--output", type=read_folder, metavar="DIR", help="folder of the results (results/SYSTEM)")
+    add("--output", type=read_output, metavar="DIR", help="folder of the results (results/SYSTEM)")
     add(
         "--fmus", type=Path, metavar="DIR",
         help="folder with the FMUs of an .ssd, found by their file names; those of ps_fmu's own systems are found and "

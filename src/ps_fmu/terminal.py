@@ -9,8 +9,10 @@ import os
 import signal
 import sys
 import threading
+from argparse import ArgumentTypeError
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from types import FrameType
 from typing import Any, TextIO
 
@@ -115,6 +117,25 @@ def _get_code(ended: SystemExit) -> int:
 def escape_controls(text: str, but: str = "") -> str:
     """A text from elsewhere without what a terminal would obey: control characters escaped, ``but`` for some."""
     return "".join(c if c.isprintable() or c in but else c.encode("unicode_escape").decode("ascii") for c in text)
+
+
+def read_output(text: str) -> Path:
+    """The path of a file or folder to write, from a command line.
+
+    Raises ``ArgumentTypeError`` for what cannot be the name of one.
+    """
+    try:
+        text.encode()
+        Path(text).exists()
+    except UnicodeEncodeError:
+        raise ArgumentTypeError(f"expected a name in UTF-8, got {text!a}") from None
+    except OSError as error:
+        raise ArgumentTypeError(f"{text}: {error.strerror}") from None
+    except ValueError as error:  # a null character
+        raise ArgumentTypeError(f"{text!r}: {error}") from None
+    if not text:
+        raise ArgumentTypeError("expected a path, got an empty name (a variable that is not set?)")
+    return Path(text)
 
 
 def reason(error: Exception) -> str:

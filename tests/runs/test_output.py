@@ -93,15 +93,15 @@ def test_what_earlier_results_were_made_from_stays_with_them(folder, name):
 @pytest.mark.parametrize(
     ("name", "reason"),
     [
-        ("", "expected a folder, got an empty name"),
+        ("", "expected a path, got an empty name"),
         ("x" * 300, "File name too long"),
         ("\udcff", "expected a name in UTF-8"),
     ],
 )
-@pytest.mark.parametrize("what", ["isolation", "any.fmu"])
-def test_names_that_no_folder_can_have(tmp_path, monkeypatch, capsys, what, name, reason):
+@pytest.mark.parametrize("command", ["run isolation", "run any.fmu", "sweep a.toml", "analyse jitter", "build", "ssp"])
+def test_names_that_nothing_can_have(tmp_path, monkeypatch, capsys, command, name, reason):
     monkeypatch.chdir(tmp_path)
-    assert main(["run", what, "--output", name]) == 2
+    assert main([*command.split(), "--output", name]) == 2
     assert reason in capsys.readouterr().err.splitlines()[-1]
     assert os.listdir(tmp_path) == []
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import math
 import tempfile
 from collections.abc import Callable
@@ -187,22 +186,6 @@ def check_keeping(interval_s: float | None, source: Path | None, anew: tuple[str
         raise OptionError(f"--from: there is no {source}")
     if source is not None and output.resolve() in (source.resolve(), *source.resolve().parents):
         raise OptionError(f"--from: {source} is in the output folder, which gets new results: name another --output")
-
-
-def read_folder(text: str) -> Path:
-    """A folder for results from a command line.  Raises ``ArgumentTypeError`` for what cannot be the name of one."""
-    try:
-        text.encode()
-        Path(text).exists()
-    except UnicodeEncodeError:
-        raise argparse.ArgumentTypeError(f"expected a name in UTF-8, got {text!a}") from None
-    except OSError as error:
-        raise argparse.ArgumentTypeError(f"{text}: {error.strerror}") from None
-    except ValueError as error:  # a null character
-        raise argparse.ArgumentTypeError(f"{text!r}: {error}") from None
-    if not text:
-        raise argparse.ArgumentTypeError("expected a folder, got an empty name (a variable that is not set?)")
-    return Path(text)
 
 
 def claim_folder(folder: Path) -> Path:

@@ -6,7 +6,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from ...terminal import reason
+from ...terminal import read_output, reason
 
 STARTS = 24
 FILE = "identified.toml"
@@ -21,7 +21,7 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     )
     parser = commands.add_parser("identify", help="find a parameter set from the published numbers", description=what)
     parser.add_argument(
-        "--output", type=Path, default=Path("results/identify"), metavar="DIR", help="default: %(default)s"
+        "--output", type=read_output, default=Path("results/identify"), metavar="DIR", help="default: %(default)s"
     )
     parser.add_argument(
         "--seed", type=int, default=1, metavar="N", help="another seed finds another set (default: %(default)s)"
