@@ -50,7 +50,7 @@ def pytest_unconfigure() -> None:
 
 @pytest.fixture(scope="session")
 def built_fmus() -> Path:
-    """Folder with the four FMUs of this checkout, built if they are missing or older than their sources."""
+    """Folder with the FMUs of this checkout, built if they are missing or older than their sources."""
     from ps_fmu.runs.built_fmus import ensure_built
 
     folder = ROOT / "build" / "fmus"

@@ -1,4 +1,4 @@
-"""Helpers of the pointing tests: columns, and feeding a record to an observer in blocks."""
+"""Helpers of the results tests: columns, and feeding a record to an observer in blocks."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

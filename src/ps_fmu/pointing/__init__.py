@@ -1,6 +1,6 @@
 """Pointing errors as numbers: indices and their confidence, spectra, responses.  numpy in, numpy out.
 
-Needs numpy and scipy, and no other room of the package: it can be used without FMUs.
+Needs no other room of the package: it can be used without FMUs.
 """
 
 from .confidence import (
