@@ -61,7 +61,7 @@ LINKED = {"at once": ("-Wl,-z,relro,-z,now",), "lazily": ("-Wl,-z,norelro,-z,laz
 HEAD = """
 import ctypes, os, sys
 from ps_fmu.cosim import guard
-with guard.divert_ends(), guard.NamedCall("plant: loading the library"):
+with guard.divert_ends("plant"), guard.NamedCall("plant: loading the library"):
     library = ctypes.CDLL(sys.argv[1])
 """
 
@@ -162,7 +162,7 @@ def test_a_library_of_before_is_left_alone(libraries, other, tmp_path, last):
 earlier = ctypes.CDLL({str(tmp_path / "earlier.so")!r})
 os.environ["LIBRARY"] = sys.argv[1] + ".copy"
 try:
-    with guard.divert_ends(), guard.NamedCall("plant: loading the library"):
+    with guard.divert_ends("plant"), guard.NamedCall("plant: loading the library"):
         ctypes.CDLL({str(tmp_path / last)!r})
 except OSError as error:
     print("undefined symbol" in str(error), file=sys.stderr)

@@ -70,6 +70,24 @@ def test_loading_does_not_change_the_working_directory(make_system, monkeypatch,
         assert master.time == 0.0
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="its library is for Linux")
+@pytest.mark.parametrize("isolation", [None, Isolation()])
+def test_a_library_that_sets_flush_to_zero_is_put_right(make_system, tmp_path, caplog, isolation):
+    """As each one does that gcc links with -ffast-math: numbers below 2.2e-308 would be zero for all that runs here."""
+    source, smallest = tmp_path / "fast.c", float("5e-324")
+    source.write_text(
+        f'#include "{faulty.HERE / "faulty.c"}"\n__attribute__((constructor)) static void start(void)'
+        "\n{\n    flush_to_zero();\n}\n"
+    )
+    system = make_system({"fine": "Faulty"}, [], faulty.build(tmp_path, source).parent)
+    with Master(system, 0.01, isolation=isolation) as master:
+        master.initialise()
+        assert smallest * 1.0 == smallest
+        master.run(0.02, [])
+    said = [record.getMessage() for record in caplog.records]
+    assert len(said) == 1 and "fine" in said[0] and "-ffast-math" in said[0], said
+
+
 def test_a_system_runs_though_the_working_directory_was_removed(make_system, monkeypatch, tmp_path):
     system = make_system({"gain": "ToyGain"}, [])
     gone = tmp_path / "gone"

@@ -24,9 +24,10 @@ log = logging.getLogger("ps_fmu.cosim")
 
 CRASHED, EXITED, INTERRUPTED, LEFT, THREAD_ENDED = range(1, 6)
 """Endings of a call, as in guard.c."""
-ROUNDING, HANDLER, FOLDER = 1, 2, 4
+ROUNDING, HANDLER, FOLDER, CONTROL_WORD = 1, 2, 4, 8
 """What FMUs have changed in this process, as bits."""
-_CHANGES = {HANDLER: "the handler of Ctrl-C", FOLDER: "the working directory"}
+_CHANGED_WORD = "the control word of the processor (flush-to-zero, as code of -ffast-math does)"
+_CHANGES = {HANDLER: "the handler of Ctrl-C", FOLDER: "the working directory", CONTROL_WORD: _CHANGED_WORD}
 _ADVICE = "--isolate gives FMUs processes of their own, and tells which of them does this"
 _PLACE_BYTES = 256
 
@@ -58,7 +59,7 @@ def load_library() -> ctypes.CDLL:
     library = ctypes.CDLL(str(path))
     library.guard_prepare.argtypes, library.guard_prepare.restype = (c_void_p,), None
     library.guard_list_loaded.argtypes, library.guard_list_loaded.restype = (), c_void_p
-    library.guard_divert.argtypes, library.guard_divert.restype = (c_void_p,), None
+    library.guard_divert.argtypes, library.guard_divert.restype = (c_void_p,), c_int
     library.guard_prepare(ctypes.cast(ctypes.pythonapi.PyGILState_Check, c_void_p))
     return library
 
@@ -113,8 +114,11 @@ class NamedCall:
 
 
 @contextmanager
-def divert_ends() -> Iterator[None]:
-    """An FMU's library is loaded within: what it calls to end process or thread leads to the guard from then on."""
+def divert_ends(name: str) -> Iterator[None]:
+    """The library of the FMU ``name`` is loaded within: what it calls to end process or thread leads to the guard.
+
+    How this thread computes with floating-point numbers is put back.
+    """
     library = find_library()
     if library is None:
         yield
@@ -123,7 +127,8 @@ def divert_ends() -> Iterator[None]:
     try:
         yield
     finally:
-        library.guard_divert(before)
+        if library.guard_divert(before):
+            log.warning("%s: loading the library changed %s, which was put back", name, _CHANGED_WORD)
 
 
 def find_interrupts() -> int | None:

@@ -60,7 +60,7 @@ def load_library(component: Component, description: ModelDescription, folder: Pa
     library = find_binary(component, description, folder)
     with _LOADING:
         try:
-            with guard.divert_ends(), guard.NamedCall(f"{component.name}: loading the library"):
+            with guard.divert_ends(component.name), guard.NamedCall(f"{component.name}: loading the library"):
                 return FMU2Library(description, folder, component.name, library)
         except Exception as error:
             text = f"{_NOT_LOADED.format(component.name)}: " + str(error).replace(f"{folder}{os.sep}", "")

@@ -9,6 +9,9 @@
 #include <string.h>
 #include <sys/wait.h>
 #include <unistd.h>
+#ifdef __x86_64__
+#include <xmmintrin.h>
+#endif
 
 #include "fmi2Functions.h"
 
@@ -28,6 +31,18 @@ typedef struct {
     double successful;
     int ended, asked;
 } Instance;
+
+/* As the start-up code that gcc links to what is compiled with -ffast-math. */
+static void flush_to_zero(void)
+{
+#ifdef __x86_64__
+    _mm_setcsr(_mm_getcsr() | 0x8040);
+#else
+    unsigned long word;
+    __asm__ volatile("mrs %0, fpcr" : "=r"(word));
+    __asm__ volatile("msr fpcr, %0" : : "r"(word | 1 << 24));
+#endif
+}
 
 static int is(const Instance *m, const char *fault) { return strncmp(m->fault, fault, strlen(fault)) == 0; }
 
@@ -129,6 +144,8 @@ static fmi2Status misbehave(Instance *m, double time, double step)
         raise(SIGKILL);
     else if (is(m, "rounding"))
         fesetround(FE_UPWARD);
+    else if (is(m, "flush_to_zero"))
+        flush_to_zero();
     else if (is(m, "descriptors"))
         for (int k = 3; k < 1024; k++)
             close(k);

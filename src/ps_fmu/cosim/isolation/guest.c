@@ -14,6 +14,7 @@
 #include <sys/resource.h>
 #include <unistd.h>
 
+#include "../native/control_word.h"
 #include "channel.h"
 #include "fmi2FunctionTypes.h"
 #include "waiting.h"
@@ -36,6 +37,7 @@ static Channel *channel;
 static fmi2Component instance;
 static pid_t master;
 static int rounding, canary;
+static unsigned long control_word;
 static struct sigaction handlers[NSIG];
 static char folder[PATH_MAX];
 
@@ -75,11 +77,23 @@ static const fmi2CallbackFunctions callbacks = {log_message, calloc, free, NULL,
 static void keep_environment(void)
 {
     rounding = fegetround();
+    control_word = read_control_word();
     canary = fcntl(STDOUT_FILENO, F_DUPFD_CLOEXEC, 3);
     for (int k = 1; k < NSIG; k++)
         sigaction(k, NULL, &handlers[k]);
     if (getcwd(folder, sizeof folder) == NULL)
         folder[0] = '\0';
+}
+
+static void check_control_word(void)
+{
+    static bool told;
+    if (put_control_word_back(control_word) && !told) {
+        store_message(fmi2Warning, "isolation",
+                      "changed the control word of the processor (flush-to-zero, as code of -ffast-math does), "
+                      "which was put back");
+        told = true;
+    }
 }
 
 /* After each batch: 0.2 us. */
@@ -89,6 +103,7 @@ static Change find_change(void)
         fesetround(rounding);
         return ROUNDING;
     }
+    check_control_word();
     if (canary >= 0 && fcntl(canary, F_GETFD) == -1 && errno == EBADF) {
         canary = -1;
         return DESCRIPTORS;
@@ -125,6 +140,7 @@ static void *at(uint64_t place)
 static bool load(const char *library)
 {
     void *handle = dlopen(library, RTLD_NOW | RTLD_LOCAL);
+    check_control_word();
     if (handle == NULL) {
         store_message(fmi2Error, "isolation", dlerror());
         return false;

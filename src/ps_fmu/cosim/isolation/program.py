@@ -17,7 +17,7 @@ ISOLATION = Program(
     "isolation",
     Path(__file__).parent,
     sources=("client.c", "later.c", "calls.c", "guest.c"),
-    headers=("channel.h", "client.h", "waiting.h"),
+    headers=("channel.h", "client.h", "waiting.h", "../native/control_word.h"),
     targets={"linux64": _LINUX},
 )
 """The library that the master and the processes of the FMUs load.

@@ -21,6 +21,6 @@ LOOP = Program(
     "loop",
     Path(__file__).parent,
     sources=("loop.c", "guard.c", "divert.c", "effects.c"),
-    headers=("divert.h", "lines.h", "effects.h"),
+    headers=("control_word.h", "divert.h", "lines.h", "effects.h"),
     targets={"linux64": _LINUX},
 )

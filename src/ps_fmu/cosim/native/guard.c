@@ -17,6 +17,7 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "control_word.h"
 #include "divert.h"
 #include "fmi2FunctionTypes.h"
 
@@ -45,6 +46,7 @@ static int (*holds_python)(void);
 static pid_t owner;          /* the process that calls FMUs */
 static int exit_code = -1;   /* of the process, once it ends by exit() */
 static int has_told;         /* why it ends */
+static unsigned long control_word; /* before any FMU was loaded */
 static __thread sigjmp_buf *way_out;
 static __thread volatile int end_number;
 static __thread char own_stack[STACK_BYTES]; /* after an overflow of the stack there is no other */
@@ -255,10 +257,12 @@ EXPORTED Loaded *guard_list_loaded(void)
     return list_loaded();
 }
 
-/* An FMU was loaded after guard_list_loaded() gave `before`, and its libraries with it. */
-EXPORTED void guard_divert(Loaded *before)
+/* An FMU was loaded after guard_list_loaded() gave `before` in this thread, and its libraries with it.  Returns 1 if
+   that changed how this thread computes, which is put back. */
+EXPORTED int guard_divert(Loaded *before)
 {
     divert_new(before, of_fmus);
+    return put_control_word_back(control_word);
 }
 
 /* Once: `python` says whether this thread holds the interpreter's lock. */
@@ -266,6 +270,7 @@ EXPORTED void guard_prepare(int (*python)(void))
 {
     holds_python = python;
     owner = getpid();
+    control_word = read_control_word();
     find_functions(of_fmus);
     find_functions(of_python);
     divert_at((const void *)python, of_python);
@@ -314,7 +319,8 @@ EXPORTED void guard_disarm(int interrupt)
         sigaction(crashes[k], &before[k], NULL);
 }
 
-/* Put the rounding of numbers and the handler of Ctrl-C back; returns 1 if the first was changed, plus 2 for the second. */
+/* Put the rounding of numbers, the handler of Ctrl-C and the rest of the control word back; returns 1 if the first was
+   changed, plus 2 for the second, plus 8 for the third. */
 EXPORTED int guard_restore(void)
 {
     int found = 0;
@@ -323,6 +329,8 @@ EXPORTED int guard_restore(void)
         fesetround(FE_TONEAREST);
         found |= 1;
     }
+    if (put_control_word_back(control_word))
+        found |= 8;
     if (takes_interrupts && sigaction(SIGINT, NULL, &action) == 0 && action.sa_sigaction != on_interrupt) {
         action.sa_flags = SA_SIGINFO | SA_ONSTACK;
         action.sa_sigaction = on_interrupt;
