@@ -98,10 +98,11 @@ class NamedCall:
     A function with contextlib takes 3 us more.
     """
 
-    __slots__ = ("_before", "_place")
+    __slots__ = ("_before", "_place", "_process")
     _left = (c_char * _PLACE_BYTES)()  # nobody reads it
 
     def __init__(self, place: str) -> None:
+        self._process = os.getpid()
         self._place, self._before = place, None if find_library() is None else (c_char * _PLACE_BYTES)()
 
     def __enter__(self) -> None:
@@ -109,6 +110,10 @@ class NamedCall:
             _load_locked().guard_name(self._place.encode()[: _PLACE_BYTES - 1], self._before)
 
     def __exit__(self, *_: object) -> None:
+        if os.getpid() != self._process:  # it would go on with the run, and write into the same files
+            text = f"{self._place}: a copy of the process, made by fork(), came back from the call, and was ended\n"
+            os.write(2, text.encode())
+            os._exit(1)
         if self._before is not None:
             _load_locked().guard_name(self._before, self._left)
 

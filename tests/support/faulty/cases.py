@@ -32,6 +32,7 @@ def dies(code: int, *words: str) -> tuple[None, tuple[str, ...], int]:
 
 
 FINE = (11, (), 0)
+_COPY = "a copy of the process, made by fork(), came back from the call, and was ended"
 TOLD = {  # the same in both
     "good": FINE,
     "pending": step("returned fmi2Pending", "steps asynchronously"),
@@ -47,6 +48,9 @@ TOLD = {  # the same in both
     "messages": (11, ("message 0 of many", "too many different messages"), 0),
     "child": FINE,
     "copy_leaves": FINE,
+    "copy_exits": FINE,
+    "copy_returns": (11, (_COPY,), 0),
+    "copy_in_terminate": (11, (_COPY,), 0),
 }
 _LATE = f"did not return within {STEP_S:g} s"
 _CALL_LATE = f"did not return within {CALL_S:g} s"

@@ -93,6 +93,15 @@ static fmi2Status end_copy(void)
     return waitpid(child, &status, 0) == child && WIFEXITED(status) && WEXITSTATUS(status) == 7 ? fmi2OK : fmi2Error;
 }
 
+/* The copy goes on as the master would, or ends as the master does. */
+static fmi2Status make_copy(int exits)
+{
+    const pid_t child = fork();
+    if (child == 0 && exits)
+        exit(0);
+    return child == 0 || waitpid(child, NULL, 0) == child ? fmi2OK : fmi2Error;
+}
+
 static void log_much(const Instance *m)
 {
     for (int k = 0; k < 100000; k++)
@@ -125,6 +134,8 @@ static fmi2Status misbehave(Instance *m, double time, double step)
         end_in_thread(_exit);
     else if (is(m, "copy_leaves"))
         return end_copy();
+    else if (is(m, "copy_returns") || is(m, "copy_exits"))
+        return make_copy(is(m, "copy_exits"));
     else if (is(m, "abort"))
         abort();
     else if (is(m, "segfault"))
@@ -189,6 +200,9 @@ static void in(const Instance *m, const char *call)
     snprintf(fault, sizeof fault, "exit_in_%s", call);
     if (is(m, fault))
         exit(0);
+    snprintf(fault, sizeof fault, "copy_in_%s", call);
+    if (is(m, fault))
+        make_copy(0);
     snprintf(fault, sizeof fault, "leave_in_%s", call);
     if (is(m, fault))
         _exit(0);

@@ -321,6 +321,20 @@ static void *watch_master(void *unused)
     return unused;
 }
 
+static bool is_copy;
+
+static void note_copy(void)
+{
+    is_copy = true;
+}
+
+/* A copy of this process, which the FMU has made by fork(), would serve the master as well. */
+static void end_copy(void)
+{
+    static const char text[] = "a copy of the process, made by fork(), came back from the call, and was ended\n";
+    _exit(write(STDERR_FILENO, text, sizeof text - 1) < 0 ? 2 : 1);
+}
+
 static void run_batch(bool look)
 {
     for (uint32_t k = 0; k < channel->n_operations; k++) {
@@ -329,6 +343,8 @@ static void run_batch(bool look)
         if (o->kind == QUIT)
             _exit(0); /* no destructors: some libraries crash in theirs, and nobody needs their memory back */
         o->status = carry_out(o);
+        if (is_copy)
+            end_copy();
         if ((channel->changed = find_change()) != UNCHANGED || o->status > fmi2Warning)
             break;
         look = look || o->kind < SET_REAL;
@@ -349,6 +365,7 @@ __attribute__((visibility("default"))) void serve_isolated(void *memory, int par
     if (pthread_create(&watch, NULL, watch_master, NULL) != 0)
         _exit(1);
     keep_environment();
+    pthread_atfork(NULL, NULL, note_copy);
     for (uint32_t number = 1;; number++) {
         if (!spin(&channel->posted, number, spin_ns, &patience))
             while (__atomic_load_n(&channel->posted, __ATOMIC_ACQUIRE) != number)

@@ -5,7 +5,8 @@
 
    An FMU in Python that holds the interpreter's lock is not left that way, for nobody could take the lock again.
 
-   Copies of the process that FMUs make by fork() end as they like. */
+   Copies of the process that FMUs make by fork() end as they like, but when they come back from the call: they would go
+   on with the run, and write into the same files. */
 
 #include <fenv.h>
 #include <pthread.h>
@@ -113,6 +114,21 @@ static void tell_end(const char *place, const char *what)
     say(what);
 }
 
+/* This process is a copy that was made in a call of an FMU, which is still under way in it. */
+volatile int is_copy_in_call;
+
+static void note_copy(void)
+{
+    is_copy_in_call = way_out != NULL;
+}
+
+/* A copy has come back from the call that made it. */
+void end_copy(void)
+{
+    say("an FMU in the steps: a copy of the process, made by fork(), came back from the call, and was ended\n");
+    _exit(1);
+}
+
 static int is_copy(void)
 {
     return getpid() != owner;
@@ -163,6 +179,8 @@ static void on_interrupt(int number, siginfo_t *info, void *context)
 static void on_exit_in_steps(int code, void *unused)
 {
     (void)unused;
+    if (is_copy_in_call)
+        _exit(code); /* what comes next, as HDF5's, would write into the files of the run */
     if (is_copy())
         return;
     if (can_leave())
@@ -271,6 +289,7 @@ EXPORTED void guard_prepare(int (*python)(void))
     holds_python = python;
     owner = getpid();
     control_word = read_control_word();
+    pthread_atfork(NULL, NULL, note_copy);
     find_functions(of_fmus);
     find_functions(of_python);
     divert_at((const void *)python, of_python);
@@ -347,15 +366,19 @@ EXPORTED int run_guarded(Loop *loop, double *rows, const double *times, int64_t 
 {
     sigjmp_buf here;
     sigjmp_buf *const outer = way_out; /* of the run that this one is in: an FMU in Python may run a system itself */
+    const int outer_copy = is_copy_in_call;
     end->ending = sigsetjmp(here, 1);
     if (end->ending != RETURNED) {
         end->number = end_number;
         way_out = outer;
+        is_copy_in_call = outer_copy;
         return fmi2Fatal;
     }
     way_out = &here;
+    is_copy_in_call = 0;
     const int status = timing != NULL ? run_timed_steps(loop, rows, times, n, budget, stop, timing)
                                       : run_steps(loop, rows, times, n, budget, stop);
     way_out = outer;
+    is_copy_in_call = outer_copy;
     return status;
 }

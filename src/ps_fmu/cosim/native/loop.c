@@ -11,6 +11,9 @@
 #include "fmi2FunctionTypes.h"
 #include "lines.h"
 
+extern volatile int is_copy_in_call; /* of guard.c */
+void end_copy(void);
+
 typedef enum {
     TAKE_DOUBLES,
     TAKE_INTS,
@@ -104,7 +107,7 @@ static int carry_out(const Operation *o, double time, double step)
         return (int)o->function.set_reals(o->component, o->places, n, o->values);
     case SET_INTEGERS:
         return (int)o->function.set_integers(o->component, o->places, n, o->values);
-    case DO_STEP: /* fmi2True: as in plan.py */
+    case DO_STEP: /* fmi2True: as in wires.py */
         return (int)o->function.do_step(o->component, time, step, fmi2True);
     case GET_REALS:
         return (int)o->function.get_reals(o->component, o->places, n, o->values);
@@ -195,6 +198,8 @@ static inline int run(
         while (loop->next_operation < last) {
             const Operation *operation = &loop->operations[loop->next_operation++];
             int status = carry_out(operation, time, loop->step);
+            if (is_copy_in_call)
+                end_copy();
             if (timing) {
                 int64_t after = read_clock_ns();
                 note(timing, loop->next_operation - 1, after - before, time);
