@@ -60,7 +60,21 @@ def test_what_is_given_replaces_what_is_inherited_and_nothing_else(read):
     assert found.inherited == (
         "manipulator", "bus", "servo", "optics", "isolator", "noise",
         "payload.com_P", "payload.inertia_P", "payload.truss_modes",
+        "filters.lowpass_order", "filters.lowpass_stop_frequency", "filters.lowpass_stop_attenuation",
+        "filters.highpass_damping_ratio",
     )  # fmt: skip
+
+
+def test_what_is_inherited_is_named_down_to_single_entries_of_legs_and_buses(read):
+    found = read(
+        'base = "paper"\n[manipulator]\nscale = 2.0\nfine_legs = { stiffness = 9e4, lower = { mass = 1.0 } }\n'
+        '[bus]\nbase = "OSM"\nmass = 900.0'
+    ).inherited
+    for name in ("manipulator.coarse_legs", "manipulator.fine_legs.damping", "manipulator.fine_legs.lower.com_distance",
+                 "bus.com_B", "bus.modes"):  # fmt: skip
+        assert name in found
+    for name in ("manipulator", "manipulator.fine_legs.stiffness", "manipulator.fine_legs.lower.mass", "bus.mass"):
+        assert name not in found
 
 
 def test_legs_inherit_one_by_one_or_all_at_once(read):

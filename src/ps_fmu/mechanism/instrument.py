@@ -20,6 +20,7 @@ from __future__ import annotations
 
 import copy
 import reprlib
+from collections.abc import Iterator
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -27,7 +28,7 @@ from typing import Any
 import numpy as np
 
 from .modes import Appendage, join_bodies
-from .parameters import PAPER, Bus, Parameters, Payload, build, make_parameters, read_table, refuse_unknown
+from .parameters import PAPER, Bus, Parameters, build, make_parameters, read_table, refuse_unknown
 from .quantities import ParameterError, check_inertia, check_number, check_truth, freeze
 
 Table = dict[str, Any]
@@ -70,7 +71,7 @@ def read_instrument(path: Path, bus: str | None = None) -> Instrument:
         if not table.get(name):
             raise ParameterError(name, 'missing: with base = "paper" at its head, a file need give only what differs')
     name, entries = _select_bus(table, bus)
-    inherited = tuple(_list_inherited(own)) if "base" in own else ()
+    inherited = tuple(_list_inherited(own, table)) if "base" in own else ()
     return Instrument(make_parameters(table, entries, name), table.get("start", {}), inherited)
 
 
@@ -236,10 +237,22 @@ def _select_bus(table: Table, name: str | None) -> tuple[str, Table]:
     return ("bus" if name == OWN_BUS else f"bus.{name}"), buses[name]
 
 
-def _list_inherited(own: Table) -> list[str]:
-    """What the file leaves to its base, from the names of the base's tables."""
-    payload = own.get("payload", {})
-    found = [name for name in TABLES if name not in own and not (name == "isolator" and "com_P" in payload)]
-    if payload:
-        found += [f"payload.{f.name}" for f in fields(Payload) if f.name not in payload]
-    return found
+def _list_inherited(own: Table, whole: Table) -> Iterator[str]:
+    """What the file leaves to its base, by the names of ``whole``, which has all: whole tables, then single entries."""
+    known = "com_P" in own.get("payload", {})  # the isolator has it from there
+    yield from (name for name in TABLES if name not in own and not (name == "isolator" and known))
+    for name in (name for name in TABLES if name in own and name != "bus"):
+        yield from _list_rest(own[name], whole[name], name)
+    for name, entries in _name_buses(own.get("bus", {})).items():
+        if "base" in entries:
+            where = "bus" if name == OWN_BUS else f"bus.{name}"
+            yield from (f"{where}.{f.name}" for f in fields(Bus) if f.name not in entries)
+
+
+def _list_rest(own: Any, whole: Any, where: str) -> Iterator[str]:
+    if isinstance(whole, list) and where.endswith(LEGS):
+        legs = own if isinstance(own, list) else [own]
+        yield from dict.fromkeys(name for leg in legs for name in _list_rest(leg, whole[0], where))
+    elif isinstance(whole, dict) and isinstance(own, dict):
+        for key, value in whole.items():
+            yield from [f"{where}.{key}"] if key not in own else _list_rest(own[key], value, f"{where}.{key}")
