@@ -30,6 +30,13 @@ def nest(inside, count=40):
     return inside
 
 
+@pytest.mark.parametrize("text", ["&#10;ps-fmu: done", "&#9;", "&#x85;", "&#x9b;31m"])
+def test_names_that_forge_lines_or_drive_the_terminal(folder, text):
+    (folder / "a.ssd").write_text(description(system(relay(f"r{text}"))))
+    with pytest.raises(SystemFileError, match=r"component 'r\\.*': control characters and line breaks"):
+        read_system(folder / "a.ssd")
+
+
 def test_systems_nested_through_many_files(folder):
     for k in range(18):
         deeper = f'<ssd:Component name="c" type="application/x-ssp-definition" source="{k + 1}.ssd"/>'

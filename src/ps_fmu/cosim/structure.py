@@ -173,6 +173,8 @@ class System:
     """What a system description says; nothing is loaded and no FMU has been looked into.
 
     ``path`` is the description, in an archive the archive and the member; ``labels`` its name and description.
+
+    Raises :class:`SystemFileError` for a name that a terminal would obey: names are in messages.
     """
 
     path: Path
@@ -185,6 +187,12 @@ class System:
     outputs: tuple[SystemOutput, ...] = ()
     remarks: tuple[str, ...] = ()
     """What the files say and nobody needs, such as values for parameters that are not there."""
+
+    def __post_init__(self) -> None:
+        for component in self.components:
+            if not component.name.isprintable():
+                text = f"component {component.name!r}: control characters and line breaks cannot be in a name"
+                raise SystemFileError(self.path, text)
 
     def component(self, name: str) -> Component:
         """The component of this name.  Raises :class:`UsageError`, with the names there are."""
