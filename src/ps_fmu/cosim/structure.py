@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import re
+import unicodedata
 import weakref
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager, nullcontext
@@ -190,7 +191,7 @@ class System:
 
     def __post_init__(self) -> None:
         for component in self.components:
-            if not component.name.isprintable():
+            if any(unicodedata.category(c) in ("Cc", "Zl", "Zp") for c in component.name):
                 text = f"component {component.name!r}: control characters and line breaks cannot be in a name"
                 raise SystemFileError(self.path, text)
 
