@@ -4,6 +4,7 @@ import os
 import signal
 import socket
 import threading
+from pathlib import Path
 
 import psutil
 import pytest
@@ -102,6 +103,23 @@ def list_cases(opened):
     prepared, folder = opened
     rows = read_rows(list_parts(folder, prepared.identity.plan_sha256))
     return [] if rows is None else rows["case"].to_pylist()
+
+
+def test_workers_remove_the_files_of_a_study_when_the_next_one_begins(make_prepared, tmp_path):
+    """On a long-lived cluster the FMUs of all studies would fill the disk."""
+    studies = []
+    for duration in ("0.1 s", "0.2 s"):
+        folder = tmp_path / f"of {duration}"
+        folder.mkdir()
+        prepared = make_prepared(changes={"0.1 s": duration})
+        open_folder(folder, prepared.plan, prepared.identity, resume=False)
+        studies.append((prepared, folder))
+    with cluster.connect(None, 1) as client:
+        for opened in studies:
+            dispatch(client, opened)
+            (scratch,) = client.run(lambda dask_worker: dask_worker.local_directory).values()
+            (left,) = Path(scratch).glob("study_*")
+            assert left.name.startswith(f"study_{opened[0].bundle.sha256[:16]}_")
 
 
 @pytest.mark.parametrize("moment", ["before the dashboard is asked for", "before a batch", "when a batch has come in"])
