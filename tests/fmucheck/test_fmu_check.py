@@ -174,6 +174,7 @@ def test_archives_that_are_not_safe_are_not_opened(toys, tmp_path, rows):
 
 
 BOMB = "".join(f'<!ENTITY e{n + 1} "{f"&e{n};" * 10}">' for n in range(12))
+ATTRIBUTES = "".join(f' a{n}=""' for n in range(1001)).encode()  # fmutool takes minutes for 200,000
 DOCTYPE = f'<!DOCTYPE a [<!ENTITY e0 "x">{BOMB}<!ENTITY f SYSTEM "file:///etc/passwd">]>'.encode()
 
 
@@ -185,6 +186,10 @@ DOCTYPE = f'<!DOCTYPE a [<!ENTITY e0 "x">{BOMB}<!ENTITY f SYSTEM "file:///etc/pa
         (lambda n, c: c.replace(b"?>", b"?>" + DOCTYPE, 1) if n.endswith("Description.xml") else c, "DOCTYPE"),
         (lambda n, c: c.replace(b"UTF-8", b"none", 1) if n.endswith("Description.xml") else c, "encoding"),
         (lambda n, c: b"<a>" * 100_000 if n.endswith("Description.xml") else c, "nested deeper than 100"),
+        (
+            lambda n, c: c.replace(b"<CoSimulation", b"<CoSimulation" + ATTRIBUTES),
+            "an element CoSimulation has more than 1000 attributes",
+        ),
     ],
 )
 def test_descriptions_that_are_not_read(change, reason, toys, tmp_path, rows):

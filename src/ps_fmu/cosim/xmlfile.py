@@ -18,6 +18,8 @@ MAXIMUM_BYTES = 16 * 2**20
 MAXIMUM_ELEMENTS = 1_000_000
 """They take 0.3 GB of memory, and may be of 4 bytes each in the file."""
 MAXIMUM_DEPTH = 100
+MAXIMUM_ATTRIBUTES = 1000
+"""Of an element.  Other readers, asked later, take time with the square of their number: minutes for 200,000."""
 
 NAMESPACES = {
     "http://ssp-standard.org/SSP1/SystemStructureDescription": "ssd",
@@ -100,6 +102,9 @@ def parse_xml(data: bytes, path: Path, texts: bool = False) -> Element:
         count += 1
         if count > MAXIMUM_ELEMENTS or len(opened) >= MAXIMUM_DEPTH:
             text = f"has more than {MAXIMUM_ELEMENTS} elements, or they are nested deeper than {MAXIMUM_DEPTH}"
+            raise SystemFileError(path, text, parser.CurrentLineNumber)
+        if len(attributes) > MAXIMUM_ATTRIBUTES:
+            text = f"an element {_add_prefix(name)} has more than {MAXIMUM_ATTRIBUTES} attributes"
             raise SystemFileError(path, text, parser.CurrentLineNumber)
         named = {_add_prefix(key): value for key, value in attributes.items()}
         element = Element(_add_prefix(name), named, parser.CurrentLineNumber, [], [] if texts else None)
