@@ -122,6 +122,11 @@ class ManipulatorPlant(Slave):
             ("base_acceleration", "base_angular_acceleration", "orientation"),
             "Accelerometers at the origin of B, and the nominal orientation of P",
         ),
+        Terminal(
+            "attitude",
+            ("payload_attitude", "line_of_sight", "payload_rotation.x", "payload_rotation.y"),
+            "Where the payload looks",
+        ),
     )
 
     plant: Plant

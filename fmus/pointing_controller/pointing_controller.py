@@ -72,7 +72,6 @@ class PointingController(Slave):
 
     terminals: ClassVar[tuple[Terminal, ...]] = (
         Terminal("pointing_error", ("line_of_sight_error", "locked"), "What the line-of-sight sensor measures"),
-        Terminal("added_fine_actuators", ("fine_force",), "Forces of the fine actuators, added to the isolator's"),
     )
 
     @refuse_parameters

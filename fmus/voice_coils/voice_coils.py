@@ -17,7 +17,6 @@ from ps_fmu.mechanism.quantities import take_values
 from ps_fmu.slavekit.author.ahead import RowParts
 from ps_fmu.slavekit.author.elements import Clip, Count, Element, Excess, Linear, Product, Quantise, Sine, Watch
 from ps_fmu.slavekit.author.slave import ModelError, Slave
-from ps_fmu.slavekit.author.terminals import Terminal
 from ps_fmu.slavekit.author.variables import Port, numbered
 
 DEFAULT = Coils.from_parameters(load())
@@ -57,10 +56,6 @@ class VoiceCoils(Slave):
         Port("contact", type="Boolean", description="A leg is at a stop", **OUTPUT),
         *make_parameter_ports(DEFAULT),
     )  # fmt: skip
-
-    terminals: ClassVar[tuple[Terminal, ...]] = (
-        Terminal("fine_actuators", ("fine_force",), "Forces of the fine actuators"),
-    )
 
     @refuse_parameters
     def configure(self) -> None:

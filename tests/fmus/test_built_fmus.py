@@ -2,6 +2,7 @@
 
 import gc
 import hashlib
+import re
 import subprocess
 import sys
 import xml.etree.ElementTree as ET
@@ -23,6 +24,7 @@ from ps_fmu.cosim import read_system
 from ps_fmu.slavekit.pack.build import build_one
 
 ROOT = Path(__file__).parents[2]
+PAGE = (ROOT / "fmus" / "README.md").read_text(encoding="utf-8")
 SCHEMA = Path(fmpy.__file__).parent / "schema" / "fmi3" / "fmi3TerminalsAndIcons.xsd"
 
 
@@ -161,9 +163,11 @@ def test_an_icon_and_what_is_to_read(fmu: Path) -> None:
         names = set(archive.namelist())
         icon = archive.read("model.png")
         index = archive.read("documentation/licenses/license.txt").decode()
+        page = archive.read("documentation/index.html").decode()
     assert icon == (ROOT / "fmus" / MODELS[fmu.stem] / "icon.png").read_bytes()
     assert icon.startswith(b"\x89PNG")
     assert {"documentation/index.html", "documentation/externalDependencies.txt"} <= names
+    assert {f"documentation/{link}" for link in re.findall(r'href="([^"#]+)"', page)} <= names
     others = {name for name in names if name.startswith("documentation/licenses/") and "license.txt" not in name}
     listed = {line.partition(":")[0] for line in index.partition("-----")[0].splitlines()[2:] if line}
     assert {f"documentation/licenses/{name}" for name in listed} == others
@@ -171,12 +175,22 @@ def test_an_icon_and_what_is_to_read(fmu: Path) -> None:
         assert "wheel-radial-harmonics.txt" in listed
 
 
-def test_joining_terminals_of_one_name_wires_the_system(built_fmus) -> None:
-    """Four terminals joined are all connections of the system."""
+def list_wires(system: str, fmus: Path) -> set[tuple[tuple[str, str], ...]]:
+    """The connections of a system, each as the FMU and the variable that it comes from and goes to."""
+    found = read_system(ROOT / "system" / system, fmus)
+    models = {component.name: component.source.stem for component in found.components}
+    return {
+        tuple((models[port.component], port.variable) for port in (connection.source, connection.target))
+        for connection in found.connections
+    }
+
+
+def test_joining_terminals_of_one_name_wires_what_the_page_says(built_fmus) -> None:
+    """The published system, and the sensor of the line of sight with plant and controller."""
     schema = etree.XMLSchema(etree.parse(str(SCHEMA)))
     members: dict[str, dict[str, list[str]]] = {}
     causality: dict[tuple[str, str], str] = {}
-    for model in COMPONENTS.values():
+    for model in MODELS:
         path = built_fmus / f"{model}.fmu"
         archive = zipfile.ZipFile(path)
         if "terminalsAndIcons/terminalsAndIcons.xml" not in archive.namelist():
@@ -187,8 +201,11 @@ def test_joining_terminals_of_one_name_wires_the_system(built_fmus) -> None:
             found = {m.get("memberName"): m.get("variableName") for m in terminal}
             members.setdefault(terminal.get("name"), {})[model] = found
         causality |= {(model, v.name): v.causality for v in read_model_description(str(path)).modelVariables}
+    (said,) = re.findall(r"^\*\*Terminals\.\*\*.*?^$", PAGE, re.DOTALL | re.MULTILINE)
+    assert set(re.findall(r"`(\w+)`", said)) == set(members)
     joined = set()
-    for pair in members.values():
+    for name, pair in members.items():
+        assert len(pair) == 2, name
         (one, ones), (other, others) = pair.items()
         assert set(ones) == set(others)  # the rule "plug"
         for member, variable in ones.items():
@@ -196,13 +213,38 @@ def test_joining_terminals_of_one_name_wires_the_system(built_fmus) -> None:
             start, end = sorted(ends, key=lambda end: causality[end] != "output")
             assert (causality[start], causality[end]) == ("output", "input")
             joined.add((start, end))
-    system = read_system(ROOT / "system" / "SystemStructure.ssd", built_fmus)
-    models = {component.name: component.source.stem for component in system.components}
-    assert len(members) == 4
-    assert joined == {
-        tuple((models[port.component], port.variable) for port in (connection.source, connection.target))
-        for connection in system.connections
+    sighted = {
+        wire for wire in list_wires("LineOfSight.ssd", built_fmus) if "LineOfSightSensor" in (wire[0][0], wire[1][0])
     }
+    assert joined == list_wires("SystemStructure.ssd", built_fmus) | sighted
+
+
+def test_outputs_follow_inputs_in_initialisation_mode_where_the_page_says_so(fmu: Path, tmp_path: Path) -> None:
+    """Each Real input is set to another number, each Boolean one to the other value."""
+    description = read_model_description(str(fmu))
+    slave = FMU2Slave(
+        guid=description.guid, unzipDirectory=extract(fmu, tmp_path), instanceName="it",
+        modelIdentifier=description.coSimulation.modelIdentifier,
+    )  # fmt: skip
+    slave.instantiate()
+    slave.setupExperiment(startTime=0.0)
+    slave.enterInitializationMode()
+
+    def read() -> list[list[float]]:
+        outputs = [v for v in description.modelVariables if v.causality == "output"]
+        return [getattr(slave, f"get{v.type}")([v.valueReference]) for v in outputs]
+
+    before = read()
+    for variable in description.modelVariables:
+        if variable.causality == "input" and variable.type == "Real":
+            slave.setReal([variable.valueReference], [float(variable.start) + 0.01])
+        elif variable.causality == "input":
+            (value,) = slave.getBoolean([variable.valueReference])
+            slave.setBoolean([variable.valueReference], [not value])
+    follows = read() != before
+    slave.freeInstance()
+    (said,) = re.findall(r"In\s+initialisation\s+mode[^.]*?follow\s", PAGE)
+    assert follows == (fmu.stem in said)
 
 
 def test_ports_of_the_design(built_fmus) -> None:
