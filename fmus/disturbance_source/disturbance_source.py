@@ -18,7 +18,7 @@ from ps_fmu.slavekit.author.variables import Port, Value, vector
 
 DEFAULT = default_settings(load())
 LATEST = 1e9  # s; there a double is off by 6e-8 s, 4e-4 rad of a line at 1 kHz, and from then on by ever more
-SPAN = 2.5  # s, of a table at most: from one block of fast noise to the next, each of which takes some 20 ms to make
+SPAN = 2.5  # s, of a table at most: from one block of fast noise to the next, each of which takes some 2 ms to make
 
 
 class DisturbanceSource(Slave):

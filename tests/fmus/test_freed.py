@@ -18,7 +18,7 @@ SETTINGS = [
     ("manipulator_plant", {}),
     ("pointing_commander", {"target__roll": 0.1}),  # slews, with an event in each step
     ("feedforward_isolator", {}),
-    ("feedforward_isolator", {"sample_time": 2e-4, "delay": 3e-4, "force_limit": 0.05}),  # with finish_step
+    ("feedforward_isolator", {"sample_time": 2e-4, "delay": 3e-4, "force_limit": 0.05}),
     ("disturbance_source", {}),
     ("disturbance_source", {"noise__multisine": True}),
     ("inertial_sensors", {"sample_time": 2e-4, "latency": 3e-4}),

@@ -14,7 +14,7 @@ from .buffer import Array
 from .guard import ModelError, Refused
 from .layout import BufferLayout
 
-FAR = 1e6  # factor; the arithmetic of the four FMUs fails from 1e8 on
+FAR = 1e6  # factor; the arithmetic of the default system fails from 1e8 on
 _MOST = 3  # of such values in a message
 
 

@@ -120,7 +120,8 @@ class Model(Fmi2Slave):
         """Outputs, or r, of the steps that end at t + h, ..., t + n h (s), shape (n, ny) or (n, n_row).
 
         A function of its arguments, parameters and memory alone.  The same row must not depend on the table
-        it comes in: take the times from :meth:`.tables.Tables.times`.  At most 256 are asked for at a time.
+        it comes in: take the times from :meth:`.tables.Tables.times`.  At most 256 are asked for at a time; a generator
+        is asked for a whole table.
 
         May be a generator, see :data:`.ahead.RowParts`: a table is then made in small parts while the last one is in
         use.  It takes what it needs from the buffer before it first yields.  A memory that changes the rows has to come

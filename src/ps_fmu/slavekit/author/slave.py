@@ -1,7 +1,7 @@
 """Base class of the slaves: pythonfmu's, on one buffer, one linear map per step, events apart from it.
 
 The files it is made of, each one subject: ``model`` what a model states, ``values`` access to variables,
-``stepper`` steps, and here the life cycle.  A simulation in order::
+``stepper`` steps, ``tables`` rows made ahead, and here the life cycle.  A simulation in order::
 
     instantiate --- set parameters and inputs --- setup_experiment --- enter_initialization_mode
         configure(), output_map()             whenever something was set and an output is read
@@ -248,7 +248,7 @@ class Slave(Stepper):
     # --- Description --------------------------------------------------------------------
 
     def to_xml(self, model_options: dict[str, str] | None = None) -> Element:
-        """The complete ``fmiModelDescription``, see :mod:`.description`; the options are its own."""
+        """The complete ``fmiModelDescription``, see :mod:`.model_description`; the options are its own."""
         from .model_description import model_description
 
         return model_description(self, super().to_xml)

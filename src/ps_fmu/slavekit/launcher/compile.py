@@ -1,4 +1,4 @@
-"""What the launcher is compiled from, see :mod:`..native`.  As a program: compile it."""
+"""What the launcher is compiled from, see :mod:`.c_program`.  As a program: compile it."""
 
 from __future__ import annotations
 
