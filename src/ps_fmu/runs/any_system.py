@@ -209,11 +209,10 @@ def _record(
         ) as recorder,
     ):
         start = master.time
-        # Rounding must not bring it beyond the end, which a bar does not take.
         master.run(
             duration,
             [recorder] if costs is None else costs.time([recorder]),
-            progress=lambda t, wall, factor: show(min(t - start, duration), wall, factor),
+            progress=lambda t, wall, factor: show(t - start, wall, factor),
             beside=True,
             checkpoints=keeper.checkpoints,
         )
