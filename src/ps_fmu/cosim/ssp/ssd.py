@@ -91,7 +91,7 @@ class SsdReader:
             raise SystemFileError(ssd, f"more than {DEEPEST} system descriptions refer to one another")
         self.root = read_xml(ssd)
         if self.root.tag != "ssd:SystemStructureDescription":
-            text = f"expected ssd:SystemStructureDescription of SSP 1.0, got {self.root.tag}"
+            text = f"expected ssd:SystemStructureDescription of SSP 1.0 or 2.0, got {self.root.tag}"
             raise self.make_error(text, self.root)
         check_element(self.root, ssd)
         check_version(self.root, ssd)
