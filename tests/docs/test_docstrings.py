@@ -77,8 +77,11 @@ def test_folders_with_other_files_are_not_emptied(load, tmp_path, built_fmus):
 
 
 def test_what_a_package_offers_is_where_it_is_defined(load):
+    import ps_fmu.cosim
     import ps_fmu.pointing
 
     found = load("api_pages").list_offered(ps_fmu.pointing)
     assert len(found) == len(ps_fmu.pointing.__all__)
     assert "ps_fmu.pointing.indices.RelativeError" in found
+    types = {"ps_fmu.cosim.events.Event", "ps_fmu.cosim.values.Value"}
+    assert types <= {*load("api_pages").list_offered(ps_fmu.cosim)}  # elsewhere they have no text of their own

@@ -1,14 +1,16 @@
 """Co-simulation of FMUs: read a system, run it, record it."""
 
 from .errors import ConvergenceError, CosimError, RecorderError, SlaveError, SystemFileError, UsageError, WiringError
-from .master import Event, Master
+from .events import Event
+from .master import Master
 from .recording.delivery import Observer
 from .recording.recorder import Recorder
 from .rows import Column
 from .schemes.scheme import Iteration, Rate, Scheme
 from .ssp.reading import read_parameters, read_system
 from .ssp.writing import write_ssp
-from .structure import PortName, System, Value
+from .structure import PortName, System
+from .values import Value
 
 __all__ = [
     "Column",

@@ -6,6 +6,7 @@ import math
 import re
 
 Value = float | int | bool | str
+"""What a variable may have: Real, Integer (and the number of an item of an Enumeration), Boolean or String."""
 
 _REAL = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?")
 _INTEGER = re.compile(r"[+-]?\d+")
