@@ -28,7 +28,10 @@ PLATFORM = "linux64"
 MODEL = Program(
     "model",
     Path(__file__).parent,
-    sources=("model.c", "noise.c", "refused.c", str(LAUNCHER.folder / "kernel.c"), str(LAUNCHER.folder / "elements.c")),
+    sources=(
+        "model.c", "noise.c", "refused.c",
+        *(str(LAUNCHER.folder / name) for name in ("kernel.c", "elements.c", "timed.c")),
+    ),
     headers=("noise.h",),
     targets={
         PLATFORM: Target(

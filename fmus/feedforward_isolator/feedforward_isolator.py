@@ -21,7 +21,6 @@ from ps_fmu.slavekit.author.elements import (
     Product,
     Sample,
     Watch,
-    count_steps,
     ring_size,
 )
 from ps_fmu.slavekit.author.slave import ModelError, Slave
@@ -72,11 +71,11 @@ class FeedforwardIsolator(Slave):
         *make_parameter_ports(DEFAULT),
         Port("force_limit", "parameter", "N", "Largest force of a fine actuator; 0 = no limit", min=0.0),
         Port(
-            "delay", "parameter", "s", "Pure delay of the forces, a multiple of the step, at most 1000 steps",
+            "delay", "parameter", "s", "Pure delay of the forces, of at most 1000 steps",
             min=0.0, display_unit="ms",
         ),
         Port(
-            "sample_time", "parameter", "s", "Period of a digital controller, a multiple of the step; 0 = every step",
+            "sample_time", "parameter", "s", "Period of a digital controller; 0 = every step",
             min=0.0, display_unit="ms",
         ),
         Port(
@@ -155,7 +154,7 @@ class FeedforwardIsolator(Slave):
         # Way that the gains are linear on, orientation after the last step, rad; progress on the way, and its middle.
         self.gain_orientation, self.gain_end, self.last_orientation = (self.memory[k : k + 3] for k in (0, 3, 6))
         self.progress, self.half_way = self.memory[9:13], self.memory[13:17]
-        self.sampled, self.held = self.memory[17:18], self.memory[18:19]  # steps since then
+        self.sampled, self.held = self.memory[17:18], self.memory[18:19]  # parts of a period since then
         self.held_force, self.ring = self.memory[19:22], self.memory[22:]  # N
         self.sample_time, self.delay = float(values["sample_time"]), float(values["delay"])  # s
         self.listed: tuple[tuple[float, bool], list[Element], list[Element]] = ((0.0, False), [], [])
@@ -166,10 +165,10 @@ class FeedforwardIsolator(Slave):
             force, after = self.y[:3], list[Element]()
             rests, acceleration = (self.last_orientation, SAME_ORIENTATION), self.places(self.u[:6])
             before: list[Element] = []
-            if self.sample_time:
-                every = count_steps("sample_time", self.sample_time, h)
-                before.append(Sample(self.u[:6], self.a[:6], self.sampled, every))
-                after.append(Hold(force, self.held_force, self.held, every))
+            hold = Hold(force, self.held_force, self.held, self.sample_time) if self.sample_time else None
+            if hold:
+                before.append(Sample(self.u[:6], self.a[:6], self.sampled, self.sample_time))
+                after.append(hold)
                 acceleration = self.places(self.a[:6])
             if self.turning is None:
                 before.append(Watch(self.orientation, self.gain_orientation, self.resolution, *rests))
@@ -183,7 +182,7 @@ class FeedforwardIsolator(Slave):
                     Product(self.places(self.progress)[[0] * 18], changing, self.a[6:]),
                 ]
             if self.delay:
-                after.append(Delay(force, self.ring, count_steps("delay", self.delay, h, LONGEST_DELAY)))
+                after.append(Delay(force, self.ring, self.delay, hold))
             if not self.enabled:  # at once, whatever is still on its way
                 after.append(Clip(force, 0.0, 0.0))
             self.listed = ((h, self.enabled), before, after)

@@ -23,7 +23,7 @@ from ps_fmu.slavekit.author.elements import (
     Product,
     Quantise,
     Watch,
-    count_steps,
+    put_before_start,
     ring_size,
 )
 from ps_fmu.slavekit.author.slave import Slave
@@ -91,7 +91,7 @@ class InertialSensors(Slave):
         first = self._find_noise(interval)(np.zeros(1, dtype=np.int64))[0]
         readings = self._limit(self.sensors.gain * self.x[:CHANNELS] + first)
         self.kept[:] = readings
-        self.ring[1:] = np.tile(readings, LONGEST_LATENCY)
+        put_before_start(self.ring, readings)
         self.y[:ESTIMATES], self.y[READINGS] = self.sensors.estimator @ readings, readings
         self.y[-1] = (np.abs(readings) >= self.sensors.ranges).any()
 
@@ -134,11 +134,11 @@ class InertialSensors(Slave):
             elements.append(Clip(readings, -ranges, ranges, "saturated"))
         if resolutions.any():
             elements.append(Quantise(readings, resolutions))
-        every = count_steps("sample_time", sensors.sample_time, h)
-        if every > 1:
-            elements.append(Hold(readings, kept, self.memory[2:3], every))
-        if latency := count_steps("latency", sensors.latency, h, LONGEST_LATENCY):
-            elements.append(Delay(self.y[READINGS], self.ring, latency))
+        hold = Hold(readings, kept, self.memory[2:3], sensors.sample_time) if sensors.sample_time else None
+        if hold:
+            elements.append(hold)
+        if sensors.latency:
+            elements.append(Delay(self.y[READINGS], self.ring, sensors.latency, hold))
         seen = np.flatnonzero(sensors.estimator.any(axis=1))
         estimates = self.places(self.y[:ESTIMATES])[seen]
         return [*elements, Linear(readings, sensors.estimator[np.ix_(seen, on)], estimates)]

@@ -18,7 +18,7 @@ from ps_fmu.sensors.line_of_sight import (
     TrackerNoise,
     relative_rows,
 )
-from ps_fmu.slavekit.author.elements import Delay, Element, Linear, Product, Sample, Watch, count_steps, ring_size
+from ps_fmu.slavekit.author.elements import Delay, Element, Linear, Product, Sample, Watch, ring_size
 from ps_fmu.slavekit.author.slave import Slave
 from ps_fmu.slavekit.author.terminals import Terminal
 from ps_fmu.slavekit.author.variables import Port, vector
@@ -106,7 +106,7 @@ class LineOfSightSensor(Slave):
             Product(a[PLACE], np.repeat(places(self.gain), 4), a[SHARE]),
             Watch(a[SHARE], self.centre, 1.0),
             Watch(self.x, self.zero, max(self.tracker.acquisition_time - 0.5 * h, 0.0)),
-            Sample(a[ERROR], a[SAMPLED], self.clock, count_steps("sample_time", self.tracker.sample_time, h)),
+            self.sample,
             Product(
                 np.concatenate([places(a[SAMPLED]), places(self.r), places(self.x)]),
                 np.concatenate([np.repeat(locked, 6), acquiring]),
@@ -126,13 +126,13 @@ class LineOfSightSensor(Slave):
 
     def after_map(self, h: float) -> Sequence[Element]:
         """The latency, of which the step itself is the first part."""
-        steps = count_steps("latency", self.tracker.latency, h, LONGEST_LATENCY)
-        return (Delay(self.y, self.ring, steps - 1),) if steps > 1 else ()
+        latency = self.tracker.latency
+        return (Delay(self.y, self.ring, latency, self.sample),) if latency else ()
 
     def rows(self, t: float, h: float, n: int) -> Generator[int, None, NDArray[np.float64]]:
         """Noise of the samples that the steps put out, (n, 3), rad, in parts."""
         yield 3  # the step at the end of the last table does nothing else
-        numbers = self.tracker.sample_numbers(self.times(t, h, n) - h - self.start[0])
+        numbers = self.tracker.sample_numbers(self.times(t, h, n) - self.start[0])
         yield 2
         return (yield from self.noise.in_parts(numbers))
 
@@ -163,6 +163,7 @@ class LineOfSightSensor(Slave):
             memory[0:1], memory[1:5], memory[5:6], memory[6:7], memory[7:8], memory[8:9],
         )  # fmt: skip
         self.ring = memory[9:]
+        self.sample = Sample(self.a[ERROR], self.a[SAMPLED], self.clock, self.tracker.sample_time)
         self.payload, self.target, self.visible = (
             self.view(name) for name in ("payload_attitude", "target_attitude", "target_visible")
         )

@@ -13,7 +13,7 @@ from ps_fmu.control.pointing import N_STATES, PointingLaw
 from ps_fmu.interface.ports import make_parameter_ports, refuse_parameters
 from ps_fmu.mechanism.parameters import load
 from ps_fmu.mechanism.quantities import take_values
-from ps_fmu.slavekit.author.elements import Clip, Delay, Element, Excess, Hold, Sample, Watch, count_steps, ring_size
+from ps_fmu.slavekit.author.elements import Clip, Delay, Element, Excess, Hold, Sample, Watch, ring_size
 from ps_fmu.slavekit.author.slave import ModelError, Slave
 from ps_fmu.slavekit.author.terminals import Terminal
 from ps_fmu.slavekit.author.variables import Port, numbered, vector
@@ -56,11 +56,11 @@ class PointingController(Slave):
         *make_parameter_ports(DEFAULT),
         Port("force_limit", "parameter", "N", "Largest force of a fine actuator; 0 = no limit", min=0.0),
         Port(
-            "delay", "parameter", "s", "Pure delay of the forces, a multiple of the step, at most 1000 steps",
+            "delay", "parameter", "s", "Pure delay of the forces, of at most 1000 steps",
             min=0.0, display_unit="ms",
         ),
         Port(
-            "sample_time", "parameter", "s", "Period of a digital controller, a multiple of the step; 0 = every step",
+            "sample_time", "parameter", "s", "Period of a digital controller; 0 = every step",
             min=0.0, display_unit="ms",
         ),
         Port(
@@ -88,11 +88,10 @@ class PointingController(Slave):
 
     def before_map(self, h: float) -> Sequence[Element]:
         """New gains when the platform has turned; the sample; what the limit cut off in the last step."""
-        every = count_steps("sample_time", self.sample_time, h) if self.sample_time else 1
         turn = Watch(
             self.view("orientation"), self.gain_orientation, self.resolution, self.last_orientation, SAME_ORIENTATION
         )
-        sample = Sample(self.view("line_of_sight_error"), self.a[SAMPLED], self.sample_clock, every)
+        sample = Sample(self.view("line_of_sight_error"), self.a[SAMPLED], self.sample_clock, self.sample_time or h)
         if not self.limit:
             return turn, sample
         return turn, sample, Excess(self.x[UNLIMITED], -self.limit, self.limit, self.a[EXCESS])
@@ -116,11 +115,11 @@ class PointingController(Slave):
         elements: list[Element] = []
         if self.limit:
             elements.append(Clip(force, -self.limit, self.limit, "saturated"))
-        if self.sample_time:
-            every = count_steps("sample_time", self.sample_time, h)
-            elements.append(Hold(force, self.held, self.hold_clock, every))
-        if steps := count_steps("delay", self.delay, h, LONGEST_DELAY):
-            elements.append(Delay(force, self.ring, steps))
+        hold = Hold(force, self.held, self.hold_clock, self.sample_time) if self.sample_time else None
+        if hold:
+            elements.append(hold)
+        if self.delay:
+            elements.append(Delay(force, self.ring, self.delay, hold))
         if not enabled:  # at once, whatever is still on its way
             elements.append(Clip(force, 0.0, 0.0))
         return elements

@@ -52,6 +52,25 @@ def test_runs_alone_under_simulate_fmu(fmu: Path) -> None:
         assert np.isfinite(result[name].astype(float)).all(), name
 
 
+@pytest.mark.parametrize("times", [{}, {"sample_time": 0.002}, {"delay": 0.002}, {"latency": 0.002}], ids=str)
+def test_an_input_that_jumps_between_steps_runs_under_simulate_fmu(fmu: Path, times: dict) -> None:
+    """FMPy ends a step where an input jumps, and goes on from there to the next output."""
+    variables = read_model_description(fmu).modelVariables
+    if not times.keys() <= {variable.name for variable in variables}:
+        return
+    inputs = [variable.name for variable in variables if variable.causality == "input" and variable.type == "Real"]
+    signals = None
+    if inputs:
+        name = inputs[0]
+        start = next(float(variable.start) for variable in variables if variable.name == name)
+        rows = [(0.0, start), (0.01234567, start), (0.01234567, start + 1e-6), (1.0, start + 1e-6)]
+        signals = np.array(rows, dtype=[("time", float), (name, float)])
+    result = simulate_fmu(str(fmu), stop_time=0.05, output_interval=1e-3, input=signals, start_values=times)
+    assert result["time"][-1] == pytest.approx(0.05)
+    for name in result.dtype.names[1:]:
+        assert np.isfinite(result[name].astype(float)).all(), name
+
+
 def test_input_signals_reach_the_plant(built_fmus) -> None:
     """A force on the bus, given as FMPy's input table, moves it as Newton says."""
     signals = np.array([(0.0, 913.0), (1.0, 913.0)], dtype=[("time", float), ("base_force.z", float)])

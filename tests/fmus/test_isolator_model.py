@@ -8,7 +8,7 @@ from support.mechanics import ORIENTATIONS_DEG, PAPER, pose_at
 from support.models import Host
 
 from ps_fmu.control.feedforward import Controller, gains, lowpass
-from ps_fmu.slavekit.author.slave import ModelError
+from ps_fmu.slavekit.author.slave import ModelError, Refused
 
 FORCES = ("fine_force_1", "fine_force_2", "fine_force_3")
 H = 1e-3  # s
@@ -110,13 +110,27 @@ def test_delay_outlives_a_change_of_step() -> None:
     np.testing.assert_allclose(host.get(*FORCES), before, rtol=0.1)
 
 
-@pytest.mark.parametrize(
-    ("delay", "text"), [(1.5e-3, "delay: 0.0015 s is not a multiple"), (5.0, "at most 1000 are kept")]
-)
-def test_impossible_delay_is_refused(delay: float, text: str) -> None:
-    host = Host("feedforward_isolator", delay=delay).run_mode()
-    with pytest.raises(ModelError, match=text):
-        host.step(H)
+def test_delay_in_steps_of_any_size_is_a_shift() -> None:
+    """The forces that were there at least the delay ago, whatever the steps between."""
+    plain, delayed = (Host("feedforward_isolator", delay=delay).run_mode() for delay in (0.0, 0.0123))
+    times, forces = [-1.0], [[0.0, 0.0, 0.0]]
+    time = 0.0
+    for k, h in enumerate([H, 0.3 * H, 2.7 * H, 1e-8, 11.0 * H] * 20):
+        for host in (plain, delayed):
+            host.set(**acceleration(k))
+            assert host.slave.do_step(time, h)
+        time += h
+        times.append(time)
+        forces.append(plain.get(*FORCES))
+        assert delayed.get(*FORCES) == forces[int(np.searchsorted(times, time - 0.0123 + 1e-9)) - 1]
+
+
+def test_a_delay_of_too_many_steps_is_refused() -> None:
+    host = Host("feedforward_isolator", delay=1.0).run_mode()
+    run(host, 1001)
+    host = Host("feedforward_isolator", delay=5.0).run_mode()
+    with pytest.raises(Refused, match="more than 1000 steps lie within a delay of 5 s"):
+        run(host, 1002)
 
 
 def test_force_limit_clips_and_says_so() -> None:
@@ -152,11 +166,23 @@ def test_sampled_controller_is_the_controller_at_its_own_period() -> None:
     np.testing.assert_array_equal(forces[4:7], np.repeat(forces[3:4], 3, axis=0))
 
 
-@pytest.mark.parametrize("period", [2.5 * H, 4e-10])
-def test_period_must_be_a_multiple_of_the_step(period: float) -> None:
-    host = Host("feedforward_isolator", sample_time=period).run_mode()
-    with pytest.raises(ModelError, match=f"sample_time: {period:g} s is not a multiple"):
-        host.step(H)
+def test_a_period_below_the_step_is_that_of_the_step() -> None:
+    short, none = (Host("feedforward_isolator", sample_time=period).run_mode() for period in (4e-10, 0.0))
+    np.testing.assert_allclose(run(short, 40), run(none, 40), rtol=1e-12)
+
+
+def test_the_controller_samples_at_its_own_times() -> None:
+    """Forces change at the end of the step into which a multiple of the period falls."""
+    host = Host("feedforward_isolator", sample_time=10 * H).run_mode()
+    time, changed, before = 0.0, [], [0.0, 0.0, 0.0]
+    for k, h in enumerate([H] * 3 + [0.7 * H] * 10 + [2.35 * H] * 14):
+        host.set(**acceleration(k))
+        assert host.slave.do_step(time, h)
+        time += h
+        if host.get(*FORCES) != before:
+            changed.append(round(time / H, 3))
+        before = host.get(*FORCES)
+    assert changed == [10.0, 21.75, 31.15, 40.55]
 
 
 def test_period_outlives_a_change_of_step() -> None:

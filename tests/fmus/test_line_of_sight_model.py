@@ -6,7 +6,7 @@ from support.models import Host
 
 from ps_fmu.mechanism.quaternions import from_rotation_vector, multiply
 from ps_fmu.sensors.line_of_sight import DEFAULT_TRACKER, line_of_sight_error
-from ps_fmu.slavekit.author.slave import ModelError
+from ps_fmu.slavekit.author.slave import Refused
 
 H = 1e-3  # s
 ERROR = tuple(f"line_of_sight_error.{axis}" for axis in "xyz")
@@ -159,13 +159,27 @@ def test_a_restored_state_goes_on_in_the_same_way() -> None:
     np.testing.assert_array_equal(run(other, 40), expected)
 
 
-@pytest.mark.parametrize(
-    ("values", "text"),
-    [({"sample_time": 1.5e-3}, "sample_time: 0.0015 s is not a multiple"), ({"latency": 2.0}, "at most 1000 are kept")],
-)
-def test_times_that_do_not_fit_the_step_are_refused(values: dict, text: str) -> None:
-    with pytest.raises(ModelError, match=text):
-        make(**values).step(H)
+@pytest.mark.parametrize("latency", [0.0, 0.4, 3.0, 7.3, 20.0])
+def test_steps_of_any_size_are_those_of_a_fine_grid(latency: float) -> None:
+    """Samples, their noise and their latency, at the steps' ends."""
+    fine, coarse = (make(sample_time=2.3 * H, latency=latency * H) for _ in range(2))
+    start = 0
+    for k, n in enumerate([3, 17, 1, 20, 9, 23, 7, 20] * 20):  # steps of the fine grid
+        turn = [1e-5 * np.sin(k), 2e-6 * k, 0.0] if k > 2 else [0.0, 0.0, 0.0]
+        for host in (fine, coarse):
+            host.set(**attitude("target_attitude", turned(turn)))
+        fine.step(0.1 * H, n)
+        assert coarse.slave.do_step(start * 0.1 * H, n * 0.1 * H)
+        start += n
+        if k < 3:  # the lock takes two steps
+            continue
+        assert (coarse.get(*ERROR), coarse.flag("locked")) == (fine.get(*ERROR), fine.flag("locked")), start
+    assert coarse.flag("locked")
+
+
+def test_a_latency_of_too_many_steps_is_refused() -> None:
+    with pytest.raises(Refused, match="more than 1000 steps lie within a delay of 2 s"):
+        make(latency=2.0).step(H, 1002)
 
 
 def test_the_noise_is_displayed_in_a_unit_of_its_size():

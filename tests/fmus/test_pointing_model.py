@@ -98,6 +98,23 @@ def test_delay_is_a_shift(steps: int) -> None:
     np.testing.assert_array_equal(late[steps:], plain[:-steps])
 
 
+def test_sampling_and_delay_in_steps_of_any_size() -> None:
+    """Forces leave at the first end of a step that is the delay after the multiple of the period they are made at."""
+    host = Host("pointing_controller", sample_time=3 * H, delay=5 * H).run_mode()
+    start, made, late, before = 0.0, [], [], [0.0, 0.0, 0.0]
+    for k, h in enumerate([2.0, 1.3, 0.4, 2.8, 3.0, 0.7, 0.3, 0.1] * 12):
+        host.set(**{f"line_of_sight_error__{axis}": float(e) for axis, e in zip("xyz", error(k), strict=True)})
+        assert host.slave.do_step(start * H, h * H)
+        made += [m for m in range(3, 400, 3) if start + 1e-9 < m <= start + h + 1e-9]
+        start += h
+        if host.get(*FORCES) != before:
+            late.append(start)
+        before = host.get(*FORCES)
+        due = [m for m in made if m + 5 <= start + 1e-9]
+        assert len(late) == len(due)
+        assert not late or late[-1] < due[-1] + 5 + 3.0
+
+
 def test_a_digital_controller_is_the_law_at_its_period() -> None:
     """Ten steps of a sampled controller are one of the law with that step."""
     found = run(Host("pointing_controller", sample_time=10 * H).run_mode(), 200)

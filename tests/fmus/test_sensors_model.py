@@ -9,7 +9,7 @@ from support.twins import InFmpy, InPython
 from ps_fmu.mechanism.quantities import replace_values
 from ps_fmu.sensors.defaults import default_sensors
 from ps_fmu.sensors.inertial import ACCELEROMETERS, CHANNELS
-from ps_fmu.slavekit.author.slave import ModelError, Refused
+from ps_fmu.slavekit.author.slave import ModelError
 
 H = 1e-4  # s
 ESTIMATE = [f"estimated_{kind}.{axis}" for kind in ("acceleration", "angular_acceleration") for axis in "xyz"]
@@ -107,12 +107,17 @@ def test_samples_are_held_and_are_the_same_for_each_step():
     assert len(np.unique(fine[:, 9, 0])) == 100
 
 
-@pytest.mark.parametrize("name", ["sample_time", "latency"])
-def test_times_that_are_no_multiple_of_the_step_are_refused(name):
-    host = Host("inertial_sensors", **{name: 2.5e-4}).run_mode()
-    with pytest.raises((ModelError, Refused), match=f"{name}: 0.00025 s is not a multiple"):
-        host.step(H)
-    host.step(0.5 * H, 2)
+def test_steps_of_any_size_are_those_of_a_fine_grid():
+    """Noisy samples at rest and their latency, at the steps' ends."""
+    fine, coarse = (
+        Host("inertial_sensors", **NOISY, sample_time=1e-3, latency=2.3e-3).run_mode() for _ in range(2)
+    )  # fmt: skip
+    start = 0
+    for n in [10, 3, 7, 5, 6, 9, 1, 9] * 10:  # steps of the fine grid
+        fine.step(H, n)
+        assert coarse.slave.do_step(start * H, n * H)
+        start += n
+        assert coarse.get(*CHANNEL) == fine.get(*CHANNEL), start
 
 
 def test_a_reading_beyond_the_range_is_held_and_said_once():

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from support.bench import N_INPUTS, Bench
+from support.bench import N_INPUTS, Bench, H
 
 from ps_fmu.slavekit.author.core import OutputLimits
 from ps_fmu.slavekit.author.elements import Delay, Linear, Product, ring_size
@@ -78,7 +78,7 @@ def test_states_written_before_the_map_come_back_when_the_step_is_refused(instru
     bench = Bench()
     bench.use(
         [Product(bench.u[0:2], bench.u[1:3], bench.x[1:3]), Product(bench.u[2:3], bench.u[2:3], bench.memory[0:1])],
-        [Delay(bench.y[0:2], bench.memory[10 : 10 + ring_size(2, 3)], 3)],
+        [Delay(bench.y[0:2], bench.memory[10 : 10 + ring_size(2, 3)], 3 * H)],
     )
     bench.x[:] = 0.5
     bench.u[:] = 2.0, 3.0, 4.0

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from support.bench import Bench, H, make_quiet_bench, run, use_matrix
 
-from ps_fmu.slavekit.author.core import MAP, Elements
 from ps_fmu.slavekit.author.elements import (
     Clip,
     Count,
@@ -20,12 +19,11 @@ from ps_fmu.slavekit.author.elements import (
     Sample,
     Sine,
     Watch,
-    count_steps,
     ring_size,
 )
 from ps_fmu.slavekit.author.guard import ModelError
 from ps_fmu.slavekit.author.plain import make_plain_step
-from ps_fmu.slavekit.author.program import change_step
+from ps_fmu.slavekit.author.program import find_full_delay
 
 
 @pytest.fixture
@@ -34,7 +32,7 @@ def bench() -> Bench:
 
 
 def test_sample(bench):
-    bench.use([Sample(bench.u[0:2], bench.a[0:2], bench.memory[0:1], 3)], [])
+    bench.use([Sample(bench.u[0:2], bench.a[0:2], bench.memory[0:1], 3 * H)], [])
     found = []
     for k in range(8):
         bench.u[:] = k, -k, 0.0
@@ -44,7 +42,7 @@ def test_sample(bench):
 
 
 def test_hold(bench):
-    bench.use([], [Hold(bench.y[0:2], bench.memory[2:4], bench.memory[0:1], 3)])
+    bench.use([], [Hold(bench.y[0:2], bench.memory[2:4], bench.memory[0:1], 3 * H)])
     found = []
     for k in range(8):
         bench.u[:] = k, -k, 0.0
@@ -55,7 +53,7 @@ def test_hold(bench):
 
 @pytest.mark.parametrize("steps", [0, 1, 4, 7])
 def test_delay(bench, steps):
-    bench.use([], [Delay(bench.y[0:2], bench.memory[: ring_size(2, 7)], steps)])
+    bench.use([], [Delay(bench.y[0:2], bench.memory[: ring_size(2, 7)], steps * H)])
     found = []
     for k in range(20):
         bench.u[:] = k + 1.0, -k, 0.0
@@ -175,53 +173,114 @@ def test_count(bench, together):
 # --- Another step size ------------------------------------------------------------------
 
 
-def test_rings_and_clocks_at_another_step_size(bench):
+def steps_of(bench, h, n):
+    """The outputs after each of n steps of h (s)."""
+    bench.core.step, bench.core.count = h, 0
+    found = []
+    for _ in range(n):
+        run(bench)
+        found.append(bench.y[:2].tolist())
+    return found
+
+
+def test_delay_and_hold_at_another_step_size(bench):
+    """A value is late by its own time, and comes out at the first end of a step from then on."""
     bench.use(
-        [], [Delay(bench.y[0:1], bench.memory[:9], 4), Hold(bench.y[1:2], bench.memory[9:10], bench.memory[10:11], 8)]
+        [],
+        [
+            Delay(bench.y[0:1], bench.memory[: ring_size(1, 9)], 4 * H),
+            Hold(bench.y[1:2], bench.memory[40:41], bench.memory[41:42], 8 * H),
+        ],
     )
     for k in range(5):
         bench.u[:] = float(k + 1), 1.0, 0.0
-        run(bench)
-    assert bench.memory[10] == 5.0
-    change_step(bench.core.elements, bench.data, H, H / 2)
-    assert bench.memory[10] == 10.0
+        steps_of(bench, H, 1)
+    assert steps_of(bench, H / 2, 6) == [[k, 0.0] for k in (1.0, 2.0, 2.0, 3.0, 3.0)] + [[4.0, 1.0]]
+    assert [found[0] for found in steps_of(bench, 1.3 * H, 2)] == [5.0, 5.0]
+
+
+def test_samples_keep_their_own_times(bench):
+    """After a change of the step, and with steps that do not divide the period: at its multiples."""
     bench.use(
-        [], [Delay(bench.y[0:1], bench.memory[:9], 8), Hold(bench.y[1:2], bench.memory[9:10], bench.memory[10:11], 16)]
+        [Sample(bench.u[0:1], bench.a[0:1], bench.memory[0:1], 10.0)],
+        [Hold(bench.y[1:2], bench.memory[2:3], bench.memory[1:2], 10.0)],
     )
+    t, taken = 0.0, [[], []]
+    for h in [1.0] * 3 + [0.7] * 10 + [0.35, 7.3, 2.35] + [25.0, 1.0, 4.0] + [3.0] * 10:
+        before = bench.a[0], bench.y[1]
+        bench.u[:2] = t, t + h  # when the step starts, and ends
+        steps_of(bench, h, 1)
+        t += h
+        for times, last, now in zip(taken, before, (bench.a[0], bench.y[1]), strict=True):
+            if now != last:
+                times.append(round(float(now), 9))
+    starts, ends = taken
+    assert starts == [10.0, 20.0, 50.0, 59.0, 68.0]
+    assert ends == [10.0, 20.0, 45.0, 50.0, 62.0, 71.0, 80.0]
+
+
+def test_samples_of_many_steps_do_not_drift(bench):
+    """Thirds and sevenths of a period add up with rounding."""
+    bench.use([Sample(bench.u[0:1], bench.a[0:1], bench.memory[0:1], 0.01)], [])
+    for k in range(1200):
+        n = (3, 7)[k % 2]
+        for part in range(n):
+            bench.u[0] = -1.0 if part else k
+            steps_of(bench, 0.01 / n, 1)
+            assert bench.a[0] == k
+
+
+def test_a_delay_of_a_sample_begins_with_it(bench):
+    """Not with the end of the step; without a sample in it, with its start."""
+    sample = Sample(bench.u[0:1], bench.a[0:1], bench.memory[0:1], 1.0)
+    bench.use([sample], [Delay(bench.y[0:1], bench.memory[1 : 1 + ring_size(1, 9)], 1.5, sample)])
     found = []
-    for _ in range(6):
-        run(bench)
-        found.append(bench.y[:2].tolist())
-    assert found == [[k, 0.0] for k in (1.5, 2.0, 2.5, 3.0, 3.5)] + [[4.0, 1.0]]
+    for k, h in enumerate([0.5, 0.5, 0.5, 0.5, 0.7, 0.7, 0.7, 0.8]):  # from 0, 0.5, 1, 1.5, 2, 2.7, 3.4 and 4.1 on
+        bench.u[0] = k + 1.0
+        found += [row[0] for row in steps_of(bench, h, 1)]
+    assert found == [0.0, 0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0]
 
 
-def test_a_step_size_that_leads_nowhere_is_refused(bench):
-    bench.use([Sample(bench.u[0:1], bench.a[0:1], bench.memory[0:1], 2)], [])
-    bench.memory[0] = 1.0
-    with pytest.raises(ModelError, match="cannot change from 1e\\+300 s to 1e-300 s"):
-        change_step(bench.core.elements, bench.data, 1e300, 1e-300)
+def test_a_delay_of_held_values_begins_when_they_are_taken(bench):
+    hold = Hold(bench.y[0:1], bench.memory[40:41], bench.memory[0:1], 1.0)
+    bench.use([], [hold, Delay(bench.y[0:1], bench.memory[1 : 1 + ring_size(1, 9)], 1.5, hold)])
+    found = []
+    for k, h in enumerate([0.5, 0.5, 0.5, 0.7, 0.3, 0.2, 0.8, 0.5, 0.1]):  # to 0.5, 1, 1.5, 2.2, 2.5, 2.7, 3.5, 4, 4.1
+        bench.u[0] = k + 1.0
+        found += [row[0] for row in steps_of(bench, h, 1)]
+    assert found == [0.0, 0.0, 0.0, 0.0, 2.0, 2.0, 4.0, 4.0, 4.0]
+    assert steps_of(bench, 0.5, 1)[0][0] == 7.0  # taken at 3, in the step to 3.5
+
+
+def test_a_delay_with_too_many_steps_is_refused(bench):
+    delay = Delay(bench.y[0:1], bench.memory[: ring_size(1, 4)], 5 * H)
+    bench.use([], [delay])
+    steps_of(bench, 5 * H, 3)
+    steps_of(bench, H, 2)
+    assert find_full_delay(bench.core.elements, bench.data, H) == ""
+    steps_of(bench, H / 2, 1)
+    before = bench.data.copy()
+    bench.core.step = H
+    for step in (make_plain_step(bench.core), lambda: bench.by_kernel("sse2")):
+        assert not step()
+        assert bench.data.tobytes() == before.tobytes()
+    text = "more than 4 steps lie within a delay of 0.05 s, which keeps no more"
+    assert find_full_delay(bench.core.elements, bench.data, H) == text
+    assert find_full_delay(bench.core.elements, bench.data, 3 * H) == ""
+    steps_of(bench, 3 * H, 3)
 
 
 @pytest.mark.parametrize("place", [-1.0, 0.5, 5.0, 1e300])
-def test_a_made_up_place_in_a_ring(bench, place):
-    delay = Delay(bench.y[0:1], bench.memory[:6], 4)
+@pytest.mark.parametrize("kept", [0, 1])
+def test_a_made_up_row_of_a_ring(bench, kept, place):
+    delay = Delay(bench.y[0:1], bench.memory[: ring_size(1, 4)], 4 * H)
     bench.use([], [delay])
     step = make_plain_step(bench.core)
-    bench.memory[0] = place
-    with pytest.raises(ModelError, match="delay of 1 values: its memory begins with"):
+    bench.memory[kept] = place
+    with pytest.raises(ModelError, match="delay of 1 values: it keeps the row"):
         bench.use([], [delay])
     before = bench.data.tobytes()
     if place != 0.5:  # between two rows: harmless
         assert not step()
         assert not bench.by_kernel("sse2")
         assert bench.data.tobytes() == before
-
-
-def test_times_in_steps():
-    assert [count_steps("delay", t, H) for t in (0.0, 0.01, 0.3)] == [0, 1, 30]
-    with pytest.raises(ModelError, match=r"delay: 0.015 s is not a multiple of the communication step 0.01 s"):
-        count_steps("delay", 0.015, H)
-    with pytest.raises(ModelError, match=r"delay: 0.05 s is 5 steps of 0.01 s; at most 4 are kept"):
-        count_steps("delay", 0.05, H, 4)
-    assert isinstance(Elements().before, tuple)
-    assert MAP == 1

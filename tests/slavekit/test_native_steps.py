@@ -101,15 +101,35 @@ def test_elements_are_native_and_the_same_in_python(start, toys):
     assert python.state() == native.state()
 
 
-def test_a_time_that_is_no_multiple_of_the_step_is_refused(start, capfd):
+def test_steps_of_any_size_are_native_and_the_same_in_python(start, toys):
+    """Those that divide neither the sample time nor the delay."""
+    pair = start("channel"), InPython(toys["channel"])
+    pair[1].initialise()
+    for first, h in ((0, 0.7 * H), (70, 0.3 * H), (130, 1.9 * H)):
+        rows = [send(instance, first, 40, h) for instance in pair]
+        assert rows[0] == rows[1]
+        for instance in pair:
+            start_of_last = first * H + 40 * h
+            instance.step(start_of_last, {0: 70, 70: 130, 130: 400}[first] * H - start_of_last)
+        assert pair[0].state() == pair[1].state()
+    assert pair[0].steps()[0] > 60
+
+
+def test_a_delay_of_too_many_steps_is_refused(start, capfd):
     channel = start("channel")
-    send(channel, 0, 33)
-    before = channel.state()
-    assert refused(channel.step, 33 * H, 0.7 * H) == ERROR
-    text = "sample_time: 0.04 s is not a multiple of the communication step 0.007 s"
-    assert text in capfd.readouterr().err
+    send(channel, 0, 6)
+    n = 0
+    while n < 30 and not capfd.readouterr().err:
+        before, n = channel.state(), n + 1
+        try:
+            channel.step(6 * H + (n - 1) * 0.1 * H, 0.1 * H)
+        except FMICallException as error:
+            assert error.status == ERROR
+            break
+    assert 15 < n < 25
+    assert "more than 20 steps lie within a delay of 0.06 s" in capfd.readouterr().err
     assert channel.state() == before
-    send(channel, 33, 10)
+    channel.step(6 * H + (n - 1) * 0.1 * H, 5 * H)
 
 
 def test_a_refused_step_with_elements_changes_nothing(start, toys, capfd):

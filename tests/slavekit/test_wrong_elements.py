@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from support.bench import Bench, make_quiet_bench
+from support.bench import Bench, H, make_quiet_bench
 
 from ps_fmu.slavekit.author.elements import Clip, Count, Delay, Hold, Linear, Product, Quantise, Ramp, Sample, Sine
 
@@ -23,9 +23,9 @@ def bench() -> Bench:
         (lambda b: Product(b.u, b.u.tolist(), b.a), "Product.second: expected a view"),
         (lambda b: Product(b.u, b.u.view(np.float32)[:3], b.a), "expected numbers of the type float64"),
         (lambda b: Product(b.u, np.array([1, 2, 999]), b.a), "Product.second does not lie in the buffer"),
-        (lambda b: Sample(b.u, b.a, b.memory[0:1], 0), "Sample.every: expected a whole number from 1 on, got 0"),
-        (lambda b: Sample(b.u, b.a, b.a[0:1], 1), "Sample.clock: expected a part of memory"),
-        (lambda b: Hold(b.y[:2], b.memory[:2], b.memory[1:2], 1), "Hold.clock: expected memory of its own"),
+        (lambda b: Sample(b.u, b.a, b.memory[0:1], 0.0), "Sample.period: expected a finite time above 0 s, got 0.0"),
+        (lambda b: Sample(b.u, b.a, b.a[0:1], H), "Sample.clock: expected a part of memory"),
+        (lambda b: Hold(b.y[:2], b.memory[:2], b.memory[1:2], H), "Hold.clock: expected memory of its own"),
         (lambda b: Clip(b.y, 1.0, 0.0), "Clip.lower = 1.0 and upper = 0.0: expected lower <= upper"),
         (lambda b: Clip(b.y, math.nan, 0.0), "Clip.lower: expected numbers, got nan"),
         (lambda b: Clip(b.y, 0.0, 1.0, "y_0"), "Clip.flag: expected a Boolean output"),
@@ -35,8 +35,8 @@ def bench() -> Bench:
         (lambda b: Quantise(b.a, [1.0, 2.0]), "Quantise.resolution: expected a number or 3 numbers"),
         (lambda b: Quantise(b.a, -1.0), "Quantise.resolution: expected 0 or greater"),
         (lambda b: Sine(b.u, math.inf, 0.0, b.a), "Sine.factor: expected finite numbers"),
-        (lambda b: Delay(b.y[:2], b.memory[:8], 1), r"Delay.ring has 8 numbers; expected ring_size\(2, longest\)"),
-        (lambda b: Delay(b.y[:1], b.memory[:4], 4), "Delay.steps = 4; the ring holds 3"),
+        (lambda b: Delay(b.y[:2], b.memory[:8], H), r"Delay.ring has 8 numbers; expected ring_size\(2, longest\)"),
+        (lambda b: Delay(b.y[:1], b.memory[:12], -H), "Delay.delay: expected a finite time of 0 or more s"),
         (lambda b: Count(b.u, 1.0, b.memory[:6], b.y[:2]), "Count.target has 2 numbers; expected 1 or 3"),
         (lambda b: Count(b.u, 1.0, b.memory[:3], b.y[:3]), "Count.kept has 3 numbers; expected 6"),
     ],

@@ -31,7 +31,7 @@ from ps_fmu.slavekit.author.slave import Port
 from ps_fmu.slavekit.launcher.compile import LAUNCHER
 
 H = 0.01  # s
-N_OUTPUTS, N_STATES, N_INPUTS, N_AUXILIARY, N_ROW, N_MEMORY = 5, 4, 3, 3, 2, 60
+N_OUTPUTS, N_STATES, N_INPUTS, N_AUXILIARY, N_ROW, N_MEMORY = 5, 4, 3, 3, 2, 120
 
 
 def step_by_kernel(instructions: str, core: Core) -> bool:
@@ -47,7 +47,7 @@ def core_of(n_outputs: int, n_states: int, n_inputs: int) -> tuple[Core, np.ndar
     ports = [Port(f"y_{i}", "output") for i in range(n_outputs)] + [Port(f"u_{i}", "input") for i in range(n_inputs)]
     layout = BufferLayout("sizes", "1", ports, n_states, 0, 0)
     data = np.zeros(layout.size)
-    return make_core(layout, data), data[: layout.clock.start]
+    return make_core(layout, data), data[: layout.memory.start]
 
 
 def use_matrix(core: Core, matrix: np.ndarray, *, dense: bool = False) -> None:
@@ -107,11 +107,11 @@ class Bench:
         other, every = self.random_operand(n, written=False), int(random.integers(1, 5))
         some = np.sort(random.standard_normal((2, n)), axis=0)
         choice = random.integers(12)
-        if choice in (0, 8, 9) and self.taken + 1 + 6 * n > N_MEMORY - 6:
+        if choice in (0, 8, 9) and self.taken + 1 + ring_size(n, 5) > N_MEMORY - 6:
             choice = 7
         match choice:
             case 0:
-                return Sample(value, target, self.keep(1), every)
+                return Sample(value, target, self.keep(1), every * H)
             case 1:
                 return Ramp(value, other, target, np.abs(some[0]) * random.choice([1.0, math.inf]))
             case 2:
@@ -127,9 +127,9 @@ class Bench:
             case 7:
                 return Quantise(target, random.choice([0.0, 0.1, 1e-3], n))
             case 8:
-                return Hold(target, self.keep(n), self.keep(1), every)
+                return Hold(target, self.keep(n), self.keep(1), every * H)
             case 9:
-                return Delay(target, self.keep(ring_size(n, 5)), int(random.integers(0, 6)))
+                return Delay(target, self.keep(ring_size(n, 5)), int(random.integers(0, 6)) * H)
             case 10:
                 return Watch(value, other, np.abs(some[0]))
             case _:

@@ -47,12 +47,8 @@ class InertialSensors(Checked):
     """All parameters; its scalars are those of the FMU."""
 
     seed: int = quantity("1", "Seed of noise and of the constant errors drawn from the spreads", at_least=0)
-    sample_time: float = quantity(
-        "s", "Time between samples, a multiple of the step; 0 = every step", at_least=0.0, display="ms"
-    )
-    latency: float = quantity(
-        "s", "Pure delay of the readings, a multiple of the step", at_least=0.0, display="ms"
-    )
+    sample_time: float = quantity("s", "Time between samples; 0 = every step", at_least=0.0, display="ms")
+    latency: float = quantity("s", "Pure delay of the readings", at_least=0.0, display="ms")
     accelerometer: AccelerometerKind = group()
     accelerometers: tuple[Accelerometer, ...] = group()
     rate_sensor: RateSensorKind = group()
@@ -256,4 +252,3 @@ class ChannelNoise:
     def find_samples(self, elapsed: Array) -> NDArray[np.int64]:
         """Numbers of the last samples at times since the start (n,), s; from :data:`LAST_SAMPLE` on, that one."""
         return np.floor(np.clip(elapsed / self.interval + 1e-6, 0.0, LAST_SAMPLE)).astype(np.int64)
-

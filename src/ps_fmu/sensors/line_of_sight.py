@@ -113,10 +113,8 @@ class Tracker(Checked):
         "rad", "Noise-equivalent angle: standard deviation of a sample about an axis of P", shape=(3,), display="urad"
     )
     roll_measured: bool = quantity("", "The rotation about the boresight is measured, too; false: error.z stays 0")
-    sample_time: float = quantity("s", "Time between samples, a multiple of the communication step", above=0.0)
-    latency: float = quantity(
-        "s", "From a sample to its output, a multiple of the communication step; at least two steps", at_least=0.0
-    )
+    sample_time: float = quantity("s", "Time between samples", above=0.0)
+    latency: float = quantity("s", "From a sample to its output", at_least=0.0)
     field_of_view: float = quantity("rad", "Full width of the field in which lock is kept", above=0.0, at_most=2.0)
     acquisition_field: float = quantity(
         "rad", "Full width of the field in which lock is acquired, at most field_of_view", above=0.0, at_most=2.0
@@ -205,8 +203,8 @@ class Tracker(Checked):
         return place, max(_find_largest(place) - self.acquisition_share, 0.0)
 
     def sample_numbers(self, time: Array) -> NDArray[np.int64]:
-        """Number of the last sample before or at times (n,), s since the start; before the first one: 0."""
-        return np.maximum(np.floor(time / self.sample_time + 1e-6), 0.0).astype(np.int64)
+        """Number of the last sample before times (n,), s since the start; before the first one: 0."""
+        return np.maximum(np.ceil(time / self.sample_time - 1e-6) - 1.0, 0.0).astype(np.int64)
 
     def noise(self, numbers: NDArray[np.int64]) -> Array:
         """Noise (n, 3), rad, of ascending sample numbers (n,)."""

@@ -43,7 +43,7 @@ class Elements:
         self.words = write_words(self.before), write_words(self.after)
 
 
-_MAGIC = 0x35302D65726F63  # "core-05"
+_MAGIC = 0x36302D65726F63  # "core-06"
 NOTHING, MAP, TABLE = range(3)
 FOUND_DUE = 2
 """Value of ``pending`` if an element has found, before the map, that an event is due before this step."""
@@ -185,7 +185,7 @@ class Core(ctypes.Structure):
         written = {place for element in self.elements.every for place in element.list_writes()}
         written |= set(range((row - first) // 8, (row - first) // 8 + self.n_row))
         spans = find_spans([place for place in written if place not in kept_as_target])
-        rings = [element.n for element in self.elements.every if element.kind == DELAY]
+        rings = [element.n + 1 for element in self.elements.every if element.kind == DELAY]
         room = np.zeros((len(spans) + len(rings) + 1, 2), dtype=np.int64)
         self._point(spans=spans, kept_spans=room)
         self._point(kept_values=np.zeros(int(spans[:, 1].sum()) + sum(rings) + self.n_target))

@@ -1,7 +1,7 @@
 """Elements of a step: what a model does before and after its linear map, in each step, without Python.
 
 A model lists them in :meth:`.model.Model.before_map` and :meth:`.model.Model.after_map`.  They are done in their order,
-by the launcher's kernel (``launcher/elements.c``) or in Python (``plain_elements.py``), with the same bits.
+by the launcher's kernel (``elements.c`` and ``timed.c``) or in Python (``plain_elements.py``), with the same bits.
 
 An *operand* is a view of the buffer (``self.x[0:3]``, ``self.view("load")``) or places in it
 (``self.places(view)[[2, 0]]``).  An element writes outputs, states, auxiliary inputs and memory.  Constants are one
@@ -11,7 +11,7 @@ number for all values, or one for each.  A step in which any number is not finit
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -23,6 +23,9 @@ from .instructions import (
     CLIP,
     COUNT,
     DELAY,
+    DELAY_NEWEST,
+    DELAY_OUT,
+    DELAY_RING,
     EXCESS,
     HOLD,
     LINEAR,
@@ -40,29 +43,13 @@ from .instructions import (
     tell_neighbours,
 )
 
-_SAME = 1e-6  # of a step, and 1e-9 of the interval: so close to a multiple of the step it is one
 _SPARSE = 5
 """Time of a column of a dense matrix over that of an entry of a sparse one, in the kernel."""
 
 
-def count_steps(name: str, interval: float, h: float, most: int | None = None) -> int:
-    """Whole steps of ``h`` (s) in ``interval`` (s); none for an interval of zero alone.
-
-    Raises
-    ------
-    ModelError: not a multiple of the step, or above ``most`` steps; the text starts with ``name``.
-    """
-    count = round(interval / h)
-    if abs(interval / h - count) > (_SAME if count else 0.0) + 1e-9 * count:
-        raise ModelError(f"{name}: {interval:g} s is not a multiple of the communication step {h:g} s")
-    if most is not None and count > most:
-        raise ModelError(f"{name}: {interval:g} s is {count} steps of {h:g} s; at most {most} are kept")
-    return count
-
-
 def ring_size(n: int, longest: int) -> int:
-    """Numbers of memory that a :class:`Delay` of ``n`` values by at most ``longest`` steps needs."""
-    return 1 + n * longest
+    """Numbers of memory for a :class:`Delay` of ``n`` values, within whose time lie at most ``longest`` steps."""
+    return DELAY_RING + (n + 1) * (longest + 1)
 
 
 class Element(ABC):
@@ -75,44 +62,46 @@ class Element(ABC):
 
 @dataclass(frozen=True, eq=False)
 class Sample(Element):
-    """Each ``every`` steps, from the first one on: target <- source.
+    """At each multiple of the period (s), from the first step on: target <- source.
 
-    ``clock`` is a number of memory of its own, 0 at the start: steps since the last sample.
+    A step takes the sample that falls into it, or the last of several, at its start; one at its very end is the next
+    step's.  ``clock`` is a number of memory of its own, 0 at the start: the part of a period since the last sample.
     """
 
     source: Operand
     target: Operand
     clock: Operand
-    every: int
+    period: float
 
     def instruct(self, find: Finder) -> Instruction:
         """See :meth:`Element.instruct`."""
         target = find.targets("target", self.target)
         source = find.places("source", self.source, target.size)
         clock = int(find.memory("clock", self.clock, 1)[0])
-        return Instruction(SAMPLE, target, source, n=target.size, clock=clock, steps=_count("every", self.every, 1))
+        return Instruction(SAMPLE, target, source, n=target.size, clock=clock, time=_time("period", self.period, True))
 
 
 @dataclass(frozen=True, eq=False)
 class Hold(Element):
-    """Sample and hold: the values at the end of each ``every``-th step stay until that many steps later.
+    """Sample and hold: at each multiple of the period (s), but for the start, the values are taken, and stay.
 
-    ``kept`` is memory for the values, ``clock`` one number of memory of its own: steps since they were renewed.  Both
+    A step into which one falls takes the values at its end; one at its very start was the last step's.  ``kept`` is
+    memory for the values, ``clock`` one number of memory of its own: the part of a period since they were taken.  Both
     are 0 at the start, and so are the values until the end of the first period.
     """
 
     values: Operand
     kept: Operand
     clock: Operand
-    every: int
+    period: float
 
     def instruct(self, find: Finder) -> Instruction:
         """See :meth:`Element.instruct`."""
         target = find.targets("values", self.values)
         kept = find.memory("kept", self.kept, target.size)
         clock = int(find.memory("clock", self.clock, 1)[0])
-        steps = _count("every", self.every, 1)
-        return Instruction(HOLD, target, second=kept, n=target.size, clock=clock, steps=steps)
+        period = _time("period", self.period, True)
+        return Instruction(HOLD, target, second=kept, n=target.size, clock=clock, time=period)
 
 
 @dataclass(frozen=True, eq=False)
@@ -247,34 +236,46 @@ class Quantise(Element):
 
 @dataclass(frozen=True, eq=False)
 class Delay(Element):
-    """values <- the values of ``steps`` steps ago; 0 before the start.
+    """values <- the newest values that were there at least ``delay`` (s) ago; those before the start are 0.
 
-    ``ring`` is memory of :func:`ring_size` (n, longest), 0 at the start.  If the step size changes, the past is kept by
-    linear interpolation between its values.
+    A step's values are those at its end.  With ``sampled`` they came with that element's last sample, or at the start
+    of a step without one: behind a :class:`Sample` the step is a part of the delay.  ``ring`` is memory of
+    :func:`ring_size` (n, longest), 0 at the start; see also :func:`put_before_start`.  If more than ``longest`` steps
+    lie within the delay, a step is refused.
     """
 
     values: Operand
     ring: Operand
-    steps: int
+    delay: float
+    sampled: Sample | Hold | None = None
 
     def instruct(self, find: Finder) -> Instruction:
         """See :meth:`Element.instruct`."""
         target = find.targets("values", self.values)
         n = target.size
         ring = find.places("ring", self.ring)
-        longest = (ring.size - 1) // n
-        if longest < 1 or ring.size != ring_size(n, longest) or (np.diff(ring) != 1).any():
+        rows = (ring.size - DELAY_RING) // (n + 1)
+        if rows < 2 or ring.size != ring_size(n, rows - 1) or (np.diff(ring) != 1).any():
             raise ValueError(f"ring has {ring.size} numbers; expected ring_size({n}, longest), side by side")
         ring = find.memory("ring", ring, ring.size)
-        steps = _count("steps", self.steps, 0)
-        if steps > longest:
-            raise ValueError(f"steps = {steps}; the ring holds {longest}")
-        place = find.value(int(ring[0]))
-        if place not in range(longest):
-            raise ModelError(f"delay of {n} values: its memory begins with {place:g}; expected 0 to {longest - 1}")
-        return Instruction(
-            DELAY, target, second=ring[1:].copy(), n=n, n_source=longest, clock=int(ring[0]), steps=steps
+        for place in ring[[DELAY_NEWEST, DELAY_OUT]].tolist():
+            if find.value(place) not in range(rows):
+                kept = f"{find.value(place):g}; expected 0 to {rows - 1}"
+                raise ModelError(f"delay of {n} values: it keeps the row {kept}")
+        found = Instruction(
+            DELAY, target, n=n, n_source=rows, clock=int(ring[0]), time=_time("delay", self.delay, False)
         )
+        if self.sampled is None:
+            return found
+        # Where the clock is 0, a sample is due at the start of the next step, or has been held at the end of this one.
+        since = np.array([1.0 if isinstance(self.sampled, Sample) else 0.0])
+        clock, period = find.places("sampled", self.sampled.clock, 1), find.constants("sampled", self.sampled.period, 1)
+        return replace(found, source=clock, low=since, high=period)
+
+
+def put_before_start(ring: Array, values: Array) -> None:
+    """Have the :class:`Delay` with this new ring put out these values as those before the start."""
+    ring[DELAY_RING + 1 : DELAY_RING + 1 + values.size] = values
 
 
 @dataclass(frozen=True, eq=False)
@@ -335,10 +336,12 @@ def _instruct_sparse(target: Places, source: Places, matrix: Array, entries: int
     return Instruction(SPARSE, target, source[columns].ravel(), matrix=factors, n=target.size, n_source=entries)
 
 
-def _count(what: str, value: int, least: int) -> int:
-    if value != int(value) or not least <= value < 2**53:
-        raise ValueError(f"{what}: expected a whole number from {least} on, got {value!r}")
-    return int(value)
+def _time(what: str, value: float, above: bool) -> float:
+    """s."""
+    time = float(value)
+    if not (0.0 < time < np.inf or (time == 0.0 and not above)):
+        raise ValueError(f"{what}: expected a finite time {'above 0' if above else 'of 0 or more'} s, got {value!r}")
+    return time
 
 
 def _limits(find: Finder, lower: ArrayLike, upper: ArrayLike, n: int) -> tuple[Array, Array]:

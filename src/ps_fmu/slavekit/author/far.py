@@ -56,8 +56,6 @@ def _find_far_values(layout: BufferLayout, data: Array, places: range) -> list[_
 
 def _iterate_far_values(layout: BufferLayout, data: Array, places: range) -> Iterator[_Far]:
     for place in places:
-        if place in range(layout.clock.start, layout.clock.stop):
-            continue
         port, value = layout.by_reference.get(place), float(data[place])
         if port is not None and port.start and port.type != "Boolean":
             decades = _count_decades(value, float(port.start))

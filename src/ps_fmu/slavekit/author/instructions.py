@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Sequence
-from ctypes import c_int64, c_void_p
+from ctypes import c_double, c_int64, c_void_p
 from dataclasses import dataclass
 from typing import Any
 
@@ -24,11 +24,12 @@ _MANY = 8  # numbers
 (
     SAMPLE, RAMP, PRODUCT, LINEAR, CLIP, EXCESS, SINE, QUANTISE, HOLD, DELAY, WATCH, COUNT, SPARSE,
 ) = range(1, 14)  # fmt: skip
+DELAY_NEWEST, DELAY_OUT, DELAY_AGE, DELAY_NEWEST_AGE, DELAY_RING = range(5)
 
 
 @dataclass(frozen=True, eq=False)
 class Instruction:
-    """What an element is made of; ``launcher/elements.c`` says which kind uses what, and for what."""
+    """What an element is made of; ``launcher/elements.c`` or ``timed.c`` says which kind uses what, and for what."""
 
     kind: int
     target: Places | None = None
@@ -41,14 +42,16 @@ class Instruction:
     n: int = 0
     n_source: int = 0
     clock: int = -1
-    steps: int = 0
+    time: float = 0.0
+    """Period or delay, s."""
 
     def list_writes(self) -> list[int]:
         """Places that it writes, without a ring."""
         written = [] if self.target is None else self.target.tolist()
         if self.second is not None and self.kind in (HOLD, COUNT):
             written += self.second.tolist()
-        return written if self.clock < 0 else [*written, self.clock]
+        n_kept = 0 if self.clock < 0 else DELAY_RING if self.kind == DELAY else 1
+        return [*written, *range(self.clock, self.clock + n_kept)]
 
     def count_scratch(self) -> int:
         """Numbers that the kernel needs beside the buffer."""
@@ -71,7 +74,7 @@ class Words(ctypes.Structure):
     _fields_ = (
         ("kind", c_int64), ("n", c_int64),
         ("source", c_void_p), ("second", c_void_p), ("target", c_void_p), ("low", c_void_p), ("high", c_void_p),
-        ("matrix", c_void_p), ("stride", c_int64), ("n_source", c_int64), ("clock", c_int64), ("steps", c_int64),
+        ("matrix", c_void_p), ("stride", c_int64), ("n_source", c_int64), ("clock", c_int64), ("time", c_double),
     )  # fmt: skip
 
 
@@ -81,7 +84,7 @@ def write_words(instructions: Sequence[Instruction]) -> ctypes.Array[Words]:
     for k, e in enumerate(instructions):
         stride = 0 if e.matrix is None else e.matrix.shape[1]
         addresses = (find_address(array) for array in (e.source, e.second, e.target, e.low, e.high, e.matrix))
-        words[k] = Words(e.kind, e.n, *addresses, stride, e.n_source, e.clock, e.steps)
+        words[k] = Words(e.kind, e.n, *addresses, stride, e.n_source, e.clock, e.time)
     return words
 
 

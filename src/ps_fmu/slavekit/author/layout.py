@@ -18,7 +18,7 @@ _LARGEST = float(np.finfo(np.float64).max)
 
 
 class BufferLayout:
-    """The buffer ``[y outputs|x states|u inputs|a auxiliary|r row|event inputs|parameters|clock|memory]``.
+    """The buffer ``[y outputs|x states|u inputs|a auxiliary|r row|event inputs|parameters|memory]``.
 
     ``y`` and ``x`` are adjacent, and so are ``x``, ``u``, ``a`` and ``r``: a step is ``[y; x] <- M @ [x; u; a; r]``.
     Booleans and Integers are kept as doubles.  Strings live in a list outside; their references follow the
@@ -46,11 +46,10 @@ class BufferLayout:
         events = [port for port in numeric if port.causality == "input" and port.event]
         parameters = [port for port in numeric if port.causality == "parameter"]
 
-        sizes = [len(outputs), n_states, len(inputs), n_auxiliary, n_row, len(events), len(parameters), 1, n_memory]
+        sizes = [len(outputs), n_states, len(inputs), n_auxiliary, n_row, len(events), len(parameters), n_memory]
         ends = np.cumsum([0, *sizes]).tolist()
         regions = [slice(first, last) for first, last in pairwise(ends)]
-        self.y, self.x, self.u, self.a, self.r, self.events, self.parameters, self.clock, self.memory = regions
-        """``clock`` is one number, the base class's own: the step that clocks and rings of elements count in, s."""
+        self.y, self.x, self.u, self.a, self.r, self.events, self.parameters, self.memory = regions
         self.source = slice(self.x.start, self.r.stop)
         """The operand ``[x; u; a; r]`` of a step."""
         self.target = slice(self.y.start, self.x.stop)
@@ -58,7 +57,7 @@ class BufferLayout:
         self.size: int = ends[-1]
 
         self.by_reference: dict[int, Port] = {}
-        for region, group in zip(regions, (outputs, (), inputs, (), (), events, parameters, (), ()), strict=True):
+        for region, group in zip(regions, (outputs, (), inputs, (), (), events, parameters, ()), strict=True):
             self.by_reference |= dict(enumerate(group, region.start))
         self.by_reference |= dict(enumerate(self.strings, self.size))
         self.reference = {port.name: reference for reference, port in self.by_reference.items()}
@@ -128,7 +127,7 @@ class BufferLayout:
         """What lies at a place of the buffer, for messages: a variable's name, or for example ``state 3``."""
         if place in self.by_reference:
             return self.by_reference[place].name
-        regions = {"state": self.x, "auxiliary": self.a, "row": self.r, "clock": self.clock, "memory": self.memory}
+        regions = {"state": self.x, "auxiliary": self.a, "row": self.r, "memory": self.memory}
         return next(f"{name} {place - r.start}" for name, r in regions.items() if r.start <= place < r.stop)
 
     def find(self, name: str) -> int:

@@ -1,4 +1,4 @@
-"""The elements of a step in Python: number by number the same operations as ``launcher/elements.c``.
+"""The elements of a step in Python: number by number the same operations as ``launcher/elements.c`` and ``timed.c``.
 
 numpy's own sine differs from that of the C library in the last bit; Python's is that one.
 """
@@ -16,6 +16,11 @@ from .instructions import (
     CLIP,
     COUNT,
     DELAY,
+    DELAY_AGE,
+    DELAY_NEWEST,
+    DELAY_NEWEST_AGE,
+    DELAY_OUT,
+    DELAY_RING,
     EXCESS,
     HOLD,
     LINEAR,
@@ -34,7 +39,7 @@ Run = Callable[[], bool]
 
 
 class NotFiniteError(ArithmeticError):
-    """A number of an element is not finite, or the memory of a delay is impossible."""
+    """A number of an element is not finite, or the memory of a delay is impossible or full."""
 
 
 def make_runs(instructions: Sequence[Instruction], data: Array, step: float) -> list[Run]:
@@ -107,18 +112,31 @@ def _quantise(_: float, __: float, resolution: float, ___: float, ____: float, v
         return value if resolution == 0.0 else float(np.rint(value / resolution)) * resolution
 
 
-def _tick(clock: float, steps: int) -> float:
-    return 0.0 if clock + 1.0 > steps - 0.5 else clock + 1.0
+def _make_tick(e: Instruction, step: float) -> tuple[float, float, Callable[[float], float]]:
+    """The part of a period that a step is, how much of a period is rounding, and the clock after a step."""
+    part = step / e.time
+    slack = 1e-6 * min(part, 1.0) + 1e-9
+
+    def tick(clock: float) -> float:
+        after = clock + part
+        if not math.isfinite(after):
+            raise NotFiniteError
+        left = after - math.floor(after + slack)
+        return left if left > slack else 0.0
+
+    return part, slack, tick
 
 
 def _make_sample(data: _Numbers, e: Instruction, step: float) -> Run:
     pairs = list(zip(_list(e.target), _list(e.source), strict=True))
+    part, slack, tick = _make_tick(e, step)
 
     def run() -> bool:
-        if data[e.clock] == 0.0:
+        clock = data[e.clock]
+        if clock == 0.0 or clock + part > 1.0 + slack:
             for target, source in pairs:
                 data[target] = data[source]
-        data[e.clock] = _tick(data[e.clock], e.steps)
+        data[e.clock] = tick(clock)
         return False
 
     return run
@@ -126,15 +144,16 @@ def _make_sample(data: _Numbers, e: Instruction, step: float) -> Run:
 
 def _make_hold(data: _Numbers, e: Instruction, step: float) -> Run:
     pairs = list(zip(_list(e.target), _list(e.second), strict=True))
+    part, slack, tick = _make_tick(e, step)
 
     def run() -> bool:
-        clock = _tick(data[e.clock], e.steps)
-        if clock == 0.0:
+        clock = data[e.clock]
+        if clock + part >= 1.0 - slack:
             for value, kept in pairs:
                 data[kept] = data[value]
         for value, kept in pairs:
             data[value] = data[kept]
-        data[e.clock] = clock
+        data[e.clock] = tick(clock)
         return False
 
     return run
@@ -194,20 +213,34 @@ def _make_clip(data: _Numbers, e: Instruction, step: float) -> Run:
 
 
 def _make_delay(data: _Numbers, e: Instruction, step: float) -> Run:
-    targets, ring, rows = _list(e.target), _list(e.second)[0], e.n_source
+    targets, rows, width, kept = _list(e.target), e.n_source, e.n + 1, e.clock
+    ring, least = kept + DELAY_RING, e.time - (1e-6 * step + 1e-9 * e.time)
+    sampled = e.source is not None
+    (clock,), (least_clock,), (period,) = _list(e.source) or [0], _list(e.low) or [0.0], _list(e.high) or [0.0]
 
     def run() -> bool:
-        place = data[e.clock]
-        if not 0.0 <= place < rows:
+        newest, out = data[kept + DELAY_NEWEST], data[kept + DELAY_OUT]
+        if not (0.0 <= newest < rows and 0.0 <= out < rows):
             raise NotFiniteError
-        row = int(place)
-        old = (row - e.steps + rows) % rows
-        for k, target in enumerate(targets):
-            value = data[target]
-            delayed = data[ring + old * e.n + k] if e.steps > 0 else value
-            data[ring + row * e.n + k] = value
-            data[target] = delayed
-        data[e.clock] = float((row + 1) % rows)
+        row, late = (int(newest) + 1) % rows, int(out)
+        full = row == late  # the newest row takes the place of the one put out so far
+        age = min(step, (data[clock] if data[clock] > 0.0 else least_clock) * period) if sampled else 0.0
+        data[ring + row * width] = step - age + data[kept + DELAY_NEWEST_AGE]
+        for k, target in enumerate(targets, 1):
+            data[ring + row * width + k] = data[target]
+        age_late = data[kept + DELAY_AGE] + step
+        while full or late != row:
+            after = (late + 1) % rows
+            age_after = age_late - data[ring + after * width]
+            if not age_after >= least:
+                break
+            late, age_late, full = after, age_after, False
+        if full:
+            raise NotFiniteError
+        for k, target in enumerate(targets, 1):
+            data[target] = data[ring + late * width + k]
+        data[kept + DELAY_NEWEST], data[kept + DELAY_OUT] = float(row), float(late)
+        data[kept + DELAY_AGE], data[kept + DELAY_NEWEST_AGE] = age_late, age
         return False
 
     return run

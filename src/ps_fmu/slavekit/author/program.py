@@ -1,17 +1,15 @@
-"""The elements that a model lists, checked and compiled; their clocks and rings at another step size."""
+"""The elements that a model lists, checked and compiled."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from typing import NamedTuple
 
-import numpy as np
-
 from .buffer import Array
 from .core import Elements, Map
 from .elements import Element
 from .guard import ModelError
-from .instructions import DELAY, HOLD, SAMPLE, Finder, Instruction
+from .instructions import DELAY, DELAY_AGE, DELAY_NEWEST, DELAY_OUT, DELAY_RING, Finder, Instruction
 from .layout import BufferLayout
 
 
@@ -55,28 +53,13 @@ def _compile(where: str, elements: Sequence[Element], find: Finder) -> list[Inst
     return compiled
 
 
-def change_step(elements: Elements, data: Array, old: float, new: float) -> None:
-    """Have the clocks and rings of elements, which count steps of ``old`` (s), count steps of ``new`` (s).
-
-    Raises ModelError if that leads to numbers that are not finite.
-    """
-    with np.errstate(all="ignore"):
-        for element in (*elements.before, *elements.after):
-            if element.kind in (SAMPLE, HOLD):
-                data[element.clock] *= old / new
-            elif element.kind == DELAY:
-                _resample(element, data, new / old)
-    if not np.isfinite(data).all():
-        raise ModelError(f"the step size cannot change from {old:g} s to {new:g} s: what is kept becomes infinite")
-
-
-def _resample(delay: Instruction, data: Array, ratio: float) -> None:
-    """The same past on another grid, whose steps are ``ratio`` times as long, by linear interpolation."""
-    assert delay.second is not None
-    longest = delay.n_source
-    ring = data[delay.second].reshape(longest, delay.n)
-    ages = np.arange(longest)
-    newest_first = ring[(int(data[delay.clock]) - 1 - ages) % longest]
-    past = np.stack([np.interp(ages * ratio, ages, column, right=0.0) for column in newest_first.T], axis=1)
-    data[delay.second] = past[::-1].ravel()
-    data[delay.clock] = 0.0
+def find_full_delay(elements: Elements, data: Array, step: float) -> str:
+    """What to say of a delay that cannot keep another step of ``step`` (s); empty: all can."""
+    for e in elements.every:
+        if e.kind == DELAY:
+            newest, out = (int(data[e.clock + kept]) for kept in (DELAY_NEWEST, DELAY_OUT))
+            gap = data[e.clock + DELAY_RING + (out + 1) % e.n_source * (e.n + 1)]
+            is_late = data[e.clock + DELAY_AGE] + step - gap >= e.time - 1e-6 * step - 1e-9 * e.time
+            if (newest + 1) % e.n_source == out and not is_late:
+                return f"more than {e.n_source - 1} steps lie within a delay of {e.time:g} s, which keeps no more"
+    return ""

@@ -133,7 +133,7 @@ class Slave(Stepper):
             self._core.pending = False
             self.remap()
             self.discard_rows()
-            self.r[:] = self._clock[:] = 0.0
+            self.r[:] = 0.0
             self.configure()
             self._check_finite("configure()")
             outputs = self.output_map()

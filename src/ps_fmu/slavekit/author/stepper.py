@@ -15,7 +15,7 @@ from .elements import Element
 from .far import blame
 from .guard import ModelError, Refused, escape, report
 from .plain import Step, make_holder, make_plain_step
-from .program import StepMap, change_step, compile_elements
+from .program import StepMap, compile_elements, find_full_delay
 from .state import Derived, LifePhase, SlaveClock, SlaveState
 from .tables import Tables
 
@@ -43,7 +43,6 @@ class Stepper(Tables):
         self._target = self._buffer.data[layout.target]
         self._kept = np.empty_like(self._buffer.data)
         self._plain_step: Step | None = None  # None: out of date
-        self._clock = self._buffer.data[layout.clock]  # the step in which clocks of elements count, s; 0: in none yet
         self._maps: list[StepMap] = []
         self._compiled: tuple[tuple[Sequence[Element], ...], Elements] = ((), Elements())
         self._ready = False  # setup_experiment was called
@@ -176,6 +175,8 @@ class Stepper(Tables):
             while not self._handle_event_and_step():
                 if core.pending != FOUND_DUE:
                     self._check_row()
+                    if full := find_full_delay(core.elements, kept, core.step):
+                        raise Refused(full)
                     raise Refused(f"the step leads to numbers that are not finite: {self._describe_not_finite()}")
         except BaseException as error:
             data[:] = kept
@@ -245,7 +246,8 @@ class Stepper(Tables):
         core.n_rows = rows  # up to the next part of the work ahead
         if self._is_at_end_of_rows():
             self._work_ahead()
-        self._use_elements(step_map.elements)
+        if core.elements is not step_map.elements:
+            core.use_elements(step_map.elements)
         limits = self._compute_limits()
         core.finishing = self.finishing
         if not self.finishing:
@@ -276,15 +278,6 @@ class Stepper(Tables):
             return True
 
         return finished
-
-    def _use_elements(self, elements: Elements) -> None:
-        core, clock = self._core, self._clock
-        if core.elements is not elements:
-            core.use_elements(elements)
-        if (elements.before or elements.after) and clock[0] != core.step:
-            if clock[0] > 0.0:
-                change_step(elements, self._buffer.data, float(clock[0]), core.step)
-            clock[0] = core.step
 
     def _find_map(self, h: float) -> StepMap:
         for found in self._maps:

@@ -39,8 +39,8 @@ LAUNCHER = Program(
     "launcher",
     Path(__file__).parent,
     sources=(
-        "text.c", "find.c", "floats.c", "python.c", "instance.c", "kernel.c", "elements.c", "native.c", "launcher.c",
-        "status.c",
+        "text.c", "find.c", "floats.c", "python.c", "instance.c", "kernel.c", "elements.c", "timed.c", "native.c",
+        "launcher.c", "status.c",
     ),
     headers=_HEADERS,
     targets={

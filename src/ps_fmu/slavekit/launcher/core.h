@@ -4,7 +4,7 @@
 
 #include <stdint.h>
 
-#define CORE_MAGIC 0x35302d65726f63ull /* "core-05" */
+#define CORE_MAGIC 0x36302d65726f63ull /* "core-06" */
 
 /* Asked for the String variable of this value reference, a slave answers with the address of its core, in decimal; 0: it
    wants none.  No model description lists it. */
@@ -40,6 +40,11 @@ enum {
    is 0. */
 enum { NEIGHBOURS = 1 };
 
+/* What a DELAY keeps, from its `clock` on: the newest row of its ring; the row that it puts out; how long ago that one's
+   values were taken, and the newest ones, s.  Then its `n_source` rows: how long after the last row's values its own were
+   taken, s, and the n values. */
+enum { DELAY_NEWEST, DELAY_OUT, DELAY_AGE, DELAY_NEWEST_AGE, DELAY_RING };
+
 /* The same as the class Instruction in instructions.py.  Lists of places are places in `data`. */
 typedef struct Element {
     int64_t kind, n;          /* n: length of `target`, and of the lists that go with it element by element */
@@ -47,8 +52,8 @@ typedef struct Element {
     const double *low, *high; /* constants, n each */
     const double *matrix;     /* n_source columns of `stride`, as that of the map; SPARSE: n rows of n_source */
     int64_t stride, n_source;
-    int64_t clock;            /* place of a counter */
-    int64_t steps;
+    int64_t clock;            /* place of a clock, a flag, or what a DELAY keeps */
+    double time;              /* period or delay, s */
 } Element;
 
 /* Numbers side by side in `data`. */

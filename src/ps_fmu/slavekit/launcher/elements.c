@@ -1,6 +1,5 @@
 #include "elements.h"
 
-#include <float.h>
 #include <math.h>
 #include <stddef.h>
 
@@ -25,12 +24,6 @@ void run_undo(Run *run)
     }
 }
 
-/* Whether a number is finite, without a jump: the loops below ask it of all their results together. */
-static int is_finite(double value)
-{
-    return fabs(value) <= DBL_MAX;
-}
-
 /* target[k] <- an expression in k, one after the other; false if a result is not finite. */
 #define PUT_EACH(expression)                                                                                           \
     do {                                                                                                               \
@@ -48,45 +41,6 @@ static int is_finite(double value)
 static double clip(double value, double low, double high)
 {
     return value < low ? low : value > high ? high : value;
-}
-
-/* Copy numbers, one after the other; 0 if one is not finite: a state may have been made up. */
-static int move(double *data, const int64_t *target, const int64_t *source, int64_t n)
-{
-    int finite = 1;
-    ONE_BY_ONE
-    for (int64_t k = 0; k < n; k++) {
-        const double value = data[source[k]];
-        data[target[k]] = value;
-        finite &= is_finite(value);
-    }
-    return finite;
-}
-
-/* A clock that begins again after `steps`. */
-static double next_tick(double clock, int64_t steps)
-{
-    double next = clock + 1.0;
-    return next > (double)steps - 0.5 ? 0.0 : next;
-}
-
-static bool sample(double *data, const Element *e)
-{
-    int finite = 1;
-    if (data[e->clock] == 0.0)
-        finite = move(data, e->target, e->source, e->n);
-    data[e->clock] = next_tick(data[e->clock], e->steps);
-    return finite & is_finite(data[e->clock]);
-}
-
-static bool hold(double *data, const Element *e)
-{
-    double clock = next_tick(data[e->clock], e->steps);
-    if (clock == 0.0)
-        move(data, e->second, e->target, e->n);
-    const int finite = move(data, e->target, e->second, e->n);
-    data[e->clock] = clock;
-    return finite & is_finite(clock);
 }
 
 static bool ramp(double *data, const Element *e, double step)
@@ -245,28 +199,6 @@ static bool quantise(double *data, const Element *e)
     return finite;
 }
 
-/* `clock` is the place of the next row of the ring.  It comes from a state that may have been made up. */
-static bool delay(Run *run, const Element *e)
-{
-    double *data = run->data, next = data[e->clock];
-    const int64_t rows = e->n_source, n = e->n;
-    if (!(next >= 0.0 && next < (double)rows))
-        return false;
-    const int64_t row = (int64_t)next, late = row - e->steps, old = late < 0 ? late + rows : late;
-    run_keep(run, e->second[0] + row * n, n);
-    double *newest = data + e->second[0] + row * n;
-    const double *oldest = data + e->second[0] + old * n;
-    int finite = 1;
-    for (int64_t k = 0; k < n; k++) {
-        const double value = data[e->target[k]], delayed = e->steps > 0 ? oldest[k] : value;
-        newest[k] = value;
-        data[e->target[k]] = delayed;
-        finite &= is_finite(value) & is_finite(delayed);
-    }
-    data[e->clock] = row + 1 < rows ? (double)(row + 1) : 0.0;
-    return finite;
-}
-
 /* As is_far, of values and places that lie side by side. */
 NOT_INLINE static bool are_neighbours_far(const double *value, const double *place, const double *high, int64_t n)
 {
@@ -349,7 +281,7 @@ static bool run_element(Run *run, const Element *e)
     double *data = run->data;
     switch (e->kind) {
     case ELEMENT_SAMPLE:
-        return sample(data, e);
+        return run_sample(run, e);
     case ELEMENT_RAMP:
         return ramp(data, e, run->core->step);
     case ELEMENT_PRODUCT:
@@ -365,9 +297,9 @@ static bool run_element(Run *run, const Element *e)
     case ELEMENT_QUANTISE:
         return quantise(data, e);
     case ELEMENT_HOLD:
-        return hold(data, e);
+        return run_hold(run, e);
     case ELEMENT_DELAY:
-        return delay(run, e);
+        return run_delay(run, e);
     case ELEMENT_WATCH:
         return watch(run, e);
     case ELEMENT_COUNT:

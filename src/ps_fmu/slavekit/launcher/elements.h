@@ -2,6 +2,8 @@
 #ifndef PS_FMU_ELEMENTS_H
 #define PS_FMU_ELEMENTS_H
 
+#include <float.h>
+#include <math.h>
 #include <stdbool.h>
 #include <string.h>
 
@@ -73,12 +75,23 @@ static inline bool are_finite(const double *x, int64_t n)
     return ((any[0] | any[1]) & INT64_MAX) == 0;
 }
 
+/* Whether a number is finite, without a jump: loops ask it of all their results together. */
+static inline int is_finite(double value)
+{
+    return fabs(value) <= DBL_MAX;
+}
+
 /* Keep n numbers as they are now, before they are written. */
 void run_keep(Run *run, int64_t place, int64_t n);
 
-/* Do elements in their order; false if a number is not finite or a delay's memory is impossible.  The caller has to undo
+/* Do elements in their order; false if a number is not finite or a delay's memory is impossible or full.  The caller has to undo
    then. */
 bool run_elements(Run *run, const Element *elements, int64_t n);
+
+/* Elements with times of their own (timed.c); see run_elements. */
+bool run_sample(Run *run, const Element *e);
+bool run_hold(Run *run, const Element *e);
+bool run_delay(Run *run, const Element *e);
 
 /* Put back all that was kept. */
 void run_undo(Run *run);

@@ -12,7 +12,6 @@ from ps_fmu.slavekit.author.elements import (
     Ramp,
     Sample,
     Watch,
-    count_steps,
     ring_size,
 )
 from ps_fmu.slavekit.author.slave import Port, Slave
@@ -51,10 +50,9 @@ class Channel(Slave):
         return rows
 
     def before_map(self, h):
-        every = count_steps("sample_time", self.value("sample_time"), h)
         return [
             Watch(self.u, self.memory[4:5], 0.7),
-            Sample(self.u, self.a[1:2], self.memory[0:1], every),
+            Sample(self.u, self.a[1:2], self.memory[0:1], self.value("sample_time")),
             Ramp(self.a[1:2], self.x[0:1], self.a[0:1], 3.0),
             Linear(self.a[1:2], [[2.0]], self.memory[3:4]),  # overflows
         ]
@@ -70,11 +68,9 @@ class Channel(Slave):
         return matrix
 
     def after_map(self, h):
-        steps = count_steps("delay", self.value("delay"), h, LONGEST)
-        every = count_steps("sample_time", self.value("sample_time"), h)
         return [
-            Hold(self.y[0:1], self.memory[1:2], self.memory[2:3], every),
-            Delay(self.y[0:1], self.memory[8:], steps),
+            Hold(self.y[0:1], self.memory[1:2], self.memory[2:3], self.value("sample_time")),
+            Delay(self.y[0:1], self.memory[8:], self.value("delay")),
             Quantise(self.y[0:1], self.value("resolution")),
             Clip(self.y[0:1], -0.6, 0.6, "clipped"),
             Count(self.u, 0.9, self.memory[5:7], self.y[2:3]),
