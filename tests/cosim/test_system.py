@@ -123,7 +123,7 @@ COMPONENT = '<ssd:Component name="mass" type="application/x-fmu-sharedlibrary" s
     ("old", "new", "place", "reason"),
     [
         ('version="1.0" name', 'version="3.0" name', "<ssd:SystemS", "version '3.0' is not read"),
-        ("http://ssp-standard.org/SSP1/SystemStructureD", "urn:other/D", "<ssd:SystemS", "of SSP 1.0 or 2.0, got urn:other"),
+        ("http://ssp-standard.org/SSP1/SystemStructureD", "urn:other/D", "<ssd:SystemS", "of SSP 1.0 or 2.0, got"),
         ("<?xml", "<!-- --><?xml", "<?xml", "not well-formed"),
         ("<ssd:Elements>", "<!DOCTYPE a><ssd:Elements>", "<!DOCTYPE", "not well-formed"),
         ("</ssd:System>", "", "</ssd:SystemStructure", "not well-formed"),
