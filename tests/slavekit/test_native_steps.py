@@ -105,12 +105,10 @@ def test_steps_of_any_size_are_native_and_the_same_in_python(start, toys):
     """Those that divide neither the sample time nor the delay."""
     pair = start("channel"), InPython(toys["channel"])
     pair[1].initialise()
-    for first, h in ((0, 0.7 * H), (70, 0.3 * H), (130, 1.9 * H)):
-        rows = [send(instance, first, 40, h) for instance in pair]
-        assert rows[0] == rows[1]
+    for first, last, h in ((0, 70, 0.7 * H), (70, 130, 0.3 * H), (130, 400, 1.9 * H)):
+        assert send(pair[0], first, 40, h) == send(pair[1], first, 40, h)
         for instance in pair:
-            start_of_last = first * H + 40 * h
-            instance.step(start_of_last, {0: 70, 70: 130, 130: 400}[first] * H - start_of_last)
+            instance.step(first * H + 40 * h, (last - first) * H - 40 * h)
         assert pair[0].state() == pair[1].state()
     assert pair[0].steps()[0] > 60
 
@@ -118,18 +116,14 @@ def test_steps_of_any_size_are_native_and_the_same_in_python(start, toys):
 def test_a_delay_of_too_many_steps_is_refused(start, capfd):
     channel = start("channel")
     send(channel, 0, 6)
-    n = 0
-    while n < 30 and not capfd.readouterr().err:
-        before, n = channel.state(), n + 1
-        try:
-            channel.step(6 * H + (n - 1) * 0.1 * H, 0.1 * H)
-        except FMICallException as error:
-            assert error.status == ERROR
-            break
-    assert 15 < n < 25
+    with pytest.raises(FMICallException) as error:
+        for n in range(30):
+            before = channel.state()
+            channel.step((6 + 0.1 * n) * H, 0.1 * H)
+    assert error.value.status == ERROR and 14 < n < 24
     assert "more than 20 steps lie within a delay of 0.06 s" in capfd.readouterr().err
     assert channel.state() == before
-    channel.step(6 * H + (n - 1) * 0.1 * H, 5 * H)
+    channel.step((6 + 0.1 * n) * H, 5 * H)
 
 
 def test_a_refused_step_with_elements_changes_nothing(start, toys, capfd):
