@@ -1,58 +1,85 @@
-"""Ways to simulate the default system, step for step the same: each keeps every output of every step.
+"""FMUs to compare with, and a system that goes on round by round, with every output of every step.
 
-Jacobi: all subsystems see the outputs of the last communication point.
+FMUs in C are written as by hand (model.c): the models of ours at their first step, as dense matrices, and what ours
+make ahead as tables.  Stock FMUs are our slaves with the accessors and the library that pythonfmu comes with.
 """
 
 from __future__ import annotations
 
+import importlib.util
+import re
 import shutil
-import tempfile
+import zipfile
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
-from fmpy import extract, read_model_description
-from fmpy.fmi2 import FMU2Slave
 from numpy.typing import NDArray
+from rounds import HERE, ROOT, compile_c
 
-from ps_fmu.control.feedforward import Controller, gains, lowpass
-from ps_fmu.cosim import Column, Master, System
-from ps_fmu.disturbance import Disturbance, default_settings
-from ps_fmu.mechanism.discretisation import zero_order_hold
-from ps_fmu.mechanism.dynamics import Pose
-from ps_fmu.mechanism.inverse_kinematics import inverse_kinematics
-from ps_fmu.mechanism.linear_model import Plant
-from ps_fmu.mechanism.parameters import load
-from ps_fmu.mechanism.rotations import rotation_matrix
-from ps_fmu.mechanism.signals import N_INPUTS, N_LOADS
+from ps_fmu.cosim import Master, System
+from ps_fmu.cosim.structure import Component
+from ps_fmu.product.files import find_product
+from ps_fmu.slavekit.author.ahead import finish
+from ps_fmu.slavekit.pack import zip_writer as archive
+from ps_fmu.slavekit.pack.build import build_one, find_folders
 
 Array = NDArray[np.float64]
+NO_NUMBERS: Array = np.zeros(0)
+
+_SUBCLASS = '''
+
+from types import MethodType
+
+from pythonfmu.fmi2slave import Fmi2Slave
+from ps_fmu.slavekit.author.variables import make_fmi_variable
 
 
-class Contender(Protocol):
-    """A simulation that goes on round by round."""
+class Stock{model}({model}):
+    """{model} with one getter and one setter per scalar variable."""
 
-    rows: Array
-    """(steps, columns): all outputs of the last round, columns as in ``Master.columns``."""
+    def _allocate(self):
+        super()._allocate()
+        if not self.hosted:  # the builder asks for the model description only
+            return
+        for direction in ("get", "set"):
+            for kind in ("real", "integer", "boolean"):
+                stock = getattr(Fmi2Slave, f"{{direction}}_{{kind}}")
+                setattr(self, stock.__name__, MethodType(stock, self))
+        for reference, port in self.layout.by_reference.items():
+            variable = make_fmi_variable(port, reference)
+            variable.getter, variable.setter = self._accessors(reference, port)
+            self.vars[reference] = variable
 
-    def run(self) -> None:
-        """Simulate one round."""
+    def _accessors(self, reference, port):
+        if port.type == "String":
+            place, values = reference - self.layout.size, self._buffer.strings
+            return (lambda: values[place]), (lambda value: values.__setitem__(place, value))
 
-    def close(self) -> None:
-        """Free what it holds."""
+        def set_plain(value):
+            self._buffer.data[reference] = value
+
+        def set_on_change(value):
+            if self._buffer.data[reference] != value:
+                self._buffer.data[reference] = value
+                self._on_change(True)
+
+        changes_model = port.event or port.causality == "parameter"
+        return (lambda: self._buffer.data[reference]), (set_on_change if changes_model else set_plain)
+'''
 
 
 class CoSimulation:
-    """FMUs under our master, whose loop is in C or, not ``compiled``, in Python."""
+    """FMUs under our master, round by round."""
 
-    def __init__(self, system: System, step: float, steps: int, compiled: bool = True) -> None:
-        self._master = Master(system, step, compiled=compiled)
+    def __init__(self, system: System, step: float, steps: int) -> None:
+        self._master = Master(system, step)
         self._duration = step * steps
         self.columns = self._master.columns
         self.names = [column.name for column in self.columns]
         self.rows = np.empty((steps, len(self.columns)))
+        """All outputs of the last round, (steps, columns)."""
         self._master.initialise()
         self.initial = np.empty(len(self.columns))
         self.run()  # the first round is longer by the row after initialisation, and not compared
@@ -78,142 +105,89 @@ class CoSimulation:
         self._master.close()
 
 
-class StockFmus:
-    """The same slaves with pythonfmu's own accessors, under a plain loop of FMPy's calls with lists."""
+def build_stock(system: System, output: Path) -> None:
+    """Build the FMUs of a system again with stock accessors, under the same names.
 
-    def __init__(
-        self, system: System, fmus: Mapping[str, Path], columns: tuple[Column, ...], step: float, steps: int
-    ) -> None:
-        self._step, self._count = step, 0
-        self.rows = np.empty((steps, len(columns)))
-        self._folder = Path(tempfile.mkdtemp(prefix="ps_fmu_bench_"))
-        self._fmus = [
-            _StockFmu(c.name, fmus[c.source.stem], self._folder / c.name, system, columns) for c in system.components
-        ]
-        row = np.zeros(len(columns))
-        for name in ("disturbance", "commander", "plant", "isolator"):  # each after those that its inputs come from
-            next(fmu for fmu in self._fmus if fmu.name == name).initialise(row)
-        self._row = row.tolist()
-        self.run()
-
-    def run(self) -> None:
-        """Simulate one round."""
-        for n in range(len(self.rows)):
-            time = self._count * self._step
-            last = self._row
-            for fmu in self._fmus:
-                if fmu.inputs:
-                    fmu.slave.setReal(fmu.inputs, [last[i] for i in fmu.sources])
-            for fmu in self._fmus:
-                fmu.slave.doStep(currentCommunicationPoint=time, communicationStepSize=self._step)
-            row: list[float] = []
-            for fmu in self._fmus:
-                row += fmu.slave.getReal(fmu.reals)
-            for fmu in self._fmus:
-                if fmu.booleans:
-                    row += fmu.slave.getBoolean(fmu.booleans)
-            self.rows[n] = row
-            self._row = row
-            self._count += 1
-
-    def close(self) -> None:
-        """Free the FMUs."""
-        for fmu in self._fmus:
-            fmu.slave.terminate()
-            fmu.slave.dll.finalizePythonInterpreter()  # otherwise it does so twice
-            fmu.slave.freeInstance()
-        shutil.rmtree(self._folder, ignore_errors=True)
-
-
-class _StockFmu:
-    """One FMU of :class:`StockFmus`: its value references, and the places of its sources among the columns."""
-
-    def __init__(self, name: str, path: Path, folder: Path, system: System, columns: tuple[Column, ...]) -> None:
-        self.name = name
-        extract(str(path), unzipdir=str(folder))
-        description = read_model_description(str(folder))
-        reference = {f"{name}.{v.name}": v.valueReference for v in description.modelVariables}
-        place = {column.name: i for i, column in enumerate(columns)}
-        own = [column for column in columns if column.name in reference]
-        self.reals = [reference[column.name] for column in own if column.type == "Real"]
-        self.booleans = [reference[column.name] for column in own if column.type == "Boolean"]
-        self.real_places = [place[column.name] for column in own if column.type == "Real"]
-        wired = [c for c in system.connections if c.target.component == name]
-        self.inputs = [reference[str(c.target)] for c in wired]
-        self.sources = [place[str(c.source)] for c in wired]
-        self.slave: Any = FMU2Slave(
-            guid=description.guid,
-            unzipDirectory=str(folder),
-            modelIdentifier=description.coSimulation.modelIdentifier,
-            instanceName=name,
-        )
-        self.slave.instantiate()
-
-    def initialise(self, row: Array) -> None:
-        """Up to the first step; its first outputs go to ``row``, which the inputs come from."""
-        self.slave.setupExperiment(startTime=0.0)
-        self.slave.enterInitializationMode()
-        if self.inputs:
-            self.slave.setReal(self.inputs, row[self.sources].tolist())
-        self.slave.exitInitializationMode()
-        row[self.real_places] = self.slave.getReal(self.reals)
-
-
-class Textbook:
-    """``x = A x + B u``, ``y = C x + D u`` in numpy, without FMUs; the noise is computed beforehand.
-
-    The commander rests: its outputs do not change.
+    Each is built from a generated folder: our script, and in it a subclass that hands every variable to pythonfmu as a
+    getter and a setter.  Then our launcher is taken out.  The step is the same, bit for bit.
     """
-
-    def __init__(self, columns: tuple[Column, ...], initial: Array, step: float, steps: int, rounds: int) -> None:
-        paper = load()
-        known = replace(paper.payload, com_P=paper.known_com_P)
-        found = inverse_kinematics(paper.manipulator.geometry, np.zeros(3))
-        plant = Plant.from_parameters(paper)
-        model = plant.linearise(found.coarse_displacement)
-        pose = Pose(found.translation_B, rotation_matrix(np.zeros(3)))
-        controller = Controller(gains(paper.manipulator, known, pose), lowpass(paper.filters), paper.filters)
-        self._plant = _discrete(model, step)
-        self._control = _discrete(controller, step)
-        self._x, self._xc = plant.initial_state(model), np.zeros(controller.n_states)
-        times: Array = np.asarray(np.arange(steps * rounds + 1) * step, dtype=np.float64)  # s
-        self._noise = Disturbance(default_settings(paper))(times)
-        self._count = 0
-        self.rows = np.tile(initial, (steps, 1))
-        place = {column.name: i for i, column in enumerate(columns)}
-        first = {c.name.partition(".")[0]: place[c.name] for c in reversed(columns) if c.type == "Real"}
-        self._wrench = slice(first["disturbance"], first["disturbance"] + 6)
-        self._plant_y = slice(first["plant"], first["plant"] + len(self._plant[2]))
-        self._force = slice(first["isolator"], first["isolator"] + 3)
-        self._y, self._f = initial[self._plant_y], initial[self._force]
-        self._rest = np.zeros(N_INPUTS - N_LOADS)
-        self._rest[-1] = 1.0  # the constant input
-        self.run()
-
-    def run(self) -> None:
-        """Simulate one round."""
-        (A, B, C, D), (Ac, Bc, Cc, Dc) = self._plant, self._control
-        x, y, xc, f = self._x, self._y, self._xc, self._f
-        noise, rest, rows, start = self._noise, self._rest, self.rows, self._count
-        plant_y, force, wrench = self._plant_y, self._force, self._wrench
-        for n in range(len(rows)):
-            u = np.concatenate([f, noise[start + n], rest])
-            a = y[:6]
-            x = A @ x + B @ u
-            y = C @ x + D @ u
-            xc = Ac @ xc + Bc @ a
-            f = Cc @ xc + Dc @ a
-            rows[n, wrench] = noise[start + n + 1]
-            rows[n, plant_y] = y
-            rows[n, force] = f
-        self._x, self._y, self._xc, self._f = x, y, xc, f
-        self._count += len(rows)
-
-    def close(self) -> None:
-        """Nothing to free."""
+    models = {component.source.stem for component in system.components}
+    for folder in find_folders(find_product().fmus):
+        source = (folder / f"{folder.name}.py").read_text(encoding="utf-8")
+        (model,) = re.findall(r"^class (\w+)\(Slave\):", source, re.MULTILINE)
+        if model in models:
+            copy = output / folder.name
+            copy.mkdir()
+            shutil.copy(folder / "README.md", copy)
+            (copy / f"{folder.name}.py").write_text(source + _SUBCLASS.format(model=model), encoding="utf-8")
+            fmu = build_one(copy, output)
+            files = archive.read(fmu)
+            for name in [name for name in files if name.name == "libpythonfmu-export.so"]:
+                files[name.with_name(f"{fmu.stem}.so")] = files.pop(name)
+            archive.write(output / f"{model}.fmu", files)
 
 
-def _discrete(model: Any, step: float) -> tuple[Array, Array, Array, Array]:
-    """A, B, C, D of a continuous model, for steps of ``step`` (s) with the input held."""
-    A, B, C, D = model.matrices()
-    return (*zero_order_hold(A, B, step), C, D)
+def slave_class(model: str) -> Any:
+    """The slave class of a model, from its folder in ``fmus``."""
+    name = "".join(f"_{c.lower()}" if c.isupper() else c for c in model).lstrip("_")
+    path = ROOT / "fmus" / name / f"{name}.py"
+    spec = importlib.util.spec_from_file_location(name, path)
+    if spec is None or spec.loader is None:
+        raise FileNotFoundError(path)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return getattr(module, model)
+
+
+def build_c_fmus(system: System, initial: Mapping[str, float], step: float, rows: int, output: Path) -> None:
+    """Build the FMUs of a system again in C, under the same names.
+
+    ``initial``: outputs at the start, by ``component.variable``; ``rows``: the longest run, in communication steps [s].
+    """
+    for component in system.components:
+        with zipfile.ZipFile(component.source) as ours:
+            description = ours.read("modelDescription.xml")
+        slave = _at_start(component, system, initial)
+        layout = slave.layout
+        data, source, target = slave._buffer.data.copy(), layout.source.start, layout.target
+        slave.do_step(0.0, step)
+        data[layout.a] = slave.a  # what an event before the first step may have set
+        made_ahead = bool(slave.block_rows)
+        numbers = finish(slave.rows(0.0, step, rows)) if made_ahead else slave.step_map(step).T
+        counts = (len(numbers), 0) if made_ahead else (0, len(numbers))
+        write_c_fmu(output, component.source.stem, description, data, source, target, counts, numbers)
+
+
+def write_c_fmu(
+    folder: Path,
+    model: str,
+    description: bytes,
+    data: Array,
+    source: int,
+    target: slice,
+    counts: tuple[int, int] = (0, 0),
+    numbers: Array = NO_NUMBERS,
+) -> None:
+    """An FMU of model.c: values at the start, places of source and target in them, rows and columns of the numbers."""
+    library = folder / "model.so"
+    if not library.exists():
+        compile_c(HERE / "model.c", library, "-shared", "-fPIC", "-march=native", "-ffp-contract=off")
+    sizes = [data.size, source, target.start, target.stop - target.start, *counts]
+    content = np.array(sizes, dtype=np.int64).tobytes() + data.tobytes()
+    with zipfile.ZipFile(folder / f"{model}.fmu", "w") as fmu:
+        fmu.writestr("modelDescription.xml", description)
+        fmu.write(library, f"binaries/linux64/{model}.so")
+        fmu.writestr("resources/model.bin", content + np.ascontiguousarray(numbers).tobytes())
+
+
+def _at_start(component: Component, system: System, initial: Mapping[str, float]) -> Any:
+    """A slave behind its initialisation, with the values of what it is connected to."""
+    slave = slave_class(component.source.stem)(instance_name=component.name)
+    slave.setup_experiment(0.0)
+    slave.enter_initialization_mode()
+    for connection in system.connections:
+        if connection.target.component == component.name:
+            reference = slave.layout.reference[connection.target.variable]
+            slave.set_real([reference], [initial[str(connection.source)]])
+    slave.exit_initialization_mode()
+    return slave

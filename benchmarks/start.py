@@ -1,8 +1,9 @@
-"""What a start costs: four FMUs cold, a new Master and a reset in a process that has them.
+"""What a start costs, and what starts leave behind: four FMUs cold, new Masters and resets in a process that has them.
 
-Times are those of the processor, so that what else the machine does is not in them.  ``growth.py`` says what starts
-leave behind.
-``--against DIR``: another checkout with its FMUs built, measured in turn with this one; ratios are those of medians.
+Costs are processor times up to and with the first step, medians of processes.  Then one process resets a Master with
+other parameters again and again, and makes new Masters.  Each kind begins with a tenth of its starts, in which caches
+and pools of memory fill; memory, mappings, descriptors and temporary files, counted after each tenth of the others,
+have to be flat.  Exit code 1 if anything grows.
 """
 
 from __future__ import annotations
@@ -14,43 +15,32 @@ import statistics
 import subprocess
 import sys
 import tempfile
-import time
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
+from time import process_time
 from typing import Any
 
-HERE = Path(__file__).resolve().parents[1]
-STEP = 1e-4  # s
+from rounds import FMUS, SSD, STEP, Figures, Limit, run_benchmark
+
+from ps_fmu.cosim import Master, read_system
+
 WARM = 20  # starts of each kind in a process
+TENTHS = 10
+MOST = {"memory (kB)": 3000, "mappings": 20, "descriptors": 0, "files": 0}
+"""Largest growth over all starts of a kind.  Half a Master: one that unpacks and loads anew leaves 6200 kB."""
 
 
-def time_starts(checkout: Path) -> dict[str, float]:
-    """Processor time (s) of starts in this process, which has loaded no FMU yet: each up to and with the first step."""
-    from ps_fmu.cosim import Master, read_system
-
-    def start(number: int) -> float:
-        begun = time.process_time()
-        system = read_system(checkout / "system" / "SystemStructure.ssd", checkout / "build" / "fmus")
-        with Master(system.with_parameters(vary(number)), STEP) as master:
-            master.initialise()
-            master.run(STEP)
-            return time.process_time() - begun
-
-    found = {"cold": start(0), "new Master": statistics.median(start(number) for number in range(1, WARM))}
-    if hasattr(Master, "reset"):
-        system = read_system(checkout / "system" / "SystemStructure.ssd", checkout / "build" / "fmus")
-        with Master(system, STEP) as master:
-            times = [time_reset(master, number) for number in range(WARM)]
-        found["reset"] = statistics.median(times[1:])
-    return found
+def _grown(what: str, name: str, found: Figures) -> float | None:
+    counts = found["growth"].get(what)
+    return counts[name][-1] - counts[name][0] if counts else None
 
 
-def time_reset(master: Any, number: int) -> float:
-    """Processor time (s) of a reset with other parameters, up to and with the first step."""
-    begun = time.process_time()
-    master.reset(vary(number))
-    master.initialise()
-    master.run(STEP)
-    return time.process_time() - begun
+LIMITS = tuple(
+    Limit(f"{what}: growth of {name}", partial(_grown, what, name), most)
+    for what in ("resets", "new Masters")
+    for name, most in MOST.items()
+)
 
 
 def vary(number: int) -> dict[str, float | int]:
@@ -58,35 +48,99 @@ def vary(number: int) -> dict[str, float | int]:
     return {"plant.payload.mass": 40.0 + 0.001 * number, "disturbance.seed": number}
 
 
-def _in_a_process(checkout: Path) -> Any:
-    settings = {"PYTHONPATH": str(checkout / "src"), "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
-    with tempfile.TemporaryDirectory(prefix="ps_fmu_bench_") as folder:
-        environment = {**os.environ, **settings, "TMPDIR": folder}
-        command = [sys.executable, __file__, "--child", str(checkout)]
-        run = subprocess.run(command, env=environment, stdout=subprocess.PIPE, check=True, text=True)
+def renew(number: int) -> float:
+    """Processor time (s) of a new Master."""
+    begun = process_time()
+    with Master(read_system(SSD, FMUS).with_parameters(vary(number)), STEP) as master:
+        master.initialise()
+        master.run(STEP)
+        return process_time() - begun
+
+
+def reset(master: Any, number: int) -> float:
+    """Processor time (s) of a reset with other parameters."""
+    begun = process_time()
+    master.reset(vary(number))
+    master.initialise()
+    master.run(STEP)
+    return process_time() - begun
+
+
+def time_starts() -> dict[str, float]:
+    """Processor time (s) of starts in this process, which has loaded no FMU yet."""
+    found = {"cold": renew(0)}
+    found["new Master"] = statistics.median(renew(number) for number in range(1, WARM))
+    with Master(read_system(SSD, FMUS), STEP) as master:
+        found["reset"] = statistics.median([reset(master, number) for number in range(WARM)][1:])
+    return found
+
+
+def count_growth(resets: int, masters: int) -> dict[str, dict[str, list[int]]]:
+    """What is counted before so many resets of a Master and after each tenth of them, and with so many new ones."""
+    found = {}
+    with Master(read_system(SSD, FMUS), STEP) as master:
+        if resets:
+            found["resets"] = _count_over(lambda number: reset(master, number), resets)
+    if masters:
+        found["new Masters"] = _count_over(lambda number: renew(number), masters)
+    return found
+
+
+def _count_over(repeat: Callable[[int], object], times: int) -> dict[str, list[int]]:
+    for number in range(max(10, times // TENTHS)):
+        repeat(number)
+    counts = [_count_resources()]
+    for tenth in range(TENTHS):
+        for number in range(tenth * times // TENTHS, (tenth + 1) * times // TENTHS):
+            repeat(number)
+        counts.append(_count_resources())
+    return {name: [count[name] for count in counts] for name in MOST}
+
+
+def _count_resources() -> dict[str, int]:
+    """Memory (kB), mappings and descriptors of this process, and its temporary files; Linux only."""
+    status, maps = (Path("/proc/self", name).read_text() for name in ("status", "maps"))
+    memory = next(int(line.split()[1]) for line in status.splitlines() if line.startswith("VmRSS"))
+    counts = memory, maps.count("\n"), len(os.listdir("/proc/self/fd"))
+    return dict(zip(MOST, (*counts, sum(len(names) for _, _, names in os.walk(tempfile.gettempdir()))), strict=True))
+
+
+def _in_a_process(folder: Path, *numbers: int) -> Any:
+    """What this file prints as a child: times of starts, or with numbers of starts their growth."""
+    settings = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "TMPDIR": tempfile.mkdtemp(dir=folder)}
+    command = [sys.executable, __file__, "--child", *map(str, numbers)]
+    run = subprocess.run(command, env={**os.environ, **settings}, stdout=subprocess.PIPE, check=True, text=True)
     return json.loads(run.stdout)
 
 
-def main() -> None:
-    """Measure and print."""
-    if sys.argv[1:2] == ["--child"]:
-        print(json.dumps(time_starts(Path(sys.argv[2]))))
-        return
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--against", type=Path, metavar="DIR", help="another checkout, with its FMUs in build/fmus")
-    parser.add_argument("--rounds", type=int, default=5, metavar="N", help="processes of each kind (%(default)s)")
-    arguments = parser.parse_args()
-    checkouts = [HERE, *([arguments.against.resolve()] if arguments.against else [])]
-    rounds = [[_in_a_process(checkout) for checkout in checkouts] for _ in range(arguments.rounds)]
-    own, *other = [
-        {name: statistics.median(found[place][name] for found in rounds) for name in rounds[0][place]}
-        for place in range(len(checkouts))
-    ]
-    for name, seconds in own.items():
-        base = other[0].get(name, other[0]["new Master"]) if other else None
-        compared = "" if base is None else f"   other checkout {1e3 * base:7.1f} ms, ratio {seconds / base:.3f}"
-        print(f"{name:12}{1e3 * seconds:8.1f} ms{compared}")
+def measure(options: argparse.Namespace, folder: Path) -> Figures:
+    """All figures."""
+    rounds = [_in_a_process(folder) for _ in range(options.rounds)]
+    starts = {name: statistics.median(found[name] for found in rounds) for name in rounds[0]}
+    return {"starts_s": starts, "growth": _in_a_process(folder, options.resets, options.masters)}
+
+
+def report(found: Figures) -> str:
+    """The figures as text."""
+    lines = [f"{name:12}{1e3 * seconds:8.1f} ms" for name, seconds in found["starts_s"].items()]
+    for what, kinds in found["growth"].items():
+        lines += [what, *(f"  {name:12} {' '.join(map(str, counts))}" for name, counts in kinds.items())]
+    return "\n".join(lines)
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Measure, print, compare with the limits; returns the exit code."""
+
+    def add(p: argparse.ArgumentParser) -> None:
+        p.add_argument("--resets", type=int, default=1000, metavar="N", help="of one Master (%(default)s)")
+        p.add_argument("--masters", type=int, default=200, metavar="N", help="new ones (%(default)s)")
+
+    return run_benchmark(argv, __doc__, measure, report, LIMITS, rounds=5, add=add)
 
 
 if __name__ == "__main__":
-    main()
+    if sys.argv[1:2] == ["--child"]:
+        numbers = [int(number) for number in sys.argv[2:]]
+        print(json.dumps(count_growth(*numbers) if numbers else time_starts()))
+        sys.exit(0)
+    sys.exit(main())

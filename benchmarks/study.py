@@ -1,8 +1,7 @@
-"""Cases per second of a study with one and two workers, and the memory of its processes.
+"""What a study costs: cases per second with one and two workers, cases from a checkpoint, and the memory of it all.
 
-Run by hand: ``.venv/bin/python benchmarks/study.py --cases 100``.  Times are those of the whole command, with the start
-of Python, dask and FMUs; the studies with one and with two workers take turns.  Whether memory is flat show 10,000
-short cases: ``--cases 10000 --duration 0.2 --workers 2``.
+Each is a whole command, ``ps-fmu sweep``, with the start of Python, dask and FMUs; the studies take turns.  Whether
+memory is flat show 10,000 short cases: ``--cases 10000 --duration 0.2 --settling 0.2 --studies "two workers"``.
 """
 
 from __future__ import annotations
@@ -12,158 +11,131 @@ import json
 import subprocess
 import sys
 import tempfile
-import time
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from statistics import median
-from typing import Any
+from time import perf_counter, sleep
+
+import pyarrow.parquet as pq
+from rounds import FMUS, SSD, STEP, Figures, run_benchmark, take_turns
+
+from ps_fmu.cosim import Master, read_system
+from ps_fmu.cosim.checkpoint.checkpoints import Checkpoints
 
 STUDY = """
 [study]
 name = "benchmark"
-duration = "{duration} s"
+duration = "{duration!r} s"
 plan = "latin-hypercube"
 cases = {cases}
 seed = 1
 
 [[vary]]
 parameter = "payload.mass"
-only = ["plant"]
+only = ["isolator"]
 distribution = "normal"
 relative = "2 %"
-
-[[vary]]
-name = "leg stiffness"
-parameter = ["fine_leg_1.stiffness", "fine_leg_2.stiffness", "fine_leg_3.stiffness"]
-only = ["plant"]
-distribution = "uniform"
-relative = "10 %"
 """
+SOURCE = '[from]\ncheckpoint = "settled"\nanew = ["isolator"]\n'
+ONE, TWO, BRANCH, SETTLING = "one worker", "two workers", "from a checkpoint", "with settling"
+STUDIES = {ONE: 1, TWO: 2, BRANCH: 1, SETTLING: 1}
+"""Study -> workers."""
 SAMPLE_S = 0.5
+Note = Callable[[str, float], None]
 
 
-@dataclass
-class Watched:
-    """What the processes for the cases had, sample by sample."""
+def run_study(kind: str, options: argparse.Namespace, folder: Path, note: Note) -> float:
+    """Run a study of the default system, and note figures of it; returns seconds a case.
 
-    memory: dict[int, list[int]] = field(default_factory=dict)
-    """Resident bytes by process."""
-    mappings: dict[int, list[int]] = field(default_factory=dict)
-    files: dict[int, list[int]] = field(default_factory=dict)
-    processor_s: dict[int, float] = field(default_factory=dict)
-    """Processor time so far by process, s: what a loaded machine does not change much."""
-    roles: list[dict[str, float]] = field(default_factory=list)
-    """Largest resident memory, MB, of the command, of a worker and of a process for the cases, sample by sample."""
-
-    def look(self, pid: int) -> None:
-        """Take a sample of the descendants of a process."""
-        import psutil
-
-        try:
-            command = psutil.Process(pid)
-            seen = {"command": command.memory_info().rss / 1e6}
-            for one in command.children(recursive=True):
-                words = one.cmdline()
-                role = "cases" if "ps_fmu.studies.child" in words else "worker"
-                if role == "cases" or any("spawn_main" in word for word in words):
-                    seen[role] = max(seen.get(role, 0.0), one.memory_info().rss / 1e6)
-                if role == "cases":
-                    self.memory.setdefault(one.pid, []).append(one.memory_info().rss)
-                    self.mappings.setdefault(one.pid, []).append(len(one.memory_maps(grouped=False)))
-                    self.files.setdefault(one.pid, []).append(one.num_fds())
-                    used = one.cpu_times()
-                    self.processor_s[one.pid] = used.user + used.system
-            self.roles.append(seen)
-        except psutil.Error:  # one has just ended
-            pass
-
-    def describe_roles(self) -> str:
-        """Memory of each kind of process at ten points of the study, MB."""
-        chosen = [self.roles[(2 * k + 1) * len(self.roles) // 20] for k in range(10)] if self.roles else []
-        names = dict.fromkeys(name for seen in chosen for name in seen)
-        return "\n".join(
-            f"  {name:8} {' '.join(f'{seen.get(name, 0.0):6.1f}' for seen in chosen)} MB" for name in names
-        )
-
-    def describe(self) -> str:
-        """First and last of the longest-lived process, after its first tenth, and the largest of all."""
-        if not self.memory:
-            return "no process was seen"
-        pid = max(self.memory, key=lambda one: len(self.memory[one]))
-        skip = len(self.memory[pid]) // 10
-        parts = [f"{len(self.memory)} processes"]
-        kinds = ("memory (MB)", self.memory, 1e6), ("mappings", self.mappings, 1.0), ("files", self.files, 1.0)
-        for name, samples, unit in kinds:
-            own = samples[pid][skip:]
-            largest = max(max(values) for values in samples.values())
-            parts.append(f"{name} {own[0] / unit:.0f} -> {own[-1] / unit:.0f}, largest {largest / unit:.0f}")
-        return "; ".join(parts)
-
-
-@dataclass(frozen=True)
-class Measured:
-    """A study that was run."""
-
-    workers: int
-    wall_s: float
-    cases: int
-    case_s: float
-    """Median time of a case in its process, s."""
-    watched: Watched
-
-
-def run_study(cases: int, duration: float, workers: int) -> Measured:
-    """Run a study of the default system.  Raises CalledProcessError."""
-    with tempfile.TemporaryDirectory(prefix="study_") as name:
-        folder = Path(name)
-        (folder / "study.toml").write_text(STUDY.format(cases=cases, duration=duration), encoding="utf-8")
-        command = [sys.executable, "-I", "-m", "ps_fmu.cli", "sweep", str(folder / "study.toml"), "--output",
-                   str(folder / "out"), "--workers", str(workers)]  # fmt: skip
-        watched = Watched()
-        began = time.perf_counter()
-        process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    Raises RuntimeError where the command fails, ValueError where a case does.
+    """
+    duration = options.duration + (options.settling if kind == SETTLING else 0.0)
+    text = STUDY.format(cases=options.cases, duration=duration) + (SOURCE if kind == BRANCH else "")
+    (folder / "study.toml").write_text(text, encoding="utf-8")
+    with tempfile.TemporaryDirectory(dir=folder) as output:
+        out = Path(output, "out")
+        command = [sys.executable, "-I", "-m", "ps_fmu.cli", "sweep", str(folder / "study.toml"), "--output", str(out)]
+        command += ["--workers", str(STUDIES[kind])]
+        began = perf_counter()
+        said = folder / "said.txt"
+        with said.open("w", encoding="utf-8") as file:
+            process = subprocess.Popen(command, stdout=file, stderr=file)
+        memory = []
         while process.poll() is None:
-            watched.look(process.pid)
-            time.sleep(SAMPLE_S)
-        wall = time.perf_counter() - began
+            memory.append(sum_memory(process.pid))
+            sleep(SAMPLE_S)
+        wall = perf_counter() - began
         if process.returncode:
-            raise subprocess.CalledProcessError(process.returncode, command)
-        return Measured(workers, wall, cases, _read_case_time(folder / "out"), watched)
+            raise RuntimeError(f"the study ended with {process.returncode}:\n{said.read_text(encoding='utf-8')}")
+        rows = pq.read_table(out / "study.parquet")
+        statuses = json.loads((out / "summary.json").read_text(encoding="utf-8"))["statuses"]
+    if statuses != {"done": options.cases}:
+        raise ValueError(f"not all cases are done: {statuses}")
+    half = len(memory) // 2
+    note("case_s", median(rows["wall_s"].to_pylist()))
+    note("MB, first half", max(memory[: half + 1]))
+    note("MB, second half", max(memory[half:]))
+    return wall / options.cases
 
 
-def _read_case_time(folder: Path) -> float:
-    import pyarrow.parquet as pq
+def sum_memory(pid: int) -> float:
+    """Resident memory of a process and its descendants, MB."""
+    import psutil
 
-    summary: dict[str, Any] = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
-    table = pq.read_table(folder / "study.parquet")
-    if summary["statuses"] != {"done": table.num_rows}:
-        raise ValueError(f"not all cases are done: {summary['statuses']}")
-    return median(table["wall_s"].to_pylist())
+    try:
+        command = psutil.Process(pid)
+        return sum(one.memory_info().rss / 1e6 for one in (command, *command.children(recursive=True)))
+    except psutil.Error:  # one has just ended
+        return 0.0
 
 
-def main() -> None:
-    """Print what was measured."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--cases", type=int, default=100)
-    parser.add_argument("--duration", type=float, default=10.0, help="simulated seconds of a case")
-    parser.add_argument("--rounds", type=int, default=1)
-    parser.add_argument("--workers", type=int, nargs="+", default=[1, 2])
-    options = parser.parse_args()
-    found: dict[int, list[float]] = {}
-    for _ in range(options.rounds):
-        for workers in options.workers:
-            one = run_study(options.cases, options.duration, workers)
-            found.setdefault(workers, []).append(one.cases / one.wall_s)
-            print(
-                f"{workers} workers: {one.cases} cases of {options.duration:g} s in {one.wall_s:.1f} s, "
-                f"{one.cases / one.wall_s:.2f} a second; a case takes {one.case_s:.2f} s, "
-                f"{sum(one.watched.processor_s.values()) / one.cases:.2f} s of a processor; {one.watched.describe()}",
-                flush=True,
-            )
-            print(one.watched.describe_roles(), flush=True)
-    if {1, 2} <= found.keys():
-        print(f"efficiency of two workers: {median(found[2]) / (2.0 * median(found[1])):.2f}")
+def leave_checkpoint(folder: Path, settling: float) -> None:
+    """Run the default system, and keep its state at the end."""
+    with Master(read_system(SSD, FMUS), STEP) as master:
+        master.initialise()
+        master.run(settling, checkpoints=Checkpoints(folder, settling))
+
+
+def measure(options: argparse.Namespace, folder: Path) -> Figures:
+    """Study -> medians over the rounds: cases per second with all, seconds of a case in its process, memory."""
+    leave_checkpoint(folder / "settled", options.settling)
+    noted: dict[str, dict[str, list[float]]] = {kind: {} for kind in options.studies}
+
+    def run(kind: str) -> float:
+        return run_study(kind, options, folder, lambda name, value: noted[kind].setdefault(name, []).append(value))
+
+    costs = take_turns({kind: partial(run, kind) for kind in options.studies}, options.rounds)
+    return {
+        kind: {"cases/s": 1.0 / median(costs[kind]), **{name: median(values) for name, values in noted[kind].items()}}
+        for kind in options.studies
+    }
+
+
+def report(found: Figures) -> str:
+    """The figures as text."""
+    lines = [f"{'':20}" + "".join(f"{name:>18}" for name in next(iter(found.values())))]
+    lines += [f"{kind:20}" + "".join(f"{value:18.3f}" for value in row.values()) for kind, row in found.items()]
+    if {ONE, TWO} <= found.keys():
+        lines.append(f"efficiency of two workers: {found[TWO]['cases/s'] / (2.0 * found[ONE]['cases/s']):.2f}")
+    if {ONE, BRANCH, SETTLING} <= found.keys():
+        cost = found[BRANCH]["case_s"]
+        ratios = cost / found[ONE]["case_s"], cost / found[SETTLING]["case_s"]
+        lines.append("a case from a checkpoint over a cold one {:.2f}, over one that settles {:.2f}".format(*ratios))
+    return "\n".join(lines)
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Measure and print; returns the exit code."""
+
+    def add(p: argparse.ArgumentParser) -> None:
+        p.add_argument("--cases", type=int, default=30, metavar="N", help="of a study (%(default)s)")
+        p.add_argument("--duration", type=float, default=1.0, metavar="S", help="of a case (%(default)s)")
+        p.add_argument("--settling", type=float, default=10.0, metavar="S", help="time of the checkpoint (%(default)s)")
+        p.add_argument("--studies", nargs="+", choices=STUDIES, default=list(STUDIES), metavar="NAME")
+
+    return run_benchmark(argv, __doc__, measure, report, rounds=1, add=add)
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())
