@@ -14,7 +14,7 @@ from support.cosim import OSCILLATOR, Collect, ssd_text
 from support.linear import Coupled, make_oscillator
 from support.relays import make_relay
 
-from ps_fmu.cosim import System, loops, read_system
+from ps_fmu.cosim import System, read_system
 from ps_fmu.cosim.fmu_instance import ACCESS, STEP, FmuInstance
 
 TOYS = Path(__file__).parent / "toys"
@@ -107,15 +107,6 @@ def rewrite(tmp_path: Path) -> Callable[[Path, Mapping[str, str]], Path]:
         return folder / fmu.name
 
     return change
-
-
-@pytest.fixture(params=["C", "Python"])
-def each_loop(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The test runs with the loop in C and with the one in Python."""
-    if request.param == "Python":
-        monkeypatch.setattr(loops, "is_available", lambda: False)
-    else:
-        assert loops.is_available()
 
 
 @pytest.fixture

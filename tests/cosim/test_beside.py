@@ -17,8 +17,6 @@ from ps_fmu.cosim.recording import beside
 from ps_fmu.cosim.recording.beside import WAITING_BLOCKS, DeliveryBeside
 from ps_fmu.cosim.rows import RowLayout, Rows
 
-pytestmark = pytest.mark.usefixtures("each_loop")
-
 H = 0.01
 LONGEST_S = 60.0  # that a test waits for another thread before it fails
 
@@ -284,9 +282,9 @@ def test_rows_are_not_stored_early_before_those_that_are_on_their_way(hanging):
 def test_a_loop_counts_its_rows_for_another_thread(oscillator):
     with Master(oscillator, H, block_rows=50) as master:
         master.initialise()
-        assert master._loop.count_rows() == 1
-        master._loop.advance(master.clock.times(0, 20), c_int())
-        assert master._loop.count_rows() == master._rows.filled == 21
+        assert master.loop.count_rows() == 1
+        master.loop.advance(master.clock.times(0, 20), c_int())
+        assert master.loop.count_rows() == master.rows.filled == 21
 
 
 def test_a_recorder_stores_early_rows_once(tmp_path):

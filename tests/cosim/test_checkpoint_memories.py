@@ -27,7 +27,7 @@ def check_goes_on(system, folder, **options):
     expected = run(system, **options)
     for place, stop_s in enumerate(CUTS):
         checkpoints = Checkpoints(folder, 0.03, resume=place > 0)
-        found = run(system, checkpoints, stop_s=stop_s, compiled=place % 2 == 0, **options)
+        found = run(system, checkpoints, stop_s=stop_s, **options)
     check_same(found, expected)
     return expected
 

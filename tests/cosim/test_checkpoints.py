@@ -25,11 +25,11 @@ from ps_fmu.cosim.signals import read_signals
 
 
 @pytest.mark.parametrize(
-    ("scheme", "compiled", "stop_s"),
+    ("scheme", "beside", "stop_s"),
     [("jacobi", True, 0.08), ("jacobi", False, 0.31), ("gauss-seidel", True, 0.55), ("gauss-seidel", False, 0.42)],
 )
-def test_it_goes_on_bit_for_bit(mixed, tmp_path, scheme, compiled, stop_s):
-    options = {"scheme": scheme, "compiled": compiled, "beside": compiled}
+def test_it_goes_on_bit_for_bit(mixed, tmp_path, scheme, beside, stop_s):
+    options = {"scheme": scheme, "beside": beside}
     run(mixed, Checkpoints(tmp_path, 0.05), stop_s=stop_s, **options)
     assert 1 <= len(list(tmp_path.glob("row-*.zip"))) <= 2
     check_same(run(mixed, Checkpoints(tmp_path, 0.05, resume=True), **options), run(mixed, **options))
@@ -61,14 +61,6 @@ def test_isolated_fmus_go_on_bit_for_bit(mixed, tmp_path):
     only = Isolation(frozenset(("mass", "second")))
     run(mixed, Checkpoints(tmp_path, 0.05), stop_s=0.4, isolation=only)
     check_same(run(mixed, Checkpoints(tmp_path, 0.05, resume=True), isolation=only), run(mixed))
-
-
-def test_a_state_that_is_too_large_for_the_shared_memory_is_refused_before_the_run(mixed, tmp_path, monkeypatch):
-    from ps_fmu.cosim.isolation.instance import IsolatedInstance
-
-    monkeypatch.setattr(IsolatedInstance, "most_state_bytes", 10)
-    with pytest.raises(UsageError, match=r"mass: its state has \d+ bytes, and 10 at most .*--isolate"):
-        run(mixed, Checkpoints(tmp_path, 0.05), isolation=Isolation(frozenset(("mass",))))
 
 
 def test_steps_in_parts_go_on_bit_for_bit(tmp_path, caplog):

@@ -19,8 +19,6 @@ import pytest
 from ps_fmu.cosim import Master, RecorderError, SlaveError
 from ps_fmu.cosim.fmu_instance import FmuInstance, InstancePhase
 
-pytestmark = pytest.mark.usefixtures("each_loop")
-
 H = 0.01
 
 

@@ -1,4 +1,4 @@
-"""Faults act in the exchange between FMUs: each action, in both loops and both schemes, and nothing else changes."""
+"""Faults act in the exchange between FMUs: each action, in both schemes, and nothing else changes."""
 
 import shutil
 
@@ -8,7 +8,7 @@ from support.cosim import OSCILLATOR, Collect
 from support.faults import run_oscillator, write
 from support.relays import description, make_relay, port, relay, system, wire
 
-from ps_fmu.cosim import Master, SystemFileError, loops, read_system
+from ps_fmu.cosim import Master, SystemFileError, read_system
 from ps_fmu.cosim.signals import read_signals
 from ps_fmu.cosim.stopwatch import Stopwatch
 
@@ -86,7 +86,6 @@ def make_event(action, more, step, **where):
 @EACH
 @pytest.mark.parametrize("scheme", ["jacobi", "gauss-seidel"])
 @pytest.mark.parametrize("where", ["output", "input"])
-@pytest.mark.usefixtures("each_loop")
 def test_each_action_changes_what_the_input_gets(oscillator, tmp_path, scheme, action, more, where):
     model = "mass" if where == "output" else "spring"
     faults = write(tmp_path, make_event(action, more, 0.01, model=model, variable="position"))
@@ -111,7 +110,6 @@ def test_faults_act_on_values_in_the_unit_of_their_signal(folder, action, more):
 
 
 @EACH
-@pytest.mark.usefixtures("each_loop")
 def test_whole_numbers_and_flags_have_faults_too(make_system, tmp_path, action, more):
     """The second counter counts on by what the first has counted, while that is odd."""
     system = make_system(
@@ -160,13 +158,9 @@ def test_both_loops_and_blocks_of_any_size_give_the_same_bits(make_system, tmp_p
         )
     ))  # fmt: skip
     for scheme in ("jacobi", "gauss-seidel"):
-        found = [run_oscillator(system, faults, scheme, in_c=True)]
-        found.append(run_oscillator(system, faults, scheme, in_c=True, block_rows=3))
-        with monkeypatch.context() as patch:
-            patch.setattr(loops, "is_available", lambda: False)
-            found.append(run_oscillator(system, faults, scheme))
-            found.append(run_oscillator(system, faults, scheme, stopwatch=Stopwatch()))
-        found.append(run_oscillator(system, faults, scheme, in_c=True, stopwatch=Stopwatch()))
+        found = [run_oscillator(system, faults, scheme)]
+        found.append(run_oscillator(system, faults, scheme, block_rows=3))
+        found.append(run_oscillator(system, faults, scheme, stopwatch=Stopwatch()))
         for other in found[1:]:
             for name, values in found[0].items():
                 assert values.tobytes() == other[name].tobytes(), name
@@ -192,7 +186,7 @@ def test_noise_has_the_power_that_is_asked_for(oscillator, tmp_path):
     for keys, deviation in (({"rms": rms}, rms), ({"density": density}, np.sqrt(density / (2.0 * 0.01)))):
         event = {"time": 0.0, "model": "spring", "variable": "position", "action": "noise", "seed": 1, **keys}
         faults = write(tmp_path, event)
-        rows = run_oscillator(oscillator, faults, duration=40.0, in_c=True)
+        rows = run_oscillator(oscillator, faults, duration=40.0)
         noise = rows["spring.position"][1:] - rows["mass.position"][:-1]
         assert noise.std() == pytest.approx(deviation, rel=0.05)
         assert abs(noise.mean()) < 4.0 * deviation / np.sqrt(len(noise))
@@ -226,7 +220,6 @@ def test_faults_of_output_and_input_add_up_in_their_units(folder):
     assert rows["m.real_in"][1:] == pytest.approx(expected)
 
 
-@pytest.mark.usefixtures("each_loop")
 def test_parameters_and_open_inputs_get_their_own_value_back(oscillator, tmp_path):
     """The mass is a tunable parameter that nothing is connected to."""
     mass = {"model": "mass", "variable": "mass"}

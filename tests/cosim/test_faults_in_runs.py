@@ -13,11 +13,14 @@ from support.faults import run_oscillator, write
 
 from ps_fmu.cosim import Master, SlaveError, SystemFileError
 from ps_fmu.cosim.clock import StepClock
+from ps_fmu.cosim.compiled import CompiledLoop
 from ps_fmu.cosim.description import read_descriptions
 from ps_fmu.cosim.faults.active import make_faults
 from ps_fmu.cosim.faults.reading import read_faults
 from ps_fmu.cosim.fmu_instance import FmuInstance
 from ps_fmu.cosim.isolation.instance import Isolation
+from ps_fmu.cosim.plan import Plan
+from ps_fmu.cosim.rows import Rows, make_layout
 from ps_fmu.cosim.schemes.scheme import Scheme
 from ps_fmu.cosim.structure import PortName
 
@@ -135,7 +138,7 @@ def test_isolated_fmus_see_the_same_faults(oscillator, tmp_path):
     mass = {"time": 0.2, "model": "mass", "variable": "mass", "action": "bias", "value": 1.0, "duration": 0.1}
     faults = write(tmp_path, {**signal, "action": "noise", "rms": 0.1}, mass)
     inside, isolated = (
-        run_oscillator(oscillator, faults, in_c=True, isolation=isolation) for isolation in (None, Isolation())
+        run_oscillator(oscillator, faults, isolation=isolation) for isolation in (None, Isolation())
     )
     assert all(values.tobytes() == isolated[name].tobytes() for name, values in inside.items())
 
@@ -177,13 +180,14 @@ def test_what_effects_remember_can_be_set_back(oscillator, tmp_path):
     faults = make_faults(file, oscillator, read_descriptions(oscillator), clock, Scheme())
     faults.switch(0)
     group = faults.make_group([PortName("spring", "position")], inputs, True)
+    loop = CompiledLoop(Plan(((group,),), clock.step), Rows(make_layout({}), 1), is_led=True)
 
     def go(first, count):
         found = []
-        group.prepare(clock.times(first, count))
+        loop.prepare(clock.times(first, count))
         for step in range(first, first + count):
             inputs[0] = step
-            group.apply()
+            loop.run_range(0, clock.time(step))
             found.append(inputs[0])
         return found
 

@@ -7,11 +7,9 @@ import sys
 import numpy as np
 import pytest
 
-from ps_fmu.cosim import Master, UsageError, loops
+from ps_fmu.cosim import Master, UsageError
 from ps_fmu.cosim.description import read_description
 from ps_fmu.cosim.fmu_instance import FmuInstance
-
-pytestmark = pytest.mark.usefixtures("each_loop")
 
 STEP = 1e-2
 STIFFNESS, DAMPING, MASS = 8.0, 0.5, 2.0
@@ -222,9 +220,8 @@ def measure(master):
     gc.collect()
     return tracemalloc.get_traced_memory()[0]
 
-with Master(read_system(sys.argv[1], sys.argv[2]), 1e-3, block_rows=100, compiled=sys.argv[3] == "C") as master:
+with Master(read_system(sys.argv[1], sys.argv[2]), 1e-3, block_rows=100) as master:
     master.initialise()
-    assert master.runs_in_c == (sys.argv[3] == "C")
     master.run(1.0)
     for observers in ([], [Keeping()]):
         before = measure(master)
@@ -238,9 +235,8 @@ def test_memory_does_not_grow_with_the_run(oscillator, toys):
 
     In a process of its own that is traced from its start: what it had from before replaces, untraced, what is traced.
     """
-    loop = "C" if loops.is_available() else "Python"
     done = subprocess.run(
-        [sys.executable, "-I", "-X", "tracemalloc", "-c", GROWTH, str(oscillator.path), str(toys), loop],
+        [sys.executable, "-I", "-X", "tracemalloc", "-c", GROWTH, str(oscillator.path), str(toys)],
         check=True, capture_output=True, text=True,
     )  # fmt: skip
     growth, with_two_bytes = map(int, done.stdout.split())

@@ -46,9 +46,9 @@ def drive(folder, cases):
 def check(found, expected):
     rows, words, code = expected
     assert found["code"] == code
-    if rows is not None:
-        assert found["report"]["rows"] == rows
     report = found["report"] or {}
+    if rows is not None:
+        assert report["rows"] == rows
     text = "\n".join([found["stderr"], report.get("error") or "", report.get("ended") or ""])
     for word in words:
         assert word in text

@@ -1,7 +1,7 @@
 """Schemes of exchange: the order of their errors, rates, and inputs that go on along lines."""
 
 import logging
-from ctypes import c_double
+from functools import partial
 
 import numpy as np
 import pytest
@@ -10,6 +10,9 @@ from support import linear
 from support.linear import Keep, make_oscillator, make_two_motions, run
 
 from ps_fmu.cosim import Master
+from ps_fmu.cosim.compiled import CompiledLoop
+from ps_fmu.cosim.plan import Plan
+from ps_fmu.cosim.rows import Rows, make_layout
 from ps_fmu.cosim.schemes.history import Extension, Grid, InputHistory
 from ps_fmu.cosim.schemes.scheme import Rate, Scheme
 from ps_fmu.cosim.stopwatch import Stopwatch
@@ -88,19 +91,16 @@ def test_orders_with_rates(build, masses, order, extrapolation, expected, rates)
 @pytest.mark.parametrize("extrapolation", ["hold", "linear", "smoothed"])
 @pytest.mark.parametrize("interpolates", [True, False], ids=["slopes", "means"])
 @pytest.mark.parametrize("rates", [{}, {"first": Rate(3)}, {"second": Rate(parts=4), "first": Rate(2)}], ids=str)
-def test_in_c_bit_for_bit(build, order, extrapolation, interpolates, rates):
+def test_blocks_and_clocks_leave_every_bit(build, order, extrapolation, interpolates, rates):
     """Also in parts that begin and end within a step of the slow component, in small blocks, and timed."""
     system, scheme, found = build(make_oscillator, interpolates=interpolates), Scheme(order, extrapolation, rates), []
-    for in_c in (True, False):
-        for stopwatch, block_rows in ((None, 7), (Stopwatch(), 2000)):
-            options = {"compiled": in_c, "stopwatch": stopwatch, "block_rows": block_rows}
-            with Master(system, H, scheme, **options) as master:
-                rows = Keep([column.name for column in master.columns])
-                master.initialise()
-                assert master.runs_in_c == in_c
-                for steps in (1, 4, 20):
-                    master.run(steps * H, [rows])
-            found.append(np.concatenate(rows.blocks))
+    for stopwatch, block_rows in ((None, 7), (Stopwatch(), 2000)):
+        with Master(system, H, scheme, stopwatch=stopwatch, block_rows=block_rows) as master:
+            rows = Keep([column.name for column in master.columns])
+            master.initialise()
+            for steps in (1, 4, 20):
+                master.run(steps * H, [rows])
+        found.append(np.concatenate(rows.blocks))
     assert len({values.tobytes() for values in found}) == 1
     assert len(np.unique(found[0], axis=0)) > 8
 
@@ -154,14 +154,21 @@ def test_the_only_step_that_an_fmu_takes_is_its_rate(masses, tmp_path):
 # ---- inputs ------------------------------------------------------------------------------------------------------
 
 
-def follow(smoothed, ahead, period, values, first=1.0, length=1.0):
+def make_extension(history, values, slopes=None, offset=0.0, length=1.0):
+    """What puts the lines of a history into the last of some values, as a function of the time [s]."""
+    places, held = np.array([len(values) - 1]), np.zeros(1, np.int64)
+    change = Extension(history, values, places, held, offset, length, slopes).make_change()
+    return partial(CompiledLoop(Plan(((change,),), 1.0), Rows(make_layout({}), 1), is_led=True).run_range, 0)
+
+
+def follow(smoothed, ahead, period, sources, first=1.0, length=1.0):
     """Where the lines of steps of 1 s begin, and their slopes."""
-    now = c_double()
-    history = InputHistory(Grid(now, 0.0, 1.0), length, smoothed, np.array([first]), [period], [ahead])
+    history, values = InputHistory(Grid(0.0, 1.0), length, smoothed, np.array([first]), [period], [ahead]), np.zeros(1)
+    extend = make_extension(history, values)
     found = []
-    for step, value in enumerate(values):
-        now.value = step
-        history.look(np.array([value]))
+    for step, source in enumerate(sources):
+        values[0] = source
+        extend(float(step))
         found.append((float(history.begin[0]), float(history.slope[0])))
     return found
 
@@ -183,20 +190,20 @@ def test_lines_of_inputs(smoothed, ahead, period, values, expected):
 
 
 def test_asked_again_in_a_step_the_line_ends_elsewhere():
-    now = c_double()
-    history = InputHistory(Grid(now, 0.0, 0.5), 0.5, False, np.array([2.0]), [1], [1])
+    history, values = InputHistory(Grid(0.0, 0.5), 0.5, False, np.array([2.0]), [1], [1]), np.zeros(1)
+    extend = make_extension(history, values)
     for end, slope in ((4.0, 4.0), (3.0, 2.0)):
-        history.look(np.array([end]))
+        values[0] = end
+        extend(0.0)
         assert (history.begin[0], history.slope[0]) == (2.0, slope)
 
 
 def test_an_fmu_gets_the_mean_or_value_and_slope():
-    now = c_double()
     for slopes in (None, np.zeros(1)):
         values = np.array([7.0, 3.0])
-        history = InputHistory(Grid(now, 0.0, 1.0), 1.0, False, np.array([2.0]), [1], [1])
+        history = InputHistory(Grid(0.0, 1.0), 1.0, False, np.array([2.0]), [1], [1])
         for offset in (0.0, 0.25):
-            Extension(history, values, np.array([1]), offset, 0.5, slopes).apply()
+            make_extension(history, values, slopes, offset, 0.5)(0.0)
             assert values[0] == 7.0, "an input that is not continuous"
             assert values[1] == (2.25 + offset if slopes is None else 2.0 + offset)
             assert slopes is None or slopes[0] == 1.0

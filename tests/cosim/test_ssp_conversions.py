@@ -11,7 +11,6 @@ from ps_fmu.cosim import Master, WiringError
 H = 0.1
 
 
-@pytest.mark.usefixtures("each_loop")
 @pytest.mark.parametrize("scheme", ["jacobi", "gauss-seidel"])
 @pytest.mark.parametrize("name", NAMES)
 def test_each_type_is_carried(open_text, collect, name, scheme):

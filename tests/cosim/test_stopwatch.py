@@ -33,17 +33,15 @@ def run(system, stopwatch=None, **options):
     return collect.values
 
 
-@pytest.mark.parametrize("compiled", [True, False], ids=["C", "Python"])
 @pytest.mark.parametrize("scheme", ["jacobi", "gauss-seidel"])
-def test_rows_are_the_same_bit_for_bit(system, compiled, scheme):
-    plain = run(system, compiled=compiled, scheme=scheme)
-    assert run(system, Stopwatch(), compiled=compiled, scheme=scheme).tobytes() == plain.tobytes()
+def test_rows_are_the_same_bit_for_bit(system, scheme):
+    plain = run(system, scheme=scheme)
+    assert run(system, Stopwatch(), scheme=scheme).tobytes() == plain.tobytes()
 
 
-@pytest.mark.parametrize("compiled", [True, False], ids=["C", "Python"])
-def test_all_parts_of_all_plans_are_in_it(system, compiled):
+def test_all_parts_of_all_plans_are_in_it(system):
     stopwatch = Stopwatch()
-    run(system, stopwatch, compiled=compiled)
+    run(system, stopwatch)
     costs = stopwatch.read()
     assert costs.steps == STEPS
     assert set(costs.parts) == {"mass", "spring", "counter", EXCHANGE}
@@ -61,11 +59,10 @@ def test_what_has_not_begun_has_cost_nothing():
     assert math.isnan(costs.longest_at)
 
 
-@pytest.mark.parametrize("compiled", [True, False], ids=["C", "Python"])
-def test_a_warning_is_counted_and_costs_no_step(system, answer, compiled):
+def test_a_warning_is_counted_and_costs_no_step(system, answer):
     answer("spring", "fmi2DoStep", 1, n=0, really=True)
     stopwatch = Stopwatch()
-    with Master(system, H, stopwatch=stopwatch, compiled=compiled) as master:
+    with Master(system, H, stopwatch=stopwatch) as master:
         master.initialise()
         master.run(STEPS * H)
         assert master.warnings["spring"] == STEPS
@@ -75,11 +72,10 @@ def test_a_warning_is_counted_and_costs_no_step(system, answer, compiled):
     assert max(part.longest_s for part in costs.parts.values()) <= costs.longest_s
 
 
-@pytest.mark.parametrize("compiled", [True, False], ids=["C", "Python"])
-def test_it_does_not_grow_with_the_resets_of_a_master(system, compiled):
+def test_it_does_not_grow_with_the_resets_of_a_master(system):
     stopwatch = Stopwatch()
     held = []
-    with Master(system, H, stopwatch=stopwatch, compiled=compiled) as master:
+    with Master(system, H, stopwatch=stopwatch) as master:
         for number in range(5):
             master.reset({"mass.mass": 1.0 + number})
             master.initialise()

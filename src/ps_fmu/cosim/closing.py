@@ -6,26 +6,23 @@ from collections.abc import Collection
 
 from .errors import SlaveError
 from .fmu_instance import FmuInstance, InstancePhase
-from .guard import arm
-from .interrupt import takes_interrupts
 
 
 def end_all(instances: Collection[FmuInstance], time: float) -> list[SlaveError]:
     """Terminate all at ``time`` [s], then free all; returns what failed."""
     failures = []
-    with arm(takes_interrupts()):
-        _silence_fatal(instances)
-        for instance in instances:
-            try:
-                instance.terminate(time)
-            except SlaveError as error:
-                failures.append(error)
-        _silence_fatal(instances)
-        for instance in instances:
-            try:
-                instance.free()
-            except SlaveError as error:
-                failures.append(error)
+    _silence_fatal(instances)
+    for instance in instances:
+        try:
+            instance.terminate(time)
+        except SlaveError as error:
+            failures.append(error)
+    _silence_fatal(instances)
+    for instance in instances:
+        try:
+            instance.free()
+        except SlaveError as error:
+            failures.append(error)
     return failures
 
 

@@ -1,33 +1,36 @@
-"""The same steps as in :mod:`.loops`, in C: a library in the package that executes the same plan.
+"""The loop over the steps of a plan: a library in the package, in C, that carries out its operations.
 
 It lets go of the interpreter's lock, so that two systems can run at the same time in two threads.
 """
 
 from __future__ import annotations
 
-import logging
-from collections.abc import Callable
-from ctypes import POINTER, Structure, c_double, c_int, c_int64, c_void_p
-from functools import partial
+from collections.abc import Sequence
+from ctypes import POINTER, Structure, addressof, c_double, c_int, c_int64, c_void_p
+from typing import Any, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
+from .checkpoint.state import Stateful
+from .errors import CosimError
 from .faults.effects import EffectGroup
-from .guard import End, load_library
-from .plan import Call, Change, Gather, InputExtension, Plan
+from .guard import NamedCall, NamedSteps, load_library
+from .native import LOOP
+from .plan import Call, Change, Feed, Gather, Move, Operation, Plan
 from .rows import Array, Rows
-from .stopwatch import Laps, Timing, list_parts
-
-log = logging.getLogger("ps_fmu.cosim")
+from .stopwatch import Laps, Timing
 
 BUDGET_S = 0.05
 """So long may C go on before Python looks for signals and reports progress [s]."""
 
 # Kind of an operation, as in loop.c.
 _TAKE = {"float64": 0, "int32": 1}
-_DO_SPAN, _TAKE_LINES = 7, 8
+_DO_SPAN = 7
 _CHANGE = {"float64": 10, "int32": 11}
-_LINES = {"start_lines": 12, "change_lines": 13, "end_lines": 14}
+_FEED = {"float64": 14, "int32": 15}
+_ASK_PYTHON = 16
+_FUNCTION = {"extend": 8, "scale": 12, "look_up": 13}
 _CALL = {
     "fmi2SetReal": 2,
     "fmi2SetInteger": 3,
@@ -68,99 +71,134 @@ class _Loop(Structure):
         ("rows_done", c_int64),
         ("next_operation", c_int64),
         ("phase", c_int64),
+        ("is_led", c_int64),
     )
 
 
-class CompiledLoop:
-    """Steps of a plan, in C, timed if there are ``laps``.
+class StepLoop(Protocol):
+    """Runs steps."""
 
-    Raises OSError if there is no library for this platform, or none that can be loaded.
-    """
-
-    def __init__(self, plan: Plan, rows: Rows, laps: Laps | None = None) -> None:
-        self._run_steps = load_library().run_guarded
-        types = POINTER(_Loop), c_void_p, c_void_p, c_int64, c_double, POINTER(c_int), POINTER(Timing), POINTER(End)
-        self._run_steps.argtypes, self._run_steps.restype = types, c_int
-        self._timing, self._end = None if laps is None else laps.timing, End()
-        self.plan, self._rows, self._effects = plan, rows, plan.effects
-        self.memories = plan.memories
-        self._parts = list(list_parts(plan))
-        operations = (_Operation * len(self._parts))(*map(_make_operation, self._parts))
-        sizes = [sum(len(s.gathers) + len(s.calls) for s in stages) for stages in plan.list_phases()]
-        self._ends = np.cumsum(sizes, dtype=np.int64)
-        row = rows.latest.ctypes.data, rows.latest.size
-        ends = self._ends.ctypes.data, len(self._ends)
-        self._loop = _Loop(operations, len(operations), *row, plan.step, *ends)
+    @property
+    def memories(self) -> Sequence[Stateful]:
+        """What goes from step to step beside the outputs and what faults remember, in an order that the plan fixes."""
 
     def advance(self, times: Array, interrupted: c_int) -> None:
-        """As :meth:`.loops.PythonLoop.advance`; ends early after :data:`BUDGET_S`, too."""
+        """Run one step from each of the ``times`` [s]; ends early, between two steps, once ``interrupted`` is not zero.
+
+        It may end before that, too.  ``rows.filled`` counts the complete rows also when a :class:`SlaveError` ends it.
+        """
+
+    def count_rows(self) -> int:
+        """Complete rows of the block now, for another thread to ask while the loop runs; rather too few than more."""
+
+
+def check_library() -> None:
+    """Raises :class:`CosimError` if the loop cannot be run here, with the command that makes it."""
+    try:
+        load_library()
+    except OSError as error:
+        platforms = " and ".join(LOOP.targets)
+        text = f"{error}\n  No steps can be run without it.  'make launcher' compiles it, for {platforms}."
+        raise CosimError(text) from error
+
+
+class CompiledLoop:
+    """Steps of a plan, timed if there are ``laps``.
+
+    ``is_led``: :meth:`run_range` carries out one range of operations after the other, and stores no rows.
+    """
+
+    def __init__(self, plan: Plan, rows: Rows, laps: Laps | None = None, is_led: bool = False) -> None:
+        library = load_library()
+        self._run_steps = library.run_steps if laps is None else library.run_timed_steps
+        types = POINTER(_Loop), c_void_p, c_void_p, c_int64, c_double, POINTER(c_int)
+        self._run_steps.argtypes = types if laps is None else (*types, POINTER(Timing))
+        self._run_steps.restype = c_int
+        self._timing = () if laps is None else (laps.timing,)
+        self._plan, self._rows, self._prepared = plan, rows, plan.prepared
+        self.memories = plan.memories
+        self._parts = plan.operations
+        operations = (_Operation * len(self._parts))(*map(_make_operation, self._parts))
+        self._ends = np.cumsum([len(own) for own in plan.ranges], dtype=np.int64)
+        row = rows.latest.ctypes.data, rows.latest.size
+        ends = self._ends.ctypes.data, len(self._ends)
+        self._loop = _Loop(operations, len(operations), *row, plan.step, *ends, is_led=int(is_led))
+        self._time, self._never = np.zeros(1), c_int()  # for ranges
+        begin = addressof(self._loop)
+        named = [part.describe(plan.step) if isinstance(part, Call) else ("", 0.0) for part in self._parts]
+        self._names = NamedSteps(named, begin + _Loop.next_operation.offset, begin + _Loop.rows_done.offset)
+
+    def prepare(self, times: Array) -> None:
+        """Be ready for a step from each of the ``times`` [s]."""
+        for operation in self._prepared:
+            operation.prepare(times)
+
+    def advance(self, times: Array, interrupted: c_int) -> None:
+        """As :meth:`StepLoop.advance`; ends early after :data:`BUDGET_S`, too."""
+        if not len(times):
+            return
         loop, first = self._loop, self._rows.filled
-        for group in self._effects:
-            group.prepare(times)
-        loop.rows_done = 0
-        loop.phase = phase = self.plan.find_phase(float(times[0])) if len(times) else 0
-        loop.next_operation = self._ends[phase - 1] if phase else 0
-        goal = self._rows.block[first:].ctypes.data, times.ctypes.data, len(times)
-        end = self._end
+        self.prepare(times)
+        self._begin(self._plan.find_phase(float(times[0])))
         try:
-            while status := self._run_steps(loop, *goal, BUDGET_S, interrupted, self._timing, end):
-                call, time = self._parts[loop.next_operation - 1], float(times[loop.rows_done])
-                assert isinstance(call, Call)
-                if end.ending:
-                    call.give_up(end, time, self.plan.step)
-                call.check(status, time, self.plan.step)
+            self._run(self._rows.block[first:], times, interrupted)
         finally:
             done, loop.rows_done = loop.rows_done, 0  # whoever counts rows meanwhile counts too few
             self._rows.filled = first + done
 
+    def run_range(self, number: int, time: float) -> None:
+        """The operations of one range, in a step from ``time`` [s] on.  Raises :class:`SlaveError`."""
+        self._begin(number)
+        self._time[0] = time
+        self._run(self._rows.latest, self._time, self._never)
+
     def count_rows(self) -> int:
-        """As :meth:`.loops.StepLoop.count_rows`."""
+        """As :meth:`StepLoop.count_rows`."""
         return int(self._rows.filled + self._loop.rows_done)
 
+    def _begin(self, number: int) -> None:
+        loop = self._loop
+        loop.rows_done, loop.phase = 0, number
+        loop.next_operation = self._ends[number - 1] if number else 0
 
-class CompiledExtension:
-    """What an extension of inputs does, in C, for steps that Python leads: 0.6 us instead of 16.
+    def _run(self, rows: Array, times: Array, interrupted: c_int) -> None:
+        loop, step = self._loop, self._plan.step
+        goal = rows.ctypes.data, times.ctypes.data, len(times)
+        named = self._names.at(times.ctypes.data)
+        while status := self._run_named(named, goal, interrupted):
+            part, time = self._parts[loop.next_operation - 1], float(times[loop.rows_done])
+            if isinstance(part, Move):
+                part.carry(time)
+                continue
+            assert isinstance(part, Call)
+            part.check(status, time, step)
 
-    Parameters
-    ----------
-    extension: the same in Python, which keeps the data
-    now: where the base step begins [s]
-    """
-
-    def __init__(self, extension: InputExtension, now: c_double) -> None:
-        self._extension = extension
-        function = load_library().extend_inputs
-        function.argtypes, function.restype = (c_void_p, c_double), None
-        self.address = extension.address
-        self.apply: Callable[[], None] = partial(function, self.address, now)
-
-
-def is_available() -> bool:
-    """Whether the loop can be run here."""
-    try:
-        load_library()
-    except OSError as error:
-        log.info("steps are run in Python: %s", error)
-        return False
-    return True
+    def _run_named(self, named: NamedCall, goal: tuple[int, int, int], interrupted: c_int) -> int:
+        with named:
+            return int(self._run_steps(self._loop, *goal, BUDGET_S, interrupted, *self._timing))
 
 
-def _make_operation(part: Gather | EffectGroup | Change | Call) -> _Operation:
-    """The addresses in a gather, in what faults do or in a call, whose objects the plan keeps."""
-    if isinstance(part, Change):
-        return _Operation(_LINES[part.function], 0, None, None, None, part.address)
-    if isinstance(part, EffectGroup):
-        kind = _LINES["change_lines"] if part.has_lines else _CHANGE[part.inputs.dtype.name]
-        return _Operation(kind, part.count, None, None, part.inputs.ctypes.data, part.address)
+def _make_operation(part: Operation) -> _Operation:
+    """The addresses in an operation, whose objects the plan keeps."""
+    if isinstance(part, Call):
+        component, function = part.instance.address, part.address
+        if part.span is not None:
+            return _Operation(_DO_SPAN, 0, _find(part.span.numbers), None, None, component, function)
+        arrays = map(_find, (part.references, part.orders, part.values))
+        return _Operation(_CALL[part.function], len(part.names), *arrays, component, function)
     if isinstance(part, Gather):
-        arrays = part.sources.ctypes.data, part.outputs.ctypes.data, part.inputs.ctypes.data
-        if part.extension is not None:
-            return _Operation(_TAKE_LINES, len(part.sources), *arrays, part.extension.address)
+        arrays = map(_find, (part.sources, part.outputs, part.inputs))
         return _Operation(_TAKE[part.inputs.dtype.name], len(part.sources), *arrays)
-    arrays_of = part.references, part.orders, part.values
-    references, orders, values = (None if array is None else array.ctypes.data for array in arrays_of)
-    if part.span is not None:
-        span = part.span.numbers.ctypes.data
-        return _Operation(_DO_SPAN, 0, span, None, None, part.instance.address, part.address)
-    kind = _CALL[part.function]
-    return _Operation(kind, len(part.names), references, orders, values, part.instance.address, part.address)
+    if isinstance(part, Change):
+        arrays = map(_find, (part.table, part.numbers, part.inputs))
+        return _Operation(_FUNCTION[part.function], part.count, *arrays, part.address)
+    if isinstance(part, EffectGroup):
+        return _Operation(_CHANGE[part.inputs.dtype.name], part.count, None, None, _find(part.inputs), part.address)
+    if isinstance(part, Feed):
+        places, values = _find(part.places), _find(part.values)
+        return _Operation(_FEED[part.values.dtype.name], len(part.places), places, None, values, part.address)
+    return _Operation(_ASK_PYTHON)
+
+
+def _find(array: NDArray[Any] | None) -> int | None:
+    return None if array is None else array.ctypes.data

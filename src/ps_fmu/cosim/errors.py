@@ -87,10 +87,8 @@ class DiscardedStep(SlaveError):
 class SlaveEnded(DiscardedStep):
     """An FMU that has ended the simulation by itself: no failure (fmi2Discard, and fmi2Terminated is true).
 
-    ``time`` [s] is that of the last row, ``during`` the call of a plan that showed it.
+    ``time`` [s] is that of the last row.
     """
-
-    during: object = None
 
 
 class ConvergenceError(CosimError):

@@ -18,8 +18,7 @@ from fmpy.model_description import ModelDescription
 from . import guard, pythonfmu
 from .description import convert_value, index_variables, read_tolerance
 from .errors import DiscardedStep, SlaveEnded, SlaveError, SystemFileError, UsageError, name_status
-from .guard import End
-from .library import FMU2Library, load_library
+from .library import load_library
 from .messages import MessageLog, forget, listen
 from .structure import Component, Value
 from .unpacked import discard_unpacked, ease_imports, provide_unpacked, release_unpacked
@@ -70,8 +69,6 @@ class FmuInstance:
 
     shares_process = True
     """Its library is loaded into this process."""
-    most_state_bytes: int | None = None
-    """The largest state that :meth:`write_state` can write; None: any."""
 
     def __init__(self, component: Component, description: ModelDescription) -> None:
         self.name = component.name
@@ -79,7 +76,6 @@ class FmuInstance:
         self.variables = index_variables(description)
         self.derives: bool = description.coSimulation.providesDirectionalDerivative
         self._tolerance = read_tolerance(description)
-        self.runs_python = (description.generationTool or "").startswith("PythonFMU")
         self.messages = MessageLog(self.name)
         self.warnings = 0
         # One that may be instantiated only once has its data in the library, and gets one of its own.
@@ -93,7 +89,7 @@ class FmuInstance:
             release_unpacked(self._folder)
             raise
 
-    def _load(self, component: Component, description: ModelDescription) -> FMU2Library:
+    def _load(self, component: Component, description: ModelDescription) -> Any:
         fmu = load_library(component, description, self._folder)
         if pythonfmu.is_plain(fmu.dll) and (problem := pythonfmu.find_missing_in(self._folder)):
             raise SystemFileError(component.source, problem)
@@ -207,11 +203,6 @@ class FmuInstance:
         try:
             size = c_size_t()
             self._call("fmi2SerializedFMUstateSize", c_void_p(state), byref(size))
-            if self.most_state_bytes is not None and size.value > self.most_state_bytes:
-                raise UsageError(
-                    f"{self.name}: its state has {size.value} bytes, and {self.most_state_bytes} at most pass from a "
-                    "process of its own: run it without one (--isolate)"
-                )
             content = (c_char * size.value)()
             self._call("fmi2SerializeFMUstate", c_void_p(state), content, size)
         finally:
@@ -311,19 +302,6 @@ class FmuInstance:
             variables=variables,
             messages=messages,
         )
-
-    def give_up(self, function: str, end: End, time: float) -> NoReturn:
-        """A call did not return: the library is not called again.  Raises :class:`SlaveError` or KeyboardInterrupt."""
-        self.phase = InstancePhase.FATAL
-        discard_unpacked(self._folder)
-        where = f"{self.name}: {function} at t = {time:.9g} s {end.describe()}"
-        if end.ending == guard.INTERRUPTED:
-            raise KeyboardInterrupt(where)
-        messages = self.messages.take()
-        raise SlaveError(
-            f"{where}{quote(messages)}\n  {_ADVICE[FATAL]}",
-            component=self.name, function=function, status=FATAL, time=time, messages=messages,
-        )  # fmt: skip
 
     def _has_ended(self) -> bool:
         """What fmi2GetBooleanStatus says of fmi2Terminated."""

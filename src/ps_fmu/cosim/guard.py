@@ -1,6 +1,7 @@
-"""Calls of FMUs in this process that do not return: the library of the loop gets the master out of them.
+"""FMUs in this process: how they may change it, and what is left when one of them ends it.
 
-See ``native/guard.c``.  Where there is no such library, an FMU that crashes or exits takes the process along.
+See ``native/guard.c``.  Where there is no such library, an FMU that crashes or exits takes the process along without a
+word.
 """
 
 from __future__ import annotations
@@ -8,59 +9,56 @@ from __future__ import annotations
 import ctypes
 import logging
 import os
-import signal
-import weakref
-from collections.abc import Iterator
-from contextlib import contextmanager
-from ctypes import Structure, c_char, c_int, c_void_p
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from ctypes import POINTER, Structure, c_char_p, c_double, c_int, c_void_p
 from functools import cache
 
-from fmpy import platform
-
 from .errors import CosimError
-from .native import LOOP
+from .native import LOOP, PLATFORM
 
 log = logging.getLogger("ps_fmu.cosim")
 
-CRASHED, EXITED, INTERRUPTED, LEFT, THREAD_ENDED = range(1, 6)
-"""Endings of a call, as in guard.c."""
-ROUNDING, HANDLER, FOLDER, CONTROL_WORD = 1, 2, 4, 8
-"""What FMUs have changed in this process, as bits."""
+ROUNDING, CONTROL_WORD = 1, 2
+"""What FMUs have changed in this process, as bits of guard.c."""
 _CHANGED_WORD = "the control word of the processor (flush-to-zero, as code of -ffast-math does)"
-_CHANGES = {HANDLER: "the handler of Ctrl-C", FOLDER: "the working directory", CONTROL_WORD: _CHANGED_WORD}
 _ADVICE = "--isolate gives FMUs processes of their own, and tells which of them does this"
-_PLACE_BYTES = 256
+_NUMBER_BYTES = 8
+
+_keepers: list[tuple[int, Callable[[], None]]] = []  # of the runs that are under way, with their threads
 
 
-class End(Structure):
-    """``End`` of guard.c: how a call ended, with the number of the signal or the exit code."""
+class NamedStep(Structure):
+    """``Call`` of guard.c: what the last words call an operation of the steps, and how much later it is [s]."""
 
-    _fields_ = (("ending", c_int), ("number", c_int))
+    _fields_ = (("name", c_char_p), ("offset", c_double))
 
-    def describe(self) -> str:
-        """The predicate of a sentence about the call."""
-        if self.ending == CRASHED:
-            return f"crashed with {signal.Signals(self.number).name}"
-        if self.ending == EXITED:
-            return f"called exit({self.number})"
-        if self.ending == LEFT:
-            return f"called _exit({self.number})"
-        if self.ending == THREAD_ENDED:
-            return "ended the thread of the master by pthread_exit()"
-        return "did not return, and was interrupted"
+
+class Place(Structure):
+    """``Place`` of guard.c: a call by its name, or one of the steps."""
+
+    _fields_ = (
+        ("text", c_char_p),
+        ("calls", POINTER(NamedStep)),
+        ("next", c_void_p),
+        ("row", c_void_p),
+        ("times", c_void_p),
+    )
 
 
 @cache
 def load_library() -> ctypes.CDLL:
     """The library of the loop.  Raises OSError if there is none for this platform, or none that can be loaded."""
-    path = LOOP.find_whole(platform)
+    path = LOOP.find_whole(PLATFORM)
     if path is None:
-        raise OSError(f"there is no compiled loop for {platform}")
+        raise OSError(f"there is no compiled loop for {PLATFORM}")
     library = ctypes.CDLL(str(path))
-    library.guard_prepare.argtypes, library.guard_prepare.restype = (c_void_p,), None
-    library.guard_list_loaded.argtypes, library.guard_list_loaded.restype = (), c_void_p
-    library.guard_divert.argtypes, library.guard_divert.restype = (c_void_p,), c_int
-    library.guard_prepare(ctypes.cast(ctypes.pythonapi.PyGILState_Check, c_void_p))
+    library.guard_prepare.argtypes, library.guard_prepare.restype = (c_void_p, c_void_p), None
+    python = (ctypes.pythonapi.PyGILState_Check, ctypes.pythonapi.Py_IsInitialized)
+    library.guard_prepare(*(ctypes.cast(function, c_void_p) for function in python))
+    library.guard_expect_exit()
     return library
 
 
@@ -73,23 +71,13 @@ def find_library() -> ctypes.CDLL | None:
 
 
 @cache
-def _load_locked() -> ctypes.PyDLL:
-    """The library for calls that keep the interpreter's lock: one thread at a time counts."""
-    return ctypes.PyDLL(str(LOOP.find_whole(platform)))
-
-
-@contextmanager
-def arm(interrupts: bool) -> Iterator[None]:
-    """Take over the signals of crashes, and with ``interrupts`` SIGINT, which Python has a handler for."""
+def _load_locked() -> ctypes.PyDLL | None:
+    """The library for calls that keep the interpreter's lock, which take less time; None where there is none."""
     if find_library() is None:
-        yield
-        return
-    library = _load_locked()
-    library.guard_arm(interrupts)
-    try:
-        yield
-    finally:
-        library.guard_disarm(interrupts)
+        return None
+    library = ctypes.PyDLL(str(LOOP.find_whole(PLATFORM)))
+    library.guard_enter.argtypes, library.guard_enter.restype = (c_void_p,), c_void_p
+    return library
 
 
 class NamedCall:
@@ -98,85 +86,114 @@ class NamedCall:
     A function with contextlib takes 3 us more.
     """
 
-    __slots__ = ("_before", "_place", "_process")
-    _left = (c_char * _PLACE_BYTES)()  # nobody reads it
+    __slots__ = ("_before", "_library", "_place", "_process")
 
-    def __init__(self, place: str) -> None:
-        self._process = os.getpid()
-        self._place, self._before = place, None if find_library() is None else (c_char * _PLACE_BYTES)()
+    def __init__(self, place: str | Place) -> None:
+        self._library, self._process = _load_locked(), os.getpid()
+        self._place = place if isinstance(place, Place) else Place(place.encode())
 
     def __enter__(self) -> None:
-        if self._before is not None:
-            _load_locked().guard_name(self._place.encode()[: _PLACE_BYTES - 1], self._before)
+        if self._library is not None:
+            self._before = self._library.guard_enter(ctypes.addressof(self._place))
 
     def __exit__(self, *_: object) -> None:
         if os.getpid() != self._process:  # it would go on with the run, and write into the same files
-            text = f"{self._place}: a copy of the process, made by fork(), came back from the call, and was ended\n"
+            name = (self._place.text or b"an FMU in a step").decode()
+            text = f"{name}: a copy of the process, made by fork(), came back from the call, and was ended\n"
             os.write(2, text.encode())
             os._exit(1)
-        if self._before is not None:
-            _load_locked().guard_name(self._before, self._left)
+        if self._library is not None:
+            self._library.guard_enter(self._before)
 
 
 @contextmanager
-def divert_ends(name: str) -> Iterator[None]:
-    """The library of the FMU ``name`` is loaded within: what it calls to end process or thread leads to the guard.
-
-    How this thread computes with floating-point numbers is put back.
-    """
+def restore_after_loading(name: str) -> Iterator[None]:
+    """The library of the FMU ``name`` is loaded within: how this thread computes with numbers is put back."""
     library = find_library()
-    if library is None:
-        yield
-        return
-    before = library.guard_list_loaded()
     try:
         yield
     finally:
-        if library.guard_divert(before):
-            log.warning("%s: loading the library changed %s, which was put back", name, _CHANGED_WORD)
+        changed = 0 if library is None else int(library.guard_restore())
+    if changed & CONTROL_WORD:
+        log.warning("%s: loading the library changed %s, which was put back", name, _CHANGED_WORD)
 
 
-def find_interrupts() -> int | None:
-    """Address of the number of Ctrl-C since the guard was armed; None where there is no library."""
+@contextmanager
+def keep_rows(keep: Callable[[], None]) -> Iterator[None]:
+    """If an FMU ends the process within, ``keep`` is called before, in another thread, to store the rows of a run."""
     library = find_library()
-    return None if library is None else ctypes.addressof(c_int.in_dll(library, "guard_interrupts"))
-
-
-def _find_folder() -> str | None:
-    """The working directory; None if it has been removed."""
+    if library is not None:
+        _watch(os.getpid())
+        if "netCDF4" in sys.modules:
+            _expect_exit_of_hdf5()
+    entry = threading.get_ident(), keep
+    _keepers.append(entry)
     try:
-        return os.getcwd()
-    except OSError:
-        return None
+        yield
+    finally:
+        _keepers.remove(entry)
 
 
-class ProcessGuard:
-    """What no FMU may change in the process of the master: compared with what it was, and put back."""
+@cache
+def _expect_exit_of_hdf5() -> None:
+    load_library().guard_expect_exit()
+
+
+@cache
+def _watch(_process: int) -> None:
+    """Start the thread that stores rows; one for each process, for a copy by fork() has none."""
+    library = load_library()
+    reading, writing = os.pipe()
+
+    def wait() -> None:
+        thread = int.from_bytes(os.read(reading, _NUMBER_BYTES), sys.byteorder)
+        every = list(_keepers)
+        for _, keep in [entry for entry in every if entry[0] == thread] or every:
+            with suppress(BaseException):  # the process ends, whatever comes
+                keep()
+        library.guard_note_kept()
+
+    threading.Thread(target=wait, name="keeper of rows", daemon=True).start()
+    library.guard_set_keeper(c_int(writing))
+
+
+class NumberGuard:
+    """How this thread computes with numbers, which no FMU may change: compared with what it was, and put back."""
 
     def __init__(self) -> None:
         self._library = find_library()
-        self._folder = _find_folder()
-        self._null = os.open(os.devnull, os.O_RDONLY)
-        self._close = weakref.finalize(self, os.close, self._null)
-        self._warned = 0
+        self._warned = False
 
-    def check(self) -> None:
-        """Look after some steps.  Rounding and descriptors are errors, for results after them cannot be trusted.
+    @contextmanager
+    def watch(self, time: float) -> Iterator[None]:
+        """Some steps from ``time`` on [s].  Another rounding is an error, for results after it cannot be trusted.
 
         Raises :class:`CosimError`.
         """
+        with NamedCall(f"an FMU in the steps from t = {time:.9g} s on"):
+            yield
         found = 0 if self._library is None else int(self._library.guard_restore())
-        if self._folder is not None and _find_folder() != self._folder:
-            os.chdir(self._folder)
-            found |= FOLDER
-        for change, text in _CHANGES.items():
-            if found & change & ~self._warned:
-                log.warning("an FMU changed %s of this process, which was put back; %s", text, _ADVICE)
-        self._warned |= found
+        if found & CONTROL_WORD and not self._warned:
+            log.warning("an FMU changed %s of this process, which was put back; %s", _CHANGED_WORD, _ADVICE)
+            self._warned = True
         if found & ROUNDING:
             raise CosimError(f"an FMU changed the rounding of numbers in this process in the last steps; {_ADVICE}")
-        try:
-            os.fstat(self._null)
-        except OSError as error:
-            self._close.detach()
-            raise CosimError(f"an FMU closed files of this process in the last steps; {_ADVICE}") from error
+
+
+class NamedSteps:
+    """The place of a thread that runs steps in C.
+
+    Parameters
+    ----------
+    calls: what the last words call each operation, and how much later than the step it is [s]
+    following, row: addresses of the numbers that count operations and rows
+    """
+
+    def __init__(self, calls: list[tuple[str, float]], following: int, row: int) -> None:
+        self._calls = (NamedStep * len(calls))(*[NamedStep(name.encode(), offset) for name, offset in calls])
+        self.place = Place(None, self._calls, following, row)
+
+    def at(self, times: int) -> NamedCall:
+        """Steps at these times, by the address of the first [s]."""
+        self.place.times = times
+        return NamedCall(self.place)

@@ -14,28 +14,19 @@ from contextlib import contextmanager
 from ctypes import c_int
 from types import FrameType
 
-from .guard import arm
-
-
-def takes_interrupts() -> bool:
-    """Whether SIGINT is Python's to handle in this thread."""
-    main = threading.current_thread() is threading.main_thread()
-    return main and signal.getsignal(signal.SIGINT) not in (None, signal.SIG_IGN)
-
 
 @contextmanager
 def note_interrupts() -> Iterator[c_int]:
     """A number that is zero until SIGINT arrives; the loop in C can read it, too.
 
-    A second SIGINT acts at once, for an FMU that hangs: what does not return is left by :mod:`.guard`, or else the
-    handler from before is called.  Nothing is changed outside of the main thread, where Python takes no signals, and
-    where SIGINT is ignored.
+    A second SIGINT acts at once, by the handler from before, for an FMU in Python, or in a process of its own, that
+    hangs.  Nothing is changed outside of the main thread, where Python takes no signals, and where SIGINT is ignored.
     """
     noted = c_int()
     previous = signal.getsignal(signal.SIGINT)
-    if not takes_interrupts():
-        with arm(interrupts=False):
-            yield noted
+    main = threading.current_thread() is threading.main_thread()
+    if not main or previous in (None, signal.SIG_IGN):
+        yield noted
         return
 
     def note(number: int, frame: FrameType | None) -> None:
@@ -47,7 +38,6 @@ def note_interrupts() -> Iterator[c_int]:
 
     signal.signal(signal.SIGINT, note)
     try:
-        with arm(interrupts=True):
-            yield noted
+        yield noted
     finally:
         signal.signal(signal.SIGINT, previous)

@@ -4,33 +4,32 @@ from __future__ import annotations
 
 import ctypes
 import os
-import threading
 from pathlib import Path
 from typing import Any
 
-from fmpy import platform, sharedLibraryExtension
+from fmpy import sharedLibraryExtension
 from fmpy.fmi2 import FMU2Slave
 from fmpy.model_description import ModelDescription
 
 from . import guard
 from .archive import check_archive
 from .errors import SystemFileError
+from .native import PLATFORM
 from .structure import Component
 
 _NOT_LOADED = "component {!r} cannot be loaded on this platform"
-_LOADING = threading.Lock()  # what is loaded meanwhile is taken for a part of the FMU
 
 
 def find_binary(component: Component, description: ModelDescription, folder: Path) -> Path:
     """The library of an unpacked FMU for this platform.  Raises :class:`SystemFileError` if there is none."""
     name = f"{description.coSimulation.modelIdentifier}{sharedLibraryExtension}"
-    path = folder / "binaries" / platform / name
+    path = folder / "binaries" / PLATFORM / name
     if path.is_file():
         return path
     members = [member.split("/") for member in check_archive(component.source)]
     others = sorted({parts[1] for parts in members if parts[0] == "binaries" and len(parts) > 2})
-    text = f"{_NOT_LOADED.format(component.name)}: the FMU has no binaries/{platform}/{name}; it has binaries for "
-    raise SystemFileError(component.source, f"{text}{', '.join(others) or 'none'}: ask its maker for {platform}")
+    text = f"{_NOT_LOADED.format(component.name)}: the FMU has no binaries/{PLATFORM}/{name}; it has binaries for "
+    raise SystemFileError(component.source, f"{text}{', '.join(others) or 'none'}: ask its maker for {PLATFORM}")
 
 
 class FMU2Library(FMU2Slave):  # FMPy tells the version of FMI by this name
@@ -58,13 +57,12 @@ class FMU2Library(FMU2Slave):  # FMPy tells the version of FMI by this name
 def load_library(component: Component, description: ModelDescription, folder: Path) -> FMU2Library:
     """Load the library of an unpacked FMU.  Raises :class:`SystemFileError`."""
     library = find_binary(component, description, folder)
-    with _LOADING:
-        try:
-            with guard.divert_ends(component.name), guard.NamedCall(f"{component.name}: loading the library"):
-                return FMU2Library(description, folder, component.name, library)
-        except Exception as error:
-            text = f"{_NOT_LOADED.format(component.name)}: " + str(error).replace(f"{folder}{os.sep}", "")
-            raise SystemFileError(component.source, text + _explain(folder)) from error
+    try:
+        with guard.restore_after_loading(component.name), guard.NamedCall(f"{component.name}: loading the library"):
+            return FMU2Library(description, folder, component.name, library)
+    except Exception as error:
+        text = f"{_NOT_LOADED.format(component.name)}: " + str(error).replace(f"{folder}{os.sep}", "")
+        raise SystemFileError(component.source, text + _explain(folder)) from error
 
 
 def _explain(folder: Path) -> str:

@@ -13,33 +13,32 @@ from typing import Self
 
 from fmpy.model_description import ModelDescription
 
+from .assembly import Assembly
 from .checkpoint.checkpoints import NoCheckpoints, RunKeeper
-from .checkpoint.parts import MasterParts
 from .clock import make_clock
 from .closing import end_all
 from .columns import RunColumns
-from .compiled import CompiledLoop
+from .compiled import check_library
 from .description import check_value, find_variable, read_descriptions
 from .errors import CosimError, SlaveEnded, UsageError
 from .events import Event, Progress, Schedule, make_schedule, time_progress
 from .faults.active import make_faults
 from .faults.event import FaultFile
-from .fmu_instance import FmuInstance, InstancePhase
+from .fmu_instance import InstancePhase
 from .graph import KnownVariables, OpenInput, check_wiring
-from .guard import ProcessGuard
+from .guard import NumberGuard, keep_rows
 from .initialisation import initialise, load, read_first_row
 from .interrupt import note_interrupts
 from .isolation.instance import Isolation, find_maker
 from .recording.beside import make_delivery
 from .recording.delivery import Delivery, Observer
 from .rows import Column
-from .schemes.making import LoopMaker
-from .schemes.resolving import explain_no_repeat, resolve_scheme
+from .schemes.making import plan_steps
+from .schemes.resolving import resolve_scheme
 from .schemes.scheme import Scheme, make_scheme
 from .signals import Signal, bind_signals, get_first_values
 from .stopwatch import Stopwatch
-from .structure import PortName, System, Value
-from .substeps import RepeatingLoop
+from .structure import Parameter, PortName, System, Value
 from .wires import find_fed
 
 log = logging.getLogger("ps_fmu.cosim")
@@ -48,7 +47,7 @@ BLOCK_ROWS = 2000
 """Rows that observers get at once: a run of the default scenario costs 0.2 us a step less than by 1000, as by 4000."""
 
 
-class Master:
+class Master(Assembly):
     """A system of FMUs that is simulated.
 
     Parameters
@@ -58,7 +57,6 @@ class Master:
     scheme: ``"jacobi"``, ``"gauss-seidel"``, ``"iterated"``, or a :class:`.schemes.scheme.Scheme`
     start_time: [s]; by default that of the system's experiment
     block_rows: rows that are handed to the observers at a time
-    compiled: run the steps in C, where the package has a library for this platform; results are the same
     descriptions: those of the FMUs by component, where they have been read before: each takes some 50 ms
     inputs: over time, by the name of an input of the system or by ``component.variable``, see :func:`.read_signals`
     also: variables to record beside the outputs
@@ -67,7 +65,8 @@ class Master:
     isolation: which FMUs get processes of their own; by default none
     faults: what happens to signals and parameters, see :func:`.faults.reading.read_faults`
 
-    Raises :class:`UsageError`, :class:`SystemFileError` or :class:`WiringError` before anything is loaded.
+    Raises :class:`UsageError`, :class:`SystemFileError` or :class:`WiringError` before anything is loaded, and
+    :class:`CosimError` where the loop over the steps is not compiled.
 
     Example::
 
@@ -84,7 +83,6 @@ class Master:
         *,
         start_time: float | None = None,
         block_rows: int = BLOCK_ROWS,
-        compiled: bool = True,
         descriptions: Mapping[str, ModelDescription] | None = None,
         inputs: Mapping[str, Signal] | None = None,
         also: Collection[PortName] = (),
@@ -93,26 +91,26 @@ class Master:
         isolation: Isolation | None = None,
         faults: FaultFile | None = None,
     ) -> None:
+        check_library()
         self.clock = make_clock(system, step, start_time)
         self.system = self._system = system
         self._make_instance = find_maker(isolation, system)
-        self._descriptions = read_descriptions(system) if descriptions is None else descriptions
-        self.scheme = resolve_scheme(make_scheme(scheme), system, self._descriptions, self.step)
-        self._known = KnownVariables(self._descriptions)
-        self.wiring = check_wiring(system, self._descriptions, self._known)
-        self._signals = bind_signals(system, self._descriptions, inputs or {})
-        self.faults = make_faults(faults, system, self._descriptions, self.clock, self.scheme)
+        self.descriptions = read_descriptions(system) if descriptions is None else descriptions
+        self.scheme = resolve_scheme(make_scheme(scheme), system, self.descriptions, self.step)
+        self._known = KnownVariables(self.descriptions)
+        self.wiring = check_wiring(system, self.descriptions, self._known)
+        self.signals = bind_signals(system, self.descriptions, inputs or {})
+        self.faults = make_faults(faults, system, self.descriptions, self.clock, self.scheme)
         more = {*also, *self.faults.recorded}
-        self._columns = RunColumns(system, self._descriptions, self._signals, self.scheme, more, only)
+        self.run_columns = RunColumns(system, self.descriptions, self.signals, self.scheme, more, only)
         self._block_rows = block_rows
-        self._rows = self._columns.make_rows(block_rows)
-        self._instances: dict[str, FmuInstance] = {}
-        self._compiled, self._stopwatch = compiled, stopwatch
-        self._loop: RepeatingLoop | None = None
-        self._obstacle = explain_no_repeat(self.scheme, self._descriptions)
+        self.rows = self.run_columns.make_rows(block_rows)
+        self.instances = {}
+        self.stopwatch = stopwatch
+        self.loop = None
         self._ended: SlaveEnded | None = None
-        self._guard = ProcessGuard()
-        self._set: dict[PortName, Value] = {}
+        self._numbers = NumberGuard()
+        self.values_set = {}
         self._closed = self._running = False
         self._index = 0
 
@@ -121,7 +119,7 @@ class Master:
     @property
     def columns(self) -> tuple[Column, ...]:
         """All recorded outputs, inputs of the run and outputs of the system, in the order of the columns of a block."""
-        return self._columns.every
+        return self.run_columns.every
 
     @property
     def open_inputs(self) -> tuple[OpenInput, ...]:
@@ -141,29 +139,24 @@ class Master:
     @property
     def warnings(self) -> dict[str, int]:
         """How often the FMUs returned fmi2Warning, by component."""
-        return {name: instance.warnings for name, instance in self._instances.items()}
+        return {name: instance.warnings for name, instance in self.instances.items()}
 
     @property
     def phases(self) -> dict[str, InstancePhase]:
         """Where each FMU that was loaded is in its life, by component."""
-        return {name: instance.phase for name, instance in self._instances.items()}
+        return {name: instance.phase for name, instance in self.instances.items()}
 
     @property
     def ended(self) -> SlaveEnded | None:
         """The FMU that has ended the simulation, with the ``time`` [s] of its last row; None if none has."""
         return self._ended
 
-    @property
-    def runs_in_c(self) -> bool:
-        """Whether the steps are run by the library in C; False before the initialisation."""
-        return self._loop is not None and isinstance(self._loop.loop, CompiledLoop)
-
     def get(self, name: str) -> Value:
         """Value of any variable, ``component.variable``, at the current communication point."""
         port = self._find_port(name)
-        if self._loop is None:
+        if self.loop is None:
             raise UsageError(f"{name}: the system is not initialised, or closed")
-        return self._instances[port.component].get([port.variable], self.time)[port.variable]
+        return self.instances[port.component].get([port.variable], self.time)[port.variable]
 
     def set(self, name: str, value: Value) -> None:
         """Set an input or a parameter, ``component.variable``, from the current communication point on.
@@ -173,7 +166,7 @@ class Master:
         """
         if self._closed:
             raise UsageError(f"{name}: the system is closed")
-        self._apply(*self._check(name, value, self._loop is not None))
+        self._apply(*self._check(name, value, self.loop is not None))
 
     # ---- life --------------------------------------------------------------------------------------------
 
@@ -182,35 +175,35 @@ class Master:
 
         Raises :class:`UsageError`: no such column, or the system is initialised.
         """
-        if self._loop is not None or self._closed:
+        if self.loop is not None or self._closed:
             raise UsageError("record: the system is initialised, or closed: reset it first")
-        self._columns.choose(only)
-        self._rows = self._columns.make_rows(self._block_rows)
+        self.run_columns.choose(only)
+        self.rows = self.run_columns.make_rows(self._block_rows)
 
     def initialise(self) -> None:
         """Load all FMUs unless they are, set start values, pass the initial values round, read the outputs: row 0.
 
         Raises :class:`SlaveError` or :class:`SystemFileError`; the FMUs are freed then.
         """
-        if self._loop is not None or self._closed:
+        if self.loop is not None or self._closed:
             raise UsageError("the system is already initialised, or closed: reset it, or make a new Master")
         start = self.clock.start
         try:
             with note_interrupts() as interrupted:
-                if not self._instances:
-                    load(self.system, self._descriptions, self._instances, self._make_instance)
-                given = {**get_first_values(self._signals, start, self.step), **self._set}
+                if not self.instances:
+                    load(self.system, self.descriptions, self.instances, self._make_instance)
+                given = {**get_first_values(self.signals, start, self.step), **self.values_set}
                 iteration = self.scheme.iteration if self.scheme.is_iterated else None
-                initialise(self._instances, self.system, self.wiring, given, start, iteration)
-                read_first_row(self._instances, self._rows, start, self._signals, self.step)
-                self._make_plan()
+                initialise(self.instances, self.system, self.wiring, given, start, iteration)
+                read_first_row(self.instances, self.rows, start, self.signals, self.step)
+                plan_steps(self)
             if interrupted:
                 raise KeyboardInterrupt
         except BaseException:
             self._abort()
             raise
 
-    def reset(self, start_values: Mapping[str, Value] | None = None) -> None:
+    def reset(self, start_values: Mapping[str, Value] | Mapping[str, Parameter] | None = None) -> None:
         """Back to before the initialisation, without loading anything; :meth:`initialise` follows.
 
         The results are those of a new Master with ``system.with_parameters(start_values)``, to the last bit.  It is
@@ -226,14 +219,14 @@ class Master:
         if self._closed:
             raise UsageError("reset: the system is closed: make a new Master")
         system = self._system.with_parameters(start_values or {})
-        self.wiring = check_wiring(system, self._descriptions, self._known)
+        self.wiring = check_wiring(system, self.descriptions, self._known)
         self._drop_loop()
         self.system, self._index, self._ended = system, 0, None
-        self._set.clear()
+        self.values_set.clear()
         self.faults.reset()
-        self._rows = self._columns.make_rows(self._block_rows)
+        self.rows = self.run_columns.make_rows(self._block_rows)
         try:
-            for instance in self._instances.values():
+            for instance in self.instances.values():
                 instance.reset()
         except BaseException:
             self._abort()
@@ -264,24 +257,20 @@ class Master:
         :class:`SlaveError`, KeyboardInterrupt, or what an observer raises.
         """
         self._refuse_while_running("run")
-        if self._loop is None:
+        if self.loop is None:
             raise UsageError("the system is closed" if self._closed else "call initialise() first")
         if self._ended is not None:
             raise UsageError(f"the simulation has ended: {self._ended}")
         keeper, steps = checkpoints or NoCheckpoints(), self.clock.steps(duration)
-        parts = MasterParts(
-            self.system, self._descriptions, self._instances, self.wiring, self._rows, self.clock, self.scheme,
-            self.faults, self._set, self.columns, lambda: self._loop, self._make_plan, self._signals,
-        )  # fmt: skip
-        first, self._index = keeper.begin(parts, self._index, steps, observers)
+        first, self._index = keeper.begin(self, self._index, steps, observers)
         end = first + steps
         self.clock.check_end(end)
         schedule = keeper.skip(make_schedule(events, self.clock, first, end, self._check))
         self._running = True
         try:
-            with note_interrupts() as interrupted:
-                count = (lambda: 0 if self._loop is None else self._loop.count_rows()) if beside else None
-                delivery = make_delivery(self._rows, self.clock, self.columns, observers, count)
+            count = lambda: 0 if self.loop is None else self.loop.count_rows()  # noqa: E731
+            delivery = make_delivery(self.rows, self.clock, self.columns, observers, count, beside)
+            with note_interrupts() as interrupted, keep_rows(delivery.store):
                 self._advance(end, schedule, delivery, progress, interrupted, keeper)
         except SlaveEnded as ended:
             self._ended = ended
@@ -300,7 +289,7 @@ class Master:
         self._refuse_while_running("close")
         self._drop_loop()
         self._closed = True
-        failures = end_all(self._instances.values(), self.time)
+        failures = end_all(self.instances.values(), self.time)
         if failures:
             raise failures[0]
 
@@ -322,58 +311,48 @@ class Master:
     # ---- how ---------------------------------------------------------------------------------------------
 
     def _find_port(self, name: str) -> PortName:
-        find_variable(self._descriptions[(port := self.system.find_port(name)).component], port.variable)
+        find_variable(self.descriptions[(port := self.system.find_port(name)).component], port.variable)
         return port
 
     def _check(self, name: str, value: Value, running: bool = True) -> tuple[PortName, Value]:
         port = self._find_port(name)
-        return port, check_value(self._descriptions, port, value, running)
+        return port, check_value(self.descriptions, port, value, running)
 
     def _apply(self, port: PortName, value: Value) -> None:
-        new = port not in self._set
-        self._set[port] = value
-        if self._loop is not None:
-            self._loop.forget()
-            self._instances[port.component].set({port.variable: value}, self.time)
-            cut = new and port in find_fed(self._instances, self.wiring, (), self._signals)
+        new = port not in self.values_set
+        self.values_set[port] = value
+        if self.loop is not None:
+            self.loop.forget()
+            self.instances[port.component].set({port.variable: value}, self.time)
+            cut = new and port in find_fed(self, ())
             if self.faults.note(port, value) or cut:
-                self._make_plan(None if cut else self._loop)
+                plan_steps(self, None if cut else self.loop)
 
     def _drop_loop(self) -> None:
-        loop, self._loop = self._loop, None
+        loop, self.loop = self.loop, None
         if loop is not None:
             loop.forget()
-
-    def _make_plan(self, before: RepeatingLoop | None = None) -> None:
-        fed = find_fed(self._instances, self.wiring, self._set.keys(), self._signals)
-        self.faults.settle(self._instances, fed)
-        maker = LoopMaker(  # refers to no Master, so that it goes when nobody needs it any longer
-            self.scheme, self._columns.own, self._descriptions, self._instances, self.wiring, self._rows,
-            self.clock.start, self._set.keys(), self._signals, self._compiled, self.step, self._stopwatch, self.faults,
-        )  # fmt: skip
-        memories = self.faults, before
-        self._loop = RepeatingLoop(self._instances, self._rows, self.step, maker.make, self._obstacle, *memories)
 
     def _advance(
         self, end: int, schedule: Schedule, delivery: Delivery, progress: Progress | None, interrupted: c_int,
         keeper: RunKeeper,
     ) -> None:  # fmt: skip
-        rows, clock = self._rows, self.clock
+        rows, clock = self.rows, self.clock
         note = time_progress(progress, self.time)
         try:
             while self._index < end or interrupted:
                 while schedule and schedule[0][0] == self._index:
                     _, port, value = schedule.pop(0)
                     self._apply(port, value)
-                assert self._loop is not None
+                assert self.loop is not None
                 if self.faults.switch(self._index):
-                    self._loop.forget()
-                    self._make_plan(self._loop)
+                    self.loop.forget()
+                    plan_steps(self, self.loop)
                 stop = self.faults.find_change(self._index, min(end, schedule[0][0]) if schedule else end)
                 count = min(keeper.limit(stop) - self._index, rows.capacity - rows.filled)
                 try:
-                    self._loop.advance(clock.times(self._index, count), interrupted)
-                    self._guard.check()
+                    with self._numbers.watch(self.time):
+                        self.loop.advance(clock.times(self._index, count), interrupted)
                 finally:
                     self._index = rows.first_index + rows.filled - 1
                 if rows.filled == rows.capacity or self._index == end:

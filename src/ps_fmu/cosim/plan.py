@@ -1,41 +1,35 @@
 """One communication step as data: what is copied where, and which library function gets which arguments.
 
-The plan is made once and executed by a short loop, in Python (:mod:`.loops`) or in C (:mod:`.compiled`): the index
-arrays, the addresses and the constants in here are all that either needs.
+The plan is made once and executed by a short loop in C (:mod:`.compiled`): the index arrays, the addresses and the
+constants in here are all that it needs.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from ctypes import c_double
+from collections.abc import Sequence
+from ctypes import Structure, addressof, c_int64, c_void_p, cast
 from dataclasses import dataclass, field
-from itertools import accumulate
-from typing import Any, NoReturn, Protocol
+from itertools import chain
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .checkpoint.state import Stateful
-from .errors import SlaveEnded
 from .faults.effects import EffectGroup
 from .fmu_instance import FmuInstance
-from .guard import End
 from .signals import BoundSignal
 from .structure import PortName
 
 
 @dataclass(frozen=True)
 class Span:
-    """A time other than the step, for an fmi2DoStep: it begins ``offset`` after the step, and is ``length`` long [s].
-
-    ``begin`` is the argument of the call, which the loop makes right.
-    """
+    """A time other than the step, for an fmi2DoStep: it begins ``offset`` after the step, is ``length`` long [s]."""
 
     offset: float
     length: float
-    begin: c_double = field(default_factory=c_double)
     numbers: NDArray[np.float64] = field(init=False)
-    """Offset and length, for the loop in C."""
+    """Offset and length, for the loop."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "numbers", np.array([self.offset, self.length]))
@@ -43,18 +37,16 @@ class Span:
 
 @dataclass(frozen=True)
 class Call:
-    """A library function with all its arguments, which are always the same objects.
+    """A library function, ``entry``, with all its arguments, which are always the same objects.
 
-    ``invoke()`` calls it and returns the fmi2Status; ``address`` is where it is.  ``later`` says that it reads what
-    fmi2DoStep has made.  To set or get, it takes the addresses of the value references and of the first of the
-    ``values``, as many of each as there are names.  ``span`` is that of an fmi2DoStep over another time than the step,
-    ``orders`` are those of derivatives.
+    ``later`` says that it reads what fmi2DoStep has made.  To set or get, it takes the addresses of the value
+    references and of the first of the ``values``, as many of each as there are names.  ``span`` is that of an
+    fmi2DoStep over another time than the step, ``orders`` are those of derivatives.
     """
 
     instance: FmuInstance
     function: str
-    invoke: Callable[[], int]
-    address: int
+    entry: Any
     names: tuple[str, ...] = ()
     references: NDArray[np.uint32] | None = None
     values: NDArray[Any] | None = None
@@ -62,17 +54,18 @@ class Call:
     span: Span | None = None
     orders: NDArray[np.int32] | None = None
 
+    @property
+    def address(self) -> int:
+        """Of the function."""
+        return cast(self.entry, c_void_p).value or 0
+
     def check(self, status: int, time: float, step: float) -> None:
         """Count a warning in the step from ``time`` on [s], raise :class:`SlaveError` on anything worse."""
-        try:
-            self.instance.check(self.function, status, self._find_time(time, step), self.names)
-        except SlaveEnded as ended:
-            ended.during = self
-            raise
+        self.instance.check(self.function, status, self._find_time(time, step), self.names)
 
-    def give_up(self, end: End, time: float, step: float) -> NoReturn:
-        """Raise what a call means that did not return in the step from ``time`` on [s]."""
-        self.instance.give_up(self.function, end, self._find_time(time, step))
+    def describe(self, step: float) -> tuple[str, float]:
+        """What last words call it, and how much later than a step of this size it is [s]."""
+        return f"{self.instance.name}: {self.function}", self._find_time(0.0, step)
 
     def _find_time(self, time: float, step: float) -> float:
         if self.span is not None:
@@ -80,73 +73,75 @@ class Call:
         return time + step if self.later else time
 
 
-class InputExtension(Protocol):
-    """What inputs do within a step, see :class:`.schemes.history.Extension`."""
-
-    def apply(self) -> None:
-        """Change the gathered inputs in place."""
-
-    @property
-    def address(self) -> int:
-        """Of the same as data: ``Lines`` of lines.h."""
-
-
 @dataclass(frozen=True)
 class Gather:
     """``inputs[i] = outputs[sources[i]]``: what the connections carry, for one kind of numbers.
 
-    ``convert()`` then changes the inputs in place, where some have other units or transformations.  ``extension`` says
-    what inputs do within the step, where they are not held.  ``targets`` are the names of the inputs.
+    ``targets`` are the names of the inputs.
     """
 
     outputs: NDArray[Any]
-    sources: NDArray[np.intp]
+    sources: NDArray[np.int64]
     inputs: NDArray[Any]
-    convert: Callable[[], None] | None = None
     targets: tuple[PortName, ...] = ()
-    extension: InputExtension | None = None
-
-    @property
-    def needs_python(self) -> bool:
-        """Whether only the loop in Python can do it."""
-        return self.convert is not None
-
-    def apply(self) -> None:
-        """Do all this."""
-        self.outputs.take(self.sources, None, self.inputs, "clip")
-        for change in self.list_changes():
-            change()
-
-    def list_changes(self) -> list[Callable[[], None]]:
-        """What changes the inputs after they have been copied, in order."""
-        changes = [] if self.convert is None else [self.convert]
-        return changes if self.extension is None else [*changes, self.extension.apply]
 
 
 @dataclass(frozen=True, eq=False)
 class Change:
-    """What else changes the gathered inputs in place.
+    """What else changes the gathered ``inputs`` in place.
 
-    ``function`` of lines.h does the same with the data at ``address``; without one, only the loop in Python can do it.
+    ``function``: ``"scale"`` multiplies the inputs at the places in ``table`` (n,), then adds; ``numbers`` (n, 2) are
+    factor and offset.  ``"look_up"``: ``table`` (n, 3) has the place of an input, a value of it, and what it becomes.
+    ``"extend"`` does what the ``Lines`` of lines.h at ``address`` say, which ``keeps`` has.
     """
 
-    apply: Callable[[], None]
-    function: str = ""
+    function: str
+    inputs: NDArray[Any] | None = None
+    table: NDArray[Any] | None = None
+    numbers: NDArray[np.float64] | None = None
     address: int = 0
+    keeps: object = None
 
     @property
-    def needs_python(self) -> bool:
-        """As of :attr:`Gather.needs_python`."""
-        return not self.function
+    def count(self) -> int:
+        """Length of the table."""
+        return 0 if self.table is None else len(self.table)
 
-    def list_changes(self) -> list[Callable[[], None]]:
-        """As :meth:`Gather.list_changes`."""
-        return [self.apply]
+
+class _Feed(Structure):
+    """``Feed`` of loop.c."""
+
+    _fields_ = (("samples", c_void_p), ("row", c_int64))
+
+
+class Feed:
+    """Puts the inputs of a run at the end of a ``step`` [s] to their places in the latest ``values``."""
+
+    def __init__(
+        self, values: NDArray[Any], places: Sequence[int], signals: Sequence[BoundSignal], step: float
+    ) -> None:
+        self.values, self.places = values, np.array(places, dtype=np.int64)
+        self._signals, self._step = signals, step
+        self._samples = np.zeros((0, len(signals)))
+        self._native = _Feed()
+
+    @property
+    def address(self) -> int:
+        """Of the structure that loop.c takes."""
+        return addressof(self._native)
+
+    def prepare(self, times: NDArray[np.float64]) -> None:
+        """Be ready for a step from each of the ``times`` [s]."""
+        self._samples = np.stack([s.sample(times + self._step, self._step) for s in self._signals], axis=1)
+        self._native.samples, self._native.row = self._samples.ctypes.data, 0
+
+
+Gathered = Gather | EffectGroup | Change
 
 
 @dataclass(frozen=True)
 class Move:
-    """A connection of Strings, which have no place in an array."""
+    """A connection of Strings, which have no place in an array: the loop returns to Python for it."""
 
     source: FmuInstance
     output: str
@@ -158,53 +153,32 @@ class Move:
         self.target.set({self.input: self.source.get([self.output], time)[self.output]}, time)
 
 
-@dataclass(frozen=True)
-class Stage:
-    """A part of a step: first all that is gathered, with what faults do to it, and moved, then the calls in order."""
-
-    gathers: tuple[Gather | EffectGroup | Change, ...]
-    calls: tuple[Call, ...]
-    moves: tuple[Move, ...] = ()
+Operation = Gather | EffectGroup | Change | Feed | Move | Call
 
 
 @dataclass(frozen=True)
 class Plan:
-    """The stages of a step.  ``now`` [s], where it begins, is an argument of every fmi2DoStep.
+    """The operations of a step of ``step`` [s], in their order.
 
-    Steps that differ come in turn: ``phases`` says how many stages each of them has, the first one at ``start`` [s].
-    ``memories`` go from step to step, beside those of faults.
+    Steps that differ come in turn: each of the ``ranges`` is one of them, the first one at ``start`` [s].  ``memories``
+    go from step to step, beside those of faults.
     """
 
-    stages: tuple[Stage, ...]
-    now: c_double
+    ranges: tuple[tuple[Operation, ...], ...]
     step: float
-    signals: tuple[BoundSignal, ...] = ()
-    phases: tuple[int, ...] = ()
     start: float = 0.0
     memories: tuple[Stateful, ...] = ()
 
     def find_phase(self, time: float) -> int:
-        """Which of the phases the step from ``time`` [s] on is."""
-        return round((time - self.start) / self.step) % len(self.phases) if self.phases else 0
-
-    def list_phases(self) -> list[tuple[Stage, ...]]:
-        """The stages of each phase."""
-        ends = tuple(accumulate(self.phases)) or (len(self.stages),)
-        return [self.stages[begin:end] for begin, end in zip((0, *ends[:-1]), ends, strict=True)]
-
-    def list_spans(self) -> list[Span]:
-        """Those of all calls that have one."""
-        calls = (call for stage in self.stages for call in stage.calls)
-        return [call.span for call in calls if call.span is not None]
+        """Which of the ranges the step from ``time`` [s] on is."""
+        return round((time - self.start) / self.step) % len(self.ranges)
 
     @property
-    def effects(self) -> list[EffectGroup]:
-        """What faults do."""
-        return [part for stage in self.stages for part in stage.gathers if isinstance(part, EffectGroup)]
+    def operations(self) -> list[Operation]:
+        """Those of all ranges."""
+        return list(chain(*self.ranges))
 
     @property
-    def needs_python(self) -> bool:
-        """Whether it has what only the loop in Python can do: inputs over time, Strings, changes of other kinds."""
-        parts = (part for stage in self.stages for part in stage.gathers)
-        moves = any(stage.moves for stage in self.stages)
-        return bool(self.signals or moves or any(part.needs_python for part in parts))
+    def prepared(self) -> list[EffectGroup | Feed]:
+        """What has to know the times of the steps before."""
+        return [operation for operation in self.operations if isinstance(operation, EffectGroup | Feed)]

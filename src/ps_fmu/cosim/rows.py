@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from functools import cached_property
 from threading import Lock
 from typing import Any, Protocol
 
@@ -127,21 +126,6 @@ class Latest:
     values: NDArray[Any]
 
 
-class Block:
-    """Room for rows, (capacity, columns); ``rows`` are the same as memory views.
-
-    A row is stored through such a view in half of the time that numpy needs (0.13 instead of 0.29 us for 65 numbers).
-    """
-
-    def __init__(self, values: Array) -> None:
-        self.values = values
-
-    @cached_property
-    def rows(self) -> list[memoryview]:
-        """Made when they are first asked for: the loop in C does without."""
-        return [row.data for row in self.values]
-
-
 class Rows:
     """A block of ``capacity`` rows and the latest outputs, which become the next row.
 
@@ -156,31 +140,21 @@ class Rows:
         self._derived = derived
         self.filled = 0
         self.first_index = 0
-        self._block = Block(np.zeros((capacity, len(layout.columns))))
+        self.block: Array = np.zeros((capacity, len(layout.columns)))
+        """(capacity, columns): where the next rows go."""
         self._n_real, self._n_discrete = len(layout.real), len(layout.discrete)
         self.latest: Array = np.zeros(len(layout.columns))
         self.real = Latest(layout.real, self.latest[: self._n_real])
         self.discrete = Latest(layout.discrete, self._integers(self.latest))
-        self.latest_row: memoryview = self.latest.data
         self.lock = Lock()
         """Held to take rows away, and by another thread while it counts and copies them."""
 
-    @property
-    def block(self) -> Array:
-        """(capacity, columns): where the next rows go."""
-        return self._block.values
-
-    @property
-    def rows(self) -> list[memoryview]:
-        """The rows of :attr:`block` as memory views."""
-        return self._block.rows
-
-    def make_blocks(self, count: int) -> list[Block]:
+    def make_blocks(self, count: int) -> list[Array]:
         """Other blocks, for :meth:`exchange`: side by side, so that the system maps them in few large pages.
 
         Those that are never filled take no memory.
         """
-        return [Block(values) for values in np.empty((count, self.capacity, self.latest.size))]
+        return [*np.empty((count, self.capacity, self.latest.size))]
 
     def _integers(self, rows: Array) -> NDArray[np.int32]:
         """The C ints at the end of rows, a view."""
@@ -209,12 +183,12 @@ class Rows:
         filled, self.filled = self.filled, 0
         self.first_index += filled
 
-    def exchange(self, other: Block) -> tuple[Array, Block]:
+    def exchange(self, other: Array) -> tuple[Array, Array]:
         """Go on in another block: the complete rows, for :meth:`finish`, and the block so far."""
         with self.lock:
             rows = self.block[: self.filled]
             self.next_block()
-            self._block, other = other, self._block
+            self.block, other = other, self.block
         return rows, other
 
     def go_back(self, filled: int) -> None:
@@ -233,13 +207,13 @@ class Rows:
     def aside(self) -> Iterator[None]:
         """During the body rows go into another block, which is forgotten after it."""
         with self.lock:
-            block, filled = self._block, self.filled
-            (self._block,), self.filled = self.make_blocks(1), 0
+            block, filled = self.block, self.filled
+            (self.block,), self.filled = self.make_blocks(1), 0
         try:
             yield
         finally:
             with self.lock:
-                self._block, self.filled = block, filled
+                self.block, self.filled = block, filled
 
     def finish(self, rows: Array) -> tuple[Array, float]:
         """Rows of a block as numbers, in place, derived columns last, and what :func:`.find_peak` says of them."""

@@ -5,16 +5,14 @@ The loop reads the clock after each part of a step.  A reading takes about 25 ns
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from ctypes import Structure, c_int64, c_void_p
 from dataclasses import dataclass, field
-from itertools import accumulate, chain
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .faults.effects import EffectGroup
-from .plan import Call, Change, Gather, Plan
+from .plan import Call, Operation, Plan
 
 EXCHANGE = "exchange"
 """What stands in place of a component's name where outputs are copied to inputs."""
@@ -75,8 +73,6 @@ class Laps:
     """The times of the parts of alike plans; the entry after the last part is the whole step."""
 
     parts: Sequence[Part]
-    firsts: Sequence[int]
-    """Place of the first part of each stage."""
     spent_ns: NDArray[np.int64] = field(init=False)
     longest_ns: NDArray[np.int64] = field(init=False)
     longest_at: NDArray[np.float64] = field(init=False)
@@ -88,11 +84,12 @@ class Laps:
         self.longest_at = np.full(size, np.nan)
         self.timing = Timing(*(a.ctypes.data for a in (self.spent_ns, self.longest_ns, self.longest_at)), 0, 0)
 
-    def note(self, place: int, spent_ns: int, at: float) -> None:
-        """Add what a part took in the step from ``at`` [s] on."""
-        self.spent_ns[place] += spent_ns
-        if spent_ns > self.longest_ns[place]:
-            self.longest_ns[place], self.longest_at[place] = spent_ns, at
+    def note_step(self, spent_ns: int, at: float) -> None:
+        """Add what a whole step from ``at`` [s] on took, of those that Python leads."""
+        self.timing.steps += 1
+        self.spent_ns[-1] += spent_ns
+        if spent_ns > self.longest_ns[-1]:
+            self.longest_ns[-1], self.longest_at[-1] = spent_ns, at
 
 
 class Stopwatch:
@@ -103,14 +100,12 @@ class Stopwatch:
     """
 
     def __init__(self) -> None:
-        self._laps: dict[tuple[object, ...], Laps] = {}
+        self._laps: dict[tuple[Part, ...], Laps] = {}
 
     def begin(self, plan: Plan) -> Laps:
         """Where the loop of a plan notes its times."""
-        counts = [len(stage.gathers) + len(stage.calls) for stage in plan.stages]
-        firsts = tuple(accumulate(counts[:-1], initial=0))
-        parts = tuple(map(_name_part, list_parts(plan)))
-        return self._laps.setdefault((parts, firsts), Laps(parts, firsts))
+        parts = tuple(map(_name_part, plan.operations))
+        return self._laps.setdefault(parts, Laps(parts))
 
     def read(self) -> StepCosts:
         """What has been noted so far."""
@@ -129,13 +124,7 @@ class Stopwatch:
         )
 
 
-def list_parts(plan: Plan) -> Iterator[Gather | EffectGroup | Change | Call]:
-    """Gathers, what faults do, and calls of all stages in their order."""
-    for stage in plan.stages:
-        yield from chain(stage.gathers, stage.calls)
-
-
-def _name_part(part: Call | Gather | EffectGroup | Change) -> Part:
+def _name_part(part: Operation) -> Part:
     return (part.instance.name, part.function) if isinstance(part, Call) else (EXCHANGE, "")
 
 

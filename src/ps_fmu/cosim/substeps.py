@@ -15,11 +15,10 @@ from time import perf_counter
 import numpy as np
 from fmpy.model_description import ModelDescription
 
+from .compiled import StepLoop
 from .errors import DiscardedStep, SlaveEnded, SlaveError
 from .faults.active import ActiveFaults, Memories
 from .fmu_instance import FmuInstance
-from .last_step import finish_step
-from .loops import StepLoop
 from .rows import Array, Rows
 
 log = logging.getLogger("ps_fmu.cosim")
@@ -97,18 +96,17 @@ class RepeatingLoop:
         self._whole: int | None = None  # rows before a step that is made in parts
 
     def count_rows(self) -> int:
-        """As :meth:`.loops.StepLoop.count_rows`: without those of parts of a step."""
+        """As :meth:`.compiled.StepLoop.count_rows`: without those of parts of a step."""
         return self.loop.count_rows() if self._whole is None else self._whole
 
     def advance(self, times: Array, interrupted: c_int) -> None:
-        """As :meth:`.loops.StepLoop.advance`; ends behind a step that was repeated."""
+        """As :meth:`.compiled.StepLoop.advance`; ends behind a step that was repeated."""
         rows, first = self._rows, self._rows.filled
         self._keep_now_and_then()
         try:
             self.loop.advance(times, interrupted)
         except SlaveEnded as ended:
-            if self.loop.plan is not None:  # other loops have finished the step themselves
-                finish_step(self.loop.plan, rows, ended, float(times[rows.filled - first]))
+            ended.time = float(times[rows.filled - first])
             raise
         except DiscardedStep as error:
             if self._obstacle is not None:
@@ -173,10 +171,8 @@ class RepeatingLoop:
             try:
                 loop.advance(np.array([now]), interrupted)
             except SlaveEnded as ended:
-                assert loop.plan is not None
-                if not (last and finish_step(loop.plan, rows, ended, now)):
-                    rows.go_back(filled)
-                    ended.time = time
+                rows.go_back(filled)
+                ended.time = time
                 raise
             except DiscardedStep as again:
                 rows.go_back(filled)

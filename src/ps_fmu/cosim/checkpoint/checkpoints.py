@@ -13,6 +13,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Protocol
 
+from ..assembly import Assembly
 from ..errors import SlaveError, UsageError
 from ..events import Schedule
 from ..fmu_instance import InstancePhase
@@ -20,7 +21,16 @@ from ..recording.delivery import Delivery, Observer, name_observer
 from .folder import CheckpointFolder
 from .journal import Journal
 from .pace import Pace
-from .parts import MasterParts, find_difference
+from .parts import (
+    check_abilities,
+    find_difference,
+    identify,
+    list_starts,
+    load_fmu,
+    load_rows,
+    save_fmus,
+    save_rows,
+)
 from .state import CheckpointError, DamagedCheckpointError, Journaled, State, Stateful
 from .warm_start import WarmStart
 
@@ -30,7 +40,7 @@ log = logging.getLogger("ps_fmu.cosim")
 class RunKeeper(Protocol):
     """Whom a master tells how far its run is."""
 
-    def begin(self, parts: MasterParts, index: int, steps: int, observers: Sequence[Observer]) -> tuple[int, int]:
+    def begin(self, parts: Assembly, index: int, steps: int, observers: Sequence[Observer]) -> tuple[int, int]:
         """A run of ``steps`` from communication point ``index`` on begins; returns where it began, and where it is."""
 
     def skip(self, schedule: Schedule) -> Schedule:
@@ -49,7 +59,7 @@ class RunKeeper(Protocol):
 class NoCheckpoints:
     """Keeps nothing."""
 
-    def begin(self, parts: MasterParts, index: int, steps: int, observers: Sequence[Observer]) -> tuple[int, int]:
+    def begin(self, parts: Assembly, index: int, steps: int, observers: Sequence[Observer]) -> tuple[int, int]:
         """See :class:`RunKeeper`."""
         return index, index
 
@@ -125,15 +135,15 @@ class Checkpoints:
         notes = {} if self._found is None else self._found[1].get("notes")
         return notes if isinstance(notes, dict) else {}
 
-    def begin(self, parts: MasterParts, index: int, steps: int, observers: Sequence[Observer]) -> tuple[int, int]:
+    def begin(self, parts: Assembly, index: int, steps: int, observers: Sequence[Observer]) -> tuple[int, int]:
         """See :class:`RunKeeper`.
 
         Raises :class:`CheckpointError`: an FMU or an observer has no state that can be kept; the checkpoint is of
         another run, or damaged.  :class:`SlaveError`: an FMU refuses its state.
         """
         if self._folder is not None:
-            parts.check_abilities()
-            parts.save_fmus()  # before anything is computed: they may refuse it
+            check_abilities(parts)
+            save_fmus(parts)  # before anything is computed: they may refuse it
             observers = [_unwrap(observer) for observer in observers]
             for observer in observers:
                 if not isinstance(observer, Stateful):
@@ -148,7 +158,7 @@ class Checkpoints:
         else:
             if self._source is not None:
                 self._source.apply(parts)
-        self._identity = {**parts.identify(), "starts": parts.list_starts()} if self._folder is not None else {}
+        self._identity = {**identify(parts), "starts": list_starts(parts.wiring)} if self._folder is not None else {}
         self._every = max(1, math.ceil(self._interval / parts.clock.step - 1e-6)) if self._interval < math.inf else 0
         self._set_due(index)
         self._pace.start(index)
@@ -196,7 +206,7 @@ class Checkpoints:
         try:
             with self._pace.count():
                 where = {"index": index, "began": self._first, "events": past}
-                tree = {**where, "fmus": parts.save_fmus(), **parts.save_rows()}
+                tree = {**where, "fmus": save_fmus(parts), **save_rows(parts)}
         except (SlaveError, UsageError) as error:
             if any(one.phase is not InstancePhase.RUNNING for one in parts.instances.values()):
                 raise
@@ -219,7 +229,7 @@ class Checkpoints:
 
     def _is_between_steps(self) -> bool:
         """Whether all FMUs are at the communication point: a step that was interrupted in parts is none."""
-        loop = self._parts.get_loop()
+        loop = self._parts.loop
         running = all(one.phase is InstancePhase.RUNNING for one in self._parts.instances.values())
         return running and loop is not None and loop.is_between_steps
 
@@ -249,8 +259,8 @@ class Checkpoints:
         """Go on from a checkpoint; returns its communication point."""
         parts = self._parts
         try:
-            if difference := find_difference(parts.identify(), kept["run"]) or _find_start(
-                parts.list_starts(), kept["run"]["starts"]
+            if difference := find_difference(identify(parts), kept["run"]) or _find_start(
+                list_starts(parts.wiring), kept["run"]["starts"]
             ):
                 raise CheckpointError(
                     f"{path}: is of another run, which cannot go on here: {difference}.  Resume with what it was begun "
@@ -265,9 +275,9 @@ class Checkpoints:
             if index != int(kept["first"]) + len(kept["rows"]) - 1 or not 0 <= began <= index:
                 raise ValueError("its rows do not end where it is")
             self._restore_observers(kept["observers"])
-            parts.load_rows(kept)
+            load_rows(parts, kept)
             for name in parts.instances:  # behind the values that faults set in them anew
-                parts.load_fmu(name, kept["fmus"][name])
+                load_fmu(parts, name, kept["fmus"][name])
             if not isinstance(kept["events"], list):
                 raise ValueError("its events are no list")
             self._past = kept["events"]

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 
-def add_checkpoint_options(parser: argparse.ArgumentParser) -> None:
+def add_checkpoint_options(parser: argparse._ActionsContainer) -> None:
     """Add the options of a run that can be gone on with, or that begins where another one was, to a parser."""
     parser.add_argument(
         "--checkpoint", type=float, metavar="S",

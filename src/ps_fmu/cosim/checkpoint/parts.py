@@ -3,157 +3,136 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from fmpy.model_description import ModelDescription
 
 from ... import __version__
-from ..clock import StepClock
+from ..assembly import Assembly
 from ..errors import UsageError
-from ..faults.active import ActiveFaults
-from ..fmu_instance import FmuInstance
 from ..graph import Wiring
-from ..rows import Column, Rows
+from ..rows import Column
+from ..schemes.making import plan_steps
 from ..schemes.scheme import Scheme
-from ..signals import BoundSignal
-from ..structure import PortName, System, Value
-from ..substeps import RepeatingLoop
+from ..structure import PortName, System
 from .state import CheckpointError, State
 
 _ABILITIES = {"canGetAndSetFMUstate": "gives no state", "canSerializeFMUstate": "gives its state in memory only"}
 
 
-@dataclass(frozen=True, eq=False)
-class MasterParts:
-    """The parts of a master that is between two steps."""
+def check_abilities(parts: Assembly) -> None:
+    """Raises :class:`CheckpointError` for an FMU whose state cannot be written into a file."""
+    for name, description in parts.descriptions.items():
+        for ability, lack in _ABILITIES.items():
+            if not getattr(description.coSimulation, ability):
+                raise CheckpointError(
+                    f"{name}: no checkpoints are possible: the FMU {lack} ({ability} is false).  Run without them, "
+                    "or export the FMU with states: its tool may have an option for that"
+                )
 
-    system: System
-    descriptions: Mapping[str, ModelDescription]
-    instances: Mapping[str, FmuInstance]
-    wiring: Wiring
-    rows: Rows
-    clock: StepClock
-    scheme: Scheme
-    faults: ActiveFaults
-    values_set: dict[PortName, Value]
-    """What the user, or an event, has set; a connected input in it has left its connection."""
-    columns: Sequence[Column]
-    get_loop: Callable[[], RepeatingLoop | None]
-    make_plan: Callable[[], None]
-    """Makes the plan of the steps, and the loop, anew."""
-    signals: Sequence[BoundSignal]
-    """Inputs of the run over time."""
 
-    def check_abilities(self) -> None:
-        """Raises :class:`CheckpointError` for an FMU whose state cannot be written into a file."""
-        for name, description in self.descriptions.items():
-            for ability, lack in _ABILITIES.items():
-                if not getattr(description.coSimulation, ability):
-                    raise CheckpointError(
-                        f"{name}: no checkpoints are possible: the FMU {lack} ({ability} is false).  Run without them, "
-                        "or export the FMU with states: its tool may have an option for that"
-                    )
+def find_port(parts: Assembly, name: str) -> PortName:
+    """A variable by its name in a checkpoint.  Raises ValueError if there is none."""
+    try:
+        port = parts.system.find_port(name)
+    except UsageError as error:
+        raise ValueError(str(error)) from error
+    if port.variable not in parts.instances[port.component].variables:
+        raise ValueError(f"there is no variable {port}")
+    return port
 
-    def find_port(self, name: str) -> PortName:
-        """A variable by its name in a checkpoint.  Raises ValueError if there is none."""
-        try:
-            port = self.system.find_port(name)
-        except UsageError as error:
-            raise ValueError(str(error)) from error
-        if port.variable not in self.instances[port.component].variables:
-            raise ValueError(f"there is no variable {port}")
-        return port
 
-    def identify(self) -> dict[str, State]:
-        """What a checkpoint and the run that goes on from it have in common."""
-        return {
-            **identify_system(self.system, self.wiring, self.clock.step, self.scheme),
-            "start": self.clock.start,
-            "columns": list_columns(self.columns),
-            "inputs": self.list_inputs(),
-            "faults": self.faults.identify(),
+def identify(parts: Assembly) -> dict[str, State]:
+    """What a checkpoint and the run that goes on from it have in common."""
+    return {
+        **identify_system(parts.system, parts.wiring, parts.clock.step, parts.scheme),
+        "start": parts.clock.start,
+        "columns": list_columns(parts.run_columns.every),
+        "inputs": list_inputs(parts),
+        "faults": parts.faults.identify(),
+    }
+
+
+def list_inputs(parts: Assembly) -> dict[str, State]:
+    """The inputs of the run over time, as columns, with what each is fed into."""
+    return {
+        text: [str(port) for port, _ in signal.targets]
+        for signal in parts.signals
+        for text in list_columns([signal.column])
+    }
+
+
+def save_fmus(parts: Assembly) -> dict[str, State]:
+    """The states of all FMUs as bytes, with what the user has been told of each.  Raises :class:`SlaveError`."""
+    return {
+        name: {
+            "state": instance.write_state(),
+            "warnings": instance.warnings,
+            "shown": instance.messages.list_shown(),
         }
+        for name, instance in parts.instances.items()
+    }
 
-    def list_inputs(self) -> dict[str, State]:
-        """The inputs of the run over time, as columns, with what each is fed into."""
-        return {
-            text: [str(port) for port, _ in signal.targets]
-            for signal in self.signals
-            for text in list_columns([signal.column])
-        }
 
-    def list_starts(self) -> dict[str, State]:
-        """Start values by component.variable."""
-        return list_starts(self.wiring)
+def load_fmu(parts: Assembly, name: str, kept: Mapping[str, State]) -> None:
+    """Give an FMU its state back.  Raises :class:`SlaveError`."""
+    instance, state = parts.instances[name], kept["state"]
+    if not isinstance(state, bytes):
+        raise TypeError(f"the state of {name} is no row of bytes")
+    instance.read_state(state)
+    instance.warnings = int(kept["warnings"])
+    instance.messages.note_shown(map(str, kept["shown"]))
 
-    def save_fmus(self) -> dict[str, State]:
-        """The states of all FMUs as bytes, with what the user has been told of each.  Raises :class:`SlaveError`."""
-        return {
-            name: {
-                "state": instance.write_state(),
-                "warnings": instance.warnings,
-                "shown": instance.messages.list_shown(),
-            }
-            for name, instance in self.instances.items()
-        }
 
-    def load_fmu(self, name: str, kept: Mapping[str, State]) -> None:
-        """Give an FMU its state back.  Raises :class:`SlaveError`."""
-        instance, state = self.instances[name], kept["state"]
-        if not isinstance(state, bytes):
-            raise TypeError(f"the state of {name} is no row of bytes")
-        instance.read_state(state)
-        instance.warnings = int(kept["warnings"])
-        instance.messages.note_shown(map(str, kept["shown"]))
+def save_rows(parts: Assembly) -> dict[str, State]:
+    """The rows of the unfinished block, as the FMUs have left them, what was set, and what faults and the scheme
+    remember."""
+    rows, loop = parts.rows, parts.loop
+    return {
+        "first": rows.first_index,
+        "rows": rows.block[: rows.filled].copy(),
+        "latest": rows.latest.copy(),
+        "set": {str(port): value for port, value in parts.values_set.items()},
+        "repeated": sorted(loop.warned) if loop is not None else [],
+        "faults": parts.faults.save_state(),
+        "scheme": [memory.save_state() for memory in loop.loop.memories] if loop is not None else [],
+    }
 
-    def save_rows(self) -> dict[str, State]:
-        """The rows of the unfinished block, as the FMUs have left them, what was set, and what faults and the scheme
-        remember."""
-        rows, loop = self.rows, self.get_loop()
-        return {
-            "first": rows.first_index,
-            "rows": rows.block[: rows.filled].copy(),
-            "latest": rows.latest.copy(),
-            "set": {str(port): value for port, value in self.values_set.items()},
-            "repeated": sorted(loop.warned) if loop is not None else [],
-            "faults": self.faults.save_state(),
-            "scheme": [memory.save_state() for memory in loop.loop.memories] if loop is not None else [],
-        }
 
-    def load_rows(self, kept: Mapping[str, State]) -> None:
-        """Take over what :meth:`save_rows` has saved; the states of FMUs are given back after it."""
-        rows, block, latest = self.rows, kept["rows"], kept["latest"]
-        if block.shape[1:] != latest.shape or latest.shape != rows.latest.shape or len(block) > rows.capacity:
-            raise ValueError(f"rows of the shape {block.shape}, expected up to {rows.block.shape}")
-        if not (block.dtype == latest.dtype == np.float64) or int(kept["first"]) < 0:
-            raise ValueError("rows that are no numbers")
-        rows.restore(int(kept["first"]), block, latest)
-        self.faults.load_state(kept["faults"])
-        self.load_values_set(kept)
-        self.load_scheme(kept)
+def load_rows(parts: Assembly, kept: Mapping[str, State]) -> None:
+    """Take over what :func:`save_rows` has saved; the states of FMUs are given back after it."""
+    rows, block, latest = parts.rows, kept["rows"], kept["latest"]
+    if block.shape[1:] != latest.shape or latest.shape != rows.latest.shape or len(block) > rows.capacity:
+        raise ValueError(f"rows of the shape {block.shape}, expected up to {rows.block.shape}")
+    if not (block.dtype == latest.dtype == np.float64) or int(kept["first"]) < 0:
+        raise ValueError("rows that are no numbers")
+    rows.restore(int(kept["first"]), block, latest)
+    parts.faults.load_state(kept["faults"])
+    load_values_set(parts, kept)
+    load_scheme(parts, kept)
 
-    def load_values_set(self, kept: Mapping[str, State]) -> None:
-        """What was set is set, and the plan of the steps is made for it."""
-        values = {self.find_port(name): value for name, value in kept["set"].items()}
-        self.values_set.clear()
-        self.values_set.update(values)
-        self.make_plan()
-        loop = self.get_loop()
-        if loop is not None:
-            loop.warned.update(map(str, kept["repeated"]))
 
-    def load_scheme(self, kept: Mapping[str, State]) -> None:
-        """Let the scheme remember what it did; the plan of the steps, which begins anew, has been made."""
-        loop = self.get_loop()
-        assert loop is not None
-        for memory, state in zip(loop.loop.memories, kept["scheme"], strict=True):
-            memory.load_state(state)
-        self.rows.latest[:] = kept["latest"]  # a new plan has set the columns of the scheme to 0
+def load_values_set(parts: Assembly, kept: Mapping[str, State]) -> None:
+    """What was set is set, and the plan of the steps is made for it."""
+    values = {find_port(parts, name): value for name, value in kept["set"].items()}
+    parts.values_set.clear()
+    parts.values_set.update(values)
+    plan_steps(parts)
+    loop = parts.loop
+    if loop is not None:
+        loop.warned.update(map(str, kept["repeated"]))
+
+
+def load_scheme(parts: Assembly, kept: Mapping[str, State]) -> None:
+    """Let the scheme remember what it did; the plan of the steps, which begins anew, has been made."""
+    loop = parts.loop
+    assert loop is not None
+    for memory, state in zip(loop.loop.memories, kept["scheme"], strict=True):
+        memory.load_state(state)
+    parts.rows.latest[:] = kept["latest"]  # a new plan has set the columns of the scheme to 0
 
 
 def identify_system(system: System, wiring: Wiring, step: float, scheme: Scheme) -> dict[str, State]:
@@ -180,7 +159,7 @@ def list_columns(columns: Iterable[Column]) -> list[str]:
 def find_difference(own: Mapping[str, Any], kept: Mapping[str, Any]) -> str | None:
     """In what a run differs from that of a checkpoint, in words; None if in nothing.
 
-    ``own``: of :meth:`MasterParts.identify`, or of :func:`identify_system`; more of ``kept`` is not looked at.
+    ``own``: of :func:`identify`, or of :func:`identify_system`; more of ``kept`` is not looked at.
     """
     names = {"package": "version of ps_fmu", "step": "step (s)", "scheme": "scheme", "start": "start time (s)"}
     for name, what in names.items():

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 from fmpy.model_description import ModelDescription
 
+from ..assembly import Assembly
 from ..description import DISCRETE_TYPES, convert_value, explain_unsettable, find_variable, read_start
 from ..errors import UsageError
 from ..graph import Wiring
@@ -20,7 +21,17 @@ from ..structure import PortName, System
 from ..values import Value
 from .files import read_file, write_file
 from .folder import CheckpointFolder
-from .parts import MasterParts, find_difference, identify_system, list_columns, list_starts
+from .parts import (
+    find_difference,
+    find_port,
+    identify_system,
+    list_columns,
+    list_inputs,
+    list_starts,
+    load_fmu,
+    load_scheme,
+    load_values_set,
+)
 from .state import Array, CheckpointError, DamagedCheckpointError, State
 
 NEEDED = ("run", "index", "fmus", "latest", "set", "repeated", "faults", "scheme")
@@ -101,7 +112,7 @@ class WarmStart:
         except (KeyError, ValueError, TypeError, AttributeError, IndexError, OverflowError) as error:
             raise self._make_damaged(error) from error
 
-    def apply(self, parts: MasterParts) -> None:
+    def apply(self, parts: Assembly) -> None:
         """Bring an initialised master into the state; its row 0 is that of the checkpoint.
 
         Raises :class:`CheckpointError` for a checkpoint of another system, or a value that cannot change;
@@ -111,18 +122,18 @@ class WarmStart:
         try:
             identity = identify_system(parts.system, parts.wiring, parts.clock.step, parts.scheme)
             self._check_system(identity, parts.scheme, parts.clock.step)
-            changes = self._find_changes(parts.system, parts.list_starts(), parts.descriptions)
+            changes = self._find_changes(parts.system, list_starts(parts.wiring), parts.descriptions)
             time = parts.clock.start
             for name in parts.instances.keys() - self._anew:
-                parts.load_fmu(name, self._kept["fmus"][name])
+                load_fmu(parts, name, self._kept["fmus"][name])
             latest = self._read_latest(parts, time)
             parts.rows.restore(0, parts.rows.block[:0], latest)
             kept = self._kept["set"].items()
-            values = {name: value for name, value in kept if parts.find_port(name).component not in self._anew}
-            parts.load_values_set({"set": values, "repeated": self._kept["repeated"]})
+            values = {name: value for name, value in kept if find_port(parts, name).component not in self._anew}
+            load_values_set(parts, {"set": values, "repeated": self._kept["repeated"]})
             if not self._anew and self._keeps_inputs(parts):
-                parts.load_scheme({**self._kept, "latest": latest})
-            bases = {parts.find_port(name): value for name, value in self._kept["faults"]["bases"].items()}
+                load_scheme(parts, {**self._kept, "latest": latest})
+            bases = {find_port(parts, name): value for name, value in self._kept["faults"]["bases"].items()}
             for port, value in {**bases, **changes}.items():
                 if port.component not in self._anew:
                     parts.instances[port.component].set({port.variable: value}, time)
@@ -184,7 +195,7 @@ class WarmStart:
                 f"step {index} of its run.  Begin from a checkpoint at a multiple of {period * step:.9g} s"
             )
 
-    def _read_latest(self, parts: MasterParts, time: float) -> Array:
+    def _read_latest(self, parts: Assembly, time: float) -> Array:
         """The outputs at the checkpoint, as they lie in the rows of this run.
 
         Inputs of the run stay what the first row has: what the file of this run says of that time.
@@ -192,7 +203,8 @@ class WarmStart:
         there, rows = self._index_latest(), parts.rows
         given = {signal.column for signal in parts.signals}
         reals = len(rows.real.places)
-        for place, column in enumerate(parts.columns[: rows.latest.size]):  # those that are computed come last
+        every = parts.run_columns.every[: rows.latest.size]  # those that are computed come last
+        for place, column in enumerate(every):
             kind, own = (rows.real, place) if place < reals else (rows.discrete, place - reals)
             (name,) = list_columns([column])
             if column in given:
@@ -206,9 +218,9 @@ class WarmStart:
                 kind.values[own] = parts.instances[column.component].get([variable], time)[variable]
         return rows.latest.copy()
 
-    def _keeps_inputs(self, parts: MasterParts) -> bool:
+    def _keeps_inputs(self, parts: Assembly) -> bool:
         """Whether the inputs over time are those of the checkpoint's run, with the values that they had there."""
-        own, there = parts.list_inputs(), self._index_latest()
+        own, there = list_inputs(parts), self._index_latest()
         places = [parts.rows.find_place(signal.port) for signal in parts.signals]
         now = [values[place] for values, place in places]
         return own == self._kept["run"]["inputs"] and [there[name] for name in own] == now
@@ -226,7 +238,7 @@ class WarmStart:
         whole = latest[reals:].view(np.int32)[: len(discrete)]
         return dict(zip(names, [*latest[:reals].tolist(), *whole.tolist()], strict=True))
 
-    def _feed_new(self, parts: MasterParts, time: float) -> None:
+    def _feed_new(self, parts: Assembly, time: float) -> None:
         """Give FMUs that begin anew the outputs of the others, and take theirs."""
         for connection in parts.wiring.connections:
             target, source = connection.target, connection.source

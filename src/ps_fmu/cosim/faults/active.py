@@ -20,7 +20,7 @@ from ..values import Value
 from . import effects
 from .acted import ActedFault, identify, list_acted
 from .binding import BoundFaults, Fault, bind_faults
-from .effects import Effect, EffectGroup, to_int
+from .effects import Effect, EffectGroup
 from .event import BIAS, DELAY, DROPOUT, NOISE, OVERRIDE, SCALE, FaultFile
 from .samples import Samples
 
@@ -174,7 +174,7 @@ class ActiveFaults:
         """An input or parameter gets another value from outside; whether faults act on it."""
         if port in self._bases:
             self._bases[port] = value
-        return any(port == seen for _, seen in self._acting)
+        return self.acts_on(port)
 
     def settle(self, instances: Mapping[str, FmuInstance], fed: Collection[PortName]) -> None:
         """Set what does not go with the exchange; ``fed`` are the inputs that do.  Raises :class:`SlaveError`."""
@@ -195,6 +195,10 @@ class ActiveFaults:
                     instance.set({port.variable: str(texts[-1])}, time)
             elif port in self._open and not self._varies(port):
                 instance.set({port.variable: self._change(port)}, time)
+
+    def acts_on(self, port: PortName) -> bool:
+        """Whether an input sees a fault now."""
+        return any(port == seen for _, seen in self._acting)
 
     def find_cut(self) -> set[PortName]:
         """Connected Strings that faults keep from their sources."""
@@ -220,13 +224,10 @@ class ActiveFaults:
         wired: Sequence[PortName],
         inputs: NDArray[Any],
         on_output: bool,
-        convert: Callable[[], None] | None = None,
-        lines: tuple[Array, float] | None = None,
     ) -> EffectGroup | None:
         """The effects on wired inputs, whose numbers are in ``inputs`` in that order; None where there are none.
 
-        ``on_output``: those that come before the conversion for the input; else those behind it.  ``convert`` and
-        ``lines`` are those of :class:`.effects.EffectGroup`.
+        ``on_output``: those that come before the conversion for the input; else those behind it.
         """
         found = [
             (place, self._find_effect(fault, port))
@@ -234,7 +235,7 @@ class ActiveFaults:
             for fault in self._list_on(port)
             if fault.on_output == on_output
         ]
-        return EffectGroup(inputs, found, self._clock, convert, lines) if found else None
+        return EffectGroup(inputs, found, self._clock) if found else None
 
     def keep(self) -> Memories:
         """What the effects remember, to be given back to :meth:`restore`."""
@@ -263,26 +264,27 @@ class ActiveFaults:
     def _change(self, port: PortName) -> Value:
         """What faults make of the base of an input or parameter, where that is constant."""
         base = self._bases[port]
-        number = float(base)
-        for fault in self._list_on(port):
-            number = self._find_effect(fault, port).change(number, self._index, 0)
-        return number if isinstance(base, float) else type(base)(to_int(number))
+        value: Array | NDArray[np.int32]
+        value = np.array([base], np.float64) if isinstance(base, float) else np.array([base], np.int32)
+        effects = [(0, self._find_effect(fault, port)) for fault in self._list_on(port)]
+        EffectGroup(value, effects, self._clock).change_once(self._index)
+        return type(base)(value[0])
 
     def _find_effect(self, fault: Fault, port: PortName) -> Effect:
         key = fault, port
         if key not in self._effects:
-            self._effects[key] = _make_effect(fault, self._clock.step, self._scheme.extrapolation != "hold")
+            self._effects[key] = _make_effect(fault, self._clock.step)
         return self._effects[key]
 
 
-def _make_effect(fault: Fault, step: float, lined: bool) -> Effect:
-    """The effect of a fault on the numbers that one input gets; ``lined``: inputs may go on along lines."""
+def _make_effect(fault: Fault, step: float) -> Effect:
+    """The effect of a fault on the numbers that one input gets."""
     event, value = fault.event, fault.value
     number = float(value) if isinstance(value, bool | int | float) else 0.0
     if event.action == DELAY and fault.delay_steps == 0:
         return Effect(effects.BIAS)
     if event.action == DELAY:
-        return Effect(effects.DELAY, length=fault.delay_steps, lined=lined)
+        return Effect(effects.DELAY, length=fault.delay_steps)
     if event.action == NOISE:
         # The samples of white noise of a one-sided density S, one a step, have the variance S / (2 step).
         rms = event.rms if event.rms is not None else sqrt((event.density or 0.0) / (2.0 * step))

@@ -1,6 +1,7 @@
 """FMUs in processes of their own: what one of them does ends no more than the run, and the rows before are kept.
 
-The master calls a stand-in for the library (``calls.c``, and ``later.c`` in steps; ``client.c`` is the exchange); the
-FMU's process (``guest.c``) carries the calls out.  Both share memory (``channel.h``); a step is one exchange.
+In steps the master calls stand-ins in C (``later.c``; ``client.c`` is the exchange), and the FMU's process carries them
+out (``guest.c``).  Both share memory (``channel.h``); a step is one exchange.  All other calls go by a pipe
+(:mod:`.guest_process` and :mod:`.guest`).
 :class:`.instance.Isolation` is the way in, :mod:`.options` has the options of commands.
 """

@@ -1,7 +1,8 @@
 /* What the master (client.c) and the process of one FMU (guest.c) share: memory, and two numbers to wait for.
 
    The master writes a batch of operations and counts `posted` up; the guest carries them out up to the first that fails,
-   and makes `done` equal.  A batch is one exchange, however many calls of FMI it holds.
+   and makes `done` equal.  A batch is one exchange, however many calls of FMI it holds.  CALL is alone in its batch: a
+   call that is not of a step, whose arguments and results go by a pipe (guest.py).
 
    The guest may write anything here.  The master reads statuses, values of a size that it knows, and texts that it ends
    itself; it keeps all counts and offsets in memory of its own. */
@@ -13,21 +14,17 @@
 enum { MOST_OPERATIONS = 64, LOG_BYTES = 1 << 15, LINE = 64 };
 
 typedef enum {
-    INSTANTIATE, FREE_INSTANCE, SET_DEBUG_LOGGING, SETUP_EXPERIMENT, ENTER_INITIALIZATION, EXIT_INITIALIZATION, TERMINATE,
-    RESET, SET_REAL, SET_INTEGER, SET_BOOLEAN, SET_STRING, GET_REAL, GET_INTEGER, GET_BOOLEAN, GET_STRING, DO_STEP,
-    CANCEL_STEP, GET_STATE, SET_STATE, FREE_STATE, STATE_SIZE, SERIALIZE_STATE, DESERIALIZE_STATE, DIRECTIONAL_DERIVATIVE,
-    SET_INPUT_DERIVATIVES, GET_OUTPUT_DERIVATIVES, GET_STATUS, GET_REAL_STATUS, GET_INTEGER_STATUS, GET_BOOLEAN_STATUS,
-    GET_STRING_STATUS, QUIT, N_KINDS
+    SET_REAL, SET_INTEGER, SET_BOOLEAN, GET_REAL, GET_INTEGER, GET_BOOLEAN, SET_DERIVATIVES, DO_STEP, CALL
 } Kind;
 
 /* A call of FMI.  The arrays of its arguments lie in `data`, each at a multiple of 8 bytes. */
 typedef struct {
     uint32_t kind;
-    int32_t status;       /* fmi2Status; of one that has not been carried out, -1 */
-    uint64_t count, size; /* of values; of the second array or a buffer */
-    uint64_t first, second, third; /* where the arrays begin in `data` */
-    double real[3];
-    uint64_t whole[3];
+    int32_t status;  /* fmi2Status; of one that has not been carried out, -1 */
+    uint64_t count;  /* of value references */
+    uint64_t references, values, orders; /* where the arrays begin in `data` */
+    double time, step;
+    uint64_t only_forward;
 } Operation;
 
 /* What an FMU did to its process that no FMU may do. */

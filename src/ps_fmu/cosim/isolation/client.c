@@ -10,25 +10,13 @@
 
 enum { SLICE_NS = 20000000 };
 
-static Client *next_client;
-
 EXPORTED uint64_t channel_bytes(void) { return sizeof(Channel); }
 EXPORTED uint64_t client_bytes(void) { return sizeof(Client); }
-
-/* The instance that fmi2Instantiate makes next belongs to this client. */
-EXPORTED void set_next_client(Client *client) { next_client = client; }
-
-Client *take_next_client(void)
-{
-    Client *c = next_client;
-    next_client = NULL;
-    return c;
-}
 
 /* An operation of the last batch, as the master's Python reads it.  For fmi2DoStep `time` is where it begins [s]. */
 typedef struct {
     int32_t kind, status;
-    uint64_t count; /* of the value references, of a get or set function */
+    uint64_t count; /* of the value references */
     const fmi2ValueReference *references;
     double time;
 } Outcome;
@@ -42,8 +30,8 @@ EXPORTED int get_outcome(const Client *client, uint32_t k, Outcome *outcome)
     outcome->kind = (int32_t)o->kind;
     outcome->status = client->channel->operations[k].status;
     outcome->count = o->count;
-    outcome->references = (const void *)(client->channel->data + o->first);
-    outcome->time = o->real[0];
+    outcome->references = (const void *)(client->channel->data + o->references);
+    outcome->time = o->time;
     return 1;
 }
 
@@ -89,13 +77,22 @@ static int has_ended(Client *c)
     return 1;
 }
 
-static void end_guest(Client *c, Fate fate)
+EXPORTED void end_guest(Client *c, int fate)
 {
     c->fate = fate;
     kill(-(pid_t)c->guest, SIGKILL); /* with the processes that it has started */
 }
 
-EXPORTED void interrupt_isolated(Client *c);
+/* In the main thread Python handles signals now. */
+static int is_interrupted(const Python *python)
+{
+    const int state = python->lock();
+    const int raised = python->check_signals() != 0;
+    if (raised)
+        python->clear();
+    python->unlock(state);
+    return raised;
+}
 
 /* Whether the guest has carried out the batch. */
 static int await(Client *c, int64_t patience_ns)
@@ -104,14 +101,14 @@ static int await(Client *c, int64_t patience_ns)
     if (spin(done, c->number, c->spin_ns, &c->patience))
         return 1;
     const int64_t until = now_ns() + patience_ns;
-    for (;;) {
+    for (int slices = 0;; slices++) {
         const uint32_t now = __atomic_load_n(done, __ATOMIC_ACQUIRE);
         if (now == c->number)
             return 1;
         if (has_ended(c)) /* perhaps just after its work */
             return __atomic_load_n(done, __ATOMIC_ACQUIRE) == c->number && (c->fate = ALIVE, 1);
-        if (c->interrupts != NULL && *c->interrupts > 1)
-            return interrupt_isolated(c), 0;
+        if (slices > 0 && is_interrupted(&c->python))
+            return end_guest(c, INTERRUPTED), 0;
         if (patience_ns > 0 && now_ns() > until)
             return end_guest(c, HANGS), 0;
         sleep_on(done, now, &c->channel->master_sleeps, SLICE_NS);
@@ -130,11 +127,9 @@ void post_batch(Client *c)
 
 int collect_batch(Client *c, int64_t patience_ns)
 {
-    if (c->fate != ALIVE)
-        return fmi2Fatal;
     c->under_way = 0;
     c->complete = 1;
-    const int alive = await(c, patience_ns);
+    const int alive = c->fate == ALIVE && await(c, patience_ns);
     pass_messages_on(c);
     if (!alive)
         return fmi2Fatal;
@@ -199,57 +194,65 @@ static Operation *begin_access(Client *c, Kind kind, const fmi2ValueReference *r
     if (o == NULL)
         return NULL;
     o->count = n;
-    o->first = reserve_place(c, n * sizeof *references);
-    o->second = reserve_place(c, n * width(kind));
-    memcpy(at(c, o->first), references, n * sizeof *references);
+    o->references = reserve_place(c, n * sizeof *references);
+    o->values = reserve_place(c, n * width(kind));
+    memcpy(at(c, o->references), references, n * sizeof *references);
     return o;
 }
 
-int set_values(Client *c, Kind kind, const fmi2ValueReference *references, size_t n, const void *values, int later)
+int set_values(Client *c, Kind kind, const fmi2ValueReference *references, size_t n, const void *values)
 {
     int status;
     Operation *o = begin_access(c, kind, references, n, &status);
-    if (o == NULL)
-        return status;
-    memcpy(at(c, o->second), values, n * width(kind));
-    return later ? status : perform_batch(c, c->step_ns);
+    if (o != NULL)
+        memcpy(at(c, o->values), values, n * width(kind));
+    return status;
 }
 
-int get_values(Client *c, Kind kind, const fmi2ValueReference *references, size_t n, void *values, int64_t patience_ns)
+int get_values(Client *c, Kind kind, const fmi2ValueReference *references, size_t n, void *values)
 {
     int status;
     Operation *o = begin_access(c, kind, references, n, &status);
     if (o == NULL)
         return status;
-    const uint64_t place = o->second;
-    status = perform_batch(c, patience_ns);
+    const uint64_t place = o->values;
+    status = perform_batch(c, c->step_ns);
     if (status <= fmi2Warning)
         memcpy(values, at(c, place), n * width(kind));
     return status;
 }
 
-/* ---- the end --------------------------------------------------------------------------------------------------- */
+/* ---- calls by the pipe ----------------------------------------------------------------------------------------- */
 
-/* Waiting for the guest was left by a jump (guard.c), or is to end now. */
-EXPORTED void interrupt_isolated(Client *c)
+/* Carry out what is put off; returns the status of that. */
+EXPORTED int flush_batch(Client *c)
 {
-    if (c->interrupts != NULL)
-        *c->interrupts = 1;
-    if (c->fate == ALIVE)
-        end_guest(c, INTERRUPTED);
+    if (c->fate != ALIVE)
+        return fmi2Fatal;
+    if (c->under_way)
+        return settle_batch(c);
+    return c->complete || c->n_sent == 0 ? fmi2OK : perform_batch(c, c->step_ns);
 }
 
-/* The guest ends, with all that it has started; its process is waited for by who started it. */
-EXPORTED void end_isolated(Client *c)
+/* The guest looks at the pipe.  Nothing is put off. */
+EXPORTED void begin_call(Client *c)
 {
-    if (c->fate == ALIVE && add_operation(c, QUIT, 0) != NULL)
-        post_batch(c);
+    if (c->n_read != c->n_learnt) { /* what the guest has read ahead may change now */
+        forget_reads(c);
+        c->n_read = 0;
+    }
+    add_operation(c, CALL, 0);
+    post_batch(c);
+}
+
+/* Wait for the call, and return its status.  The answer comes next, unless the guest has ended. */
+EXPORTED int end_call(Client *c, int64_t patience_ns)
+{
+    return collect_batch(c, patience_ns);
 }
 
 /* Give back the client's own memory. */
 EXPORTED void clear_client(Client *c)
 {
     forget_reads(c);
-    free(c->texts);
-    c->texts = NULL;
 }

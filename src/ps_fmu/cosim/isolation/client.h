@@ -1,5 +1,5 @@
-/* The master's side of an isolated FMU, for the files that share it: client.c (the exchange), later.c (the calls of the
-   steps) and calls.c (FMI 2.0).
+/* The master's side of an isolated FMU, for the files that share it: client.c (the exchange) and later.c (the calls of
+   the steps).
 
    An operation is added to the batch with `begin_operation`, its data are put into places of `reserve_place`, and the
    batch is carried out by `perform_batch`. */
@@ -9,7 +9,7 @@
 #include <stdint.h>
 
 #include "channel.h"
-#include "fmi2Functions.h"
+#include "fmi2FunctionTypes.h"
 #include "waiting.h"
 
 enum { MOST_LEARNT = 32 };
@@ -24,21 +24,27 @@ typedef struct {
     uint64_t values; /* where the guest puts them */
 } Learnt;
 
+/* Functions of the interpreter, to see whether Ctrl-C ends waiting: the first has been taken by the master. */
+typedef struct {
+    int (*lock)(void);
+    void (*unlock)(int state);
+    int (*check_signals)(void); /* -1: what handles a signal has raised an exception */
+    void (*clear)(void);        /* which is forgotten */
+} Python;
+
 typedef struct {
     /* Set by the master's Python, see guest_process.py. */
     Channel *channel;
-    const char *library;
     uint64_t data_bytes;
     int64_t guest;              /* process */
     int64_t spin_ns;
     int64_t step_ns, life_ns;   /* how long to wait for the calls of a step, and for the others; 0: for ever */
-    volatile int *interrupts; /* from two on, waiting ends, once */
+    Python python;
+    const fmi2CallbackFunctions *callbacks;
+    fmi2String name;
     /* What became of the guest. */
     int64_t fate, fate_number;
     /* Own. */
-    const fmi2CallbackFunctions *callbacks;
-    fmi2String name;
-    char *texts; /* strings that the last call returned */
     Operation sent[MOST_OPERATIONS];
     uint32_t n_sent, number;
     Patience patience;
@@ -51,9 +57,6 @@ typedef struct {
 #define EXPORTED __attribute__((visibility("default")))
 
 /* ---- client.c -------------------------------------------------------------------------------------------------- */
-
-/* The client that the next instance belongs to; NULL if there is none, and from the second call on. */
-Client *take_next_client(void);
 
 /* The status of the batch under way: the first above fmi2Warning, or the highest. */
 int collect_batch(Client *c, int64_t patience_ns);
@@ -73,10 +76,10 @@ Operation *add_operation(Client *c, Kind kind, uint64_t bytes);
 /* As `add_operation`; a full batch is carried out first. */
 Operation *begin_operation(Client *c, Kind kind, uint64_t bytes, int *status);
 
-/* Set values; `later`: with the next operation that is carried out. */
-int set_values(Client *c, Kind kind, const fmi2ValueReference *references, size_t n, const void *values, int later);
+/* Set values with the next operation that is carried out. */
+int set_values(Client *c, Kind kind, const fmi2ValueReference *references, size_t n, const void *values);
 
-int get_values(Client *c, Kind kind, const fmi2ValueReference *references, size_t n, void *values, int64_t patience_ns);
+int get_values(Client *c, Kind kind, const fmi2ValueReference *references, size_t n, void *values);
 
 static inline uint64_t reserve_place(Client *c, uint64_t bytes)
 {
@@ -88,7 +91,10 @@ static inline uint64_t reserve_place(Client *c, uint64_t bytes)
 /* A place for the data of an operation; it is checked when the operation is complete. */
 static inline void *at(Client *c, uint64_t place) { return c->channel->data + place; }
 
-static inline size_t width(Kind kind) { return kind == SET_REAL || kind == GET_REAL ? sizeof(double) : sizeof(int); }
+static inline size_t width(Kind kind)
+{
+    return kind == SET_REAL || kind == GET_REAL || kind == SET_DERIVATIVES ? sizeof(double) : sizeof(int);
+}
 
 /* ---- later.c --------------------------------------------------------------------------------------------------- */
 

@@ -1,21 +1,22 @@
-"""An FMU in a process of its own: the master calls a stand-in for its library, which passes the calls on.
+"""An FMU in a process of its own: the master calls stand-ins for its functions, which pass the calls on.
 
 So the plan of the steps, its loop in C and the life of an instance are the same as for an FMU in this process.
 """
 
 from __future__ import annotations
 
-import threading
+import ctypes
+import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import NoReturn
+from typing import Any, NoReturn
 
+from fmpy.fmi2 import fmi2CallbackFunctions
 from fmpy.model_description import ModelDescription
 
 from ..errors import SlaveError
 from ..fmu_instance import FAMILY, FATAL, OK, WARNING, FmuInstance, InstancePhase, at_time, quote
-from ..guard import End, find_interrupts
-from ..library import FMU2Library, find_binary
+from ..library import find_binary
 from ..messages import forget
 from ..structure import Component, System
 from ..unpacked import release_unpacked
@@ -24,9 +25,6 @@ from .guest_process import GuestProcess, Outcome, find_library, load_library
 
 STEP_TIMEOUT_S = 60.0
 CALL_TIMEOUT_S = 60.0
-
-_LATER = ("SetReal", "SetInteger", "SetBoolean", "GetReal", "GetInteger", "GetBoolean", "DoStep")
-_instantiating = threading.Lock()  # the library knows one next client
 
 
 @dataclass(frozen=True)
@@ -68,14 +66,38 @@ class Isolation:
         return FmuInstance(component, description)
 
 
+class _RemoteLibrary:
+    """What :class:`FmuInstance` needs of a library: functions of FMI, here of one in another process."""
+
+    def __init__(self, guest: GuestProcess, library: bytes, name: str, guid: str, resources: str) -> None:
+        self._guest, self._name = guest, name
+        self._arguments = library, name.encode(), guid.encode(), resources.encode()
+        self.component = guest.address
+        self.dll = self
+
+    def __getattr__(self, function: str) -> Callable[..., int]:
+        if not function.startswith("fmi2"):
+            raise AttributeError(function)
+        return lambda _instance, *arguments: self._guest.call(function, *arguments)
+
+    def instantiate(self, callbacks: fmi2CallbackFunctions, loggingOn: bool) -> None:
+        """fmi2Instantiate, as of FMPy.  Raises Exception if that fails."""
+        self._guest.listen(self._name, callbacks)
+        if self._guest.call("fmi2Instantiate", *self._arguments) != OK:
+            raise Exception("Failed to instantiate model")
+
+    def freeInstance(self) -> None:
+        """fmi2FreeInstance."""
+        self.fmi2FreeInstance(self.component)
+
+
 class IsolatedInstance(FmuInstance):
     """An instance in a process of its own.  Whatever happens to that process is a :class:`SlaveError` here."""
 
     shares_process = False
-    most_state_bytes = guest_process.DATA_BYTES // 2
 
     def __init__(self, component: Component, description: ModelDescription, timeouts_s: tuple[float, float]) -> None:
-        self._step_timeout_s, self._call_timeout_s = self._timeouts_s = timeouts_s
+        self._timeouts_s = timeouts_s
         self._guest: GuestProcess | None = None
         try:
             super().__init__(component, description)
@@ -92,28 +114,34 @@ class IsolatedInstance(FmuInstance):
         assert self._guest is not None
         return self._guest
 
-    def _load(self, component: Component, description: ModelDescription) -> FMU2Library:
-        library = find_binary(component, description, self._folder)
-        self._guest = GuestProcess(library.absolute(), self._timeouts_s, self._show, find_interrupts())
-        return FMU2Library(description, self._folder, component.name, find_library())
+    def _load(self, component: Component, description: ModelDescription) -> _RemoteLibrary:
+        library = find_binary(component, description, self._folder).absolute()
+        self._guest = GuestProcess(self._timeouts_s, self._show)
+        resources = (self._folder / "resources").absolute().as_uri()
+        return _RemoteLibrary(self._guest, os.fsencode(library), component.name, description.guid, resources)
 
     def _show(self, line: str) -> None:
         self.messages.show(f"[output] {line}")
 
     def _instantiate(self) -> None:
-        with _instantiating:
-            load_library().set_next_client(self.guest.address)
-            try:
-                super()._instantiate()
-            except SlaveError as error:
-                if self.guest.fate == guest_process.ALIVE:
-                    raise
-                self._raise_end(None, error.messages)
+        try:
+            super()._instantiate()
+        except SlaveError as error:
+            if self.guest.fate == guest_process.ALIVE:
+                raise
+            self._raise_end(None, error.messages)
+
+    def _call(self, function: str, *arguments: Any, time: float | None = None, variables: Sequence[str] = ()) -> None:
+        if self.phase not in (InstancePhase.FATAL, InstancePhase.FREED):
+            self.check(function, self.guest.flush(), time)
+        super()._call(function, *arguments, time=time, variables=variables)
 
     def _function_address(self, function: str) -> int:
-        """That of the variant which puts off what it can, for the plan of the steps."""
-        name = function.removeprefix("fmi2")
-        return super()._function_address(f"later_{name}" if name in _LATER else function)
+        """That of the stand-in in C, which puts off what it can, for the plan of the steps."""
+        stand_in = getattr(load_library(), function.replace("fmi2", "later_"))
+        address = ctypes.cast(stand_in, ctypes.c_void_p).value
+        assert address is not None
+        return address
 
     def check(self, function: str, status: int, time: float | None, variables: Sequence[str] = ()) -> None:
         """As :meth:`FmuInstance.check`, of all calls that the exchange has carried out."""
@@ -125,7 +153,7 @@ class IsolatedInstance(FmuInstance):
         change, last = self.guest.change, self.guest.find_last_begun()
         begun = next((o.time for o in outcomes if o.time is not None), time)
         for place, outcome in enumerate(outcomes):
-            names = self._name(outcome)
+            names = self._name(outcome) or tuple(variables)
             when = time if outcome.function.startswith("fmi2Get") else begun
             if change and place == last:
                 self._raise_change(outcome.function, when, change)
@@ -133,11 +161,6 @@ class IsolatedInstance(FmuInstance):
                 super().check(outcome.function, outcome.status, when, names)
         if status > WARNING and not any(o.status > WARNING for o in outcomes):  # no room in the shared memory
             super().check(function, status, time, variables)
-
-    def give_up(self, function: str, end: End, time: float) -> NoReturn:
-        """Waiting for the process was interrupted."""
-        self.guest.interrupt()
-        self._raise_end(time, self.messages.take())
 
     def _name(self, outcome: Outcome) -> tuple[str, ...]:
         family = outcome.function.removeprefix("fmi2")[3:]
@@ -160,16 +183,13 @@ class IsolatedInstance(FmuInstance):
             raise KeyboardInterrupt(f"{where} was interrupted; its process has been ended")
         text = self.guest.describe_end()
         if self.guest.fate == guest_process.HANGS:
-            text += f" within {self._limit(outcome.function):g} s; its process has been ended"
+            text += f" within {self.guest.find_limit(outcome.function):g} s; its process has been ended"
         self.guest.join_output()
         lines = (*messages, *(f"[output] {line}" for line in self.guest.lines))
         raise SlaveError(
             f"{where} {text}{quote(lines)}",
             component=self.name, function=outcome.function, status=FATAL, time=when, messages=lines,
         )  # fmt: skip
-
-    def _limit(self, function: str) -> float:
-        return self._step_timeout_s if function.removeprefix("fmi2") in _LATER else self._call_timeout_s
 
     def free(self) -> None:
         """As :meth:`FmuInstance.free`, and end the process.  Raises :class:`SlaveError` if that ended by itself."""

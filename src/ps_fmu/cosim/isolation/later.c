@@ -40,24 +40,41 @@ static int later_get(Client *c, Kind kind, const fmi2ValueReference *references,
         c->n_read++;
         return status;
     }
-    const int answer = get_values(c, kind, references, n, values, c->step_ns);
+    const int answer = get_values(c, kind, references, n, values);
     learn(c, kind, references, n);
     return answer;
 }
 
 EXPORTED int later_SetReal(Client *c, const fmi2ValueReference *r, size_t n, const double *v)
 {
-    return set_values(c, SET_REAL, r, n, v, 1);
+    return set_values(c, SET_REAL, r, n, v);
 }
 
 EXPORTED int later_SetInteger(Client *c, const fmi2ValueReference *r, size_t n, const int *v)
 {
-    return set_values(c, SET_INTEGER, r, n, v, 1);
+    return set_values(c, SET_INTEGER, r, n, v);
 }
 
 EXPORTED int later_SetBoolean(Client *c, const fmi2ValueReference *r, size_t n, const int *v)
 {
-    return set_values(c, SET_BOOLEAN, r, n, v, 1);
+    return set_values(c, SET_BOOLEAN, r, n, v);
+}
+
+EXPORTED int later_SetRealInputDerivatives(
+    Client *c, const fmi2ValueReference *r, size_t n, const int *orders, const double *v)
+{
+    int status;
+    Operation *o = begin_operation(c, SET_DERIVATIVES, n * (sizeof *r + sizeof *orders + sizeof *v), &status);
+    if (o == NULL)
+        return status;
+    o->count = n;
+    o->references = reserve_place(c, n * sizeof *r);
+    o->orders = reserve_place(c, n * sizeof *orders);
+    o->values = reserve_place(c, n * sizeof *v);
+    memcpy(at(c, o->references), r, n * sizeof *r);
+    memcpy(at(c, o->orders), orders, n * sizeof *orders);
+    memcpy(at(c, o->values), v, n * sizeof *v);
+    return status;
 }
 
 EXPORTED int later_GetReal(Client *c, const fmi2ValueReference *r, size_t n, double *v)
@@ -81,9 +98,9 @@ EXPORTED int later_DoStep(Client *c, double time, double step, int only_forward)
     Operation *o = begin_operation(c, DO_STEP, 0, &status);
     if (o == NULL)
         return status;
-    o->real[0] = time;
-    o->real[1] = step;
-    o->whole[0] = (uint64_t)only_forward;
+    o->time = time;
+    o->step = step;
+    o->only_forward = (uint64_t)only_forward;
     if (c->n_read != c->n_learnt) /* they were not read again: the master has another plan */
         forget_reads(c);
     c->n_read = 0;
@@ -96,9 +113,9 @@ EXPORTED int later_DoStep(Client *c, double time, double step, int only_forward)
             break;
         }
         get->count = read->n;
-        get->first = reserve_place(c, read->n * sizeof *read->references);
-        get->second = read->values = reserve_place(c, read->n * width(read->kind));
-        memcpy(at(c, get->first), read->references, read->n * sizeof *read->references);
+        get->references = reserve_place(c, read->n * sizeof *read->references);
+        get->values = read->values = reserve_place(c, read->n * width(read->kind));
+        memcpy(at(c, get->references), read->references, read->n * sizeof *read->references);
     }
     post_batch(c);
     return c->n_learnt > 0 ? status : collect_batch(c, c->step_ns);

@@ -12,7 +12,7 @@ from .instance import CALL_TIMEOUT_S, STEP_TIMEOUT_S, Isolation
 LONGEST_S = 1e6
 
 
-def add_isolation_options(parser: argparse.ArgumentParser) -> None:
+def add_isolation_options(parser: argparse._ActionsContainer) -> None:
     """Add the options; :func:`read_isolation` reads what was given."""
     chosen = parser.add_mutually_exclusive_group()
     chosen.add_argument(

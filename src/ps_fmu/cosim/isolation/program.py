@@ -16,7 +16,7 @@ _LINUX = Target(
 ISOLATION = Program(
     "isolation",
     Path(__file__).parent,
-    sources=("client.c", "later.c", "calls.c", "guest.c"),
+    sources=("client.c", "later.c", "guest.c"),
     headers=("channel.h", "client.h", "waiting.h", "../native/control_word.h"),
     targets={"linux64": _LINUX},
 )

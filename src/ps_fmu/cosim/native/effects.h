@@ -1,4 +1,4 @@
-/* What faults do to the numbers of an exchange: ../faults/effects.py says what, and does the same in Python. */
+/* What faults do to the numbers of an exchange: ../faults/effects.py says what. */
 
 #ifndef EFFECTS_H
 #define EFFECTS_H
@@ -16,19 +16,15 @@ typedef struct {
     const double *samples; /* of the steps that the group is prepared for, or NULL */
 } Effect;
 
-/* Effects in their order.  The next step is `step`; its samples are in `row`.  Of inputs that go on along lines: their
-   slopes [1/s], where in the whole step the lines begin, and how long they are [s]. */
+/* Effects in their order.  The next step is `step`; its samples are in `row`. */
 typedef struct {
     const Effect *effects;
     int64_t count;
     int64_t step;
     int64_t row;
-    double *slopes;
-    double begin, length;
 } Effects;
 
 void change_doubles(Effects *group, double *inputs);
 void change_ints(Effects *group, int *inputs);
-void change_lines(Effects *group, double *inputs);
 
 #endif

@@ -1,4 +1,4 @@
-/* Inputs that go on along lines within a step (../schemes/history.py), with the same results to the last bit. */
+/* Inputs that go on along lines within a step (../schemes/history.py). */
 #ifndef LINES_H
 #define LINES_H
 
@@ -14,6 +14,7 @@ typedef struct {
     double length;       /* of the component's step */
     double offset, part; /* where the part begins, and how long it is */
     const int64_t *places;
+    const int64_t *held; /* 1: the input keeps the gathered value */
     const int64_t *periods, *ahead; /* base steps between two values of the source; 1: it has made this one already */
     double *values;                 /* all gathered inputs; those at `places` are replaced */
     double *slopes;                 /* for FMUs that interpolate; NULL: they get the mean */
@@ -52,48 +53,6 @@ static void look(const Lines *l, double now)
     }
 }
 
-/* Value and slope of each line at the beginning of a base step, apart, for faults to change (../schemes/lines.py). */
-typedef struct {
-    const Lines *lines;
-    double *slopes; /* of all gathered inputs */
-    int64_t period; /* base steps in the component's step, in whose first one the lines are found */
-} LineStart;
-
-/* The lines, as they are then, in a part of the component's step. */
-typedef struct {
-    int64_t count, first; /* first: the values are those at the beginning, which `line` keeps for the other parts */
-    const int64_t *places;
-    double *line, *values;
-    const double *slopes;
-    double shift;        /* s after the beginning */
-    double *derivatives; /* for FMUs that interpolate, or NULL */
-} LineEnd;
-
-static __attribute__((noinline)) void start_lines(const LineStart *s, double now)
-{
-    const Lines *l = s->lines;
-    const int64_t index = (int64_t)nearbyint((now - l->start) / l->step);
-    const double late = (double)(index % s->period) * l->step;
-    if (late == 0.0)
-        look(l, now);
-    for (int64_t k = 0; k < l->count; k++) {
-        l->values[l->places[k]] = late != 0.0 ? l->begin[k] + late * l->slope[k] : l->begin[k];
-        s->slopes[l->places[k]] = l->slope[k];
-    }
-}
-
-static __attribute__((noinline)) void end_lines(const LineEnd *e)
-{
-    for (int64_t k = 0; k < e->count; k++) {
-        const double slope = e->slopes[e->places[k]];
-        if (e->first)
-            e->line[k] = e->values[e->places[k]];
-        e->values[e->places[k]] = e->line[k] + e->shift * slope;
-        if (e->derivatives != NULL)
-            e->derivatives[k] = slope;
-    }
-}
-
 /* Replace the gathered values, which are those of the sources now.  A call of its own: the loop stays as small as it is
    for inputs that are held. */
 static __attribute__((noinline)) void extend(const Lines *l, double now)
@@ -104,9 +63,10 @@ static __attribute__((noinline)) void extend(const Lines *l, double now)
     if (l->slopes == NULL)
         shift += 0.5 * l->part;
     for (int64_t k = 0; k < l->count; k++) {
-        l->values[l->places[k]] = l->begin[k] + shift * l->slope[k];
+        if (!l->held[k])
+            l->values[l->places[k]] = l->begin[k] + shift * l->slope[k];
         if (l->slopes != NULL)
-            l->slopes[k] = l->slope[k];
+            l->slopes[k] = l->held[k] ? 0.0 : l->slope[k];
     }
 }
 

@@ -11,9 +11,6 @@
 #include "fmi2FunctionTypes.h"
 #include "lines.h"
 
-extern volatile int is_copy_in_call; /* of guard.c */
-void end_copy(void);
-
 typedef enum {
     TAKE_DOUBLES,
     TAKE_INTS,
@@ -23,20 +20,24 @@ typedef enum {
     GET_REALS,
     GET_INTEGERS,
     DO_SPAN,
-    TAKE_LINES,
+    EXTEND,
     SET_DERIVATIVES,
     CHANGE_DOUBLES,
     CHANGE_INTS,
-    START_LINES,
-    CHANGE_LINES,
-    END_LINES
+    SCALE_DOUBLES,
+    LOOK_UP_INTS,
+    FEED_DOUBLES,
+    FEED_INTS,
+    ASK_PYTHON
 } Kind;
 
 /* What is done with `count` numbers.  TAKE: values[i] = outputs[places[i]].  SET, GET: `places` are value references.
    DO_SPAN: a step over another time; `places` are the two doubles
-   that say how much later than the step it begins, and how long it is [s].  TAKE_LINES: TAKE, then the Lines that
-   `component` is.  SET_DERIVATIVES: `outputs` are the orders.  CHANGE: `component` is the Effects of faults on the
-   values; START_LINES, END_LINES: LineStart and LineEnd.  INTS and INTEGERS are Booleans, too: both are int in FMI 2.0. */
+   that say how much later than the step it begins, and how long it is [s].  EXTEND: `component` is the Lines of the
+   values.  SET_DERIVATIVES: `outputs` are the orders.  CHANGE: `component` is the Effects of faults on the values.
+   SCALE: `outputs` are a factor and an offset for each of `places`.  LOOK_UP: `places` are lines of three ints: the place
+   of an input, a value, and what takes its place; the lines of an input stand together.  FEED: `component` is the Feed of
+   the values at `places`.  ASK_PYTHON: the loop returns, and Python does it.  INTS and INTEGERS are Booleans, too: both are int in FMI 2.0. */
 typedef struct {
     int64_t kind;
     int64_t count;
@@ -66,7 +67,14 @@ typedef struct {
     int64_t rows_done;
     int64_t next_operation;
     int64_t phase;
+    int64_t is_led; /* by Python, through one of them after the other: they store no rows */
 } Loop;
+
+/* Numbers for some places, (steps, places); those of the next step are in `row`. */
+typedef struct {
+    const double *samples;
+    int64_t row;
+} Feed;
 
 static int64_t now_ns(void)
 {
@@ -93,6 +101,38 @@ static void take_ints(const Operation *o)
         inputs[i] = outputs[sources[i]];
 }
 
+static void scale_doubles(const Operation *o)
+{
+    const int64_t *places = o->places;
+    const double *numbers = o->outputs;
+    double *inputs = o->values;
+    for (int64_t i = 0; i < o->count; i++)
+        inputs[places[i]] = inputs[places[i]] * numbers[2 * i] + numbers[2 * i + 1];
+}
+
+static void look_up_ints(const Operation *o)
+{
+    const int *lines = o->places;
+    int *inputs = o->values, changed = -1;
+    for (const int *line = lines; line < lines + 3 * o->count; line += 3)
+        if (line[0] != changed && inputs[line[0]] == line[1]) {
+            inputs[line[0]] = line[2];
+            changed = line[0];
+        }
+}
+
+static void feed(const Operation *o, int is_int)
+{
+    Feed *f = o->component;
+    const int64_t *places = o->places;
+    const double *samples = f->samples + o->count * f->row++;
+    for (int64_t i = 0; i < o->count; i++)
+        if (is_int)
+            ((int *)o->values)[places[i]] = (int)samples[i];
+        else
+            ((double *)o->values)[places[i]] = samples[i];
+}
+
 static int carry_out(const Operation *o, double time, double step)
 {
     size_t n = (size_t)o->count;
@@ -113,8 +153,7 @@ static int carry_out(const Operation *o, double time, double step)
         return (int)o->function.get_reals(o->component, o->places, n, o->values);
     case GET_INTEGERS:
         return (int)o->function.get_integers(o->component, o->places, n, o->values);
-    case TAKE_LINES:
-        take_doubles(o);
+    case EXTEND:
         extend(o->component, time);
         return fmi2OK;
     case SET_DERIVATIVES:
@@ -129,15 +168,18 @@ static int carry_out(const Operation *o, double time, double step)
     case CHANGE_INTS:
         change_ints(o->component, o->values);
         return fmi2OK;
-    case START_LINES:
-        start_lines(o->component, time);
+    case SCALE_DOUBLES:
+        scale_doubles(o);
         return fmi2OK;
-    case CHANGE_LINES:
-        change_lines(o->component, o->values);
+    case LOOK_UP_INTS:
+        look_up_ints(o);
         return fmi2OK;
-    case END_LINES:
-        end_lines(o->component);
+    case FEED_DOUBLES:
+    case FEED_INTS:
+        feed(o, o->kind == FEED_INTS);
         return fmi2OK;
+    case ASK_PYTHON:
+        return fmi2Pending;
     }
     return fmi2Fatal;
 }
@@ -190,7 +232,7 @@ static inline int run(
             return fmi2OK;
         const double time = times[loop->rows_done];
         double *row = rows + loop->rows_done * loop->columns;
-        expect_row(row, row_bytes);
+        expect_row(row, loop->is_led ? 0 : row_bytes);
         const int64_t began = timing ? read_clock_ns() : 0;
         int64_t before = began;
         if (timing && loop->next_operation == first)
@@ -198,8 +240,6 @@ static inline int run(
         while (loop->next_operation < last) {
             const Operation *operation = &loop->operations[loop->next_operation++];
             int status = carry_out(operation, time, loop->step);
-            if (is_copy_in_call)
-                end_copy();
             if (timing) {
                 int64_t after = read_clock_ns();
                 note(timing, loop->next_operation - 1, after - before, time);
@@ -211,7 +251,8 @@ static inline int run(
                 return status;
             }
         }
-        memcpy(row, loop->latest, row_bytes);
+        if (!loop->is_led)
+            memcpy(row, loop->latest, row_bytes);
         if (loop->phases > 1) {
             first = loop->phase + 1 < loop->phases ? last : 0;
             loop->phase = loop->phase + 1 < loop->phases ? loop->phase + 1 : 0;
@@ -219,18 +260,12 @@ static inline int run(
         }
         loop->next_operation = first;
         loop->rows_done++;
-        if (timing) {
+        if (timing && !loop->is_led) {
             note(timing, loop->n_operations, timing->unfinished_ns + read_clock_ns() - began, time);
             timing->steps++;
         }
     }
     return fmi2OK;
-}
-
-/* The lines of inputs, for steps that Python leads. */
-__attribute__((visibility("default"))) void extend_inputs(const Lines *lines, double now)
-{
-    extend(lines, now);
 }
 
 /* Run steps until `rows_done` is `end`; row i is that of the step from times[i].  Returns fmi2OK there, and early,

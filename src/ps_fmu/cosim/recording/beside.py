@@ -12,7 +12,7 @@ from threading import Event, Thread
 from typing import NamedTuple
 
 from ..clock import StepClock
-from ..rows import Array, Block, Column, Rows
+from ..rows import Array, Column, Rows
 from .delivery import Delivery, EarlyObserver, Observer, count_finite
 
 WAITING_BLOCKS = 7
@@ -27,7 +27,7 @@ class _Handed(NamedTuple):
     first_index: int
     rows: Array
     """As the loop has left them: the thread makes numbers of them."""
-    block: Block
+    block: Array
 
 
 class DeliveryBeside(Delivery):
@@ -35,10 +35,6 @@ class DeliveryBeside(Delivery):
 
     A failure of an observer is raised when the next block is handed over; what was computed meanwhile is dropped, so
     that all observers end with the block in which one failed.
-
-    Parameters
-    ----------
-    count_rows: how many rows of the block are complete, at any time.
     """
 
     def __init__(
@@ -49,13 +45,12 @@ class DeliveryBeside(Delivery):
         observers: Sequence[Observer],
         count_rows: Callable[[], int],
     ) -> None:
-        super().__init__(rows, clock, columns, observers)
-        self._count_rows = count_rows
+        super().__init__(rows, clock, columns, observers, count_rows)
         self._early = [observer for observer in observers if isinstance(observer, EarlyObserver)]
         self._failure: BaseException | None = None
         self._next = rows.first_index  # the row that the observers expect
         # The block that was freed last comes first: it is still in the cache.
-        self._free: LifoQueue[Block] = LifoQueue()
+        self._free: LifoQueue[Array] = LifoQueue()
         for block in rows.make_blocks(WAITING_BLOCKS):
             self._free.put(block)
         self._handed: SimpleQueue[_Handed | Event | Callable[[], None] | None] = SimpleQueue()
@@ -154,9 +149,8 @@ def make_delivery(
     clock: StepClock,
     columns: Sequence[Column],
     observers: Sequence[Observer],
-    count_rows: Callable[[], int] | None,
+    count_rows: Callable[[], int],
+    beside: bool,
 ) -> Delivery:
-    """One beside the loop, if there is a function that counts the rows of the block at any time."""
-    if count_rows is None:
-        return Delivery(rows, clock, columns, observers)
-    return DeliveryBeside(rows, clock, columns, observers, count_rows)
+    """One in the thread of the loop, or ``beside`` it; ``count_rows`` counts the rows of the block at any time."""
+    return (DeliveryBeside if beside else Delivery)(rows, clock, columns, observers, count_rows)

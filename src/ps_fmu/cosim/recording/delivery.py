@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Callable, Sequence
 from typing import Protocol, runtime_checkable
 
@@ -45,13 +46,25 @@ class LimitObserver(Observer, Protocol):
 
 
 class Delivery:
-    """Gives the rows of a run to the observers, each block when it is complete."""
+    """Gives the rows of a run to the observers, each block when it is complete.
+
+    Parameters
+    ----------
+    count_rows: how many rows of the block are complete, at any time.
+    """
 
     failed_at: int | None = None
     """Last row of the block in which an observer failed, where the loop has gone on since."""
 
-    def __init__(self, rows: Rows, clock: StepClock, columns: Sequence[Column], observers: Sequence[Observer]) -> None:
-        self.rows, self._clock = rows, clock
+    def __init__(
+        self,
+        rows: Rows,
+        clock: StepClock,
+        columns: Sequence[Column],
+        observers: Sequence[Observer],
+        count_rows: Callable[[], int],
+    ) -> None:
+        self.rows, self._clock, self._count_rows = rows, clock, count_rows
         self._columns = columns
         self._observers = [(one, _get_limit(one)) for one in observers]
 
@@ -73,6 +86,18 @@ class Delivery:
 
     def close(self) -> None:
         """Free what the delivery holds; nothing is handed over any longer."""
+
+    def store(self) -> None:
+        """Give away the rows that are complete, also while steps are run, and have all be stored: the process ends."""
+        self.close()
+        self.rows.filled = self._count_rows()
+        self._serve_rows()
+        end = self.rows.first_index
+        storing = [observer for observer, _ in self._observers if isinstance(observer, EarlyObserver)]
+        for observer in storing:
+            observer.early(end, np.empty(0), np.empty((0, len(self._columns))))
+        if storing:
+            print(f"the rows up to t = {self._clock.time(end - 1):.9g} s are stored", file=sys.stderr, flush=True)
 
     def _serve_rows(self, error: BaseException | None = None) -> BaseException | None:
         failure = self.serve(self.rows.first_index, *self.rows.complete(), error)

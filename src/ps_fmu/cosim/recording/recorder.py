@@ -21,12 +21,11 @@ import numpy as np
 
 from ...reduction.columns import NETCDF_LOCK, ColumnCopy
 from ..checkpoint.state import RowJournal
-from ..clock import count_steps
 from ..errors import RecorderError, UsageError
 from ..rows import Array, Column
-from ..structure import suggest_names
 from .columns_on_disk import write_rows
 from .decimate import Decimator
+from .thinner import Thinner
 
 CHUNK_ROWS = 4000
 """Rows of a chunk in the file, where nobody knows how many there will be."""
@@ -94,13 +93,10 @@ class Recorder:
         rows: int | None = None,
     ) -> None:
         self.path = Path(path)
-        self.factor = _count_factor(step, step if storage_step is None else storage_step)
+        self._thinner = Thinner(columns, step, storage_step, select)
+        self.factor = self._thinner.factor
         self._step = step
-        self._places = _find_places(columns, select)
-        self._takes_all = self._places == list(range(len(columns)))
-        self._columns = [columns[place] for place in self._places]
-        self._decimator = Decimator(self.factor, np.array([column.type == "Real" for column in self._columns]))
-        self._times: Array = np.empty(0)  # of rows that the filter holds, and that will come out of it
+        self._columns = self._thinner.columns
         self._row_bytes = 8 + sum(STORAGE[column.type][1] for column in self._columns)
         chunk = CHUNK_ROWS if rows is None else find_chunk_rows(-(-rows // self.factor))
         # What does not fit in whole chunks is lost: of little room not much at once.
@@ -111,8 +107,6 @@ class Recorder:
         self._pending: Array = np.empty((1 + len(self._columns), self._enough))
         self._copy = ColumnCopy(range(len(self._columns)), len(self._columns))
         self._n_pending = 0
-        self._began: int | None = None
-        self._expected: int | None = None
         self._seen_early: int | None = None
         self._written = 0
         self._last_write = wall_clock.perf_counter()
@@ -142,7 +136,7 @@ class Recorder:
         """
         taken = 0 if self._seen_early is None else max(0, self._seen_early - first_index)
         self._take(first_index + taken, time[taken:], values[taken:])
-        self._seen_early = self._expected
+        self._seen_early = self._thinner.expected
         self._write()
 
     def _take(self, first_index: int, time: Array, values: Array) -> None:
@@ -150,14 +144,11 @@ class Recorder:
             raise RecorderError(f"{self.path}: is closed; nothing can be recorded any longer")
         if len(values) == 0:
             return
-        if self._expected is not None and first_index != self._expected:
-            raise UsageError(f"{self.path}: expected row {self._expected} next, got row {first_index}")
-        if self._began is None:
-            self._began = first_index
-        first = (self._began - first_index) % self.factor  # of these rows, the first that is stored
-        self._times = np.concatenate((self._times, time[first :: self.factor]))
-        self._expected = first_index + len(values)
-        self._keep(self._decimator.push(values if self._takes_all else values[:, self._places]))
+        try:
+            stored = self._thinner.push(first_index, time, values)
+        except UsageError as error:
+            raise UsageError(f"{self.path}: {error}") from None
+        self.store(*stored)
 
     @property
     def journal_width(self) -> int:
@@ -171,30 +162,25 @@ class Recorder:
     def save_state(self) -> dict[str, Any]:
         """What a checkpoint keeps besides the journal, which has all rows that are stored now."""
         self._add_to_journal()
-        seen = {"began": self._began, "expected": self._expected, "seen_early": self._seen_early}
-        stored = {"names": [column.name for column in self._columns], "factor": self.factor}
-        return {**seen, **stored, "times": self._times, "filter": self._decimator.save_state()}
+        return {**self._thinner.save_state(), "seen_early": self._seen_early}
 
     def load_state(self, state: Mapping[str, Any]) -> None:
         """Store the rows of the journal, and go on behind them.  Raises KeyError or ValueError: no such state."""
-        if state["names"] != [column.name for column in self._columns] or state["factor"] != self.factor:
-            raise ValueError("other columns, or another storage step")
+        self._thinner.check_state(state)
         journal, self._journal = self._journal, None
         assert journal is not None
         for rows in journal.read():
-            self._times = np.ascontiguousarray(rows[:, 0])
-            self._keep(rows[:, 1:])
+            self.store(np.ascontiguousarray(rows[:, 0]), rows[:, 1:])
         self._journal, self._journaled = journal, self._n_pending
-        self._times = np.asarray(state["times"], dtype=np.float64).reshape(-1)
-        self._decimator.load_state(state["filter"])
-        found = [state[name] for name in ("began", "expected", "seen_early")]
-        self._began, self._expected, self._seen_early = (None if one is None else int(one) for one in found)
+        self._thinner.load_state(state)
+        early = state["seen_early"]
+        self._seen_early = None if early is None else int(early)
 
     def close(self) -> None:
         """Write what is pending and close the file; safe to call twice.  Raises :class:`RecorderError`."""
         if self._dataset is None:
             return
-        self._keep(self._decimator.finish())
+        self.store(*self._thinner.finish())
         self._write()  # all is on the disk then
         with self._guard():
             if not self._stays_open:
@@ -231,7 +217,7 @@ class Recorder:
         time = Column("time", TIME_UNITS, "Real", "simulated time")
         self._variables = [self._variable(group, column) for column in (time, *self._columns)]
         self._variables[0].setncatts({"standard_name": "time", "axis": "T", "calendar": "standard"})
-        _describe_filter(group.createGroup(FILTER), self._decimator, self._step)
+        _describe_filter(group.createGroup(FILTER), self._thinner.decimator, self._step)
         self._dataset.sync()
 
     def _variable(self, group: Any, column: Column) -> Any:
@@ -248,9 +234,8 @@ class Recorder:
             variable.flag_meanings = "false true"
         return variable
 
-    def _keep(self, rows: Array) -> None:
-        # First: Ctrl-C may end a write, and the rows that the filter still holds have the other times.
-        times, self._times = self._times[: len(rows)], self._times[len(rows) :]
+    def store(self, times: Array, rows: Array) -> None:
+        """Store rows (n, columns) that are selected, filtered and thinned already, with their times (n,)."""
         taken = 0
         while taken < len(rows):
             begin = self._n_pending
@@ -366,24 +351,6 @@ def _describe_filter(group: Any, decimator: Decimator, step: float) -> None:
         )
         variable[:] = stage.taps
         step *= stage.factor
-
-
-def _count_factor(step: float, storage_step: float) -> int:
-    factor = count_steps(storage_step, step)
-    if factor is None:
-        raise UsageError(f"storage_step: expected a whole multiple of the step {step!r} s, got {storage_step!r} s")
-    return factor
-
-
-def _find_places(columns: Sequence[Column], select: Sequence[str] | None) -> list[int]:
-    places = {column.name: place for place, column in enumerate(columns)}
-    names = list(places) if select is None else list(select)
-    for name in names:
-        if name not in places:
-            raise UsageError(f"select: there is no column {name!r}{suggest_names(name, places)}")
-    if len(set(names)) != len(names):
-        raise UsageError("select: a column is named twice")
-    return [places[name] for name in names]
 
 
 def _get_file_size_limit(path: Path) -> float:

@@ -12,56 +12,43 @@ from ctypes import c_int
 
 import numpy as np
 
+from ..assembly import Assembly
 from ..checkpoint.state import State, Stateful, copy_into
-from ..errors import SlaveEnded
-from ..faults.active import ActiveFaults
+from ..compiled import StepLoop
 from ..fmu_instance import FmuInstance
-from ..last_step import finish_step
-from ..loops import StepLoop
-from ..plan import Plan
 from ..rows import Array, Rows
-from .columns import SchemeColumn
 from .history import InputHistory
 from .states import keep_states, release_states
 
 
 class EstimatingLoop:
-    """Runs steps as :class:`.loops.StepLoop` says.
+    """Runs steps as :class:`..compiled.StepLoop` says.
 
     Parameters
     ----------
-    whole, half: loops for steps of two sizes, each with the histories of its inputs
-    instances: all FMUs
-    rows: where the outputs go
+    parts: of the run
     step: communication step [s]
-    order: of the global error of the scheme
-    columns: of the scheme
-    faults: what they remember is set back with the FMUs
+    whole, half: loops for steps of two sizes, each with the histories of its inputs
     """
-
-    plan: Plan | None = None
 
     def __init__(
         self,
+        parts: Assembly,
+        step: float,
         whole: tuple[StepLoop, Sequence[InputHistory]],
         half: tuple[StepLoop, Sequence[InputHistory]],
-        instances: Mapping[str, FmuInstance],
-        rows: Rows,
-        step: float,
-        order: int,
-        columns: Sequence[SchemeColumn],
-        faults: ActiveFaults,
     ) -> None:
+        rows, instances, order = parts.rows, parts.instances, parts.scheme.error_order
         self._whole, self._half = whole, half
         self._instances = tuple(instances.values())
-        self._rows, self._step, self._faults = rows, step, faults
+        self._rows, self._step, self._faults = rows, step, parts.faults
         self._factor = 2.0**order / (2.0**order - 1.0)
         self._largest = np.abs(rows.real.values)
         self._shown: int | None = None
         self.memories: list[Stateful] = [*whole[0].memories, *half[0].memories, self]
         self._columns = [
             (rows.real.places[column.port], _list_places(instances[column.members[0]], rows))
-            for column in columns
+            for column in parts.run_columns.own
             if column.kind == "error_estimate"
         ]
 
@@ -74,11 +61,11 @@ class EstimatingLoop:
         copy_into(self._largest, state["largest"])
 
     def count_rows(self) -> int:
-        """As :meth:`.loops.StepLoop.count_rows`: without those of half steps."""
+        """As :meth:`..compiled.StepLoop.count_rows`: without those of half steps."""
         return self._rows.filled if self._shown is None else self._shown
 
     def advance(self, times: Array, interrupted: c_int) -> None:
-        """See :class:`.loops.StepLoop`."""
+        """See :class:`..compiled.StepLoop`."""
         rows = self._rows
         try:
             for time in times.tolist():
@@ -104,35 +91,24 @@ class EstimatingLoop:
         finally:
             rows.go_back(filled)
             release_states(states)
-        try:
-            if interrupted or not _make_step(self._whole[0], rows, time, interrupted):
-                return False
-        except SlaveEnded:
-            if rows.filled > filled:
-                self._store(refined)
-            raise
+        if refined is None or not _make_step(self._whole[0], rows, time, interrupted):
+            return False
         self._store(refined)
         return True
 
     def _make_halves(self, time: float, interrupted: c_int) -> Array | None:
-        """The outputs behind them; None if they were interrupted, or an FMU has ended within them."""
+        """The outputs behind them; None if they were interrupted."""
         rows, loop = self._rows, self._half[0]
         filled, middle = rows.filled, time + 0.5 * self._step
-        try:
-            for begin in (time, middle):
-                rows.go_back(filled)
-                if not _make_step(loop, rows, begin, interrupted):
-                    return None
-        except SlaveEnded as ended:  # the whole step says so, too: there it counts
-            if rows.filled == filled or ended.time is None or ended.time < middle + 0.25 * self._step:
+        for begin in (time, middle):
+            rows.go_back(filled)
+            if not _make_step(loop, rows, begin, interrupted):
                 return None
         return rows.real.values.copy()
 
-    def _store(self, refined: Array | None) -> None:
+    def _store(self, refined: Array) -> None:
         rows = self._rows
         found = rows.real.values
-        if refined is None:  # nothing is known
-            refined = np.full_like(found, np.nan)
         np.fmax(self._largest, np.fmax(np.abs(found), np.abs(refined)), out=self._largest)
         scale = np.where(self._largest > 0.0, self._largest, 1.0)
         errors = self._factor * np.abs(refined - found) / scale
@@ -145,20 +121,12 @@ class EstimatingLoop:
 
 
 def _make_step(loop: StepLoop, rows: Rows, time: float, interrupted: c_int) -> bool:
-    """One step, and its row.  False if it was interrupted.
-
-    Raises :class:`SlaveEnded`, also behind the row of a step that an FMU has made before it ended.
-    """
+    """One step, and its row.  False if it was interrupted."""
     filled = rows.filled
-    try:
-        while rows.filled == filled:  # a loop in C may return before its time
-            if interrupted:
-                return False
-            loop.advance(np.array([time]), interrupted)
-    except SlaveEnded as ended:
-        if loop.plan is not None:
-            finish_step(loop.plan, rows, ended, time)
-        raise
+    while rows.filled == filled:  # a loop may return before its time
+        if interrupted:
+            return False
+        loop.advance(np.array([time]), interrupted)
     return True
 
 

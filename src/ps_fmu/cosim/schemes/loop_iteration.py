@@ -1,4 +1,4 @@
-"""Steps of a scheme that iterates loops, in Python.
+"""Steps of a scheme that iterates loops.
 
 Components are stepped in the order in which they see one another.  Those of a loop are stepped again and again, from
 their states at the beginning of the step, until the values that go back in it are those that come out.
@@ -6,30 +6,27 @@ their states at the beginning of the step, until the values that go back in it a
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from ctypes import c_double, c_int
-from dataclasses import replace
+from collections.abc import Callable, Iterable, Sequence
+from ctypes import c_int
+from functools import partial
 from itertools import permutations
 from time import perf_counter_ns
 
 import numpy as np
 
 from ..checkpoint.state import Stateful
-from ..compiled import CompiledExtension, is_available
-from ..errors import SlaveEnded
+from ..compiled import CompiledLoop
 from ..faults.effects import EffectGroup
 from ..fmu_instance import FmuInstance
-from ..plan import Gather, Plan, Stage
+from ..plan import Operation, Plan
 from ..rows import Array
 from ..stopwatch import Stopwatch
 from ..structure import PortName
 from ..wires import Wires
-from .columns import SchemeColumn
 from .derivatives import Link, derive, list_links
 from .history import InputHistory
-from .planning import Sequel, Setting, make_sequel, make_stages
+from .planning import Sequel, list_operations, make_sequel
 from .resolving import find_loops, find_period
-from .running import StageRunner
 from .solver import InterfaceSolver, NotConverged
 from .states import keep_states, release_states
 
@@ -37,95 +34,70 @@ _MOST_TRIED = 6  # components of a loop of which all orders are tried
 
 
 class IteratedLoop:
-    """Runs steps as :class:`.loops.StepLoop` says.
+    """Runs steps as :class:`..compiled.StepLoop` says.
 
     Parameters
     ----------
-    setting: of the plan
-    instances: loaded FMUs by component
-    columns: of the scheme
-    compiled: have the library find the lines of inputs where there is one; results are the same
+    wires: of the system
     stopwatch: times each call
     """
 
-    plan: Plan | None = None
-
     def __init__(
         self,
-        setting: Setting,
-        instances: Mapping[str, FmuInstance],
-        columns: Sequence[SchemeColumn],
-        compiled: bool,
+        wires: Wires,
         stopwatch: Stopwatch | None = None,
     ) -> None:
-        wires = setting.wires
-        self._setting = setting
+        parts, instances = wires.parts, wires.instances
+        self._rows, self._start, self._step = parts.rows, parts.clock.start, wires.step
         pairs = [(source.component, target.component) for target, source in wires.sources.items() if source.component]
-        stages: list[Stage] = []
+        ranges: list[list[Operation]] = [[*wires.make_feeds()]]
         sequels: list[Sequel] = []
         known = ["", *instances]  # all see the end of the step, also of the inputs of the run
-        period = find_period(setting.scheme)
-        self._groups: list[tuple[list[tuple[int, ...]], _Loop | None]] = []
+        self._period = find_period(parts.scheme)
+        self._groups: list[tuple[range, _Loop | None]] = []
         for members, looped in find_loops(list(instances), pairs):
             order = _choose_order(members, wires) if looped else members
-            own = [make_sequel(setting, instances[name], known) for name in order]
+            own = [make_sequel(wires, instances[name], known) for name in order]
             sequels += own
-            turns = []
-            for phase in range(1 if looped else period):
-                begin = len(stages)
-                stages += [stage for sequel in own for stage in make_stages([sequel], phase)]
-                turns.append(tuple(range(begin, len(stages))))
-            faults = [part for stage in stages[begin:] for part in stage.gathers if isinstance(part, EffectGroup)]
-            loop = _Loop(setting, [instances[name] for name in order], columns, faults) if looped else None
-            self._groups.append((turns, loop))
+            begin = len(ranges)
+            for phase in range(1 if looped else self._period):
+                ranges.append([operation for sequel in own for operation in list_operations([sequel], phase)])
+            faults = [operation for operation in ranges[begin] if isinstance(operation, EffectGroup)]
+            loop = _Loop(wires, [instances[name] for name in order], faults) if looped else None
+            self._groups.append((range(begin, len(ranges)), loop))
         self.histories: list[InputHistory] = [s.history for s in sequels if s.history is not None]
         self.memories: list[Stateful] = [
             *self.histories, *(loop.solver for _, loop in self._groups if loop is not None)
         ]  # fmt: skip
-        if compiled and is_available():
-            stages = [_extend_in_c(stage, setting.now) for stage in stages]
-        plan = Plan(tuple(stages), setting.now, setting.step, tuple(wires.signals))
-        self._plan = plan
-        self._runner = StageRunner(plan, None if stopwatch is None else stopwatch.begin(plan))
-        self._period = period
-        for column in columns:  # those of a loop that has been cut stay 0
-            values, place = setting.rows.find_place(column.port)
+        plan = Plan(tuple(map(tuple, ranges)), wires.step)
+        self._laps = None if stopwatch is None else stopwatch.begin(plan)
+        self._steps = CompiledLoop(plan, parts.rows, self._laps, is_led=True)
+        for column in parts.run_columns.own:  # those of a loop that has been cut stay 0
+            values, place = parts.rows.find_place(column.port)
             values[place] = 0.0
 
     def advance(self, times: Array, interrupted: c_int) -> None:
-        """See :class:`.loops.StepLoop`.  Raises :class:`ConvergenceError`, too."""
-        setting, rows, runner = self._setting, self._setting.rows, self._runner
-        step = setting.step
-        for group in self._plan.effects:
-            group.prepare(times)
-        fed = [(*rows.find_place(s.port), s.sample(times + step, step)) for s in self._plan.signals]
-        for index, time in enumerate(times.tolist()):
+        """See :class:`..compiled.StepLoop`.  Raises :class:`ConvergenceError`, too."""
+        steps = self._steps
+        steps.prepare(times)
+        for time in times.tolist():
             if interrupted:
                 return
             began = perf_counter_ns()
-            phase = round((time - setting.start) / step) % self._period
-            runner.begin(time)
-            for values, place, samples in fed:
-                values[place] = samples[index]
-            try:
-                for turns, loop in self._groups:
-                    if loop is not None:
-                        loop.solve(runner, turns[0], time)
-                        continue
-                    for number in turns[phase]:
-                        runner.run(number, time)
-            except SlaveEnded as ended:
-                ended.time = time
-                raise
-            rows.store_latest()
-            runner.end(began, time)
-            for over in runner.ended.values():
-                over.time = time + step
-                raise over
+            phase = round((time - self._start) / self._step) % self._period
+            steps.run_range(0, time)
+            for ranges, loop in self._groups:
+                if loop is not None:
+                    loop.solve(partial(steps.run_range, ranges[0], time), time)
+                else:
+                    steps.run_range(ranges[phase], time)
+            self._rows.store_latest()
+            if self._laps is not None:
+                self._laps.note_step(perf_counter_ns() - began, time)
 
     def count_rows(self) -> int:
-        """See :class:`.loops.StepLoop`."""
-        return self._setting.rows.filled
+        """See :class:`..compiled.StepLoop`."""
+        return self._rows.filled
 
 
 class _Loop:
@@ -133,26 +105,26 @@ class _Loop:
 
     def __init__(
         self,
-        setting: Setting,
+        wires: Wires,
         members: Sequence[FmuInstance],
-        columns: Sequence[SchemeColumn],
         faults: Sequence[EffectGroup],
     ) -> None:
         names = [member.name for member in members]
-        self._members, self._rows, self._step = members, setting.rows, setting.step
-        self._unknowns = [p for p in _list_returning(names, setting.wires) if p in setting.rows.real.places]
-        self._places = np.array([setting.rows.real.places[port] for port in self._unknowns], dtype=np.intp)
+        rows, columns = wires.parts.rows, wires.parts.run_columns.own
+        self._members, self._rows, self._step = members, rows, wires.step
+        self._unknowns = [p for p in _list_returning(names, wires) if p in rows.real.places]
+        self._places = np.array([rows.real.places[port] for port in self._unknowns], dtype=np.intp)
         by_name = {member.name: member for member in members}
         nominal = [by_name[port.component].get_nominal(port.variable) for port in self._unknowns]
-        self.solver = InterfaceSolver(setting.scheme.iteration, np.array(nominal))
+        self.solver = InterfaceSolver(wires.parts.scheme.iteration, np.array(nominal))
         self._faults = faults
         exact = all(member.derives for member in members) and not faults  # those are not in the derivatives of FMUs
-        self._links: list[Link] | None = list_links(members, setting.wires) if exact else None
+        self._links: list[Link] | None = list_links(members, wires) if exact else None
         own = {column.kind: column for column in columns if set(column.members) == set(names)}
-        self._columns = [setting.rows.find_place(own[kind].port) for kind in ("passes", "residual") if kind in own]
+        self._columns = [rows.find_place(own[kind].port) for kind in ("passes", "residual") if kind in own]
 
-    def solve(self, runner: StageRunner, stages: Iterable[int], time: float) -> None:
-        """Step from ``time`` [s] on.  Raises :class:`ConvergenceError` or :class:`SlaveError`."""
+    def solve(self, step: Callable[[], None], time: float) -> None:
+        """Step from ``time`` [s] on, by ``step``.  Raises :class:`ConvergenceError` or :class:`SlaveError`."""
         rows, places = self._rows, self._places
         before, states, at_start = rows.latest.copy(), keep_states(self._members), True
         remembered = [group.keep() for group in self._faults]
@@ -163,14 +135,12 @@ class _Loop:
                 if not at_start:
                     for member, state in states.items():
                         member.set_state(state)
-                        runner.ended.pop(member.name, None)
                     rows.latest[:] = before
                     for group, kept in zip(self._faults, remembered, strict=True):
                         group.restore(kept)
                 at_start = False
                 rows.real.values[places] = z
-                for number in stages:
-                    runner.run(number, time)
+                step()
                 return np.asarray(rows.real.values[places])
 
             def differentiate() -> Array | None:
@@ -185,16 +155,6 @@ class _Loop:
             release_states(states)
         for (values, place), number in zip(self._columns, (found.passes, found.residual), strict=False):
             values[place] = number
-
-
-def _extend_in_c(stage: Stage, now: c_double) -> Stage:
-    gathers = (
-        replace(part, extension=CompiledExtension(part.extension, now))
-        if isinstance(part, Gather) and part.extension is not None
-        else part
-        for part in stage.gathers
-    )
-    return replace(stage, gathers=tuple(gathers))
 
 
 def _list_returning(order: Iterable[str], wires: Wires) -> list[PortName]:

@@ -1,42 +1,19 @@
-"""Plans of schemes: components with rates of their own, and inputs that go on between two communication points."""
+"""The plan of the steps: components with rates of their own, and inputs that go on between two communication points."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from ctypes import c_double
-from dataclasses import dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
-from fmpy.model_description import ModelDescription
 
 from ..faults.effects import EffectGroup
 from ..fmu_instance import FmuInstance
-from ..plan import Call, Change, Gather, Move, Plan, Span, Stage
-from ..rows import Rows
-from ..wires import Wires, make_derivatives, make_step
+from ..plan import Call, Change, Gather, Gathered, Move, Operation, Plan, Span
+from ..wires import Wires, make_derivatives, make_scale, make_step
 from .history import Extension, Grid, InputHistory
-from .lines import LineEnd, LineStart
 from .resolving import find_period
-from .scheme import Rate, Scheme
-
-
-@dataclass(frozen=True)
-class Setting:
-    """What all parts of a plan share.
-
-    ``start`` [s] is that of the simulation, ``step`` [s] the base step; ``descriptions`` those of the FMUs.
-    """
-
-    scheme: Scheme
-    descriptions: Mapping[str, ModelDescription]
-    wires: Wires
-    rows: Rows
-    start: float
-    step: float
-    now: c_double = field(default_factory=c_double)
-
-
-Gathered = Gather | EffectGroup | Change
+from .scheme import Rate
 
 
 @dataclass(frozen=True)
@@ -63,133 +40,121 @@ class Sequel:
     between: tuple[Gathered, ...]
 
 
-def make_sequel(setting: Setting, instance: FmuInstance, stepped_before: Sequence[str]) -> Sequel:
+def make_sequel(wires: Wires, instance: FmuInstance, stepped_before: Sequence[str]) -> Sequel:
     """The step of one component.  ``stepped_before``: components whose outputs are those at the end of the step."""
-    scheme, h = setting.scheme, setting.step
+    scheme, h = wires.parts.scheme, wires.step
     rate = scheme.get_rate(instance.name)
-    found, sets, gets = setting.wires.make_exchange([instance], setting.rows)
+    found, sets, gets = wires.make_exchange(instance)
     length = rate.steps * h / rate.parts
     # A longer step is made in the last of its base steps, so that no FMU is ahead of the others.
     offsets = [k * length - (rate.steps - 1) * h for k in range(rate.parts)]
     plain = rate == Rate()
     spans = [None if plain else Span(offset, length) for offset in offsets]
-    calls = [make_step(instance, setting.now, h, span) for span in spans]
-    moves = tuple(setting.wires.list_moves([instance]))
-    reals = [part for part in found if isinstance(part, Gather) and part.outputs is setting.rows.real.values]
+    calls = [make_step(instance, span) for span in spans]
+    moves = tuple(wires.list_moves(instance))
+    reals = [part for part in found if isinstance(part, Gather) and part.outputs is wires.parts.rows.real.values]
     faulty = rate.steps > 1 and any(isinstance(part, EffectGroup) for part in found)
     extend = None if not reals or scheme.extrapolation == "hold" else _Extender(
-        setting, instance, reals[0], stepped_before
+        wires, instance, reals[0], stepped_before
     )  # fmt: skip
     if extend is None or not extend.continuous:
         first = Part(tuple(found), moves, tuple(sets), calls[0])
         rest = (Part((), (), (), call) for call in calls[1:])
         return Sequel(rate, (first, *rest), tuple(gets), None, tuple(found) if faulty else ())
-    others = [part for part in found if isinstance(part, Change) or part.inputs is not reals[0].inputs]
+    begin = found.index(reals[0]) + 1
     parts = []
     for k, call in enumerate(calls):
-        gathered = extend.extend(k * length, length)
+        lines, scales = extend.extend(k * length, length)
         if k == 0:
-            parts.append(Part((*gathered, *others), moves, (*sets, *extend.calls), call))
+            gathered = (*found[:begin], lines, *found[begin:], *extend.scale_slopes)
+            parts.append(Part(gathered, moves, (*sets, *extend.calls), call))
         else:
             again = tuple(c for c in sets if c.function == "fmi2SetReal")
-            parts.append(Part(gathered, (), (*again, *extend.calls), call))
-    between = (*extend.begin, *others) if faulty else ()
-    return Sequel(rate, tuple(parts), tuple(gets), extend.history, between)
+            parts.append(Part((lines, *scales, *extend.scale_slopes), (), (*again, *extend.calls), call))
+    return Sequel(rate, tuple(parts), tuple(gets), extend.history, tuple(found) if faulty else ())
 
 
 class _Extender:
-    """The inputs of a component that go on between two communication points."""
+    """The inputs of a component that go on between two communication points.
+
+    One that sees a fault is held meanwhile; its history goes on.
+    """
 
     def __init__(
-        self, setting: Setting, instance: FmuInstance, gather: Gather, stepped_before: Sequence[str]
+        self, wires: Wires, instance: FmuInstance, gather: Gather, stepped_before: Sequence[str]
     ) -> None:
-        scheme, rate = setting.scheme, setting.scheme.get_rate(instance.name)
-        self._gather = gather = replace(gather, convert=None)
+        scheme, faults = wires.parts.scheme, wires.faults
+        self._gather, self._wires = gather, wires
         names = [port.variable for port in gather.targets]
         # Real variables are continuous unless they say otherwise (FMI 2.0.4, section 2.2.7).
         kinds = [instance.variables[name].variability for name in names]
-        self.places = np.array([k for k, kind in enumerate(kinds) if kind in (None, "continuous")], dtype=np.intp)
-        self.continuous = len(self.places) > 0
+        self._places = np.array([k for k, kind in enumerate(kinds) if kind in (None, "continuous")], dtype=np.intp)
+        self.continuous = len(self._places) > 0
         if not self.continuous:
             return
-        sources = [setting.wires.sources[gather.targets[k]].component for k in self.places]
-        gather.apply()
+        targets = [gather.targets[k] for k in self._places]
+        self._held = np.array([faults.acts_on(port) for port in targets], dtype=np.int64)
+        sources = [wires.sources[port].component for port in targets]
         self.history = InputHistory(
-            Grid(setting.now, setting.start, setting.step),
-            rate.steps * setting.step,
+            Grid(wires.parts.clock.start, wires.step),
+            scheme.get_rate(instance.name).steps * wires.step,
             scheme.extrapolation == "smoothed",
-            gather.inputs[self.places],
+            gather.outputs[gather.sources[self._places]],
             [scheme.get_rate(source).steps for source in sources],
             [int(source in stepped_before) for source in sources],
         )
         self._derivatives = None
         self.calls: tuple[Call, ...] = ()
-        if setting.descriptions[instance.name].coSimulation.canInterpolateInputs:
-            self._derivatives = np.zeros(len(self.places))
-            self.calls = (make_derivatives(instance, [names[k] for k in self.places], self._derivatives),)
-        self._line, self._slopes = np.zeros(len(self.places)), np.zeros(len(names))
-        self.begin = self._change_lines(setting, rate)
-        """What finds the lines where a base step begins, and changes them; nothing where lines stay as they are."""
+        self.scale_slopes: tuple[Change, ...] = ()
+        if wires.parts.descriptions[instance.name].coSimulation.canInterpolateInputs:
+            self._derivatives = np.zeros(len(targets))
+            self.calls = (make_derivatives(instance, [port.variable for port in targets], self._derivatives),)
+            # v + 0.0 would turn -0.0 into 0.0.
+            scales = [
+                (k, wires.conversions[port].factor, -0.0) for k, port in enumerate(targets) if port in wires.conversions
+            ]
+            self.scale_slopes = (make_scale(self._derivatives, scales),) if scales else ()
 
-    def _change_lines(self, setting: Setting, rate: Rate) -> tuple[Gathered, ...]:
-        wires, gather, slopes = setting.wires, self._gather, self._slopes
-        convert = wires.make_conversion(gather.targets, gather.inputs, slopes)
-        before, after = wires.make_groups(gather.targets, gather.inputs, convert, (slopes, setting.step))
-        if convert is None and not before and not after:
-            return ()
-        start = LineStart(self.history, gather.inputs, slopes, self.places, rate.steps)
-        converted = [] if convert is None or before else [Change(convert)]
-        return (gather, start.make_change(), *before, *converted, *after)
-
-    def extend(self, offset: float, length: float) -> tuple[Gathered, ...]:
-        """The inputs of a part that begins ``offset`` after the step and is ``length`` long [s]."""
-        gather = self._gather
-        if not self.begin:
-            extension = Extension(self.history, gather.inputs, self.places, offset, length, self._derivatives)
-            return (replace(gather, extension=extension),)
-        shift = offset + 0.5 * length if self._derivatives is None else offset
-        first = offset == 0.0
-        end = LineEnd(self._line, gather.inputs, self._slopes, self.places, first, shift, self._derivatives)
-        return (*(self.begin if first else ()), end.make_change())
+    def extend(self, offset: float, length: float) -> tuple[Change, list[Change]]:
+        """The inputs of a part that begins ``offset`` after the step and is ``length`` long [s]: lines, conversions."""
+        inputs, places = self._gather.inputs, self._places
+        extension = Extension(self.history, inputs, places, self._held, offset, length, self._derivatives)
+        lined = set(places[self._held == 0].tolist())
+        return extension.make_change(), self._wires.make_conversion(self._gather.targets, inputs, lined)
 
 
-def make_stages(sequels: Sequence[Sequel], phase: int = 0) -> list[Stage]:
+def list_operations(sequels: Sequence[Sequel], phase: int = 0) -> list[Operation]:
     """What some components do together in a base step: all see the same outputs."""
     beginning = [s for s in sequels if phase % s.rate.steps == 0]
     ending = [s for s in sequels if (phase + 1) % s.rate.steps == 0]
-    gathers = tuple(part for s in sequels for part in (s.between if phase % s.rate.steps else s.parts[0].gathers))
-    moves = tuple(move for s in beginning for move in s.parts[0].moves)
-    calls = [call for s in beginning for call in s.parts[0].sets] + [s.parts[0].step for s in ending]
-    stages = [Stage(gathers, tuple(calls), moves)]
-    stages += [Stage(p.gathers, (*p.sets, p.step), p.moves) for s in ending for p in s.parts[1:]]
-    gets = tuple(call for s in ending for call in s.gets)
-    stages[-1] = replace(stages[-1], calls=(*stages[-1].calls, *gets))
-    return [stage for stage in stages if stage.gathers or stage.calls or stage.moves]
+    found: list[Operation] = []
+    for s in sequels:
+        found += s.between if phase % s.rate.steps else s.parts[0].gathers
+    for s in beginning:
+        found += s.parts[0].moves
+    for s in beginning:
+        found += s.parts[0].sets
+    found += [s.parts[0].step for s in ending]
+    for part in (p for s in ending for p in s.parts[1:]):
+        found += [*part.gathers, *part.sets, part.step]
+    for s in ending:
+        found += s.gets
+    return found
 
 
-def make_scheme_plan(
-    setting: Setting, instances: Mapping[str, FmuInstance], stepping: Sequence[str]
-) -> tuple[Plan, list[InputHistory]]:
-    """Plan of a scheme that is not iterated, and the histories of its inputs.
-
-    Parameters
-    ----------
-    instances: loaded FMUs by component
-    stepping: the components in the order of Gauss-Seidel
-    """
-    jacobi = setting.scheme.order == "jacobi"
-    order = list(instances) if jacobi else list(stepping)
+def make_plan(wires: Wires) -> tuple[Plan, list[InputHistory]]:
+    """Plan of a scheme that is not iterated, and the histories of its inputs."""
+    parts = wires.parts
+    jacobi = parts.scheme.order == "jacobi"
+    order = list(parts.instances) if jacobi else list(parts.wiring.stepping)
     sequels = [
-        make_sequel(setting, instances[name], () if jacobi else order[:place]) for place, name in enumerate(order)
+        make_sequel(wires, parts.instances[name], () if jacobi else order[:place]) for place, name in enumerate(order)
     ]
     groups = [sequels] if jacobi else [[sequel] for sequel in sequels]
-    phases = [
-        [stage for group in groups for stage in make_stages(group, phase)]
-        for phase in range(find_period(setting.scheme))
-    ]
-    stages = tuple(stage for phase in phases for stage in phase)
-    sizes = tuple(len(phase) for phase in phases)
+    feeds = wires.make_feeds()
+    ranges = tuple(
+        (*(operation for group in groups for operation in list_operations(group, phase)), *feeds)
+        for phase in range(find_period(parts.scheme))
+    )
     histories = [sequel.history for sequel in sequels if sequel.history is not None]
-    signals = tuple(setting.wires.signals)
-    plan = Plan(stages, setting.now, setting.step, signals, sizes, setting.start, tuple(histories))
-    return plan, histories
+    return Plan(ranges, wires.step, parts.clock.start, tuple(histories)), histories
