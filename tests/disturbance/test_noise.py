@@ -3,13 +3,14 @@
 import numpy as np
 import pytest
 
-from ps_fmu.disturbance import multisine_lines, psd_at_origin
+from ps_fmu.disturbance import multisine_lines, psd_at_origin, smooth
 from ps_fmu.disturbance.block import Block
 from ps_fmu.disturbance.gaussian import GaussianNoise
 from ps_fmu.disturbance.multisine import Multisine
 from ps_fmu.disturbance.polyphase import Polyphase
-from ps_fmu.disturbance.spectrum import Layer
+from ps_fmu.disturbance.spectrum import Layer, factor, layers, share
 from ps_fmu.mechanism.parameters import load
+from ps_fmu.numerics.normal import Stream, make_key
 
 NOISE = load().noise
 PSD = NOISE.wrench_psd_B
@@ -199,6 +200,34 @@ def test_blocks_made_in_parts_are_those_made_at_once():
     np.testing.assert_array_equal(in_parts(times), at_once(times))
     assert list(in_parts.prepare(times)) == []
     assert list(in_parts.prepare(np.arange(400.0))) == []  # more blocks than are kept
+
+
+def sum_lines(psd, band, seed, period, rise_time, time):
+    """Gaussian noise at one time, line by line: ``d2/dt2 W w_i G_i``, of fast lines ``W w_i d2/dt2 G_i``."""
+    total = np.zeros(6)
+    for layer in layers(band, period, half=False, overlap=True):
+        hop, omega = 0.5 * layer.period, 2.0 * np.pi * layer.frequencies
+        for index in (int(time // hop), int(time // hop) + 1):
+            key = make_key(Stream.GAUSSIAN, seed, layer.key, index)
+            u, v = np.random.Generator(np.random.Philox(np.random.SeedSequence(key))).random((2, 6, omega.size))
+            random = np.sqrt(-2.0 / layer.period * np.log1p(-u)) * np.exp(2j * np.pi * v)
+            elapsed = time - (index - 1) * hop
+            lines = factor(psd) @ (random * share(layer)) * np.exp(1j * omega * elapsed)
+            g_2, g_1, g = (lines.real.sum(axis=1), *((lines / (1j * omega) ** k).real.sum(axis=1) for k in (1, 2)))
+            weight = smooth.crossfade(np.array([elapsed]), hop).times(smooth.ramp(np.array([time]), rise_time))
+            is_fast = omega.min() * min(rise_time, hop) >= 25.0 * 2.0 * np.pi
+            total += weight.value * g_2 if is_fast else weight.second_derivative(g[None], g_1[None], g_2[None])[0]
+    return total
+
+
+@pytest.mark.parametrize("period", [20.0, 37.3])
+@pytest.mark.parametrize("times", [[0.5, 1.25, 1.9975], [2.4975, 2.5, 7.75, 60.0]])
+def test_noise_is_the_sum_of_its_lines(period, times):
+    """While it rises and later; the second period has as many points as only the transform of numpy takes."""
+    band = np.array([1.0, 60.0])  # Hz
+    found = GaussianNoise(PSD, band, 7, period)(np.array(times))
+    expected = [sum_lines(PSD, band, 7, period, 2.0, time) for time in times]
+    np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-11 * np.abs(expected).max())
 
 
 @KINDS

@@ -34,10 +34,30 @@ def test_crossfade_keeps_the_power():
 def test_table_is_exact_on_its_grid_and_close_beside_it():
     rate, frequency = 400.0, 20.0  # Hz
     grid = np.arange(400) / rate
-    table = SampleTable(np.sin(2.0 * np.pi * frequency * grid)[:, None], rate, start=3.0)
+    table = SampleTable(np.outer(np.sin(2.0 * np.pi * frequency * grid), np.arange(1.0, 7.0)), rate, start=3.0)
     np.testing.assert_array_equal(table(3.0 + grid + 1e-10), table.values)
     beside = 3.0 + np.linspace(0.0, 2.0, 3001)  # past the end it begins again
-    np.testing.assert_allclose(table(beside)[:, 0], np.sin(2.0 * np.pi * frequency * (beside - 3.0)), atol=5e-6)
+    expected = np.outer(np.sin(2.0 * np.pi * frequency * (beside - 3.0)), np.arange(1.0, 7.0))
+    np.testing.assert_allclose(table(beside) / np.arange(1.0, 7.0), expected / np.arange(1.0, 7.0), atol=5e-6)
+
+
+def lagrange(values, position):
+    """The polynomial through the six grid points around a position, in grid steps, of a periodic table."""
+    nodes = int(np.floor(position)) + np.arange(-2, 4)
+    weights = [np.prod([(position - b) / (a - b) for b in nodes if b != a]) for a in nodes]
+    return weights @ values[nodes % len(values)]
+
+
+def test_table_is_the_polynomial_through_six_points():
+    values = np.random.default_rng(3).standard_normal((50, 6))
+    times = np.sort(np.concatenate([np.linspace(-3.0, 13.0, 200), np.full(9, 1.23)]))
+    expected = [lagrange(values, (time - 1.0) * 10.0) for time in times]
+    np.testing.assert_allclose(SampleTable(values, 10.0, start=1.0)(times), expected, rtol=0.0, atol=1e-13)
+
+
+def test_a_table_of_other_than_six_columns_is_refused():
+    with pytest.raises(ValueError, match=r"a table of shape \(9, 5\): expected 6 columns"):
+        SampleTable(np.zeros((9, 5)), 1.0)(np.zeros(1))
 
 
 def test_factor_of_a_singular_spectrum():

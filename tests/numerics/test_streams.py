@@ -5,11 +5,13 @@ from itertools import combinations, product
 
 import numpy as np
 
+from ps_fmu.actuators import driver_noise
 from ps_fmu.actuators.driver_noise import WhiteNoise
+from ps_fmu.disturbance import gaussian, multisine
 from ps_fmu.disturbance.gaussian import GaussianNoise
 from ps_fmu.disturbance.multisine import Multisine
-from ps_fmu.numerics import library
 from ps_fmu.numerics.normal import Stream, make_key, make_words, seed
+from ps_fmu.sensors import drift, line_of_sight, noise
 from ps_fmu.sensors.line_of_sight import DEFAULT_TRACKER, TrackerNoise
 from ps_fmu.sensors.noise import SensorNoise
 from ps_fmu.sensors.noise_model import NoiseModel
@@ -42,10 +44,14 @@ def test_blocks_0_of_streams_are_independent():
 
 
 def test_components_with_equal_seeds_share_no_key(monkeypatch):
-    """Each names the words that it draws from to numpy, where there is no compiled library."""
-    monkeypatch.setattr(library, "find_arithmetic", lambda: None)
-    given, sequence = [], np.random.SeedSequence
-    monkeypatch.setattr(np.random, "SeedSequence", lambda words: given.append(tuple(words)) or sequence(words))
+    given = []
+
+    def make(stream, *numbers):
+        given.append(make_key(stream, *numbers))
+        return given[-1]
+
+    for module in (gaussian, multisine, driver_noise, line_of_sight, noise, drift):
+        monkeypatch.setattr(module, "make_key", make)
     times, band = np.array([0.0, 1.0]), np.array([0.1, 300.0])
     GaussianNoise(np.eye(6), band, 1)(times)
     Multisine(np.eye(6), band, 1)
@@ -54,5 +60,5 @@ def test_components_with_equal_seeds_share_no_key(monkeypatch):
     for kind in (1, 2):
         SensorNoise(NoiseModel(1.0, 2.0, 0.5), 3, 1e-3, seed=1, kind=kind)(np.arange(600))
     assert {words[0] >> 8 for words in given} >= set(Stream) - {Stream.WHEEL, Stream.SENSOR_SPREAD}
-    states = {tuple(sequence(words).generate_state(4)) for words in given}
+    states = {tuple(seed(make_words(words)).generate_state(4)) for words in given}
     assert len(states) == len(set(given)) == len(given)

@@ -1,25 +1,15 @@
-"""Columns come out of rows as they are, and the largest magnitude is found, compiled and in numpy."""
+"""Columns come out of rows as they are, and the largest magnitude is found."""
 
 import math
 
 import numpy as np
 import pytest
 
-from ps_fmu.reduction import columns
 from ps_fmu.reduction.columns import ColumnCopy, complete_rows, find_peak
 
 ROWS = np.random.default_rng(4).standard_normal((71, 9))
 
 
-@pytest.fixture(params=[True, False], ids=["compiled", "numpy"])
-def compiled(request, monkeypatch):
-    if request.param:
-        assert columns.find_library() is not None
-    else:
-        monkeypatch.setattr(columns, "find_library", lambda: None)
-
-
-@pytest.mark.usefixtures("compiled")
 @pytest.mark.parametrize("places", [[], [8], [0, 4, 3], list(range(9))])
 @pytest.mark.parametrize("count", [0, 1, 31, 32, 33, 71])
 def test_columns_lie_side_by_side(count, places):
@@ -30,7 +20,6 @@ def test_columns_lie_side_by_side(count, places):
     assert np.isnan(room).sum() == room.size - result.size  # nothing else was written
 
 
-@pytest.mark.usefixtures("compiled")
 @pytest.mark.parametrize(("places", "count"), [([], 5), ([0, 4], 0), ([], 0)])
 def test_nothing_is_copied_to_where_nothing_is(places, count):
     result = np.empty((len(places), count))
@@ -39,7 +28,6 @@ def test_nothing_is_copied_to_where_nothing_is(places, count):
         ColumnCopy([0, 4], 9).run(ROWS[:5], result)
 
 
-@pytest.mark.usefixtures("compiled")
 @pytest.mark.parametrize("count", [1, 31, 32, 33, 639])
 def test_the_peak_is_the_largest_magnitude(count):
     values = ROWS.reshape(-1)[:count].copy()
@@ -54,13 +42,11 @@ def test_the_peak_is_the_largest_magnitude(count):
             assert math.isnan(find_peak(changed))
 
 
-@pytest.mark.usefixtures("compiled")
 def test_peak_of_what_is_empty_or_has_gaps():
     assert find_peak(np.empty((0, 3))) == 0.0
     assert find_peak(ROWS[:, ::4]) == np.abs(ROWS[:, ::4]).max()
 
 
-@pytest.mark.usefixtures("compiled")
 @pytest.mark.parametrize(("reals", "ints"), [(9, 0), (0, 1), (0, 2), (4, 1), (3, 5), (90, 30), (0, 0)])
 @pytest.mark.parametrize("count", [0, 1, 40, 400])
 def test_c_ints_become_doubles_in_place(count, reals, ints):

@@ -1,20 +1,11 @@
-"""Sums over signals, extremes in bins, weights of a window, and points outside of a polygon, compiled and in numpy."""
+"""Sums over signals, extremes in bins, weights of a window, and points outside of a polygon."""
 
 import numpy as np
 import pytest
 
-from ps_fmu.reduction import moments
 from ps_fmu.reduction.moments import Polygon, find_moments, weigh_hann, widen_bins
 
 SAMPLES = 1e6 + np.random.default_rng(8).standard_normal((3, 700))
-
-
-@pytest.fixture(params=[True, False], ids=["compiled", "numpy"], autouse=True)
-def compiled(request, monkeypatch):
-    if request.param:
-        assert moments.find_library() is not None
-    else:
-        monkeypatch.setattr(moments, "find_library", lambda: None)
 
 
 @pytest.mark.parametrize("count", [1, 2, 31, 32, 33, 699])

@@ -9,6 +9,7 @@ from ps_fmu.sensors.defaults import default_sensors
 from ps_fmu.sensors.geometry import PRODUCTS, centripetal_rows, estimator, geometry_rows
 from ps_fmu.sensors.inertial import ACCELEROMETERS, CHANNELS
 from ps_fmu.sensors.lowpass import SensorLowpass
+from ps_fmu.sensors.noise import SensorNoise
 
 
 def with_values(**changes):
@@ -105,6 +106,18 @@ def test_noise_is_that_of_each_channel_alone():
     more = with_values(accelerometer_11__enabled=True, rate_sensor__enabled=True).make_noise(1e-3)(index)
     np.testing.assert_array_equal(more[:, :9], noise[:, :9])
     assert noise[:, 9:].any() == 0 and more[:, [10, 12, 13, 14]].all() and noise.shape == (1000, CHANNELS)
+
+
+def test_errors_are_noise_and_bias_and_zero_in_gaps():
+    """Of samples side by side, and of a few far apart."""
+    sensors = with_values(accelerometer_2__enabled=False, accelerometer_3__bias=1e-3, rate_sensor__enabled=True)
+    for index in (np.arange(300, 900), np.array([5, 5000, 5001, 10**7])):
+        found = sensors.make_noise(1e-3)(index)
+        linear = SensorNoise(sensors.accelerometer.noise, 9, 1e-3, sensors.seed, 1)(index)
+        rates = SensorNoise(sensors.rate_sensor.noise, 3, 1e-3, sensors.seed, 2)(index)
+        linear[:, 2] += 1e-3
+        linear[:, 1] = 0.0
+        np.testing.assert_array_equal(found, np.concatenate([linear, np.zeros((len(index), 3)), rates], axis=1))
 
 
 def test_noise_of_the_estimate_goes_through_the_lever_arms():

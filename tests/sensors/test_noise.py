@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from ps_fmu.numerics import library
-from ps_fmu.sensors.drift import Drift
-from ps_fmu.sensors.noise import SensorNoise
-from ps_fmu.sensors.noise_model import PLATEAU, NoiseModel
+from ps_fmu.numerics.normal import Stream, make_key
+from ps_fmu.sensors.drift import DRIFT_BLOCK, Drift, _Bridge
+from ps_fmu.sensors.noise import DRIFT_INTERVAL, WHITE_BLOCK, SensorNoise
+from ps_fmu.sensors.noise_model import CORRELATION_TIMES, PLATEAU, NoiseModel
 from ps_fmu.sensors.normal import finish
 
 SENSORS = 30
@@ -100,13 +100,46 @@ def test_sample_of_any_time():
     assert np.abs(np.diff(drift, axis=0)).max() < 0.5 * np.abs(drift).max()
 
 
-@pytest.mark.parametrize("interval", [1e-20, 1e-300, 5e-324])
-def test_intervals_far_shorter_than_those_of_the_drift(interval, monkeypatch):
-    """How many samples lie between two values of the drift is more than a whole number of the processor can say."""
+def find_errors(model, sensors, interval, seed, kind, index):
+    """White noise of each sample by Box-Muller, and the drift, linear between the places of its grid."""
+    stride = round(min(max(1.0, DRIFT_INTERVAL / interval), 2.0**53))
+    drift = Drift(model, sensors, stride * interval, (seed, kind), (1, 2))
+    errors = []
+    for number in index.tolist():
+        block, k = divmod(number, WHITE_BLOCK)
+        key = make_key(Stream.SENSOR_WHITE, seed, kind, block % 2**32)
+        random = np.random.Generator(np.random.Philox(np.random.SeedSequence(key)))
+        u, v = random.random((sensors, 2, WHITE_BLOCK // 2)).swapaxes(0, 1)
+        radius = np.sqrt(-2.0 * np.log1p(-u))
+        white = np.concatenate([radius * np.cos(2.0 * np.pi * v), radius * np.sin(2.0 * np.pi * v)], axis=1)[:, k]
+        place, rest = divmod(number, stride)
+        value, slope = finish(drift.find(place // DRIFT_BLOCK))
+        slow = value[:, place % DRIFT_BLOCK] + rest / stride * slope[:, place % DRIFT_BLOCK]
+        errors.append(white * model.density / np.sqrt(2.0 * interval) + slow)
+    return np.array(errors)
 
-    def make():
-        return SensorNoise(NoiseModel(1e-3, 1e-4, 1e-5), 2, interval, seed=1, kind=0)(np.array([0, 300, 10**13]))
 
-    compiled = make()
-    monkeypatch.setattr(library, "find_arithmetic", lambda: None)
-    np.testing.assert_allclose(compiled, make(), rtol=1e-9)
+@pytest.mark.parametrize("interval", [1e-3, 7e-3, 1e-20, 1e-300, 5e-324])
+def test_errors_are_those_of_the_formula(interval):
+    """The three last: how many samples lie between two values of the drift is more than a whole number can say."""
+    given = NoiseModel(1e-3, 1e-4, 1e-5), 3, interval, 1, 0
+    index = np.array([0, 1, 127, 128, 255, 256, 300, 5000, 10**13 if interval < 1e-3 else 10**5])
+    found = SensorNoise(*given)(index)
+    np.testing.assert_allclose(found, find_errors(*given, index), rtol=1e-9, atol=1e-13 * np.abs(found).max())
+
+
+def test_a_path_of_the_drift_is_its_recursion_moved_to_its_end():
+    random = np.random.default_rng(1)
+    n = len(CORRELATION_TIMES) + 1
+    first, last, normal = (random.standard_normal(shape) for shape in ((n, 2), (n, 2), (2, n * DRIFT_BLOCK)))
+    bridge = _Bridge(NoiseModel(1.0, 2.0, 0.5), 0.64)
+    c, s = bridge._c, bridge._s
+    path = [first]
+    for k in range(DRIFT_BLOCK):
+        path.append(c * path[-1] + s * normal.reshape(2, n, DRIFT_BLOCK)[:, :, k].T)
+    grown = [sum(c ** (2 * j) for j in range(k)) for k in range(DRIFT_BLOCK + 1)]  # variance of a path from 0, over s^2
+    shares = [c ** (DRIFT_BLOCK - k) * grown[k] / grown[-1] for k in range(DRIFT_BLOCK + 1)]
+    expected = [place + share * (last - path[-1]) for place, share in zip(path, shares, strict=True)]
+    found = bridge.connect(first, last, normal)
+    np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-12)
+    np.testing.assert_allclose(found[-1], last, rtol=0.0, atol=1e-12)

@@ -7,12 +7,11 @@ from collections.abc import Generator
 import numpy as np
 
 from ..mechanism.quantities import Array
-from ..numerics import library
 from ..numerics.calls import Calls
-from ..numerics.normal import Stream, Words, make_calls, make_key, make_words, seed, transform
+from ..numerics.normal import Stream, Words, make_calls, make_key, make_words
 
 _BLOCK = 512  # samples that one key makes: larger ones would stall a step, smaller ones take longer for each sample
-_AT_ONCE = 2  # blocks, compiled: 20 us
+_AT_ONCE = 2  # blocks: 20 us
 
 
 class WhiteNoise:
@@ -37,8 +36,8 @@ class WhiteNoise:
             except StopIteration as end:
                 return np.asarray(end.value)
 
-    def in_parts(self, first: int, n: int) -> Generator[int | Calls, None, Array]:
-        """As :meth:`__call__`, a block at a time: yields how many parts are to come, or calls; returns the samples."""
+    def in_parts(self, first: int, n: int) -> Generator[Calls, None, Array]:
+        """As :meth:`__call__`, a block at a time: yields calls, and returns the samples."""
         numbers = range(first // _BLOCK, (first + n - 1) // _BLOCK + 1)
         blocks = np.empty((len(numbers), _BLOCK, self._channels))
         known, samples = self._last
@@ -48,11 +47,6 @@ class WhiteNoise:
         half = _BLOCK // 2 * self._channels
         rest = blocks[skipped:].reshape(-1, 2 * half)
         yield from Calls(make_calls(self._make_words(numbers[0] + skipped), half, rest, _AT_ONCE), blocks)
-        if library.find_arithmetic() is None:
-            for number, row in zip(numbers[skipped:], rest, strict=True):
-                random = np.random.Generator(np.random.Philox(seed(self._make_words(number))))
-                transform(random.random((1, 2, half)), row[np.newaxis])
-                yield numbers.stop - 1 - number
         self._last = numbers[-1], blocks[-1].copy()  # not all of them for the sake of one
         begin = first - numbers.start * _BLOCK
         return blocks.reshape(-1, self._channels)[begin : begin + n]

@@ -85,8 +85,7 @@ class BlockShape:
         self.layer, self.factor = layer, np.ascontiguousarray(factor)
         self.tables = _make_tables(layer.key, layer.rate, layer.period, layer.numbers.tobytes(), rise_time)
         # Of the layer, not of the shape: a source that is reset need not fetch its memory from the system again.
-        arithmetic = library.find_arithmetic()
-        instructions = b"" if arithmetic is None else arithmetic.instructions
+        instructions = library.find_arithmetic().instructions
         self._spare = self.tables.spare.setdefault((instructions, factor.shape[1]), deque(maxlen=1))
         self._spare_rows = self.tables.spare_rows
         synthesis = self.take_synthesis()

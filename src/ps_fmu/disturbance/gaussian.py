@@ -8,15 +8,13 @@ from itertools import pairwise
 import numpy as np
 
 from ..mechanism.quantities import Array
-from ..numerics import library
 from ..numerics.calls import Calls, Pair
 from ..numerics.normal import Stream, make_key
 from .block import Block, BlockShape
-from .sample_table import SampleTable, add_rows, make_calls
+from .sample_table import SampleTable, make_calls
 from .spectrum import Layer, factor, layers
 
 _ROWS = 1024  # read by a call: 20 us, twice that where their memory is new
-_PLAIN_ROWS = 256  # without them: 60 us
 _KEPT = 3  # blocks per layer: two are alive at any time, and one is about to be
 
 
@@ -41,7 +39,6 @@ class GaussianNoise:
         self, psd: Array, band: Array, seed: int, period: float = 100.0, rise_time: float = 2.0
     ) -> None:
         self._seed = seed
-        self._arithmetic = library.find_arithmetic()
         self._layers = layers(band, period, half=False, overlap=True)
         inputs = factor(psd)
         self._shapes = {layer.key: BlockShape(layer, inputs, rise_time) for layer in self._layers}
@@ -62,18 +59,13 @@ class GaussianNoise:
 
     def count_parts(self, n: int) -> int:
         """How often :meth:`add` nearly always yields for so many times."""
-        return len(self._layers) * -(-n // (_PLAIN_ROWS if self._arithmetic is None else _ROWS))
+        return len(self._layers) * -(-n // _ROWS)
 
     def add(self, wrench: Array, time: Array, *, clear: bool = False) -> Iterator[Calls | None]:
         """Add force and torque at ascending times (n,) in s to ``wrench`` (n, 6), in parts, or in calls.
 
         ``clear``: to zeros, whatever is there.
         """
-        if self._arithmetic is None:
-            if clear:
-                wrench[:] = 0.0
-            yield from self._add_plainly(wrench, time)
-            return
         time = np.ascontiguousarray(time, dtype=np.float64)
         work: list[Pair] = []
         kept: list[object] = [wrench]
@@ -90,24 +82,12 @@ class GaussianNoise:
                 blocks = [self._get(layer, i).values for i in (index, index + 1)]
                 begin, shifts = index * 0.5 * layer.period, [layer.points // 2, 0]
                 made, used = make_calls(
-                    wrench[part], time[part], blocks, shifts, begin, layer.rate, self._arithmetic, _ROWS, clear=clear
+                    wrench[part], time[part], blocks, shifts, begin, layer.rate, _ROWS, clear=clear
                 )
                 work += made
                 kept += used
             clear = False
         yield from Calls(work, *kept)
-
-    def _add_plainly(self, wrench: Array, time: Array) -> Iterator[None]:
-        for first in range(0, time.size, _PLAIN_ROWS):
-            rows, times = (array[first : first + _PLAIN_ROWS] for array in (wrench, time))
-            for layer in self._layers:
-                for index, part in _find_stretches(layer, times):
-                    if first == 0:  # this was not done for a while, and its code is in no cache
-                        yield
-                    blocks = [self._get(layer, i).values for i in (index, index + 1)]
-                    begin, shifts = index * 0.5 * layer.period, [layer.points // 2, 0]
-                    add_rows(rows[part], times[part], blocks, shifts, begin, layer.rate, None)
-                    yield
 
     def prepare(self, time: Array) -> Iterator[int | Calls]:
         """Make the blocks for ascending times (n,) in s in small parts; yields how many are still to come, or calls.

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..mechanism.quantities import Array, Complex
+from ..numerics.normal import Stream, make_key
 from .phases import orthogonal_phases
 from .sample_table import SampleTable
 from .smooth import ramp
@@ -69,7 +70,7 @@ def multisine_lines(psd: Array, band: Array, seed: int, period: float = 100.0) -
 
 def _amplitudes(layer: Layer, inputs: Array, seed: int) -> Complex:
     """Complex amplitudes of force and torque, (6, lines)."""
-    random = np.random.Generator(np.random.Philox(np.random.SeedSequence((seed, layer.key))))
+    random = np.random.Generator(np.random.Philox(np.random.SeedSequence(make_key(Stream.MULTISINE, seed, layer.key))))
     phases = orthogonal_phases(layer.frequencies, inputs.shape[1], random)
     spacing = 2.0 / layer.period  # Hz; only odd multiples of 1/period are lines
     return np.asarray(inputs @ (np.sqrt(2.0 * spacing) * np.exp(1j * phases)))

@@ -1,6 +1,7 @@
-"""From random numbers to the samples of a block of noise, phase by phase: compiled, or in numpy.
+"""From random numbers to the samples of a block of noise, phase by phase.
 
-Both do the same; their results differ by rounding.  Each part takes some 30 us at most.
+The compiled transform takes even numbers of points without prime factors above 5; numpy's takes all others.  Each part
+takes some 30 us at most.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ import numpy as np
 from ..mechanism.quantities import Array, Complex
 from ..numerics import calls, library
 from ..numerics.calls import CallList, Calls
-from ..numerics.library import Arithmetic, find_address
+from ..numerics.library import find_address
 from ..numerics.normal import make_words, seed
 from .polyphase import Polyphase
 from .spectrum import Layer, share
@@ -75,11 +76,10 @@ class Synthesis(Protocol):
 
 
 def make_synthesis(lines: LayerLines, sources: int) -> Synthesis:
-    """Compiled, where there is a library and it has transforms of this length."""
-    arithmetic = library.find_arithmetic()
-    if arithmetic is None or not _is_compiled(lines.polyphase.points):
-        return PlainSynthesis(lines, sources)
-    return CompiledSynthesis(lines, sources, arithmetic)
+    """Compiled, where the library has transforms of this length.  Raises NotCompiledError."""
+    if _is_compiled(lines.polyphase.points):
+        return CompiledSynthesis(lines, sources)
+    return PlainSynthesis(lines, sources)
 
 
 def _is_compiled(points: int) -> bool:
@@ -93,7 +93,7 @@ def _is_compiled(points: int) -> bool:
 class CompiledSynthesis:
     """As :class:`Synthesis`, in calls of the library of :mod:`ps_fmu.numerics`."""
 
-    def __init__(self, lines: LayerLines, sources: int, arithmetic: Arithmetic) -> None:
+    def __init__(self, lines: LayerLines, sources: int) -> None:
         layer, polyphase, n = lines.layer, lines.polyphase, lines.layer.numbers.size
         draws = np.empty(2 * sources * n + _BEHIND)
         groups = lines.n_terms  # each has six spectra: one integral of all channels, or three of two
@@ -110,7 +110,7 @@ class CompiledSynthesis:
             pointer(shared), None, find_address(draws), find_address(terms), find_address(room),
             sources=sources, power=2.0 / layer.period,
         )  # fmt: skip
-        a: Any = arithmetic
+        a: Any = library.find_arithmetic()
         clearing = self._split(a.clear_rows, layer.points * _CHANNELS, _CLEARED)
         self._n_clearing = len(clearing)
         self._calls = CallList([
@@ -138,7 +138,7 @@ class CompiledSynthesis:
 
 
 class PlainSynthesis:
-    """As :class:`Synthesis`, in numpy."""
+    """As :class:`Synthesis`, in numpy, for transforms of any length."""
 
     def __init__(self, lines: LayerLines, sources: int) -> None:
         n, self._shared = lines.layer.numbers.size, lines

@@ -13,7 +13,9 @@ from ..slavekit.launcher.c_program import CompileError, Program, Target
 _HEADERS = (
     "numerics.h", "arithmetic.h", "tables.h", "random.h", "keyed.h", "errors.h", "transform.h", "turning.h",
     "calls.h", "../processor.h",
+    *(f"../slavekit/launcher/{name}" for name in ("kernel.h", "core.h", "elements.h", "product.h")),
 )  # fmt: skip
+_KERNEL = tuple(f"../slavekit/launcher/{name}" for name in ("kernel.c", "elements.c", "timed.c"))
 _COMMON = ("-O3", "-fno-math-errno", "-shared", "-s", "-Wl,--build-id=none")
 
 
@@ -24,7 +26,7 @@ def _linux(zig: str) -> Target:
 NUMERICS = Program(
     "numerics",
     Path(__file__).parents[1] / "numerics",
-    sources=("numerics.c", "sse2.c", "avx2.c", "avx512.c"),
+    sources=("numerics.c", "sse2.c", "avx2.c", "avx512.c", *_KERNEL),
     headers=_HEADERS,
     targets={
         "linux64": _linux("x86_64-linux-gnu.2.17"),

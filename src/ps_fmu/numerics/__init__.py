@@ -1,1 +1,1 @@
-"""Arithmetic on long arrays for the physics, compiled where this package has a library for the platform."""
+"""Compiled arithmetic: on long arrays for the physics, and the kernel that steps a slave in Python."""

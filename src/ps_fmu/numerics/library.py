@@ -1,15 +1,12 @@
 """The compiled library of this package, for C functions that let go of Python's lock.
 
-Sources are the C files beside this module; ``make launcher`` compiles them.  Where there is no library, callers do the
-same in numpy: their results differ by rounding.
+Sources are the C files beside this module; ``make launcher`` compiles them.
 """
 
 from __future__ import annotations
 
 import ctypes
-import logging
-import platform
-import sys
+from contextlib import suppress
 from ctypes import CFUNCTYPE, POINTER, Structure, c_char_p, c_double, c_int64, c_uint32, c_void_p
 from functools import cache
 from pathlib import Path
@@ -17,14 +14,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ..compiled_files import find_whole
-
-log = logging.getLogger(__name__)
+from ..compiled_files import NotCompiledError, load
 
 PART = 64
 """Angles that ``add_turning`` and ``add_wheel`` work on together: their room is (multiples and products, 2, PART)."""
-
-_PLATFORMS = {("linux", "x86_64"): "linux64", ("linux", "aarch64"): "aarch64-linux", ("win32", "amd64"): "win64"}
 
 
 class Tables(Structure):
@@ -116,35 +109,22 @@ class Arithmetic(Structure):
 
 
 @cache
-def find_arithmetic(instructions: str = "") -> Arithmetic | None:
-    """The functions for a set of instructions, ``sse2`` or what this processor does best; None: there are none."""
-    library = _load()
-    if library is None:
-        return None
+def find_library() -> ctypes.CDLL:
+    """The library.  Raises NotCompiledError."""
+    library = load(Path(__file__).with_name("numerics.json"))
     library.numerics_find.argtypes, library.numerics_find.restype = (c_char_p,), POINTER(Arithmetic)
-    found = library.numerics_find(instructions.encode())
-    return found.contents if found else None
+    return library
+
+
+with suppress(NotCompiledError):  # whoever needs it is told; an FMU's folder goes with its first instance
+    find_library()
 
 
 @cache
-def _load() -> ctypes.CDLL | None:
-    name = _PLATFORMS.get((sys.platform, platform.machine().lower()))
-    if name is None or sys.maxsize < 2**32:
-        return None
-    try:
-        return ctypes.CDLL(str(find_whole(Path(__file__).with_name("numerics.json"), name)))
-    except OSError as error:
-        log.info("noise is made without the compiled library: %s", error)
-        return None
-
-
-_load()  # when the module is: an FMU's folder goes with its first instance, perhaps before that asks for a function
-
-
-def clear() -> None:
-    """Look for the library again, the next time that a function is asked for."""
-    find_arithmetic.cache_clear()
-    _load.cache_clear()
+def find_arithmetic() -> Arithmetic:
+    """The functions by the instructions that this processor does best.  Raises NotCompiledError."""
+    found: Arithmetic = find_library().numerics_find(b"").contents
+    return found
 
 
 def allocate(n: int) -> NDArray[np.float64]:

@@ -1,4 +1,4 @@
-"""Normal numbers that belong to whole numbers: Philox and Box-Muller, compiled or in numpy.
+"""Normal numbers that belong to whole numbers: Philox and Box-Muller, compiled.
 
 Box-Muller, since the streams of numpy's own normal numbers may change between its versions.
 """
@@ -23,6 +23,7 @@ class Stream(IntEnum):
     """All streams of random numbers of the components: equal seeds must not give two of them the same numbers."""
 
     GAUSSIAN = 1
+    MULTISINE = 2
     WHEEL = 3
     SENSOR_WHITE = 4
     SENSOR_DRIFT = 5
@@ -50,16 +51,14 @@ def make_words(numbers: Sequence[int]) -> Words:
     return (ctypes.c_uint32 * len(words))(*words)
 
 
-def draw_compiled(words: Words, rows: int, half: int) -> Array | None:
-    """Rows of :func:`transform`, (rows, 2 half), that belong to words; None: there is no library.
+def draw_keyed(words: Words, rows: int, half: int) -> Array:
+    """Rows of normal numbers, (rows, 2 half), that belong to words.
 
-    Its uniform numbers are those of :func:`seed`, in one array.
+    Of a row, the first half are ``radius cos(angle)``, the others ``radius sin(angle)``, by Box-Muller; the uniform
+    numbers, (rows, 2, half), are those of numpy's Philox from :func:`seed`.
     """
-    arithmetic = library.find_arithmetic()
-    if arithmetic is None:
-        return None
     normal = np.empty((rows, 2 * half))
-    arithmetic.draw_keyed(words, len(words), rows, half, library.find_address(normal))
+    library.find_arithmetic().draw_keyed(words, len(words), rows, half, library.find_address(normal))
     return normal
 
 
@@ -67,32 +66,13 @@ def make_calls(words: Words, half: int, normal: Array, at_once: int) -> list[Pai
     """Rows of normal numbers (n, 2 half), contiguous, as calls that write so many of them each.
 
     The first belongs to the words, each other one to those of the one before with 1 added to the last: the calls count
-    this up.  No calls: there is no library.
+    this up.
     """
-    arithmetic = library.find_arithmetic()
-    if arithmetic is None:
-        return []
     n = normal.size // (2 * half)
     given = KeyedRows(Progress(library.find_address(normal), n, at_once), words, len(words), half)
-    return [(arithmetic.draw_some_keyed, given)] * -(-n // at_once)
+    return [(library.find_arithmetic().draw_some_keyed, given)] * -(-n // at_once)
 
 
 def seed(words: Words) -> np.random.SeedSequence:
-    """What numpy makes a Philox generator of, for the numbers of :func:`draw_compiled` without a library."""
+    """What numpy makes a Philox generator of, for the uniform numbers of :func:`draw_keyed`."""
     return np.random.SeedSequence(list(words))
-
-
-def transform(numbers: Array, normal: Array) -> None:
-    """Write ``radius cos(angle)`` and, behind them, ``radius sin(angle)`` of each row to ``normal`` (rows, 2 n).
-
-    ``numbers`` (rows, 2, n), from 0 to below 1, are those of the radius and those of the angle.
-    """
-    n = numbers.shape[2]
-    # Both from the tangent of half the angle, since numpy has vector instructions for it: 32 us instead of 50 for 2304.
-    half = np.tan(np.pi * numbers[:, 1])
-    square = half * half
-    radius = np.sqrt(-2.0 * np.log1p(-numbers[:, 0]))
-    radius /= 1.0 + square
-    np.multiply(radius, 1.0 - square, out=normal[:, :n])
-    half *= 2.0
-    np.multiply(radius, half, out=normal[:, n:])

@@ -2,30 +2,20 @@
 
 from __future__ import annotations
 
-import logging
-import platform
-import sys
 from ctypes import CDLL, addressof, c_char, c_double, c_int64, c_void_p
 from functools import cache
 from typing import Any
 
 from numpy.typing import NDArray
 
+from ..compiled_files import load
 from .native import REDUCTION
-
-log = logging.getLogger("ps_fmu.reduction")
 
 
 @cache
-def find_library() -> CDLL | None:
-    """The library; None if there is none for this platform, or none that can be loaded."""
-    if sys.platform != "linux" or platform.machine() != "x86_64":
-        return None
-    try:
-        library = CDLL(str(REDUCTION.find_whole("linux64")))
-    except OSError as error:
-        log.info("rows are filtered and counted in numpy: %s", error)
-        return None
+def find_library() -> CDLL:
+    """The library.  Raises NotCompiledError."""
+    library = load(REDUCTION.record)
     library.filter_rows.argtypes, library.filter_rows.restype = (c_void_p, c_void_p, c_int64, c_void_p), None
     library.thin_rows.argtypes, library.thin_rows.restype = (c_void_p, c_void_p, c_int64, c_void_p), c_int64
     types = c_void_p, c_int64, c_double, c_void_p, c_void_p, c_void_p

@@ -17,12 +17,12 @@ from ..numerics import library
 from ..numerics.library import find_address
 from ..numerics.normal import Stream, make_key
 from .noise_model import CORRELATION_TIMES, NoiseModel
-from .normal import Parts, count_parts, draw_in_parts, draw_normal, wrap
+from .normal import Parts, draw_normal, wrap
 
 DRIFT_BLOCK = 64  # intervals
 GRIDS = 6  # the widest one has an interval of four months, if that of the first is 0.01 s
 _KEPT = 4  # blocks of each sort
-_STEPS = 16  # of a recursion at once, in numpy: 30 us
+_PARTS = 4  # in which a block of the first grid is nearly always found
 _PROCESSES = len(CORRELATION_TIMES) + 1
 
 
@@ -50,8 +50,7 @@ class Drift:
 
     def count_parts(self, first: int, last: int) -> int:
         """In how many parts the blocks from ``first`` to ``last`` are nearly always found."""
-        path = 3 + count_parts(self._sensors, _PROCESSES * DRIFT_BLOCK) + self._bridges[0].n_parts
-        return sum(path for block in range(first, last + 1) if block not in self._sums)
+        return sum(_PARTS for block in range(first, last + 1) if block not in self._sums)
 
     def find(self, block: int) -> Parts:
         """Drift at the places of a block, and its growth to the next ones, (2, sensors, DRIFT_BLOCK)."""
@@ -72,9 +71,9 @@ class Drift:
             last = yield from self._find_value(grid + 1, block + 1)
             yield
             key = make_key(Stream.SENSOR_DRIFT, *wrap((*self._key, self._kind + grid, block)))
-            normal = yield from draw_in_parts(key, self._sensors, _PROCESSES * DRIFT_BLOCK)
+            normal = draw_normal(key, self._sensors, _PROCESSES * DRIFT_BLOCK)
             yield
-            path = yield from self._bridges[grid].connect(first, last, normal)
+            path = self._bridges[grid].connect(first, last, normal)
             keep(self._paths[grid], block, path)
         return self._paths[grid][block]
 
@@ -109,40 +108,23 @@ class _Bridge:
         # Covariance with the end of the path, over the variance of the end.
         self._weight = self._c ** (DRIFT_BLOCK - steps) * grown / grown[-1]
 
-    @property
-    def n_parts(self) -> int:
-        """Of :meth:`connect`."""
-        return 0 if library.find_arithmetic() is not None else DRIFT_BLOCK // _STEPS
-
     def go_on(self, before: Array | None, normal: Array) -> Array:
         """The processes one block later; None: at the start, where the Gauss-Markov ones are stationary already."""
         if before is None:
             return self._first * normal
         return np.asarray(self._powers[-1] * before + self._s * self._total * normal)
 
-    def connect(self, first: Array, last: Array, normal: Array) -> Parts:
+    def connect(self, first: Array, last: Array, normal: Array) -> Array:
         """Paths from ``first`` to ``last`` (processes, sensors), (DRIFT_BLOCK + 1, processes, sensors).
 
         ``normal``: (sensors, processes * DRIFT_BLOCK), its rows side by side.
         """
         path = np.empty((DRIFT_BLOCK + 1, *first.shape))
-        arithmetic = library.find_arithmetic()
-        if arithmetic is not None:
-            constants = map(find_address, (self._c, self._s, self._weight))
-            shared = library.Bridge(*constants, DRIFT_BLOCK, *first.shape)
-            given = map(np.ascontiguousarray, (first, last, normal))  # kept by the list below during the call
-            arrays = [*given, path]
-            arithmetic.connect(byref(shared), *map(find_address, arrays))
-            return path
-        path[0] = first
-        kicks = normal.reshape(-1, _PROCESSES, DRIFT_BLOCK).transpose(2, 1, 0)
-        np.multiply(self._s, kicks, out=path[1:])
-        c, grown = np.ascontiguousarray(np.broadcast_to(self._c, first.shape)), np.empty_like(first)
-        for k in range(1, DRIFT_BLOCK + 1):
-            if k % _STEPS == 0:
-                yield
-            path[k] += np.multiply(c, path[k - 1], out=grown)
-        path[1:] += self._weight * (last - path[-1])
+        constants = map(find_address, (self._c, self._s, self._weight))
+        shared = library.Bridge(*constants, DRIFT_BLOCK, *first.shape)
+        given = map(np.ascontiguousarray, (first, last, normal))  # kept by the list below during the call
+        arrays = [*given, path]
+        library.find_arithmetic().connect(byref(shared), *map(find_address, arrays))
         return path
 
 

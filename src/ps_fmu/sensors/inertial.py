@@ -34,7 +34,7 @@ CHANNELS = ACCELEROMETERS + RateSensor.AXES
 ESTIMATES = 9  # acceleration, angular acceleration, angular velocity
 MOTION = 9  # inputs in the same order
 N_STATES = 2 * CHANNELS
-_BLOCKS_AT_ONCE = 1  # of noise, compiled: 20 us, twice that where the memory of their rows is new
+_BLOCKS_AT_ONCE = 1  # of noise: 20 us, twice that where the memory of their rows is new
 _SPARSE = 4  # samples apart: then blocks are drawn that few of, or none, are needed
 LAST_SAMPLE = 1e13  # thirty years at 10 kHz: the noise stands still from there on
 _SLOTS = slice(0, ACCELEROMETERS)
@@ -191,8 +191,6 @@ class ChannelNoise:
         self._rows = np.zeros((_BLOCKS_AT_ONCE * WHITE_BLOCK, CHANNELS))
         """Room for blocks of errors, without biases."""
         self._room = ErrorRoom(library.find_address(self._rows))
-        self._last = -1, np.empty((0, CHANNELS))
-        """Number and errors of a block that numpy has made."""
 
     def __call__(self, index: NDArray[np.int64]) -> Array:
         """Errors of the samples of these numbers (n,), 0 or greater and ascending, (n, CHANNELS), m/s2 and rad/s."""
@@ -200,8 +198,6 @@ class ChannelNoise:
 
     def in_parts(self, index: NDArray[np.int64]) -> Generator[int | Calls, None, Array]:
         """As :meth:`__call__`, in parts of 20 to 60 us; yields about how many are still to come, or calls."""
-        if library.find_arithmetic() is None:
-            return (yield from self._make_plainly(index))
         index, errors = np.ascontiguousarray(index, dtype=np.int64), np.empty((len(index), CHANNELS))
         for first, last in self._find_stretches(index):
             own = index[first:last]
@@ -226,28 +222,6 @@ class ChannelNoise:
             return
         for _, part in split(index, WHITE_BLOCK):
             yield part.start, part.stop
-
-    def _make_plainly(self, index: NDArray[np.int64]) -> Generator[int, None, Array]:
-        """As the compiled functions, in numpy."""
-        blocks = split(index, WHITE_BLOCK)
-        errors = np.empty((len(index), CHANNELS))
-        counts = [sum(noise.count_parts(block, 1) for _, noise in self._noises) for block, _ in blocks]
-        made, rows = self._last
-        for block, part in blocks:
-            if block != made:
-                if part.start:
-                    yield sum(counts)
-                made, rows = block, np.zeros((WHITE_BLOCK, CHANNELS))
-                for column, noise in self._noises:
-                    yield from count(noise.store(block, rows, column), sum(counts))
-            del counts[0]
-            rows.take(index[part] - block * WHITE_BLOCK, axis=0, out=errors[part], mode="clip")
-            if self._bias is not None:
-                errors[part] += self._bias
-            if self._gain is not None:
-                errors[part] *= self._gain
-        self._last = made, rows
-        return errors
 
     def find_samples(self, elapsed: Array) -> NDArray[np.int64]:
         """Numbers of the last samples at times since the start (n,), s; from :data:`LAST_SAMPLE` on, that one."""

@@ -20,7 +20,7 @@ from ..numerics.calls import Calls, ErrorKind, ErrorRoom, ErrorRows, Pair, Progr
 from ..numerics.normal import Stream, make_key
 from .drift import DRIFT_BLOCK, Drift
 from .noise_model import NoiseModel
-from .normal import count_parts, draw_in_parts, finish, wrap
+from .normal import finish, wrap
 
 DRIFT_INTERVAL = 0.01  # s, a tenth of the shortest correlation time
 WHITE_BLOCK = 256  # samples
@@ -53,21 +53,16 @@ class SensorNoise:
         """The error of the samples of these numbers (n,), 0 or greater and ascending, (n, sensors)."""
         errors, room = np.empty((len(index), self._sensors)), np.zeros((WHITE_BLOCK, self._sensors))
         for block, part in split(index, WHITE_BLOCK):
-            if library.find_arithmetic() is None:
-                finish(self.store(block, room))
-                errors[part] = room.take(index[part] - block * WHITE_BLOCK, axis=0)
-            else:
-                kind = finish(self.find_kind(block, 1, 0))
-                Calls(make_calls(ErrorRoom(library.find_address(room)), [kind], index[part], errors[part])).finish()
+            kind = finish(self.find_kind(block, 1, 0))
+            Calls(make_calls(ErrorRoom(library.find_address(room)), [kind], index[part], errors[part])).finish()
         return errors
 
     def count_parts(self, block: int, n: int) -> int:
         """In how many parts so many blocks are nearly always made, but for calls."""
-        parts = 0 if library.find_arithmetic() is not None else n * count_parts(self._sensors, WHITE_BLOCK)
-        return parts if self._drift is None else parts + self._drift.count_parts(*self._find_drift(block, n))
+        return 0 if self._drift is None else self._drift.count_parts(*self._find_drift(block, n))
 
     def find_kind(self, block: int, n: int, column: int) -> Generator[None, None, ErrorKind]:
-        """What makes the errors of n blocks of samples, compiled, in columns of rows from ``column`` on; in parts."""
+        """What makes the errors of n blocks of samples, in columns of rows from ``column`` on; in parts."""
         kind = ErrorKind(pointer(self._shared), column=column)
         if self._drift is not None:
             first, last = self._find_drift(block, n)
@@ -79,37 +74,11 @@ class SensorNoise:
             kind.kept = drift, addresses
         return kind
 
-    def store(self, block: int, rows: Array, column: int = 0) -> Generator[None, None, None]:
-        """Write the errors of a block of samples, in parts, to columns of ``rows`` (WHITE_BLOCK, any number)."""
-        drift = []
-        if self._drift is not None:
-            first, last = self._find_drift(block, 1)
-            for number in range(first, last + 1):
-                drift.append((yield from self._drift.find(number)))
-        rows[:, column : column + self._sensors] = (yield from self._make_plainly(block, drift)).T
-
     def _find_drift(self, block: int, n: int) -> tuple[int, int]:
         """The first and the last block of the drift in n blocks of samples."""
         ends = block * WHITE_BLOCK, (block + n) * WHITE_BLOCK - 1
         first, last = (end // self._stride // DRIFT_BLOCK for end in ends)
         return first, last
-
-    def _make_plainly(self, block: int, drift: list[Array]) -> Generator[None, None, Array]:
-        """As the compiled function, in numpy: (sensors, WHITE_BLOCK)."""
-        error = np.zeros((self._sensors, WHITE_BLOCK))
-        if self._deviation:
-            key = make_key(Stream.SENSOR_WHITE, *wrap((*self._key, block)))
-            white = yield from draw_in_parts(key, self._sensors, WHITE_BLOCK)
-            yield
-            error = white * self._deviation
-        if drift:
-            place, rest = np.divmod(np.arange(block * WHITE_BLOCK, (block + 1) * WHITE_BLOCK), self._stride)
-            share = rest / self._stride
-            for (number, part), (value, slope) in zip(split(place, DRIFT_BLOCK), drift, strict=False):
-                k = place[part] - number * DRIFT_BLOCK
-                error[:, part] += value.take(k, axis=1)
-                error[:, part] += share[part] * slope.take(k, axis=1)
-        return error
 
 
 def make_calls(
@@ -121,13 +90,11 @@ def make_calls(
     gain: Array | None = None,
     at_once: int = 1,
 ) -> list[Pair]:
-    """Errors (n, columns) of samples (n,), contiguous, as calls for so many blocks each; of the compiled library.
+    """Errors (n, columns) of samples (n,), contiguous, as calls for so many blocks each.
 
     The caller keeps the arrays and the room, which has place for so many blocks.  What is in it is not drawn again.
     ``bias`` and ``gain``, of each column: what is added to the errors, and what they are then multiplied by.
     """
-    arithmetic = library.find_arithmetic()
-    assert arithmetic is not None
     if not len(index):
         return []
     addresses = (None if array is None else library.find_address(array) for array in (bias, gain))
@@ -138,7 +105,7 @@ def make_calls(
     given.kept = kinds
     first, last = int(index[0]) // WHITE_BLOCK, int(index[-1]) // WHITE_BLOCK
     n = -(-(last + 1 - first) // at_once) + (at_once > 1)  # one more where the first is in the room, others are not
-    return [(arithmetic.make_some_errors, given)] * n
+    return [(library.find_arithmetic().make_some_errors, given)] * n
 
 
 def split(index: NDArray[np.int64], size: int) -> list[tuple[int, slice]]:

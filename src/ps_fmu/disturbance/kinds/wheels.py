@@ -38,10 +38,8 @@ from ..kind import Kind, SharedSettings, Source, explain_folding
 from ..multiples import Products, plan_products
 from ..smooth import ramp
 from ..speed import Speed, SpeedProfile, SpeedTable
-from ..turning import Turning
 
 _ROWS = 1024  # computed by a call: 25 us
-_PLAIN_ROWS = 256  # without them: 60 us
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,6 +96,9 @@ class WheelSource:
     force, torque: harmonics (default: those of S2E).
     """
 
+    rows_at_once: ClassVar[int] = _ROWS
+    """Times whose rows take little time."""
+
     def __init__(
         self,
         profile: Speed,
@@ -124,22 +125,9 @@ class WheelSource:
         self._amplitudes = lines[:, np.newaxis] * (along[:, 0] - 1j * along[:, 1])[is_torque.astype(np.intp)]
         plan = plan_products(tuple(dict.fromkeys(self._orders.tolist())))  # force and torque share orders
         which = [plan.place[order] for order in self._orders.tolist()]
-        found = library.find_arithmetic()
-        self._turning: _Turning | _CompiledTurning
-        self._ramp: _CompiledWheel | None = None
+        self._turning = _Turning(plan, which, _integrate(lines, self._orders), force.orders.size, along)
+        self._ramp = self._turning.follow(profile, rise_time) if isinstance(profile, SpeedProfile) else None
         """Where the speed is no table."""
-        if found is None:
-            self._turning = _Turning(plan, which, _integrate(self._amplitudes, self._orders))
-        else:
-            integrated = _integrate(lines, self._orders)
-            self._turning = _CompiledTurning(plan, which, integrated, force.orders.size, along, found)
-            if isinstance(profile, SpeedProfile):
-                self._ramp = self._turning.follow(profile, rise_time)
-
-    @property
-    def rows_at_once(self) -> int:
-        """Times whose rows take little time."""
-        return self._turning.rows_at_once
 
     @property
     def orders(self) -> Array:
@@ -162,8 +150,8 @@ class WheelSource:
     def __call__(self, time: Array) -> Array:
         """Force (N) and torque (N.m) in B at its origin at the times (n,) in s, shape (n, 6)."""
         wrench, time = np.zeros((time.size, 6)), np.ascontiguousarray(time, dtype=np.float64)
-        for first in range(0, time.size, self.rows_at_once):
-            part = slice(first, first + self.rows_at_once)
+        for first in range(0, time.size, _ROWS):
+            part = slice(first, first + _ROWS)
             if self._ramp is not None:
                 self._ramp.add(wrench[part], time[part])
             else:
@@ -196,8 +184,8 @@ def _integrate(amplitudes: Complex, orders: Array) -> Complex:
     return np.stack([amplitudes, 1j * per_order * amplitudes, per_order**2 * amplitudes])
 
 
-class _CompiledTurning:
-    """Sums of what turns with the multiples of an angle, compiled.
+class _Turning:
+    """Sums of what turns with the multiples of an angle.
 
     Parameters
     ----------
@@ -208,12 +196,7 @@ class _CompiledTurning:
     along: wrenches of force and torque along two directions, which go with the cosine and with the sine, (2, 2, 6).
     """
 
-    rows_at_once: ClassVar[int] = _ROWS
-
-    def __init__(
-        self, plan: Products, which: list[int], amplitudes: Complex, n_force: int, along: Array,
-        arithmetic: library.Arithmetic,
-    ) -> None:  # fmt: skip
+    def __init__(self, plan: Products, which: list[int], amplitudes: Complex, n_force: int, along: Array) -> None:
         self._multiples = np.array(plan.turned) / (2.0 * np.pi)
         self._amplitudes = amplitudes
         products = [library.Product(*product) for product in plan.products]
@@ -225,8 +208,8 @@ class _CompiledTurning:
         )  # fmt: skip
         for row, wrench in zip(self._shared.along, along.reshape(4, 6).tolist(), strict=True):
             row[:] = wrench
-        self._add: Any = arithmetic.add_turning
-        found: Any = arithmetic
+        found: Any = library.find_arithmetic()
+        self._add = found.add_turning
         self.add_some_turns: int = found.add_some_turns
 
     def add(self, rows: Array, angle: Array, sizes: Array) -> None:
@@ -234,17 +217,17 @@ class _CompiledTurning:
         shared, (n_terms, n), room = byref(self._shared), sizes.shape, find_address(self._room)
         self._add(shared, find_address(angle), n, find_address(sizes), n_terms, room, find_address(rows))
 
-    def follow(self, profile: SpeedProfile, rise_time: float) -> _CompiledWheel:
+    def follow(self, profile: SpeedProfile, rise_time: float) -> _Ramp:
         """The wrench of a wheel, three sums."""
         whole = library.Profile(profile.initial, profile.final, profile.start, profile.duration, rise_time)
-        return _CompiledWheel(self, self._shared, whole, self._room)
+        return _Ramp(self, self._shared, whole, self._room)
 
 
 @dataclass(frozen=True, eq=False)
-class _CompiledWheel:
+class _Ramp:
     """The wrench of a wheel whose speed is a profile, as a function of time."""
 
-    turning: _CompiledTurning
+    turning: _Turning
     """What ``shared`` points into."""
     shared: library.Turning
     profile: library.Profile
@@ -261,36 +244,6 @@ class _CompiledWheel:
             find_address(time), find_address(self.room),
         )  # fmt: skip
         return Calls([(self.turning.add_some_turns, given)] * -(-time.size // _ROWS), self, rows, time)
-
-
-class _Turning:
-    """As :class:`_CompiledTurning`, in numpy; amplitudes are of each wrench, (m, k, 6)."""
-
-    rows_at_once: ClassVar[int] = _PLAIN_ROWS
-    """Also of a last block, which is filled up: products of another shape may add in another order, and a sample must
-    not depend on the times beside it."""
-
-    def __init__(self, plan: Products, which: list[int], amplitudes: Complex) -> None:
-        self._products = plan.products
-        self._turning = Turning(np.array(plan.turned), self.rows_at_once)
-        n = len(plan.turned) + len(plan.products)
-        self._turned = np.empty((n, self.rows_at_once), dtype=np.complex128)
-        along = np.zeros((len(amplitudes), n, 6), dtype=np.complex128)
-        for line, place in enumerate(which):
-            along[:, place] += amplitudes[:, line]
-        self._along = np.concatenate([along.real, -along.imag], axis=1)
-
-    def add(self, rows: Array, angle: Array, sizes: Array) -> None:
-        """As :meth:`_CompiledTurning.add`."""
-        made = self._turning(np.pad(angle, (0, self.rows_at_once - angle.size), mode="edge"))
-        z, n = self._turned, len(made) // 2
-        z.real[:n], z.imag[:n] = made[:n], made[n:]
-        back = z[:n].conj()
-        for k, (one, other, backwards) in enumerate(self._products, n):
-            np.multiply(z[one], (back if backwards else z)[other], out=z[k])
-        turned = np.concatenate([z.real, z.imag]).T
-        for size, along in zip(sizes, self._along, strict=False):
-            rows += size[:, np.newaxis] * (turned @ along)[: angle.size]
 
 
 def wheel_plane(spin_axis: Array) -> tuple[Array, Array]:
