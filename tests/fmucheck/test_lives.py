@@ -29,7 +29,7 @@ STAGES = [
 
 def compiled(folder: Path, *flags: str) -> Path:
     library = folder / "Tank.so"
-    command = [sys.executable, "-m", "ziglang", "cc", "-std=c99", "-D_GNU_SOURCE", "-O1", "-Wall", "-Wextra", "-Werror"]
+    command = ["cc", "-std=c99", "-D_GNU_SOURCE", "-O1", "-Wall", "-Wextra", "-Werror"]
     command += ["-fPIC", "-shared", "-I", str(find_fmi_headers()), *flags, str(SOURCES / "tank.c"), "-o", str(library)]
     subprocess.run([*command, "-lm"], check=True)
     return library

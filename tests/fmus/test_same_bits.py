@@ -17,8 +17,7 @@ from ps_fmu.cosim import Master, System, read_system
 
 ROOT = Path(__file__).parents[2]
 STEP = 1e-4  # s
-LOOP_STEPS = int(os.environ.get("PS_FMU_LOOP_STEPS", "100000"))
-"""In the closed loop; set it to have more."""
+LOOP_STEPS = 100_000 if os.environ.get("PS_FMU_SOAK") else 20_000  # in the closed loop
 
 Inputs = Callable[[int], dict[str, Any]]
 

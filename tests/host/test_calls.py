@@ -4,8 +4,7 @@ The model (tests/support/fmi_calls) is the table of allowed calls in FMI 2.0.4, 
 Python by the same calls.  A crash, a wrong fmi2OK, an error without need, a value that differs in one bit, a message
 that is missing or too much are failures.
 
-The environment variable PS_FMU_CALLS says how many calls are made to each FMU; 100000 take one to three minutes each,
-and eight with the disturbance source.
+``make soak`` makes 100,000 calls to each FMU: one to three minutes each, and eight with the disturbance source.
 """
 
 from __future__ import annotations
@@ -26,8 +25,8 @@ from support.fmi_calls.session import Session
 from support.host import unpack
 from support.models import COMPONENTS, MODELS, slave_class
 
-CALLS = int(os.environ.get("PS_FMU_CALLS", "2500"))
-FEWER = int(os.environ.get("PS_FMU_CALLS", "400"))  # each instance makes 8 MB of noise when it is initialised
+CALLS = 100_000 if os.environ.get("PS_FMU_SOAK") else 1500
+FEWER = 100_000 if os.environ.get("PS_FMU_SOAK") else 400  # each instance makes 8 MB of noise when it is initialised
 SEQUENCE = 60  # calls in one, at least on average
 TOYS = Path(__file__).parents[1] / "slavekit" / "models"
 # What BLAS computes to the last bit depends on these.

@@ -1,4 +1,4 @@
-"""Maps in blocks: the same bits as the dense matrix, by the kernels and in Python, and split maps of models."""
+"""Maps in blocks: the same bits as the dense matrix, by all kernels, and split maps of models."""
 
 import ctypes
 
@@ -8,11 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from support.bench import core_of, step_by_kernel, use_matrix
 
+from ps_fmu.numerics.library import find_library
 from ps_fmu.slavekit.author.blocks import LANES, find_pattern, make_blocks, store_by_columns
 from ps_fmu.slavekit.author.core import Core, Map
-from ps_fmu.slavekit.author.plain import make_plain_step
 from ps_fmu.slavekit.author.slave import Port, Slave
-from ps_fmu.slavekit.launcher.compile import LAUNCHER
 
 WAYS = ["sse2", "avx2", "avx512"]
 
@@ -37,7 +36,7 @@ def sparse_matrices(draw: st.DrawFn) -> np.ndarray:
 @settings(max_examples=60, deadline=None)
 @given(sparse_matrices(), st.integers(0, 2**32), st.sampled_from(WAYS))
 def test_blocks_have_the_bits_of_the_dense_matrix(matrix: np.ndarray, seed: int, way: str):
-    library = ctypes.CDLL(str(LAUNCHER.path("linux64")))
+    step = find_library().ps_fmu_step_by
     m, n = matrix.shape
     core, data = core_of(m, 0, n)
     random = np.random.default_rng(seed)
@@ -45,9 +44,9 @@ def test_blocks_have_the_bits_of_the_dense_matrix(matrix: np.ndarray, seed: int,
     before, found = data.copy(), []
     for dense in (True, False):
         use_matrix(core, matrix, dense=dense)
-        for step in (lambda: library.ps_fmu_step_by(way.encode(), ctypes.byref(core)), make_plain_step(core)):
+        for instructions in ("", way):
             data[:] = before
-            if step() == -1:  # this processor lacks the instructions
+            if step(instructions.encode(), ctypes.byref(core)) == -1:  # this processor lacks the instructions
                 continue
             found.append(data.tobytes())
     assert len(found) >= 2
@@ -100,10 +99,9 @@ def two_maps(first: list[list[float]], second: list[list[float]]) -> tuple[Core,
 @pytest.mark.parametrize("way", WAYS)
 def test_the_second_map_reads_what_the_first_has_written(way):
     core, data = two_maps([[0.5, 1.0]], [[10.0, 100.0]])
-    for step in (lambda: step_by_kernel(way, core), make_plain_step(core)):
-        data[:] = 7.0, 4.0, 1.0
-        assert step()
-        assert data.tolist() == [130.0, 3.0, 1.0]
+    data[:] = 7.0, 4.0, 1.0
+    assert step_by_kernel(way, core)
+    assert data.tolist() == [130.0, 3.0, 1.0]
 
 
 @pytest.mark.filterwarnings("error::RuntimeWarning")
@@ -111,10 +109,9 @@ def test_the_second_map_reads_what_the_first_has_written(way):
 @pytest.mark.parametrize(("first", "second"), [([[1e200, 0.0]], [[1.0, 0.0]]), ([[0.5, 0.0]], [[1e300, 0.0]])])
 def test_a_map_that_is_not_finite_takes_back_the_others(way, first, second):
     core, data = two_maps(first, second)
-    for step in (lambda: step_by_kernel(way, core), make_plain_step(core)):
-        data[:] = 7.0, 1e200, 1.0
-        assert not step()
-        assert data.tolist() == [7.0, 1e200, 1.0]
+    data[:] = 7.0, 1e200, 1.0
+    assert not step_by_kernel(way, core)
+    assert data.tolist() == [7.0, 1e200, 1.0]
 
 
 # --- Models -----------------------------------------------------------------------------

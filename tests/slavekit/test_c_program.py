@@ -12,6 +12,7 @@ from pathlib import Path, PurePosixPath
 import pytest
 
 import ps_fmu
+from ps_fmu.compiled_files import NotCompiledError
 from ps_fmu.cosim.errors import CosimError
 from ps_fmu.cosim.isolation import guest_process
 from ps_fmu.cosim.isolation.program import ISOLATION
@@ -28,7 +29,7 @@ from ps_fmu.slavekit.pack.sources import collect_imported
 
 PROGRAMS = {program.name: program for program in (LAUNCHER, HOST, LOOP, ISOLATION, REDUCTION, NUMERICS)}
 # For Windows zig compiles its C library first: a minute on a machine that has not done so before.
-LEFT_OUT = () if os.environ.get("PS_FMU_COMPILE") == "all" else ("win64",)
+LEFT_OUT = () if os.environ.get("PS_FMU_SOAK") else ("win64",)
 TARGETS = [(name, p) for name, program in PROGRAMS.items() for p in program.targets if p not in LEFT_OUT]
 
 
@@ -87,7 +88,7 @@ def test_a_library_that_is_not_the_recorded_one_is_not_loaded(tmp_path):
         for word in (recorded, hashlib.sha256(content).hexdigest(), "install ps_fmu again", "make launcher"):
             assert word in str(caught.value)
     path.unlink()
-    with pytest.raises(FileNotFoundError):
+    with pytest.raises(NotCompiledError, match=r"reduction\.so: No such file or directory: .*'make launcher'"):
         program.find_whole("linux64")
 
 
@@ -133,7 +134,7 @@ def test_a_damaged_host_is_not_run(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("cut", [1000, 20_000])
-def test_work_goes_on_in_numpy_with_damaged_libraries(tmp_path, cut):
+def test_a_damaged_library_is_refused_with_the_command_that_makes_it(tmp_path, cut):
     """In a copy of the package whose folder has a space in its name."""
     package = tmp_path / "a copy" / "ps_fmu"
     shutil.copytree(Path(ps_fmu.__file__).parent, package, ignore=shutil.ignore_patterns("__pycache__"))
@@ -142,10 +143,20 @@ def test_work_goes_on_in_numpy_with_damaged_libraries(tmp_path, cut):
         path.write_bytes(path.read_bytes()[:cut] if cut < path.stat().st_size else b"")
     script = (
         f"import sys; sys.path.insert(0, {str(package.parent)!r})\n"
-        "from ps_fmu.numerics import library; from ps_fmu.reduction.library import find_library\n"
-        "from ps_fmu.cosim.compiled import is_available\n"
-        "assert library.__file__.startswith(sys.path[0])\n"
-        "print(library.find_arithmetic(), find_library(), is_available())\n"
+        "from ps_fmu.compiled_files import NotCompiledError\n"
+        "from ps_fmu.cosim.guard import find_library as find_loop\n"
+        "from ps_fmu.numerics import library\n"
+        "from ps_fmu.reduction.library import find_library\n"
+        "print(find_loop())\n"
+        "for find in (library.find_arithmetic, find_library):\n"
+        "    try: find()\n"
+        "    except NotCompiledError as error: print(error)\n"
     )
     found = subprocess.run([sys.executable, "-I", "-c", script], capture_output=True, text=True, check=False)
-    assert (found.returncode, found.stdout) == (0, "None None False\n"), found.stderr
+    assert found.returncode == 0, found.stderr
+    loop, *refused = found.stdout.splitlines()
+    assert loop == "None"
+    names = "numerics/linux64/numerics.so", "reduction/native/linux64/reduction.so"
+    for line, name in zip(refused, names, strict=True):
+        assert line.startswith(f"{package}/{name}: is damaged")
+        assert line.endswith("run 'make launcher'")

@@ -1,4 +1,4 @@
-"""Elements of a step: what each does, by the kernel and in Python."""
+"""Elements of a step: what each does."""
 
 import math
 
@@ -22,7 +22,6 @@ from ps_fmu.slavekit.author.elements import (
     ring_size,
 )
 from ps_fmu.slavekit.author.guard import ModelError
-from ps_fmu.slavekit.author.plain import make_plain_step
 from ps_fmu.slavekit.author.program import find_full_delay
 
 
@@ -124,12 +123,10 @@ def test_watch_before_the_map_keeps_the_step_for_an_event(bench):
     run(bench)
     bench.u[0] = 0.6
     before = bench.data.copy()
-    for step in (make_plain_step(bench.core), lambda: bench.by_kernel("sse2")):
-        assert not step()
-        assert bench.core.pending == 2
-        assert bench.data.tobytes() == before.tobytes()
-        bench.core.pending = 0
-    bench.core.watching = 0
+    assert not bench.by_kernel("")
+    assert bench.core.pending == 2
+    assert bench.data.tobytes() == before.tobytes()
+    bench.core.pending = bench.core.watching = 0
     run(bench)
 
 
@@ -261,9 +258,8 @@ def test_a_delay_with_too_many_steps_is_refused(bench):
     steps_of(bench, H / 2, 1)
     before = bench.data.copy()
     bench.core.step = H
-    for step in (make_plain_step(bench.core), lambda: bench.by_kernel("sse2")):
-        assert not step()
-        assert bench.data.tobytes() == before.tobytes()
+    assert not bench.by_kernel("")
+    assert bench.data.tobytes() == before.tobytes()
     text = "more than 4 steps lie within a delay of 0.05 s, which keeps no more"
     assert find_full_delay(bench.core.elements, bench.data, H) == text
     assert find_full_delay(bench.core.elements, bench.data, 3 * H) == ""
@@ -275,12 +271,10 @@ def test_a_delay_with_too_many_steps_is_refused(bench):
 def test_a_made_up_row_of_a_ring(bench, kept, place):
     delay = Delay(bench.y[0:1], bench.memory[: ring_size(1, 4)], 4 * H)
     bench.use([], [delay])
-    step = make_plain_step(bench.core)
     bench.memory[kept] = place
     with pytest.raises(ModelError, match="delay of 1 values: it keeps the row"):
         bench.use([], [delay])
     before = bench.data.tobytes()
     if place != 0.5:  # between two rows: harmless
-        assert not step()
-        assert not bench.by_kernel("sse2")
+        assert not bench.by_kernel("")
         assert bench.data.tobytes() == before

@@ -65,7 +65,7 @@ def test_all_but_the_first_step_are_native(start):
         drive(instance, 0, 300, inputs=False)
     assert oscillator.steps() == (299, 1)
     assert waves.steps() == (294, 6)  # tables of 16 rows, then 64
-    assert limiter.steps() == (0, 300)  # finish_step
+    assert limiter.steps() == (0, 300)  # an event before each
 
 
 def send(instance: InFmpy | InPython, first: int, n: int, h: float = H) -> list[list[float]]:

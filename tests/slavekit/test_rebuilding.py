@@ -39,7 +39,7 @@ def count_restores(monkeypatch):
 @pytest.mark.parametrize("n", [1, 33, 130])
 @pytest.mark.parametrize("h", [H, H / 2])
 def test_nothing_is_rebuilt_where_nothing_was_derived_since(make, count_restores, name, n, h):
-    """Also over ends of tables, and where the step was another one; a model with a ``finish_step`` is rebuilt."""
+    """Also over ends of tables, and at another step size; a model with an event before each step is rebuilt."""
     slave = make(name)
     go(slave, 0, 5)
     state = slave._get_fmu_state()

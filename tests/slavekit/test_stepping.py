@@ -5,6 +5,8 @@ import math
 import numpy as np
 import pytest
 
+from ps_fmu.compiled_files import NotCompiledError, load
+from ps_fmu.slavekit.author import core
 from ps_fmu.slavekit.author.guard import FmuError, ModelError, Refused
 
 H = 0.01  # s
@@ -273,7 +275,7 @@ def test_maps_and_tables_that_are_not_finite_are_refused(make, monkeypatch):
         slave.do_step(0.0, H)
 
 
-def test_finish_step_clamps_and_delays(make, put):
+def test_an_event_before_each_step_delays(make, put):
     slave = make("limiter")
     signal = [0.5, 2.0, -3.0, 0.1, 0.2]
     rows = []
@@ -284,7 +286,7 @@ def test_finish_step_clamps_and_delays(make, put):
     assert rows == [[0.5, 0.0], [1.0, 0.0], [-1.0, 0.5], [0.1, 1.0], [0.2, -1.0]]
 
 
-def test_a_finish_step_that_fails_leaves_no_trace(make, put):
+def test_an_event_that_fails_after_it_has_written_leaves_no_trace(make, put):
     slave = make("limiter", limit=20.0)
     for value in (0.5, 0.6):
         put(slave, signal=value)
@@ -317,3 +319,14 @@ def test_a_new_step_size_or_an_event_discards_the_table(make, put):
     put(slave, gain=2.0)
     rows = run(slave, 20, 2e-3, first=30)
     np.testing.assert_allclose(rows[:, 0], 2 * np.sin(6 * np.pi * np.arange(62, 101, 2) * 1e-3), rtol=0, atol=1e-14)
+
+
+def test_without_the_compiled_kernel_a_step_is_refused_with_the_command_that_makes_it(make, monkeypatch, tmp_path):
+    slave = make("oscillator")
+    before = everything(slave)
+    monkeypatch.setattr(core, "find_library", lambda: load(tmp_path / "numerics.json"))
+    with pytest.raises(NotCompiledError, match=r"numerics\.json: No such file or directory: .* run 'make launcher'"):
+        slave.do_step(0.0, H)
+    assert everything(slave) == before
+    monkeypatch.undo()
+    assert slave.do_step(0.0, H)

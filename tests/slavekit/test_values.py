@@ -44,7 +44,7 @@ def test_lists_of_references_in_any_order_and_length(make, put):
     slave = make("oscillator")
     slave.do_step(0.0, 0.01)
     names = ["mass", "speed", "load", "position", "mass"]
-    for _ in range(3):  # the first call is checked, later ones are remembered
+    for _ in range(2):
         assert slave.get_real(refs(slave, *names)) == [slave.value(name) for name in names]
         assert slave.get_real([]) == []
         slave.set_real(refs(slave, "load", "force"), [3.0, 4.0])
@@ -52,16 +52,6 @@ def test_lists_of_references_in_any_order_and_length(make, put):
         slave.set_real(refs(slave, "force", "load"), [5.0, 6.0])
         assert slave.u.tolist() == [5.0, 6.0]
         slave.set_real([], [])
-
-
-def test_many_different_lists_do_not_pile_up(make):
-    slave = make("oscillator")
-    for n in range(1, 400):
-        assert slave.get_real([0] * n) == [slave.y[0]] * n
-        slave.set_real([6] * n, [float(n)] * n)
-        assert slave.value("load") == n
-    assert len(slave._readers) <= 256
-    assert len(slave._writers) <= 256
 
 
 @pytest.mark.parametrize("phase", ["initialisation", "stepping"])
@@ -83,8 +73,6 @@ def test_many_different_lists_do_not_pile_up(make):
 def test_refused_sets_change_nothing(make, phase, kind, names, values, problem):
     slave = make("oscillator", until=phase)
     slave.get_real([0])
-    if phase == "stepping":
-        slave.set_real(refs(slave, "load", "force"), [0.5, 0.5])  # remembered: the fast path has to refuse too
     before = everything(slave)
     for _ in range(2):
         with pytest.raises(Refused, match=problem):
@@ -133,7 +121,7 @@ def test_unchanged_values_are_no_event(make, put):
     assert slave.memory[0] == 1.0
 
 
-def test_discrete_variables_are_remembered_and_still_checked(make):
+def test_discrete_variables_are_checked_each_time(make):
     slave = make("oscillator")
     engage = refs(slave, "engage")
     for value in (True, True, False, False, True):

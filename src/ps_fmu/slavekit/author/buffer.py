@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import functools
 import math
-import struct
-from collections.abc import Callable, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -97,46 +94,3 @@ class Buffer:
                 raise Refused(f"{port.name} (value reference {reference}) is a {port.type}, not a {kind}")
             ports.append(port)
         return ports
-
-    def reader(self, kind: str, references: list[int]) -> Callable[[], list[Any]]:
-        """A function that reads these variables, of type ``kind``, into a list.  Refuses as :meth:`ports`."""
-        self.ports(kind, references)
-        if not references:
-            return list
-        first, n = references[0], len(references)
-        if kind == "String":
-            own = list(references)
-            return lambda: [self.typed(reference) for reference in own]
-        read: Callable[[], list[Any]] = self.data[first : first + n].tolist
-        if references != list(range(first, first + n)):
-            index = np.array(references)
-            read = lambda: self.data[index].tolist()  # noqa: E731
-        if kind == "Real":
-            return read
-        convert = _PYTHON_TYPES[kind]
-        return lambda: list(map(convert, read()))
-
-    def writer(self, reference: int, n: int) -> Callable[..., None]:
-        """A function of n doubles that stores them from ``reference`` on.
-
-        struct needs half the time of an assignment from a list (0.19 instead of 0.41 us for 12 doubles).
-        """
-        return functools.partial(
-            struct.Struct(f"={n}d").pack_into, memoryview(self.data.view(np.uint8).data), 8 * reference
-        )
-
-
-def find_runs(references: Sequence[int], kind: Callable[[int], object]) -> list[tuple[int, int, int]]:
-    """``references`` cut into runs that lie side by side and are of one ``kind``.
-
-    Each is (reference, first, last): the positions first to last - 1 are ``reference`` and those that follow it.
-    """
-    found = []
-    first = 0
-    for last in range(1, len(references) + 1):
-        before = references[last - 1]
-        goes_on = last < len(references) and references[last] == before + 1
-        if not goes_on or kind(references[last]) != kind(before):
-            found.append((references[first], first, last))
-            first = last
-    return found

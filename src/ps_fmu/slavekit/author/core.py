@@ -1,4 +1,4 @@
-"""The words of one instance that Python and the launcher share: what a plain step is, and when the next one is plain.
+"""The words of one instance that Python and C share: what a plain step is, and when the next one is plain.
 
 Each of these facts is kept here alone, whoever makes the steps: both read it here and write it here.  The launcher
 learns the address when the instance is made (``Values.get_string``); what the words mean is in ``launcher/core.h``.
@@ -7,14 +7,15 @@ learns the address when the instance is made (``Values.get_string``); what the w
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Sequence
-from ctypes import c_double, c_int64, c_uint64, c_void_p
+from collections.abc import Callable, Sequence
+from ctypes import PYFUNCTYPE, c_bool, c_char_p, c_double, c_int64, c_uint64, c_void_p
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ...numerics.library import find_library
 from .blocks import Matrix
 from .buffer import Array, allocate_aligned
 from .instructions import DELAY, Instruction, find_address, find_spans, write_words
@@ -43,12 +44,17 @@ class Elements:
         self.words = write_words(self.before), write_words(self.after)
 
 
-_MAGIC = 0x36302D65726F63  # "core-06"
+_MAGIC = 0x37302D65726F63  # "core-07"
 NOTHING, MAP, TABLE = range(3)
 FOUND_DUE = 2
 """Value of ``pending`` if an element has found, before the map, that an event is due before this step."""
 
 _MOST_MAPS = 2
+_STEP = PYFUNCTYPE(c_bool, c_char_p, c_void_p)  # keeps Python's lock: to give it up takes as long as a step
+
+Step = Callable[[], bool]
+"""Makes a plain step.  False, and nothing in the buffer has changed: no row is left; a number is not finite, of the
+result, in ``work``, or of an element; or an element has found that an event is due before the step: FOUND_DUE."""
 
 
 class MapWords(ctypes.Structure):
@@ -101,11 +107,11 @@ class Core(ctypes.Structure):
         ("spans", c_void_p), ("n_spans", c_int64), ("kept_spans", c_void_p), ("kept_values", c_void_p),
         ("scratch", c_void_p),
         ("lower", c_void_p), ("upper", c_void_p), ("n_limited", c_int64), ("limit_flag", c_int64),
-        ("stepping", c_int64), ("pending", c_int64), ("watching", c_int64), ("finishing", c_int64),
+        ("stepping", c_int64), ("pending", c_int64), ("watching", c_int64),
         ("time", c_double), ("step", c_double),
         ("time_slack", c_double), ("step_slack", c_double), ("last_start", c_double),
         ("count", c_int64), ("block", c_int64),
-        ("native_steps", c_int64), ("python_steps", c_int64), ("kernel", c_void_p),
+        ("native_steps", c_int64), ("python_steps", c_int64),
     )  # fmt: skip
 
     plain: int
@@ -119,7 +125,6 @@ class Core(ctypes.Structure):
     stepping: int
     pending: int
     watching: int
-    finishing: int
     time: float
     step: float
     time_slack: float
@@ -129,15 +134,18 @@ class Core(ctypes.Structure):
     block: int
     native_steps: int
     python_steps: int
-    kernel: int | None
 
     arrays: dict[str, NDArray[Any]]
     """By the name of their word."""
     source: Array
     """States, inputs, auxiliary inputs and the row of the table."""
-    limits: OutputLimits | None = None
     elements: Elements
     maps: tuple[Map, ...] = ()
+
+    def make_step(self) -> Step:
+        """Plain steps as the words say at each of them, by the compiled kernel.  Raises NotCompiledError."""
+        kernel, address = _STEP(("ps_fmu_step_by", find_library())), ctypes.addressof(self)
+        return lambda: kernel(b"", address)
 
     def use_maps(self, *maps: Map) -> None:
         """A plain step is these maps, one after the other: each reads what those before it have written."""
@@ -172,7 +180,6 @@ class Core(ctypes.Structure):
 
     def use_limits(self, limits: OutputLimits | None) -> None:
         """The result of a plain step is held within these."""
-        self.limits = limits
         self.n_limited = 0
         if limits is not None:
             self._point(lower=limits.lower, upper=limits.upper)

@@ -1,7 +1,7 @@
 """Elements of a step: what a model does before and after its linear map, in each step, without Python.
 
 A model lists them in :meth:`.model.Model.before_map` and :meth:`.model.Model.after_map`.  They are done in their order,
-by the launcher's kernel (``elements.c`` and ``timed.c``) or in Python (``plain_elements.py``), with the same bits.
+by the compiled kernel (``elements.c`` and ``timed.c``).
 
 An *operand* is a view of the buffer (``self.x[0:3]``, ``self.view("load")``) or places in it
 (``self.places(view)[[2, 0]]``).  An element writes outputs, states, auxiliary inputs and memory.  Constants are one

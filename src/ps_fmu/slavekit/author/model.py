@@ -58,10 +58,6 @@ class Model(Fmi2Slave):
     r: Array
     memory: Array
 
-    finishing: bool = False
-    """Call :meth:`finish_step` after each map.  To be set by ``configure`` and ``restore``.  It takes away most of the
-    speed of a step."""
-
     def configure(self) -> None:
         """Build the model from parameters and present inputs; set x, a, memory and whatever is derived.
 
@@ -105,7 +101,7 @@ class Model(Fmi2Slave):
         return ()
 
     def after_map(self, h: float) -> Sequence[Element]:
-        """What a step of size h (s) does to its results after the map, before ``finish_step`` and ``limits``."""
+        """What a step of size h (s) does to its results after the map, before ``limits``."""
         return ()
 
     def event(self, t: float, h: float) -> bool:
@@ -136,9 +132,6 @@ class Model(Fmi2Slave):
         """
         return self.block_rows
 
-    def finish_step(self) -> None:
-        """After the map, if ``finishing``: move a delay line, hold a sample.  May write y, x, a, memory."""
-
     def limits(self) -> tuple[Array, Array] | None:
         """Lowest and highest values of y at the end of a step, each (ny,), -inf and inf where there is no limit.
 
@@ -149,8 +142,8 @@ class Model(Fmi2Slave):
     def restore(self) -> None:
         """Rebuild what is derived (matrices, plans) from the buffer: an FMU state was set, or an event failed.
 
-        Not called for a state that this instance gave after its last event, if there is no ``finish_step``: what is
-        derived is that of the state then.
+        Not called for a state that this instance gave after its last event: what is derived is that of the
+        state then.
         ``configure`` may never have been called in this instance.  By default it is called now, which is right for
         models whose derived data depend on parameters alone.  What this does to the buffer is undone.
         """

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import weakref
 from collections.abc import Sequence
 from math import inf, isfinite, ulp
 
@@ -10,11 +9,10 @@ import numpy as np
 
 from .blocks import make_blocks, store_by_columns
 from .buffer import Array
-from .core import FOUND_DUE, Elements, Map, OutputLimits
+from .core import FOUND_DUE, Elements, Map, OutputLimits, Step
 from .elements import Element
 from .far import blame
 from .guard import ModelError, Refused, escape, report
-from .plain import Step, make_holder, make_plain_step
 from .program import StepMap, compile_elements, find_full_delay
 from .state import Derived, LifePhase, SlaveClock, SlaveState
 from .tables import Tables
@@ -26,11 +24,11 @@ _MOST_MAPS = 8  # step sizes remembered: enough for hosts that alternate a few
 
 
 class Stepper(Tables):
-    """Makes steps: plain ones by :func:`.plain.make_plain_step`, and all else by :meth:`_step_carefully`.
+    """Makes steps: plain ones by :meth:`.Core.make_step`, and all else by :meth:`_step_carefully`.
 
     A step is a plain one as long as the host goes on at the expected time with the same step size and nothing is due.
-    The launcher makes those by itself, from the words in ``_core``; where there is none, and before ``finish_step``,
-    :meth:`do_step` does, by the same rule.
+    The launcher makes those by itself, from the words in ``_core``; where there is none, :meth:`do_step`
+    does, by the same rule.
 
     Times are counted in integers (``origin + count * step``) wherever the model sees them, so that they do not
     collect rounding; the host's own times are only compared with each other.
@@ -60,11 +58,6 @@ class Stepper(Tables):
     def request_event(self) -> None:
         """Have ``event`` called before the next step; for ``configure`` of models that start in motion."""
         self._core.pending = True
-
-    @property
-    def step_size(self) -> float:
-        """Size of the present step, s; for ``finish_step``."""
-        return self._core.step
 
     @property
     def time(self) -> float:
@@ -113,7 +106,6 @@ class Stepper(Tables):
         self._phase = phase
         self._core.stepping = phase == LifePhase.STEPPING
         self._core.step_slack = -1.0
-        self._forget_lists()
 
     def _renew(self) -> None:
         """The plain step is out of date: the next step makes a new one."""
@@ -248,36 +240,8 @@ class Stepper(Tables):
             self._work_ahead()
         if core.elements is not step_map.elements:
             core.use_elements(step_map.elements)
-        limits = self._compute_limits()
-        core.finishing = self.finishing
-        if not self.finishing:
-            core.use_limits(limits)
-            return make_plain_step(core)
-        core.use_limits(None)
-        return self._add_finish(make_plain_step(core), limits)
-
-    def _add_finish(self, step: Step, limits: OutputLimits | None) -> Step:
-        data, target, y = self._buffer.data, self._target, self.y
-        kept = np.empty_like(data)
-        hold = None if limits is None else make_holder(limits)
-        model = weakref.proxy(self)  # it keeps this function: a cycle would stay, with all buffers, until collected
-
-        def finished() -> bool:
-            kept[:] = data
-            try:
-                if not step():
-                    return False
-                model.finish_step()
-                if not np.isfinite(target).all():
-                    raise Refused("finish_step() leads to numbers that are not finite")
-            except BaseException:
-                data[:] = kept
-                raise
-            if hold is not None:
-                hold(y)
-            return True
-
-        return finished
+        core.use_limits(self._compute_limits())
+        return core.make_step()
 
     def _find_map(self, h: float) -> StepMap:
         for found in self._maps:
@@ -349,11 +313,11 @@ class Stepper(Tables):
     def _find_derived(self, state: SlaveState) -> Derived | None:
         """What was derived when this instance gave the state, if it still holds; None: it has to be rebuilt.
 
-        Between events the model changes the buffer alone, unless it has a ``finish_step``.
+        Between events the model changes the buffer alone.
         """
         stepping = self._phase == state.clock.phase == LifePhase.STEPPING
         found = state.derived
-        return found if stepping and found and found.model is self._derived and not self.finishing else None
+        return found if stepping and found and found.model is self._derived else None
 
     def _has_steps_of(self, clock: SlaveClock, derived: Derived) -> bool:
         """Whether the present steps, and their table, are those of an earlier clock."""

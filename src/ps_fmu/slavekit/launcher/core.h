@@ -4,7 +4,7 @@
 
 #include <stdint.h>
 
-#define CORE_MAGIC 0x36302d65726f63ull /* "core-06" */
+#define CORE_MAGIC 0x37302d65726f63ull /* "core-07" */
 
 /* Asked for the String variable of this value reference, a slave answers with the address of its core, in decimal; 0: it
    wants none.  No model description lists it. */
@@ -135,14 +135,12 @@ typedef struct Core {
     int64_t stepping;         /* the phase */
     int64_t pending;          /* an event is due; 0: none is */
     int64_t watching;         /* a WATCH before the map calls for an event; 0: it has just been */
-    int64_t finishing;        /* the slave has more to do after each step */
     double time, step;        /* that are expected, s */
     double time_slack, step_slack, last_start; /* step_slack < 0: no step is a plain one */
     int64_t count;            /* steps of this size */
     int64_t block;            /* value of `count` at the first row of the table */
 
     int64_t native_steps, python_steps; /* since the instance was made */
-    void *kernel;             /* bool (*)(Core *), put here by the launcher: the plain step */
 } Core;
 
 #endif

@@ -143,6 +143,8 @@ bool kernel_step(Core *core)
 
 int ps_fmu_step_by(const char *instructions, Core *core)
 {
+    if (*instructions == '\0')
+        return kernel_step(core);
     for (int i = 0; i <= best; i++)
         if (strcmp(instructions, arithmetics[i].name) == 0)
             return step(core, &arithmetics[i]);

@@ -12,8 +12,8 @@
    a result would not be finite, and where an element finds that an event is due before the step: `pending` says so. */
 bool kernel_step(Core *core);
 
-/* The same by the instructions that are named, "sse2", "avx2" or "avx512": 1 done, 0 refused, -1 this processor lacks
-   them.  The results are the same bit for bit, which the tests show by this function. */
+/* The same for Python, by the instructions that are named, "sse2", "avx2" or "avx512"; "": by those of kernel_step.  1 done,
+   0 refused, -1 this processor lacks them.  The results are the same bit for bit. */
 FMI2_Export int ps_fmu_step_by(const char *instructions, Core *core);
 
 #endif

@@ -27,7 +27,6 @@ void native_bind(Instance *m)
         instance_refuse(m, "fmi2Instantiate", "launcher and model are of different versions: steps are made in Python");
         return;
     }
-    core->kernel = (void *)kernel_step;
     m->core = core; /* the slave keeps it, and `inner` keeps the slave */
 }
 
@@ -83,7 +82,7 @@ NOT_INLINE static void make_call(Core *core)
 bool native_step(Instance *m, double time, double step)
 {
     Core *core = words(m);
-    if (core == NULL || core->pending || core->finishing || !(fabs(time - core->time) <= core->time_slack) ||
+    if (core == NULL || core->pending || !(fabs(time - core->time) <= core->time_slack) ||
         !(fabs(step - core->step) <= core->step_slack) || !(time <= core->last_start))
         return false;
     if (core->calls != NULL && has_call(core))

@@ -1,4 +1,4 @@
-"""Toy: a clamped gain and a delay of two steps, by finish_step."""
+"""Toy: a clamped gain and a delay of two steps, by an event before each."""
 
 import numpy as np
 
@@ -14,17 +14,26 @@ class Limiter(Slave):
     )
     n_memory = 2
 
+    n_auxiliary = 1  # what was limited two steps ago
+
     def configure(self) -> None:
-        self.finishing = True
         self.memory[:] = 0.0
-        self.y[:] = np.clip(self.value("signal"), -self.value("limit"), self.value("limit")), 0.0
+        self.y[:] = self._clip(), 0.0
+        self.request_event()
 
     def step_map(self, h):
-        return np.array([[1.0], [0.0]])
+        return np.array([[1.0, 0.0], [0.0, 1.0]])
 
-    def finish_step(self) -> None:
-        self.y[1] = self.memory[0]
-        self.memory[0] = self.memory[1]
-        self.memory[1] = self.y[0] = np.clip(self.y[0], -self.value("limit"), self.value("limit"))
+    def limits(self):
+        bound = np.array([self.value("limit"), np.inf])
+        return -bound, bound
+
+    def event(self, t, h):
+        self.a[0] = self.memory[0]
+        self.memory[:] = self.memory[1], self._clip()
         if self.value("signal") == 13.0:
             raise ModelError("signal = 13 N: unlucky")
+        return True
+
+    def _clip(self):
+        return np.clip(self.value("signal"), -self.value("limit"), self.value("limit"))
