@@ -1,19 +1,23 @@
 """Rows of cases: the numbers are those of the signals, and whatever a case does, its neighbours are computed."""
 
 import json
-import os
+import signal
+import subprocess
+import sys
 
 import numpy as np
+import psutil
 import pytest
 from support.cosim import Collect
+from support.processes import PATIENCE_S, wait_until
 
 from ps_fmu.cosim import Master
 from ps_fmu.pointing.indices import AbsoluteError, RelativeError
-from ps_fmu.studies.case_process import CaseProcess
 from ps_fmu.studies.case_runner import CaseRunner
 from ps_fmu.studies.indices import IndexRecord
 from ps_fmu.studies.rows import DONE, FAILED, KILLED, LATE, StartError, VersionError
 from ps_fmu.studies.study import Observed
+from ps_fmu.studies.worker import CaseProcess
 
 GAIN = {"toy.gain": 1.5}
 
@@ -68,11 +72,10 @@ def test_a_mixed_requirement_is_judged_by_all_times_of_all_cases(write_study, ma
     """The quantile of all values, from the histograms in the rows."""
     from ps_fmu.cosim.rows import make_layout
     from ps_fmu.requirements.reading import read_requirements
-    from ps_fmu.studies.outcome import collect
-    from ps_fmu.studies.parts import write_part
-    from ps_fmu.studies.rerun import compare_rows, find_row
-    from ps_fmu.studies.statistics import find_compliance
+    from ps_fmu.studies.outcome import collect, find_compliance
+    from ps_fmu.studies.rows import RowStore
     from ps_fmu.studies.study_folder import open_folder
+    from ps_fmu.studies.sweep import compare_rows
 
     kinds = ("mixed", "temporal", "ensemble")
     (tmp_path / "r.toml").write_text("".join(
@@ -85,9 +88,10 @@ def test_a_mixed_requirement_is_judged_by_all_times_of_all_cases(write_study, ma
     folder = tmp_path / "out"
     folder.mkdir()
     open_folder(folder, prepared.plan, prepared.identity, resume=False)
-    for part in (rows[:2], rows[2:5], rows[4:]):  # a case twice
-        write_part(folder, prepared.identity.plan_sha256, part)
-    compared = compare_rows(rows[3], find_row(folder, prepared.identity.plan_sha256, 3))
+    store = RowStore(folder, prepared.identity.plan_sha256)
+    for some in (rows[:2], rows[2:5], rows[4:]):  # a case twice
+        store.add(some)
+    compared = compare_rows(rows[3], next(store.read(3)))
     assert compared == "all numbers are those of the study, to the last bit"
     columns = make_layout(prepared.system.descriptions).columns
     requirements = read_requirements(tmp_path / "r.toml")
@@ -147,6 +151,7 @@ def test_a_process_gives_the_rows_that_this_process_computes(folder, run_cases):
         ("raise", FAILED, "the model broke"),
         ("nan", FAILED, "not a finite number"),
         ("exit", KILLED, "exit code 3; it printed: about to leave"),
+        ("end", KILLED, "exit code "),
         ("crash", KILLED, "signal SIGSEGV"),
     ],
 )
@@ -177,29 +182,20 @@ def test_a_process_that_somebody_else_ends_does_not_cost_the_case(folder, run_ca
     assert without_time(rows) == without_time(run_cases([GAIN]))
 
 
-def test_the_process_is_replaced_after_a_number_of_cases(folder):
-    process = CaseProcess(folder, most_cases=2)
-    pids = []
-    for _ in process.run(enumerate([GAIN] * 5)):
-        pids.append(process.pid)
-    process.close()
-    assert [pids.index(pid) for pid in pids] == [0, 0, 2, 2, 4]
-
-
 def test_the_process_ends_with_the_one_that_started_it(folder):
-    process = CaseProcess(folder)
-    next(process.run([(0, GAIN)]))
-    pid = process.pid
-    process._process.stdin.close()  # as when its other end is gone
-    assert process._process.wait(timeout=300) == 0
-    process.close()
-    with pytest.raises(ProcessLookupError):
-        os.kill(pid, 0)
+    text = (
+        "import os, signal, sys; from pathlib import Path; from ps_fmu.studies.worker import CaseProcess\n"
+        "process = CaseProcess(Path(sys.argv[1])); next(process.run([(0, {})])); print(process.pid, flush=True)\n"
+        "os.kill(os.getpid(), signal.SIGKILL)"
+    )
+    ended = subprocess.run([sys.executable, "-c", text, str(folder)], stdout=subprocess.PIPE, timeout=PATIENCE_S)
+    assert ended.returncode == -signal.SIGKILL
+    wait_until(lambda: not psutil.pid_exists(int(ended.stdout)))
 
 
 def test_a_process_that_does_not_start_says_why(folder):
     (folder / "system.json").write_bytes(b"no system")
-    with pytest.raises(StartError, match=r"(?s)does not start: exit code 1; it printed: .*system.json"):
+    with pytest.raises(StartError, match=r"does not start: SystemFileError: .*system.json"):
         next(CaseProcess(folder).run([(0, GAIN)]))
 
 

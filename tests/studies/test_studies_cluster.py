@@ -1,19 +1,15 @@
 """Clusters: what their processes keep of the past is bounded; schedulers and workers that end."""
 
 import os
-import signal
 import socket
-import threading
 from pathlib import Path
 
 import psutil
 import pytest
 from support.processes import PATIENCE_S, end_with_children, start_dask, wait_for_scheduler, wait_until
 
-from ps_fmu.studies import cluster, scheduler
-from ps_fmu.studies.parts import list_parts, read_rows
-from ps_fmu.studies.rows import ClusterError
-from ps_fmu.studies.scheduler import Scheduler
+from ps_fmu.studies import cluster
+from ps_fmu.studies.rows import DONE, KILLED, ClusterError, RowStore
 from ps_fmu.studies.study_folder import open_folder
 
 
@@ -66,18 +62,15 @@ def test_what_is_no_address_is_said_without_asking_for_it(address, problem, monk
 
 
 def test_a_scheduler_without_workers_is_said(make_prepared, tmp_path, monkeypatch):
-    monkeypatch.setattr(scheduler, "WATCH_S", 0.2)
-    monkeypatch.setattr(scheduler, "NO_WORKER_S", 1.0)
+    monkeypatch.setattr(cluster, "WATCH_S", 0.2)
+    monkeypatch.setattr(cluster, "NO_WORKER_S", 1.0)
     file = tmp_path / "scheduler.json"
     process = start_dask("scheduler", "--port", "0", "--scheduler-file", str(file))
     try:
         address, prepared = wait_for_scheduler(file), make_prepared()
-        with cluster.connect(address, None, PATIENCE_S) as client:
-            dispatcher = cluster.Dispatcher(
-                client, prepared.plan, prepared.identity.plan_sha256, prepared.bundle, tmp_path, lambda *_: None
-            )
-            with pytest.raises(ClusterError, match="has had no worker for 1 s"):
-                dispatcher.run([0])
+        said = pytest.raises(ClusterError, match=f"the scheduler {address} has had no worker for 1 s")
+        with cluster.connect(address, None, PATIENCE_S) as client, said:
+            dispatch(client, (prepared, tmp_path))
     finally:
         end_with_children(process)
 
@@ -91,18 +84,21 @@ def opened(make_prepared, tmp_path):
     return prepared, folder
 
 
+def make_dispatcher(client, opened):
+    prepared, folder = opened
+    return cluster.Dispatcher(client, prepared.plan, prepared.identity.plan_sha256, prepared.bundle, folder)
+
+
 def dispatch(client, opened, report=lambda *_: None):
     """Run all cases of a study."""
-    prepared, folder = opened
-    name = prepared.identity.plan_sha256
-    cluster.Dispatcher(client, prepared.plan, name, prepared.bundle, folder, report).run(range(len(prepared.plan)))
+    dispatcher = make_dispatcher(client, opened)
+    dispatcher.run(range(len(dispatcher._plan)), (), report)
 
 
 def list_cases(opened):
-    """The cases that parts have, once each: rows that were lost after their worker had written them are there twice."""
+    """The cases that have rows."""
     prepared, folder = opened
-    rows = read_rows(list_parts(folder, prepared.identity.plan_sha256))
-    return [] if rows is None else rows["case"].to_pylist()
+    return list(RowStore(folder, prepared.identity.plan_sha256).read_statuses())
 
 
 def test_workers_remove_the_files_of_a_study_when_the_next_one_begins(make_prepared, tmp_path):
@@ -122,7 +118,7 @@ def test_workers_remove_the_files_of_a_study_when_the_next_one_begins(make_prepa
             assert left.name.startswith(f"study_{opened[0].bundle.sha256[:16]}_")
 
 
-@pytest.mark.parametrize("moment", ["before the dashboard is asked for", "before a batch", "when a batch has come in"])
+@pytest.mark.parametrize("moment", ["before a batch", "when a batch has come in"])
 def test_a_scheduler_that_ends_is_noticed(moment, opened, hand_started, capfd):
     """At once, although the scheduler had long to answer at first: dask's client asks it again for that long."""
     (_, address, *_), (process, *_) = hand_started
@@ -136,55 +132,39 @@ def test_a_scheduler_that_ends_is_noticed(moment, opened, hand_started, capfd):
             with lost:
                 dispatch(client, opened, end)
         else:
-            asked = Scheduler(client)
+            dispatcher = make_dispatcher(client, opened)
+            assert dispatcher.find_dashboard().endswith("/status")
             end()
             with lost:
-                if moment == "before a batch":
-                    dispatch(client, opened)
-                asked.find_dashboard()
+                dispatcher.run(range(6), (), lambda *_: None)
     assert bool(list_cases(opened)) == (moment == "when a batch has come in")
     assert "Traceback" not in capfd.readouterr().err
 
 
-def test_what_is_no_scheduler_is_said(monkeypatch):
+def test_what_is_no_scheduler_is_said():
     """dask waits for ever for what it says first."""
-    monkeypatch.setattr(cluster, "SLACK_S", 0.1)
     with socket.create_server(("127.0.0.1", 0)) as silent:
         address = f"tcp://127.0.0.1:{silent.getsockname()[1]}"
-        said = f"--scheduler {address}: .* has not answered as a scheduler after 0.2 s"
+        said = f"--scheduler {address}: nothing has answered as a scheduler after 0.2 s"
         with pytest.raises(ClusterError, match=said), cluster.connect(address, None, 0.2):
             pass
-    wait_until(lambda: not any(thread.name == cluster.CONNECTING for thread in threading.enumerate()))
-
-
-def test_a_scheduler_that_does_not_answer_is_said(hand_started, monkeypatch):
-    """Its process is stopped: the connection stays."""
-    monkeypatch.setattr(scheduler, "WATCH_S", 0.1)
-    monkeypatch.setattr(scheduler, "ANSWER_S", 0.5)
-    (_, address, *_), (process, *_) = hand_started
-    with cluster.connect(address, None, PATIENCE_S) as client:
-        asked = Scheduler(client)
-        process.send_signal(signal.SIGSTOP)
-        for question in (asked.find_dashboard, asked.count_threads):
-            with pytest.raises(ClusterError, match=f"the scheduler {address} has not answered for 0.5 s"):
-                question()
 
 
 def test_rows_that_are_lost_with_their_worker_are_computed_again(opened, hand_started, monkeypatch):
     """The worker ends when its batch is done and has not been fetched; its nanny starts another one."""
     (_, address, *_), (_, *nannies) = hand_started
-    fetch, lost = Scheduler.fetch, []
+    fetch, lost = cluster.Dispatcher._fetch, []
 
-    def lose(asked, future):
+    def lose(dispatcher, future):
         if not lost:
             lost.append(future.status)
             for nanny in nannies:
                 for worker in psutil.Process(nanny.pid).children():
                     worker.kill()
             wait_until(lambda: future.status != "finished")
-        return fetch(asked, future)
+        return fetch(dispatcher, future)
 
-    monkeypatch.setattr(Scheduler, "fetch", lose)
+    monkeypatch.setattr(cluster.Dispatcher, "_fetch", lose)
     with cluster.connect(address, None, PATIENCE_S) as client:
         dispatch(client, opened)
     assert lost == ["finished"]
@@ -196,11 +176,11 @@ def test_what_goes_wrong_on_a_worker_is_no_loss_of_the_scheduler(opened, monkeyp
     monkeypatch.setattr(cluster, "ALLOWED_FAILURES", 0)
     monkeypatch.setattr(cluster, "keep", leave)
     with cluster.connect(None, 1) as client:
-        asked = Scheduler(client)
+        dispatcher = make_dispatcher(client, opened)
         with pytest.raises(ClusterError, match="cases cannot be run there: ValueError: invalid literal"):
-            asked.fetch(asked.submit(int, "x"))
+            dispatcher._fetch(client.submit(int, "x"))
         with pytest.raises(FileNotFoundError, match="/nowhere"):
-            asked.fetch(asked.submit(os.listdir, "/nowhere"))
+            dispatcher._fetch(client.submit(os.listdir, "/nowhere"))
         with pytest.raises(ClusterError, match="workers end when they take over the files of the study"):
             dispatch(client, opened)
     assert list_cases(opened) == []
@@ -215,3 +195,22 @@ def test_a_cluster_that_does_not_start_is_said():
         cluster.connect(None, 1),
     ):
         pass
+
+
+def test_cases_of_a_batch_that_kills_workers_run_one_by_one(opened, monkeypatch):
+    def die(bundle, jobs, timeout_s, stored):  # of the worker itself, which no process for the cases prevents
+        if any(index == 4 for index, _ in jobs):
+            os._exit(1)
+        return run_batch(bundle, jobs, timeout_s, stored)
+
+    run_batch = cluster.run_batch
+    monkeypatch.setattr(cluster, "run_batch", die)
+    monkeypatch.setattr(cluster, "ALLOWED_FAILURES", 0)
+    monkeypatch.setattr(cluster, "BATCHES_PER_THREAD", 1)
+    seen = []
+    with cluster.connect(None, 1) as client:
+        dispatch(client, opened, lambda *found: seen.append(found))
+    prepared, folder = opened
+    statuses = RowStore(folder, prepared.identity.plan_sha256).read_statuses()
+    assert statuses == {case: KILLED if case == 4 else DONE for case in range(6)}
+    assert [sum(column) for column in zip(*seen, strict=True)] == [6, 1]

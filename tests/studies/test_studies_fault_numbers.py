@@ -10,12 +10,10 @@ from ps_fmu.cosim import Master, read_system
 from ps_fmu.cosim.checkpoint.checkpoints import Checkpoints
 from ps_fmu.cosim.faults.reading import read_faults
 from ps_fmu.studies.case_runner import CaseRunner
-from ps_fmu.studies.parts import write_part
-from ps_fmu.studies.rerun import rerun
-from ps_fmu.studies.rows import DONE
+from ps_fmu.studies.rows import DONE, RowStore
 from ps_fmu.studies.study import StudyError
 from ps_fmu.studies.study_folder import open_folder
-from ps_fmu.studies.sweep import SweepOptions, prepare
+from ps_fmu.studies.sweep import SweepOptions, prepare, rerun
 
 H = 0.01
 HINT = (
@@ -123,7 +121,7 @@ def test_a_case_again_has_the_same_bits(plan, tmp_path):
     options.output.mkdir()
     open_folder(options.output, prepared.plan, prepared.identity, resume=False)
     rows = [runner.run(case, prepared.plan.values(case)) for case in (0, 1)]
-    write_part(options.output, prepared.identity.plan_sha256, rows)
+    RowStore(options.output, prepared.identity.plan_sha256).add(rows)
     assert "all numbers are those of the study, to the last bit" in rerun(options, 1)
     summary = json.loads((options.output / "case-1" / "summary.json").read_text())
     assert summary["parameters"]["faults.push.value"] == 40.0

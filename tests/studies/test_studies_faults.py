@@ -51,6 +51,3 @@ def test_faults_that_no_case_can_have_are_refused(make_prepared, tmp_path):
     with pytest.raises(ValueError, match=r"faults\.json, line 1: events\[0\]: the FMU ToyStudy has no variable 'v'"):
         make_prepared(changes=STUDY)
     write(tmp_path)
-    changes = {'plan = "random"': 'plan = "random"\nfaults = "faults.json"\ncontrol_variates = 10'}
-    with pytest.raises(StudyError, match="control_variates: the closed form has no faults"):
-        make_prepared(changes=changes)

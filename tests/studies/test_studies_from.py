@@ -11,13 +11,11 @@ from support.checkpoints import Keep
 from ps_fmu.cosim import Master, read_system
 from ps_fmu.cosim.checkpoint.checkpoints import Checkpoints
 from ps_fmu.studies.case_runner import CaseRunner
-from ps_fmu.studies.parts import write_part
-from ps_fmu.studies.rerun import rerun
-from ps_fmu.studies.rows import DONE
+from ps_fmu.studies.rows import DONE, RowStore
 from ps_fmu.studies.study import StudyError
 from ps_fmu.studies.study_folder import open_folder
-from ps_fmu.studies.sweep import SweepOptions, prepare
-from ps_fmu.studies.worker import Order, run_batch
+from ps_fmu.studies.sweep import SweepOptions, prepare, rerun
+from ps_fmu.studies.worker import run_batch
 
 H = 0.01
 SETTLING = 30
@@ -109,16 +107,15 @@ def test_a_case_again_has_the_same_bits(settle, plan, tmp_path):
     rows = [runner.run(case, prepared.plan.values(case)) for case in (2, 0, 1, 2)]
     assert {**rows[0], "wall_s": 0.0} == {**rows[3], "wall_s": 0.0}
     assert rows[0]["b.first.odd.share"] < rows[0]["a.first.odd.share"]
-    write_part(options.output, prepared.identity.plan_sha256, [*rows[1:]])
+    RowStore(options.output, prepared.identity.plan_sha256).add(rows[1:])
     assert "all numbers are those of the study, to the last bit" in rerun(options, 2)
 
 
 def test_the_checkpoint_travels_to_workers_and_is_read_once(settle, plan, tmp_path):
     settle()
     prepared, _ = plan()
-    order = Order(str(tmp_path / "elsewhere"), prepared.identity.plan_sha256, None)
-    done = run_batch(prepared.bundle, [(case, prepared.plan.values(case)) for case in range(2)], order)
-    assert (done.cases, done.not_done) == (2, 0)
+    done = run_batch(prepared.bundle, [(case, prepared.plan.values(case)) for case in range(2)], None)
+    assert [row["status"] for row in done.rows] == [DONE, DONE]
     folder = prepared.bundle.unpack(tmp_path)
     runner = CaseRunner(folder)
     files = list(folder.glob("checkpoint*"))
@@ -204,7 +201,6 @@ def test_what_is_in_the_state_is_refused_by_name_when_the_study_is_planned(settl
         ({'"10 ms"': '"5 ms"'}, r"\[from\], checkpoint: .*is of another system: another step \(s\)"),
         ({'"settled"': '"study.toml"'}, r"\[from\], checkpoint: .*study\.toml: is no checkpoint, or a damaged one"),
         ({'[from]\ncheckpoint = "settled"': "", "\n[study]": 'from = 1\n[study]'}, r"from: expected a table \[from\]"),
-        ({'"list"': '"random"\ncases = 2\ncontrol_variates = 9'}, "control_variates: the closed form has no state"),
     ],
 )  # fmt: skip
 def test_what_no_case_can_begin_from_is_refused(settle, plan, changes, error):
@@ -261,7 +257,7 @@ def test_the_example_begins_settled_and_its_faults_vary(tmp_path, monkeypatch):
 
     monkeypatch.chdir(tmp_path)
     simulate("isolation", system="InertialSensors.ssd", duration=0.2, checkpoint=0.2, output="results/settled",
-             figures=False, progress=False)  # fmt: skip
+             progress=False)  # fmt: skip
     prepared = prepare(SweepOptions(find_file(Path("system/studies/accelerometer_fails.toml")), tmp_path / "out"))
     assert len(prepared.plan) == 100
     assert prepared.plan.seed_names == ("disturbance.seed",)

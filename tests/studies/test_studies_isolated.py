@@ -4,9 +4,9 @@ import re
 
 import pytest
 
-from ps_fmu.studies.case_process import CaseProcess
 from ps_fmu.studies.case_runner import CaseRunner
 from ps_fmu.studies.rows import DONE, FAILED, KILLED
+from ps_fmu.studies.worker import CaseProcess
 
 GAIN = {"toy.gain": 1.5}
 

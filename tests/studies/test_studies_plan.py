@@ -7,7 +7,7 @@ import pytest
 from scipy.stats import norm, spearmanr
 
 from ps_fmu.studies.factors import Spread
-from ps_fmu.studies.sampling import correlate, make_shares
+from ps_fmu.studies.plan import correlate, make_shares
 from ps_fmu.studies.study import StudyError
 
 from .test_studies_read import PAIR, SECOND

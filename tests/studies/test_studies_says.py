@@ -1,23 +1,17 @@
-"""What a study says: percentiles, probabilities, sensitivities and control variates against what is known."""
+"""What a study says: percentiles, probabilities and sensitivities against what is known."""
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pandas as pd
 import pytest
 from scipy.stats import norm
 
-from ps_fmu.studies.control_variate import compute_variance, control, estimate
 from ps_fmu.studies.factors import Factor, Spread
-from ps_fmu.studies.outcome import Outcome, Output
-from ps_fmu.studies.plan import Plan
-from ps_fmu.studies.sampling import study_shares
+from ps_fmu.studies.outcome import PROBABILITIES, Outcome, Output, Share, find_compliance, find_percentiles, find_worst
+from ps_fmu.studies.plan import Plan, study_shares
 from ps_fmu.studies.sensitivity import find_influences
-from ps_fmu.studies.statistics import PROBABILITIES, Share, find_compliance, find_percentiles, find_worst
 from ps_fmu.studies.study import Vary
-
-from .conftest import OBSERVE, STUDY
 
 OUTPUT = Output("active.toy.error.x.APE.rms", "rad")
 
@@ -125,53 +119,3 @@ def test_a_requirement_on_the_ensemble_is_judged_by_all_cases(required):
     assert found.pooled.value == 4.0
     assert found.pooled.bound == 7.0  # the 8th of 10 is the first with 90 %: P(binomial(10, 0.5) < 8) = 0.945
     assert find_worst(required, 2) == [(9, 9.0, required.outputs[0]), (8, 8.0, required.outputs[0])]
-
-
-def test_a_run_without_motion_has_no_control_variate(make_outcome, monkeypatch):
-    moves, still = (Output(f"{run}.plant.payload_rotation.x.APE.rms", "rad", run=run, signal="plant.payload_rotation.x")
-                    for run in ("moves", "still"))  # fmt: skip
-    outcome = make_outcome("random", 20, 1, lambda draws: 1.0 + draws[:, 0], (moves, still))
-    study = replace(outcome.plan.study, control_variates=8, runs={"moves": {}, "still": {}})
-    table = outcome.table.assign(**{moves.name: outcome.table[moves.name], still.name: 0.0})
-    outcome = replace(outcome, plan=replace(outcome.plan, study=study), table=table)
-    monkeypatch.setattr("ps_fmu.studies.control_variate.compute_variance", lambda *_: np.ones(3))
-    monkeypatch.setattr("ps_fmu.studies.control_variate.draw_more", lambda _: [{}])
-    controlled = control(outcome, None)
-    assert [one.output for one in controlled] == [moves]
-
-
-def test_a_control_variate_gains_what_the_correlation_allows():
-    """The spread of many estimates against the stated error, and the gain 1 / (1 - rho^2)."""
-    rng = np.random.default_rng(1)
-    rho, n, m, plain, controlled, errors, gains = 0.9, 100, 5000, [], [], [], []
-    for _ in range(400):
-        controls = rng.standard_normal(n)
-        values = 5.0 + 2.0 * (rho * controls + math.sqrt(1.0 - rho**2) * rng.standard_normal(n))
-        found = estimate(OUTPUT, values, controls, rng.standard_normal(m))
-        plain.append(found.mean)
-        controlled.append(found.controlled_mean)
-        errors.append(found.controlled_error)
-        gains.append(found.gain)
-    assert np.mean(controlled) == pytest.approx(5.0, abs=4.0 * np.std(controlled) / 20.0)
-    assert np.std(controlled) == pytest.approx(np.mean(errors), rel=4.0 / math.sqrt(2.0 * 400))
-    seen = np.var(plain) / np.var(controlled)
-    assert np.mean(gains) == pytest.approx(seen, rel=4.0 * math.sqrt(4.0 / 400))
-    assert np.mean(gains) == pytest.approx(1.0 / (1.0 - rho**2 * (1.0 - n / m)), rel=0.1)
-
-
-def test_the_closed_form_of_a_case_is_that_of_theory(built_fmus, tmp_path):
-    from ps_fmu.mechanism.parameters import load
-    from ps_fmu.studies.sweep import SweepOptions, prepare
-    from ps_fmu.theory.jitter import jitter
-    from ps_fmu.theory.loop import loop_at
-
-    path = tmp_path / "s.toml"
-    path.write_text(STUDY.replace('system = "toy.ssd"\n', "").replace('"gain"', '"disturbance.noise.scale"')
-                    .replace(OBSERVE, ""))  # fmt: skip
-    system = prepare(SweepOptions(path, tmp_path / "out")).system
-    p = load()
-    loop = loop_at(p, delay=1.5e-3)
-    for active in (False, True):
-        known = np.diag(jitter(loop, p.bus, p.noise, p.optics.focal_length, active=active).covariance)
-        found = compute_variance(system, {"isolator.enabled": active, "disturbance.noise.scale": 2.0}, 1e-3)
-        assert found == pytest.approx(4.0 * known, rel=0.01)

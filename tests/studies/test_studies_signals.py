@@ -9,16 +9,15 @@ import pytest
 from support.cosim import Collect
 
 from ps_fmu.cosim import Master, RecorderError
-from ps_fmu.studies import stored, worker
+from ps_fmu.studies import sweep, worker
 from ps_fmu.studies.case_runner import CaseRunner
 from ps_fmu.studies.conclusion import describe_signals
-from ps_fmu.studies.parts import list_missing, list_parts, read_rows, write_part
-from ps_fmu.studies.rows import DONE
+from ps_fmu.studies.rows import DONE, RowStore, write_durably
 from ps_fmu.studies.signals import FOLDER, name_file
 from ps_fmu.studies.study import StudyError
 from ps_fmu.studies.study_folder import open_folder
 from ps_fmu.studies.sweep import SweepOptions, compute, hold
-from ps_fmu.studies.worker import Order, run_batch
+from ps_fmu.studies.worker import run_batch
 
 OBSERVE_TABLE = "[[observe]]"
 
@@ -39,16 +38,18 @@ def opened(make_prepared, tmp_path):
         prepared, folder = make_prepared(changes=changes), tmp_path / "out"
         folder.mkdir(exist_ok=True)
         open_folder(folder, prepared.plan, prepared.identity, resume=(folder / "manifest.json").exists())
-        stored.prepare_folder(folder, prepared.plan, prepared.system)
+        sweep.prepare_folder(folder, prepared.plan, prepared.system)
         return prepared, folder
 
     return make
 
 
 def run_here(prepared, folder, cases, stored_cases):
-    """Run cases in a process of this one, as a worker does."""
-    order = Order(str(folder), prepared.identity.plan_sha256, None, tuple(stored_cases))
-    return run_batch(prepared.bundle, [(case, prepared.plan.values(case)) for case in cases], order)
+    """Run cases in a process of this one, as a worker does, and keep what it finds."""
+    done = run_batch(prepared.bundle, [(case, prepared.plan.values(case)) for case in cases], None, stored_cases)
+    for case, content in done.signals.items():
+        write_durably(folder / FOLDER / name_file(case), content)
+    RowStore(folder, prepared.identity.plan_sha256).add(done.rows)
 
 
 def test_what_is_stored_are_the_rows_of_the_run(opened):
@@ -102,10 +103,10 @@ def test_resuming_computes_the_signals_that_are_missing(opened):
     prepared, folder = opened(signals('variables = ["toy.error"]\nevery = 2\ncases = [5]'))
     name = prepared.identity.plan_sha256
     run_here(prepared, folder, range(6), [])  # the rows without signals
-    assert list_missing(folder, name, 6) == []
-    assert stored.list_work(folder, prepared.plan, name) == ([0, 2, 4, 5], {0, 2, 4, 5})
+    assert RowStore(folder, name).list_missing(6) == []
+    assert sweep.list_work(folder, prepared.plan, name) == ([0, 2, 4, 5], {0, 2, 4, 5})
     run_here(prepared, folder, [0], [0])
-    assert stored.list_work(folder, prepared.plan, name) == ([2, 4, 5], {2, 4, 5})
+    assert sweep.list_work(folder, prepared.plan, name) == ([2, 4, 5], {2, 4, 5})
 
 
 def test_signals_can_be_wanted_later(opened):
@@ -115,25 +116,17 @@ def test_signals_can_be_wanted_later(opened):
     again, _ = opened(signals('variables = ["toy.error"]\nworst = 2'))
     assert again.identity == prepared.identity
     name = again.identity.plan_sha256
-    assert stored.list_work(folder, again.plan, name) == ([], set())
-    rows = read_rows(list_parts(folder, name)).to_pandas()
+    assert sweep.list_work(folder, again.plan, name) == ([], set())
+    rows = RowStore(folder, name).read_table().to_pandas()
     worst = rows.sort_values("active.toy.error.x.APE.rms").tail(2)["case"]
-    assert stored.list_worst(folder, again.plan, name, again.system) == sorted(worst)
+    assert sweep.list_worst(folder, again.plan, name, again.system) == sorted(worst)
 
 
 def test_a_case_that_has_no_signals_does_not_run_for_ever(opened):
     prepared, folder = opened()
     rows = [{"case": case, "status": "killed its process" if case else DONE, "error": None} for case in range(6)]
-    write_part(folder, prepared.identity.plan_sha256, rows)
-    assert stored.list_work(folder, prepared.plan, prepared.identity.plan_sha256) == ([0], {0})
-
-
-def test_a_worker_that_does_not_see_the_folder_sends_its_signals(opened, tmp_path):
-    prepared, _ = opened()
-    done = run_here(prepared, tmp_path / "elsewhere", [3], [3])
-    assert list(done.signals) == [3]
-    with netCDF4.Dataset("case", memory=done.signals[3]) as file:
-        assert len(file["active"]["time"]) == 101
+    RowStore(folder, prepared.identity.plan_sha256).add(rows)
+    assert sweep.list_work(folder, prepared.plan, prepared.identity.plan_sha256) == ([0], {0})
 
 
 def test_worst_cases_run_again_with_their_signals(write_study, toy_fmus, tmp_path):
@@ -146,7 +139,7 @@ def test_worst_cases_run_again_with_their_signals(write_study, toy_fmus, tmp_pat
         open_folder(folder, prepared.plan, prepared.identity, resume=False)
         compute(options, prepared, folder)
         name = prepared.identity.plan_sha256
-        rows = read_rows(list_parts(folder, name)).to_pandas()
+        rows = RowStore(folder, name).read_table().to_pandas()
         worst = rows.sort_values("active.toy.error.x.APE.rms").tail(2)["case"].tolist()
         found = sorted(path.name for path in (folder / FOLDER).iterdir())
         assert found == sorted(name_file(case) for case in {1, *worst})
@@ -188,7 +181,7 @@ def test_the_estimate_is_that_of_the_files(opened, duration):
     prepared, folder = opened({**ALL, 'duration = "0.1 s"': f'duration = "{duration}"'})
     run_here(prepared, folder, [0], [0])
     size = (folder / FOLDER / name_file(0)).stat().st_size
-    assert 0.5 < 6 * size / stored.check_stored(prepared.plan, prepared.system) <= 1.0
+    assert 0.5 < 6 * size / sweep.check_stored(prepared.plan, prepared.system) <= 1.0
 
 
 def test_a_disk_without_room_for_all_is_said_before_anything_runs(opened, monkeypatch):
@@ -197,21 +190,20 @@ def test_a_disk_without_room_for_all_is_said_before_anything_runs(opened, monkey
         opened()
 
 
-def test_a_full_disk_stops_the_study_and_keeps_the_rows_before(opened):
+def test_a_full_disk_stops_the_study(opened):
     """The process for the cases may write so little that signals do not fit."""
     prepared, folder = opened(signals('variables = ["toy.error"]\ncases = [2]'))
-    order = Order(str(folder), prepared.identity.plan_sha256, None, (2,))
     jobs = [(case, prepared.plan.values(case)) for case in range(4)]
     run_here(prepared, folder, [5], [])
     (process,) = worker._IDLE[prepared.bundle.sha256, None]
     resource.prlimit(process.pid, resource.RLIMIT_FSIZE, (70_000, resource.RLIM_INFINITY))
     with pytest.raises(OSError, match=r"the file size limit of this process is reached: .* MB needed"):
-        run_batch(prepared.bundle, jobs, order)
-    assert list_missing(folder, prepared.identity.plan_sha256, 6) == [2, 3, 4]
+        run_batch(prepared.bundle, jobs, None, [2])
+    assert RowStore(folder, prepared.identity.plan_sha256).list_missing(6) == [0, 1, 2, 3, 4]
     assert list((folder / FOLDER).iterdir()) == []
-    run_here(prepared, folder, [2, 3, 4], [2])
+    run_here(prepared, folder, range(5), [2])
     assert json.loads((folder / "manifest.json").read_text())["cases"] == 6
-    assert stored.list_work(folder, prepared.plan, prepared.identity.plan_sha256) == ([], set())
+    assert sweep.list_work(folder, prepared.plan, prepared.identity.plan_sha256) == ([], set())
 
 
 def test_a_file_that_cannot_be_written_is_no_failure_of_the_case(opened, tmp_path):

@@ -1,6 +1,6 @@
 """Whole studies by the command: on this machine, on workers started by hand, disturbed and resumed, refused.
 
-``PS_FMU_KILLS=10`` disturbs as many studies in each way as that says, instead of one.
+``make soak`` disturbs ten studies in each way, instead of one.
 """
 
 import json
@@ -19,12 +19,11 @@ import pytest
 from support.processes import PATIENCE_S, end_with_children, read_command, wait_until
 
 from ps_fmu.studies.case_runner import CaseRunner
-from ps_fmu.studies.parts import list_missing, list_parts, read_rows
-from ps_fmu.studies.rows import DONE, KILLED, MEASURED
+from ps_fmu.studies.rows import DONE, FILE, KILLED, MEASURED, RowStore
 
 from .conftest import OBSERVE, STUDY
 
-KILLS = int(os.environ.get("PS_FMU_KILLS", "1"))
+KILLS = 10 if os.environ.get("PS_FMU_SOAK") else 1
 SLOW = '[[vary]]\nparameter = "slowness"\ndistribution = "uniform"\nlow = "1e-3"\nhigh = "2e-3"\n'
 MANY = {"cases = 6": "cases = 40", "[[observe]]": SLOW + "[[observe]]"}
 HELD = 20  # cases of a study that is disturbed
@@ -63,15 +62,13 @@ def sweep(start):
     return run
 
 
-def plan_hash(folder):
-    return json.loads((folder / "manifest.json").read_text())["plan_sha256"]
+def open_store(folder):
+    return RowStore(folder, json.loads((folder / "manifest.json").read_text())["plan_sha256"])
 
 
 def read(folder):
-    """Rows of a study but for what was measured, and the cases of all parts."""
-    parts = list_parts(folder, plan_hash(folder))
-    cases = [case for part in parts for case in pq.read_table(part, columns=["case"])["case"].to_pylist()]
-    return read_rows(parts).drop_columns(list(MEASURED)).to_pylist(), cases
+    """Rows of a study but for what was measured."""
+    return [{name: value for name, value in row.items() if name not in MEASURED} for row in open_store(folder).read()]
 
 
 @pytest.fixture(scope="session")
@@ -108,10 +105,10 @@ def held(make_prepared, tmp_path_factory):
 
 
 def count_stored(folder):
-    """Cases in the parts so far."""
+    """Cases that have rows so far."""
     if not (folder / "manifest.json").is_file():
         return 0
-    return HELD - len(list_missing(folder, plan_hash(folder), HELD))
+    return HELD - len(open_store(folder).list_missing(HELD))
 
 
 def test_workers_import_nothing_of_the_current_directory(write_study, toy_fmus, tmp_path, monkeypatch):
@@ -133,9 +130,7 @@ def test_a_study_on_this_machine_says_what_it_says(write_study, make_prepared, s
     study = write_study()
     code, printed, errors = sweep(study)
     assert code == 0, errors
-    rows, cases = read(tmp_path / "out")
-    assert rows == undisturbed(make_prepared(), tmp_path)
-    assert sorted(cases) == list(range(6))
+    assert read(tmp_path / "out") == undisturbed(make_prepared(), tmp_path)
     assert "6 done" in printed
     assert "--case" in printed
     for name in ("study.parquet", "study.html", "summary.json", "plan.parquet", "distribution.png"):
@@ -181,9 +176,7 @@ def test_workers_started_by_hand_give_identical_rows(
     scheduler, _ = hand_started
     code, _, errors = sweep(write_study(changes=MANY), *scheduler)
     assert code == 0, errors
-    rows, cases = read(tmp_path / "out")
-    assert rows == undisturbed(make_prepared(changes=MANY), tmp_path)
-    assert sorted(cases) == list(range(40))
+    assert read(tmp_path / "out") == undisturbed(make_prepared(changes=MANY), tmp_path)
     workers = set(pq.read_table(tmp_path / "out" / "study.parquet")["worker"].to_pylist())
     assert {worker.split("@")[0] for worker in workers} == {"node1", "node2"}
 
@@ -194,7 +187,7 @@ def test_cases_that_kill_their_process_do_not_take_others_along(write_study, swe
     text = text[: text.index("[[vary]]")] + f'[[vary]]\nparameter = "mode"\nvalues = {json.dumps(modes)}\n' + OBSERVE
     code, printed, errors = sweep(write_study(text))
     assert code == 0, errors
-    rows, _ = read(tmp_path / "out")
+    rows = read(tmp_path / "out")
     expected = {"none": DONE, "exit": KILLED, "crash": KILLED, "raise": "failed"}
     assert [row["status"] for row in rows] == [expected[mode] for mode in modes]
     assert "3 cases have no result" in printed
@@ -215,8 +208,9 @@ def test_a_disturbed_study_ends_with_the_rows_of_an_undisturbed_one(
     time.sleep(rng.random())
     assert process.poll() is None, process.communicate()
     children = psutil.Process(process.pid).children(recursive=True)
-    cases = [one for one in children if "ps_fmu.studies.child" in read_command(one)]
-    workers = [one for one in children if any("spawn_main" in word for word in read_command(one))]
+    spawned = [one for one in children if any("spawn_main" in word for word in read_command(one))]
+    workers = [one for one in spawned if one.ppid() == process.pid]
+    cases = [one for one in spawned if one.ppid() != process.pid]
     if victim in ("case", "worker"):
         rng.choice(cases if victim == "case" else workers).kill()
     else:
@@ -226,7 +220,7 @@ def test_a_disturbed_study_ends_with_the_rows_of_an_undisturbed_one(
             os.killpg(process.pid, signal.SIGINT)  # as a terminal does: to the workers, too
         process.wait(timeout=PATIENCE_S)
         wait_until(lambda: not any(read_command(one) for one in cases))
-        assert HELD - 1 in list_missing(folder, plan_hash(folder), HELD)  # it was in the middle
+        assert HELD - 1 in open_store(folder).list_missing(HELD)  # it was in the middle
     gate.unlink()
     _, errors = process.communicate(timeout=PATIENCE_S)
     if victim == "interrupt":
@@ -238,8 +232,7 @@ def test_a_disturbed_study_ends_with_the_rows_of_an_undisturbed_one(
         assert code == 0, errors
     else:
         assert process.returncode == 0, errors
-    rows, _ = read(folder)
-    assert rows == undisturbed(make_prepared(changes=changes), tmp_path)
+    assert read(folder) == undisturbed(make_prepared(changes=changes), tmp_path)
 
 
 @pytest.mark.parametrize("kill", range(KILLS))
@@ -260,15 +253,14 @@ def test_a_study_that_loses_its_scheduler_is_resumed_elsewhere(
     assert "Traceback" not in errors
     code, _, errors = sweep(study, "--resume")
     assert code == 0, errors
-    rows, _ = read(folder)
-    assert rows == undisturbed(make_prepared(changes=changes), tmp_path)
+    assert read(folder) == undisturbed(make_prepared(changes=changes), tmp_path)
 
 
 def test_another_plan_or_another_fmu_is_not_resumed(write_study, toy_fmus, start, sweep, tmp_path):
     import zipfile
 
     assert sweep(write_study(changes={"cases = 6": "cases = 2"}))[0] == 0
-    kept = sorted((tmp_path / "out" / "parts").iterdir())
+    kept = (tmp_path / "out" / FILE).read_bytes()
     code, _, errors = sweep(write_study(), "--resume")
     assert code == 2
     assert "6 cases, there 2" in errors
@@ -281,7 +273,7 @@ def test_another_plan_or_another_fmu_is_not_resumed(write_study, toy_fmus, start
     code, _, errors = sweep(write_study(changes={"cases = 6": "cases = 2"}), "--resume", "--fmus", str(folder))
     assert code == 2
     assert "other FMUs: ToyStudy" in errors
-    assert sorted((tmp_path / "out" / "parts").iterdir()) == kept
+    assert (tmp_path / "out" / FILE).read_bytes() == kept
 
 
 def test_results_that_cannot_be_written_cost_no_rows(write_study, sweep, tmp_path):
@@ -291,12 +283,12 @@ def test_results_that_cannot_be_written_cost_no_rows(write_study, sweep, tmp_pat
     code, _, errors = sweep(study)
     assert code == 1
     assert "study.parquet" in errors and "--resume" in errors
-    kept = sorted((tmp_path / "out" / "parts").iterdir())
+    kept = (tmp_path / "out" / FILE).read_bytes()
     blocked.rmdir()
     code, printed, errors = sweep(study, "--resume")
     assert code == 0, errors
     assert "2 done" in printed
-    assert sorted((tmp_path / "out" / "parts").iterdir()) == kept
+    assert (tmp_path / "out" / FILE).read_bytes() == kept
 
 
 def test_no_scheduler_is_said(write_study, sweep):
@@ -322,61 +314,13 @@ def test_a_time_for_no_scheduler_is_refused(tmp_path, capsys, arguments, error):
     assert f"--scheduler-timeout: {error}" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("folder", ["elsewhere", "read only"])
-def test_a_worker_that_cannot_write_in_the_folder_sends_its_part(make_prepared, tmp_path, monkeypatch, folder):
-    import io
-
-    from ps_fmu.studies.study_folder import open_folder
-    from ps_fmu.studies.worker import Order, run_batch
-
-    prepared, path = make_prepared(), tmp_path / folder
-    if folder == "read only":
-        path.mkdir()
-        open_folder(path, prepared.plan, prepared.identity, resume=False)
-        monkeypatch.setattr(os, "access", lambda *_: False)  # permissions do not hold for root
-    order = Order(str(path), prepared.identity.plan_sha256, None)
-    done = run_batch(prepared.bundle, [(1, prepared.plan.values(1))], order)
-    assert (done.cases, done.not_done) == (1, 0)
-    assert pq.read_table(io.BytesIO(done.content))["case"].to_pylist() == [1]
-
-
 def test_what_a_worker_cannot_write_is_said_with_its_name(make_prepared, tmp_path, monkeypatch):
     import socket
     import tempfile
 
-    from ps_fmu.studies.worker import Order, run_batch
+    from ps_fmu.studies.worker import run_batch
 
     prepared = make_prepared(changes={'"0.1 s"': '"0.11 s"'})  # this process has not unpacked it
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "none"))
-    order = Order(str(tmp_path / "elsewhere"), prepared.identity.plan_sha256, None)
     with pytest.raises(OSError, match=rf"worker {socket.gethostname()}:{os.getpid()}: {tmp_path}/none.*: No such file"):
-        run_batch(prepared.bundle, [(0, prepared.plan.values(0))], order)
-
-
-def test_batches_that_kill_workers_are_halved_until_one_case_is_left(make_prepared, tmp_path, monkeypatch):
-    from ps_fmu.studies import cluster
-    from ps_fmu.studies.study_folder import open_folder
-
-    def die(bundle, jobs, order):  # of the worker itself, which no process for the cases prevents
-        if any(index == 4 for index, _ in jobs):
-            os._exit(1)
-        return run_batch(bundle, jobs, order)
-
-    run_batch = cluster.run_batch
-    monkeypatch.setattr(cluster, "run_batch", die)
-    monkeypatch.setattr(cluster, "ALLOWED_FAILURES", 0)
-    prepared, folder = make_prepared(), tmp_path / "out"
-    folder.mkdir()
-    open_folder(folder, prepared.plan, prepared.identity, resume=False)
-    seen = []
-    with cluster.connect(None, 2) as client:
-        name = prepared.identity.plan_sha256
-        dispatcher = cluster.Dispatcher(
-            client, prepared.plan, name, prepared.bundle, folder, lambda *found: seen.append(found)
-        )
-        dispatcher._suspects.append([2, 3, 4, 5])
-        dispatcher.run([0, 1])
-    rows, cases = read(folder)
-    assert [row["status"] for row in rows] == [DONE] * 4 + [KILLED, DONE]
-    assert sorted(cases) == list(range(6))
-    assert [sum(column) for column in zip(*seen, strict=True)] == [6, 1]
+        run_batch(prepared.bundle, [(0, prepared.plan.values(0))], None)

@@ -1,21 +1,80 @@
-"""What a worker needs of a study, as files: the system with its FMUs, what to run and to observe, what is required."""
+"""What a worker needs of a study, as files: the system with its FMUs, what is done with each case, what is required."""
 
 from __future__ import annotations
 
 import hashlib
+import json
 import shutil
 import tempfile
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
+from typing import Any
 
+from ..cosim import Value
+from ..cosim.isolation.instance import Isolation
+from ..cosim.schemes.scheme import Scheme
+from ..results.summary import versions
 from ..slavekit.pack import zip_writer
+from .study import Observed
 
+RESULT_PACKAGES = ("python", "ps_fmu", "numpy", "scipy", "fmpy", "pythonfmu")
+"""Packages whose release may change a result."""
 SYSTEM, TASK, REQUIREMENTS, INPUTS = "system.json", "task.json", "requirements.toml", "inputs.csv"
 FMUS = "fmus"
 """Folder of the FMUs, each in a folder of its own: two may have one name."""
 FAULTS = "faults"
 """JSON or YAML, which the content tells."""
+
+
+@dataclass(frozen=True)
+class Task:
+    """What is done with each case."""
+
+    step_s: float
+    duration_s: float
+    scheme: Scheme
+    runs: Mapping[str, Mapping[str, Value]]
+    """Start values of each run, by its name."""
+    observed: tuple[Observed, ...]
+    versions: Mapping[str, str]
+    """Of the packages that a row depends on, where the study was planned."""
+    stored: tuple[str, ...] = ()
+    """Names of the outputs that are stored of chosen cases."""
+    stored_step_s: float | None = None
+    """Between stored rows; None: every step."""
+    isolation: Isolation | None = None
+    """Which FMUs get processes of their own."""
+    sources: Mapping[str, str] = field(default_factory=dict)
+    """The file of the checkpoint that each run begins from, by the name of the run; empty: from the initialisation."""
+    anew: tuple[str, ...] = ()
+    """Components that begin without their state there."""
+
+    def as_json(self) -> bytes:
+        """The content of the file; :meth:`from_json` reads it."""
+        own = self.isolation
+        isolation = None if own is None else {**vars(own), "names": None if own.names is None else sorted(own.names)}
+        observed = [observed.as_dict() for observed in self.observed]
+        found = {**vars(self), "observed": observed, "isolation": isolation, "scheme": self.scheme.as_dict()}
+        return json.dumps(found).encode()
+
+    @classmethod
+    def from_json(cls, text: bytes) -> Task:
+        """What :meth:`as_json` has written."""
+        found: dict[str, Any] = json.loads(text)
+        own: dict[str, Any] | None = found["isolation"]
+        names = None if own is None or own["names"] is None else frozenset(own["names"])
+        return cls(**{**found, "scheme": Scheme.from_dict(found["scheme"]),
+                      "observed": tuple(map(Observed.from_dict, found["observed"])),
+                      "stored": tuple(found["stored"]), "anew": tuple(found["anew"]),
+                      "isolation": None if own is None else Isolation(**{**own, "names": names})})  # fmt: skip
+
+
+def result_versions() -> dict[str, str]:
+    """Versions of Python and of the packages that a row depends on; of Python without its patch level."""
+    found = {name: version for name, version in versions().items() if name in RESULT_PACKAGES}
+    found["python"] = ".".join(found["python"].split(".")[:2])
+    return found
 
 
 @dataclass(frozen=True)

@@ -1,21 +1,26 @@
-"""Run cases one after another in this process: each becomes a row of numbers and verdicts."""
+"""Run cases one after another in this process, in a system that stays: each becomes a row of numbers and verdicts."""
 
 from __future__ import annotations
 
 import logging
 import time
-import uuid
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-from ..cosim import Column, Master, Observer, Recorder, RecorderError, SlaveError, Value
+from ..cosim import Column, Master, Observer, Recorder, RecorderError, SlaveError, System, Value
 from ..cosim.checkpoint.checkpoints import Checkpoints
 from ..cosim.checkpoint.state import CheckpointError
 from ..cosim.checkpoint.warm_start import WarmStart
 from ..cosim.columns import list_run_columns
+from ..cosim.description import read_descriptions
+from ..cosim.faults.binding import bind_faults
+from ..cosim.faults.event import FaultFile
+from ..cosim.faults.numbers import change_numbers
 from ..cosim.faults.reading import read_faults
-from ..cosim.signals import read_signals
+from ..cosim.isolation.instance import Isolation
+from ..cosim.schemes.scheme import Scheme
+from ..cosim.signals import Signal, read_signals
 from ..cosim.system_json import decode_system
 from ..pointing.interpretation import Interpretation
 from ..requirements.pooled import pack_distribution
@@ -24,16 +29,78 @@ from ..requirements.verdict import Verdict
 from ..runs.cases import Bounds
 from ..runs.judge import RunJudge
 from ..runs.keeping import SinceStart
+from ..runs.loaded import LoadedSystem
 from ..runs.stored_names import make_stored_names, rename_columns
 from ..terminal import reason
-from .bundle import FAULTS, INPUTS, REQUIREMENTS, SYSTEM, TASK
+from .bundle import FAULTS, INPUTS, REQUIREMENTS, SYSTEM, TASK, Task, result_versions
+from .factors import split_values
 from .indices import IndexRecord, SwitchRecord, find_signals
-from .parts import move_durably
 from .rows import ANSWER, DONE, FAILED, HISTOGRAM, LONGEST_TEXT, VERDICT, Row, VersionError
-from .task import Task, result_versions
-from .warm import WarmSystem
 
 FATAL_STATUS = 4  # fmi2Fatal
+
+
+class WarmSystem:
+    """Keeps what does not change from run to run: the system, model descriptions, and the FMUs in memory.
+
+    Parameters
+    ----------
+    step_s: communication step, s.
+    scheme: order of exchange, as :class:`..cosim.Master` has it.
+    faults: what happens in each run.
+    isolation: which FMUs get processes of their own, which stay, too.
+    start_time: of the runs, s; None: as the system says.
+    inputs: over time, by the name of an input of the system or by ``component.variable``.
+    """
+
+    def __init__(
+        self,
+        system: System,
+        step_s: float,
+        scheme: str | Scheme,
+        faults: FaultFile | None = None,
+        isolation: Isolation | None = None,
+        start_time: float | None = None,
+        inputs: Mapping[str, Signal] | None = None,
+    ) -> None:
+        self.system = system
+        self.descriptions = read_descriptions(system, lenient=True)
+        self._step_s, self._scheme, self._faults, self._isolation = step_s, scheme, faults, isolation
+        self._start_time, self._inputs = start_time, inputs
+        self._numbers: dict[str, Value] = {}
+        """Of faults, as the last run had them."""
+        self._loaded = LoadedSystem(system)
+
+    @contextmanager
+    def prepare(self, values: Mapping[str, Value], only: Collection[str] | None = None) -> Iterator[Master]:
+        """The system at its start with other values, ready to run in the body.
+
+        ``values``: start values by ``component.variable``, numbers of faults as ``faults.EVENT.key``.
+
+        ``only``: names of the outputs that are needed; None: all.
+
+        After an error the FMUs are loaded anew.  Raises :class:`..cosim.CosimError`.
+        """
+        starts, numbers = split_values(values, self.descriptions)
+        with self._loaded.hold(starts, self._make) as master:
+            if self._faults is not None and numbers != self._numbers:
+                changed = change_numbers(self._faults, numbers)
+                master.faults.change(bind_faults(changed, master.system, self.descriptions, master.clock))
+                self._numbers = numbers
+            master.record(only)
+            master.initialise()
+            yield master
+
+    def close(self) -> None:
+        """Free the FMUs; safe to call twice."""
+        self._loaded.close()
+
+    def _make(self, system: System) -> Master:
+        self._numbers = {}
+        return Master(
+            system, self._step_s, self._scheme, descriptions=self.descriptions, faults=self._faults,
+            isolation=self._isolation, start_time=self._start_time, inputs=self._inputs,
+        )  # fmt: skip
 
 
 class CaseRunner:
@@ -138,15 +205,15 @@ class CaseRunner:
 
 @contextmanager
 def store(path: Path | None) -> Iterator[Path | None]:
-    """A new file for the body, which gets the name ``path`` at its end, also after an error; None for None.
+    """A new file for the body, which gets the name ``path`` at its end, also after an error of the case; None for None.
 
-    Another process may be writing the same case: each has a file of its own, and the last to end gives it its name.
-    Raises ``OSError``.
+    Raises ``OSError``; nothing is left then.
     """
     if path is None:
         yield None
         return
-    written = path.with_name(f".{path.stem}-{uuid.uuid4().hex}.part")
+    written = path.with_name(f".{path.stem}.part")
+    written.unlink(missing_ok=True)
     try:
         try:
             yield written
@@ -154,9 +221,9 @@ def store(path: Path | None) -> Iterator[Path | None]:
             raise
         except Exception:
             if written.exists():
-                move_durably(written, path)
+                written.replace(path)
             raise
-        move_durably(written, path)
+        written.replace(path)
     finally:
         written.unlink(missing_ok=True)
 

@@ -2,26 +2,25 @@
 
 from __future__ import annotations
 
+import asyncio
+import concurrent.futures
 import os
+import time
 from collections import deque
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from concurrent.futures import Future, wait
 from contextlib import ExitStack, contextmanager, suppress
-from dataclasses import replace
+from importlib.util import find_spec
 from logging import CRITICAL
 from pathlib import Path
-from threading import Thread
 from typing import Any
 
 from ..child_processes import ONE_THREAD
-from ..terminal import block_interrupts, hold_interrupts
+from ..terminal import block_interrupts, hold_interrupts, reason
 from .bundle import Bundle
-from .parts import write_durably, write_part
 from .plan import Plan
-from .rows import KILLED, ClusterError
-from .scheduler import Scheduler
+from .rows import DONE, KILLED, ClusterError, RowStore, StartError, VersionError, write_durably
 from .signals import FOLDER, name_file
-from .worker import Done, Order, keep, run_batch
+from .worker import Done, keep, run_batch
 
 BATCH_S = 10.0
 """Wanted time of a batch: much longer than dask's overhead of some 10 ms, short enough that little is lost."""
@@ -29,8 +28,8 @@ BATCHES_PER_THREAD = 2  # in flight: one runs, one waits at the worker
 MOST_IN_BATCH = 200
 CONNECT_S = 10.0
 """That a scheduler may take to answer: it is asked again until then, so that it may be started at the same time."""
-CONNECTING = "connecting"  # name of the thread that does
-SLACK_S = 2.0  # beyond CONNECT_S: where dask notices that there is no scheduler, it says why
+WATCH_S = 1.0  # between looks at whether the scheduler has workers at all
+NO_WORKER_S = 60.0  # that workers may take to come, or to come back
 CLOSE_S = 60.0  # that a connection or a cluster may take to close: processes that are stopped do not answer
 ALLOWED_FAILURES = 20
 """Deaths of workers that a batch may see; with dask's 3 a few random ones would break innocent batches."""
@@ -73,41 +72,22 @@ def connect(address: str | None, workers: int | None, timeout_s: float = CONNECT
                 client = Client(_start_cluster(workers, stack), set_as_default=False)
             else:
                 get_address_host_port(address)  # a client asks for what is no address again, and ends with a traceback
-                client = _connect_within(address, timeout_s)
+                asyncio.run(asyncio.wait_for(_ask(address), timeout_s))
+                client = Client(address, set_as_default=False, timeout=timeout_s)
             stack.callback(_close, client)
         except Exception as error:  # no scheduler there, it did not answer, no address; workers that do not start
             where = "a cluster on this machine" if address is None else f"--scheduler {address}"
-            raise ClusterError(f"{where}: {str(error) or type(error).__name__}") from error
+            problem = str(error) or f"nothing has answered as a scheduler after {timeout_s:g} s"
+            raise ClusterError(f"{where}: {problem}") from error
         yield client
 
 
-def _connect_within(address: str, timeout_s: float) -> Any:
-    """A client of a scheduler; ``OSError`` if there is none.
+async def _ask(address: str) -> None:
+    """Have a scheduler answer.  A client waits for ever for a process that is stopped, or that is no scheduler."""
+    from distributed.core import rpc
 
-    dask itself waits for ever for the first words of a process that is stopped, and of one that is no scheduler.
-    """
-    from distributed import Client
-
-    client = Client.__new__(Client)
-    found: Future[None] = Future()
-
-    def connect() -> None:
-        try:
-            Client.__init__(client, address, set_as_default=False, timeout=timeout_s)
-        except Exception as error:
-            found.set_exception(error)
-        else:
-            found.set_result(None)
-
-    Thread(target=connect, name=CONNECTING, daemon=True).start()
-    try:
-        if not wait([found], timeout_s + SLACK_S).done:
-            raise OSError(f"there is something, but it has not answered as a scheduler after {timeout_s:g} s")
-        found.result()
-    except BaseException:
-        client.status = "closed"  # one that is connecting would keep Python from ending
-        raise
-    return client
+    async with rpc(address) as scheduler:
+        await scheduler.identity()
 
 
 def _start_cluster(workers: int | None, stack: ExitStack) -> Any:
@@ -147,94 +127,161 @@ def _close(opened: Any) -> None:
 class Dispatcher:
     """Sends the missing cases of a plan to the workers of a client until all have rows.
 
-    Parameters
-    ----------
-    report: called after each batch with the number of cases that it had, and how many of these are not done.
+    All methods raise :class:`.rows.ClusterError` when the scheduler is lost.
     """
 
-    def __init__(
-        self, client: Any, plan: Plan, plan_hash: str, bundle: Bundle, output: Path, report: Callable[[int, int], None]
-    ) -> None:
-        self._scheduler, self._plan, self._hash = Scheduler(client), plan, plan_hash
-        self._output, self._report = output, report
-        self._order = Order(str(output), plan_hash, plan.study.timeout_s)
-        self._bundle = self._scheduler.submit(keep, bundle, key=f"ps-fmu-study-{bundle.sha256}")
-        self._todo: deque[int] = deque()
+    def __init__(self, client: Any, plan: Plan, plan_hash: str, bundle: Bundle, output: Path) -> None:
+        self._client, self._address = client, client.scheduler.address  # a client that has given up has none
+        self._plan, self._files = plan, bundle
+        self._bundle: Any = None
+        self._output, self._store = output, RowStore(output, plan_hash)
         self._stored: frozenset[int] = frozenset()
-        self._suspects: deque[list[int]] = deque()
-        """Halves of batches whose workers have died again and again.  Each runs with nothing beside it: dask suspects
-        all that a dying worker had."""
-        self._alone = False
-        self._flights: dict[Any, list[int]] = {}
         self._finished, self._spent_s = 0, 0.0
+        self._idle_since: float | None = None
+        """Since when there has been no worker."""
 
-    def run(self, cases: Sequence[int], stored: Collection[int] = ()) -> None:
+    def find_dashboard(self) -> str | None:
+        """Address of dask's dashboard; None where bokeh, which draws it, is not installed.
+
+        Of a scheduler elsewhere that is not known: the address may lead nowhere.
+        """
+        if self._client.cluster is not None and find_spec("bokeh") is None:
+            return None
+        with self._notice_loss(), suppress(KeyError):  # a scheduler without a dashboard has no port of one
+            return str(self._client.dashboard_link)
+        return None
+
+    def run(self, cases: Sequence[int], stored: Collection[int], report: Callable[[int, int], None]) -> None:
         """Run these cases, ascending; ``stored`` are those of them whose signals are stored.
 
-        Raises :class:`.rows.ClusterError`, and what :func:`.worker.run_batch` raises.
+        ``report`` is called after each batch with the number of cases that it had, and how many of these are not done.
+
+        Raises what :func:`.worker.run_batch` raises, too.
         """
-        self._todo.extend(cases)
         self._stored = frozenset(stored)
-        try:
-            self._fill()
-            while self._flights:
-                arrived = self._scheduler.wait(self._flights)
-                for future in arrived:
-                    self._land(future, self._flights.pop(future))
-                    future.release()
-                self._alone = self._alone and bool(self._flights)
-                self._fill()
-        finally:
-            self._scheduler.cancel(self._flights)
+        key = f"ps-fmu-study-{self._files.sha256}"
+        with self._notice_loss():
+            self._bundle = self._client.submit(keep, self._files, key=key, pure=False)
+        suspects = self._run(cases, report)
+        # One by one, with nothing beside it: dask suspects all that a dying worker had.
+        for case, error in self._run(list(suspects), report, alone=True).items():
+            text = f"its workers ended as often as the scheduler allows: {error}"
+            self._keep(Done([{"case": case, "status": KILLED, "error": text}], {}), report)
 
-    def _fill(self) -> None:
-        threads = max(1, self._scheduler.count_threads())
-        most = 1 if self._suspects or self._alone else BATCHES_PER_THREAD * threads
-        while len(self._flights) < most and (self._suspects or self._todo):
-            self._alone = bool(self._suspects)
-            cases = self._suspects.popleft() if self._suspects else self._take(threads)
-            jobs = [(index, self._plan.values(index)) for index in cases]
-            order = replace(self._order, stored=tuple(index for index in cases if index in self._stored))
-            future = self._scheduler.submit(run_batch, self._bundle, jobs, order)
-            self._flights[future] = cases
-
-    def _take(self, threads: int) -> list[int]:
-        """Neighbours from the queue: some ten seconds' worth, and fewer when it ends, so that all workers have some."""
-        each = self._spent_s / self._finished if self._finished else BATCH_S
-        share = -(-len(self._todo) // (BATCHES_PER_THREAD * threads))
-        most = max(1, min(MOST_IN_BATCH, round(BATCH_S / max(each, 1e-3)), share))
-        cases = [self._todo.popleft()]
-        while self._todo and len(cases) < most and self._todo[0] == cases[-1] + 1:
-            cases.append(self._todo.popleft())
-        return cases
-
-    def _land(self, future: Any, cases: list[int]) -> None:
+    def _run(
+        self, cases: Sequence[int], report: Callable[[int, int], None], *, alone: bool = False
+    ) -> dict[int, Exception]:
+        """Run cases; the errors of those whose workers have ended again and again, by case."""
         from distributed.scheduler import KilledWorker
 
+        todo, flights, killed = deque(cases), dict[Any, list[int]](), dict[int, Exception]()
         try:
-            done: Done = self._scheduler.fetch(future)
-        except KilledWorker as error:
-            if error.task == self._bundle.key:
-                raise ClusterError(f"workers end when they take over the files of the study: {error}") from error
-            self._isolate(cases, error)
-        else:
-            self._keep(done, cases)
+            while todo or flights:
+                threads = max(1, self._count_threads())
+                while todo and len(flights) < (1 if alone else BATCHES_PER_THREAD * threads):
+                    batch = [todo.popleft()] if alone else self._take(todo, threads)
+                    flights[self._submit(batch)] = batch
+                for future in self._wait(flights):
+                    batch = flights.pop(future)
+                    try:
+                        self._keep(self._fetch(future), report)
+                    except KilledWorker as error:
+                        if error.task == self._bundle.key:
+                            problem = f"workers end when they take over the files of the study: {error}"
+                            raise ClusterError(problem) from error
+                        killed |= dict.fromkeys(batch, error)
+                    future.release()
+        finally:
+            with suppress(Exception):  # a scheduler that is lost has none: what ended the study is said, not this
+                if self._client.status == "running":
+                    self._client.cancel(list(flights))
+        return killed
 
-    def _keep(self, done: Done, cases: list[int]) -> None:
-        for case, content in done.signals.items():  # before the part, which says that a case is done
+    def _take(self, todo: deque[int], threads: int) -> list[int]:
+        """Cases from the queue: some ten seconds' worth, and fewer when it ends, so that all workers have some.
+
+        One whose signals are stored is by itself: they are large.
+        """
+        each = self._spent_s / self._finished if self._finished else BATCH_S
+        share = -(-len(todo) // (BATCHES_PER_THREAD * threads))
+        most = max(1, min(MOST_IN_BATCH, round(BATCH_S / max(each, 1e-3)), share))
+        cases = [todo.popleft()]
+        while todo and len(cases) < most and not self._stored.intersection((cases[0], todo[0])):
+            cases.append(todo.popleft())
+        return cases
+
+    def _submit(self, cases: Sequence[int]) -> Any:
+        jobs = [(index, self._plan.values(index)) for index in cases]
+        stored = [index for index in cases if index in self._stored]
+        with self._notice_loss():
+            return self._client.submit(run_batch, self._bundle, jobs, self._plan.study.timeout_s, stored, pure=False)
+
+    def _wait(self, futures: Collection[Any]) -> Collection[Any]:
+        """Those that have come in; none after a while without any."""
+        from distributed import wait
+
+        with self._notice_loss(), suppress(TimeoutError), self._client.as_current():
+            arrived: Collection[Any] = wait(list(futures), WATCH_S, "FIRST_COMPLETED").done
+            return arrived
+        return ()
+
+    def _fetch(self, future: Any) -> Done:
+        """What a batch has found; what has been lost with its worker is computed again."""
+        from distributed.scheduler import KilledWorker
+
+        while True:
+            try:
+                found: Done = future.result(NO_WORKER_S)
+                return found
+            except TimeoutError:
+                self._count_threads()
+            except (KilledWorker, StartError, VersionError):
+                raise
+            except Exception as error:
+                failed = future.status == "error"  # else it is no error of the batch
+                if not failed and self._is_lost(error):
+                    raise self._say_lost() from error
+                if failed and isinstance(error, OSError):
+                    raise
+                text = " ".join(reason(error).split())
+                raise ClusterError(f"cases cannot be run there: {type(error).__name__}: {text}") from error
+
+    def _count_threads(self) -> int:
+        """Of all workers.  Raises :class:`.rows.ClusterError` if there have been no workers for long."""
+        with self._notice_loss():
+            threads = sum(self._client.nthreads().values())
+        now = time.monotonic()
+        self._idle_since = None if threads else self._idle_since or now
+        if self._idle_since is not None and now - self._idle_since > NO_WORKER_S:
+            raise ClusterError(f"the scheduler {self._address} has had no worker for {NO_WORKER_S:g} s")
+        return threads
+
+    @contextmanager
+    def _notice_loss(self) -> Iterator[None]:
+        """Raise :class:`.rows.ClusterError` for whatever the body raises because the connection has ended."""
+        if self._is_lost(None):
+            raise self._say_lost()
+        try:
+            yield
+        except Exception as error:
+            if self._is_lost(error):
+                raise self._say_lost() from error
+            raise
+
+    def _is_lost(self, error: Exception | None) -> bool:
+        """Whether there is no scheduler: its client says so at once, and cancels its futures."""
+        from distributed import CancelledError
+
+        ended = isinstance(error, OSError | CancelledError | concurrent.futures.CancelledError)
+        return ended or self._client.status != "running"
+
+    def _say_lost(self) -> ClusterError:
+        return ClusterError(f"the scheduler {self._address} is lost")
+
+    def _keep(self, done: Done, report: Callable[[int, int], None]) -> None:
+        for case, content in done.signals.items():  # before the row, which says that a case is done
             write_durably(self._output / FOLDER / name_file(case), content)
-        if done.content is not None:
-            write_part(self._output, self._hash, [{"case": cases[0]}, {"case": cases[-1]}], done.content)
-        self._finished += done.cases
-        self._spent_s += done.wall_s
-        self._report(done.cases, done.not_done)
-
-    def _isolate(self, cases: list[int], error: Any) -> None:
-        """Bisection: of a batch that its workers did not survive, each half by itself."""
-        if len(cases) > 1:
-            middle = len(cases) // 2
-            self._suspects.extend((cases[:middle], cases[middle:]))
-            return
-        text = f"its workers ended as often as the scheduler allows: {error}"
-        write_part(self._output, self._hash, [{"case": cases[0], "status": KILLED, "error": text}])
-        self._report(1, 1)
+        self._store.add(done.rows)
+        self._finished += len(done.rows)
+        self._spent_s += sum(row.get("wall_s", 0.0) for row in done.rows)
+        report(len(done.rows), sum(row["status"] != DONE for row in done.rows))

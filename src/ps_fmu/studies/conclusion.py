@@ -1,4 +1,4 @@
-"""What a finished study says, on the terminal, in summary.json and in study.html."""
+"""What a finished study says, on the terminal, in summary.json and in study.html, where its cases can be explored."""
 
 from __future__ import annotations
 
@@ -9,39 +9,98 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+import numpy as np
+
 from ..pointing.confidence import Statement
 from ..requirements.reading import read_requirements
 from ..requirements.verdict import Answer
+from ..results.page.cases import CaseColumn, CaseTable, Mark
 from ..results.page.content import Exploration
 from ..results.report import Report
 from ..results.summary import FmuFile, plain, versions
 from ..results.tables import Table
 from ..slavekit.pack.files import write_atomically
-from .control_variate import Controlled, control
-from .explorer import tabulate_cases
+from .factors import Factor
 from .figures import draw_all
 from .loading import list_columns
-from .outcome import Outcome, collect
-from .sensitivity import Influence, find_influences
-from .signals import FOLDER as SIGNALS
-from .signals import list_stored
-from .statistics import (
+from .outcome import (
     CONFIDENCE,
     PROBABILITIES,
     Compliance,
+    Outcome,
+    Output,
     Percentiles,
+    collect,
     count_statuses,
     find_compliance,
     find_failed,
     find_percentiles,
     find_worst,
 )
+from .sensitivity import Influence, find_influences
+from .signals import FOLDER as SIGNALS
+from .signals import list_stored
 from .study import LATIN, SAMPLES, SOBOL
 from .sweep import Prepared, SweepOptions
 
+WORST_SHOWN = 1000  # of a study that is too large for the page: these are there in any case
+MOST_METRICS = 60
+CAPTION = (
+    "Each point is a case. Blue: up to the limit of the requirement, or without a limit; orange: above it. Dashed "
+    "lines in the distribution are percentiles over all cases. The filter takes the number of a case, or a condition "
+    "such as mass > 51 on a column of the table, in its unit."
+)
 SUMMARY, REPORT = "summary.json", "study.html"
 MOST_ROWS = 40  # of a table on the page; all are in summary.json
 STRONGEST = 5  # factors in a row of the ranking
+
+
+def tabulate_cases(
+    outcome: Outcome, percentiles: Sequence[Percentiles], influences: Sequence[Influence], command: tuple[str, str]
+) -> CaseTable | None:
+    """All cases; None where none has a number.
+
+    ``command``: the texts before and after the number of a case in the command that runs it again.
+    """
+    stated = {one.output.name: one for one in percentiles}
+    strengths = {one.output.name: one for one in influences}
+    shown = list(dict.fromkeys([*outcome.headlines, *outcome.outputs]))
+    metrics = [
+        _make_metric(outcome, output, stated[output.name], strengths.get(output.name))
+        for output in shown if output.name in stated
+    ][:MOST_METRICS]  # fmt: skip
+    if not metrics:
+        return None
+    parameters = [_make_parameter(factor, outcome, place) for place, factor in enumerate(outcome.plan.factors)]
+    measures = influences[0].measures if influences else {}
+    names = {"sobol_total": "total Sobol\u2019 index", "morris_mu_star": "Morris\u2019 mean magnitude"}
+    return CaseTable(
+        "Cases",
+        CAPTION,
+        parameters,
+        metrics,
+        next((text for name, text in names.items() if name in measures), "rank correlation"),
+        command,
+        {case: f"{status}: {error.splitlines()[0] if error else ''}" for case, status, error in find_failed(outcome)},
+        [case for case, _, _ in find_worst(outcome, WORST_SHOWN)],
+    )
+
+
+def _make_parameter(factor: Factor, outcome: Outcome, place: int) -> CaseColumn:
+    texts = [level for level in factor.levels if isinstance(level, str)]
+    return CaseColumn(factor.name, factor.unit, outcome.plan.draws[:, place], texts)
+
+
+def _make_metric(outcome: Outcome, output: Output, stated: Percentiles, influence: Influence | None) -> CaseColumn:
+    marks = [Mark(f"{100.0 * (one.probability or 0.0):g} %", one.value) for one in stated.stated]
+    ranking: list[float] = []
+    if influence is not None:
+        values = next(
+            (influence.measures[name] for name in ("sobol_total", "morris_mu_star") if name in influence.measures),
+            influence.rank_correlation,
+        )
+        ranking = np.asarray(values, dtype=float).tolist()
+    return CaseColumn(output.title, output.unit, outcome.values(output), (), output.limit, marks, ranking)
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +111,6 @@ class Conclusion:
     percentiles: Sequence[Percentiles]
     compliance: Sequence[Compliance]
     influences: Sequence[Influence]
-    controlled: Sequence[Controlled]
 
 
 def conclude(options: SweepOptions, prepared: Prepared, folder: Path) -> str:
@@ -62,11 +120,7 @@ def conclude(options: SweepOptions, prepared: Prepared, folder: Path) -> str:
     columns = list_columns(prepared.plan.study, prepared.system)
     outcome = collect(folder, prepared.plan, prepared.identity.plan_sha256, columns, requirements)
     found = Conclusion(
-        outcome,
-        find_percentiles(outcome),
-        find_compliance(outcome),
-        find_influences(outcome),
-        control(outcome, prepared.system),
+        outcome, find_percentiles(outcome), find_compliance(outcome), find_influences(outcome)
     )
     tables = make_tables(found, options)
     notes = [*list_notes(found), *describe_signals(folder)]
@@ -152,7 +206,6 @@ def make_tables(found: Conclusion, options: SweepOptions) -> list[Table]:
         _tabulate_failed(found.outcome, options),
         _tabulate_percentiles(found),
         _tabulate_ranking(found),
-        _tabulate_controlled(found.controlled),
     ]
     return [table for table in tables if table.rows]
 
@@ -227,17 +280,6 @@ def _tabulate_ranking(found: Conclusion) -> Table:
     return Table("What the outputs depend on, the strongest first", ("output", _name_measure(found)), rows)
 
 
-def _tabulate_controlled(controlled: Sequence[Controlled]) -> Table:
-    rows = [
-        (one.output.name, f"{math.sqrt(one.mean):.4g}", f"{50 * one.error / one.mean:.2g} %",
-         f"{math.sqrt(max(one.controlled_mean, 0.0)):.4g}", f"{50 * one.controlled_error / one.mean:.2g} %",
-         f"{one.correlation:.3f}", f"{one.gain:.3g}")
-        for one in controlled
-    ]  # fmt: skip
-    header = ("RMS over all cases (rad)", "plain", "its error", "controlled", "its error", "correlation", "gain")
-    return Table("Closed form as a control variate: the gain is that in variance, or in cases", header, rows)
-
-
 def summarise(found: Conclusion, prepared: Prepared, options: SweepOptions) -> dict[str, object]:
     """The content of summary.json."""
     names = [factor.name for factor in found.outcome.plan.factors]
@@ -282,12 +324,6 @@ def summarise(found: Conclusion, prepared: Prepared, options: SweepOptions) -> d
             }
             for influence in found.influences
         },
-        "control_variates": [
-            {"output": one.output.name, "mean_square": one.mean, "error": one.error,
-             "controlled_mean_square": one.controlled_mean, "controlled_error": one.controlled_error,
-             "correlation": one.correlation, "gain": one.gain}
-            for one in found.controlled
-        ],
         "versions": versions(),
     }  # fmt: skip
 

@@ -1,31 +1,67 @@
-"""What is varied, resolved against a system: which start values it sets, and how its values are distributed."""
+"""What a study varies: parameters, inputs and numbers of faults, found in the system; distributions of their values."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from fmpy.model_description import ModelDescription, ModelVariable
 from numpy.typing import ArrayLike, NDArray
 
-from ..cosim import UsageError, Value
+from ..cosim import CosimError, UsageError, Value
 from ..cosim.description import convert_value, explain_unsettable, get_unit, index_variables, read_start
+from ..cosim.faults.numbers import find_number
 from ..cosim.graph import Wiring
 from ..cosim.hops import list_items
 from ..cosim.signals import bind_signals, list_ways
 from ..cosim.start_values import has_exact_start
 from ..cosim.structure import split_port, suggest_names
 from ..runs.setup import RunSystem
-from .fault_numbers import find_numbers, names_faults
-from .numbers import Number, parse_number
-from .study import NORMAL, STEPS, UNIFORM, VALUES, Branch, Vary
+from .study import NORMAL, STEPS, UNIFORM, VALUES, Branch, Number, Vary, parse_number
 
+PREFIX = "faults."
 Array = NDArray[np.float64]
-
 LEAST_SHARE = 1e-9
 """Probability that a normal distribution must have between its limits."""
+
+
+def names_faults(name: str, components: Collection[str]) -> bool:
+    """Whether a name is one of a number of faults: of a component of this name it is a parameter."""
+    return name.startswith(PREFIX) and PREFIX[:-1] not in components
+
+
+def find_numbers(vary: Vary, system: RunSystem) -> dict[str, ModelVariable]:
+    """The numbers that a ``[[vary]]`` sets, by name: one for one number.  Raises :class:`.study.StudyError`."""
+    if system.faults is None:
+        raise vary.error("parameter", f"{vary.parameters[0]} is a number of faults: [study] has no key faults")
+    if vary.only:
+        raise vary.error("only", "is for parameters of components, and not for numbers of faults")
+    found: dict[str, ModelVariable] = {}
+    for name in vary.parameters:
+        if not names_faults(name, system.descriptions):
+            raise vary.error("parameter", f"{name} is no number of faults: use a [[vary]] for each")
+        try:
+            number = find_number(system.faults, name.removeprefix(PREFIX), system.descriptions)
+        except CosimError as error:
+            raise vary.error("parameter", f"{name}: {error}") from error
+        found[f"{PREFIX}{number.name}"] = number
+    return found
+
+
+def split_values(
+    values: Mapping[str, Value], components: Collection[str]
+) -> tuple[dict[str, Value], dict[str, Value]]:
+    """What a case sets: start values; numbers of faults, for :func:`..cosim.faults.numbers.change_numbers`."""
+    starts: dict[str, Value] = {}
+    numbers: dict[str, Value] = {}
+    for name, value in values.items():
+        if names_faults(name, components):
+            numbers[name.removeprefix(PREFIX)] = value
+        else:
+            starts[name] = value
+    return starts, numbers
 
 
 @dataclass(frozen=True)

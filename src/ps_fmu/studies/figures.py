@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 
 from ..results.report import Picture
 from ..results.style import ACTIVE, PASSIVE, REFERENCE, draw, engineering, largest, pretty
-from .outcome import Outcome, Output
+from .outcome import CONFIDENCE, PROBABILITIES, Outcome, Output, Percentiles
 from .sensitivity import Influence
-from .statistics import CONFIDENCE, PROBABILITIES, Percentiles
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

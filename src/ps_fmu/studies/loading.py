@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 from fmpy.model_description import ModelDescription
 
@@ -24,14 +23,13 @@ from ..cosim.structure import Parameter, parse_port
 from ..product.files import find_product
 from ..runs.built_fmus import find_built_folder, is_own, list_models, provide_fmus
 from ..runs.judge import read_judge
-from ..runs.options import OptionError, RunOptions, Scenario
+from ..runs.options import OptionError, RunOptions
+from ..runs.scenario import Scenario
 from ..runs.setup import HIGHEST_NOISE, SEED, RunSystem, limit_noise
 from ..runs.warning_log import WarningLog
 from .indices import check_windows, find_signals
 from .signals import check_signals
 from .study import Study, StudyError
-
-_NO_RUN: Any = None  # a study runs its cases itself
 
 
 def make_options(study: Study, output: Path) -> RunOptions:
@@ -40,7 +38,7 @@ def make_options(study: Study, output: Path) -> RunOptions:
     Raises :class:`..runs.options.OptionError`.
     """
     scenario = Scenario(
-        study.name, f"a case of the study {study.path.name}", _NO_RUN, study.duration_s, study.step_s,
+        study.name, f"a case of the study {study.path.name}", "", study.duration_s, study.step_s,
         cases=tuple(study.runs), system=study.system.name,
     )  # fmt: skip
     return RunOptions(

@@ -1,4 +1,4 @@
-"""All cases of a study before any is run: draws, start values, seeds; and the hash that names them."""
+"""All cases of a study before any is run: points in the unit cube, draws, start values, seeds; and their hash."""
 
 from __future__ import annotations
 
@@ -19,14 +19,177 @@ from ..cosim.description import convert_value, find_variable, index_variables
 from ..cosim.graph import check_wiring
 from ..cosim.structure import parse_port, split_port
 from ..runs.setup import RunSystem
+from .bundle import result_versions
 from .factors import Factor, convert_level, explain_fed, explain_unvaried, find_factor
 from .rows import OWN, VERDICT
-from .sampling import draw_cases
-from .study import COMMON, GRID, LIST, MOST_CASES, Study, StudyError
-from .task import result_versions
+from .study import (
+    COMMON,
+    GRID,
+    LATIN,
+    LIST,
+    MORRIS,
+    MOST_CASES,
+    RANDOM,
+    SOBOL,
+    SOBOL_INDICES,
+    Correlation,
+    Study,
+    StudyError,
+)
 
 Array = NDArray[np.float64]
 
+MORRIS_LEVELS = 4  # of each factor: the usual choice (Saltelli and others, Sensitivity Analysis in Practice, 2004, 4.2)
+SMALLEST_EIGENVALUE = 1e-10  # of a correlation matrix; below it is singular to rounding
+
+
+def draw_cases(study: Study, factors: Sequence[Factor]) -> Array:
+    """Draws (cases, factors), in the units of the factors; the same for the same study.
+
+    Raises :class:`.study.StudyError` for a number of cases or a correlation that the plan cannot have.
+    """
+    if study.plan in (GRID, LIST):
+        return _combine_levels(study, factors)
+    shares = study_shares(study, len(factors))
+    correlation = join_correlations(study, [factor.name for factor in factors])
+    if correlation is not None:
+        shares = correlate(shares, correlation)
+    return np.column_stack([factor.draw(column) for factor, column in zip(factors, shares.T, strict=True)])
+
+
+def study_shares(study: Study, factors: int) -> Array:
+    """:func:`make_shares` with the random numbers of the study: the same for the same seed."""
+    return make_shares(study, factors, np.random.default_rng(np.random.SeedSequence(study.seed, spawn_key=(0,))))
+
+
+def make_shares(study: Study, factors: int, rng: np.random.Generator) -> Array:
+    """Points (cases, factors) in the unit cube, columns not correlated.
+
+    ``sobol-indices``: matrices A, B and A with one column of B, one below the other, as Saltelli (2010) has them.
+    Raises :class:`.study.StudyError` for a number of cases that the plan cannot have.
+    """
+    from scipy.stats import qmc
+
+    cases = study.cases
+    assert cases is not None  # reading refuses it for these plans
+    if study.plan == RANDOM:
+        return rng.random((cases, factors))
+    if study.plan == LATIN:
+        return np.asarray(qmc.LatinHypercube(factors, rng=rng).random(cases))
+    if study.plan == SOBOL:
+        return _draw_sobol(_count_points(study, cases, 1, powers=True), factors, rng)
+    if study.plan == SOBOL_INDICES:
+        both = _draw_sobol(_count_points(study, cases, factors + 2, powers=True), 2 * factors, rng)
+        A, B = both[:, :factors], both[:, factors:]
+        mixed = np.tile(A, (factors, 1, 1))
+        for i in range(factors):
+            mixed[i, :, i] = B[:, i]
+        return np.concatenate([A, B, *mixed])
+    assert study.plan == MORRIS
+    return _draw_trajectories(study, _count_points(study, cases, factors + 1, powers=False), factors, rng)
+
+
+def join_correlations(study: Study, names: Sequence[str]) -> Array | None:
+    """Rank correlations (factors, factors) of all factors; None where none is stated.
+
+    Raises :class:`.study.StudyError`: a pair that is stated twice, a plan that needs independent factors, a matrix
+    that no random numbers have.
+    """
+    if not study.correlations:
+        return None
+    if study.plan in (GRID, LIST, SOBOL_INDICES, MORRIS):
+        place = study.correlations[0].place
+        raise StudyError(f"{place}: the plan {study.plan!r} varies each by itself: nothing can be correlated")
+    matrix = np.eye(len(names))
+    stated: set[frozenset[str]] = set()
+    for group in study.correlations:
+        for i, one in enumerate(group.names):
+            for j, other in enumerate(group.names[:i]):
+                pair = frozenset((one, other))
+                if pair in stated:
+                    raise StudyError(f"{group.place}: the correlation of {one!r} and {other!r} is stated twice")
+                stated.add(pair)
+                row, column = names.index(one), names.index(other)
+                matrix[row, column] = matrix[column, row] = group.matrix[i][j]
+    _check_definite(matrix, study.correlations)
+    return matrix
+
+
+def correlate(shares: Array, rank_correlation: Array) -> Array:
+    """Points (cases, factors) with each column's own values in another order, so that their ranks are correlated.
+
+    A Gaussian copula: normal scores with the correlation 2 sin(pi rho / 6) have the rank correlation rho.  The values
+    of each column are put into the order of the scores (R. L. Iman, W. J. Conover, A distribution-free approach to
+    inducing rank correlation among input variables, Commun. Stat. Simul. Comput. 11 (1982) 311-334): a Latin hypercube
+    stays one.
+    """
+    from scipy.stats import norm
+
+    scores = norm.ppf(np.clip(shares, 2.0**-53, 1.0 - 2.0**-53))
+    scores = scores @ np.linalg.cholesky(_to_normal(rank_correlation)).T
+    ranks = np.argsort(np.argsort(scores, axis=0), axis=0)
+    return np.take_along_axis(np.sort(shares, axis=0), ranks, axis=0)
+
+
+def _to_normal(rank_correlation: Array) -> Array:
+    """Correlation of normal scores for a rank correlation."""
+    found = 2.0 * np.sin(np.pi / 6.0 * rank_correlation)
+    np.fill_diagonal(found, 1.0)
+    return np.asarray(found)
+
+
+def _check_definite(matrix: Array, groups: Sequence[Correlation]) -> None:
+    lowest = float(np.linalg.eigvalsh(_to_normal(matrix)).min())
+    if lowest < SMALLEST_EIGENVALUE:
+        raise StudyError(
+            f"{groups[-1].place}: the correlation matrix is not positive definite (lowest eigenvalue {lowest:.3g}): no "
+            "random numbers are correlated like this; bring the correlations nearer to 0, or state those between all"
+        )
+
+
+def _combine_levels(study: Study, factors: Sequence[Factor]) -> Array:
+    join_correlations(study, [factor.name for factor in factors])
+    levels = [factor.numbers for factor in factors]
+    if study.plan == LIST:
+        lengths = {len(own) for own in levels}
+        if len(lengths) > 1:
+            named = ", ".join(f"{factor.name}: {len(factor.levels)}" for factor in factors)
+            raise study.error("plan", f"a list needs as many values of each, got {named}")
+        return np.column_stack(levels)
+    return np.stack(np.meshgrid(*levels, indexing="ij"), axis=-1).reshape(-1, len(levels))
+
+
+def _draw_sobol(cases: int, dimensions: int, rng: np.random.Generator) -> Array:
+    from scipy.stats import qmc
+
+    return np.asarray(qmc.Sobol(dimensions, rng=rng).random(cases))
+
+
+def _count_points(study: Study, cases: int, each: int, *, powers: bool) -> int:
+    """Points of which each takes ``each`` cases; ``powers``: Sobol' points come by powers of 2."""
+    least = 1 if each == 1 else 2
+    points = max(least, cases // each)
+    lower = 2 ** (points.bit_length() - 1) if powers else points
+    if lower * each != cases:
+        upper = 2 * lower if powers else lower + 1
+        why = f"the plan {study.plan!r} takes {each} cases a point" if each > 1 else "Sobol' points"
+        by = " and points come by powers of 2" if powers and each > 1 else " come by powers of 2" if powers else ""
+        raise study.error("cases", f"{why}{by}: expected {lower * each} or {upper * each}, not {cases}")
+    return lower
+
+
+def _draw_trajectories(study: Study, trajectories: int, factors: int, rng: np.random.Generator) -> Array:
+    try:
+        from SALib.sample import morris
+    except ImportError as error:
+        raise study.error("plan", "morris needs SALib: pip install 'ps-fmu[morris]'") from error
+    seed = int(rng.integers(2**31))
+    return np.asarray(morris.sample(describe_problem(factors), trajectories, num_levels=MORRIS_LEVELS, seed=seed))
+
+
+def describe_problem(factors: int) -> dict[str, object]:
+    """The unit cube as SALib wants it."""
+    return {"num_vars": factors, "names": [f"x{i}" for i in range(factors)], "bounds": [[0.0, 1.0]] * factors}
 
 @dataclass(frozen=True, eq=False)
 class Plan:

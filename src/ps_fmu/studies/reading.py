@@ -70,14 +70,14 @@ from .study import (
     Observed,
     Study,
     StudyError,
+    TableReader,
     Vary,
 )
-from .table_reader import TableReader
 
 TABLES = ("study", "from", "runs", "vary", "correlate", "observe", "signals")
 STUDY_KEYS = (
     "name", "system", "duration", "step", "scheme", "parameters", "requirements", "plan", "cases", "seed", "seeds",
-    "timeout", "control_variates", "faults", "isolate", "step_timeout", "inputs", "outside",
+    "timeout", "faults", "isolate", "step_timeout", "inputs", "outside",
     "extrapolate", "rates", "solver", "tolerance", "error_estimate",
 )  # fmt: skip
 KEYS_OF = {
@@ -130,7 +130,6 @@ def read_study(path: Path) -> Study:
         correlations=tuple(_read_correlations(path, content, varied)),
         observed=tuple(_read_observed(path, content)),
         timeout_s=table.time("timeout", None),
-        control_variates=table.whole("control_variates", 1, MOST_CASES, 0),
         isolation=_read_isolation(table),
         signals=read_signals(path, content),
         faults=None if faults is None else _find(path, faults, "faults", table),

@@ -1,8 +1,19 @@
-"""A row: what a study keeps of a case."""
+"""A row is what a study keeps of a case; all rows of a study are in one file of its output folder."""
 
 from __future__ import annotations
 
+import hashlib
+import json
+import os
+import sqlite3
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import closing, contextmanager
+from itertools import islice
+from pathlib import Path
 from typing import Any
+
+from ..cosim.checkpoint.files import sync_folder
 
 Row = dict[str, Any]
 """``case``, ``status``, ``error``, ``warnings``, ``wall_s``, ``worker``, and the metrics by name."""
@@ -23,6 +34,13 @@ HISTOGRAM = "/histogram"
 LONGEST_TEXT = 2000  # of an error or of warnings
 
 
+FILE = "rows.sqlite"  # in the output folder
+WAIT_S = 60.0  # for another process that reads or writes the file
+ROWS_AT_ONCE = 10_000  # that are in memory as Python objects
+
+_TABLE = "CREATE TABLE IF NOT EXISTS rows (number INTEGER PRIMARY KEY, content TEXT NOT NULL, digest TEXT NOT NULL)"
+
+
 class VersionError(ValueError):
     """A worker has other releases of the packages that a row depends on."""
 
@@ -32,4 +50,103 @@ class StartError(RuntimeError):
 
 
 class ClusterError(RuntimeError):
-    """The cluster is lost, or cannot be had; the parts so far are kept."""
+    """The cluster is lost, or cannot be had; the rows so far are kept."""
+
+
+class RowStore:
+    """The rows of a study in its output folder.
+
+    What is added is on the disk or not there, whatever ends the process.  A row carries a digest of its content and the
+    plan: one that a disk has changed, or that is of another study, counts as missing.  Which cases are done is read
+    from here alone: no scheduler is asked.  All methods raise ``OSError`` where the file cannot be read or written.
+    """
+
+    def __init__(self, folder: Path, plan_hash: str) -> None:
+        self._path, self._key = folder / FILE, plan_hash.encode()[:64]
+
+    def add(self, rows: Sequence[Row]) -> None:
+        """Add rows; one of a case that is there already takes its place."""
+        texts = [(row["case"], json.dumps(row)) for row in rows]
+        with self._open() as connection:
+            connection.executemany(
+                "INSERT OR REPLACE INTO rows VALUES (?, ?, ?)",
+                [(case, text, self._digest(case, text)) for case, text in texts],
+            )
+
+    def read(self, case: int | None = None) -> Iterator[Row]:
+        """The rows in the order of their cases; or that of one case, if it is there."""
+        if not self._path.exists():
+            return
+        only = "" if case is None else "WHERE number = ?"
+        with self._open() as connection:
+            found = connection.execute(f"SELECT * FROM rows {only} ORDER BY number", () if case is None else (case,))
+            for number, content, digest in found:
+                if self._digest(number, content) == digest:
+                    yield json.loads(content)
+
+    def read_statuses(self) -> dict[int, str]:
+        """The status of each case that has a row."""
+        return {row["case"]: row["status"] for row in self.read()}
+
+    def list_missing(self, cases: int) -> list[int]:
+        """Those of the cases from 0 on that have no row, in order."""
+        done = self.read_statuses()
+        return [case for case in range(cases) if case not in done]
+
+    def read_table(self) -> Any:
+        """All rows as a ``pyarrow.Table``, without histograms, which are some kilobytes a case; None without rows.
+
+        A metric that a row has not is null.
+        """
+        import pyarrow as pa
+
+        rows, tables = self.read(), []
+        while some := list(islice(rows, ROWS_AT_ONCE)):
+            names = dict.fromkeys(name for row in some for name in row if not name.endswith(HISTOGRAM))
+            columns = {name: pa.array([row.get(name) for row in some], _find_type(name)) for name in names}
+            tables.append(pa.table(columns))
+        return pa.concat_tables(tables, promote_options="default") if tables else None
+
+    def read_texts(self, column: str) -> Iterator[str]:
+        """The texts of a column, case by case; those that are there."""
+        return (row[column] for row in self.read() if row.get(column) is not None)
+
+    def _digest(self, case: int, content: str) -> str:
+        return hashlib.blake2b(f"{case} {content}".encode(), digest_size=8, key=self._key).hexdigest()
+
+    @contextmanager
+    def _open(self) -> Iterator[sqlite3.Connection]:
+        """The file; what the body changes is done at its end."""
+        try:
+            with closing(sqlite3.connect(self._path, timeout=WAIT_S)) as connection, connection:
+                connection.execute(_TABLE)  # a process may have ended between making the file and this
+                yield connection
+        except sqlite3.Error as error:
+            other = "" if isinstance(error, sqlite3.OperationalError) else ": delete this file, and resume the study"
+            raise OSError(f"{self._path}: {error}{other}") from error
+
+
+def _find_type(name: str) -> Any:
+    import pyarrow as pa
+
+    if name == "case":
+        return pa.int64()
+    return pa.string() if name in TEXTS or name.endswith(ANSWER) else pa.float64()
+
+
+def write_durably(path: Path, content: bytes) -> None:
+    """Write a file that is complete or not there, also after a loss of power.  Raises ``OSError`` with the path."""
+    try:
+        handle, name = tempfile.mkstemp(dir=path.parent, prefix=".", suffix=".part")
+        try:
+            with os.fdopen(handle, "wb") as file:
+                file.write(content)
+                file.flush()
+                os.fsync(handle)
+            os.replace(name, path)
+        except BaseException:
+            Path(name).unlink(missing_ok=True)
+            raise
+        sync_folder(path.parent)
+    except OSError as error:
+        raise OSError(error.errno, error.strerror or str(error), str(path)) from error

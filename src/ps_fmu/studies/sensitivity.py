@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .outcome import Outcome, Output
-from .sampling import MORRIS_LEVELS, describe_problem, study_shares
+from .plan import MORRIS_LEVELS, describe_problem, study_shares
 from .study import MORRIS, SOBOL_INDICES
 
 Array = NDArray[np.float64]

@@ -12,15 +12,13 @@ from typing import Any
 
 from ..cosim.checkpoint.parts import hash_file
 from ..runs.setup import RunSystem, identify_fmus
-from .branching import Sources
-from .bundle import FAULTS, INPUTS, REQUIREMENTS, Bundle
-from .parts import FOLDER, write_durably
+from .bundle import FAULTS, INPUTS, REQUIREMENTS, Bundle, result_versions
 from .plan import Plan, hash_plan
+from .preparation import Sources
+from .rows import write_durably
 from .study import StudyError
-from .task import result_versions
-from .worker import MANIFEST
 
-PLAN, STUDY_COPY = "plan.parquet", "study.toml"
+MANIFEST, PLAN, STUDY_COPY = "manifest.json", "plan.parquet", "study.toml"
 TABLES = ("fmus", "versions", "checkpoints_sha256")
 """Keys of a manifest with texts by name."""
 
@@ -90,7 +88,6 @@ def open_folder(folder: Path, plan: Plan, identity: Identity, *, resume: bool) -
     if manifest.exists():
         _compare(folder, _read(manifest), identity, resume)
         return
-    (folder / FOLDER).mkdir(exist_ok=True)
     write_durably(folder / STUDY_COPY, plan.study.path.read_bytes())
     write_durably(folder / PLAN, encode_plan(plan))
     write_durably(manifest, (json.dumps(asdict(identity), indent=2) + "\n").encode())

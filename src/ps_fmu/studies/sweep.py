@@ -1,33 +1,102 @@
-"""A whole study: plan, run what is missing, say what it says."""
+"""A whole study: plan, run what is missing, for rows or for signals; or run one case again."""
 
 from __future__ import annotations
 
+import json
+import math
 import os
 import shlex
 import sys
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from ..cosim import Column
+from ..cosim.faults.numbers import change_numbers
+from ..requirements.reading import read_requirements
+from ..requirements.verdict import format_verdicts
+from ..results.report import Report
 from ..results.style import prepare_drawing
-from ..runs.options import claim_folder
-from ..runs.output import lock_folder
-from ..runs.setup import RunSystem
-from .branching import check_sources, keep_seeds, read_sources
-from .bundle import Bundle
-from .control_variate import check_closed_form
-from .loading import choose_fmus, choose_step, load_study_system
+from ..results.summary import plain, versions
+from ..results.tables import Table
+from ..runs.cases import Case, run_case
+from ..runs.options import REPORT, RESULTS, SUMMARY, claim_folder
+from ..runs.output import hold_folder, lock_folder
+from ..runs.publish import show_verdict
+from ..runs.setup import RunSystem, identify_fmus
+from ..slavekit.pack.files import write_atomically
+from .bundle import Bundle, Task
+from .case_runner import describe_verdicts, make_records
+from .factors import names_faults, split_values
+from .indices import IndexRecord, SwitchRecord
+from .loading import choose_fmus, choose_step, list_columns, load_study_system, make_options
+from .outcome import collect, find_worst
 from .plan import Plan, make_plan
-from .preparation import check_numbers, complete_observed, make_bundle
+from .preparation import check_numbers, check_sources, complete_observed, keep_seeds, make_bundle, read_sources
 from .reading import read_study
-from .stored import check_stored, list_work, list_worst, prepare_folder, remove_leftovers
-from .study_folder import Identity
+from .rows import DONE, MEASURED, Row, RowStore
+from .signals import FOLDER as SIGNALS
+from .signals import check_free, check_size, list_stored, list_unstored
+from .study import StudyError
+from .study_folder import Identity, explain_difference, read_identity
 
-Report = Callable[[int, int], None]
+Count = Callable[[int, int], None]
 """Takes the number of cases of a batch, and how many of these are not done."""
-
 QUIET_INTERVAL_S = 10.0  # between the lines of the progress bar in a log file
+
+
+def check_stored(plan: Plan, system: RunSystem) -> int:
+    """Bytes of all signals that a study stores, estimated.  Raises :class:`.study.StudyError` if they are too many."""
+    study, signals = plan.study, plan.study.signals
+    if signals is None:
+        return 0
+    rows = round(study.duration_s / (signals.step_s or study.step_s)) + 1
+    return check_size(signals, list_columns(plan.study, system), len(plan), len(study.runs), rows)
+
+
+def prepare_folder(folder: Path, plan: Plan, system: RunSystem) -> None:
+    """Remove leftovers, make the folder of the signals, if there are any.
+
+    Raises ``OSError``, also if the disk has no room for all of them.
+    """
+    remove_leftovers(folder)
+    if plan.study.signals is None:
+        return
+    (folder / SIGNALS).mkdir(exist_ok=True)
+    stored = sum(path.stat().st_size for path in list_stored(folder).values())
+    check_free(folder, check_stored(plan, system), stored)
+
+
+def remove_leftovers(folder: Path) -> None:
+    """Remove what processes were writing when they ended."""
+    for path in (folder / SIGNALS).glob(".*.part"):
+        path.unlink(missing_ok=True)
+
+
+def list_work(folder: Path, plan: Plan, plan_hash: str) -> tuple[list[int], set[int]]:
+    """The cases that have to run, in order, and those of them whose signals are stored.  Raises ``OSError``.
+
+    A case that has a row, but lacks its signals, runs again: they were wanted later, or deleted.  Of one whose process
+    was ended there are none.
+    """
+    statuses, signals = RowStore(folder, plan_hash).read_statuses(), plan.study.signals
+    missing = {case for case in range(len(plan)) if case not in statuses}
+    if signals is None:
+        return sorted(missing), set()
+    wanted = {case for case in range(len(plan)) if signals.wants(case)}
+    again = set(list_unstored(folder, (case for case in wanted if statuses.get(case) == DONE)))
+    return sorted(missing | again), wanted & (missing | again)
+
+
+def list_worst(folder: Path, plan: Plan, plan_hash: str, system: RunSystem) -> list[int]:
+    """The worst cases whose signals are wanted and not there; all cases have their rows.  Raises ``OSError``."""
+    signals = plan.study.signals
+    if signals is None or not signals.worst:
+        return []
+    requirements = () if plan.study.requirements is None else read_requirements(plan.study.requirements)
+    outcome = collect(folder, plan, plan_hash, list_columns(plan.study, system), requirements)
+    return list_unstored(folder, (case for case, _, _ in find_worst(outcome, signals.worst)))
 
 
 @dataclass(frozen=True)
@@ -77,15 +146,6 @@ def prepare(options: SweepOptions) -> Prepared:
     study = read_study(options.study)
     study = choose_step(replace(study, fmus=choose_fmus(study, options.fmus)))
     system = load_study_system(study)
-    if study.control_variates:
-        if study.faults is not None:
-            raise study.error("control_variates", "the closed form has no faults")
-        if study.branch is not None:
-            raise study.error("control_variates", "the closed form has no state to begin from, as [from] gives one")
-        try:
-            check_closed_form(system, study.plan)
-        except ValueError as error:
-            raise study.error("control_variates", str(error)) from error
     sources = read_sources(study)
     system = keep_seeds(study, system, sources)
     plan = make_plan(complete_observed(study, system), system)
@@ -113,13 +173,12 @@ def hold(folder: Path) -> Iterator[Path]:
 
 
 def compute(options: SweepOptions, prepared: Prepared, folder: Path) -> None:
-    """Run the cases that no part has.
+    """Run the cases that have no row.
 
     Raises :class:`.rows.ClusterError`, :class:`.rows.StartError`, :class:`.rows.VersionError`, OSError and
-    KeyboardInterrupt; the parts so far are kept.
+    KeyboardInterrupt; the rows so far are kept.
     """
     from .cluster import CONNECT_S, Dispatcher, connect
-    from .scheduler import Scheduler
 
     plan, name = prepared.plan, prepared.identity.plan_sha256
     prepare_folder(folder, plan, prepared.system)
@@ -131,26 +190,23 @@ def compute(options: SweepOptions, prepared: Prepared, folder: Path) -> None:
     print(f"{plan.study.name}: {len(plan)} cases" + (f", {kept} of them done before" if kept else ""), file=sys.stderr)
     timeout = CONNECT_S if options.scheduler_timeout_s is None else options.scheduler_timeout_s
     with connect(options.scheduler, options.workers, timeout) as client:
-        if dashboard := Scheduler(client).find_dashboard():
+        dispatcher = Dispatcher(client, plan, name, prepared.bundle, folder)
+        if dashboard := dispatcher.find_dashboard():
             print(f"dask's dashboard: {dashboard}", file=sys.stderr)
 
         prepare_drawing()  # while the workers start
-
-        def run(cases: Sequence[int], stored: Collection[int], report: Report) -> None:
-            Dispatcher(client, plan, name, prepared.bundle, folder, report).run(cases, stored)
-
         if cases:
             with _show_progress(options, "cases", len(plan), kept) as report:
-                run(cases, stored, report)
+                dispatcher.run(cases, stored, report)
             worst = list_worst(folder, plan, name, prepared.system)
         if worst:  # known only now: they run again, with their signals
             with _show_progress(options, "signals", len(worst), 0) as report:
-                run(worst, worst, report)
+                dispatcher.run(worst, worst, report)
     remove_leftovers(folder)
 
 
 @contextmanager
-def _show_progress(options: SweepOptions, name: str, cases: int, done: int) -> Iterator[Report]:
+def _show_progress(options: SweepOptions, name: str, cases: int, done: int) -> Iterator[Count]:
     """A bar on the error stream with the time that is left; it counts what comes in from now on."""
     from tqdm import tqdm
 
@@ -169,3 +225,114 @@ def _show_progress(options: SweepOptions, name: str, cases: int, done: int) -> I
             bar.update(cases)
 
         yield report
+
+
+class CaseRecord:
+    """What a run of a case is observed by; its metrics go into the row."""
+
+    def __init__(self, task: Task, columns: tuple[Column, ...]) -> None:
+        self._records = make_records(task, columns)
+
+    @property
+    def observers(self) -> list[IndexRecord | SwitchRecord]:
+        """For the master."""
+        return self._records
+
+    def metrics(self) -> Row:
+        """By name."""
+        return {key: value for record in self._records for key, value in record.metrics().items()}
+
+
+def rerun(options: SweepOptions, case: int) -> str:
+    """Run case ``case`` of a study; the text for the terminal.
+
+    Where the output folder has this study, the results go into its folder ``case-N``, and the row is compared with the
+    stored one; else into the output folder itself.
+
+    Raises :class:`.study.StudyError` for a case that the plan has not, and for a folder with another study;
+    :class:`..cosim.CosimError` if the case fails, as it did in the study.
+    """
+    prepared = prepare(options)
+    if not 0 <= case < len(prepared.plan):
+        raise StudyError(f"--case: the study has the cases 0 to {len(prepared.plan) - 1}, got {case}")
+    stored = None
+    folder = options.output.absolute()
+    identity = read_identity(folder)
+    if identity is not None:
+        if difference := explain_difference(vars(identity), prepared.identity):
+            raise StudyError(f"--output: {folder} has another study: {difference}")
+        stored = next(RowStore(folder, identity.plan_sha256).read(case), None)
+        folder = folder / f"case-{case}"
+    folder.mkdir(parents=True, exist_ok=True)
+    with hold_folder(folder):
+        row, text = _run(options, prepared, case, folder)
+    return f"{text}\n{compare_rows(row, stored)}\nresults in {folder}"
+
+
+def compare_rows(row: Row, stored: Row | None) -> str:
+    """Whether two rows of a case are the same to the last bit, in words."""
+    if stored is None:
+        return "the study has no row of this case to compare with"
+    names = [name for name in {**row, **stored} if name not in (*MEASURED, "warnings")]
+    others = [name for name in names if not _is_same(row.get(name), stored.get(name))]
+    if not others:
+        return "all numbers are those of the study, to the last bit"
+    shown = "; ".join(f"{name}: {row.get(name)}, there {stored.get(name)}" for name in others[:5])
+    return f"{len(others)} of {len(names)} numbers are not those of the study: {shown}"
+
+
+def _run(options: SweepOptions, prepared: Prepared, case: int, folder: Path) -> tuple[Row, str]:
+    study = prepared.plan.study
+    targets = [name for name in prepared.plan.targets if not names_faults(name, prepared.system.descriptions)]
+    varied = [prepared.system.structure.find_port(name).variable for name in targets]
+    apart = tuple(f"{component}.{name}" for component in prepared.system.descriptions for name in varied)
+    branch = study.branch
+    run_options = replace(
+        make_options(study, folder), progress=options.progress, apart=apart,
+        command=shlex.join(["ps-fmu", "sweep", study.path.name, "--case", str(case)]),
+        source=None if branch is None else branch.checkpoint, anew=() if branch is None else branch.anew,
+    )  # fmt: skip
+    (folder / RESULTS).unlink(missing_ok=True)
+    system = prepared.system
+    task = Task(study.step_s, study.duration_s, study.scheme, study.runs, study.observed, {})
+    values = prepared.plan.values(case)
+    starts, numbers = split_values(values, system.descriptions)
+    if system.faults is not None:
+        system = replace(system, faults=change_numbers(system.faults, numbers))
+    row: Row = {"case": case, "status": "done", "error": None}
+    tables = []
+    for run, own in study.runs.items():
+        _, record = run_case(
+            system, run_options, Case(run, {**starts, **own}), lambda columns: CaseRecord(task, columns)
+        )
+        metrics = record.metrics()
+        row |= {f"{run}.{key}": value for key, value in metrics.items()}
+        rows = [(key, f"{value:.6g}") for key, value in metrics.items()]
+        tables.append(Table(f"Run {run}", ("metric", "value"), rows))
+    verdicts = system.judge.conclude()
+    row |= describe_verdicts(system.judge)
+    parameters = {"study": str(study.path), "case": case, "duration (s)": study.duration_s, "step (s)": study.step_s,
+                  **values}  # fmt: skip
+    fmus = identify_fmus(system)
+    summary = {"study": study.name, "plan_sha256": prepared.identity.plan_sha256, "row": row, "parameters": parameters,
+               "verdicts": [verdict.as_dict() for verdict in verdicts], "warnings": system.warnings.texts,
+               "fmus": [vars(fmu) for fmu in fmus], "versions": versions()}  # fmt: skip
+    write_atomically(folder / SUMMARY, json.dumps(plain(summary, "summary"), indent=2, allow_nan=False) + "\n")
+    Report(
+        title=f"{study.name}, case {case}",
+        verdicts=list(map(show_verdict, verdicts)),
+        text=[f"Case {case} of the study {study.name!r}. All signals are in {RESULTS}."],
+        warnings=system.warnings.texts,
+        tables=tables,
+        parameters=parameters,
+        fmus=fmus,
+        versions=versions(),
+    ).write(folder / REPORT)
+    return row, "\n".join([*(f"{table.caption}\n{table.to_text()}" for table in tables),
+                           *([format_verdicts(verdicts)] if verdicts else [])])  # fmt: skip
+
+
+def _is_same(one: object, other: object) -> bool:
+    if isinstance(one, float) and isinstance(other, float) and math.isnan(one) and math.isnan(other):
+        return True
+    return one == other

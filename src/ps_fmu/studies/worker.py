@@ -2,58 +2,239 @@
 
 from __future__ import annotations
 
-import json
+import multiprocessing
 import os
 import shutil
+import signal
 import socket
+import sys
 import tempfile
 import threading
+import time
 from collections import Counter
-from collections.abc import Mapping, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass, field
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from types import MappingProxyType
+from typing import IO, TYPE_CHECKING, Any
 
+from ..child_processes import ONE_THREAD, describe_end, end_with_parent
 from ..terminal import reason
-from .bundle import TASK, Bundle
-from .case_process import CaseProcess
-from .parts import FOLDER as PARTS
-from .parts import encode_part, write_part
-from .rows import Row, StartError, VersionError
-from .signals import FOLDER, name_file
-from .task import Task
+from .bundle import TASK, Bundle, Task
+from .rows import KILLED, LATE, LONGEST_TEXT, Row, StartError, VersionError
+from .signals import name_file
 
-MANIFEST = "manifest.json"  # in the output folder
+if TYPE_CHECKING:
+    from multiprocessing.process import BaseProcess
+
+    from .case_runner import CaseRunner
+
+
+STARTS = 3  # tried before there is said to be none: somebody may end a process while it starts, too
+START_LIMIT_S = 300.0  # FMUs may be on a slow disk; longer is no start
+MEMORY_CHECK_S = 0.5
+NO_SIGNALS: Mapping[int, Path] = MappingProxyType({})
 Job = tuple[int, Mapping[str, Any]]
 """Index of a case, and its start values."""
 
 
-@dataclass(frozen=True)
-class Order:
-    """What a worker is told besides its cases."""
+class CaseProcess:
+    """A process with the FMUs of a study.
 
-    output: str
-    """Output folder of the study, where a worker that sees it writes its parts."""
-    plan_hash: str
-    timeout_s: float | None
-    stored: tuple[int, ...] = ()
-    """Cases whose signals are stored."""
+    Parameters
+    ----------
+    folder: where the study's files are unpacked; the process keeps its temporary files there, too.
+    timeout_s: of a case, s; None: none.
+    memory_bytes: resident memory at which a case is ended; None: no limit.
+    isolates: it has processes of FMUs beside it, whose memory counts, too.
+    """
+
+    def __init__(
+        self, folder: Path, timeout_s: float | None = None, memory_bytes: int | None = None, isolates: bool = False
+    ) -> None:
+        self._folder, self._timeout, self._memory, self._isolates = folder, timeout_s, memory_bytes, isolates
+        self._pool: ProcessPoolExecutor | None = None
+        self._process: BaseProcess | None = None
+        self._printed: IO[bytes] | None = None
+
+    @property
+    def pid(self) -> int | None:
+        """Of the process; None while there is none."""
+        return None if self._process is None else self._process.pid
+
+    @property
+    def folder(self) -> Path:
+        """Of the study's files and of temporary ones."""
+        return self._folder
+
+    def run(
+        self, jobs: Iterable[tuple[int, Mapping[str, Any]]], signals: Mapping[int, Path] = NO_SIGNALS
+    ) -> Iterator[Row]:
+        """The row of each case, from its index and its start values; ``signals``: files for those of some cases.
+
+        A case that ends its process is tried once more: somebody else may have ended it.  Raises
+        :class:`.rows.StartError`, or :class:`.rows.VersionError`, if no case can be run here, and ``OSError`` if its
+        signals cannot be written.
+        """
+        for index, values in jobs:
+            row = self._run_one(index, dict(values), signals.get(index))
+            yield self._run_one(index, dict(values), signals.get(index)) if row["status"] == KILLED else row
+
+    def close(self) -> None:
+        """End the process; safe to call twice."""
+        pool, self._pool = self._pool, None
+        if pool is not None:
+            if self._process is not None and self._process.pid is not None:
+                with suppress(ProcessLookupError):
+                    os.kill(self._process.pid, signal.SIGKILL)
+            pool.shutdown(wait=self._process is not None)  # one that does not start is not waited for
+        self._process = None
+        if self._printed is not None:
+            self._printed.close()
+            self._printed = None
+
+    def _run_one(self, index: int, values: Mapping[str, Any], signals: Path | None) -> Row:
+        if self._pool is None:
+            self._start()
+        began, status = time.perf_counter(), KILLED
+        try:
+            row, last, problem = self._ask(self._timeout, _run_case, index, values, signals)
+            if last:
+                self.close()
+            if problem is not None:
+                raise OSError(problem)
+            found: Row = row
+            return found
+        except TimeoutError:
+            status, error = LATE, f"no result after {self._timeout:g} s: the process was ended"
+        except MemoryError:
+            error = f"the process was ended when it had {self._memory} bytes of memory"
+        except BrokenProcessPool:
+            error = self._explain_end()
+        self.close()
+        return {"case": index, "status": status, "error": error, "warnings": None,
+                "wall_s": time.perf_counter() - began}  # fmt: skip
+
+    def _start(self) -> None:
+        problem = ""
+        for _ in range(STARTS):
+            try:
+                self._try_to_start()
+                return
+            except BrokenProcessPool:
+                problem = self._explain_end()
+            except TimeoutError:
+                problem = f"it is not ready after {START_LIMIT_S:g} s"
+            except BaseException:
+                self.close()
+                raise
+            self.close()
+        raise StartError(f"the process for the cases does not start: {problem}")
+
+    def _try_to_start(self) -> None:
+        own = multiprocessing.current_process()
+        if own.daemon:  # as the workers of dask are: multiprocessing would let it have no children
+            own.daemon = False
+        os.environ.update(ONE_THREAD)  # before the process imports numpy
+        self._printed = tempfile.NamedTemporaryFile(dir=self._folder)  # noqa: SIM115
+        context = multiprocessing.get_context("spawn")
+        self._pool = ProcessPoolExecutor(1, context, _prepare, (str(self._folder), self._printed.name))
+        pid = self._ask(START_LIMIT_S, os.getpid)
+        self._process = next(child for child in multiprocessing.active_children() if child.pid == pid)
+        self._ask(START_LIMIT_S, _load, self._folder)
+
+    def _ask(self, limit_s: float | None, function: Callable[..., Any], *arguments: Any) -> Any:
+        """What a function returns in the process.
+
+        Raises what it raises, BrokenProcessPool if the process ends, TimeoutError, and MemoryError where the process
+        has more than it may.
+        """
+        assert self._pool is not None
+        answer: Future[Any] = self._pool.submit(function, *arguments)
+        end = None if limit_s is None else time.monotonic() + limit_s
+        while True:
+            left = None if end is None else max(0.0, end - time.monotonic())
+            wait = left if self._memory is None else min(MEMORY_CHECK_S, MEMORY_CHECK_S if left is None else left)
+            try:
+                return answer.result(wait)
+            except TimeoutError:
+                if end is not None and time.monotonic() >= end:
+                    raise
+                self._check_memory()
+
+    def _check_memory(self) -> None:
+        import psutil
+
+        if self._memory is None or self._process is None:
+            return
+        try:
+            own = psutil.Process(self._process.pid)
+            used = sum(one.memory_info().rss for one in [own, *(own.children() if self._isolates else ())])
+        except psutil.Error:  # it has ended: the pool will say so
+            return
+        if used > self._memory:
+            raise MemoryError
+
+    def _explain_end(self) -> str:
+        """How the process ended, and the last that it printed."""
+        assert self._pool is not None and self._printed is not None
+        self._pool.shutdown()  # its thread takes the exit code from the system
+        code = None if self._process is None else self._process.exitcode
+        how = "it ended before it was ready" if code is None else describe_end(code)
+        self._printed.seek(0)
+        printed = self._printed.read().decode("utf-8", errors="replace").strip()
+        return f"{how}; it printed: {printed[-LONGEST_TEXT:]}" if printed else how
+
+
+_runner: CaseRunner | None = None
+"""In the process for the cases."""
+
+
+def _prepare(folder: str, printed: str) -> None:
+    """Begin the process for the cases: what an FMU prints goes to the file ``printed``."""
+    os.setsid()  # Ctrl-C ends the study, which ends the processes in order
+    end_with_parent()
+    file = os.open(printed, os.O_WRONLY | os.O_APPEND)
+    for stream in (sys.stdout, sys.stderr):
+        os.dup2(file, stream.fileno())
+    os.environ["TMPDIR"] = tempfile.tempdir = folder
+
+
+def _load(folder: Path) -> None:
+    """Load the FMUs of a study."""
+    global _runner
+    from .case_runner import CaseRunner
+
+    try:
+        _runner = CaseRunner(folder)
+    except VersionError:
+        raise
+    except Exception as error:  # of a class that may not travel
+        text = f"the process for the cases does not start: {type(error).__name__}: {reason(error)}"
+        raise StartError(text) from None
+
+
+def _run_case(index: int, values: Mapping[str, Any], signals: Path | None) -> tuple[Row | None, bool, str | None]:
+    """The row of a case, whether the process has to end, and what keeps any case from going on, as a full disk does."""
+    from ..cosim import RecorderError
+
+    assert _runner is not None
+    try:
+        return _runner.run(index, values, signals), _runner.must_end, None
+    except (RecorderError, OSError) as error:
+        return None, True, reason(error)
 
 
 @dataclass(frozen=True)
 class Done:
     """What comes back of a batch."""
 
-    cases: int
-    not_done: int
-    """Cases whose status is not ``done``."""
-    wall_s: float
-    """Time of all cases together, s."""
-    content: bytes | None
-    """The part, where the worker does not see the output folder; None: it has written it."""
-    signals: Mapping[int, bytes] = field(default_factory=dict)
-    """The files of signals, by case, where the worker does not see the output folder."""
+    rows: Sequence[Row]
+    signals: Mapping[int, bytes]
+    """The files of signals, by case."""
 
 
 def keep(bundle: Bundle) -> Bundle:
@@ -61,60 +242,26 @@ def keep(bundle: Bundle) -> Bundle:
     return bundle
 
 
-def run_batch(bundle: Bundle, jobs: Sequence[Job], order: Order) -> Done:
-    """Run neighbouring cases, write their part.
+def run_batch(bundle: Bundle, jobs: Sequence[Job], timeout_s: float | None, stored: Collection[int] = ()) -> Done:
+    """Run cases; ``stored`` are those of them whose signals are stored.
 
-    Raises :class:`.rows.StartError`, :class:`.rows.VersionError`, and ``OSError`` if the study's files, signals or the
-    part cannot be written; all name the worker.
+    Raises :class:`.rows.StartError`, :class:`.rows.VersionError`, and ``OSError`` if the study's files or signals
+    cannot be written; all name the worker.
     """
     name = _name_worker()
     try:
-        return _run_batch(name, bundle, jobs, order)
+        with _borrow(bundle, timeout_s) as process:
+            files = {case: process.folder / name_file(case) for case in stored}
+            try:
+                rows = [{**row, "worker": name} for row in process.run(jobs, files)]
+                return Done(rows, {case: path.read_bytes() for case, path in files.items() if path.exists()})
+            finally:
+                for path in files.values():
+                    path.unlink(missing_ok=True)
     except (StartError, VersionError) as error:
         raise type(error)(f"worker {name}: {error}") from error
     except OSError as error:
         raise OSError(f"worker {name}: {reason(error)}") from error
-
-
-def _run_batch(name: str, bundle: Bundle, jobs: Sequence[Job], order: Order) -> Done:
-    output = Path(order.output)
-    here = sees(output, order.plan_hash)
-    rows: list[Row] = []
-    signals: dict[int, bytes] = {}
-    with _borrow(bundle, order.timeout_s) as process:
-        folder = (output if here else process.folder) / FOLDER
-        files = {case: folder / name_file(case) for case in order.stored}
-        if files:
-            folder.mkdir(exist_ok=True)
-        try:
-            rows.extend({**row, "worker": name} for row in process.run(jobs, files))
-        except (OSError, StartError):  # no room for signals, no process for the rest: what there is of rows is kept
-            if here and rows:
-                write_part(output, order.plan_hash, rows)
-            raise
-    if not here:
-        signals = {case: path.read_bytes() for case, path in files.items() if path.exists()}
-        for path in files.values():
-            path.unlink(missing_ok=True)
-    content: bytes | None = encode_part(rows)
-    if here:
-        write_part(output, order.plan_hash, rows, content)
-        content = None
-    not_done = sum(row["status"] != "done" for row in rows)
-    return Done(len(rows), not_done, sum(row["wall_s"] for row in rows), content, signals)
-
-
-def sees(output: Path, plan_hash: str) -> bool:
-    """Whether this is the study's output folder also here, and parts can be written.
-
-    On another machine the path may lead elsewhere, or to a share that is read only.
-    """
-    try:
-        found = json.loads((output / MANIFEST).read_bytes())
-    except (OSError, ValueError):
-        return False
-    own = isinstance(found, dict) and found.get("plan_sha256") == plan_hash
-    return own and os.access(output / PARTS, os.W_OK)
 
 
 _LOCK = threading.Lock()
