@@ -10,19 +10,20 @@ import numpy as np
 import pytest
 from support.published import jitter_run
 
+from ps_fmu.analyses.finding import Finding
+from ps_fmu.analyses.options import AnalysisOptions
 from ps_fmu.mechanism.parameters import load
-from ps_fmu.paper import overview, published_settings
-from ps_fmu.paper.analysis import AnalysisOptions, find_figure_analyses
+from ps_fmu.paper import overview
 from ps_fmu.paper.bus_cases import CASES, load_case
 from ps_fmu.paper.errata import errata
+from ps_fmu.paper.figures import fig06 as workspace
 from ps_fmu.paper.figures import fig07, table2
-from ps_fmu.paper.figures.fig06 import analysis as workspace
-from ps_fmu.paper.figures.fig06.results import compute_reach
+from ps_fmu.paper.figures.fig06 import compute_reach
 from ps_fmu.paper.figures.fig07 import analysis as trajectories
 from ps_fmu.paper.figures.fig07.results import METHODS, PathResult
 from ps_fmu.paper.figures.fig07.scenario import paths
 from ps_fmu.paper.figures.fig08_11 import analysis as transmissibility
-from ps_fmu.paper.figures.fig08_11.results import compute_curves
+from ps_fmu.paper.figures.fig08_11.measured import compute_curves
 from ps_fmu.paper.figures.fig10 import analysis as stability
 from ps_fmu.paper.figures.fig10.results import judge
 from ps_fmu.paper.figures.table2 import analysis as jitter
@@ -70,8 +71,8 @@ def closed_form(curves):
         "stability": stability.findings({case: judge(case, delay) for case in CASES}),
         "jitter": _jitter(),
     }
-    assert parts.keys() == set(find_figure_analyses())
-    found = published_settings.findings(AnalysisOptions(Path(), system=SYSTEM))
+    assert parts.keys() == set(overview.FIGURES)
+    found = overview.list_settings(AnalysisOptions(Path(), system=SYSTEM))
     found += [finding for findings in parts.values() for finding in findings]
     return {finding.key: finding for finding in overview.order_findings(found)}
 
@@ -91,15 +92,19 @@ def _trajectories():
 
 
 def _jitter():
-    ones = SimpleNamespace(radius_rms=1.0)
-    run = SimpleNamespace(
-        rms_passive=np.ones(3), rms_active=np.ones(3), rejection=np.ones(3),
-        passive=SimpleNamespace(scatter=ones), active=SimpleNamespace(scatter=ones),
-    )  # fmt: skip
-    results = {name: SimpleNamespace(theory=table2_theory.closed_form(name), measured=run) for name in ORIENTATIONS}
+    run = SimpleNamespace(scatter=SimpleNamespace(radius_rms=1.0))
+    results = {
+        name: SimpleNamespace(
+            theory=table2_theory.closed_form(name),
+            measured=SimpleNamespace(passive=run, active=run),
+            rms=np.ones((2, 3)),
+            rejection=np.ones(3),
+        )
+        for name in ORIENTATIONS
+    }
     return [_without_run(finding) for finding in jitter.findings(results)]
 
 
 def _without_run(finding):
     """The computed value alone: value and remark of a run that was not made do not count."""
-    return type(finding)(finding.key, finding.computed)
+    return Finding(finding.published, finding.computed)

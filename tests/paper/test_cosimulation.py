@@ -1,28 +1,28 @@
 """What stands in the way of a co-simulation is said before anything is built or written."""
 
-from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 
-from ps_fmu import analyse_command
-from ps_fmu.analyse_command import find_analyses
+from ps_fmu.analyses import system
+from ps_fmu.analyses.options import AnalysisOptions
+from ps_fmu.analyses.table import ANALYSES, Analysis
 from ps_fmu.cli import main
 from ps_fmu.paper import cosimulation
-from ps_fmu.paper.analysis import AnalysisOptions
 from ps_fmu.paper.figures import table2
 from ps_fmu.product import files
 from ps_fmu.runs.options import OptionError
 
 CHECKOUT = Path(__file__).parents[2]
-CO_SIMULATED = [name for name, analysis in find_analyses().items() if analysis.needs_fmus]
+CO_SIMULATED = [name for name, analysis in ANALYSES.items() if analysis.needs_fmus]
 
 
 @pytest.fixture
 def no_build(monkeypatch):
     """Building the FMUs fails the test."""
-    monkeypatch.setattr(cosimulation, "provide_fmus", lambda folder, system: pytest.fail("FMUs were built"))
+    for module in (cosimulation, system):
+        monkeypatch.setattr(module, "provide_fmus", lambda folder, system: pytest.fail("FMUs were built"))
 
 
 @pytest.mark.parametrize("name", CO_SIMULATED)
@@ -44,12 +44,11 @@ def test_from_another_folder_the_own_system_and_fmus_are_taken(name, tmp_path, m
         given.append(options)
         return SimpleNamespace(write=lambda folder: None, to_text=lambda: "")
 
-    analyses = {name: replace(found, analyse=analyse) for name, found in find_analyses().items()}
-    monkeypatch.setattr(analyse_command, "find_analyses", lambda: analyses)
+    monkeypatch.setattr(Analysis, "load", lambda analysis: analyse)
     monkeypatch.chdir(tmp_path)
     assert main(["analyse", name]) == 0
     (options,) = given
-    assert options.system == CHECKOUT / "system" / analyses[name].system
+    assert options.system == CHECKOUT / "system" / ANALYSES[name].system
     assert options.system.is_file()
     assert options.fmus == CHECKOUT / "build" / "fmus"
     assert options.output == Path("results", name)

@@ -5,7 +5,7 @@ import json
 import pytest
 
 from ps_fmu.cli import main
-from ps_fmu.paper.figures.fig06.results import round_down
+from ps_fmu.paper.figures.fig06 import round_down
 
 
 def test_findings_text_and_figures(tmp_path, capsys):

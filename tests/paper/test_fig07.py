@@ -7,19 +7,19 @@ import netCDF4
 import numpy as np
 import pytest
 
+from ps_fmu.analyses.options import AnalysisOptions
 from ps_fmu.mechanism.inverse_kinematics import inverse_kinematics
 from ps_fmu.mechanism.parameters import load
 from ps_fmu.mechanism.reachability import reachable, stroke_margin
-from ps_fmu.paper.analysis import AnalysisOptions
 from ps_fmu.paper.figures import fig07
 from ps_fmu.paper.figures.fig07 import scenario as trajectories
 from ps_fmu.paper.figures.fig07.analysis import LIMITS, analyse, extremes
-from ps_fmu.paper.figures.fig07.exploration import explore_paths
-from ps_fmu.paper.figures.fig07.results import METHODS, PathResult
-from ps_fmu.paper.figures.fig07.target_paths import PLANES, quadrilateral, random_walk
+from ps_fmu.paper.figures.fig07.plots import explore_paths
+from ps_fmu.paper.figures.fig07.results import METHODS, PLANES, PathResult, quadrilateral, random_walk
 from ps_fmu.paper.published import published_numbers
-from ps_fmu.runs.comparison import TargetError
+from ps_fmu.runs.execute import run_scenario
 from ps_fmu.runs.options import OptionError
+from ps_fmu.runs.publish import TargetError
 
 GEOMETRY = load().manipulator.geometry
 
@@ -72,7 +72,7 @@ def test_targets_out_of_reach_are_counted(make_options, ssv, capsys, monkeypatch
     short = ssv({"commander.coarse_stroke.min": -0.005, "commander.coarse_stroke.max": 0.005})
     options = make_options("trajectories", 44.0, step_s=0.05, parameters=(short,))
     with pytest.raises(TargetError, match=r"roll-pitch, trilateration: \d+ of \d+ targets are out of reach"):
-        trajectories.run(options)
+        run_scenario(options)
     assert "targets are out of reach" in capsys.readouterr().out
     with netCDF4.Dataset(options.output / "results.nc") as file:
         assert list(file.groups) == ["parameters", *options.scenario.find_cases()]
@@ -101,7 +101,7 @@ def test_charts_show_target_and_response_in_degrees():
 
 def test_too_short_a_run_says_what_a_path_takes(make_options):
     with pytest.raises(OptionError, match=r"--duration: the path roll-pitch takes \d+\.\d s at least, got 2 s"):
-        trajectories.run(make_options("trajectories", 2.0, step_s=5e-3))
+        run_scenario(make_options("trajectories", 2.0, step_s=5e-3))
 
 
 @pytest.mark.parametrize("plane", PLANES)

@@ -8,15 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from ps_fmu.analyses.options import AnalysisOptions
 from ps_fmu.cosim import read_system
 from ps_fmu.mechanism.parameters import load
 from ps_fmu.paper.agreement import Agreement
-from ps_fmu.paper.analysis import AnalysisOptions
 from ps_fmu.paper.bus_cases import CASES, load_case
 from ps_fmu.paper.figures.fig08_11 import measured as transmissibility_measured
 from ps_fmu.paper.figures.fig08_11.analysis import analyse, findings
-from ps_fmu.paper.figures.fig08_11.measured import SETUPS, Setup
-from ps_fmu.paper.figures.fig08_11.results import compute_curves
+from ps_fmu.paper.figures.fig08_11.measured import SETUPS, Setup, compute_curves
 from ps_fmu.paper.figures.table2.closed_form import ORIENTATIONS
 from ps_fmu.pointing.response import Response
 from ps_fmu.runs.shaking import Shaking, measure

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ps_fmu.paper.analysis import AnalysisOptions
+from ps_fmu.analyses.options import AnalysisOptions
 from ps_fmu.paper.bus_cases import CASES, load_case
 from ps_fmu.paper.figures import fig10
 from ps_fmu.paper.figures.fig10.analysis import analyse

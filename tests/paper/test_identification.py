@@ -13,7 +13,7 @@ from ps_fmu.interface.parameter_sets import differences
 from ps_fmu.mechanism import workspace
 from ps_fmu.mechanism.forward_kinematics import ForwardKinematicsError
 from ps_fmu.mechanism.parameters import load
-from ps_fmu.paper.identification import geometry, mechanism, noise, steps, suspension
+from ps_fmu.paper.identification import geometry, noise, steps, suspension
 from ps_fmu.paper.identification.fit import Identifiability, follow, roundings, slopes, targets
 from ps_fmu.theory.jitter import jitter, variance_weights
 from ps_fmu.theory.loop import loop_at
@@ -67,7 +67,7 @@ def test_steps_lead_to_the_nearest_solution():
 def test_symmetric_joints_turn_into_each_other():
     turn = np.radians(120.0)
     R = np.array([[np.cos(turn), -np.sin(turn), 0.0], [np.sin(turn), np.cos(turn), 0.0], [0.0, 0.0, 1.0]])
-    joints = mechanism.symmetric(np.full(10, 0.3), STROKE)
+    joints = geometry.symmetric(np.full(10, 0.3), STROKE)
     for points in (joints.base_joints_B, joints.platform_joints_P):
         for legs in (points[:3], points[3:]):
             assert legs[[1, 2, 0]] == pytest.approx(legs @ R.T)
@@ -84,7 +84,7 @@ def test_slopes_of_table_1_are_those_of_differences(seed):
     value, slope = geometry.limits_and_slopes(places, STROKE, geometry.SEARCH_STEP)
 
     def limits(u):
-        return geometry.limits(mechanism.symmetric(u, STROKE), geometry.SEARCH_STEP)
+        return geometry.limits(geometry.symmetric(u, STROKE), geometry.SEARCH_STEP)
 
     assert np.array_equal(value, limits(places))
     assert slope == pytest.approx(slopes(limits, places), abs=1e-6 * np.abs(slope).max())
@@ -92,11 +92,11 @@ def test_slopes_of_table_1_are_those_of_differences(seed):
 
 def test_a_search_meets_every_printed_digit_of_table_1(found):
     assert np.all(np.abs(geometry.limits(found.geometry) - targets(geometry.KEYS)) <= roundings(geometry.KEYS))
-    assert mechanism.list_flaws(found.geometry, found.condition) == []
-    assert found.condition <= mechanism.LARGEST_CONDITION
+    assert geometry.list_flaws(found.geometry, found.condition) == []
+    assert found.condition <= geometry.LARGEST_CONDITION
     # The starts are far away.
     for start in islice(geometry.starts(1, STROKE), 3):
-        assert np.abs(geometry.limits(mechanism.symmetric(start, STROKE)) - targets(geometry.KEYS)).max() > 1.0  # deg
+        assert np.abs(geometry.limits(geometry.symmetric(start, STROKE)) - targets(geometry.KEYS)).max() > 1.0  # deg
 
 
 def test_rounding_does_not_lead_elsewhere(found):
@@ -109,16 +109,16 @@ def test_a_start_without_its_whole_stroke_leads_nowhere(monkeypatch):
     low_and_flat, long = np.full(10, 0.5), 15.0 * STROKE
     low_and_flat[[0, 1, 3]] = 0.0, 1.0, 0.0
     with pytest.raises(ForwardKinematicsError):
-        geometry.limits(mechanism.symmetric(low_and_flat, long), geometry.SEARCH_STEP)
+        geometry.limits(geometry.symmetric(low_and_flat, long), geometry.SEARCH_STEP)
     assert geometry.search(low_and_flat, long) is None
 
 
 def test_planted_geometry_is_found_again_as_far_as_its_table_tells(found, monkeypatch):
     planted = np.clip(found.places + 0.01 * np.sin(np.arange(10)), 0.05, 0.95)
-    table = geometry.limits(mechanism.symmetric(planted, STROKE))
+    table = geometry.limits(geometry.symmetric(planted, STROKE))
     monkeypatch.setattr(geometry, "targets", lambda keys: table)
     start = planted + 0.02 * np.cos(np.arange(10))
-    assert np.abs(geometry.limits(mechanism.symmetric(start, STROKE)) - table).max() > 0.1  # deg
+    assert np.abs(geometry.limits(geometry.symmetric(start, STROKE)) - table).max() > 0.1  # deg
     again = geometry.search(start, STROKE)
     assert geometry.limits(again.geometry) == pytest.approx(table, abs=1e-5)
     assert np.abs(again.places - planted).max() > 1e-3  # six numbers do not fix ten
@@ -131,7 +131,7 @@ def test_six_numbers_leave_the_geometry_open(found):
     Vt = np.linalg.svd(fixed.jacobian)[2]
 
     def change(direction):
-        moved = mechanism.symmetric(found.places + 1e-4 * direction, STROKE)
+        moved = geometry.symmetric(found.places + 1e-4 * direction, STROKE)
         return np.abs(geometry.limits(moved) - geometry.limits(found.geometry)).max()
 
     assert change(Vt[-1]) < 1e-3 * change(Vt[0])
@@ -145,12 +145,12 @@ def test_in_some_geometries_all_six_numbers_count():
 
 def test_a_geometry_that_cannot_be_built_is_said_so(found):
     places = found.places.copy()
-    places[5] = (mechanism.RANGES[1].at(places[1]) - 0.2) / 0.15  # the fine joints on the circle of the coarse ones,
+    places[5] = (geometry.RANGES[1].at(places[1]) - 0.2) / 0.15  # the fine joints on the circle of the coarse ones,
     places[6], places[7] = 0.5, 0.5  # at their places
-    assert any("mm apart" in reason for reason in mechanism.list_flaws(mechanism.symmetric(places, STROKE), 5.0))
-    assert mechanism.list_flaws(found.geometry, 20.0) == ["condition number 20.0 in the workspace, at most 10"]
+    assert any("mm apart" in reason for reason in geometry.list_flaws(geometry.symmetric(places, STROKE), 5.0))
+    assert geometry.list_flaws(found.geometry, 20.0) == ["condition number 20.0 in the workspace, at most 10"]
     short = replace(found.geometry, coarse_stroke=0.1 * STROKE)
-    assert "an orientation of Table 2 is out of reach" in mechanism.list_flaws(short, 5.0)
+    assert "an orientation of Table 2 is out of reach" in geometry.list_flaws(short, 5.0)
 
 
 # --- Suspension ---------------------------------------------------------------------------------------------------

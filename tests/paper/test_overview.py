@@ -5,11 +5,11 @@ from pathlib import Path
 
 import pytest
 
+from ps_fmu.analyses.jobs import Outcomes
 from ps_fmu.cli import main
 from ps_fmu.paper import overview
 from ps_fmu.paper.errata import Erratum
-from ps_fmu.paper.finding import Finding
-from ps_fmu.paper.published import published_numbers
+from ps_fmu.paper.published import make_finding, published_numbers
 
 ROOT = Path(__file__).parents[2]
 SYSTEM = ROOT / "system" / "SystemStructure.ssd"
@@ -42,17 +42,20 @@ def test_what_the_paper_claims_and_what_it_is(closed_form):
 
 def test_a_number_that_is_found_twice_is_refused():
     with pytest.raises(ValueError, match=r"table1\.roll_max: two analyses find this number"):
-        overview.order_findings([Finding("table1.roll_max", 9.6), Finding("table1.roll_max", 9.5)])
+        overview.order_findings([make_finding("table1.roll_max", 9.6), make_finding("table1.roll_max", 9.5)])
 
 
 def test_a_number_without_a_value_is_neither_right_nor_wrong():
-    assert Finding("text.rejection").difference == "not computed"
+    assert make_finding("text.rejection").difference == "not computed"
 
 
 def test_what_is_written(tmp_path, capsys, monkeypatch):
     """With the errata of one entry, and without the other analyses: these have their own tests."""
     erratum = Erratum("(1)", "wrong", "right", "computed", 1e-12, 0.5)
-    monkeypatch.setattr(overview, "find_figure_analyses", dict)
+    monkeypatch.setattr(overview, "FIGURES", {})
+    monkeypatch.setattr(
+        overview, "run_jobs", lambda jobs, report: Outcomes({job.name: job.function(*job.arguments) for job in jobs})
+    )
     monkeypatch.setattr("ps_fmu.paper.errata.ENTRIES", (lambda: erratum,))
     assert main(["analyse", "paper", "--output", str(tmp_path), "--system", str(SYSTEM)]) == 0
     content = json.loads((tmp_path / "paper.json").read_text())

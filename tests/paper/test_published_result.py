@@ -15,15 +15,14 @@ import pytest
 from support import published as stored_runs
 from support.published import FOLDER, ROOT, alike, content_of, finding_of
 
+from ps_fmu.analyses.result import AnalysisResult
 from ps_fmu.mechanism.parameters import load
 from ps_fmu.paper import overview
-from ps_fmu.paper.analysis import find_figure_analyses
-from ps_fmu.paper.analysis_result import AnalysisResult
 from ps_fmu.paper.bus_cases import CASES
 from ps_fmu.paper.errata import Erratum, errata_table
+from ps_fmu.paper.figures import fig06 as workspace
 from ps_fmu.paper.figures import fig10, table2
-from ps_fmu.paper.figures.fig06 import analysis as workspace
-from ps_fmu.paper.figures.fig06.results import compute_reach
+from ps_fmu.paper.figures.fig06 import compute_reach
 from ps_fmu.paper.figures.fig07 import analysis as trajectories
 from ps_fmu.paper.figures.fig08_11 import analysis as transmissibility
 from ps_fmu.paper.figures.fig08_11.measured import Setup
@@ -39,7 +38,7 @@ from ps_fmu.results.tables import Table
 from ps_fmu.runs.shaking import Shaking
 from ps_fmu.theory.transmissibility import singular_values_db
 
-PARTS = tuple(find_figure_analyses())
+PARTS = tuple(overview.FIGURES)
 NAMES = (*PARTS, "paper")
 #: Closed form today against closed form then: what other versions of the libraries may change.
 RELATIVE = 1e-3

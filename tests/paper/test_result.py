@@ -5,9 +5,9 @@ import math
 
 import pytest
 
-from ps_fmu.paper.analysis_result import AnalysisResult
-from ps_fmu.paper.finding import Finding
-from ps_fmu.paper.published import PublishedNumber, published_numbers
+from ps_fmu.analyses.finding import PublishedNumber
+from ps_fmu.analyses.result import AnalysisResult
+from ps_fmu.paper.published import make_finding, published_numbers
 from ps_fmu.results.tables import Table
 
 
@@ -40,7 +40,7 @@ def test_rejections_of_table_2_follow_from_its_rms_values():
     ],
 )
 def test_difference_from_the_paper(key, ours, difference):
-    assert Finding(key, ours).difference == difference
+    assert make_finding(key, ours).difference == difference
 
 
 @pytest.mark.parametrize(
@@ -54,17 +54,19 @@ def test_difference_from_the_paper(key, ours, difference):
     ],
 )
 def test_computed_and_cosimulated_values_are_both_compared(key, computed, cosimulated, difference):
-    assert Finding(key, computed, cosimulated).difference == difference
+    assert make_finding(key, computed, cosimulated).difference == difference
 
 
 def test_a_setting_is_not_compared_as_if_it_were_a_result():
-    assert Finding("text.delay", 0.02, setting=True).difference == "as published"
-    assert Finding("text.delay", 0.03, setting=True).difference == "not as published"
+    assert make_finding("text.delay", 0.02, setting=True).difference == "as published"
+    assert make_finding("text.delay", 0.03, setting=True).difference == "not as published"
 
 
 def test_what_two_analyses_found_is_joined():
-    found = Finding("table1.roll_max", 9.6, remark="a").join(Finding("table1.roll_max", cosimulated=9.5, remark="b"))
-    assert found == Finding("table1.roll_max", 9.6, 9.5, "a; b")
+    found = make_finding("table1.roll_max", 9.6, remark="a").join(
+        make_finding("table1.roll_max", cosimulated=9.5, remark="b")
+    )
+    assert found == make_finding("table1.roll_max", 9.6, 9.5, "a; b")
 
 
 def test_published_numbers_are_in_the_order_of_the_file():
@@ -81,7 +83,7 @@ def test_unknown_relations_are_refused():
 
 def test_what_is_written(tmp_path):
     table = Table("Other", ("a", "b"), [("1", "2|3")])
-    findings = [Finding("table1.yaw_max", 16.6)]
+    findings = [make_finding("table1.yaw_max", 16.6)]
     AnalysisResult("name", "Title", ["Text."], findings, [table], data={"x": [1.0]}).write(tmp_path)
     content = json.loads((tmp_path / "name.json").read_text())
     assert content["findings"][0]["published"] == 16.6285 and content["x"] == [1.0]
@@ -95,9 +97,9 @@ def test_what_is_written(tmp_path):
 
 TEXT = "A paragraph that says a lot of things about numbers. " * 10
 FINDINGS = [
-    Finding("table2.nominal_active_2", 3.98e-8, 4.04e-8, "a remark"),
-    Finding("table2.nominal_rejection_2", 99.2, 99.18),
-    Finding("text.delay", 0.02, setting=True),
+    make_finding("table2.nominal_active_2", 3.98e-8, 4.04e-8, "a remark"),
+    make_finding("table2.nominal_rejection_2", 99.2, 99.18),
+    make_finding("text.delay", 0.02, setting=True),
 ]
 SMALL = Table("Small", ("a heading that is longer than its column", "b"), [("1", "2")])
 WIDE = Table("Wide", tuple("abcdef"), [("x" * 40,) * 6])

@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from ps_fmu.analyses.options import AnalysisOptions
 from ps_fmu.mechanism.parameters import load
-from ps_fmu.paper.analysis import AnalysisOptions
 from ps_fmu.paper.figures import table2 as table2_figure
 from ps_fmu.paper.figures.table2 import analysis as jitter
 from ps_fmu.paper.figures.table2 import scenario as table2
@@ -35,14 +35,14 @@ def found(built_fmus, tmp_path_factory):
 
 
 def test_closed_form_is_what_the_fmus_do(found):
-    """Passive within 1.5 %, active within 5 %; the delay that fits is one and a half steps.
+    """Passive within 1.5 %, active within 3 %; the delay that fits is one and a half steps.
 
-    Twenty seconds at 1 ms; at the usual 100 s and 0.1 ms the runs come within 0.1 and 4 %, by seed.
+    Twenty seconds at 1 ms; at the usual 100 s and 0.1 ms the runs come within 0.1 and 0.5 %, by seed.
     """
     content = json.loads((found[1] / "jitter.json").read_text())
     assert list(content["orientations"]) == ["nominal", "yaw"]
     for entry in content["orientations"].values():
-        for case, tolerance in (("passive", 1.5e-2), ("active", 5e-2)):
+        for case, tolerance in (("passive", 1.5e-2), ("active", 3e-2)):
             closed_form = np.array(entry[f"closed_form_of_lines_{case}_rad"])
             assert entry[f"cosimulated_{case}_rad"] == pytest.approx(closed_form, rel=tolerance)
         assert entry["fitted_delay_steps"] == pytest.approx(LOOP_DELAY, abs=0.1)

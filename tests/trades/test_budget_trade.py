@@ -7,13 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ps_fmu.analyse_command import find_analyses
+from ps_fmu.analyses.options import AnalysisOptions
 from ps_fmu.cli import main
 from ps_fmu.cosim import read_system
-from ps_fmu.paper.analysis import AnalysisOptions
 from ps_fmu.pointing import RelativeError
 from ps_fmu.pointing.budget import UncertaintyFactors, make_budget
-from ps_fmu.trades.budget import ANALYSIS, analysis
+from ps_fmu.trades.budget import analysis
 from ps_fmu.trades.budget.results import compute_budgets, find_edges, list_wanted, read_factors
 from ps_fmu.trades.budget.sources import list_sources, select_signals
 from ps_fmu.trades.budget.system_model import SOURCE, BudgetError, Circuit, read_model
@@ -43,10 +42,6 @@ def budget(system, axis, active=True, **options):
     modes, sources = list_sources(Circuit(read_model(system), active), ROTATION, points=200)
     own = [select_signals(source, [axis]) for source in sources]
     return make_budget(INDEX, own, find_edges(5000.0), step=1e-4, modes=modes, **options)
-
-
-def test_it_is_found_beside_the_other_trade():
-    assert find_analyses()["budget"] is ANALYSIS
 
 
 def test_all_budgets_add_up(found):

@@ -7,12 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ps_fmu.analyse_command import find_analyses
+from ps_fmu.analyses.options import AnalysisOptions
 from ps_fmu.cosim import read_system
 from ps_fmu.mechanism.parameters import load
-from ps_fmu.paper.analysis import AnalysisOptions
 from ps_fmu.runs.options import OptionError
-from ps_fmu.trades.indices import ANALYSIS, analysis, measured
+from ps_fmu.trades.indices import analysis, measured
 from ps_fmu.trades.indices.closed_form import ORIENTATIONS, SIGNALS, STEP, STRIDE, list_indices, solve
 
 SYSTEM = Path(__file__).parents[2] / "system" / "SystemStructure.ssd"
@@ -26,10 +25,6 @@ def found(built_fmus, tmp_path_factory):
     result = analysis.analyse(AnalysisOptions(output, built_fmus, SYSTEM, progress=False), 100.0, points=2000)
     result.write(output)
     return result, json.loads((output / "indices.json").read_text()), output
-
-
-def test_it_is_found_beside_the_figures():
-    assert find_analyses()["indices"] is ANALYSIS
 
 
 def test_all_indices_are_within_their_stated_confidence(found):

@@ -2,15 +2,11 @@
 
 import json
 from pathlib import Path
-from pkgutil import iter_modules
 
 import numpy as np
 import pytest
 
-from ps_fmu import trades
-from ps_fmu.analyse_command import find_analyses
-from ps_fmu.paper.analysis import AnalysisOptions
-from ps_fmu.trades.sensors import ANALYSIS
+from ps_fmu.analyses.options import AnalysisOptions
 from ps_fmu.trades.sensors import analysis as sensors
 from ps_fmu.trades.sensors.results import CLASSES, CROSSOVERS
 
@@ -26,12 +22,6 @@ def found(built_fmus, tmp_path_factory):
     result = sensors.analyse(options, 20.0, runs, corners=np.geomspace(0.01, 3.0, 7), points=150)
     result.write(output)
     return result, json.loads((output / "sensors.json").read_text()), output
-
-
-def test_it_is_found_beside_the_figures():
-    assert find_analyses()["sensors"] is ANALYSIS
-    names = list(find_analyses())
-    assert names[names.index("paper") + 1 :] == sorted(module.name for module in iter_modules(trades.__path__))
 
 
 def test_the_fmus_are_within_the_scatter_of_the_closed_form(found):

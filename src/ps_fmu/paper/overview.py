@@ -8,16 +8,27 @@ from dataclasses import asdict, replace
 
 from tqdm import tqdm
 
+from ..analyses.finding import Finding
+from ..analyses.jobs import Job, Report, run_jobs
+from ..analyses.options import AnalysisOptions
+from ..analyses.result import AnalysisResult
+from ..analyses.table import ANALYSES
+from ..control.commander import DEFAULT_ALGORITHM_1
+from ..cosim.ssp.ssv import read_parameters
+from ..mechanism.parameters import load
+from ..mechanism.workspace import STEP
 from ..runs.built_fmus import provide_fmus
-from . import errata, published_settings
-from .analysis import Analysis, AnalysisOptions, find_figure_analyses
-from .analysis_result import AnalysisResult
+from ..theory.loop import loop_at
+from . import errata
 from .errata import Erratum, errata_table
-from .figures.table2.closed_form import knowledge_text
-from .finding import Finding
-from .jobs import Job, Report, run_jobs
-from .published import published_numbers
+from .figures.fig08_11.measured import list_jobs as list_transmissibility_jobs
+from .figures.table2.closed_form import ORIENTATIONS, knowledge_text
+from .published import ANGLES, make_finding, published_numbers
 
+FIGURES = {"workspace": 4.0, "trajectories": 34.0, "transmissibility": 7.0, "stability": 24.0, "jitter": 28.0}
+"""The analyses that are put together, and the seconds of one processor that each takes without the jobs before it."""
+JOBS = {"transmissibility": list_transmissibility_jobs}
+"""What can be done before an analysis, in other processes: it takes the results as ``found``."""
 ERRATA, ERRATA_COST_S = "errata", 6.0
 
 
@@ -27,15 +38,14 @@ def analyse(options: AnalysisOptions) -> AnalysisResult:
     Each analysis writes its files when it has ended.  Raises :class:`.jobs.JobError` after all have ended if one of
     them has failed, and what comes before the first of them raises: BuildError, OSError, OptionError.
     """
-    findings = published_settings.findings(options)  # first: a missing parameter file is noticed before the long runs
-    analyses = find_figure_analyses()
-    if any(analysis.needs_fmus for analysis in analyses.values()):
+    findings = list_settings(options)  # first: a missing parameter file is noticed before the long runs
+    if any(ANALYSES[name].needs_fmus for name in FIGURES):
         provide_fmus(options.fmus, options.system)  # here: the processes of the jobs would all build them
-    jobs = list_jobs(options, analyses)
+    jobs = list_jobs(options)
     with show_progress(jobs, options.progress) as report:
         outcomes = run_jobs(jobs, report=report)
     outcomes.raise_failures()
-    parts: list[AnalysisResult] = [outcomes.results[name] for name in analyses]
+    parts: list[AnalysisResult] = [outcomes.results[name] for name in FIGURES]
     entries: Sequence[Erratum] = outcomes.results[ERRATA]
     findings = order_findings([*findings, *(finding for part in parts for finding in part.findings)])
     return AnalysisResult(
@@ -50,21 +60,20 @@ def analyse(options: AnalysisOptions) -> AnalysisResult:
     )
 
 
-def list_jobs(options: AnalysisOptions, analyses: Mapping[str, Analysis]) -> list[Job]:
+def list_jobs(options: AnalysisOptions) -> list[Job]:
     """The jobs of the analyses, each analysis itself, and the errata."""
     options = replace(options, progress=False, threads=1)  # as many processes as processors are enough
     jobs = [Job(ERRATA, ERRATA_COST_S, errata.errata)]
-    for name, analysis in analyses.items():
-        before = analysis.jobs(options) if analysis.jobs else ()
-        names = tuple(job.name for job in before)
-        jobs += [*before, Job(name, analysis.cost_s, run_analysis, (analysis.name, options), names)]
+    for name, cost_s in FIGURES.items():
+        before = JOBS[name](options) if name in JOBS else ()
+        jobs += [*before, Job(name, cost_s, run_analysis, (name, options), tuple(job.name for job in before))]
     return jobs
 
 
 def run_analysis(name: str, options: AnalysisOptions, found: Mapping[str, object] | None = None) -> AnalysisResult:
     """Run an analysis with what its jobs have ``found``, and write its files."""
-    analysis = find_figure_analyses()[name]
-    result = analysis.analyse(options, **({} if found is None else {"found": found}))
+    analyse = ANALYSES[name].load()
+    result = analyse(options) if found is None else analyse(options, found=found)
     result.write(options.output)
     return result
 
@@ -107,7 +116,7 @@ def order_findings(findings: Iterable[Finding]) -> list[Finding]:
     for finding in findings:
         known = by_key.get(finding.key)
         by_key[finding.key] = known.join(finding) if known else finding
-    return [by_key.get(key, Finding(key)) for key in published_numbers()]
+    return [by_key.get(key, make_finding(key)) for key in published_numbers()]
 
 
 def count_text(findings: Sequence[Finding]) -> str:
@@ -127,3 +136,36 @@ def count_text(findings: Sequence[Finding]) -> str:
 def find_missing(findings: Iterable[Finding]) -> list[str]:
     """Keys of the numbers that have neither a computed nor a co-simulated value."""
     return [finding.key for finding in findings if not finding.has_value]
+
+
+def list_settings(options: AnalysisOptions) -> list[Finding]:
+    """A finding for each setting.
+
+    Raises
+    ------
+    OSError: a parameter file of the system is missing.
+    """
+    folder = options.system.parent / "parameters"
+    damping = read_parameters(folder / "large_damping.ssv")["plant.fine_leg_1.damping"]
+    delay = read_parameters(folder / "delay_20ms.ssv")["isolator.delay"]
+    p, lighter = load(bus="OSM"), load(bus="LSM")
+    controller = loop_at(p).controller
+    integrators = controller.n_states - 3 * controller.lowpass.order  # the high-pass is in them: those of six axes
+    values = {
+        "epsilon": DEFAULT_ALGORITHM_1.epsilon,
+        "workspace_step": 1e3 * STEP,  # mm
+        "OSM_mass": p.bus.mass,
+        "LSM_mass": lighter.bus.mass,
+        "payload_mass": p.payload.mass,
+        "fine_damping": p.manipulator.fine_legs[0].damping,
+        "fine_damping_large": float(damping),
+        "delay": float(delay),
+        "lowpass_order": float(controller.lowpass.order),
+        "lowpass_stop": p.filters.lowpass_stop_frequency,
+        "highpass_order": integrators / 6,
+        "highpass_corner": p.filters.highpass_frequency,
+        "noise_from": float(p.noise.band[0]),
+        "noise_to": float(p.noise.band[1]),
+        **{f"orientation_{angle}": ORIENTATIONS[angle][i] for i, angle in enumerate(ANGLES)},
+    }
+    return [make_finding(f"text.{name}", computed=value, setting=True) for name, value in values.items()]

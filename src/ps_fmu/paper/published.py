@@ -1,49 +1,38 @@
-"""The numbers that the paper publishes, from ``published.toml``: the one place where they are written down."""
+"""The numbers that the paper publishes, from ``published.csv``: the one place where they are written down.
+
+H. Zhang et al., Appl. Sci. 2023, 13(4), 2188, doi 10.3390/app13042188; a line for each number, in the paper's own unit
+and order.
+"""
 
 from __future__ import annotations
 
-import tomllib
-from dataclasses import dataclass
+import csv
+import json
 from functools import cache
 from importlib.resources import files
 
-RELATIONS = ("=", ">", "<", "~")
+from ..analyses.finding import Finding, PublishedNumber
+
 ANGLES = ("roll", "pitch", "yaw")  # as the keys of Table 1 and the orientations name them
-
-
-@dataclass(frozen=True)
-class PublishedNumber:
-    """A number of the paper."""
-
-    key: str
-    """``group.name`` in published.toml."""
-    where: str
-    """Section, figure or table."""
-    what: str
-    unit: str
-    value: float
-    relation: str = "="
-    """``"="``: the paper gives this value; ``">"`` or ``"<"``: it says that the number is above or below; ``"~"``: it
-    gives an order of magnitude."""
-    remark: str = ""
-
-    def __post_init__(self) -> None:
-        if self.relation not in RELATIONS:
-            raise ValueError(f"published.toml: {self.key}: relation {self.relation!r}, expected one of {RELATIONS}")
-
-    @property
-    def text(self) -> str:
-        """The value with its relation, as in a table."""
-        return f"{self.value:g}" if self.relation == "=" else f"{self.relation} {self.value:g}"
 
 
 @cache
 def published_numbers() -> dict[str, PublishedNumber]:
-    """All published numbers by key, such as ``table1.roll_max``, in the order of the file: that of the paper."""
-    text = files(__package__).joinpath("published.toml").read_text(encoding="utf-8")
-    numbers = {
-        f"{group}.{name}": PublishedNumber(f"{group}.{name}", **entry)
-        for group, entries in tomllib.loads(text).items()
-        for name, entry in entries.items()
-    }
-    return dict(sorted(numbers.items(), key=lambda item: text.index(f"[{item[0]}]")))  # groups may be interleaved
+    """All published numbers by key, such as ``table1.roll_max``, in the order of the paper."""
+    numbers = {}
+    with files(__package__).joinpath("published.csv").open(encoding="utf-8") as file:
+        for row in csv.DictReader(file):
+            value = json.loads(row.pop("value"))  # an integer stays one in the files of results
+            numbers[row["key"]] = PublishedNumber(value=value, **row)
+    return numbers
+
+
+def make_finding(
+    key: str,
+    computed: float | None = None,
+    cosimulated: float | None = None,
+    remark: str = "",
+    setting: bool = False,
+) -> Finding:
+    """The finding of a published number, see :class:`.Finding`.  Raises KeyError for a key that is none."""
+    return Finding(published_numbers()[key], computed, cosimulated, remark, setting)

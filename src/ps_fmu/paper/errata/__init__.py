@@ -6,13 +6,15 @@ compared with a route that does not use the equation in question.
 
 from __future__ import annotations
 
-from . import control, dynamics, kinematics, legs, results
+from . import control, dynamics, kinematics
 from .erratum import BY_READING, Erratum, errata_table
 
 __all__ = ["BY_READING", "ENTRIES", "Erratum", "errata", "errata_table"]
 
 #: Functions that each return one entry, in the order of the paper.
-ENTRIES = (*kinematics.ENTRIES, *dynamics.ENTRIES, *control.ENTRIES, *legs.ENTRIES, *results.ENTRIES)
+ENTRIES = (
+    *kinematics.ENTRIES, *dynamics.ENTRIES, *control.ENTRIES, *kinematics.LEG_ENTRIES, *control.RESULT_ENTRIES
+)  # fmt: skip
 
 
 def errata() -> tuple[Erratum, ...]:

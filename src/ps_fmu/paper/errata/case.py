@@ -13,7 +13,7 @@ from ...mechanism.inverse_kinematics import inverse_kinematics
 from ...mechanism.parameters import Array, Parameters, load
 from ...mechanism.rotations import rotation_matrix
 from ...theory.transfer_matrices import Complex, Nominal, Practical
-from ..nominal_system import assemble_nominal
+from ..bus_cases import assemble_nominal
 
 ORIENTATION = np.radians([3.0, -4.0, 10.0])  # roll, pitch, yaw, rad
 S: Complex = np.asarray(2j * np.pi * np.geomspace(0.05, 300.0, 40))  # rad/s, from below the modes of the bus upwards

@@ -10,8 +10,7 @@ from ...mechanism.kinematics import leg_lengths
 from ...mechanism.parameters import Array
 from ...mechanism.rotations import rotation_from_vector, skew
 from ...theory.transfer_matrices import Complex, Practical
-from ..bus_cases import load_case
-from ..nominal_system import assemble_nominal, mobile_base_factors
+from ..bus_cases import assemble_nominal, load_case, mobile_base_factors
 from . import case
 from .erratum import Erratum, rate, relative_error
 

@@ -12,14 +12,13 @@ STARTS = 24
 FILE = "identified.toml"
 
 
-def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """The subcommand ``identify``."""
-    what = (
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The arguments of the subcommand ``identify``."""
+    parser.description = (
         "Find a parameter set that meets Table 1, Fig 10 and the passive RMS of Table 2, and what they do not fix. The "
         "same seed finds the same set on one machine; elsewhere, digits from the fifth on may differ with the library "
         "for linear algebra."
     )
-    parser = commands.add_parser("identify", help="find a parameter set from the published numbers", description=what)
     parser.add_argument(
         "--output", type=read_output, default=Path("results/identify"), metavar="DIR", help="default: %(default)s"
     )

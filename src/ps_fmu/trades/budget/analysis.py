@@ -8,10 +8,10 @@ from functools import partial
 import numpy as np
 from tqdm import tqdm
 
+from ...analyses.options import SYSTEM, AnalysisOptions
+from ...analyses.result import AnalysisResult
+from ...analyses.system import load_built_system
 from ...cosim import System, read_system
-from ...paper.analysis import SYSTEM, AnalysisOptions
-from ...paper.analysis_result import AnalysisResult
-from ...paper.cosimulation import load_built_system
 from ...pointing.budget import UncertaintyFactors
 from ...product.files import find_product
 from ...results.report import Picture, draw_pictures

@@ -8,10 +8,10 @@ from functools import partial
 import numpy as np
 from tqdm import tqdm
 
+from ...analyses.options import AnalysisOptions
+from ...analyses.result import AnalysisResult
+from ...analyses.system import load_default_system
 from ...mechanism.parameters import Array
-from ...paper.analysis import AnalysisOptions
-from ...paper.analysis_result import AnalysisResult
-from ...paper.cosimulation import load_default_system
 from ...product.files import find_product
 from ...results.report import draw_pictures
 from ...results.tables import Table

@@ -6,15 +6,17 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ....analyses.finding import Finding
+from ....analyses.options import AnalysisOptions
+from ....analyses.result import AnalysisResult
 from ....mechanism.parameters import Array
 from ....results.tables import Table
-from ....runs.options import Scenario
-from ...analysis import AnalysisOptions
-from ...analysis_result import AnalysisResult
+from ....runs.run import Run
+from ....runs.scenario import Scenario
 from ...cosimulation import hold_run
-from ...finding import Finding
-from ...published import ANGLES, published_numbers
-from ..fig06.results import compute_reach
+from ...published import ANGLES, make_finding, published_numbers
+from ..fig06 import compute_reach
+from . import SCENARIO
 from .results import EXACT, FINE, PRINTED, PathResult, largest_error_deg, smallest_error_deg
 from .scenario import (
     BEYOND_DEG,
@@ -31,10 +33,10 @@ from .scenario import (
 LIMITS = tuple(f"table1.{angle}_{end}" for angle in ANGLES for end in ("max", "min"))
 
 
-def analyse(options: AnalysisOptions, scenario: Scenario) -> AnalysisResult:
+def analyse(options: AnalysisOptions, scenario: Scenario = SCENARIO) -> AnalysisResult:
     """Run the paths of the scenario ``trajectories`` and the limits of the workspace, and draw the paths."""
     with hold_run(options, scenario) as run:
-        system = load_quiet_system(run)
+        system = load_quiet_system(Run(run))
         results = measure(system, run)
         limits, beyond = measure_limits(system, run, *extremes())
     return AnalysisResult(
@@ -73,9 +75,11 @@ def findings(results: Sequence[PathResult]) -> list[Finding]:
         f"{largest_error_deg(results, EXACT):.0e} deg"
     )
     return [
-        Finding("fig7.smallest_error", float(expected[expected > 0.0].min()), smallest_error_deg(results, FINE), FINE),
-        Finding("fig7.error", float(expected.max()), largest, f"{FINE}; {others}"),
-        Finding("text.error", float(expected.max()), largest, FINE),
+        make_finding(
+            "fig7.smallest_error", float(expected[expected > 0.0].min()), smallest_error_deg(results, FINE), FINE
+        ),
+        make_finding("fig7.error", float(expected.max()), largest, f"{FINE}; {others}"),
+        make_finding("text.error", float(expected.max()), largest, FINE),
     ]
 
 
@@ -83,8 +87,8 @@ def limit_findings(limits: PathResult) -> list[Finding]:
     """Table 1 as the plant reached it."""
     reached = np.degrees(_pick_extremes(limits.response))
     return [
-        *(Finding(key, cosimulated=float(angle)) for key, angle in zip(LIMITS, reached, strict=True)),
-        Finding("text.cone", cosimulated=float(np.abs(reached).min())),
+        *(make_finding(key, cosimulated=float(angle)) for key, angle in zip(LIMITS, reached, strict=True)),
+        make_finding("text.cone", cosimulated=float(np.abs(reached).min())),
     ]
 
 

@@ -1,4 +1,4 @@
-"""The figure of a path: targets, response, and the error at rest."""
+"""The figure of a path: targets, response, and the error at rest; the charts of the report."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ....results.page.content import Axis, Chart, ChartGroup, Curve, Exploration
 from ....results.style import ACTIVE, AXES, PASSIVE, REFERENCE, draw
 from ...published import ANGLES
-from .results import PathResult
-from .target_paths import PLANES
+from .results import EXACT, PLANES, PathResult
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -46,3 +46,24 @@ def draw_path(path: Path, results: Sequence[PathResult]) -> None:
         figure.suptitle(f"Path: {first.path}")
 
     draw(path, 7.5 if len(planes) == 1 else 14.0, 9.5, paint)
+
+
+def explore_paths(results: Sequence[PathResult]) -> Exploration:
+    """Charts of target and response along each path, deg; by trilateration, which the others do not differ from."""
+    return Exploration([_chart_path(result) for result in results if result.method == EXACT])
+
+
+def _chart_path(result: PathResult) -> ChartGroup:
+    charts = [
+        Chart(
+            angle,
+            "deg",
+            [
+                Curve("target", "reference", np.degrees(result.held[:, k])),
+                Curve("response", "active", np.degrees(result.motion[:, k])),
+            ],
+        )
+        for k, angle in enumerate(ANGLES)
+    ]
+    caption = "The coarse legs follow each target at their rate limit, and rest at it."
+    return ChartGroup(f"Path: {result.path}", caption, Axis("time", "s", result.time), charts)

@@ -24,25 +24,27 @@ from ....mechanism.parameters import Array, load
 from ....results.report import Picture, draw_pictures
 from ....results.tables import Table
 from ....runs.cases import Case, run_case
-from ....runs.comparison import TARGET, TargetError
+from ....runs.comparison import TARGET
 from ....runs.jitter_record import ORIENTATION, REACHABLE
 from ....runs.options import OptionError, RunOptions
-from ....runs.publish import Findings, publish
-from ....runs.setup import RunSystem, load_system
+from ....runs.publish import Findings
+from ....runs.run import Run
+from ....runs.setup import RunSystem
 from ...cosimulation import SampleRecord
-from .exploration import explore_paths
-from .plots import draw_path
+from .plots import draw_path, explore_paths
 from .results import (
     EPSILON_AS_PUBLISHED,
     EXACT,
     FINE,
     METHODS,
+    PLANES,
     PRINTED,
     PathResult,
     largest_error_deg,
+    quadrilateral,
+    random_walk,
     smallest_error_deg,
 )
-from .target_paths import PLANES, quadrilateral, random_walk
 
 SETTLE_S = 1.0  # at rest before an error is taken: the servo of 5 Hz leaves 1e-12 of what it lagged behind
 COUNTS = range(41, 4, -4)  # of targets along a path
@@ -62,13 +64,9 @@ HOW = (
 )
 
 
-def run(options: RunOptions) -> None:
-    """Run the scenario; writes results.nc, summary.json, figures and report.html, prints the table.
-
-    Raises :class:`TargetError` after that if the commander refused targets.
-    """
-    system = load_quiet_system(options)
-    results = measure(system, options)
+def find(run: Run) -> Findings:
+    """Run all paths by all methods; the errors of the orientation."""
+    results = measure(load_quiet_system(run), run.options)
     table = error_table(results)
     refused = [
         f"{result.path}, {result.method}: {result.refused.sum()} of {len(result.target)} targets are out of reach: the "
@@ -77,27 +75,18 @@ def run(options: RunOptions) -> None:
         if result.refused.any()
     ]
     text = [*refused, HOW, algorithm_1_text(results)]
-    print(table.to_text(), *text, sep="\n")
-    pictures = path_pictures(options.output, results) if options.figures else []
-    publish(
-        options,
-        system,
-        Findings(
-            title="Trajectories: Fig 7",
-            text=text,
-            tables=[table],
-            pictures=pictures,
-            outcomes=[result.outcome for result in results],
-            orientation_deg=np.degrees(results[-1].response[-1]).tolist(),
-            rms_passive_rad=None,
-            rms_active_rad=None,
-            rejection_percent=None,
-            more={"paths": [_entry(result) for result in results]},
-            explored=explore_paths(results),
-        ),
+    return Findings(
+        title="Trajectories: Fig 7",
+        printed="\n".join([table.to_text(), *text]),
+        text=text,
+        tables=[table],
+        outcomes=[result.outcome for result in results],
+        orientation_deg=np.degrees(results[-1].response[-1]).tolist(),
+        more={"paths": [_entry(result) for result in results]},
+        draw=lambda folder: path_pictures(folder, results),
+        explore=lambda _path: explore_paths(results),
+        refused="\n".join(refused),
     )
-    if refused:
-        raise TargetError("\n".join(refused))
 
 
 def list_cases() -> tuple[str, ...]:
@@ -118,9 +107,9 @@ def path_pictures(folder: Path, results: Sequence[PathResult]) -> list[Picture]:
     return draw_pictures(folder, "trajectory", figures)
 
 
-def load_quiet_system(options: RunOptions) -> RunSystem:
+def load_quiet_system(run: Run) -> RunSystem:
     """The system without disturbance and with the isolator off."""
-    return load_system(options, {"disturbance.noise.enabled": False, "isolator.enabled": False})
+    return run.load({"disturbance.noise.enabled": False, "isolator.enabled": False})
 
 
 def measure(system: RunSystem, options: RunOptions) -> list[PathResult]:

@@ -8,31 +8,35 @@ from pathlib import Path
 
 import numpy as np
 
+from ....analyses.finding import Finding
+from ....analyses.options import AnalysisOptions
+from ....analyses.result import AnalysisResult
 from ....mechanism.parameters import Array, load
 from ....results.report import draw_pictures
 from ....results.tables import Table, format_angles
 from ....theory.transmissibility import singular_values_db
 from ...agreement import Agreement
-from ...analysis import AnalysisOptions
-from ...analysis_result import AnalysisResult
 from ...bus_cases import CASES, load_case
-from ...finding import Finding
+from ...published import make_finding
 from ..table2.closed_form import ORIENTATIONS
 from .measured import (
+    FREQUENCY,
     SETUPS,
     SHAKING,
+    SUSPENSION_BELOW,
     Agreements,
+    Curves,
     Setup,
     agreement_table,
     compare_setups,
     compare_step_models,
+    compute_curves,
     entries,
     name_job,
     step_table,
     verdict,
 )
 from .plots import draw_cases, draw_deviation, draw_measured, draw_orientations
-from .results import FREQUENCY, SUSPENSION_BELOW, Curves, compute_curves
 
 
 def analyse(
@@ -103,21 +107,27 @@ def _fig8_findings(at_orientations: Mapping[str, Curves], measured: Agreements) 
     bands = np.array([c.amplified_band for c in found])
     _, second, third = np.max([c.amplifications for c in found], axis=0)
     return [
-        Finding("fig8.start", max((c.start for c in found), key=abs), start, "farthest from 0 of four orientations"),
-        Finding(
+        make_finding(
+            "fig8.start", max((c.start for c in found), key=abs), start, "farthest from 0 of four orientations"
+        ),
+        make_finding(
             "fig8.attenuation",
             min(c.attenuation for c in found),
             attenuation,
             "least of the four orientations; co-simulated: with what a communication step costs",
         ),
-        Finding(
+        make_finding(
             "fig8.amplification",
             max(c.amplification for c in found),
             remark="largest singular value, largest of the four orientations; the second and the third are amplified "
             f"by up to {second:.1f} and {third:.1f} dB, at minima of the passive curves",
         ),
-        Finding("fig8.amplified_from", float(bands[:, 0].min()), remark="largest singular value, lowest of the four"),
-        Finding("fig8.amplified_to", float(bands[:, 1].max()), remark="largest singular value, highest of the four"),
+        make_finding(
+            "fig8.amplified_from", float(bands[:, 0].min()), remark="largest singular value, lowest of the four"
+        ),
+        make_finding(
+            "fig8.amplified_to", float(bands[:, 1].max()), remark="largest singular value, highest of the four"
+        ),
     ]
 
 
@@ -133,10 +143,12 @@ def _fig11_findings(of_cases: Mapping[str, Curves], measured: Agreements) -> lis
     lines = measured[Setup()].response.frequency if measured else None
     return [
         *(
-            Finding(key, _largest(passive, *cases), _largest(runs, *cases) if runs else None, "of any singular value")
+            make_finding(
+                key, _largest(passive, *cases), _largest(runs, *cases) if runs else None, "of any singular value"
+            )
             for key, cases in (("fig11.similar", ("OSM", "LSM")), ("fig11.similar_damped", ("LDOSM", "LDLSM")))
         ),
-        Finding(
+        make_finding(
             "fig11.attenuation",
             float(frequency[most]),
             None if lines is None else float(lines[_row_farthest_below(runs["LDOSM"], runs["OSM"])]),

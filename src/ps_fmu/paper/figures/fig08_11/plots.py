@@ -16,8 +16,7 @@ from ....theory.transmissibility import singular_values_db
 from ...agreement import ALLOWED_DB, ALLOWED_DEG, BAND, COHERENCE
 from ...bus_cases import CASES, COLOURS
 from ..table2.closed_form import ORIENTATIONS
-from .measured import Agreements, Setup
-from .results import Curves
+from .measured import Agreements, Curves, Setup
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -8,17 +8,19 @@ from functools import partial
 import numpy as np
 from tqdm import tqdm
 
+from ....analyses.finding import Finding
+from ....analyses.options import AnalysisOptions
+from ....analyses.result import AnalysisResult
 from ....results.report import draw_pictures
 from ....results.tables import Table
-from ....runs.options import Scenario
+from ....runs.run import Run
+from ....runs.scenario import Scenario
 from ....runs.shaking import Shaking
 from ....theory.margins import Margins
-from ...analysis import AnalysisOptions
-from ...analysis_result import AnalysisResult
 from ...bus_cases import CASES, SUSPENSION
 from ...cosimulation import hold_run
-from ...finding import Finding
-from ...published import published_numbers
+from ...published import make_finding, published_numbers
+from . import SCENARIO
 from .open_loop import SHAKING, OpenLoop, measure_open_loops
 from .plots import DRAWN, distance_beyond, draw_bode, draw_nyquist, draw_sensitivity
 from .pulse_response import PulseResponse
@@ -29,11 +31,11 @@ ARRAYS = (0.2, SUSPENSION[0])  # Hz: modes of the bus
 BEYOND = (SUSPENSION[1], 1000.0)  # Hz
 
 
-def analyse(options: AnalysisOptions, scenario: Scenario, shaking: Shaking = SHAKING) -> AnalysisResult:
+def analyse(options: AnalysisOptions, scenario: Scenario = SCENARIO, shaking: Shaking = SHAKING) -> AnalysisResult:
     """Judge the four cases, measure their open loop and their time response on the FMUs, and draw them."""
     delay = published_numbers()["text.delay"].value
     with hold_run(options, scenario) as run:
-        responses = measure(load_shaken_system(run), run)
+        responses = measure(load_shaken_system(Run(run)), run)
     opened = measure_open_loops(options, delay, shaking)
     bar = tqdm(CASES, unit="case", disable=not options.progress, desc="stability")
     verdicts = {case: judge(case, delay) for case in bar}
@@ -81,31 +83,31 @@ def findings(
     computed = _lighter_module(verdicts["LSM"].margins)
     measured = _lighter_module(opened["LSM"].margins) if opened else {}
     remarks = {"LSM_phase_margin": "against -1; the critical point is +1"}
-    found = [Finding(f"fig10.{k}", computed[k], measured.get(k), remarks.get(k, "")) for k in computed]
+    found = [make_finding(f"fig10.{k}", computed[k], measured.get(k), remarks.get(k, "")) for k in computed]
     for case in ("OSM", "LDLSM"):
         v = verdicts[case]
         peak = opened[case].margins.largest_gain_db if opened else None
-        found.append(Finding(f"fig10.{case}_peak", v.wide.largest_gain_db, peak, _describe_peak(v)))
+        found.append(make_finding(f"fig10.{case}_peak", v.wide.largest_gain_db, peak, _describe_peak(v)))
     above = least_gain_ratio_db(verdicts["LSM"].loop, verdicts["OSM"].loop)
     seen = opened["LSM"].least_ratio_db(opened["OSM"]) if opened else None
-    found.append(Finding("fig10.LSM_above_OSM", above, seen, f"from {WIDE[0]:g} to {WIDE[1]:g} Hz"))
-    found.append(Finding("fig10.open_loop_poles", max(v.open_loop_poles for v in verdicts.values())))
+    found.append(make_finding("fig10.LSM_above_OSM", above, seen, f"from {WIDE[0]:g} to {WIDE[1]:g} Hz"))
+    found.append(make_finding("fig10.open_loop_poles", max(v.open_loop_poles for v in verdicts.values())))
     found += [
-        Finding(f"fig10.{case}_encirclements", verdicts[case].encirclements, remark="of det(E + L)")
+        make_finding(f"fig10.{case}_encirclements", verdicts[case].encirclements, remark="of det(E + L)")
         for case in ("OSM", "LSM", "LDLSM")
     ]
     with_delay = {r.case: r for r in responses if r.enabled and r.delay_s == verdicts[r.case].loop.delay}
     for case in ("OSM", "LSM", "LDLSM"):
         remark = "stable: the critical point is +1" if case == "LSM" else ""
         growth = with_delay[case].pole.real if responses else None
-        found.append(Finding(f"fig10.{case}_growth", verdicts[case].rightmost.real, growth, remark))
+        found.append(make_finding(f"fig10.{case}_growth", verdicts[case].rightmost.real, growth, remark))
     original = verdicts["OSM"].mobile_base_factor
     remark = f"OSM; LSM has {verdicts['LSM'].mobile_base_factor:.2f}"
-    return [*found, Finding("text.mobile_base_factor", original, remark=remark)]
+    return [*found, make_finding("text.mobile_base_factor", original, remark=remark)]
 
 
 def _lighter_module(m: Margins) -> dict[str, float]:
-    """The numbers of LSM in Fig 10, by the keys of published.toml."""
+    """The numbers of LSM in Fig 10, by the keys of published.csv."""
     first, second = m.gain_crossings
     return {
         "LSM_first_crossing": first,

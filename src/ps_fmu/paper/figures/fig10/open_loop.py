@@ -16,6 +16,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from tqdm import tqdm
 
+from ....analyses.options import AnalysisOptions
+from ....analyses.system import load_built_system
 from ....cosim import System, Value
 from ....pointing.response import Response
 from ....runs.shaking import Shaking, measure_response
@@ -24,9 +26,7 @@ from ....theory.margins import Margins, margins
 from ....theory.sampled import loop_sampled
 from ....theory.transfer_matrices import Complex
 from ...agreement import coherent_lines
-from ...analysis import AnalysisOptions
 from ...bus_cases import CASES, case_start_values, load_case
-from ...cosimulation import load_built_system
 
 if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline

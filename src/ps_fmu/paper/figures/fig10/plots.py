@@ -1,4 +1,4 @@
-"""Figures of the stability analysis."""
+"""Figures of the stability analysis, and the charts of the report: the motion after the pulse."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ....mechanism.parameters import Array
+from ....results.page.content import Axis, Chart, ChartGroup, Curve, Exploration
 from ....results.style import ACTIVE, PASSIVE, REFERENCE, draw
 from ....theory.small_gain import largest_singular_value, nominal_loop_poles
 from ....theory.transfer_matrices import Complex, place_frequencies
-from ...bus_cases import COLOURS, load_case
-from ...nominal_system import assemble_nominal, small_gain_curves
+from ...bus_cases import COLOURS, assemble_nominal, load_case, small_gain_curves
 from .open_loop import OpenLoop
 from .pulse_response import PulseResponse, compare_by_name
 from .results import LoopVerdict
@@ -201,3 +201,35 @@ def _colour(r: PulseResponse) -> str:
 
 def _label(r: PulseResponse) -> str:
     return "isolator on" if r.enabled else "isolator off"
+
+
+def explore_responses(responses: Sequence[PulseResponse]) -> Exploration:
+    """Charts of the payload's rotation and of a fine leg, one for each case, isolator off and on."""
+    axis = Axis("time", "s", responses[0].time)
+    quantities = (
+        ("Rotation of the payload about axis x of P", "rad", lambda r: r.rotation[:, 0]),
+        ("Displacement of fine leg 1", "m", lambda r: r.fine[:, 0]),
+    )
+    return Exploration(
+        [
+            ChartGroup(
+                title,
+                "After a pulse on the bus.",
+                axis,
+                [
+                    Chart(
+                        name,
+                        unit,
+                        [
+                            Curve("isolator on", "active", values(r))
+                            if r.enabled
+                            else Curve("isolator off", "passive", values(r))
+                            for r in compared
+                        ],
+                    )
+                    for name, compared in compare_by_name(responses).items()
+                ],
+            )
+            for title, unit, values in quantities
+        ]
+    )

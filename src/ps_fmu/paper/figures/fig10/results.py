@@ -16,8 +16,7 @@ from ....theory.margins import Margins, element_margins
 from ....theory.small_gain import largest_singular_value, nominal_loop_poles
 from ....theory.state_space import controller_system
 from ....theory.transfer_matrices import Complex, place_frequencies
-from ...bus_cases import SUSPENSION, load_case
-from ...nominal_system import assemble_nominal, mobile_base_factors, small_gain_curves
+from ...bus_cases import SUSPENSION, assemble_nominal, load_case, mobile_base_factors, small_gain_curves
 
 LONGEST = 0.3  # s, of the search for a delay limit
 BAND = (1.0, 30.0)  # Hz, around the suspension: what Fig 10 is about

@@ -22,13 +22,13 @@ from ....results.tables import Table, format_number
 from ....runs.cases import Case, run_case
 from ....runs.jitter_record import ORIENTATION, ROTATION
 from ....runs.options import OptionError, RunOptions
-from ....runs.publish import Findings, publish
-from ....runs.setup import NOISE, RECORDING_PATH, RunSystem, load_system
+from ....runs.publish import Findings
+from ....runs.run import Run
+from ....runs.setup import NOISE, RECORDING_PATH, RunSystem
 from ....theory.loop import Loop, loop_of
 from ...bus_cases import CASES, case_start_values
 from ...cosimulation import SampleRecord
-from .exploration import explore_responses
-from .plots import draw_response
+from .plots import draw_response, explore_responses
 from .pulse_response import PULSE_S, PulseResponse, paper_delay_s
 
 BEYOND_S = 0.1  # delay of the fifth run of the lighter module: its limit is 0.0916 s, and 1000 steps are kept
@@ -46,32 +46,25 @@ HOW = (
 )
 
 
-def run(options: RunOptions) -> None:
-    """Run the scenario; writes results.nc, summary.json, figures and report.html, prints the table."""
+def find(run: Run) -> Findings:
+    """Run all cases; the poles found in their motion."""
+    options = run.options
     if options.duration_s < SHORTEST_S:
         raise OptionError(f"--duration: poles need {SHORTEST_S:g} s at least, got {options.duration_s:g} s")
-    system = load_shaken_system(options)
+    system = load_shaken_system(run)
     responses = measure(system, options)
     table = response_table(responses)
     text = [HOW, *verdict(responses), *_unpredicted_text(system)]
-    print(table.to_text(), *text[1:], sep="\n")
-    pictures = response_pictures(options.output, responses) if options.figures else []
-    publish(
-        options,
-        system,
-        Findings(
-            title="Stability of the internal loop: time response",
-            text=text,
-            tables=[table],
-            pictures=pictures,
-            outcomes=[r.outcome for r in responses],
-            orientation_deg=(0.0, 0.0, 0.0),
-            rms_passive_rad=None,
-            rms_active_rad=None,
-            rejection_percent=None,
-            more={"responses": [r.entry for r in responses]},
-            explored=explore_responses(responses),
-        ),
+    return Findings(
+        title="Stability of the internal loop: time response",
+        printed="\n".join([table.to_text(), *text[1:]]),
+        text=text,
+        tables=[table],
+        outcomes=[r.outcome for r in responses],
+        orientation_deg=(0.0, 0.0, 0.0),
+        more={"responses": [r.entry for r in responses]},
+        draw=lambda folder: response_pictures(folder, responses),
+        explore=lambda _path: explore_responses(responses),
     )
 
 
@@ -85,15 +78,15 @@ def list_cases() -> tuple[str, ...]:
     return tuple(_name_case(*each) for each in _list_wanted())
 
 
-def load_shaken_system(options: RunOptions) -> RunSystem:
+def load_shaken_system(run: Run) -> RunSystem:
     """The system with the pulse as recorded disturbance, which is written beside the results."""
-    path = options.output / "pulse.csv"
+    path = run.options.output / "pulse.csv"
     time = np.arange(0.0, PULSE_S + 0.5e-3, 1e-3)  # s
     np.savetxt(
         path, np.column_stack([time, np.outer(pulse(time), PULSE_B)]), fmt="%.10g", delimiter=",",
         header=",".join(RECORDING), comments="",
     )  # fmt: skip
-    return load_system(options, {NOISE: False, RECORDING_PATH: str(path)})
+    return run.load({NOISE: False, RECORDING_PATH: str(path)})
 
 
 def pulse(time: Array) -> Array:

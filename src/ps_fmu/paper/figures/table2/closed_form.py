@@ -18,7 +18,7 @@ from ....theory.loop import loop_at
 from ...published import published_numbers
 
 LOOP_DELAY = 1.5  # steps: the exchange takes one, and a force that is held for a step is late by half a step
-#: Orientations of Table 2 (deg) by their names in published.toml.
+#: Orientations of Table 2 (deg) by their names in published.csv.
 ORIENTATIONS: dict[str, tuple[float, float, float]] = {
     "nominal": (0.0, 0.0, 0.0),
     "roll": (8.5, 0.0, 0.0),

@@ -99,7 +99,7 @@ def draw_rms(path: Path, results: Mapping[str, OrientationResult]) -> None:
                 ("closed form", [r.theory[which].rms for r in results.values()], colour, "///"),
                 (
                     "co-simulated",
-                    [(r.measured.rms_passive, r.measured.rms_active)[which] for r in results.values()],
+                    [r.rms[which] for r in results.values()],
                     colour,
                     "",
                 ),

@@ -9,6 +9,7 @@ from scipy.integrate import cumulative_trapezoid
 
 from ....disturbance import multisine_lines, psd_at_origin
 from ....mechanism.parameters import Array, Parameters
+from ....pointing.rejection import rejection_percent
 from ....runs.comparison import Comparison
 from ....theory.jitter import Jitter, jitter, jitter_density, jitter_of_lines
 from ....theory.loop import loop_at
@@ -34,6 +35,16 @@ class OrientationResult:
     measured: Comparison
     """As co-simulated."""
 
+    @property
+    def rms(self) -> Array:
+        """RMS of the runs about their mean, passive and active, (2, 3), rad."""
+        return np.stack([found.statistics.std for found in (self.measured.passive, self.measured.active)])
+
+    @property
+    def rejection(self) -> Array:
+        """What the isolator takes away of :attr:`rms`, (3,), percent."""
+        return rejection_percent(*self.rms)
+
 
 def compute_results(p: Parameters, measured: Measurement, step_s: float, seed: int) -> dict[str, OrientationResult]:
     """Compute the closed forms for runs with a communication step (s) and a seed of the disturbance."""
@@ -48,7 +59,7 @@ def compute_results(p: Parameters, measured: Measurement, step_s: float, seed: i
             jitter_of_lines(bare.with_delay(steps * step_s), *wrench, focal_length, active=True).rms for steps in (1, 2)
         )
         # The RMS is nearly linear in so short a delay.
-        fitted = 1.0 + float(np.mean((comparison.rms_active - earlier) / (later - earlier)))
+        fitted = 1.0 + float(np.mean((comparison.active.statistics.std - earlier) / (later - earlier)))
         found[name] = OrientationResult(
             name,
             theory=closed_form(name),
@@ -84,5 +95,4 @@ def compute_rms_below(frequency: Array, density: Array) -> Array:
 
 def deviation_percent(result: OrientationResult) -> Array:
     """Runs against the closed form for the lines, (2, 3), percent."""
-    runs = np.stack([result.measured.rms_passive, result.measured.rms_active])
-    return np.asarray(100.0 * (runs / np.stack([found.rms for found in result.lines]) - 1.0))
+    return np.asarray(100.0 * (result.rms / np.stack([found.rms for found in result.lines]) - 1.0))

@@ -11,6 +11,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
 
 import numpy as np
 
@@ -23,16 +25,15 @@ from ....runs.comparison import (
     CASES,
     HEADER,
     Comparison,
-    TargetError,
     compare,
     draw_comparison,
     explain_refusal,
     make_rows,
 )
 from ....runs.exploration import explore_comparisons
-from ....runs.options import RESULTS, RunOptions
-from ....runs.publish import Findings, publish
-from ....runs.setup import MULTISINE, RunSystem, load_system
+from ....runs.publish import Findings
+from ....runs.run import Run
+from ....runs.setup import MULTISINE, RunSystem
 from ...published import published_numbers
 from .closed_form import ORIENTATIONS, published_value, rejection, second_axis_text
 
@@ -73,13 +74,14 @@ class Measurement:
         return np.array([self.system.get_number(f"disturbance.noise.band.{end}") for end in ("min", "max")])
 
 
-def measure(options: RunOptions, *, explored: bool = False) -> Measurement:
+def measure(run: Run, *, explored: bool = False) -> Measurement:
     """Run the four orientations, each passive and active; the runs are stored in results.nc.
 
     ``explored``: keep what a report to explore shows of the nominal one; of all, it would be 6 MB.
     """
+    options = run.options
     settings = {MULTISINE: True, PERIOD: period_s(options.duration_s)}
-    system = load_system(options, settings)
+    system = run.load(settings)
     lead_s = system.get_number("disturbance.rise_time") + SETTLING_S
     lead_steps = math.ceil(lead_s / options.step_s - 1e-6)
     found = {
@@ -96,12 +98,9 @@ def measure(options: RunOptions, *, explored: bool = False) -> Measurement:
     return Measurement(system, found, lead_steps * options.step_s, options.duration_s)
 
 
-def run(options: RunOptions) -> None:
-    """Run the scenario; writes results.nc, summary.json, figures and report.html, prints the table.
-
-    Raises :class:`TargetError` after that if an orientation is out of reach, as by parameters of the commander.
-    """
-    measured = measure(options, explored=True)
+def find(run: Run) -> Findings:
+    """Run the four orientations; their jitter beside Table 2."""
+    measured = measure(run, explored=True)
     found = measured.comparisons
     rows_of_all = [row for name, comparison in found.items() for row in _rows(name, comparison)]
     table = Table("Jitter of the payload against Table 2", _header(), rows_of_all)
@@ -109,39 +108,35 @@ def run(options: RunOptions) -> None:
     second_axis = describe_second_axis(measured.system, found)
     remarks = [_window_text(measured), _drift_text(found.values()), second_axis, *published_remarks()]
     text = [HOW, *refused, *remarks]
-    print(table.to_text(), *text[1:], sep="\n")
 
-    pictures: list[Picture] = []
-    if options.figures:
-        path = options.output / "table2.png"
+    def draw(folder: Path) -> list[Picture]:
+        path = folder / "table2.png"
         plots.draw_table(path, table.header, table.rows, title="Table 2: published and co-simulated")
-        pictures.append(Picture(path, "Published and co-simulated values."))
+        pictures = [Picture(path, "Published and co-simulated values.")]
         for comparison in found.values():
-            pictures += draw_comparison(comparison, options.output, _prefix(comparison.target_deg))
+            pictures += draw_comparison(comparison, folder, _prefix(comparison.target_deg))
+        return pictures
+
     nominal = found[NOMINAL]
-    publish(
-        options,
-        measured.system,
-        Findings(
-            title="Table 2: four orientations, passive and active",
-            text=text,
-            tables=[table],
-            pictures=pictures,
-            outcomes=[outcome for comparison in found.values() for outcome in comparison.outcomes],
-            orientation_deg=nominal.orientation_deg,
-            rms_passive_rad=nominal.rms_passive.tolist(),
-            rms_active_rad=nominal.rms_active.tolist(),
-            rejection_percent=nominal.rejection.tolist(),
-            more={
-                "statistics_from_s": measured.start_s,
-                "statistics_to_s": measured.start_s + measured.duration_s,
-                "orientations": [_entry(name, comparison) for name, comparison in found.items()],
-            },
-            explored=explore_comparisons(list(found.values()), measured.system, options.output / RESULTS),
-        ),
+    return Findings(
+        title="Table 2: four orientations, passive and active",
+        printed="\n".join([table.to_text(), *text[1:]]),
+        text=text,
+        tables=[table],
+        outcomes=[outcome for comparison in found.values() for outcome in comparison.outcomes],
+        orientation_deg=nominal.orientation_deg,
+        rms_passive_rad=nominal.rms_passive.tolist(),
+        rms_active_rad=nominal.rms_active.tolist(),
+        rejection_percent=nominal.rejection.tolist(),
+        more={
+            "statistics_from_s": measured.start_s,
+            "statistics_to_s": measured.start_s + measured.duration_s,
+            "orientations": [_entry(name, comparison) for name, comparison in found.items()],
+        },
+        draw=draw,
+        explore=partial(explore_comparisons, list(found.values()), measured.system),
+        refused="\n".join(refused),
     )
-    if refused:
-        raise TargetError("\n".join(refused))
 
 
 def list_cases() -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-"""A number of the paper beside ours, and the table of such findings."""
+"""A number of the paper, the same beside ours, and the table of such findings."""
 
 from __future__ import annotations
 
@@ -6,15 +6,42 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from ..results.tables import Table
-from .published import PublishedNumber, published_numbers
+
+RELATIONS = ("=", ">", "<", "~")
+
+
+@dataclass(frozen=True)
+class PublishedNumber:
+    """A number of the paper."""
+
+    key: str
+    """``group.name``."""
+    where: str
+    """Section, figure or table."""
+    what: str
+    unit: str
+    value: float
+    relation: str = "="
+    """``"="``: the paper gives this value; ``">"`` or ``"<"``: it says that the number is above or below; ``"~"``: it
+    gives an order of magnitude."""
+    remark: str = ""
+
+    def __post_init__(self) -> None:
+        if self.relation not in RELATIONS:
+            raise ValueError(f"{self.key}: relation {self.relation!r}, expected one of {RELATIONS}")
+
+    @property
+    def text(self) -> str:
+        """The value with its relation, as in a table."""
+        return f"{self.value:g}" if self.relation == "=" else f"{self.relation} {self.value:g}"
 
 
 @dataclass(frozen=True)
 class Finding:
     """A number of the paper beside ours, in the paper's unit."""
 
-    key: str
-    """Of the number in published.toml."""
+    published: PublishedNumber
+    """The number of the paper."""
     computed: float | None = None
     """From the equations; None: not computed."""
     cosimulated: float | None = None
@@ -24,9 +51,9 @@ class Finding:
     """``computed`` is a setting of equations and FMUs, and not a result."""
 
     @property
-    def published(self) -> PublishedNumber:
-        """The number of the paper.  Raises KeyError for a key that published.toml does not have."""
-        return published_numbers()[self.key]
+    def key(self) -> str:
+        """Of the published number."""
+        return self.published.key
 
     @property
     def has_value(self) -> bool:
@@ -57,7 +84,7 @@ class Finding:
             return two if one is None else one
 
         return Finding(
-            self.key,
+            self.published,
             either(self.computed, other.computed),
             either(self.cosimulated, other.cosimulated),
             "; ".join(filter(None, (self.remark, other.remark))),

@@ -1,0 +1,35 @@
+"""The options of an analysis."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from ..product.files import find_product
+from ..runs.built_fmus import find_built_folder
+
+SYSTEM = "SystemStructure.ssd"
+
+
+@dataclass(frozen=True)
+class AnalysisOptions:
+    """The options that every analysis gets."""
+
+    output: Path
+    """Folder of the results; it exists."""
+    fmus: Path = field(default_factory=find_built_folder)
+    """Folder of the built FMUs."""
+    system: Path = field(default_factory=lambda: find_product().system / SYSTEM)
+    """System structure description."""
+    seed: int = 1
+    """Seed of the disturbance."""
+    progress: bool = True
+    """Show progress bars on stderr."""
+    threads: int | None = None
+    """Runs at a time; None: one for each processor."""
+    parameters: tuple[Path, ...] = ()
+    """Files with start values; later ones win."""
+    requirements: Path | None = None
+    """TOML file; None: that of the product."""
+    uncertainty: tuple[float, ...] = ()
+    """Factors on the amplitude and between them the limits of their bands, Hz: factor, limit, factor ..."""

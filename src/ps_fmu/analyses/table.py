@@ -1,0 +1,91 @@
+"""The analyses of ``ps-fmu analyse``: one line each, in the order of the help."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+from .options import SYSTEM
+
+if TYPE_CHECKING:
+    from .result import AnalysisResult
+
+
+@dataclass(frozen=True)
+class Analysis:
+    """An analysis, whose module is imported when it runs."""
+
+    name: str
+    """On the command line, and of the files."""
+    about: str
+    """One line for ``--help``."""
+    function: str
+    """``module:function``; it takes :class:`.options.AnalysisOptions`."""
+    needs_fmus: bool = True
+    """False: it needs neither FMUs nor a system description."""
+    system: str = SYSTEM
+    """Name of the product's system structure description that it runs, unless told otherwise."""
+    takes: tuple[str, ...] = ()
+    """Options that it takes besides those of every analysis: ``parameters``, ``requirements``, ``uncertainty``."""
+
+    def load(self) -> Callable[..., AnalysisResult]:
+        """Import the function."""
+        module, _, function = self.function.partition(":")
+        loaded: Callable[..., AnalysisResult] = getattr(import_module(module), function)
+        return loaded
+
+
+_TABLE = (
+    Analysis(
+        "workspace",
+        "Table 1 and Fig 6: the orientations within reach, singular values of the Jacobian",
+        "ps_fmu.paper.figures.fig06:analyse",
+        needs_fmus=False,
+    ),
+    Analysis(
+        "trajectories",
+        "Fig 7 and Table 1 through commander and plant: errors along paths, the limits of the angles",
+        "ps_fmu.paper.figures.fig07.analysis:analyse",
+    ),
+    Analysis(
+        "transmissibility",
+        "Figs 8 and 11: singular values in closed form, and as measured on the running FMUs at each "
+        "orientation and in each case (132 runs, about 2 minutes on two cores)",
+        "ps_fmu.paper.figures.fig08_11.analysis:analyse",
+    ),
+    Analysis(
+        "stability",
+        "Fig 10: the internal loop with delay, in the paper's reading and in that of its equation (48)",
+        "ps_fmu.paper.figures.fig10.analysis:analyse",
+    ),
+    Analysis(
+        "jitter",
+        "Table 2 and Fig 9: RMS, rejection and image point, in closed form and co-simulated",
+        "ps_fmu.paper.figures.table2.analysis:analyse",
+    ),
+    Analysis(
+        "paper",
+        "every published number beside ours, and the errata with their evidence: all analyses together",
+        "ps_fmu.paper.overview:analyse",
+    ),
+    Analysis(
+        "budget",
+        "each source's, frequency band's and mode's share of the pointing errors that requirements name",
+        "ps_fmu.trades.budget.analysis:analyse",
+        takes=("parameters", "requirements", "uncertainty"),
+    ),
+    Analysis(
+        "indices",
+        "pointing indices of the default system from the FMUs, with their intervals, beside the closed form",
+        "ps_fmu.trades.indices.analysis:analyse",
+    ),
+    Analysis(
+        "sensors",
+        "residual jitter behind real accelerometers, the best high-pass corner, and what a line-of-sight loop adds",
+        "ps_fmu.trades.sensors.analysis:analyse",
+        system="InertialSensors.ssd",
+    ),
+)
+ANALYSES: Mapping[str, Analysis] = {analysis.name: analysis for analysis in _TABLE}
