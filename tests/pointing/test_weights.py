@@ -17,7 +17,6 @@ from ps_fmu.pointing import (
     ResidualJitter,
     Smear,
 )
-from ps_fmu.pointing.rational import approximate_mean_weight, approximate_relative_weight
 
 CYCLES = st.floats(0.0, 1e4)  # of a line in the window, f T
 WINDOWS = st.floats(1e-3, 1e3)  # s
@@ -152,16 +151,6 @@ def test_the_length_of_a_smear():
     record = 1.5 * 0.1 * np.arange(20)
     assert Smear(2.0).length(3.0 / math.sqrt(12.0)) == pytest.approx(3.0)
     assert Smear(2.0).length(Smear(2.0).of_record(record, 0.1).rms, 0.1) == pytest.approx([3.0])
-
-
-def test_rational_approximations_are_off_by_what_their_text_says():
-    frequency = np.linspace(0.0, 2000.0, 2_000_001)
-    approximate = np.trapezoid(approximate_mean_weight(frequency, 1.0), frequency)
-    assert approximate / np.trapezoid(MeanError(1.0).weight(frequency), frequency) == pytest.approx(4.0 / 3.0, abs=1e-3)
-    assert approximate_mean_weight(1.0, 1.0) == pytest.approx(0.14, abs=0.002)
-    assert MeanError(1.0).weight(1.0) == pytest.approx(0.0, abs=1e-30)
-    slow = RelativeError(1.0, "uniform").weight(1e-3)
-    assert approximate_relative_weight(1e-3, 1.0) == pytest.approx(float(slow), rel=1e-3)
 
 
 @pytest.mark.parametrize("window", [0.0, -1.0, math.nan, math.inf])

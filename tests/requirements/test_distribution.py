@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from ps_fmu.pointing.confidence import effective_samples
+from ps_fmu.pointing.confidence import effective_samples, find_rank, least_samples
 from ps_fmu.requirements import distribution as module
-from ps_fmu.requirements.distribution import BINS_PER_DECADE, KEPT, Distribution, find_rank
+from ps_fmu.requirements.distribution import BINS_PER_DECADE, KEPT, Distribution
 
 RESOLUTION = 10.0 ** (1.0 / BINS_PER_DECADE)
 
@@ -53,7 +53,7 @@ def test_the_number_of_independent_samples_is_that_of_the_library_while_all_are_
     values = np.abs(np.convolve(np.random.default_rng(3).standard_normal(5000), np.ones(20)))
     found = fill(values, 4.0, blocks=3)
     assert found.effective_share(6.0) == effective_samples(values <= 6.0)
-    assert found.effective_squares() == pytest.approx(effective_samples(values**2), rel=1e-9)
+    assert found.independent_squares() == pytest.approx(least_samples(values**2), rel=1e-9)
 
 
 def test_a_share_that_no_value_exceeds_is_judged_by_those_below():

@@ -10,7 +10,6 @@ from support.required import COLUMNS
 
 from ps_fmu.pointing import confidence
 from ps_fmu.pointing.interpretation import quantile_of_runs
-from ps_fmu.requirements import decision
 from ps_fmu.requirements.distribution import BINS_PER_DECADE
 from ps_fmu.requirements.record import RequirementRecord
 from ps_fmu.requirements.verdict import Answer, format_verdicts, judge, make_table, no_run, summarise
@@ -189,7 +188,7 @@ def test_too_few_runs(record, white, interpretation, runs, problem):
 
 def test_all_runs_together_need_more_of_each(record, white):
     """A bound that holds for each of several runs needs a higher confidence in each."""
-    assert decision._share_out(0.9, 1) == 0.9
+    assert confidence.share_out(0.9, 1) == 0.9
     one = decide(record(1e-7 * white(2001)[:, 0], **APE))
     two = decide(*(record(1e-7 * white(2001, seed)[:, 0], **APE) for seed in (1, 2)))
     assert two.statement.bound > one.statement.bound

@@ -1,6 +1,5 @@
 """results.nc as xarray datasets: names, components, units."""
 
-import sys
 
 import netCDF4
 import numpy as np
@@ -111,9 +110,3 @@ def test_every_number_of_the_file_is_in_the_dataset(file):
     data = read_case(file, "active")
     with netCDF4.Dataset(file) as stored:
         assert sum(variable.size for variable in data.data_vars.values()) == 3 * (len(stored["active"].variables) - 1)
-
-
-def test_without_xarray_the_message_says_what_installs_it(file, monkeypatch):
-    monkeypatch.setitem(sys.modules, "xarray", None)
-    with pytest.raises(ModuleNotFoundError, match=r"pip install 'ps-fmu\[notebook\]'"):
-        read_case(file, "passive")

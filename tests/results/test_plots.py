@@ -50,9 +50,11 @@ def test_time_histories(tmp_path, envelopes):
 
 
 def test_the_same_data_give_the_same_bytes(tmp_path, envelopes):
-    for name in ("a.png", "b.png"):
-        plots.draw_time_histories(tmp_path / name, *envelopes)
-    assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
+    pictures = set()
+    for _ in range(2):
+        plots.draw_time_histories(tmp_path / "histories.png", *envelopes)
+        pictures.add((tmp_path / "histories.png").read_bytes())
+    assert len(pictures) == 1
 
 
 @pytest.mark.parametrize("shaded", [(), ((1.0, 2.0),)])

@@ -41,9 +41,11 @@ def test_neighbours_share_a_label():
 def test_the_picture(tmp_path):
     """The line is bright in the panel where it is strong; the same data give the same bytes."""
     shown = make_waterfall()
-    for name in ("one.png", "other.png"):
-        draw_waterfall(tmp_path / name, shown)
-    assert (tmp_path / "one.png").read_bytes() == (tmp_path / "other.png").read_bytes()
+    pictures = set()
+    for _ in range(2):
+        draw_waterfall(tmp_path / "one.png", shown)
+        pictures.add((tmp_path / "one.png").read_bytes())
+    assert len(pictures) == 1
     pixels = image.imread(tmp_path / "one.png")[..., :3].sum(axis=2)
     assert pixels.shape[1] > 1000 and (pixels < 0.3).mean() > 0.2  # the dark ground of the panels
     draw_waterfall(tmp_path / "weak.png", replace(shown, panels=[shown.panels[0], shown.panels[0]]))

@@ -24,7 +24,7 @@ from .indices import (
     Smear,
 )
 from .interpretation import Interpretation, quantile_of_runs
-from .linear_process import LinearProcess
+from .library.linear_process import LinearProcess
 from .records import Estimate
 
 __all__ = [

@@ -10,7 +10,7 @@ Order statistics: S. S. Wilks, Determination of sample sizes for setting toleran
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -105,41 +105,72 @@ def quantile(
     independent: number of independent samples they are worth; None: all n.  Values of a record have fewer, see
         :func:`effective_samples`; the ranks are those of so many cases.
     """
-    _check(probability, "probability")
-    _check(confidence, "confidence")
     ordered = np.sort(_finite(values))
     number = float(len(ordered)) if independent is None else float(independent)
     if not 0.0 < number <= len(ordered):
         raise ValueError(f"independent: expected above 0 and at most {len(ordered)}, got {number!r}")
-    cases = math.floor(number + 1e-9)
+    return state_quantile(lambda rank: float(ordered[rank - 1]), len(ordered), number, probability, confidence)
 
-    def place(rank: float) -> float:
-        """The value of a rank, from 1, among the sorted ones."""
-        return float(ordered[min(len(ordered), max(1, int(rank))) - 1])
+
+def state_quantile(
+    value: Callable[[int], float],
+    count: int,
+    independent: float,
+    probability: float,
+    confidence: float,
+    method: str = "order statistics",
+) -> Statement:
+    """As :func:`quantile`, of ``count`` values of which ``value`` gives that of a rank, from 1, in ascending order."""
+    _check(probability, "probability")
+    _check(confidence, "confidence")
+    cases = math.floor(independent + 1e-9)
 
     # A rank among the independent cases stands for the same share of all values: rounded up for a bound from above,
     # down for one from below.
-    scale = len(ordered) / max(cases, 1)
-
     def above(level: float) -> float:
         rank = bounding_rank(cases, probability, level) if cases else None
-        return math.inf if rank is None else place(math.ceil(rank * scale - 1e-9))
+        return math.inf if rank is None else value(-(-rank * count // cases))
 
     def below(level: float) -> float:
         # Mirrored: the r-th largest bounds the quantile from below as the r-th smallest of -values does from above.
         rank = bounding_rank(cases, 1.0 - probability, level) if cases else None
-        return -math.inf if rank is None else place(math.floor((cases - rank + 1) * scale + 1e-9))
+        return -math.inf if rank is None else value(max(1, (cases - rank + 1) * count // cases))
 
     side = 0.5 * (1.0 + confidence)
     return Statement(
-        value=place(math.ceil(probability * len(ordered) - 1e-9)),
+        value=value(find_rank(count, probability)),
         confidence=confidence,
         lower=below(side),
         upper=above(side),
         bound=above(confidence),
-        independent=number,
-        method="order statistics",
+        independent=independent,
+        method=method,
         probability=probability,
+    )
+
+
+def find_rank(count: int, share: float) -> int:
+    """Rank, from 1, of the value below which, or at which, a share of ``count`` values lies."""
+    return min(count, max(1, math.ceil(share * count - 1e-9)))
+
+
+def share_out(confidence: float, runs: int) -> float:
+    """The confidence of each run's bound with which all hold together."""
+    return 1.0 - (1.0 - confidence) / runs
+
+
+def state_worst(each: Sequence[Statement], confidence: float) -> Statement:
+    """The worst of several runs, from statements on each at the confidence of :func:`share_out`."""
+    worst, runs = max(each, key=lambda one: one.value), len(each)
+    return replace(
+        worst,
+        confidence=confidence,
+        lower=max(one.lower for one in each),
+        upper=max(one.upper for one in each),
+        bound=max(one.bound for one in each),
+        independent=min(one.independent for one in each),
+        method=worst.method if runs == 1 else f"{worst.method}, worst of {runs} runs",
+        ensemble_share=(1.0 - confidence) ** (1.0 / runs),
     )
 
 

@@ -2,7 +2,7 @@
 
 Terms, definitions and clauses of ECSS-E-ST-60-10C (15 November 2008); displacement, smear and jitter of Pittelkau and
 McKinley (see :mod:`.windows`).  An index is an object; it is applied to a spectrum, to lines, to a record
-(:mod:`.index`), or to a linear process (:mod:`.linear_process`)::
+(:mod:`.index`), or to a linear process (:mod:`.library.linear_process`)::
 
     RelativeError(window=1.0, at="uniform").rms(frequency, psd)
 

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 
-def cumulative_rms(frequency: Array, psd: Array, *, from_high: bool = False) -> Array:
-    """RMS of what lies below each frequency (or above, ``from_high``), along the last axis of ``psd``.
+def cumulative_rms(frequency: Array, psd: Array) -> Array:
+    """RMS of what lies below each frequency, along the last axis of ``psd``.
 
     The bins of a Welch spectrum add up to the mean square of its windowed segments, so the sum is a plain
     one: ``sqrt(cumsum(psd) df)``.  Raises ``ValueError`` unless the frequencies are equally spaced.
@@ -19,8 +19,6 @@ def cumulative_rms(frequency: Array, psd: Array, *, from_high: bool = False) -> 
         raise ValueError(f"psd of shape {psd.shape} does not fit {len(frequency)} frequencies")
     if not np.allclose(spacing, spacing[0], rtol=1e-6):
         raise ValueError("frequency: the values must be equally spaced")
-    if from_high:
-        return np.sqrt(np.cumsum(psd[..., ::-1], axis=-1)[..., ::-1] * spacing[0])
     return np.sqrt(np.cumsum(psd, axis=-1) * spacing[0])
 
 

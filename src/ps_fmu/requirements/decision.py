@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,14 +11,15 @@ from numpy.typing import NDArray
 from ..pointing.confidence import (
     LEAST_RUNS,
     Statement,
-    bootstrap_counts,
-    bounding_rank,
     gaussian_rms,
     quantile,
     samples_needed,
+    share_out,
+    state_quantile,
+    state_worst,
 )
-from ..pointing.interpretation import Interpretation
-from .distribution import Distribution, find_rank, list_edges
+from ..pointing.interpretation import Interpretation, bootstrap_quantile, find_pooled
+from .distribution import Distribution, list_edges
 from .requirement import Requirement
 
 Array = NDArray[np.float64]
@@ -59,7 +59,7 @@ def explain_lack(requirement: Requirement, statement: Statement, runs: int, judg
     if requirement.interpretation is Interpretation.ENSEMBLE:
         needed = samples_needed(requirement.probability, confidence)
         return f"{needed} runs with different seeds are needed, there {_count(runs)}"
-    needed = samples_needed(requirement.probability, _share_out(confidence, runs))
+    needed = samples_needed(requirement.probability, share_out(confidence, runs))
     length = judged_s * needed / statement.independent
     return (
         f"{_count_samples(statement.independent)} in {judged_s:.4g} s; {needed} are needed: run about "
@@ -76,11 +76,6 @@ def qualify(requirement: Requirement, statement: Statement) -> str:
     return f"the bound rests on {number}: so few that their number is uncertain, and the bound with it"
 
 
-def _share_out(confidence: float, runs: int) -> float:
-    """The confidence of each run's bound with which all hold together."""
-    return 1.0 - (1.0 - confidence) / runs
-
-
 def _state_peak(runs: Sequence[Distribution]) -> Statement:
     """The largest value of all: known, and no statement on other runs."""
     peak = max(run.peak for run in runs)
@@ -92,50 +87,19 @@ def _state_peak(runs: Sequence[Distribution]) -> Statement:
 
 def _state_of_time(probability: float | None, confidence: float, runs: Sequence[Distribution]) -> Statement:
     """The worst run, each with a confidence that makes all bounds hold together."""
-    together = _share_out(confidence, len(runs))
+    together = share_out(confidence, len(runs))
     if probability is None:
         each = [gaussian_rms(run.rms, run.independent_squares(), together) for run in runs]
     else:
         each = [quantile_of_record(run, probability, together) for run in runs]
-    worst = max(each, key=lambda one: one.value)
-    return replace(
-        worst,
-        confidence=confidence,
-        lower=max(one.lower for one in each),
-        upper=max(one.upper for one in each),
-        bound=max(one.bound for one in each),
-        independent=min(one.independent for one in each),
-        method=worst.method if len(runs) == 1 else f"{worst.method}, worst of {len(runs)} runs",
-        ensemble_share=(1.0 - confidence) ** (1.0 / len(runs)),
-    )
+    return state_worst(each, confidence)
 
 
 def quantile_of_record(run: Distribution, probability: float, confidence: float) -> Statement:
     """As :func:`..pointing.confidence.quantile`, from the distribution of the magnitudes over a run."""
-    value = run.quantile(probability)
-    independent = min(run.effective_share(value), float(run.count))
-    cases = math.floor(independent + 1e-9)
-
-    def above(level: float) -> float:
-        rank = bounding_rank(cases, probability, level)
-        return math.inf if rank is None else run.value(find_rank(run.count, rank / cases))
-
-    def below(level: float) -> float:
-        rank = bounding_rank(cases, 1.0 - probability, level)
-        if rank is None:
-            return -math.inf
-        return run.value(max(1, math.floor((cases - rank + 1) / cases * run.count + 1e-9)))
-
-    side = 0.5 * (1.0 + confidence)
-    return Statement(
-        value=value,
-        confidence=confidence,
-        lower=below(side),
-        upper=above(side),
-        bound=above(confidence),
-        independent=independent,
-        method="order statistics over time",
-        probability=probability,
+    independent = min(run.effective_share(run.quantile(probability)), float(run.count))
+    return state_quantile(
+        run.value, run.count, independent, probability, confidence, method="order statistics over time"
     )
 
 
@@ -156,19 +120,12 @@ def state_of_counts(counts: Counts, edges: Array, probability: float, confidence
     edges = edges[filled]
     below = np.cumsum(counts[:, filled], axis=1)
 
-    def find_quantiles(often: Counts) -> Array:
-        """Of resamples (k, runs): bisection for the first bin below whose end the wanted share of the values lies."""
-        needed = np.array([find_rank(int(total), probability) for total in often @ below[:, -1]])
-        low, high = np.zeros(len(often), dtype=np.int64), np.full(len(often), len(edges) - 1)
-        for _ in range(len(edges).bit_length()):
-            middle = (low + high) // 2
-            enough = (often * below[:, middle].T).sum(axis=1) >= needed
-            high, low = np.where(enough, middle, high), np.where(enough, low, middle + 1)
-        return np.asarray(edges[high])
+    def count_up_to(which: Counts) -> Counts:
+        return np.asarray(below[:, which])
 
     if len(counts) < LEAST_RUNS:
         return Statement(
-            value=float(find_quantiles(np.ones((1, len(counts)), dtype=np.int64))[0]),
+            value=float(find_pooled(edges, count_up_to, np.ones((1, len(counts)), dtype=np.int64), probability)[0]),
             confidence=confidence,
             lower=-math.inf,
             upper=math.inf,
@@ -177,7 +134,7 @@ def state_of_counts(counts: Counts, edges: Array, probability: float, confidence
             method="bootstrap over runs",
             probability=probability,
         )
-    return bootstrap_counts(len(counts), find_quantiles, confidence, seed=0, probability=probability)
+    return bootstrap_quantile(edges, count_up_to, len(counts), probability, confidence, seed=0)
 
 
 def _count(runs: int) -> str:

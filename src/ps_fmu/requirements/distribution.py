@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..pointing.confidence import effective_samples, effective_share, least_samples
+from ..pointing.confidence import effective_share, find_rank, least_samples
 from ..reduction.histogram import LogarithmicBins, Totals
 from ..results.observers.kept import State, check_array
 
@@ -121,12 +121,8 @@ class Distribution:
         """Number of independent samples for the share of values up to ``value``, see :func:`.effective_share`."""
         return effective_share(np.concatenate(self._series), value / self.limit)
 
-    def effective_squares(self) -> float:
-        """Number of independent samples for the mean square."""
-        return effective_samples(np.square(np.concatenate(self._series)))
-
     def independent_squares(self) -> float:
-        """As :meth:`effective_squares`, but rather too few than too many, by ``least_samples``."""
+        """Number of independent samples for the mean square, rather too few than too many: ``least_samples``."""
         return least_samples(np.square(np.concatenate(self._series)))
 
 
@@ -139,11 +135,6 @@ def _choose_places(expected: int, kept: int) -> NDArray[np.int64]:
         chosen += np.random.default_rng(_SEED).integers(width, size=len(chosen))
     chosen.flags.writeable = False
     return chosen
-
-
-def find_rank(count: int, share: float) -> int:
-    """Rank, from 1, of the value below which, or at which, a share of ``count`` values lies."""
-    return min(count, max(1, math.ceil(share * count - 1e-9)))
 
 
 def list_edges(limit: float, peak: float) -> Array:

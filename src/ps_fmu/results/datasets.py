@@ -1,6 +1,6 @@
 """results.nc as xarray datasets: the components of a vector side by side in one variable, with units and names.
 
-xarray is optional (``pip install 'ps-fmu[notebook]'``) and imported when a dataset is made.
+xarray is imported when a dataset is made.
 """
 
 from __future__ import annotations
@@ -8,6 +8,7 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -51,36 +52,55 @@ def read_case(path: Path, case: str) -> Dataset:
     ------
     OSError: the file cannot be read.
     KeyError: it has no such run.
-    ModuleNotFoundError: xarray is not installed.
     """
     import netCDF4
 
-    try:
-        from xarray import Dataset
-    except ModuleNotFoundError as error:
-        raise ModuleNotFoundError(f"{error}: pip install 'ps-fmu[notebook]'", name=error.name) from error
     with NETCDF_LOCK, netCDF4.Dataset(path) as file:
         if case not in (known := _list_runs(file)):
             raise KeyError(f"{path}: no run {case!r}; there are {', '.join(known) or 'none'}")
         group = file[case]
-        attributes = {name: file.getncattr(name) for name in file.ncattrs() if name not in OF_THE_FILE}
+        attributes = {name: file.getncattr(name) for name in file.ncattrs()}
         attributes |= {name: group.getncattr(name) for name in group.ncattrs()}
-        kinds = {name: (variable.dtype, variable.units) for name, variable in group.variables.items() if name != "time"}
-        vectors = group_components(kinds)
-        short = shorten(vectors)
-        seconds, said = _read(group, ["time"])
-        # The file counts seconds from a nominal date; as numbers they are what one computes and plots with.
-        coordinates: dict[str, Any] = {"time": ("time", seconds, {**said, "units": "s", "axis": "T"})}
-        variables: dict[str, Any] = {}
-        for vector, members in vectors.items():
-            if len(members) == 1:
-                variables[short[vector]] = ("time", *_read(group, list(members)))
-                continue
-            labels = tuple(members.values())
-            dimension = DIMENSIONS.get(labels, f"{short[vector]}_component")
-            coordinates[dimension] = np.array([int(label) if label.isdigit() else label for label in labels])
-            variables[short[vector]] = (("time", dimension), *_read(group, list(members)))
-    return Dataset(variables, coordinates, attributes)
+        signals = {name: _read(variable) for name, variable in group.variables.items()}
+    return make_dataset(signals.pop("time"), signals, attributes)
+
+
+@dataclass(frozen=True, eq=False)
+class StoredSignal:
+    """A column of a run."""
+
+    values: np.ndarray
+    """(rows,)"""
+    units: str
+    """As UDUNITS spells them."""
+    long_name: str
+
+    @property
+    def attributes(self) -> dict[str, str]:
+        """Those of a variable of a dataset."""
+        return {"units": self.units, "long_name": self.long_name}
+
+
+def make_dataset(time: StoredSignal, signals: Mapping[str, StoredSignal], attributes: Mapping[str, Any]) -> Dataset:
+    """A dataset as :func:`read_case` describes it, of the columns of a run by ``component.variable``."""
+    from xarray import Dataset
+
+    vectors = group_components({name: (signal.values.dtype, signal.units) for name, signal in signals.items()})
+    short = shorten(vectors)
+    # The file counts seconds from a nominal date; as numbers they are what one computes and plots with.
+    coordinates: dict[str, Any] = {"time": ("time", time.values, {**time.attributes, "units": "s", "axis": "T"})}
+    variables: dict[str, Any] = {}
+    for vector, members in vectors.items():
+        found = [signals[name] for name in members]
+        if len(found) == 1:
+            variables[short[vector]] = ("time", found[0].values, found[0].attributes)
+            continue
+        labels = tuple(members.values())
+        dimension = DIMENSIONS.get(labels, f"{short[vector]}_component")
+        coordinates[dimension] = np.array([int(label) if label.isdigit() else label for label in labels])
+        said = {"units": found[0].units, "long_name": _find_common([signal.long_name for signal in found])}
+        variables[short[vector]] = (("time", dimension), np.stack([one.values for one in found], axis=-1), said)
+    return Dataset(variables, coordinates, {name: of for name, of in attributes.items() if name not in OF_THE_FILE})
 
 
 def _list_runs(file: Any) -> list[str]:
@@ -124,13 +144,14 @@ def shorten(names: Iterable[str]) -> dict[str, str]:
     return {name: text if counts[text] == 1 else name for name, text in short.items()}
 
 
-def _read(group: Any, names: list[str]) -> tuple[np.ndarray, dict[str, str]]:
-    """Values (rows,) of a variable, or (rows, variables) of several; the attributes that they share."""
-    found = [group[name] for name in names]
-    values = np.stack([np.asarray(variable[:]) for variable in found], axis=-1)
-    if "flag_meanings" in found[0].ncattrs():  # a Boolean
+def _read(variable: Any) -> StoredSignal:
+    values = np.asarray(variable[:])
+    if "flag_meanings" in variable.ncattrs():  # a Boolean
         values = values.astype(bool)
-    texts = [variable.long_name for variable in found]
+    return StoredSignal(values, variable.units, variable.long_name)
+
+
+def _find_common(texts: list[str]) -> str:
+    """What the descriptions of the components of a vector say of it."""
     common = {text.rpartition(", ")[0] or text for text in texts}
-    name = texts[0] if len(texts) == 1 or len(common) > 1 else common.pop()
-    return values[:, 0] if len(names) == 1 else values, {"units": found[0].units, "long_name": name}
+    return texts[0] if len(common) > 1 else common.pop()

@@ -71,6 +71,11 @@ def prepare_drawing() -> Thread:
     return thread
 
 
+def mark_picture(name: str) -> str:
+    """What a picture says of its origin.  With its name: a copy of another name is of the person who made it."""
+    return f"ps_fmu: {name}"
+
+
 def draw(path: Path, width: float, height: float, paint: Callable[[Figure], None]) -> None:
     """Let ``paint`` draw on a figure of ``width`` x ``height`` inches and write it as PNG to ``path``."""
     from matplotlib import rc_context
@@ -81,10 +86,11 @@ def draw(path: Path, width: float, height: float, paint: Callable[[Figure], None
         figure = Figure(figsize=(width, height), dpi=DOTS_PER_INCH, layout="constrained")
         paint(figure)
         image = io.BytesIO()
-        # No metadata: the same data give the same bytes.
+        # No version and no date: the same data give the same bytes.
         canvas = FigureCanvasAgg(figure)
         _lay_out(figure)
-        canvas.print_png(image, metadata={"Software": None}, pil_kwargs={"compress_level": COMPRESSION})
+        marks = {"Software": mark_picture(path.name)}
+        canvas.print_png(image, metadata=marks, pil_kwargs={"compress_level": COMPRESSION})
     write_atomically(path, image.getvalue())
 
 

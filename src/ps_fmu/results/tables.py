@@ -104,3 +104,8 @@ def _join_cells(tag: str, texts: Sequence[str], wordy: Iterable[bool], names: Se
         f"<{tag}{WORDS if words else ''}{label}>{escape(text)}</{tag}>"
         for text, words, label in zip(texts, wordy, labels, strict=True)
     )
+
+
+def format_tables(tables: Iterable[Table], text: Iterable[str] = ()) -> str:
+    """Tables under their captions, then lines of text: what the terminal shows."""
+    return "\n".join([*(f"{table.caption}\n{table.to_text()}\n" for table in tables), *text])

@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial import ConvexHull
 
-from ps_fmu.pointing.hull import convex_hull
+from ps_fmu.results.hull import convex_hull
 from ps_fmu.results.observers.scatter import ScatterObserver
 
 NAMES = ["b.u", "b.v"]

@@ -68,7 +68,9 @@ def conclude(observer):
         return plain([observer.psd(), observer.segments])
     if isinstance(observer, RequirementRecord):
         (found,) = observer.distributions
-        return plain([observer.judged_s, found.rms, found.peak, found.counts, found.effective_squares()])
+        return plain([observer.judged_s, found.rms, found.peak, found.counts, found.independent_squares()])
+    if isinstance(observer, IndexRecord):
+        return plain([(one.index, one.count, one.bias, one.rms, one.peak, one.quantiles) for one in observer.result()])
     return plain(observer.result())
 
 

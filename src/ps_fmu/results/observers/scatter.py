@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...pointing.hull import convex_hull
 from ...reduction.moments import Polygon
+from ..hull import convex_hull
 from .kept import State, check_array
 from .observer import ColumnObserver, NamedColumn
 from .statistics import Statistics

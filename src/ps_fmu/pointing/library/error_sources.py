@@ -16,7 +16,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from .interpretation import Interpretation
+from ..interpretation import Interpretation
 
 INDICES = ("APE", "MPE", "RPE", "PDE", "PRE")
 

@@ -7,7 +7,13 @@ import pytest
 from scipy.special import erf, j0, j1, jn_zeros
 
 from ps_fmu.pointing import ResidualJitter
-from ps_fmu.pointing.optics import aperture_mtf, encircled_energy, jitter_encircled_energy, jitter_mtf, jitter_otf
+from ps_fmu.pointing.library.optics import (
+    aperture_mtf,
+    encircled_energy,
+    jitter_encircled_energy,
+    jitter_mtf,
+    jitter_otf,
+)
 
 WAVELENGTH, DIAMETER = 1.064e-6, 0.1  # m
 SIGMA = 3e-6  # rad

@@ -5,7 +5,7 @@ import math
 import pytest
 
 from ps_fmu.pointing import AbsoluteError, RelativeError
-from ps_fmu.pointing.error_sources import (
+from ps_fmu.pointing.library.error_sources import (
     Bias,
     Contribution,
     EnsembleParameter,

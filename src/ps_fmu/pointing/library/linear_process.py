@@ -27,7 +27,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .index import PointingIndex
+from ..index import PointingIndex
 
 Array = NDArray[np.float64]
 

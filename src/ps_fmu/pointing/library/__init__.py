@@ -1,0 +1,1 @@
+"""What no command and no FMU needs: exact covariances of linear models, the tables of the standard, images."""
