@@ -23,6 +23,30 @@ HEAD = (
 )
 
 
+FOLDERS_AT_ONCE = ("docs", "host", "paper", "slavekit")
+"""One process runs all of such a folder, and makes its session fixtures once; these come first, for they are long."""
+ORDER = {name: place for place, name in enumerate((*FOLDERS_AT_ONCE, "studies", "trades", "fmus", "runs"))}
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Long folders come first."""
+    items.sort(key=lambda item: ORDER.get(item.path.relative_to(ROOT / "tests").parts[0], len(ORDER)))  # stable
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: object) -> object:
+    """With ``--dist loadfile``: files stay whole, and some folders."""
+    from xdist.scheduler import LoadFileScheduling
+
+    class ByFolder(LoadFileScheduling):
+        def _split_scope(self, nodeid: str) -> str:
+            file = super()._split_scope(nodeid)
+            folder = Path(file).parts[1]
+            return folder if folder in FOLDERS_AT_ONCE else file
+
+    return ByFolder(config, log) if config.getoption("dist") == "loadfile" else None
+
+
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
     """Say which other tools the FMUs were run in or compared with, and which were not there."""
     from support.importers import summary
@@ -60,22 +84,21 @@ def built_fmus() -> Path:
 
 @pytest.fixture
 def make_options(built_fmus, tmp_path):
-    """Options of a run of the real system by scenario and duration; each has an output folder of its own."""
-    from ps_fmu.paper import figures
-    from ps_fmu.runs import scenarios
-    from ps_fmu.runs.options import RunOptions
-    from ps_fmu.runs.registry import find_scenarios
+    """Options of a run of the real system by scenario and duration; each has an output folder of its own.
 
-    found = find_scenarios(scenarios, figures)
+    PNG files, two thirds of the time of a short run, are drawn with ``figures=True`` only.
+    """
+    from ps_fmu.runs.options import RunOptions
+    from ps_fmu.runs.scenario import SCENARIOS
 
     made = []
 
-    def make(scenario, duration_s, **others):
+    def make(scenario, duration_s, figures=False, **others):
         made.append(scenario)
         output = tmp_path / f"out_{len(made)}"
         options = RunOptions(
-            found[scenario], SYSTEM.with_name(found[scenario].system), output, duration_s, fmus=built_fmus,
-            progress=False, **others,
+            SCENARIOS[scenario], SYSTEM.with_name(SCENARIOS[scenario].system), output, duration_s, fmus=built_fmus,
+            progress=False, figures=figures, **others,
         )  # fmt: skip
         return options.claim_output()
 

@@ -3,14 +3,14 @@
 import os
 import subprocess
 import sys
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from ps_fmu import analyse_command, cli, run_command
+from ps_fmu import cli, run_command
+from ps_fmu.analyses.jobs import JobError
+from ps_fmu.analyses.table import Analysis
 from ps_fmu.cli import main
-from ps_fmu.paper.jobs import JobError
 from ps_fmu.runs.options import OptionError
 from ps_fmu.slavekit.pack import build
 
@@ -47,11 +47,21 @@ def test_ctrl_c(monkeypatch, capsys):
     assert capsys.readouterr().err == "ps-fmu: interrupted\n"
 
 
+def test_help_lists_each_command_once_under_a_heading(capsys):
+    with pytest.raises(SystemExit):
+        cli.parser().parse_args(["--help"])
+    shown = capsys.readouterr().out
+    names = [name for names in cli._GROUPS.values() for name in names]
+    assert sorted(names) == sorted(cli.parser()._subparsers._group_actions[0].choices)
+    assert all(shown.count(f"\n    {name} ") == 1 for name in names)
+    assert "  run and judge\n    run         run a scenario" in shown
+
+
 def test_ctrl_c_while_the_scenarios_are_imported(monkeypatch, capsys):
     def interrupted():
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(run_command, "find_all_scenarios", interrupted)
+    monkeypatch.setattr(run_command, "add_arguments", lambda _parser: interrupted())
     assert main(["run", "--help"]) == 130
     assert capsys.readouterr().err == "ps-fmu: interrupted\n"
 
@@ -91,9 +101,7 @@ def test_a_working_directory_that_was_removed_is_named(tmp_path, monkeypatch, ca
 
 def analyse_with(monkeypatch, function):
     """Have ``ps-fmu analyse jitter`` call a function of its options."""
-    found = analyse_command.find_analyses()
-    replaced = {**found, "jitter": replace(found["jitter"], analyse=function)}
-    monkeypatch.setattr(analyse_command, "find_analyses", lambda: replaced)
+    monkeypatch.setattr(Analysis, "load", lambda analysis: function)
 
 
 @pytest.mark.parametrize(("error", "code"), [(OptionError("--x"), 2), (JobError("x"), 1), (KeyboardInterrupt(), 130)])

@@ -73,3 +73,14 @@ def test_the_icons_are_those_that_the_script_draws(tmp_path):
         drawn, kept = (image.imread(path) for path in (tmp_path / "icon.png", ROOT / "fmus" / name / "icon.png"))
         assert drawn.shape == (128, 128, 4)
         np.testing.assert_allclose(drawn, kept, atol=0.02)
+
+
+def test_the_architecture_is_that_of_today(tmp_path):
+    """The picture is drawn from the imports; each room has a row of the table."""
+    drawing = script("draw_rooms")
+    drawing.draw(tmp_path / "rooms.svg")
+    assert (tmp_path / "rooms.svg").read_bytes() == (ROOT / "docs" / "rooms.svg").read_bytes(), (
+        "python docs/draw_rooms.py draws it again"
+    )
+    text = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+    assert [room for room in drawing.list_rooms()[1:] if f"`{room}`" not in text] == []

@@ -10,17 +10,18 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 EXAMPLES = re.findall(r"```python\n(.*?)```", (ROOT / "docs" / "how-to-add.md").read_text(encoding="utf-8"), re.DOTALL)
+SCENARIOS = ROOT / "src" / "ps_fmu" / "runs" / "scenario.py"
 TONES = ROOT / "src" / "ps_fmu" / "disturbance" / "kinds" / "tones.py"
 IMPORTS = TONES.read_text(encoding="utf-8").split("\n\n\n")[0]
 
 RUN_SCENARIO = """
-from ps_fmu.runs import scenarios
+from ps_fmu.runs.execute import run_scenario
 from ps_fmu.runs.options import RunOptions
-from ps_fmu.runs.registry import find_scenarios
+from ps_fmu.runs.scenario import SCENARIOS
 
-scenario = find_scenarios(scenarios)["quiet"]
+scenario = SCENARIOS["quiet"]
 system, output, fmus = (Path(argument) for argument in sys.argv[2:])
-scenario.run(RunOptions(scenario, system, output, 0.01, 1e-3, fmus=fmus, progress=False).claim_output())
+run_scenario(RunOptions(scenario, system, output, 0.01, 1e-3, fmus=fmus, progress=False).claim_output())
 """
 
 MAKE_FORCE = """
@@ -36,11 +37,12 @@ print(Disturbance(replace_values(default_settings(load()), silent))(np.zeros(1))
 
 @pytest.fixture
 def run_in_copy(tmp_path):
-    """Writes an example into a copy of the package and runs a program with that copy; returns what it prints."""
+    """Writes files into a copy of the package and runs a program with that copy; returns what it prints."""
 
-    def run(place, example, program, *arguments):
+    def run(places, program, *arguments):
         shutil.copytree(ROOT / "src" / "ps_fmu", tmp_path / "ps_fmu", ignore=shutil.ignore_patterns("__pycache__"))
-        (tmp_path / "ps_fmu" / place).write_text(example, encoding="utf-8")
+        for place, text in places.items():
+            (tmp_path / "ps_fmu" / place).write_text(text, encoding="utf-8")
         program = f"import sys; from pathlib import Path; sys.path.insert(0, sys.argv[1])\n{program}"
         command = [sys.executable, "-I", "-B", "-c", program, str(tmp_path), *map(str, arguments)]
         done = subprocess.run(command, capture_output=True, text=True)
@@ -52,10 +54,14 @@ def run_in_copy(tmp_path):
 
 def test_a_scenario_is_one_file(run_in_copy, built_fmus, tmp_path):
     system = ROOT / "system" / "SystemStructure.ssd"
-    printed = run_in_copy("runs/scenarios/quiet.py", EXAMPLES[0], RUN_SCENARIO, system, tmp_path / "out", built_fmus)
-    assert printed == "[0. 0. 0.]\n"
+    begin = "    for scenario in (\n"
+    table = SCENARIOS.read_text(encoding="utf-8").replace(begin, begin + EXAMPLES[1])
+    files = {"runs/quiet.py": EXAMPLES[0], "runs/scenario.py": table}
+    printed = run_in_copy(files, RUN_SCENARIO, system, tmp_path / "out", built_fmus)
+    assert printed.startswith("[0. 0. 0.]\n")
+    assert (tmp_path / "out" / "report.html").is_file()
 
 
 def test_a_kind_of_disturbance_is_one_file(run_in_copy):
-    printed = run_in_copy("disturbance/kinds/steps.py", f"{IMPORTS}\n\n{EXAMPLES[1]}", MAKE_FORCE)
+    printed = run_in_copy({"disturbance/kinds/steps.py": f"{IMPORTS}\n\n{EXAMPLES[2]}"}, MAKE_FORCE)
     assert printed == "[2.0, 0.0, 0.0, 0.0, 0.0, 0.0]\n"

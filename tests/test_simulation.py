@@ -7,7 +7,9 @@ import re
 import subprocess
 import sys
 import tempfile
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -18,8 +20,9 @@ from ps_fmu.cosim import CosimError, read_parameters
 from ps_fmu.cosim.isolation.instance import Isolation
 from ps_fmu.pointing import AbsoluteError, DriftError, MeanError, RelativeError, ResidualJitter
 from ps_fmu.runs.options import OptionError
-from ps_fmu.runs.publish import NotMetError
-from ps_fmu.simulation import Result, simulate
+from ps_fmu.runs.publish import Findings, TargetError
+from ps_fmu.runs.scenario import SCENARIOS
+from ps_fmu.simulation import Result, Session, simulate
 
 ROOT = Path(__file__).parents[1]
 SHORT = {"duration": 0.05, "step": 1e-3, "progress": False}
@@ -46,34 +49,26 @@ def result(built_fmus):
 def taken(monkeypatch):
     """Nothing is run; the options that would have been."""
     options = []
-    monkeypatch.setattr(simulation, "build_and_run", options.append)
+    monkeypatch.setattr(simulation, "SharedSystem", lambda _options: SimpleNamespace(close=lambda: None))
+    monkeypatch.setattr(simulation, "Run", lambda found, *_more: options.append(found))
+    monkeypatch.setattr(simulation, "find", lambda _run: Findings("", "", [], (0.0, 0.0, 0.0)))
     return options
 
 
-def test_results_that_miss_a_requirement_are_results(temporary, monkeypatch):
-    """The scenario raises once all is written; for a script that is no failure of the run."""
-    run = simulation.build_and_run
-
-    def miss(options):
-        run(options)
-        raise NotMetError("1 of 3 requirements of the scenario are not met")
-
-    monkeypatch.setattr(simulation, "build_and_run", miss)
-    found = simulate("isolation", **SHORT)
-    assert found.cases == ["passive", "active"] and found.summary["scenario"] == "isolation"
-
-
-def test_results_with_a_target_out_of_reach_are_kept(temporary):
-    with pytest.raises(ValueError, match=r"(?s)target.*all results are written: ") as caught:
-        simulate("isolation", parameters={"commander.target.roll": 1.0}, **SHORT)
-    assert Result(str(caught.value).rpartition(": ")[2]).cases == ["passive", "active"]
+def test_results_with_a_target_out_of_reach_are_kept(tmp_path):
+    given = {"commander.target.roll": 1.0}
+    found = simulate("isolation", parameters=given, **SHORT)
+    assert "is out of reach" in repr(found) and found.summary["reachable"] is False
+    with pytest.raises(TargetError, match=r"(?s)target.*all results are written: ") as caught:
+        simulate("isolation", parameters=given, output=tmp_path, **SHORT)
+    assert Result(str(caught.value).rpartition(": ")[2]).passive.identical(found.passive)
 
 
 def test_a_refused_call_leaves_earlier_results_and_their_parameters(tmp_path):
-    simulate("isolation", parameters={"plant.payload.mass": 60.0}, output=tmp_path, figures=False, **SHORT)
+    simulate("isolation", parameters={"plant.payload.mass": 60.0}, output=tmp_path, **SHORT)
     before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
     with pytest.raises(CosimError):
-        simulate("isolation", parameters={"plant.payload.mas": 50.0}, output=tmp_path, figures=False, **SHORT)
+        simulate("isolation", parameters={"plant.payload.mas": 50.0}, output=tmp_path, **SHORT)
     with pytest.raises(OptionError, match="output: expected a path, got an empty name"):
         simulate("isolation", output="", **SHORT)
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
@@ -111,7 +106,7 @@ def test_the_numbers_are_those_of_the_summary(result):
 def test_parameters_arrive(result):
     stated = result.summary["parameters"]
     assert (stated["plant.payload.mass"], stated["isolator.delay"]) == (60.0, 0.002)
-    written = read_parameters(result.output / "parameters.ssv")
+    written = read_parameters(result.report().with_name("parameters.ssv"))
     assert dict(written) == {
         "plant.payload.mass": 60, "disturbance.noise.enabled": True, "isolator.delay": 0.002
     }  # fmt: skip
@@ -138,10 +133,9 @@ def test_requirements_and_figures_reach_a_run(tmp_path):
         '[[requirement]]\nname = "tight"\nsignal = "plant.payload_rotation.x"\ncase = "passive"\nindex = "APE"\n'
         'statistic = "peak"\nlimit = "1e-30 rad"\n'
     )
-    result = ps_fmu.simulate(
-        duration=0.1, requirements=required, figures=False, output=tmp_path / "run", progress=False
-    )
-    assert [one["verdict"] for one in result.summary["verdicts"]] == ["not met"]
+    given = {"duration": 0.1, "requirements": required, "progress": False}
+    for result in ps_fmu.simulate(**given), ps_fmu.simulate(output=tmp_path / "run", **given):
+        assert [one["verdict"] for one in result.summary["verdicts"]] == ["not met"]
     assert list(result.output.glob("*.png")) == []
     with pytest.raises(OptionError, match="--requirements: there is no file"):
         ps_fmu.simulate(duration=0.1, requirements=tmp_path / "missing.toml")
@@ -228,14 +222,15 @@ def test_the_lines_of_the_readme_run(tmp_path):
     code = lines.replace("duration=20", "duration=0.05") + check
     done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
-    assert list(tmp_path.iterdir()) == []
+    assert [path.name for path in tmp_path.iterdir()] == ["results"]
 
 
-def test_temporary_results_go_with_the_result(temporary, taken):
-    one = simulate()
-    folder = one.output
-    assert folder.parent == temporary
-    assert folder.is_dir()
+def test_a_temporary_report_goes_with_the_result(temporary):
+    one = simulate(**SHORT)
+    assert one.output is None
+    folder = one.report(figures=False).parent
+    assert folder.parent == temporary and one.output == folder
+    assert {path.name for path in folder.iterdir()} == {"results.nc", "summary.json", "report.html"}
     del one
     gc.collect()
     assert not folder.exists()
@@ -246,7 +241,7 @@ def test_files_and_systems_of_the_product_by_name(taken, built_fmus):
     (options,) = taken
     assert options.system == ROOT / "system" / "VoiceCoils.ssd"
     assert options.parameters[0] == ROOT / "system" / "parameters" / "exact_payload.ssv"
-    assert options.parameters[1] == options.output / "parameters.ssv"  # stronger, since it is the last
+    assert options.values == {"plant.payload.mass": 60, "disturbance.noise.enabled": True, "isolator.delay": 0.002}
     assert options.fmus == built_fmus
     assert (options.scenario.name, options.duration_s) == ("table2", options.scenario.duration_s)
 
@@ -293,7 +288,7 @@ def test_a_single_pattern_is_not_taken_for_many(taken):
         ({"scenario": "dance"}, OptionError, "scenario: there is no 'dance'; expected one of isolation"),
         ({"duration": -1}, OptionError, "--duration: expected a time above 0 s"),
         ({"parameters": {"plant.payload.mass": None}}, OptionError, "plant.payload.mass: expected a number"),
-        ({"parameters": {"plant.payload.weight": 1.0}}, CosimError, r"plant.payload.weight \(.*parameters.ssv, line"),
+        ({"parameters": {"plant.payload.weight": 1.0}}, CosimError, r"plant.payload.weight \(parameters.ssv\): Man"),
         ({"parameters": {"plant.payload.mass": float("nan")}}, CosimError, "expected a finite number"),
         ({"parameter_files": ["none.ssv"]}, OptionError, "--parameters: there is no file none.ssv"),
         ({"step_timeout": 5.0}, OptionError, "--step-timeout: only FMUs with processes of their own"),
@@ -310,10 +305,85 @@ def test_what_cannot_be_used_is_said_and_nothing_left_behind(temporary, argument
 
 
 def test_the_package_lists_what_it_has():
-    assert {"simulate", "Result", "__version__"} <= set(dir(ps_fmu))
+    assert {"simulate", "Result", "Session", "__version__"} <= set(dir(ps_fmu))
 
 
 def test_a_call_that_is_refused_leaves_no_folder(tmp_path):
     with pytest.raises(OptionError, match="--duration"):
         simulate("isolation", duration=-1.0, output=tmp_path / "new" / "er")
     assert not list(tmp_path.iterdir())
+
+
+@pytest.fixture(scope="module")
+def session(built_fmus):
+    with Session("isolation", duration=0.05, step=1e-3) as opened:
+        yield opened
+
+
+def test_runs_of_a_session_are_those_of_fresh_ones(session, result):
+    """To the last bit, whatever was run before."""
+    first = session.run()
+    assert session.run(VALUES).active.identical(result.active)
+    assert session.run(seed=2).active.equals(simulate("isolation", seed=2, **SHORT).active)
+    again = session.run()
+    assert again.active.identical(first.active) and again.passive.identical(first.passive)
+    kept, fresh = (found.summary | {"real_time_factor": 0} for found in (again, simulate("isolation", **SHORT)))
+    assert kept == fresh
+
+
+def test_single_cases_of_a_session(session):
+    one = session.run(cases=["active"])
+    assert one.cases == ["active"] and one.active.identical(session.run().active)
+    assert "plant.payload_rotation.x (rad)" in repr(one) and "<td>active</td>" in one._repr_html_()
+    with pytest.raises(OptionError, match="cases: there is no 'activ'; did you mean active"):
+        session.run(cases=["activ"])
+    with pytest.raises(OptionError, match="cases: the scenario table2 needs all of its cases"):
+        simulate("table2", cases=["a"], **SHORT)
+
+
+@pytest.mark.parametrize("scenario", ["slew", "wheels", "pointing"])
+def test_single_cases_of_other_scenarios(scenario):
+    name = SCENARIOS[scenario].find_cases()[1]
+    options = {"duration": 3.0, "step": 1e-2, "progress": False, "parameters": {"tracker.sample_time": 0.02}}
+    if scenario != "pointing":
+        del options["parameters"]
+    assert simulate(scenario, cases=[name], **options).cases == [name]
+
+
+def test_a_session_goes_on_after_a_run_that_was_refused(session):
+    before = session.run()
+    for values in ({"plant.payload.mass": float("nan")}, {"plant.payload.mas": 1.0}, {"plant.payload.mass": -1.0}):
+        with pytest.raises(CosimError):
+            session.run(values)
+    assert session.run().active.identical(before.active)
+
+
+def test_threads_simulate_at_the_same_time(result):
+    with ThreadPoolExecutor(3) as pool:
+        futures = [pool.submit(simulate, "isolation", parameters=VALUES, seed=seed, **SHORT) for seed in (1, 2, 1)]
+        first, other, third = (future.result() for future in futures)
+    assert first.active.identical(result.active) and third.active.identical(result.active)
+    assert not other.active.equals(result.active)
+
+
+def test_a_report_has_what_the_command_writes(tmp_path, result):
+    """Rows, tables and figures; the rows are those in memory."""
+    path = result.report(tmp_path / "mine")
+    assert {file.name for file in path.parent.iterdir()} == {
+        "results.nc", "summary.json", "report.html", "parameters.ssv", "jitter.png", "image_point.png", "spectra.png"
+    }  # fmt: skip
+    written = Result(path.parent)
+    assert written.active.identical(result.active)
+    assert written.summary == result.summary
+    assert result.report() == path
+    with pytest.raises(OptionError, match="expected a path, got an empty name"):
+        result.report("")
+
+
+def test_keywords_that_there_are_not():
+    with pytest.raises(TypeError, match="there is no argument 'duratio'; did you mean duration"):
+        simulate("isolation", duratio=1.0)
+    with pytest.raises(OptionError, match="checkpoint: expected an output folder, too"):
+        simulate("isolation", checkpoint=1.0)
+    with pytest.raises(OptionError, match="cases: a run with an output folder has all cases"):
+        simulate("isolation", cases=["active"], output="there")

@@ -1,11 +1,11 @@
 """Pointing and stabilising manipulator for optical space payloads, as FMI 2.0 co-simulation FMUs.
 
-``ps_fmu.simulate`` runs a scenario, ``ps_fmu.Result`` has what a run left in its folder, see
-:mod:`ps_fmu.simulation`.
+``ps_fmu.simulate`` runs a scenario, ``ps_fmu.Session`` runs it many times, ``ps_fmu.Result`` has what a run found, or
+left in its folder.
 """
 
 __version__ = "0.1.0"
-__all__ = ["Result", "__version__", "simulate"]
+__all__ = ["Result", "Session", "__version__", "simulate"]
 
 
 def __dir__() -> list[str]:
@@ -14,12 +14,13 @@ def __dir__() -> list[str]:
 
 
 def __getattr__(name: str):  # type: ignore[no-untyped-def]  # of what is asked for: its type is not known here
-    """``simulate`` and ``Result``, imported when they are first used.
+    """``simulate``, ``Session`` and ``Result``, imported when they are first used.
 
     Each part of the package, and each FMU, imports this file: it loads nothing by itself.
     """
-    if name not in ("simulate", "Result"):
+    modules = {"simulate": "simulation", "Session": "simulation", "Result": "result"}
+    if name not in modules:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     from importlib import import_module
 
-    return getattr(import_module(f"{__name__}.simulation"), name)
+    return getattr(import_module(f"{__name__}.{modules[name]}"), name)

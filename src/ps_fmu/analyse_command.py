@@ -8,19 +8,17 @@ from __future__ import annotations
 
 import argparse
 import sys
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from . import trades
-from .paper.analysis import Analysis, AnalysisOptions, find_analyses_in, find_figure_analyses
+from .analyses.options import AnalysisOptions
+from .analyses.table import ANALYSES, Analysis
 from .product.files import find_file, find_product
 from .runs.built_fmus import find_built_folder
-from .runs.late import import_and_call
 from .terminal import read_output, reason
 
 if TYPE_CHECKING:
-    from .paper.analysis_result import AnalysisResult
+    from .analyses.result import AnalysisResult
 
 _OPTIONS: dict[str, dict[str, Any]] = {
     "parameters": {
@@ -35,21 +33,13 @@ _OPTIONS: dict[str, dict[str, Any]] = {
 }  # fmt: skip
 
 
-def find_analyses() -> dict[str, Analysis]:
-    """All analyses by name: those of the figures, the one that puts them together, and the trades."""
-    about = "every published number beside ours, and the errata with their evidence: all analyses together"
-    analyse_all = partial(import_and_call, f"{__package__}.paper.overview", "analyse")
-    paper = Analysis("paper", about, analyse_all)
-    return {**find_figure_analyses(), paper.name: paper, **find_analyses_in(trades)}
-
-
 def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the subcommand ``analyse`` with one subcommand for each analysis."""
     analyse = commands.add_parser("analyse", help="the paper's numbers and figures, recomputed; design trades")
     names = analyse.add_subparsers(title="analyses", required=True, metavar="NAME", dest="analysis")
     default = "default: %(default)s"
     fmus = "folder of the built FMUs (default: those of ps_fmu, built if they are not)"
-    for name, analysis in find_analyses().items():
+    for name, analysis in ANALYSES.items():
         parser = names.add_parser(name, help=analysis.about, description=analysis.about)
         parser.add_argument("--output", type=read_output, metavar="DIR", help=f"folder of the results (results/{name})")
         parser.add_argument("--fmus", type=Path, metavar="DIR", help=fmus)
@@ -62,8 +52,8 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the analysis that the arguments name, write and print its results; returns the exit code."""
+    from .analyses.jobs import JobError
     from .cosim.errors import CosimError
-    from .paper.jobs import JobError
     from .runs.options import OptionError
     from .runs.output import leave_no_empty_folder
     from .slavekit.pack.errors import BuildError
@@ -73,7 +63,7 @@ def run(arguments: argparse.Namespace) -> int:
     before = _list_files(output)
     with leave_no_empty_folder(output):
         try:
-            result = _analyse(find_analyses()[name], arguments, output)
+            result = _analyse(ANALYSES[name], arguments, output)
         except OptionError as error:
             why, code = str(error), 2
         except KeyboardInterrupt:
@@ -92,7 +82,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _analyse(analysis: Analysis, arguments: argparse.Namespace, output: Path) -> AnalysisResult:
     """Check the arguments, run the analysis and write its files."""
-    from .paper.cosimulation import check_sources
+    from .analyses.system import check_sources
     from .runs.options import check_seed, claim_folder
 
     check_seed(arguments.seed)
@@ -103,7 +93,7 @@ def _analyse(analysis: Analysis, arguments: argparse.Namespace, output: Path) ->
         check_sources(system)
     claim_folder(output)
     progress = sys.stderr is not None and sys.stderr.isatty()
-    result = analysis.analyse(_read_options(arguments, output, fmus, system, progress))
+    result = analysis.load()(_read_options(arguments, output, fmus, system, progress))
     result.write(output)
     return result
 

@@ -9,7 +9,9 @@ from __future__ import annotations
 import argparse
 import errno
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
+from functools import partial
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -17,11 +19,10 @@ from . import __version__
 from .analyse_command import add_parser as add_analyse
 from .child_processes import use_one_thread
 from .judge_command import add_parser as add_judge
-from .paper.identification.identify_command import add_parser as add_identify
 from .product.files import find_file, find_product
 from .runs.built_fmus import find_built_folder, provide_fmus
 from .sweep_command import add_parser as add_sweep
-from .terminal import read_output, reason, run_command
+from .terminal import LazyParser, group_commands, read_output, reason, run_command
 
 EXIT_OK = 0
 EXIT_FAILED = 1
@@ -29,6 +30,16 @@ EXIT_REFUSED = 2  # as argparse on arguments that it does not understand
 EXIT_INTERRUPTED = 130
 
 _DEFAULT_SYSTEM = "SystemStructure.ssd"
+_IDENTIFY = "ps_fmu.paper.identification.identify_command:add_arguments"
+_LISTED = (("identify", "find a parameter set from the published numbers", _IDENTIFY),)
+"""Commands of rooms that nothing else knows: name, words of the help, and what adds the arguments to a parser."""
+_GROUPS = {
+    "run and judge": ("run", "judge", "sweep", "analyse"),
+    "my instrument": ("parameters", "ssp"),
+    "build and check FMUs": ("build", "wrap", "check", "crosscheck"),
+    "the paper": ("identify",),
+}
+"""The commands by what a person wants, in the order of the help."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -58,10 +69,11 @@ def _command(arguments: Sequence[str] | None) -> int:
 
 def parser() -> argparse.ArgumentParser:
     """The command line's grammar."""
-    top = argparse.ArgumentParser(prog="ps-fmu", description="FMUs of a pointing manipulator.")
+    about = "FMUs of a pointing manipulator."
+    top = argparse.ArgumentParser(prog="ps-fmu", description=about, formatter_class=group_commands(_GROUPS))
     top.add_argument("--version", action="version", version=f"ps-fmu {__version__}")
     commands: argparse._SubParsersAction[Any] = top.add_subparsers(
-        title="commands", required=True, metavar="COMMAND", parser_class=_LazyParser
+        title="commands", required=True, metavar="COMMAND", parser_class=LazyParser
     )
     _add_run(commands)
     _add_build(commands)
@@ -71,50 +83,37 @@ def parser() -> argparse.ArgumentParser:
     _add_parameters(commands)
     _add_crosscheck(commands)
     add_analyse(commands)
-    add_identify(commands)
+    _add_listed(commands)
     add_judge(commands)
     add_sweep(commands)
     return top
 
 
-class _LazyParser(argparse.ArgumentParser):
-    """A parser of a subcommand that may get its arguments when it is first used.
-
-    For arguments that are known only after long imports, which the other subcommands do without.
-    """
-
-    fill: Callable[[argparse.ArgumentParser, Sequence[str]], None] | None = None
-
-    def parse_known_args(self, args: Any = None, *more: Any, **options: Any) -> Any:
-        """As that of the class above, with the arguments that ``fill`` adds; it is told what is to be parsed."""
-        fill, self.fill = self.fill, None
-        if fill is not None:
-            fill(self, args or ())
-        return super().parse_known_args(args, *more, **options)
-
-
-def _add_run(commands: argparse._SubParsersAction[_LazyParser]) -> None:
+def _add_run(commands: argparse._SubParsersAction[LazyParser]) -> None:
     run = commands.add_parser("run", help="run a scenario of the whole system, or any .ssp, .ssd or .fmu")
 
     def fill(parser: argparse.ArgumentParser, arguments: Sequence[str]) -> None:
         from . import system_command
 
-        if system_command.is_meant(arguments, _find_scenarios):
+        if system_command.is_meant(arguments):
             system_command.add_arguments(parser)
             parser.set_defaults(run=lambda options: system_command.run(options, parser))
             return
         from . import run_command as command
 
-        command.add_arguments(parser, _find_scenarios())
+        command.add_arguments(parser)
         parser.set_defaults(run=lambda options: command.run(options, parser))
 
     run.fill = fill
 
 
-def _find_scenarios() -> Mapping[str, Any]:
-    from .run_command import find_all_scenarios
+def _add_listed(commands: argparse._SubParsersAction[LazyParser]) -> None:
+    def fill(place: str, parser: argparse.ArgumentParser, arguments: Sequence[str]) -> None:
+        module, _, function = place.partition(":")
+        getattr(import_module(module), function)(parser)
 
-    return find_all_scenarios()
+    for name, about, place in _LISTED:
+        commands.add_parser(name, help=about).fill = partial(fill, place)
 
 
 def _add_build(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import fields
 from pathlib import Path
@@ -19,17 +19,17 @@ from .cosim.checkpoint.options import add_checkpoint_options
 from .cosim.errors import CosimError, UsageError
 from .cosim.isolation.options import add_isolation_options, read_isolation
 from .cosim.ssp.reading import read_system
-from .paper import figures
+from .cosim.structure import suggest_names
 from .product.files import find_file, find_product, list_system_files
 from .results.style import prepare_drawing
-from .runs import scenarios
 from .runs.built_fmus import find_built_folder, provide_fmus
+from .runs.execute import run_scenario
 from .runs.faults_option import add_faults_option, find_faults
 from .runs.keeping import keep_run
 from .runs.kept_options import SCENARIO, name_option, read_run
-from .runs.options import REPORT, SCHEMES, AnyRun, OptionError, RunOptions, Scenario, claim_folder
+from .runs.options import REPORT, SCHEMES, AnyRun, OptionError, RunOptions, claim_folder
 from .runs.output import hold_folder, leave_no_empty_folder, report_end
-from .runs.registry import find_scenarios
+from .runs.scenario import SCENARIOS, Scenario
 from .slavekit.pack.errors import BuildError
 from .terminal import read_output, reason
 
@@ -37,73 +37,101 @@ _PLANT = "plant"  # the component that all scenarios need
 ABOUT = "Run a scenario of the pointing manipulator: FMUs, wired as a system description (.ssd) says."
 
 
-def find_all_scenarios() -> dict[str, Scenario]:
-    """All scenarios by name: the product's own, then those of the paper's figures."""
-    return find_scenarios(scenarios, figures)
-
-
-def add_arguments(p: argparse.ArgumentParser, found: Mapping[str, Scenario]) -> None:
-    """Add the arguments of a run, and a list of the scenarios ``found`` by name, to a parser."""
+def add_arguments(p: argparse.ArgumentParser) -> None:
+    """Add the arguments of a run, and a list of the scenarios, to a parser."""
     listing = "\n".join(
         f"  {name:14}{scenario.about}\n{'':16}--duration {scenario.duration_s:g} --step {scenario.step_s:g} "
         f"--storage-step {scenario.storage_step_s:g}"
-        for name, scenario in found.items()
+        for name, scenario in SCENARIOS.items()
     )
     p.formatter_class = argparse.RawDescriptionHelpFormatter
     p.description = ABOUT
+    p.usage = "%(prog)s [SCENARIO | SYSTEM.ssp|.ssd|.xml | FMU.fmu] [options]"
     p.epilog = (
         f"scenarios and their defaults:\n{listing}\n\n"
         "files of ps_fmu that --system, --parameters, --requirements and --faults take by name, where no file of yours "
         "has it:\n"
         + "\n".join(f"  {name}" for name in list_system_files())
+        + "\n\nany other system, or an FMU, has other options: %(prog)s SYSTEM.ssd --help lists them\n\n"
+        "examples:\n"
+        "  %(prog)s isolation --duration 60 --requirements requirements.toml\n"
+        "  %(prog)s pointing --parameters my.ssv --faults tracker_loses_lock.json --output results/mine\n"
+        "  %(prog)s other.ssp --duration 10 --step 1e-3"
     )
-    p.add_argument("scenario", nargs="?", default="isolation", choices=list(found))
-    p.add_argument("--duration", type=float, metavar="S", help="seconds to simulate and judge, per run")
-    p.add_argument("--step", type=float, metavar="S", help="communication step in seconds")
-    p.add_argument("--seed", type=int, default=1, metavar="N", help="seed of the disturbance (%(default)s)")
     p.add_argument(
-        "--parameters", type=Path, nargs="+", action="extend", default=[], metavar="F.ssv",
-        help="files with other values, by component.parameter; later ones win",
+        "scenario", nargs="?", default="isolation", type=_read_scenario, metavar="SCENARIO",
+        help="one of those below (%(default)s), or a file: any other system",
     )  # fmt: skip
-    p.add_argument(
-        "--apart", nargs="+", action="extend", default=[], metavar="NAME",
-        help="parameters, or beginnings of their names such as isolator.payload, that differ from the plant's on "
-        "purpose: no warning",
+    _add_what(p.add_argument_group("what is run"))
+    _add_times(p.add_argument_group("time"))
+    _add_acting(p.add_argument_group("what acts"))
+    robust = p.add_argument_group("robustness")
+    add_isolation_options(robust)
+    add_checkpoint_options(robust)
+    robust.add_argument(
+        "--resume", type=read_output, metavar="DIR",
+        help="go on with the run whose results are in DIR, from its last checkpoint, with the options that it has",
     )  # fmt: skip
-    add_isolation_options(p)
-    system = p.add_mutually_exclusive_group()
+    _add_results(p.add_argument_group("results"))
+
+
+def _read_scenario(text: str) -> str:
+    if text not in SCENARIOS:
+        hint = suggest_names(text, SCENARIOS)
+        raise argparse.ArgumentTypeError(f"there is no scenario {text!r}{hint} (there are {', '.join(SCENARIOS)})")
+    return text
+
+
+def _add_what(group: argparse._ArgumentGroup) -> None:
+    system = group.add_mutually_exclusive_group()
     system.add_argument("--ssp", type=Path, metavar="FILE.ssp", help="the system with its FMUs, made by ps-fmu ssp")
     system.add_argument(
         "--system", type=Path, metavar="FILE.ssd",
         help="another system than that of the scenario; FMUs that ps_fmu has not are found by their source",
     )  # fmt: skip
-    p.add_argument("--output", type=read_output, metavar="DIR", help="folder of the results (results/SCENARIO)")
-    p.add_argument("--scheme", choices=SCHEMES, default=SCHEMES[0], help="order of exchange (%(default)s)")
-    p.add_argument("--storage-step", type=float, metavar="S", help="seconds between stored rows")
-    p.add_argument(
+    group.add_argument(
+        "--parameters", type=Path, nargs="+", action="extend", default=[], metavar="F.ssv",
+        help="files with other values, by component.parameter; later ones win",
+    )  # fmt: skip
+    group.add_argument(
+        "--apart", nargs="+", action="extend", default=[], metavar="NAME",
+        help="parameters, or beginnings of their names such as isolator.payload, that differ from the plant's on "
+        "purpose: no warning",
+    )  # fmt: skip
+
+
+def _add_times(group: argparse._ArgumentGroup) -> None:
+    group.add_argument("--duration", type=float, metavar="S", help="seconds to simulate and judge, per run")
+    group.add_argument("--step", type=float, metavar="S", help="communication step in seconds")
+    group.add_argument("--storage-step", type=float, metavar="S", help="seconds between stored rows")
+    group.add_argument("--scheme", choices=SCHEMES, default=SCHEMES[0], help="order of exchange (%(default)s)")
+
+
+def _add_acting(group: argparse._ArgumentGroup) -> None:
+    group.add_argument("--seed", type=int, default=1, metavar="N", help="seed of the disturbance (%(default)s)")
+    group.add_argument(
+        "--disturbance", type=Path, metavar="FILE",
+        help="recorded force and torque on the bus, CSV or netCDF, in place of the noise",
+    )  # fmt: skip
+    add_faults_option(group)
+
+
+def _add_results(group: argparse._ArgumentGroup) -> None:
+    group.add_argument("--output", type=read_output, metavar="DIR", help="folder of the results (results/SCENARIO)")
+    group.add_argument(
         "--observe", action="append", default=[], metavar="PATTERN",
         help="store these outputs alone, as 'plant.payload_*'; may be repeated. Statistics, indices and verdicts stay",
     )  # fmt: skip
-    p.add_argument(
+    group.add_argument(
         "--requirements", type=Path, metavar="F.toml", help="pointing requirements; exit code 1 if one is not met"
     )
-    p.add_argument(
+    group.add_argument(
         "--profile", action="store_true",
         help="say where the time goes: each FMU, the exchange, the observers, the longest step and when it was",
     )  # fmt: skip
-    p.add_argument(
+    group.add_argument(
         "--no-figures", dest="figures", action="store_false",
         help="draw no PNG files; the report keeps its charts, and has no pictures",
-    )  # fmt: skip
-    add_faults_option(p)
-    add_checkpoint_options(p)
-    p.add_argument(
-        "--resume", type=read_output, metavar="DIR",
-        help="go on with the run whose results are in DIR, from its last checkpoint, with the options that it has",
-    )  # fmt: skip
-    p.add_argument(
-        "--disturbance", type=Path, metavar="FILE",
-        help="recorded force and torque on the bus, CSV or netCDF, in place of the noise",
     )  # fmt: skip
 
 
@@ -152,7 +180,7 @@ def read_resumed(arguments: argparse.Namespace, defaults: argparse.Namespace) ->
     options = {**kept.options, "resume": True}
     if not arguments.figures:
         options["figures"] = False
-    scenario = find_all_scenarios().get(kept.name) if kept.kind == SCENARIO else None
+    scenario = SCENARIOS.get(kept.name) if kept.kind == SCENARIO else None
     if kept.kind == SCENARIO and scenario is None:
         raise OptionError(f"--resume: there is no scenario {kept.name!r} any longer")
     try:
@@ -167,8 +195,8 @@ def _choose_output(arguments: argparse.Namespace) -> Path:
     return Path("results", arguments.scenario) if arguments.output is None else Path(arguments.output)
 
 
-def build_and_run(options: RunOptions) -> None:
-    """Run the scenario of the options; writes the results and prints the table.
+def build_and_run(options: RunOptions, show: Callable[[str], None] = print) -> None:
+    """Run the scenario of the options; writes the results and shows the table.
 
     The output folder is held by :func:`ps_fmu.runs.output.hold_folder`.  If the options name a folder of FMUs, the
     product's are built there first, where they are missing or older than their sources.
@@ -184,13 +212,13 @@ def build_and_run(options: RunOptions) -> None:
         prepare_drawing()
     kept = {field.name: getattr(options, field.name) for field in fields(options)}
     with keep_run(options.output, SCENARIO, options.scenario.name, kept, last=REPORT, resume=options.resume):
-        options.scenario.run(options)
+        run_scenario(options, show)
 
 
 def main(arguments: Sequence[str] | None = None, program: str = "run.py") -> int:
     """Run the scenario that the arguments name; returns the exit code.  ``program``: what it is called in messages."""
     command_line = argparse.ArgumentParser(prog=program)
-    add_arguments(command_line, find_all_scenarios())
+    add_arguments(command_line)
     return run(command_line.parse_args(arguments), command_line)
 
 
@@ -206,7 +234,7 @@ def run(arguments: argparse.Namespace, command_line: argparse.ArgumentParser) ->
 
                     return run_system(options, program)
             else:
-                options = read_options(find_all_scenarios()[arguments.scenario], arguments)
+                options = read_options(SCENARIOS[arguments.scenario], arguments)
             stack.enter_context(hold_folder(options.output, options.resume))
         except OptionError as error:
             command_line.error(str(error))

@@ -104,7 +104,7 @@ def _sweep(options: SweepOptions) -> int:
 
 
 def _rerun(options: SweepOptions, case: int) -> int:
-    from .studies.rerun import rerun
+    from .studies.sweep import rerun
 
     print(rerun(options, case))
     return 0

@@ -9,7 +9,7 @@ from __future__ import annotations
 import argparse
 import math
 import shlex
-from collections.abc import Callable, Container, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -25,6 +25,7 @@ from .runs.built_fmus import find_built_folder, is_own, provide_fmus
 from .runs.faults_option import add_faults_option, find_faults
 from .runs.options import PLOT, RESULTS, AnyRun, OptionError, claim_folder
 from .runs.output import hold_folder, leave_no_empty_folder, report_end
+from .runs.scenario import SCENARIOS
 from .slavekit.pack.errors import BuildError
 from .terminal import read_output, reason
 
@@ -77,17 +78,16 @@ _FLAGS = ("--error-estimate", "--isolate", "--no-figures", "--outside", "--profi
 """Options of both commands without a value."""
 
 
-def is_meant(arguments: Sequence[str], find_scenarios: Callable[[], Container[str]]) -> bool:
+def is_meant(arguments: Sequence[str]) -> bool:
     """Whether the arguments of ``ps-fmu run`` name a system and not a scenario: values of options may look like one.
 
     A first argument that is a file, or a path with a slash, is meant as a system, too, though it cannot be run.  The
     name of a scenario is that, whatever lies in the working directory: a file of that name is ``./slew``.
-    ``find_scenarios`` is called where the names are needed: their imports are long.
     """
     first = Path(arguments[0] if arguments else "")
     if not str(first).startswith("-") and (first.is_file() or _is_system_folder(first) or len(first.parts) > 1):
         if len(first.parts) == 1 and arguments:
-            return arguments[0] not in find_scenarios()
+            return arguments[0] not in SCENARIOS
         return bool(arguments)
     for before, argument in zip(("", *arguments), arguments, strict=False):
         is_value = before.startswith("-") and "=" not in before and not any(flag.startswith(before) for flag in _FLAGS)

@@ -1,16 +1,17 @@
-"""The output streams and signals of a command: a stream that cannot be written does not end the command.
+"""The output streams, signals and parsers of a command: a stream that cannot be written does not end the command.
 
 Streams may be closed by the caller (``2>&-``), on a full disk, or a pipe that no one reads any longer.
 """
 
 from __future__ import annotations
 
+import argparse
 import os
 import signal
 import sys
 import threading
-from argparse import ArgumentTypeError
-from collections.abc import Callable, Iterator
+from argparse import ArgumentParser, ArgumentTypeError
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
@@ -136,6 +137,38 @@ def read_output(text: str) -> Path:
     if not text:
         raise ArgumentTypeError("expected a path, got an empty name (a variable that is not set?)")
     return Path(text)
+
+
+def group_commands(groups: Mapping[str, Sequence[str]]) -> type[argparse.HelpFormatter]:
+    """A help that lists commands, each with its words, under the headings of ``groups``."""
+
+    class GroupedHelp(argparse.HelpFormatter):
+        def _format_action(self, action: argparse.Action) -> str:
+            if not isinstance(action, argparse._SubParsersAction):
+                return super()._format_action(action)
+            about = {command.dest: command.help for command in action._get_subactions()}
+            lines = []
+            for title, names in groups.items():
+                lines += [f"  {title}", *(f"    {name:<12}{about[name]}" for name in names)]
+            return "\n".join(lines) + "\n"
+
+    return GroupedHelp
+
+
+class LazyParser(ArgumentParser):
+    """A parser of a subcommand that may get its arguments when it is first used.
+
+    For arguments that are known only after long imports, which the other subcommands do without.
+    """
+
+    fill: Callable[[ArgumentParser, Sequence[str]], None] | None = None
+
+    def parse_known_args(self, args: Any = None, *more: Any, **options: Any) -> Any:
+        """As that of the class above, with the arguments that ``fill`` adds; it is told what is to be parsed."""
+        fill, self.fill = self.fill, None
+        if fill is not None:
+            fill(self, args or ())
+        return super().parse_known_args(args, *more, **options)
 
 
 def reason(error: Exception) -> str:

@@ -14,12 +14,12 @@ ROOT = Path(__file__).parents[2]
 TUTORIALS = sorted(path.stem for path in (ROOT / "docs" / "tutorials").glob("plot_*.py"))
 THEORY = sorted(path.stem for path in (ROOT / "docs" / "theory").glob("*.md"))
 OPENED = ("index.html", "docs/tutorials/made/plot_1_first_run.html", "fmus/manipulator_plant/README.html",
-          "docs/theory/dynamics.html", "docs/api/ps_fmu.pointing.indices.html")  # fmt: skip
+          "docs/theory/dynamics.html", "docs/api/ps_fmu.pointing.html")  # fmt: skip
 
 
 def test_it_is_built_without_a_warning(site):
     assert "WARNING" not in site.messages
-    assert len(site.pages) > 100
+    assert len(site.pages) > 60
 
 
 def test_all_links_within_the_site_lead_somewhere(site):

@@ -14,7 +14,6 @@ from support.relays import description, port, relay, system, wire
 from ps_fmu import system_command
 from ps_fmu.cli import main
 from ps_fmu.cosim import Master
-from ps_fmu.run_command import find_all_scenarios
 from ps_fmu.runs.output import hold_folder
 
 TOYS = system_command.Path(__file__).parents[1] / "cosim" / "toys"
@@ -340,7 +339,7 @@ def test_a_parameter_with_a_misspelt_component(fmus, tmp_path, capsys):
     ],
 )  # fmt: skip
 def test_which_run_is_meant(arguments, meant):
-    assert system_command.is_meant(arguments, find_all_scenarios) is meant
+    assert system_command.is_meant(arguments) is meant
 
 
 def test_a_system_of_ps_fmu_finds_its_fmus_from_any_folder(built_fmus, tmp_path, monkeypatch, capsys):

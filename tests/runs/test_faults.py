@@ -107,7 +107,7 @@ def test_faults_and_options_of_schemes(oscillator, tmp_path, capsys):
 
 def test_a_scenario_with_faults(tmp_path, built_fmus):
     faults = write(tmp_path, FREEZE)
-    options = {"duration": 0.05, "figures": False, "progress": False, "storage_step": 1e-4}
+    options = {"duration": 0.05, "progress": False, "storage_step": 1e-4}
     result, plain = simulate("isolation", faults=faults, **options), simulate("isolation", **options)
     assert TEXT in result.text and "passive, active" in result.text
     assert "Faults" not in plain.text and "faults" not in plain.summary
@@ -125,7 +125,7 @@ def test_a_scenario_with_faults(tmp_path, built_fmus):
 
 
 def test_a_pattern_may_name_what_an_input_got(tmp_path, built_fmus):
-    options = {"duration": 0.02, "figures": False, "progress": False, "observe": "isolator.base_*"}
+    options = {"duration": 0.02, "progress": False, "observe": "isolator.base_*"}
     result = simulate("isolation", faults=write(tmp_path, {**FREEZE, "duration": 0.005}), **options)
     with netCDF4.Dataset(result.report().with_name("results.nc")) as file:
         assert set(file["active"].variables) == {"time", "isolator.base_acceleration.z"}

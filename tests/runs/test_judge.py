@@ -13,11 +13,12 @@ from ps_fmu.cli import main
 from ps_fmu.paper.figures.table2 import scenario as table2
 from ps_fmu.requirements.reading import read_requirements
 from ps_fmu.requirements.stored import judge_files
+from ps_fmu.runs import isolation
 from ps_fmu.runs.cases import Case, run_case
+from ps_fmu.runs.execute import run_scenario
 from ps_fmu.runs.jitter_record import ROTATION, JitterRecord
 from ps_fmu.runs.options import OptionError
 from ps_fmu.runs.publish import NotMetError
-from ps_fmu.runs.scenarios import isolation
 from ps_fmu.runs.setup import load_system
 
 GENEROUS = {
@@ -25,12 +26,6 @@ GENEROUS = {
     "probability": None, "interpretation": None, "limit": "1 mrad",
 }  # fmt: skip
 QUICK = {"step_s": 1e-3, "storage_step_s": 1e-3}
-
-
-@pytest.fixture(autouse=True)
-def without_pictures(monkeypatch):
-    """They are most of the time, and no part of this."""
-    monkeypatch.setattr(isolation, "draw_comparison", lambda comparison, folder: [])
 
 
 @pytest.fixture
@@ -52,7 +47,7 @@ def read_verdicts(options):
 
 def test_verdicts_are_on_the_terminal_in_the_summary_and_at_the_head_of_the_report(required, capsys):
     options = required({}, {"case": "passive", "signal": "plant.los", "combine": "norm", "limit": "1 mm"})
-    options.scenario.run(options)
+    run_scenario(options)
     verdicts = read_verdicts(options)
     assert [(v["requirement"], v["case"], v["signal"]) for v in verdicts] == [
         *(("number 0", "active", name) for name in ROTATION), ("number 1", "passive", "|plant.los|"),
@@ -73,7 +68,7 @@ def test_verdicts_are_on_the_terminal_in_the_summary_and_at_the_head_of_the_repo
 def test_one_that_is_not_met_fails_the_run_once_its_results_are_written(required, capsys):
     options = required({}, {"limit": "1e-9 urad"})
     with pytest.raises(NotMetError, match="requirements: 3 of 6 are met, 3 not met"):
-        options.scenario.run(options)
+        run_scenario(options)
     assert [v["verdict"] for v in read_verdicts(options)] == ["met"] * 3 + ["not met"] * 3
     assert all(v["margin"] < 0.0 for v in read_verdicts(options)[3:])
     assert "NOT MET" in (options.output / "report.html").read_text()
@@ -85,7 +80,7 @@ def test_one_that_cannot_be_said_fails_the_run_too(required):
         {"index": "MPE", "window": "0.1 s", "statistic": "quantile", "probability": 0.95, "interpretation": "temporal"}
     )
     with pytest.raises(NotMetError, match="0 of 3 are met, 3 cannot be said"):
-        options.scenario.run(options)
+        run_scenario(options)
     verdict = read_verdicts(options)[0]
     assert (verdict["met"], verdict["bound"], verdict["margin"]) == (False, None, None)
     assert "45 are needed: run about" in verdict["remark"]
@@ -96,7 +91,7 @@ def test_thinned_rows_do_not_change_the_verdicts_of_the_run(required):
     values = []
     for storage in (1e-3, 1e-2):
         options = required({"index": "jitter", "window": "20 ms"}, storage_step_s=storage)
-        options.scenario.run(options)
+        run_scenario(options)
         values.append([v["value"] for v in read_verdicts(options)])
     assert values[0] == values[1]
     stored = judge_files([options.output / "results.nc"], read_requirements(options.requirements))
@@ -106,7 +101,7 @@ def test_thinned_rows_do_not_change_the_verdicts_of_the_run(required):
 
 def test_judging_all_stored_rows_gives_the_verdicts_of_the_run(required):
     options = required({"index": "RPE", "at": "end", "window": "50 ms"})
-    options.scenario.run(options)
+    run_scenario(options)
     stored = judge_files([options.output / "results.nc"], read_requirements(options.requirements))
     for during, after in zip(read_verdicts(options), stored, strict=True):
         assert during["value"] == pytest.approx(after.as_dict()["value"], rel=1e-9)
@@ -128,7 +123,7 @@ def test_judging_all_stored_rows_gives_the_verdicts_of_the_run(required):
 def test_what_cannot_be_judged_is_refused_before_the_run(required, change, problem):
     options = required({}, change)
     with pytest.raises(OptionError) as refused:
-        options.scenario.run(options)
+        run_scenario(options)
     place = f"--requirements: {options.requirements}, line 8, requirement 2 (number 1), "
     assert str(refused.value).startswith(place + problem)
     assert list(options.output.iterdir()) == []
@@ -139,12 +134,12 @@ def test_a_file_that_is_not_there(required):
         replace(required({}), requirements=type(required({}).requirements)("none.toml"))
 
 
-def test_a_scenario_that_does_not_tell_its_runs_beforehand(required):
+def test_a_scenario_that_does_not_tell_its_runs_beforehand(required, monkeypatch):
     """The verdict then says that no run had the name."""
     options = required({"case": "aktive"})
-    silent = replace(options.scenario, cases=())
+    monkeypatch.delattr(isolation, "list_cases")
     with pytest.raises(NotMetError, match="1 cannot be said"):
-        silent.run(replace(options, scenario=silent))
+        run_scenario(options)
     assert read_verdicts(options)[0]["remark"] == "there is no run aktive; there are: passive, active"
 
 
@@ -168,7 +163,7 @@ def test_the_lead_in_of_a_run_is_not_judged(required, make_options, ssv, monkeyp
     change = {"case": "*_passive", "statistic": "peak", "confidence": None, "settling": "0.1 s"}
     path, rises = required(change).requirements, ssv({"disturbance.rise_time": 0.3})
     options = make_options("table2", 0.4, requirements=path, parameters=(rises,), **QUICK)
-    options.scenario.run(options)
+    run_scenario(options)
     results = options.output / "results.nc"
     stored = judge_files([results], read_requirements(options.requirements))
     with netCDF4.Dataset(results) as file:
@@ -210,7 +205,7 @@ def test_an_interrupted_run_can_be_judged(required, capsys):
 
 def test_the_command_judge(required, capsys, tmp_path):
     options = required({})
-    options.scenario.run(options)
+    run_scenario(options)
     results, output = options.output / "results.nc", tmp_path / "verdicts.json"
 
     def judge(*changes, path=results):
@@ -233,6 +228,6 @@ def test_the_command_judge(required, capsys, tmp_path):
 def test_the_command_judge_takes_requirements_of_the_product_by_name(required, capsys):
     """As ``run`` does: what it finds there are the lines of requirements.toml."""
     options = required({})
-    options.scenario.run(options)
+    run_scenario(options)
     assert main(["judge", str(options.output / "results.nc"), "--requirements", "requirements.toml"]) == 2
     assert "system/requirements.toml, line 4, requirement 1 (blur of an exposure)" in capsys.readouterr().err

@@ -1,16 +1,12 @@
-import importlib
 import os
 from pathlib import Path
 
 import pytest
 
-from ps_fmu.paper import figures
-from ps_fmu.runs import scenarios
-from ps_fmu.runs.options import OptionError, RunOptions, Scenario
-from ps_fmu.runs.registry import find_scenarios
+from ps_fmu.runs.options import OptionError, RunOptions
+from ps_fmu.runs.scenario import SCENARIOS
 
-FOUND = find_scenarios(scenarios, figures)
-GOOD = {"scenario": FOUND["isolation"], "system": Path("a.ssd"), "output": Path("results"), "duration_s": 20.0}
+GOOD = {"scenario": SCENARIOS["isolation"], "system": Path("a.ssd"), "output": Path("results"), "duration_s": 20.0}
 
 
 def test_defaults():
@@ -22,25 +18,14 @@ def test_defaults():
     assert options.scheme == "jacobi"
 
 
-@pytest.mark.parametrize("scenario", FOUND.values(), ids=FOUND)
+@pytest.mark.parametrize("scenario", SCENARIOS.values(), ids=SCENARIOS)
 def test_each_default_duration_is_a_whole_number_of_steps(scenario):
     RunOptions(scenario, Path("a.ssd"), Path("results"), scenario.duration_s, scenario.step_s)
 
 
-def test_a_file_in_a_package_is_a_scenario(tmp_path, monkeypatch):
-    (tmp_path / "studies").mkdir()
-    (tmp_path / "studies" / "__init__.py").write_text("")
-    (tmp_path / "studies" / "helpers.py").write_text("")
-    declared = "from ps_fmu.runs.options import Scenario\nSCENARIO = Scenario('spin', 'a spin', print, 5.0)\n"
-    (tmp_path / "studies" / "a_spin.py").write_text(declared)
-    monkeypatch.syspath_prepend(tmp_path)
-    studies = importlib.import_module("studies")
-    found = find_scenarios(scenarios, studies)
-    assert list(found) == ["isolation", "pointing", "slew", "wheels", "spin"]
-    assert found["spin"] == Scenario("spin", "a spin", print, 5.0, step_s=1e-4, storage_step_s=1e-2)
-    (tmp_path / "studies" / "b_spin.py").write_text(declared)
-    with pytest.raises(ValueError, match=r"studies\.b_spin: there is another scenario with the name 'spin'"):
-        find_scenarios(studies)
+@pytest.mark.parametrize("scenario", SCENARIOS.values(), ids=SCENARIOS)
+def test_each_scenario_names_its_runs(scenario):
+    assert len(scenario.find_cases()) == len(set(scenario.find_cases())) > 1
 
 
 @pytest.mark.parametrize(
@@ -79,7 +64,7 @@ def test_impossible_options_are_named(changed, text):
     ],
 )
 def test_time_between_stored_rows(scenario, step, given, stored):
-    options = RunOptions(**GOOD | {"scenario": FOUND[scenario], "step_s": step, "storage_step_s": given})
+    options = RunOptions(**GOOD | {"scenario": SCENARIOS[scenario], "step_s": step, "storage_step_s": given})
     assert options.storage_s == pytest.approx(stored, rel=1e-12)
     assert options.storage_stride == round(stored / step)
 

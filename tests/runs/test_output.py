@@ -5,6 +5,7 @@ import os
 import pytest
 
 from ps_fmu.cli import main
+from ps_fmu.results.style import draw
 from ps_fmu.runs.options import OptionError
 from ps_fmu.runs.output import hold_folder
 
@@ -74,10 +75,24 @@ def test_what_is_not_of_ps_fmu_is_left_alone(tmp_path, name):
 def test_our_checkpoints_and_plot_are_replaced(folder, mark):
     (folder / "checkpoint" / mark).parent.mkdir(parents=True)
     (folder / "checkpoint" / mark).write_text("{}")
-    (folder / "plot.png").write_bytes(b"\x89PNG")
+    draw(folder / "plot.png", 1.0, 1.0, lambda figure: figure.subplots())
     with hold_folder(folder):
         (folder / "results.nc").write_text("new")
     assert sorted(os.listdir(folder)) == ["notes.txt", "results.nc"]
+
+
+def test_figures_of_earlier_results_go_with_them(folder):
+    draw(folder / "jitter.png", 1.0, 1.0, lambda figure: figure.subplots())
+    jitter = (folder / "jitter.png").read_bytes()
+    (folder / "jitter_before.png").write_bytes(jitter)
+    (folder / "photograph.png").write_bytes(b"\x89PNG")
+    with pytest.raises(OptionError), hold_folder(folder):
+        assert not (folder / "jitter.png").exists()
+        raise OptionError
+    assert (folder / "jitter.png").read_bytes() == jitter
+    with hold_folder(folder):
+        (folder / "results.nc").write_text("new")
+    assert sorted(os.listdir(folder)) == ["jitter_before.png", "notes.txt", "photograph.png", "results.nc"]
 
 
 @pytest.mark.parametrize("name", ["parameters.ssv", "disturbance.csv"])

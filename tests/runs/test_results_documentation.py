@@ -5,13 +5,15 @@ from pathlib import Path
 
 import pytest
 
+from ps_fmu.runs.execute import run_scenario
+
 DOCUMENT = Path(__file__).parents[2] / "docs" / "results.md"
 
 
 @pytest.mark.filterwarnings("error")
 def test_the_examples_of_the_document_run(make_options, monkeypatch, tmp_path):
     options = make_options("isolation", 7.0, step_s=1e-3)
-    options.scenario.run(options)
+    run_scenario(options)
     (tmp_path / "results").mkdir()
     (tmp_path / "results" / "isolation").symlink_to(options.output)
     monkeypatch.chdir(tmp_path)

@@ -17,6 +17,7 @@ from ps_fmu.cosim.schemes.scheme import Iteration, Scheme, read_rate
 from ps_fmu.results.datasets import list_cases, read_case
 from ps_fmu.runs import finish, publish
 from ps_fmu.runs.cases import Case, run_case
+from ps_fmu.runs.execute import run_scenario
 from ps_fmu.runs.finish import finish_file
 from ps_fmu.runs.index_record import IndexLog
 from ps_fmu.runs.origin import format_command
@@ -29,8 +30,8 @@ ROOT = Path(__file__).parents[2]
 @pytest.fixture(scope="module")
 def done(built_fmus, tmp_path_factory):
     """The options of a run of the default scenario, with its files."""
-    from ps_fmu.run_command import find_all_scenarios
     from ps_fmu.runs.options import RunOptions
+    from ps_fmu.runs.scenario import SCENARIOS
 
     folder = tmp_path_factory.mktemp("done")
     given = folder / "given.ssv"
@@ -40,12 +41,12 @@ def done(built_fmus, tmp_path_factory):
     )
     head = 'xmlns:ssv="http://ssp-standard.org/SSP1/SystemStructureParameterValues" version="1.0" name="v"'
     given.write_text(f"<ssv:ParameterSet {head}><ssv:Parameters>{lines}</ssv:Parameters></ssv:ParameterSet>")
-    scenario = find_all_scenarios()["isolation"]
+    scenario = SCENARIOS["isolation"]
     options = RunOptions(
         scenario, ROOT / "system" / scenario.system, folder / "out", 3.0, step_s=1e-3, storage_step_s=2e-3,
         parameters=(given,), apart=("isolator.payload",), fmus=built_fmus, progress=False,
     ).claim_output()  # fmt: skip
-    scenario.run(options)
+    run_scenario(options)
     return options
 
 
@@ -249,7 +250,7 @@ def test_a_file_that_cannot_be_compressed_costs_no_other_result(make_options, mo
 
     monkeypatch.setattr(publish, "finish_file", refuse)
     options = make_options("isolation", 0.02, step_s=2e-4)
-    options.scenario.run(options)
+    run_scenario(options)
     summary = json.loads((options.output / "summary.json").read_text())
     assert summary["warnings"] == ["results.nc: stays as it is: 8 MB needed"]
     assert "stays as it is" in capsys.readouterr().err

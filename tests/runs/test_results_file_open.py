@@ -4,6 +4,7 @@ import netCDF4
 import pytest
 
 from ps_fmu.runs.cases import Case, run_case
+from ps_fmu.runs.execute import run_scenario
 from ps_fmu.runs.results_file import ResultsFile
 from ps_fmu.runs.setup import load_system
 
@@ -37,8 +38,8 @@ def opened(monkeypatch):
 
 
 def test_a_scenario_opens_its_file_once_and_the_compressed_one(make_options, opened):
-    options = make_options("isolation", 0.02, step_s=2e-4, figures=False)
-    options.scenario.run(options)
+    options = make_options("isolation", 0.02, step_s=2e-4)
+    run_scenario(options)
     assert opened == ["w", "w"]
     with netCDF4.Dataset(options.output / "results.nc") as file:
         assert {"passive", "active"} <= set(file.groups)

@@ -1,6 +1,6 @@
 """Runs that are killed and gone on with: their results are those of a run that nobody disturbed, to the last bit.
 
-``PS_FMU_KILLS=30`` disturbs each scenario so often, instead of once.
+``make soak`` disturbs each scenario thirty times, instead of once.
 """
 
 import json
@@ -26,7 +26,7 @@ from ps_fmu.runs.options import OptionError
 
 ROOT = Path(__file__).parents[2]
 DRIVER = ROOT / "tests" / "support" / "killed.py"
-KILLS = int(os.environ.get("PS_FMU_KILLS", "1"))
+KILLS = 30 if os.environ.get("PS_FMU_SOAK") else 1
 RUNS = {
     # Two cases of 6001 rows: blocks of 2000, a checkpoint each 700.
     "isolation": (12_002, ["isolation", "--duration", "0.6", "--requirements", "own.toml"]),
@@ -369,8 +369,8 @@ def test_ctrl_c_names_the_command_that_goes_on(inputs, undisturbed, tmp_path):
 def test_simulate_goes_on(tmp_path, monkeypatch):
     import ps_fmu
 
-    options = {"duration": 0.4, "figures": False, "progress": False, "output": tmp_path / "out", "checkpoint": 0.05}
-    whole = ps_fmu.simulate("isolation", duration=0.4, figures=False, progress=False)
+    options = {"duration": 0.4, "progress": False, "output": tmp_path / "out", "checkpoint": 0.05}
+    whole = ps_fmu.simulate("isolation", duration=0.4, progress=False, output=tmp_path / "whole")
     original, seen = Recorder.block, []
 
     def fail(self, first_index, time, values):

@@ -17,11 +17,10 @@ def write(folder, *events, end=None, **defaults):
     return read_faults(path)
 
 
-def run_oscillator(system, faults=None, scheme="jacobi", duration=0.5, in_c=False, **options):
-    """The rows by name; ``in_c``: and the steps are run by the library."""
+def run_oscillator(system, faults=None, scheme="jacobi", duration=0.5, **options):
+    """The rows by name."""
     collect = Collect()
     with Master(system, 0.01, scheme, faults=faults, **options) as master:
         master.initialise()
         master.run(duration, [collect])
-        assert master.runs_in_c or not in_c
     return {column.name: values for column, values in zip(master.columns, collect.values.T, strict=True)}

@@ -3,8 +3,8 @@
 import json
 from pathlib import Path
 
-from ps_fmu.paper.analysis_result import AnalysisResult
-from ps_fmu.paper.finding import Finding
+from ps_fmu.analyses.result import AnalysisResult
+from ps_fmu.paper.published import make_finding
 from ps_fmu.results.report import Picture
 from ps_fmu.results.tables import Table
 
@@ -20,7 +20,7 @@ def read_result(name: str, parts: tuple[str, ...] = ()) -> AnalysisResult:
         name=name,
         title=content["title"],
         text=content["text"],
-        findings=[Finding(**{key: entry[key] for key in keys}) for entry in content["findings"]],
+        findings=[make_finding(**{key: entry[key] for key in keys}) for entry in content["findings"]],
         tables=[Table(**table) for table in content["tables"]],
         pictures=[Picture(KEPT / picture["file"], picture["caption"]) for picture in content["pictures"]],
         parts=[read_result(part) for part in parts],

@@ -10,8 +10,7 @@ import numpy as np
 
 from ps_fmu.paper.figures.fig07.results import FINE
 from ps_fmu.paper.figures.fig08_11.measured import SETUPS
-from ps_fmu.paper.finding import Finding
-from ps_fmu.pointing.rejection import rejection_percent
+from ps_fmu.paper.published import make_finding
 
 ROOT = Path(__file__).parents[2]
 FOLDER = ROOT / "docs" / "paper"
@@ -25,7 +24,7 @@ def content_of(name):
 
 def finding_of(entry):
     """A finding of a JSON file."""
-    return Finding(entry["key"], entry["computed"], entry["cosimulated"], entry["remark"], entry["setting"])
+    return make_finding(entry["key"], entry["computed"], entry["cosimulated"], entry["remark"], entry["setting"])
 
 
 def alike(one, other, rounding=0.0):
@@ -53,7 +52,6 @@ def jitter_run():
     largest = iter(row[4] for row in content["tables"][3]["rows"])  # m: the tables alone have it
     found = {}
     for name, entry in content["orientations"].items():
-        passive, active = (np.array(entry[f"cosimulated_{case}_rad"]) for case in ("passive", "active"))
         scatters = {
             case: SimpleNamespace(
                 radius_rms=entry[f"image_rms_radius_{case}_m"],
@@ -63,10 +61,15 @@ def jitter_run():
             for case in ("passive", "active")
         }
         found[name] = SimpleNamespace(
-            rms_passive=passive,
-            rms_active=active,
-            rejection=rejection_percent(passive, active),
-            **{case: SimpleNamespace(scatter=scatter) for case, scatter in scatters.items()},
+            **{
+                case: SimpleNamespace(
+                    scatter=scatter,
+                    statistics=SimpleNamespace(
+                        std=np.array(entry[f"cosimulated_{case}_rad"]), mean=np.array(entry[f"mean_{case}_rad"])
+                    ),
+                )
+                for case, scatter in scatters.items()
+            },
         )
     return found
 

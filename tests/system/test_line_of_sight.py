@@ -15,10 +15,11 @@ from ps_fmu.cosim.structure import Connection, PortName
 from ps_fmu.mechanism.discretisation import zero_order_hold
 from ps_fmu.mechanism.linear_model import Plant
 from ps_fmu.results.observers.sampler import SampleObserver
+from ps_fmu.runs.execute import run_scenario
 from ps_fmu.runs.options import OptionError, RunOptions
 from ps_fmu.runs.pointing import scenario
 from ps_fmu.runs.pointing.loop import build_loop, make_shaking, measure_loop
-from ps_fmu.runs.registry import find_scenarios
+from ps_fmu.runs.scenario import SCENARIOS
 from ps_fmu.runs.setup import load_system
 from ps_fmu.theory.line_of_sight_design import find_margins
 from ps_fmu.theory.state_space import plant_system
@@ -92,10 +93,8 @@ def test_the_closed_loop_is_one_discrete_system(built_fmus):
 
 @pytest.fixture
 def options(built_fmus, tmp_path):
-    from ps_fmu.runs import scenarios
-
     def make(duration_s, step_s, system=LINE_OF_SIGHT, **others):
-        found = find_scenarios(scenarios)["pointing"]
+        found = SCENARIOS["pointing"]
         folder = tmp_path / "out"
         made = RunOptions(found, system, folder, duration_s, step_s, fmus=built_fmus, progress=False, **others)
         return made.claim_output()
@@ -123,7 +122,7 @@ def test_the_scenario(options, ssv, capsys, monkeypatch):
     monkeypatch.setattr(scenario, "measure_loop", lambda *args: {})  # measured above
     given = {"commander.target.roll": 0.005, "commander.target.pitch": -0.004, "commander.min_duration": 3.0}
     options = options(33.0, 1e-2, parameters=(ssv(given),))
-    options.scenario.run(options)
+    run_scenario(options)
     summary = json.loads((options.output / "summary.json").read_text())["pointing"]
     assert len(summary["locks_s"]) == 2
     for phase in ("locked", "locked again"):
@@ -141,4 +140,4 @@ def test_the_scenario(options, ssv, capsys, monkeypatch):
 def test_a_system_without_a_tracker_is_refused_by_name(options):
     wrong = options(3.0, H, system=LINE_OF_SIGHT.with_name("SystemStructure.ssd"))
     with pytest.raises(OptionError, match="has no tracker and no pointing: take"):
-        wrong.scenario.run(wrong)
+        run_scenario(wrong)

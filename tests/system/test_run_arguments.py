@@ -2,7 +2,6 @@
 
 import argparse
 import importlib.util
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -34,13 +33,11 @@ def scenario(monkeypatch):
     def replace_by(function):
         called = []
 
-        def scenario_run(options):
+        def run_scenario(options, _show):
             called.append(options)
             function(options)
 
-        found = run_command.find_all_scenarios()
-        replaced = {name: replace(scenario, run=scenario_run) for name, scenario in found.items()}
-        monkeypatch.setattr(run_command, "find_all_scenarios", lambda: replaced)
+        monkeypatch.setattr(run_command, "run_scenario", run_scenario)
         return called
 
     return replace_by
@@ -76,7 +73,8 @@ def test_all_arguments_arrive(run, scenario, tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "text"),
     [
-        ("dance", "invalid choice: 'dance'"),
+        ("dance", "there is no scenario 'dance' (there are isolation, "),
+        ("isolaton", "there is no scenario 'isolaton'; did you mean isolation?"),
         ("--step 0", "--step: expected a time above 0 s, got 0.0"),
         ("--step 1e-300 --duration 1e-299", "--step: expected at least 1e-13 s, got 1e-300 s"),
         ("--step fast", "invalid float value: 'fast'"),
@@ -227,7 +225,7 @@ def test_a_file_does_not_hide_a_scenario(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "slew").touch()
     (tmp_path / "slow").touch()
-    meant = [system_command.is_meant([name], run_command.find_all_scenarios) for name in ("slew", "./slew", "slow")]
+    meant = [system_command.is_meant([name]) for name in ("slew", "./slew", "slow")]
     assert meant == [False, True, True]
 
 

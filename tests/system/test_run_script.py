@@ -22,9 +22,9 @@ FINISHED_WITHIN_S = 100.0
 pytestmark = pytest.mark.usefixtures("built_fmus")
 
 
-def started(arguments, folder, **others):
+def started(arguments, folder, figures=False, **others):
     return subprocess.run(
-        [*COMMAND, *arguments.split()],
+        [*COMMAND, *arguments.split(), *([] if figures else ["--no-figures"])],
         cwd=folder,
         capture_output=True,
         text=True,
@@ -43,7 +43,7 @@ def stored_time(path, case="passive"):
 
 
 def test_the_default_scenario(tmp_path):
-    run = started("--duration 0.2 --step 2e-4 --output out", tmp_path)
+    run = started("--duration 0.2 --step 2e-4 --output out", tmp_path, figures=True)
     assert run.returncode == 0, run.stderr
     assert "rejection (%)" in run.stdout
     assert f"x real time; results in {tmp_path / 'out'}" in run.stdout

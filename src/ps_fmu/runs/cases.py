@@ -6,6 +6,7 @@ import sys
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Protocol, TypeVar
 
 import numpy as np
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 
 from ..cosim import Column, CosimError, Event, Master, Observer, Recorder, Value
 from ..cosim.faults.acted import ActedFault
+from ..cosim.recording.thinner import MemoryRecorder
 from ..cosim.terminals import read_terminal_variables
 from .fault_report import find_spans
 from .index_record import SIGNALS
@@ -149,15 +151,16 @@ def run_case(
 
     structure = system.structure.with_parameters(case.values)
     costs = system.costs.begin(case.name) if options.profile else None
+    make = partial(
+        Master, step=options.step_s, scheme=options.scheme, descriptions=system.descriptions,
+        stopwatch=None if costs is None else costs.stopwatch, isolation=options.isolation, faults=system.faults,
+        start_time=keeper.start_time, inputs=system.inputs,
+    )  # fmt: skip
     with (
         leave_no_empty_file(options.output / RESULTS),
         system.warnings.collect(),
         system.results.close_on_failure(),
-        Master(
-            structure, options.step_s, options.scheme, descriptions=system.descriptions,
-            stopwatch=None if costs is None else costs.stopwatch, isolation=options.isolation, faults=system.faults,
-            start_time=keeper.start_time, inputs=system.inputs,
-        ) as master,
+        make(structure) if system.loaded is None else system.loaded.open(structure, make) as master,
     ):
         start_s = master.time
         texts = (
@@ -200,10 +203,7 @@ def _list_needed(
 
 def _make_recorder(
     system: RunSystem, master: Master, options: RunOptions, case: Case, duration_s: float, more: Mapping[str, float]
-) -> Recorder:
-    path = options.output / RESULTS
-    if not path.exists():
-        write_origin(path, options, system)
+) -> Recorder | MemoryRecorder:
     attributes: dict[str, str | float] = {
         "scenario": options.scenario.name, "scheme": str(options.scheme), "step_s": options.step_s,
         "duration_s": duration_s, "settings": format_settings(case.values, case.events), **more,
@@ -213,13 +213,20 @@ def _make_recorder(
     if case.lead_s:
         attributes["lead_in_s"] = case.lead_s
     names = make_stored_names([column.name for column in master.columns])
+    columns, storage_step = rename_columns(master.columns, names), options.storage_stride * master.step
+    select = [names[name] for name in select_stored(master.columns, options.observe)]
+    if system.kept is not None:
+        return system.kept.record(case.name, columns, master.step, storage_step, select, attributes)
+    path = options.output / RESULTS
+    if not path.exists():
+        write_origin(path, options, system)
     return Recorder(
         path,
         case.name,
-        columns=rename_columns(master.columns, names),
+        columns=columns,
         step=master.step,
-        storage_step=options.storage_stride * master.step,
-        select=[names[name] for name in select_stored(master.columns, options.observe)],
+        storage_step=storage_step,
+        select=select,
         attributes=attributes,
         append=True,
         file=system.results.find(path),

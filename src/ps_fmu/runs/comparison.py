@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -21,6 +21,7 @@ from .cases import Case, Outcome, run_case
 from .index_record import PROBABILITIES, WINDOW_S, IndexLog
 from .jitter_record import JITTER_SIGNALS, JitterRecord
 from .options import RunOptions
+from .publish import Findings
 from .setup import RunSystem
 
 Array = NDArray[np.float64]
@@ -30,10 +31,6 @@ Orientation: TypeAlias = tuple[float, float, float]
 TARGET = ("commander.target.roll", "commander.target.pitch", "commander.target.yaw")
 AXES = ("x", "y", "z")
 CASES = ("passive", "active")
-
-
-class TargetError(ValueError):
-    """The platform cannot be turned to the target of a run."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,6 +106,29 @@ def compare(
 ) -> Comparison:
     """Run the system passive, then active, with the commander's target from the start.
 
+    The arguments are those of :func:`run_cases`.
+    """
+    (first, passive), (second, active) = run_cases(
+        system, options, target, values=values, lead_steps=lead_steps, prefix=prefix, explored=explored, history=history
+    )
+    roll, pitch, yaw = map(float, target)
+    return Comparison((roll, pitch, yaw), passive, active, (first, second))
+
+
+def run_cases(
+    system: RunSystem,
+    options: RunOptions,
+    target: Iterable[float],
+    *,
+    values: Mapping[str, Value] | None = None,
+    lead_steps: int = 0,
+    prefix: str = "",
+    explored: bool = False,
+    history: bool = False,
+    only: Collection[str] = CASES,
+) -> list[tuple[Outcome, JitterRecord]]:
+    """Run the cases of a comparison.
+
     Parameters
     ----------
     target: roll, pitch, yaw, rad.
@@ -116,6 +136,7 @@ def compare(
     lead_steps: steps to run before the duration of the options, left out of the statistics.
     prefix: of the two groups in results.nc, for scenarios with several orientations.
     explored, history: keep what a report to explore shows, and the whole history, see :class:`JitterRecord`.
+    only: names of the cases to run.
     """
     roll, pitch, yaw = map(float, target)
     targets = dict(zip(TARGET, (roll, pitch, yaw), strict=True))
@@ -128,7 +149,7 @@ def compare(
         explored=explored,
         history=history,
     )
-    found = [
+    return [
         run_case(
             system,
             options,
@@ -142,9 +163,24 @@ def compare(
             duration_s=steps * options.step_s,
         )
         for name, enabled in zip(CASES, (False, True), strict=True)
+        if name in only
     ]
-    (first, passive), (second, active) = found
-    return Comparison((roll, pitch, yaw), passive, active, (first, second))
+
+
+def describe_alone(outcomes: Sequence[Outcome], indices: IndexLog) -> Findings:
+    """What is found of cases that nothing is compared with: RMS and peak of the payload's motion."""
+    rows = []
+    for outcome in outcomes:
+        found = indices.of(outcome.case.name)
+        for place, (name, unit) in enumerate(zip(found.names, found.units, strict=True)):
+            if (one := found.of("APE")) is not None:
+                rows.append((outcome.case.name, f"{name} ({unit})", f"{one.rms[place]:.3e}", f"{one.peak[place]:.3e}"))
+    table = Table("Absolute performance error (APE)", ("case", "signal", "RMS", "peak"), rows)
+    names = ", ".join(outcome.case.name for outcome in outcomes)
+    return Findings(
+        title=f"Cases: {names}", printed=table.to_text(), outcomes=outcomes, orientation_deg=(0.0, 0.0, 0.0),
+        tables=[table],
+    )  # fmt: skip
 
 
 def read_target(system: RunSystem) -> Orientation:

@@ -8,7 +8,7 @@ from pathlib import Path
 from ..product.files import find_file
 
 
-def add_faults_option(parser: argparse.ArgumentParser) -> None:
+def add_faults_option(parser: argparse._ActionsContainer) -> None:
     """Add the option to a parser."""
     parser.add_argument(
         "--faults", type=Path, metavar="FILE",

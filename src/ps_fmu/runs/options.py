@@ -1,17 +1,19 @@
-"""Scenarios, and the options of a run: the command line of ``ps-fmu run`` as checked values."""
+"""The options of a run: the command line of ``ps-fmu run`` as checked values."""
 
 from __future__ import annotations
 
 import math
 import tempfile
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from .. import __version__
 from ..cosim.clock import count_steps
 from ..cosim.isolation.instance import Isolation
 from ..cosim.schemes.scheme import ORDERS, Scheme
+from ..cosim.structure import Value
+from .scenario import Scenario
 
 MOST_STEPS = 10**10  # of a run: 1e6 s at 1e-4 s, some hours
 RESULTS, SUMMARY, REPORT = "results.nc", "summary.json", "report.html"  # in the output folder
@@ -31,30 +33,6 @@ class OptionError(ValueError):
 
 
 @dataclass(frozen=True)
-class Scenario:
-    """What can be run, and the options that suit it.
-
-    Each file or package in :mod:`ps_fmu.runs.scenarios` declares one as ``SCENARIO``;
-    :func:`ps_fmu.runs.registry.find_scenarios` finds them.
-    """
-
-    name: str
-    about: str  # one sentence, for --help
-    run: Callable[[RunOptions], None]
-    """Runs it: writes the results into the output folder, prints the table."""
-    duration_s: float  # of one run
-    step_s: float = 1e-4  # communication step
-    storage_step_s: float = 1e-2  # between stored rows; a run of 100 s stored at each step of 1e-4 s takes 0.5 GB
-    system: str = "SystemStructure.ssd"  # name of the product's system description
-    cases: tuple[str, ...] | Callable[[], tuple[str, ...]] = ()
-    """Names of its runs, for requirements to name, or what finds them; empty where only the run itself knows them."""
-
-    def find_cases(self) -> tuple[str, ...]:
-        """:attr:`cases`, found if need be."""
-        return self.cases() if callable(self.cases) else self.cases
-
-
-@dataclass(frozen=True)
 class RunOptions:
     """The options of a run, checked.
 
@@ -69,6 +47,7 @@ class RunOptions:
     step_s: float = 1e-4  # communication step
     seed: int = 1
     parameters: tuple[Path, ...] = ()  # .ssv files with names component.parameter; later ones win
+    values: Mapping[str, Value] = field(default_factory=dict)  # by component.parameter; stronger than the files
     apart: tuple[str, ...] = ()  # beginnings of names component.parameter that may differ from the plant's
     scheme: str | Scheme = "jacobi"
     storage_step_s: float | None = None  # time between stored rows; None: that of the scenario

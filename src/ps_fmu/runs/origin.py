@@ -60,7 +60,7 @@ def write_origin(path: Path, options: RunOptions, system: RunSystem) -> None:
 
 
 def _write(file: Any, options: RunOptions, system: RunSystem) -> None:
-    file.setncatts(_list_attributes(options, system))
+    file.setncatts(list_attributes(options, system))
     components, fmus = system.structure.components, identify_fmus(system)
     write_texts(file, "component", [component.name for component in components], "name in the system")
     write_texts(file, "fmu", [fmu.name for fmu in fmus], "FMU", "component")
@@ -86,7 +86,7 @@ def _write(file: Any, options: RunOptions, system: RunSystem) -> None:
         stored[...] = np.array(value, dtype=object) if stored.dtype is str else value
 
 
-def _list_attributes(options: RunOptions, system: RunSystem) -> dict[str, object]:
+def list_attributes(options: RunOptions, system: RunSystem) -> dict[str, object]:
     """The attributes of the file; a system without a disturbance source has no seed."""
     component, seed = parse_port(SEED)
     has_seed = component in system.descriptions and seed in index_variables(system.descriptions[component])

@@ -11,6 +11,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from ..cosim.checkpoint.state import DamagedCheckpointError
+from ..results.style import mark_picture
 from .kept_options import RUN, can_go_on
 from .options import CHECKPOINTS, INPUTS, PLOT, REPORT, RESULTS, SUMMARY, OptionError
 
@@ -40,7 +41,8 @@ def hold_folder(folder: Path, resume: bool = False) -> Iterator[None]:
     :class:`OptionError` if another run uses the folder, and for a file or folder of such a name that is not of ps_fmu.
     """
     lock = lock_folder(folder)
-    names = (RESULTS, SUMMARY, REPORT, PLOT, *(() if resume else (CHECKPOINTS,)))
+    figures = (path.name.removesuffix(".earlier") for path in folder.glob("*.png*") if _is_own(path))
+    names = {RESULTS, SUMMARY, REPORT, PLOT, *figures, *(() if resume else (CHECKPOINTS,))}
     aside = {folder / name: folder / f"{name}.earlier" for name in names}
     kept = {} if resume else {folder / name: folder / f"{name}.earlier" for name in INPUTS}
     try:
@@ -94,13 +96,10 @@ def _is_own(path: Path) -> bool:
         return path.is_dir() and (any(mark.is_file() for mark in marks) or not any(path.iterdir()))
     if not path.is_file():
         return False
-    if name == PLOT:  # has no mark of its own
-        beside = (path.with_name(path.name.replace(PLOT, other)) for other in (RESULTS, SUMMARY))
-        return any(other.is_file() and _is_own(other) for other in beside)
     if path.stat().st_size == 0:  # of a run that was killed at once
         return True
     with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
-        return content.find(MARK) >= 0
+        return content.find(mark_picture(name).encode() if name.endswith(".png") else MARK) >= 0
 
 
 def _remove(path: Path) -> None:

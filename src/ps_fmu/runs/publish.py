@@ -1,9 +1,10 @@
-"""Write the results of a scenario: summary.json, report.html, and the last line on the terminal."""
+"""The results of a scenario, and their files: summary.json, figures, report.html, and what the terminal shows."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 
 from ..requirements.verdict import Answer, format_verdicts, list_remarks, summarise
 from ..requirements.verdict import Verdict as Judgement
@@ -22,22 +23,29 @@ class NotMetError(ValueError):
     """Requirements are not met, or it cannot be said."""
 
 
+class TargetError(ValueError):
+    """The platform cannot be turned to the target of a run."""
+
+
 @dataclass(frozen=True)
 class Findings:
     """The results of a scenario.  The three lists are those of :class:`RunSummary`; ``more`` goes there, too."""
 
     title: str
-    text: Sequence[str]  # paragraphs of the report
-    tables: Sequence[Table]
-    pictures: Sequence[Picture]
+    printed: str  # what the terminal shows first
     outcomes: Sequence[Outcome]
     orientation_deg: Sequence[float]  # roll, pitch, yaw
-    rms_passive_rad: Sequence[float] | None
-    rms_active_rad: Sequence[float] | None
-    rejection_percent: Sequence[float] | None
+    text: Sequence[str] = ()  # paragraphs of the report
+    tables: Sequence[Table] = ()
+    tabulate: Callable[[], Sequence[Table]] = tuple  # tables of the report that take time to make
+    rms_passive_rad: Sequence[float] | None = None
+    rms_active_rad: Sequence[float] | None = None
+    rejection_percent: Sequence[float] | None = None
     more: Mapping[str, object] = field(default_factory=dict)
     verdicts: Sequence[Verdict] = ()  # on the scenario's own requirements; one that cannot be said is no failure
-    explored: Exploration = Exploration()  # charts and motion of the report
+    draw: Callable[[Path], Sequence[Picture]] = lambda _folder: ()  # draws figures as PNG files into a folder
+    explore: Callable[[Path], Exploration] = lambda _path: Exploration()  # charts and motion, from results.nc, too
+    refused: str = ""  # targets that are out of reach
 
     @property
     def real_time_factor(self) -> float:
@@ -45,12 +53,14 @@ class Findings:
         return sum(o.simulated_s for o in self.outcomes) / sum(o.wall_s for o in self.outcomes)
 
 
-def publish(options: RunOptions, system: RunSystem, findings: Findings) -> None:
-    """Write summary.json and report.html; say on the terminal what was required, how fast it went and where they are.
+def publish(options: RunOptions, system: RunSystem, findings: Findings) -> str:
+    """Write figures, summary.json and report.html, and finish results.nc, all in the folder of the options.
 
-    Raises ``OSError`` if they cannot be written, and after that :class:`NotMetError` for requirements that are not met,
-    of the user or of the scenario.
+    Returns what the terminal shows of it: verdicts, faults, costs, how fast it went and where the results are.  Raises
+    ``OSError`` if they cannot be written.
     """
+    pictures = findings.draw(options.output) if options.figures else ()
+    explored = findings.explore(options.output / RESULTS)
     try:
         finish_file(options.output / RESULTS, system.indices, system.results)
     except OSError as error:  # the rows are there; nothing else is to be lost
@@ -58,13 +68,38 @@ def publish(options: RunOptions, system: RunSystem, findings: Findings) -> None:
     finally:
         system.results.close()
     verdicts = system.judge.conclude()
-    remarks = list_remarks(verdicts)
+    make_summary(options, system, findings).write(options.output / SUMMARY)
+    faults = _tabulate_faults(options, findings)
+    Report(
+        title=findings.title,
+        verdicts=[*map(show_verdict, verdicts), *findings.verdicts],
+        text=[*list_remarks(verdicts), *findings.text],
+        tables=[*faults, *findings.tables, *findings.tabulate()],
+        explored=explored,
+        pictures=pictures,
+        parameters=collect_parameters(options, system),
+        fmus=identify_fmus(system),
+        versions=versions(),
+        warnings=system.warnings.texts,
+    ).write(options.output / REPORT)
+    speed = f"{findings.real_time_factor:.1f} x real time; results in {options.output}"
+    return "\n".join([*describe(options, system, findings), speed])
+
+
+def describe(options: RunOptions, system: RunSystem, findings: Findings) -> list[str]:
+    """What the terminal shows besides what was found: verdicts, faults and costs."""
+    verdicts = system.judge.conclude()
+    shown = [format_verdicts(verdicts)] if verdicts else []
+    tables = *_tabulate_faults(options, findings), *system.costs.to_tables()
+    return [*shown, *(f"{table.caption}\n{table.to_text()}\n" for table in tables)]
+
+
+def make_summary(options: RunOptions, system: RunSystem, findings: Findings) -> RunSummary:
+    """What summary.json says."""
+    verdicts = system.judge.conclude()
     required = {"verdicts": [verdict.as_dict() for verdict in verdicts]} if verdicts else {}
-    fmus = identify_fmus(system)
-    parameters = collect_parameters(options, system)
     acted = {outcome.case.name: outcome.faults for outcome in findings.outcomes}
-    faults = [] if options.faults is None else [tabulate_faults(acted)]
-    RunSummary(
+    return RunSummary(
         scenario=options.scenario.name,
         orientation_deg=findings.orientation_deg,
         step_s=options.step_s,
@@ -74,40 +109,32 @@ def publish(options: RunOptions, system: RunSystem, findings: Findings) -> None:
         rms_active_rad=findings.rms_active_rad,
         rejection_percent=findings.rejection_percent,
         real_time_factor=findings.real_time_factor,
-        fmus=fmus,
+        fmus=identify_fmus(system),
         more={
             **findings.more,
             **required,
             **({} if options.faults is None else {"faults": list_faults(options.faults, acted)}),
             **({"costs": system.costs.as_dict()} if options.profile else {}),
             "indices": system.indices.as_dict(),
-            "parameters": parameters,
+            "parameters": collect_parameters(options, system),
             "warnings": system.warnings.texts,
         },
-    ).write(options.output / SUMMARY)
-    Report(
-        title=findings.title,
-        verdicts=[*map(show_verdict, verdicts), *findings.verdicts],
-        text=[*remarks, *findings.text],
-        tables=[*faults, *findings.tables],
-        explored=findings.explored,
-        pictures=findings.pictures,
-        parameters=parameters,
-        fmus=fmus,
-        versions=versions(),
-        warnings=system.warnings.texts,
-    ).write(options.output / REPORT)
-    if verdicts:
-        print(format_verdicts(verdicts))
-    for table in (*faults, *system.costs.to_tables()):
-        print(f"{table.caption}\n{table.to_text()}\n")
-    print(f"{findings.real_time_factor:.1f} x real time; results in {options.output}")
+    )
+
+
+def list_missed(system: RunSystem, findings: Findings) -> list[str]:
+    """Requirements that are not met, of the user and of the scenario: a text for each group."""
+    verdicts = system.judge.conclude()
     missed = [] if all(verdict.met for verdict in verdicts) else [f"requirements: {summarise(verdicts)}"]
     if own := [verdict for verdict in findings.verdicts if verdict.met is False]:
         count = f"{len(own)} of {len(findings.verdicts)}"
         missed.append(f"{count} requirements of the scenario are not met: {own[0].requirement}")
-    if missed:
-        raise NotMetError("; ".join(missed))
+    return missed
+
+
+def _tabulate_faults(options: RunOptions, findings: Findings) -> list[Table]:
+    acted = {outcome.case.name: outcome.faults for outcome in findings.outcomes}
+    return [] if options.faults is None else [tabulate_faults(acted)]
 
 
 def show_verdict(found: Judgement) -> Verdict:

@@ -22,7 +22,9 @@ from ..results.summary import FmuFile
 from .cost_log import CostLog
 from .index_record import IndexLog
 from .judge import RunJudge, read_judge
-from .options import OptionError, RunOptions
+from .kept_rows import KeptRows
+from .loaded import LoadedSystem
+from .options import PARAMETERS, OptionError, RunOptions
 from .results_file import ResultsFile
 from .warning_log import WarningLog
 
@@ -59,6 +61,10 @@ class RunSystem:
     """What happens to signals and parameters in each run."""
     inputs: Mapping[str, Signal] = field(default_factory=dict)
     """Inputs over time, by the name of an input of the system or by ``component.variable``."""
+    kept: KeptRows | None = None
+    """Where the rows of the runs are kept in memory; None: they are written into results.nc."""
+    loaded: LoadedSystem | None = None
+    """The FMUs, where they stay loaded from run to run."""
 
     def get_start(self, name: str) -> Value:
         """The value that ``component.variable`` will start with: as set in the system, or else as its FMU has it.
@@ -90,12 +96,17 @@ class RunSystem:
         return component.source.name if entry is None else entry.origin
 
 
-def load_system(options: RunOptions, defaults: Mapping[str, Value] | None = None) -> RunSystem:
+def load_system(
+    options: RunOptions,
+    defaults: Mapping[str, Value] | None = None,
+    base: System | None = None,
+    descriptions: Mapping[str, ModelDescription] | None = None,
+) -> RunSystem:
     """The system of the options, with the scenario's ``defaults``, the seed, and then the user's parameter files.
 
     A recorded disturbance takes the place of the noise; a parameter file may switch the noise on again.
     Where the step is too long for the band of the noise, and no parameter file sets that band, the band is lowered,
-    with a warning.
+    with a warning.  ``base`` and ``descriptions``: the system and its model descriptions, where they have been read.
 
     Raises :class:`OptionError` for a step that is too long for any noise, for requirements or a recorded disturbance
     that cannot be used, for outputs to store that there are not, and for a recorded disturbance in a scenario whose
@@ -105,6 +116,7 @@ def load_system(options: RunOptions, defaults: Mapping[str, Value] | None = None
     given: dict[str, Parameter] = {}
     for path in options.parameters:
         given |= read_parameters(path).entries()
+    given |= {name: Parameter(value, None, PARAMETERS) for name, value in options.values.items()}
     if options.disturbance is not None and RECORDING_PATH in given:
         origin = given[RECORDING_PATH].origin
         raise OptionError(f"--disturbance: {origin} sets {RECORDING_PATH}, too; expected one of both")
@@ -113,12 +125,12 @@ def load_system(options: RunOptions, defaults: Mapping[str, Value] | None = None
             f"--disturbance: the scenario {options.scenario.name} has a disturbance of its own, and its results need it"
         )
     recorded = _read_disturbance(options)
-    structure = read_system(options.system, options.fmus)
+    structure = read_system(options.system, options.fmus) if base is None else base
     if (source := parse_port(SEED).component) not in {component.name for component in structure.components}:
         raise UsageError(f"{options.system}: there is no component {source!r}, whose noise scenarios need: add one")
     first = {**(defaults or {}), SEED: options.seed, **({NOISE: False} if recorded else {}), **recorded}
     structure = structure.with_parameters(first).with_parameters(given)
-    descriptions = read_descriptions(structure)
+    descriptions = read_descriptions(structure) if descriptions is None else descriptions
     faults = None if options.faults is None else read_faults(options.faults)
     clock, scheme = StepClock(0.0, options.step_s), make_scheme(options.scheme)
     seen = make_faults(faults, structure, descriptions, clock, scheme).recorded

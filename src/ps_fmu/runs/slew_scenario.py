@@ -6,15 +6,16 @@ Twice, with the isolator off and on: where the platform arrives, how the bus rea
 from __future__ import annotations
 
 import math
+from functools import partial
 
 from ..pointing.rejection import rejection_percent
-from ..results.tables import Table, format_angles
+from ..results.tables import format_angles, format_tables
 from .cases import Case, run_case
-from .comparison import TARGET, TargetError, explain_refusal, read_target
+from .comparison import TARGET, describe_alone, explain_refusal, read_target
 from .jitter_record import ROTATION
-from .options import RESULTS, OptionError, RunOptions
-from .publish import Findings, publish
-from .setup import load_system
+from .options import OptionError
+from .publish import Findings
+from .run import Run
 from .slew_exploration import explore_slews
 from .slew_record import SLEW_SIGNALS, SlewRecord
 from .slew_report import CASES, Slews, describe_run, draw_slews, list_results, make_tables
@@ -45,63 +46,54 @@ def list_cases() -> tuple[str, ...]:
     return CASES
 
 
-def run(options: RunOptions) -> None:
-    """Run the scenario; writes results.nc, summary.json, figures and report.html, prints the tables.
-
-    Raises after that :class:`TargetError` if the target is out of reach, and :class:`..publish.NotMetError` for
-    requirements that are not met.
-    """
+def find(run: Run) -> Findings:
+    """Run both cases; where the platform arrives, and what that shakes."""
+    options = run.options
     start_s = math.ceil(START_S / options.step_s - 1e-6) * options.step_s
     if options.duration_s <= start_s:
         raise OptionError(f"--duration: the slew begins at {start_s:g} s, got {options.duration_s:g} s")
-    system = load_system(options, {"disturbance.noise.enabled": False})
+    system = run.load({"disturbance.noise.enabled": False})
     given = read_target(system)
     target = given if any(given) else DEFAULT_TARGET
     found, outcomes = [], []
     for name, enabled in zip(CASES, (False, True), strict=True):
         at_rest = dict.fromkeys(TARGET, 0.0)
         events = [(start_s, port, angle) for port, angle in zip(TARGET, target, strict=True)]
+        if not run.wants(name):
+            continue
         case = Case(name, {**at_rest, "isolator.enabled": enabled}, events)
         outcome, record = run_case(system, options, case, SlewRecord, needs=SLEW_SIGNALS)
         outcomes.append(outcome)
         found.append(record.result())
+    if run.only:
+        return describe_alone(outcomes, system.indices)
     slews = Slews(target, start_s, *found)
 
     required = list_requirements(slews) if slews.on.reachable else []
     reactions = find_reactions(system, slews)
     tables, text = make_tables(slews), describe_run(slews)
+    shown = []
     if reactions:
         tables.insert(0, tabulate_reactions(reactions))
     if required:
         text += [*describe_reactions(reactions), DIRECTION]
-        _show(tabulate_requirements(required))  # in the report they are the verdicts
-    for part in tables:
-        _show(part)
-    print(*text, sep="\n")
+        shown.append(tabulate_requirements(required))  # in the report they are the verdicts
     moved = slews.on.arrival.during is not None
     passive, active = (slew.during(ROTATION, "rms") for slew in (slews.off, slews.on))
     shaded = outcomes[-1].find_spans()
-    publish(
-        options,
-        system,
-        Findings(
-            title=f"Slew from (0, 0, 0) to {format_angles(slews.target_deg)} deg",
-            text=text,
-            tables=tables,
-            pictures=draw_slews(slews, options.output, shaded) if options.figures else [],
-            outcomes=outcomes,
-            orientation_deg=slews.orientation_deg,
-            rms_passive_rad=passive.tolist() if moved else None,
-            rms_active_rad=active.tolist() if moved else None,
-            rejection_percent=rejection_percent(passive, active).tolist() if moved else None,
-            more={"slew": {**list_results(slews), **list_verdicts(required, reactions)}},
-            verdicts=[one.show() for one in required],
-            explored=explore_slews(slews, system, options.output / RESULTS),
-        ),
+    return Findings(
+        title=f"Slew from (0, 0, 0) to {format_angles(slews.target_deg)} deg",
+        printed=format_tables([*shown, *tables], text),
+        text=text,
+        tables=tables,
+        outcomes=outcomes,
+        orientation_deg=slews.orientation_deg,
+        rms_passive_rad=passive.tolist() if moved else None,
+        rms_active_rad=active.tolist() if moved else None,
+        rejection_percent=rejection_percent(passive, active).tolist() if moved else None,
+        more={"slew": {**list_results(slews), **list_verdicts(required, reactions)}},
+        verdicts=[one.show() for one in required],
+        draw=partial(draw_slews, slews, shaded=shaded),
+        explore=partial(explore_slews, slews, system),
+        refused="" if slews.on.reachable else explain_refusal(slews.target_deg),
     )
-    if not slews.on.reachable:
-        raise TargetError(explain_refusal(slews.target_deg))
-
-
-def _show(table: Table) -> None:
-    print(f"{table.caption}\n{table.to_text()}\n")

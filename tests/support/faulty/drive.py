@@ -2,7 +2,7 @@
 
     python drive.py FOLDER FAULT:isolated FAULT:inside ...
 
-FOLDER holds Faulty.fmu.  An FMU that says that it hangs gets Ctrl-C twice, unless it is isolated with a time-out.
+FOLDER holds Faulty.fmu.  An FMU that says that it hangs gets Ctrl-C twice, unless there is a time-out.
 """
 
 import contextlib
@@ -25,14 +25,30 @@ H, STEPS = 0.01, 10
 PATIENCE_S = 120.0
 
 
-def run(folder, fault, where):
+class Stored(Collect):
+    """Sends the report of its rows when they are to be stored before the process ends."""
+
+    def __init__(self, report):
+        super().__init__()
+        self.report = report
+
+    def early(self, first_index, time, values):
+        os.write(self.report, json.dumps(describe(self)).encode())
+
+
+def describe(collect, error=None, ended=None):
+    rows = collect.values.tolist() if len(collect.time) else []
+    return {"rows": len(collect.time), "last": rows[-1:], "error": error, "ended": ended}
+
+
+def run(folder, fault, where, collect):
     """The report of one run; ``where``: isolated, inside, or unlimited for isolated without a time-out."""
     limited = where == "isolated"
     isolation = Isolation(
         step_timeout_s=STEP_S if limited and fault in HANG_IN_STEP else NEVER_S,
         call_timeout_s=CALL_S if limited and fault in HANG_IN_CALL else NEVER_S,
     )
-    collect, ended, error = Collect(), None, None
+    ended, error = None, None
     with tempfile.TemporaryDirectory() as place:
         path = Path(place, "test.ssd")
         path.write_text(ssd_text({"other": "Faulty", fault: "Faulty"}, [f"other.y -> {fault}.u"]))
@@ -44,8 +60,7 @@ def run(folder, fault, where):
                 ended = str(master.ended) if master.ended else None
         except BaseException as caught:
             error = "\n".join([type(caught).__name__, str(caught), *getattr(caught, "__notes__", ())])
-    rows = collect.values.tolist() if len(collect.time) else []
-    return {"rows": len(collect.time), "last": rows[-1:], "error": error, "ended": ended}
+    return describe(collect, error, ended)
 
 
 def watch(child, errors, where):
@@ -87,11 +102,8 @@ def main(folder, *cases):
             os.dup2(stderr, 2)
             os.close(stderr)
             os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
-            found = json.dumps(run(Path(folder), fault, where))
-            if fault == "descriptors" and where == "inside":  # it has closed the pipe, too
-                os.write(2, b"\0" + found.encode())
-            else:
-                os.write(report, found.encode())
+            found = json.dumps(run(Path(folder), fault, where, Stored(report)))
+            os.write(report, found.encode())
             os._exit(0)
         os.close(report)
         os.close(stderr)
@@ -99,11 +111,10 @@ def main(folder, *cases):
         with contextlib.suppress(ProcessLookupError):
             os.killpg(child, signal.SIGKILL)  # what an FMU inside has started
         found = os.read(output, 1 << 20).decode()
-        said, _, other = said.partition("\0")
         left = find_left(child)
         for descriptor in (output, errors):
             os.close(descriptor)
-        report = json.loads(found or other or "null")
+        report = json.loads(found or "null")
         print(json.dumps({"case": case, "code": code, "stderr": said, "report": report, "left": left}), flush=True)
 
 

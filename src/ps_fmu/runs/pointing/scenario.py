@@ -7,18 +7,21 @@ For five seconds something hides the target.
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 from tqdm import tqdm
 
 from ...mechanism.quaternions import from_rotation_matrix, multiply
 from ...mechanism.rotations import rotation_matrix
-from ...results.tables import Table
+from ...results.tables import format_tables
 from ...theory.line_of_sight import PointingLoop
 from ..cases import Case, Outcome, run_case
-from ..comparison import TARGET, Orientation, TargetError, explain_refusal, read_target, to_degrees
-from ..options import RESULTS, OptionError, RunOptions
-from ..publish import Findings, publish
-from ..setup import RunSystem, load_system
+from ..comparison import TARGET, Orientation, describe_alone, explain_refusal, read_target, to_degrees
+from ..options import OptionError, RunOptions
+from ..publish import Findings
+from ..run import Run
+from ..setup import RunSystem
 from .exploration import explore_pointing
 from .loop import MeasuredLoop, build_loop, make_shaking, measure_loop, read_tracker
 from .record import NAMES, Plan, PointingRecord, RecordMaker
@@ -44,14 +47,12 @@ def list_cases() -> tuple[str, ...]:
     return CASES
 
 
-def run(options: RunOptions) -> None:
-    """Run the scenario; writes results.nc, summary.json, figures and report.html, prints the tables.
-
-    Raises :class:`TargetError` after that if the target is out of reach.
-    """
+def find(run: Run) -> Findings:
+    """Run both cases and the loop cut open; how well the payload points."""
+    options = run.options
     if options.duration_s < SHORTEST_S:
         raise OptionError(f"--duration: expected {SHORTEST_S:g} s at least, got {options.duration_s:g} s")
-    system = load_system(options, WHEEL)
+    system = run.load(WHEEL)
     _check_components(system)
     given = read_target(system)
     target = given if any(given) else DEFAULT_TARGET
@@ -59,11 +60,15 @@ def run(options: RunOptions) -> None:
     outcomes: list[Outcome] = []
     records: list[PointingRecord] = []
     for name, enabled in zip(CASES, (False, True), strict=True):
+        if not run.wants(name):
+            continue
         outcome, record = run_case(
             system, options, make_case(name, enabled, plan, target), RecordMaker(plan, options.step_s), needs=NAMES
         )
         outcomes.append(outcome)
         records.append(record.result())
+    if run.only:
+        return describe_alone(outcomes, system.indices)
     off, on = records
     tracker = read_tracker(system)
     there = target if on.reachable else (0.0, 0.0, 0.0)
@@ -71,27 +76,19 @@ def run(options: RunOptions) -> None:
     measured = _measure(system, options, loop, make_plan(system, options, there), there)
     pointing = Pointing(off, on, tracker, loop, measured, to_degrees(target))
     text, tables = [HOW, *describe(pointing)], make_tables(pointing)
-    _show(text[1:], tables)
     shaded = outcomes[-1].find_spans()
-    publish(
-        options,
-        system,
-        Findings(
-            title="Pointing: a slew with the line-of-sight loop",
-            text=text,
-            tables=tables,
-            pictures=draw_all(pointing, options.output, shaded) if options.figures else [],
-            outcomes=outcomes,
-            orientation_deg=to_degrees(target),
-            rms_passive_rad=None,
-            rms_active_rad=None,
-            rejection_percent=None,
-            more={"pointing": list_results(pointing)},
-            explored=explore_pointing(pointing, system, options.output / RESULTS),
-        ),
+    return Findings(
+        title="Pointing: a slew with the line-of-sight loop",
+        printed=format_tables(tables, text[1:]),
+        text=text,
+        tables=tables,
+        outcomes=outcomes,
+        orientation_deg=to_degrees(target),
+        more={"pointing": list_results(pointing)},
+        draw=partial(draw_all, pointing, shaded=shaded),
+        explore=partial(explore_pointing, pointing, system),
+        refused="" if on.reachable else explain_refusal(to_degrees(target)),
     )
-    if not on.reachable:
-        raise TargetError(explain_refusal(to_degrees(target)))
 
 
 def make_plan(system: RunSystem, options: RunOptions, target: Orientation) -> Plan:
@@ -137,8 +134,3 @@ def _check_components(system: RunSystem) -> None:
             f"{' and no '.join(missing)}: take system/LineOfSight.ssd"
         )
 
-
-def _show(text: list[str], tables: list[Table]) -> None:
-    for part in tables:
-        print(f"{part.caption}\n{part.to_text()}\n")
-    print(*text, sep="\n")

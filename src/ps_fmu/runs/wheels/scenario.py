@@ -7,30 +7,33 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from ...cosim import Value
 from ...results.report import Picture
-from ...results.tables import Table
+from ...results.tables import Table, format_tables
 from ...results.waterfall import Waterfall, draw_waterfall
 from ..comparison import (
     CASES,
     HEADER,
     Comparison,
-    TargetError,
     compare,
+    describe_alone,
     draw_comparison,
     explain_refusal,
     make_index_table,
     make_rows,
     read_target,
+    run_cases,
 )
 from ..exploration import explore_comparison
-from ..options import RESULTS, OptionError, RunOptions
-from ..publish import Findings, publish
-from ..setup import NOISE, RunSystem, load_system
+from ..options import OptionError, RunOptions
+from ..publish import Findings
+from ..run import Run
+from ..setup import NOISE, RunSystem
 from .crossings import Wheel, find_crossings, measure_crossings
 from .report import (
     CaseLines,
@@ -59,43 +62,39 @@ def list_cases() -> tuple[str, ...]:
     return CASES
 
 
-def run(options: RunOptions) -> None:
-    """Run the scenario; writes results.nc, summary.json, figures and report.html, prints the tables.
-
-    Raises :class:`TargetError` after that if the target is out of reach.
-    """
+def find(run: Run) -> Findings:
+    """Run both cases; the waterfall and the crossings of harmonics with modes."""
+    options = run.options
     if options.steps < FEWEST_ROWS:
         raise OptionError(f"--duration: expected {FEWEST_ROWS} steps at least, got {options.steps}")
-    system = load_system(options, make_defaults(options.duration_s))
+    system = run.load(make_defaults(options.duration_s))
     wheels = read_wheels(system)
-    found = compare(system, options, read_target(system), explored=True, history=True)
+    target = read_target(system)
+    if run.only:
+        alone = run_cases(system, options, target, only=run.only)
+        return describe_alone([outcome for outcome, _ in alone], system.indices)
+    found = compare(system, options, target, explored=True, history=True)
     cases, waterfall = analyse(system, options, found, wheels)
     jitter = Table("Jitter of the payload: rotation by vibration, axes of P", HEADER, make_rows(found))
-    crossings, indices = tabulate_crossings(cases), make_index_table(found, system.indices)
+    crossings = tabulate_crossings(cases)
     worst = [describe_worst(name, case.crossings) for name, case in cases.items()]
-    print(jitter.to_text(), "", crossings.caption, crossings.to_text(), "", *worst, sep="\n")
-    refused = explain_refusal(found.target_deg)
-    publish(
-        options,
-        system,
-        Findings(
-            title=f"Reaction wheels: {', '.join(describe_speed(wheel, options.duration_s) for wheel in wheels)}",
-            text=[*([] if found.reachable else [refused]), *worst, ABOUT],
-            tables=[crossings, jitter, indices],
-            pictures=draw_wheels(found, waterfall, options.output) if options.figures else [],
-            outcomes=found.outcomes,
-            orientation_deg=found.orientation_deg,
-            rms_passive_rad=found.rms_passive.tolist(),
-            rms_active_rad=found.rms_active.tolist(),
-            rejection_percent=found.rejection.tolist(),
-            more={**found.entry, "worst_crossing": list_worst(cases)},
-            explored=replace(
-                explore_comparison(found, system, options.output / RESULTS), waterfalls=[waterfall]
-            ),
-        ),
+    refused = [] if found.reachable else [explain_refusal(found.target_deg)]
+    return Findings(
+        title=f"Reaction wheels: {', '.join(describe_speed(wheel, options.duration_s) for wheel in wheels)}",
+        printed="\n".join([jitter.to_text(), "", format_tables([crossings], worst)]),
+        text=[*refused, *worst, ABOUT],
+        tables=[crossings, jitter],
+        tabulate=lambda: [make_index_table(found, system.indices)],
+        outcomes=found.outcomes,
+        orientation_deg=found.orientation_deg,
+        rms_passive_rad=found.rms_passive.tolist(),
+        rms_active_rad=found.rms_active.tolist(),
+        rejection_percent=found.rejection.tolist(),
+        more={**found.entry, "worst_crossing": list_worst(cases)},
+        draw=partial(draw_wheels, found, waterfall),
+        explore=lambda path: replace(explore_comparison(found, system, path), waterfalls=[waterfall]),
+        refused="".join(refused),
     )
-    if not found.reachable:
-        raise TargetError(refused)
 
 
 def draw_wheels(found: Comparison, waterfall: Waterfall, folder: Path) -> list[Picture]:

@@ -1,0 +1,61 @@
+"""Default scenario: what the isolator does at one orientation, by default the nominal one.  Passive, then active."""
+
+from __future__ import annotations
+
+from functools import partial
+
+from ..results.tables import Table, format_angles
+from .comparison import (
+    CASES,
+    HEADER,
+    compare,
+    describe_alone,
+    draw_comparison,
+    explain_refusal,
+    make_index_table,
+    make_rows,
+    read_target,
+    run_cases,
+)
+from .exploration import explore_comparison
+from .publish import Findings
+from .run import Run
+
+
+def list_cases() -> tuple[str, ...]:
+    """Names of the runs."""
+    return CASES
+
+
+def find(run: Run) -> Findings:
+    """Run both cases; the jitter of the payload without and with the isolator."""
+    system = run.load()
+    target = read_target(system)
+    if run.only:
+        alone = run_cases(system, run.options, target, only=run.only)
+        return describe_alone([outcome for outcome, _ in alone], system.indices)
+    found = compare(system, run.options, target, explored=True)
+    table = Table("Jitter of the payload: rotation by vibration, axes of P", HEADER, make_rows(found))
+    rise = system.get_number("disturbance.rise_time")
+    text = [
+        "Four FMUs in co-simulation: plant, commander, isolator and disturbance source. The disturbance acts on the "
+        "bus twice, without and with the feedforward isolator. Tables and figures cover the whole run; the "
+        f"disturbance rises from zero over the first {rise:g} s.",
+    ]
+    refused = "" if found.reachable else explain_refusal(found.target_deg)
+    return Findings(
+        title=f"Isolation at {format_angles(found.orientation_deg)} deg",
+        printed=table.to_text(),
+        text=[refused, *text] if refused else text,
+        tables=[table],
+        tabulate=lambda: [make_index_table(found, system.indices)],
+        outcomes=found.outcomes,
+        orientation_deg=found.orientation_deg,
+        rms_passive_rad=found.rms_passive.tolist(),
+        rms_active_rad=found.rms_active.tolist(),
+        rejection_percent=found.rejection.tolist(),
+        more=found.entry,
+        draw=partial(draw_comparison, found),
+        explore=partial(explore_comparison, found, system),
+        refused=refused,
+    )

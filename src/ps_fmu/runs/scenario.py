@@ -1,0 +1,96 @@
+"""The scenarios: what can be run, and the options that suit it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib import import_module
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """What can be run.
+
+    Its module, imported when it runs, has ``find(run) -> Findings``: it runs the cases and returns what comes of
+    them, prints nothing and draws nothing.  Its ``list_cases()`` names the runs, for requirements to name; a module
+    in which only ``find`` knows them has none.  A study, which runs its cases itself, has no module.
+    """
+
+    name: str
+    about: str  # one sentence, for --help
+    module: str
+    duration_s: float  # of one run
+    step_s: float = 1e-4  # communication step
+    storage_step_s: float = 1e-2  # between stored rows; a run of 100 s stored at each step of 1e-4 s takes 0.5 GB
+    system: str = "SystemStructure.ssd"  # name of the product's system description
+    cases: tuple[str, ...] = ()  # names of the runs of a study
+    alone: bool = False  # single cases can be asked for
+
+    def find_cases(self) -> tuple[str, ...]:
+        """Names of the runs; empty where only ``find`` knows them."""
+        if not self.module:
+            return self.cases
+        module = self.load()
+        return tuple(module.list_cases()) if hasattr(module, "list_cases") else ()
+
+    def load(self) -> Any:
+        """Import the module."""
+        return import_module(self.module)
+
+
+SCENARIOS: Mapping[str, Scenario] = {
+    scenario.name: scenario
+    for scenario in (
+        Scenario(
+            "isolation",
+            "what the isolator does at one orientation: passive, then active",
+            "ps_fmu.runs.isolation",
+            duration_s=20.0,
+            alone=True,
+            storage_step_s=1e-3,
+        ),
+        Scenario(
+            "pointing",
+            "a slew to an inertial direction with the line-of-sight loop, off, then on",
+            "ps_fmu.runs.pointing.scenario",
+            duration_s=90.0,
+            system="LineOfSight.ssd",
+            alone=True,
+        ),
+        Scenario(
+            "slew",
+            "a slew without disturbance, the isolator off, then on",
+            "ps_fmu.runs.slew_scenario",
+            duration_s=100.0,  # the profile, then at least 60 s to settle
+            alone=True,
+        ),
+        Scenario(
+            "wheels",
+            "reaction wheels run up, passive then active: waterfall and worst crossing",
+            "ps_fmu.runs.wheels.scenario",
+            duration_s=120.0,
+            alone=True,
+        ),
+        Scenario(
+            "trajectories",
+            "Fig 7 of the paper: closed paths and a random walk, each with three solvers",
+            "ps_fmu.paper.figures.fig07.scenario",
+            duration_s=60.0,  # up to 25 targets of a path
+            step_s=1e-3,
+        ),
+        Scenario(
+            "stability",
+            "Fig 10 of the paper: what follows a pulse on the bus, with delay in the loop",
+            "ps_fmu.paper.figures.fig10.scenario",
+            duration_s=10.0,  # after the pulse, for each case
+        ),
+        Scenario(
+            "table2",
+            "Table 2 of the paper: four orientations, passive and active",
+            "ps_fmu.paper.figures.table2.scenario",
+            duration_s=100.0,  # window of the statistics, at each orientation
+        ),
+    )
+}
+"""All scenarios by name: those of the product, then those of the paper's figures."""
