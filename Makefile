@@ -12,7 +12,7 @@ export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 export MPLBACKEND := Agg
 
-.PHONY: run test docs docs-links dist fmus launcher pythons importers basilisk verify bench lint clean
+.PHONY: run test soak docs docs-links dist fmus launcher pythons importers basilisk verify bench lint clean
 .DELETE_ON_ERROR:
 
 run: fmus  ## the default scenario: isolation at the nominal orientation, passive then active
@@ -20,6 +20,10 @@ run: fmus  ## the default scenario: isolation at the nominal orientation, passiv
 
 test: lint fmus  ## what the continuous integration runs, on all processors; ARGS="-n 0 ..." on one
 	$(BIN)/python -m pytest -n auto --dist loadfile --no-loadscope-reorder $(ARGS)
+
+soak: fmus  ## the tests that calls, kills, load orders and compilers make stronger, with many more of them: hours
+	PS_FMU_SOAK=1 $(BIN)/python -m pytest tests/host/test_calls.py tests/host/test_system.py tests/fmus/test_same_bits.py \
+		tests/runs/test_resume.py tests/studies/test_studies_sweep.py tests/slavekit/test_c_program.py $(ARGS)
 
 docs: fmus  ## the documentation as a site in build/docs; opens without a network
 	$(BIN)/python docs/site/build.py $(ARGS)
@@ -50,7 +54,7 @@ pythons: .venv/.installed  ## the other versions of Python that this machine has
 		done; \
 		if [ -z "$$python" ]; then echo "There is no Python $$version here."; continue; fi; \
 		"$$python" -m venv .venv-$$version && .venv-$$version/bin/python -m pip install --quiet \
-			--disable-pip-version-check -c constraints.txt -e '.[notebook]' || exit 1; \
+			--disable-pip-version-check -c constraints.txt -e . || exit 1; \
 	done
 
 importers: .venv-importers/.installed  ## tools that cannot share .venv, for the tests (0.9 GB)
@@ -61,8 +65,10 @@ verify: .venv/.installed  ## the plant against an independent multibody prototyp
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[verify]'
 	$(BIN)/python -m pytest tests/multibody $(ARGS)
 
-bench: fmus
-	$(BIN)/python benchmarks/step_cost.py $(ARGS)
+bench: fmus  ## what things cost; fails if a limit is missed
+	@missed=0; for script in step_cost start scaling study features real_time; do \
+		echo "--- $$script"; $(BIN)/python benchmarks/$$script.py $(ARGS) || missed=1; \
+	done; exit $$missed
 
 lint: .venv/.installed
 	$(BIN)/ruff check .

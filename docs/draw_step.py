@@ -23,7 +23,7 @@ BOXES = {
     "Slave, in Python": (
         (76.0, 23.0, 22.0, 17.0),
         FILL,
-        "event()   step_map(h)\nrows()   finish_step()\nchecks and messages",
+        "event()   step_map(h)\nrows()\nchecks and messages",
     ),
     "Words of the instance": (
         (33.0, 2.0, 65.0, 11.0),

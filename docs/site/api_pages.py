@@ -1,4 +1,4 @@
-"""The pages of the Python API: one for each public room of the package, which leads to one for each of its modules."""
+"""The pages of the Python API: one for each public room of the package, with all of its modules."""
 
 from __future__ import annotations
 
@@ -42,22 +42,18 @@ are numpy's, values are in SI units unless a name or text says otherwise.
 
 
 def write_pages(folder: Path) -> None:
-    """Write ``index.rst``, a page for each room, and one for each module into a folder that exists."""
+    """Write ``index.rst`` and a page for each room into a folder that exists."""
     lines = [f"   {title} <{name}>" for name, title in ROOMS.items()]
     (folder / "index.rst").write_text(HEAD + "\n".join(lines) + "\n", encoding="utf-8")
     for name, title in ROOMS.items():
         room = importlib.import_module(name)
-        modules = list_modules(room)
-        _write(folder / f"{name}.rst", _write_room(room, title, modules))
-        for module in modules:
-            _write(folder / f"{module}.rst", [*_head(f"``{module}``"), f".. automodule:: {module}"])
+        _write(folder / f"{name}.rst", _write_room(room, title, list_modules(room)))
 
 
 def _write_room(room: ModuleType, title: str, modules: Sequence[str]) -> Iterator[str]:
     yield from (*_head(f"{title}: ``{room.__name__}``"), f".. automodule:: {room.__name__}")
     if modules:
-        yield from ("   :no-members:", "", ".. toctree::", "   :hidden:", "")
-        yield from (f"   {module.removeprefix(f'{room.__name__}.')} <{module}>" for module in modules)
+        yield "   :no-members:"
     yield from ("", ".. py:currentmodule:: None")
     if offered := list_offered(room):
         yield from ("", ".. rubric:: Offered by the room itself", "", ".. autosummary::", "")
@@ -65,10 +61,12 @@ def _write_room(room: ModuleType, title: str, modules: Sequence[str]) -> Iterato
     if modules:
         yield from ("", ".. rubric:: Modules", "", ".. autosummary::", "")
         yield from (f"   {module}" for module in modules)
+    for module in modules:
+        yield from ("", *_head(f"``{module}``", "-"), f".. automodule:: {module}")
 
 
-def _head(text: str) -> tuple[str, str, str]:
-    return text, "=" * len(text), ""
+def _head(text: str, line: str = "=") -> tuple[str, str, str]:
+    return text, line * len(text), ""
 
 
 def _write(path: Path, lines: Iterable[str]) -> None:

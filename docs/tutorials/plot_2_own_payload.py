@@ -68,7 +68,7 @@ print("\n".join(lines[1:]))
 import ps_fmu
 
 result = ps_fmu.simulate(
-    "isolation", duration=6, parameter_files=[values], figures=False, progress=False
+    "isolation", duration=6, parameter_files=[values], progress=False
 )
 for axis, passive, rejection in zip(
     "xyz", result.summary["rms_passive_rad"], result.summary["rejection_percent"], strict=True
@@ -93,7 +93,6 @@ wrong = ps_fmu.simulate(
     parameter_files=[values],
     parameters={"isolator.payload.com.x": 0.010},
     apart=["isolator.payload.com"],
-    figures=False,
     progress=False,
 )
 

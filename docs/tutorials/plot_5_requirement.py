@@ -59,7 +59,7 @@ from ps_fmu.requirements.reading import read_requirements
 from ps_fmu.requirements.stored import judge_files
 
 result = ps_fmu.simulate(
-    "isolation", duration=45, figures=False, progress=False, output=Path(folder.name) / "run"
+    "isolation", duration=45, progress=False, output=Path(folder.name) / "run"
 )
 results = Path(result.output) / "results.nc"
 
