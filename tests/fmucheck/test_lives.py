@@ -67,8 +67,8 @@ def tank(library, tmp_path):
 def c_host(fmu: Path, **environment: str) -> dict[str, str]:
     """Problem by stage."""
     content = zipfile.ZipFile(fmu).read("modelDescription.xml")
-    host, description = lives.find_c_host("linux64"), read_description(content, fmu)
-    return dict(lives.live_in_c_host(host, fmu, description, "linux64", **environment))
+    host, description = lives.find_c_host(), read_description(content, fmu)
+    return dict(lives.live_in_c_host(host, fmu, description, **environment))
 
 
 def test_an_fmu_of_another_maker_passes_everything(tank):

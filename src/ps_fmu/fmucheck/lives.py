@@ -45,9 +45,7 @@ def find_c_host() -> Path | None:
     return find_compiled("host") if find_platform() in list_platforms("host") else None
 
 
-def live_in_c_host(
-    host: Path, fmu: Path, description: Description, **environment: str
-) -> list[StageResult]:
+def live_in_c_host(host: Path, fmu: Path, description: Description, **environment: str) -> list[StageResult]:
     """The stages of the life in the C host, see ``native/host/host.c``; it ends at the first that no other can follow.
 
     ``environment``: variables besides PATH and HOME.  Raises OSError if the host cannot be started, SystemFileError if
