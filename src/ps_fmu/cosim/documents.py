@@ -27,6 +27,7 @@ Hook = Callable[[type, Any], Any]
 _STEP = re.compile(r"\.([^.\[\]]+)|\[(\d+|\.\.\.)\]")
 _UNKNOWN = re.compile(r"Object contains unknown field `(.*)`", re.DOTALL)
 _MISSING = re.compile(r"Object missing required field `(.*)`", re.DOTALL)
+_CHOICE = re.compile(r"Invalid enum value (.*)", re.DOTALL)
 
 
 def read_document(path: Path, kind: type[T], hook: Hook | None = None) -> T:
@@ -87,7 +88,20 @@ def _explain(text: str, data: object, kind: Any, hook: Hook | None, place: str) 
             hint = suggest_names(match[1], names) if pattern is _UNKNOWN else ""
             known = f"; expected {', '.join(names)}" if pattern is _UNKNOWN and not hint else ""
             return f"{_join(place, *steps, match[1])}: {problem}{hint}{known}"
+    if match := _CHOICE.fullmatch(text):
+        choices = list(_list_choices(found))
+        text = f"expected one of {', '.join(choices)}, got {match[1]}{suggest_names(match[1].strip(chr(39)), choices)}"
     return f"{_join(place, *steps) or 'the file'}: {text[:1].lower()}{text[1:]}"
+
+
+def _list_choices(kind: inspect.Type) -> Iterator[str]:
+    if isinstance(kind, inspect.UnionType):
+        for member in kind.types:
+            yield from _list_choices(member)
+    elif isinstance(kind, inspect.LiteralType):
+        yield from map(str, kind.values)
+    elif isinstance(kind, inspect.EnumType):
+        yield from (str(member.value) for member in kind.cls)
 
 
 def _join(*names: str) -> str:
