@@ -15,8 +15,8 @@ from ....analyses.system import load_built_system
 from ....cosim import Value
 from ....mechanism.parameters import Array, Parameters
 from ....results.tables import Table, format_angles
-from ....runs.comparison import TARGET
-from ....runs.shaking import Shaking, measure
+from ....scenarios.comparison import TARGET
+from ....scenarios.shaking import Shaking, measure
 from ....theory.loop import Loop, loop_at
 from ....theory.sampled import from_base_sampled
 from ....theory.transfer_matrices import Nominal

@@ -20,7 +20,7 @@ from ....analyses.options import AnalysisOptions
 from ....analyses.system import load_built_system
 from ....cosim import System, Value
 from ....pointing.response import Response
-from ....runs.shaking import Shaking, measure_response
+from ....scenarios.shaking import Shaking, measure_response
 from ....theory.loop import loop_at
 from ....theory.margins import Margins, margins
 from ....theory.sampled import loop_sampled
