@@ -1,7 +1,8 @@
 """The words of one instance that Python and C share: what a plain step is, and when the next one is plain.
 
 Each of these facts is kept here alone, whoever makes the steps: both read it here and write it here.  The launcher
-learns the address when the instance is made (``Values.get_string``); what the words mean is in ``native/kernel/core.h``.
+learns the address when the instance is made (``Values.get_string``); what the words mean is in
+``native/kernel/core.h``.
 """
 
 from __future__ import annotations
