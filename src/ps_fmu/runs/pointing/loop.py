@@ -21,8 +21,7 @@ from ...mechanism.parameters import load
 from ...mechanism.quantities import Array, take_values
 from ...pointing.response import Response
 from ...sensors.line_of_sight import DEFAULT_TRACKER, Tracker
-from ...theory.line_of_sight import PointingLoop, Timing
-from ...theory.line_of_sight_design import AXES, AxisMargins, margins_of
+from ...theory.line_of_sight import AXES, AxisMargins, PointingLoop, Timing, margins_of
 from ...theory.loop import loop_of
 from ..setup import RunSystem
 from ..shaking import Shaking, measure_response

@@ -14,7 +14,7 @@ from ...mechanism.parameters import load
 from ...mechanism.quantities import Array, Complex, ParameterError, list_entries, take_values
 from ...theory.loop import Loop, loop_of
 from ...theory.natural_modes import NaturalMode, find_natural_modes
-from ...theory.sampled_lines import from_wrench_stepped
+from ...theory.sampled import from_wrench_stepped
 from ..options import OptionError
 from ..setup import RunSystem
 from .crossings import Response, Wheel
