@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from ...disturbance import DisturbanceSettings, default_settings
-from ...disturbance.kinds.wheels import WheelSource
+from ...disturbance.wheels import WheelSource
 from ...interface.parameter_sets import build_plant_and_isolator
 from ...mechanism.parameters import load
 from ...mechanism.quantities import Array, Complex, ParameterError, list_entries, take_values

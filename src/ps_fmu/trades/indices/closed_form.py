@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from ...disturbance import multisine_lines, psd_at_origin
-from ...disturbance.density import gaussian_density
+from ...disturbance.spectrum import gaussian_density
 from ...mechanism.parameters import Array, Parameters
 from ...mechanism.signals import output_slices
 from ...pointing import (
