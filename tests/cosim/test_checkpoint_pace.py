@@ -114,12 +114,11 @@ def test_without_a_share_they_come_when_they_are_due(mixed, tmp_path, written):
     assert written == [10, 20, 30, 40, 50, 60]
 
 
-@pytest.mark.parametrize("beside", [False, True])
-def test_where_none_can_be_paid_the_first_and_the_last_are_taken(mixed, tmp_path, written, beside):
+def test_where_none_can_be_paid_the_first_and_the_last_are_taken(mixed, tmp_path, written):
     """Results are those of a run without checkpoints, and the last one is at the end of the run."""
-    check_same(run(mixed, Checkpoints(tmp_path, 0.05, share=1e-9), beside=beside), run(mixed))
+    check_same(run(mixed, Checkpoints(tmp_path, 0.05, share=1e-9)), run(mixed))
     assert written == [5, STEPS]
-    again = run(mixed, Checkpoints(tmp_path, 0.05, share=1e-9, resume=True), beside=beside)
+    again = run(mixed, Checkpoints(tmp_path, 0.05, share=1e-9, resume=True))
     check_same(again, run(mixed))
 
 

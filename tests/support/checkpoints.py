@@ -27,7 +27,7 @@ class Stop(Exception):
     """Ends a run as a kill would."""
 
 
-def run(system, checkpoints=None, *, stop_s=None, steps=STEPS, events=EVENTS, beside=False, **options):
+def run(system, checkpoints=None, *, stop_s=None, steps=STEPS, events=EVENTS, **options):
     """All rows of a run; with ``stop_s`` it ends there."""
     keep = Keep()
 
@@ -38,7 +38,7 @@ def run(system, checkpoints=None, *, stop_s=None, steps=STEPS, events=EVENTS, be
     with Master(system, H, block_rows=7, **options) as master:
         master.initialise()
         try:
-            master.run(steps * H, [keep], events, watch, beside=beside, checkpoints=checkpoints)
+            master.run(steps * H, [keep], events, watch, checkpoints=checkpoints)
         except Stop:
             assert stop_s is not None
     return keep

@@ -30,7 +30,6 @@ from .guard import NumberGuard, keep_rows
 from .initialisation import initialise, load, read_first_row
 from .interrupt import note_interrupts
 from .isolation.instance import Isolation, find_maker
-from .recording.beside import make_delivery
 from .recording.delivery import Delivery, Observer
 from .rows import Column
 from .schemes.making import plan_steps
@@ -239,7 +238,6 @@ class Master(Assembly):
         events: Iterable[Event] = (),
         progress: Progress | None = None,
         *,
-        beside: bool = False,
         checkpoints: RunKeeper | None = None,
     ) -> None:
         """Advance by ``duration`` [s]; the first run begins with row 0, each later one with the row after.
@@ -248,8 +246,7 @@ class Master(Assembly):
         first; then the FMUs are terminated and freed as far as the standard allows, and the error is
         raised.
 
-        With ``beside`` the observers work in a thread beside the loop: they see the same blocks, a little later, and
-        must not use this object.  ``checkpoints`` keep the run, and have it go on, see :class:`.Checkpoints`.
+        ``checkpoints`` keep the run, and have it go on, see :class:`.Checkpoints`.
 
         An FMU that ends the simulation by itself (fmi2Discard with fmi2Terminated) is no failure: :attr:`ended` is it.
 
@@ -269,7 +266,7 @@ class Master(Assembly):
         self._running = True
         try:
             count = lambda: 0 if self.loop is None else self.loop.count_rows()  # noqa: E731
-            delivery = make_delivery(self.rows, self.clock, self.columns, observers, count, beside)
+            delivery = Delivery(self.rows, self.clock, self.columns, observers, count)
             with note_interrupts() as interrupted, keep_rows(delivery.store):
                 self._advance(end, schedule, delivery, progress, interrupted, keeper)
         except SlaveEnded as ended:
@@ -357,19 +354,15 @@ class Master(Assembly):
                     self._index = rows.first_index + rows.filled - 1
                 if rows.filled == rows.capacity or self._index == end:
                     delivery.hand_over()
-                if self._index == end:
-                    delivery.wait()
+                else:
+                    delivery.hand_over_early()
                 note(self.time)
                 stops = bool(interrupted)  # once: Ctrl-C may come at any moment
-                keeper.arrive(self._index, len(schedule), delivery, stops)
+                keeper.arrive(self._index, len(schedule), stops)
                 if stops:
                     raise KeyboardInterrupt
         except BaseException as error:
             delivery.conclude(error)
-        finally:
-            delivery.close()
-            if delivery.failed_at is not None:
-                self._index = delivery.failed_at
 
     def _abort(self) -> None:
         """Free everything after a failure, without hiding it behind another one."""

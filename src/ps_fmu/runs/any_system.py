@@ -213,7 +213,6 @@ def _record(
             duration,
             [recorder] if costs is None else costs.time([recorder]),
             progress=lambda t, wall, factor: show(t - start, wall, factor),
-            beside=True,
             checkpoints=keeper.checkpoints,
         )
 

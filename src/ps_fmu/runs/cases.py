@@ -188,7 +188,7 @@ def run_case(
             observers: list[Observer] = [Bounds(master.columns), recorder, *judging]
             watched = observers if costs is None else costs.time(observers)
             events = keeper.shift_events(case.events)
-            master.run(duration, watched, events, note, beside=True, checkpoints=keeper.checkpoints)
+            master.run(duration, watched, events, note, checkpoints=keeper.checkpoints)
         acted = master.faults.list_acted(master.time)
         return Outcome(case, duration, before_s + wall[0], acted, keeper.start_time or 0.0), analysis
 

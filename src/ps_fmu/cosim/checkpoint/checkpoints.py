@@ -17,7 +17,7 @@ from ..assembly import Assembly
 from ..errors import SlaveError, UsageError
 from ..events import Schedule
 from ..fmu_instance import InstancePhase
-from ..recording.delivery import Delivery, Observer, name_observer
+from ..recording.delivery import Observer, name_observer
 from .folder import CheckpointFolder
 from .journal import Journal
 from .pace import Pace
@@ -49,7 +49,7 @@ class RunKeeper(Protocol):
     def limit(self, stop: int) -> int:
         """The last communication point to step to at once, ``stop`` at most."""
 
-    def arrive(self, index: int, left: int, delivery: Delivery, interrupted: bool) -> None:
+    def arrive(self, index: int, left: int, interrupted: bool) -> None:
         """The run is at a communication point; ``left`` events are to come."""
 
     def end(self) -> None:
@@ -71,7 +71,7 @@ class NoCheckpoints:
         """See :class:`RunKeeper`."""
         return stop
 
-    def arrive(self, index: int, left: int, delivery: Delivery, interrupted: bool) -> None:
+    def arrive(self, index: int, left: int, interrupted: bool) -> None:
         """See :class:`RunKeeper`."""
 
     def end(self) -> None:
@@ -191,7 +191,7 @@ class Checkpoints:
         """See :class:`RunKeeper`."""
         return min(stop, self._due)
 
-    def arrive(self, index: int, left: int, delivery: Delivery, interrupted: bool) -> None:
+    def arrive(self, index: int, left: int, interrupted: bool) -> None:
         """See :class:`RunKeeper`: a checkpoint is taken if it is due and paid for, at the end of the run, and before it
         is interrupted."""
         if self._folder is None or not (index >= self._due or interrupted) or not self._is_between_steps():
@@ -213,7 +213,7 @@ class Checkpoints:
             log.warning("no checkpoint at t = %.9g s: %s", parts.clock.time(index), error)
             self._pace.end()
         else:
-            delivery.call(lambda: self._write(index, tree))
+            self._write(index, tree)
         self._set_due(index)
 
     def end(self) -> None:

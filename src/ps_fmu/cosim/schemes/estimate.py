@@ -44,7 +44,6 @@ class EstimatingLoop:
         self._rows, self._step, self._faults = rows, step, parts.faults
         self._factor = 2.0**order / (2.0**order - 1.0)
         self._largest = np.abs(rows.real.values)
-        self._shown: int | None = None
         self.memories: list[Stateful] = [*whole[0].memories, *half[0].memories, self]
         self._columns = [
             (rows.real.places[column.port], _list_places(instances[column.members[0]], rows))
@@ -61,19 +60,14 @@ class EstimatingLoop:
         copy_into(self._largest, state["largest"])
 
     def count_rows(self) -> int:
-        """As :meth:`..compiled.StepLoop.count_rows`: without those of half steps."""
-        return self._rows.filled if self._shown is None else self._shown
+        """See :class:`..compiled.StepLoop`."""
+        return self._rows.filled
 
     def advance(self, times: Array, interrupted: c_int) -> None:
         """See :class:`..compiled.StepLoop`."""
-        rows = self._rows
-        try:
-            for time in times.tolist():
-                self._show_only(rows.filled)
-                if not self._step_twice(time, interrupted):
-                    return
-        finally:
-            self._show_only(None)
+        for time in times.tolist():
+            if not self._step_twice(time, interrupted):
+                return
 
     def _step_twice(self, time: float, interrupted: c_int) -> bool:
         """False if it was interrupted: nothing has been done then."""
@@ -89,7 +83,7 @@ class EstimatingLoop:
             rows.latest[:] = before
             self._faults.restore(memories)
         finally:
-            rows.go_back(filled)
+            rows.filled = filled
             release_states(states)
         if refined is None or not _make_step(self._whole[0], rows, time, interrupted):
             return False
@@ -101,7 +95,7 @@ class EstimatingLoop:
         rows, loop = self._rows, self._half[0]
         filled, middle = rows.filled, time + 0.5 * self._step
         for begin in (time, middle):
-            rows.go_back(filled)
+            rows.filled = filled
             if not _make_step(loop, rows, begin, interrupted):
                 return None
         return rows.real.values.copy()
@@ -114,10 +108,6 @@ class EstimatingLoop:
         errors = self._factor * np.abs(refined - found) / scale
         for place, own in self._columns:
             found[place] = rows.block[rows.filled - 1, place] = errors[own].max(initial=0.0)
-
-    def _show_only(self, count: int | None) -> None:
-        with self._rows.lock:
-            self._shown = count
 
 
 def _make_step(loop: StepLoop, rows: Rows, time: float, interrupted: c_int) -> bool:
