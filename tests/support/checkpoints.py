@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import json
-import zipfile
-
 from ps_fmu.cosim import Master
+from ps_fmu.cosim.checkpoint.files import read_file, write_file
 from support.cosim import Collect
 
 H = 0.01
@@ -51,20 +49,7 @@ def check_same(found, expected):
 
 
 def edit(path, change):
-    """Change the JSON of a checkpoint by ``change(head)``."""
-    head, data = read_parts(path)
-    change(head)
-    write_parts(path, head, data)
-
-
-def read_parts(path):
-    """The JSON of a checkpoint, and the bytes of its arrays."""
-    with zipfile.ZipFile(path) as archive:
-        return json.loads(archive.read("checkpoint.json")), archive.read("arrays.bin")
-
-
-def write_parts(path, head, data):
-    """Write a checkpoint."""
-    with zipfile.ZipFile(path, "w") as archive:
-        archive.writestr("checkpoint.json", json.dumps(head))
-        archive.writestr("arrays.bin", data)
+    """Change the content of a checkpoint by ``change(tree)``."""
+    tree = read_file(path)
+    change(tree)
+    write_file(path, tree)

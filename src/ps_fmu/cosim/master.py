@@ -14,7 +14,7 @@ from typing import Self
 from fmpy.model_description import ModelDescription
 
 from .assembly import Assembly
-from .checkpoint.checkpoints import NoCheckpoints, RunKeeper
+from .checkpoint.checkpoints import Checkpoints
 from .clock import make_clock
 from .closing import end_all
 from .columns import RunColumns
@@ -238,7 +238,7 @@ class Master(Assembly):
         events: Iterable[Event] = (),
         progress: Progress | None = None,
         *,
-        checkpoints: RunKeeper | None = None,
+        checkpoints: Checkpoints | None = None,
     ) -> None:
         """Advance by ``duration`` [s]; the first run begins with row 0, each later one with the row after.
 
@@ -258,7 +258,7 @@ class Master(Assembly):
             raise UsageError("the system is closed" if self._closed else "call initialise() first")
         if self._ended is not None:
             raise UsageError(f"the simulation has ended: {self._ended}")
-        keeper, steps = checkpoints or NoCheckpoints(), self.clock.steps(duration)
+        keeper, steps = checkpoints or Checkpoints(None), self.clock.steps(duration)
         first, self._index = keeper.begin(self, self._index, steps, observers)
         end = first + steps
         self.clock.check_end(end)
@@ -332,7 +332,7 @@ class Master(Assembly):
 
     def _advance(
         self, end: int, schedule: Schedule, delivery: Delivery, progress: Progress | None, interrupted: c_int,
-        keeper: RunKeeper,
+        keeper: Checkpoints,
     ) -> None:  # fmt: skip
         rows, clock = self.rows, self.clock
         note = time_progress(progress, self.time)

@@ -19,8 +19,7 @@ from ..schemes.resolving import find_period
 from ..schemes.scheme import Scheme
 from ..structure import PortName, System
 from ..values import Value
-from .files import read_file, write_file
-from .folder import CheckpointFolder
+from .files import CheckpointFolder, read_file, write_file
 from .parts import (
     find_difference,
     find_port,
