@@ -82,42 +82,42 @@ GOOD = [
     {"$schema": "faults.schema.json", "events": []},
 ]  # fmt: skip
 BAD = [
-    ([], "the file: expected `object`"),
+    ([], "the file: expected an object with keys"),
     ({}, "events: is missing"),
-    ({"events": {}}, "events: expected `array`"),
+    ({"events": {}}, "events: expected a list"),
     ({"events": [], "ends": 1}, "ends: unknown key; did you mean end"),
-    ({"events": [], "end": -1}, "end: expected `float` >= 0.0, got -1"),
+    ({"events": [], "end": -1}, "end: expected a number >= 0.0, got -1"),
     ({"events": [], "defaults": {"time": 1}}, "defaults.time: unknown key"),
     ({"events": [], "defaults": {"action": "biass"}}, "defaults.action: expected one of .*did you mean bias"),
-    ({"events": [1]}, r"events\[0\]: expected `object`, got 1"),
+    ({"events": [1]}, r"events\[0\]: expected an object with keys, got 1"),
     (event(time="none"), r"events\[0\].time: is missing"),
-    (event(time=-0.1), r"events\[0\].time: expected `float` >= 0.0, got -0.1"),
-    (event(time=True), r"events\[0\].time: expected `float`, got True"),
-    (event(time="1"), r"events\[0\].time: expected `float`, got '1'"),
-    (event(time=1e301), r"events\[0\].time: expected `float` < 1e\+300, got 1e\+301"),
+    (event(time=-0.1), r"events\[0\].time: expected a number >= 0.0, got -0.1"),
+    (event(time=True), r"events\[0\].time: expected a number, got True"),
+    (event(time="1"), r"events\[0\].time: expected a number, got '1'"),
+    (event(time=1e301), r"events\[0\].time: expected a number < 1e\+300, got 1e\+301"),
     (event(time=10**400), r"events\[0\].time: number out of range"),
     (event(model="none"), r"events\[0\].model: is missing"),
-    (event(variable=3), r"events\[0\].variable: expected `str`, got 3"),
-    (event(model=""), r"events\[0\].model: expected `str` of length >= 1"),
+    (event(variable=3), r"events\[0\].variable: expected a text, got 3"),
+    (event(model=""), r"events\[0\].model: expected a text of length >= 1"),
     (event(action="biass"), r"events\[0\].action: expected one of .*, got 'biass'; did you mean bias"),
     (event(action="ramp"), r"events\[0\].action: expected one of override, bias"),
     (event(value="none"), r"events\[0\].value: is missing"),
-    (event(value=[1]), r"events\[0\].value: expected .*, got `array`"),
+    (event(value=[1]), r"events\[0\].value: expected .*, got a list"),
     (event(value=None), r"events\[0\].value: expected .*, got nothing"),
     (event(vlaue=1), r"events\[0\].vlaue: unknown key; did you mean value"),
     (event(rms=1), r"events\[0\].rms: unknown key; expected .*value"),
-    (event(duration=0), r"events\[0\].duration: expected `float` > 0.0, got 0"),
-    (event(joins=1), r"events\[0\].joins: expected `bool`, got 1"),
-    (event(target=None), r"events\[0\].target: expected `str`, got nothing"),
+    (event(duration=0), r"events\[0\].duration: expected a number > 0.0, got 0"),
+    (event(joins=1), r"events\[0\].joins: expected true or false, got 1"),
+    (event(target=None), r"events\[0\].target: expected a text, got nothing"),
     (event(action="freeze"), r"events\[0\].value: unknown key"),
-    (event(action="dropout", probability=1.5), r"events\[0\].probability: expected `float` <= 1.0, got 1.5"),
+    (event(action="dropout", probability=1.5), r"events\[0\].probability: expected a number <= 1.0, got 1.5"),
     (event(action="dropout", seed=1), r"events\[0\]: seed: is for a dropout with a probability"),
-    (event(action="delay", value=-1), r"events\[0\].value: expected `float` >= 0.0, got -1"),
-    (event(action="delay", value="1"), r"events\[0\].value: expected `float`, got '1'"),
+    (event(action="delay", value=-1), r"events\[0\].value: expected a number >= 0.0, got -1"),
+    (event(action="delay", value="1"), r"events\[0\].value: expected a number, got '1'"),
     (event(action="noise", value="none"), r"events\[0\]: expected either rms or density"),
     (event(action="noise", value="none", rms=1, density=1), r"events\[0\]: expected either rms or density"),
-    (event(action="noise", value="none", rms=1, seed=-1), r"events\[0\].seed: expected `int` >= 0, got -1"),
-    (event(action="noise", value="none", rms=1, seed=0.5), r"events\[0\].seed: expected `int`, got 0.5"),
+    (event(action="noise", value="none", rms=1, seed=-1), r"events\[0\].seed: expected a whole number >= 0, got -1"),
+    (event(action="noise", value="none", rms=1, seed=0.5), r"events\[0\].seed: expected a whole number, got 0.5"),
     (event(name="a.b"), r"events\[0\].name: expected .*regex.*, got 'a\.b'"),
     (event(name="1st"), r"events\[0\].name: expected .*regex"),
     (event(action="reset", duration=1), r"events\[0\].duration: unknown key"),
@@ -172,13 +172,13 @@ LAUGHS = "a: &a [x, x, x, x, x, x, x, x, x]\n" + "".join(
 @pytest.mark.parametrize(
     ("text", "reason"),
     [
-        ("", "the file: expected `object`, got nothing"), ("events: [", "is not a YAML file"),
+        ("", "the file: expected an object with keys, got nothing"), ("events: [", "is not a YAML file"),
         ("a: 1\na: 2", "is not a YAML file: the key 'a' occurs twice"),
         (LAUGHS, "more than .* 200000 values"), ("a: &a [*a]", "more than 16 lists|unconstructable"),
         ("[" * 2000, "is not a YAML file|nested too deeply"), ("[a]: 1", "line 1: a key is no text"),
         ("a: !!python/object/apply:os.system [echo]", "a: unknown key"),
-        ("events: !!python/name:os.system x", "is not a YAML file"), ("events: 2001-01-01", "events: expected `array`"),
-        ("events: [{time: .nan, model: a, variable: y, action: freeze}]", r"\[0\]\.time: expected `float`"),
+        ("events: !!python/name:os.system x", "is not a YAML file"), ("events: 2001-01-01", "events: expected a list"),
+        ("events: [{time: .nan, model: a, variable: y, action: freeze}]", r"\[0\]\.time: expected a number"),
     ],
 )  # fmt: skip
 def test_broken_yaml_is_refused(tmp_path, text, reason):
@@ -187,7 +187,7 @@ def test_broken_yaml_is_refused(tmp_path, text, reason):
 
 
 def test_too_many_events_are_refused(tmp_path):
-    with pytest.raises(SystemFileError, match="events: expected `array` of length <= 10000"):
+    with pytest.raises(SystemFileError, match="events: expected a list of length <= 10000"):
         read_faults(write(tmp_path, {"events": [0] * 10_001}))
 
 

@@ -32,6 +32,12 @@ _NUMBER = re.compile(r"-?(?:0|[1-9]\d*)(?:\.\d+)?(?:[eE][-+]?\d+)?")
 _STEP = re.compile(r"\.([^.\[\]]+)|\[(\d+|\.\.\.)\]")
 _UNKNOWN = re.compile(r"Object contains unknown field `(.*)`", re.DOTALL)
 _MISSING = re.compile(r"Object missing required field `(.*)`", re.DOTALL)
+_TYPES = re.compile(r"`([^`]*)`")
+_WORDS = {
+    "float": "a number", "int": "a whole number", "str": "a text", "bool": "true or false", "array": "a list",
+    "object": "an object with keys",
+}  # fmt: skip
+_CHOICE = re.compile(r"Invalid enum value (.*)", re.DOTALL)
 
 
 def read_document(path: Path, kind: type[T], hook: Hook | None = None) -> T:
@@ -135,9 +141,29 @@ def _explain(text: str, data: object, kind: Any, hook: Hook | None, place: str) 
             hint = suggest_names(match[1], names) if pattern is _UNKNOWN else ""
             known = f"; expected {', '.join(names)}" if pattern is _UNKNOWN and not hint else ""
             return f"{_join(place, *steps, match[1])}: {problem}{hint}{known}"
-    if text.startswith("Expected") and not isinstance(data, Mapping | list):
-        text = f"{text.partition(', got')[0]}, got {'nothing' if data is None else reprlib.repr(data)}"
+    if text.startswith("Expected"):
+        got = "an object" if isinstance(data, Mapping) else "a list" if isinstance(data, list) else reprlib.repr(data)
+        expected = _TYPES.sub(_name_types, text.partition(", got")[0])
+        text = f"{expected}, got {'nothing' if data is None else got}"
+    elif match := _CHOICE.fullmatch(text):
+        choices = list(_list_choices(found))
+        text = f"expected one of {', '.join(choices)}, got {match[1]}{suggest_names(match[1].strip(chr(39)), choices)}"
     return f"{_join(place, *steps) or 'the file'}: {text[:1].lower()}{text[1:]}"
+
+
+def _name_types(match: re.Match[str]) -> str:
+    """Types of msgspec in words: ``float | null`` is a number."""
+    return " or ".join(_WORDS.get(name, name) for name in match[1].split(" | ") if name != "null")
+
+
+def _list_choices(kind: inspect.Type) -> Iterator[str]:
+    if isinstance(kind, inspect.UnionType):
+        for member in kind.types:
+            yield from _list_choices(member)
+    elif isinstance(kind, inspect.LiteralType):
+        yield from map(str, kind.values)
+    elif isinstance(kind, inspect.EnumType):
+        yield from (str(member.value) for member in kind.cls)
 
 
 def _join(*names: str) -> str:

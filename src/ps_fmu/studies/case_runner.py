@@ -22,8 +22,8 @@ from ..cosim.schemes.scheme import Scheme
 from ..cosim.signals import Signal, read_signals
 from ..cosim.system_json import decode_system
 from ..pointing.interpretation import Interpretation
-from ..requirements.pooled import pack_distribution
-from ..requirements.reading import read_requirements
+from ..requirements.decision import pack_distribution
+from ..requirements.requirement import read_requirements
 from ..requirements.verdict import Verdict
 from ..runs.cases import Bounds
 from ..runs.judge import RunJudge
