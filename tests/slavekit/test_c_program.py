@@ -15,7 +15,7 @@ import ps_fmu
 from ps_fmu.compiled_files import NotCompiledError
 from ps_fmu.cosim.errors import CosimError
 from ps_fmu.cosim.isolation import guest_process
-from ps_fmu.cosim.isolation.program import ISOLATION
+from ps_fmu.cosim.isolation.guest_process import ISOLATION
 from ps_fmu.cosim.native import LOOP
 from ps_fmu.fmucheck import lives
 from ps_fmu.fmucheck.host.compile import HOST

@@ -13,22 +13,18 @@ from typing import Self
 
 from fmpy.model_description import ModelDescription
 
-from .assembly import Assembly
 from .checkpoint.checkpoints import Checkpoints
-from .clock import make_clock
-from .closing import end_all
+from .clock import Event, Progress, Schedule, make_clock, make_schedule, time_progress
 from .columns import RunColumns
 from .compiled import check_library
 from .description import check_value, find_variable, read_descriptions
 from .errors import CosimError, SlaveEnded, UsageError
-from .events import Event, Progress, Schedule, make_schedule, time_progress
 from .faults.active import make_faults
 from .faults.reading import FaultFile
 from .fmu_instance import InstancePhase
 from .graph import KnownVariables, OpenInput, check_wiring
-from .guard import NumberGuard, keep_rows
-from .initialisation import initialise, load, read_first_row
-from .interrupt import note_interrupts
+from .guard import NumberGuard, keep_rows, note_interrupts
+from .initialisation import end_all, initialise, load, read_first_row
 from .isolation.instance import Isolation, find_maker
 from .recording.delivery import Delivery, Observer
 from .rows import Column
@@ -38,7 +34,7 @@ from .schemes.scheme import Scheme, make_scheme
 from .signals import Signal, bind_signals, get_first_values
 from .stopwatch import Stopwatch
 from .structure import Parameter, PortName, System, Value
-from .wires import find_fed
+from .wires import Assembly, find_fed
 
 log = logging.getLogger("ps_fmu.cosim")
 

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from ..reduction.columns import complete_rows, find_peak
 from .description import DISCRETE_TYPES, get_unit
-from .hops import Conversion
 from .structure import PortName
+from .values import Conversion
 
 Array = NDArray[np.float64]
 

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..cosim import Column, CosimError, Event, Master, Observer, Recorder, Value
-from ..cosim.faults.acted import ActedFault
+from ..cosim.description import read_terminal_variables
+from ..cosim.faults.binding import ActedFault
 from ..cosim.recording.thinner import MemoryRecorder
-from ..cosim.terminals import read_terminal_variables
 from .fault_report import find_spans
 from .index_record import SIGNALS
 from .keeping import CaseKeeper, leave_no_empty_file

@@ -14,11 +14,11 @@ from contextlib import contextmanager
 from pathlib import Path
 from time import perf_counter
 
-from ..assembly import Assembly
+from ..clock import Schedule
 from ..errors import SlaveError, UsageError
-from ..events import Schedule
 from ..fmu_instance import InstancePhase
 from ..recording.delivery import Observer, name_observer
+from ..wires import Assembly
 from .files import CheckpointFolder, Journal
 from .parts import (
     check_abilities,

@@ -13,7 +13,19 @@ import threading
 from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from ctypes import POINTER, Structure, c_char, c_char_p, c_double, c_int, c_int32, c_int64, c_uint32, c_uint64, c_void_p
+from ctypes import (
+    POINTER,
+    Structure,
+    c_char,
+    c_char_p,
+    c_double,
+    c_int,
+    c_int32,
+    c_int64,
+    c_uint32,
+    c_uint64,
+    c_void_p,
+)
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -22,10 +34,30 @@ from typing import Any
 from fmpy import platform
 from fmpy.fmi2 import fmi2CallbackFunctions
 
+from ...slavekit.launcher.c_program import Program, Target
 from ...terminal import escape_controls
 from ..errors import CosimError, UsageError
 from .guest import STEP_FUNCTIONS, decode, encode, find_memory, pack, write
-from .program import ISOLATION
+
+_LINUX = Target(
+    "x86_64-linux-gnu.2.17",
+    "isolation.so",
+    ("-D_GNU_SOURCE", "-fPIC", "-fvisibility=hidden", "-shared", "-s", "-Wl,--build-id=none"),
+    libraries=("-ldl", "-lm", "-lpthread"),
+)
+
+ISOLATION = Program(
+    "isolation",
+    Path(__file__).parent,
+    sources=("client.c", "later.c", "guest.c"),
+    headers=("channel.h", "client.h", "waiting.h", "../native/control_word.h"),
+    targets={"linux64": _LINUX},
+)
+"""The library that the master and the processes of the FMUs load.
+
+:meta hide-value:
+"""
+
 
 DATA_BYTES = 16 << 20
 """Memory for the values of one step; only what is used takes space."""

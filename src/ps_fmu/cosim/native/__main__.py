@@ -6,7 +6,7 @@ import sys
 
 from ...reduction.native import REDUCTION
 from ...slavekit.launcher.c_program import CompileError
-from ..isolation.program import ISOLATION
+from ..isolation.guest_process import ISOLATION
 from . import LOOP
 
 try:
