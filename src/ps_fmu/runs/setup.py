@@ -12,7 +12,7 @@ from ..cosim.clock import StepClock
 from ..cosim.description import convert_value, find_variable, get_unit, index_variables, read_descriptions, read_start
 from ..cosim.faults.active import make_faults
 from ..cosim.faults.reading import FaultFile, read_faults
-from ..cosim.recording.selection import select_names
+from ..cosim.recording.thinner import select_names
 from ..cosim.rows import Column, make_layout
 from ..cosim.schemes.scheme import make_scheme
 from ..cosim.signals import Signal
