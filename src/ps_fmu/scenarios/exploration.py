@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,7 @@ from ..mechanism.geometry import Geometry
 from ..mechanism.inverse_kinematics import trilaterate
 from ..mechanism.rotations import rotation_matrix
 from ..pointing.spectra import cumulative_rms, log_bands
+from ..reduction.columns import NETCDF_LOCK
 from ..results.observers.bins import Envelope, MeanObserver, Means
 from ..results.observers.scatter import Scatter
 from ..results.page.content import (
@@ -243,6 +245,15 @@ def chart_settled(
     return [chart_spectra(f"Spectra of the settled part: {what}", caption, names, frequency, spectra)]
 
 
+@contextmanager
+def open_results(path: Path) -> Iterator[Any]:
+    """The groups of results.nc, to be read by one thread at a time.  Raises OSError."""
+    import netCDF4
+
+    with NETCDF_LOCK, netCDF4.Dataset(path) as file:
+        yield file
+
+
 def show_mechanism(system: RunSystem, results: Path, runs: Sequence[tuple[str, str]]) -> Mechanism | None:
     """The mechanism of the plant with the motions of some ``runs``: what the report calls them, group in ``results``.
 
@@ -252,7 +263,7 @@ def show_mechanism(system: RunSystem, results: Path, runs: Sequence[tuple[str, s
     known = {f"plant.{variable.name}" for variable in system.descriptions["plant"].modelVariables}
     if not {*MOTION, *JOINTS, *NOMINAL_POSITION} <= known:
         return None
-    with system.results.read(results) as file:
+    with open_results(results) as file:
         motions = [(label, motion) for label, group in runs if (motion := read_motion(file[group]))]
     if len(motions) < len(runs):
         return None

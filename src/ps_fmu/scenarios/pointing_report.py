@@ -13,8 +13,15 @@ from ..results.page.content import Axis, Chart, ChartGroup, Curve, Exploration, 
 from ..results.tables import Table
 from ..runs.setup import RunSystem
 from ..sensors.line_of_sight import Tracker
-from ..theory.line_of_sight import PointingLoop, split
-from ..theory.line_of_sight_design import AXES, LEAST_GAIN_DB, LEAST_PHASE_DEG, AxisMargins, find_margins
+from ..theory.line_of_sight import (
+    AXES,
+    LEAST_GAIN_DB,
+    LEAST_PHASE_DEG,
+    AxisMargins,
+    PointingLoop,
+    find_margins,
+    split,
+)  # fmt: skip
 from .exploration import chart_envelopes, chart_settled, show_mechanism
 from .jitter_record import EXPLORED_BINS
 from .pointing_loop import MeasuredLoop

@@ -30,6 +30,7 @@ from .exploration import (
     MOST_ROWS,
     chart_envelopes,
     chart_settled,
+    open_results,
     shade_faults,
     shorten_name,
     show_mechanism,
@@ -158,7 +159,7 @@ def explore_slews(slews: Slews, shaded: Sequence[Spans], system: RunSystem, resu
             for name, (label, _) in zip(CASES, SHOWN, strict=True)
         ],
     )  # fmt: skip
-    settled = _chart_settled(slews, system, results)
+    settled = _chart_settled(slews, results)
     runs = [(label, name) for (label, _), name in zip(SHOWN, CASES, strict=True)]
     return Exploration([group, *settled], mechanism=show_mechanism(system, results, runs))
 
@@ -168,13 +169,13 @@ def _chart(off: Envelope, on: Envelope, **more: Any) -> list[Chart]:
     return chart_envelopes([(*shown, one) for shown, one in zip(SHOWN, (off, on), strict=True)], **more)
 
 
-def _chart_settled(slews: Slews, system: RunSystem, results: Path) -> list[ChartGroup]:
+def _chart_settled(slews: Slews, results: Path) -> list[ChartGroup]:
     """Rotation of the payload after the profile, from the stored rows; none if the run ends before, or has none."""
     began_s = slews.on.arrival.ended_s
     if slews.on.arrival.after is None or began_s is None:
         return []
     rows, span, step_s, highest = [], (began_s, began_s), 1.0, None
-    with system.results.read(results) as file:
+    with open_results(results) as file:
         for (label, colour), name in zip(SHOWN, CASES, strict=True):
             group = file[name]
             if not set(ROTATION) <= group.variables.keys():

@@ -12,8 +12,8 @@ import numpy as np
 
 from ..cosim import Value
 from ..disturbance import DisturbanceSettings, default_settings
-from ..disturbance.kinds.wheels import WheelSource
-from ..disturbance.speed import RPM
+from ..disturbance.turning import RPM
+from ..disturbance.wheels import WheelSource
 from ..interface.parameter_sets import build_plant_and_isolator
 from ..mechanism.parameters import load
 from ..mechanism.quantities import Array, Complex, ParameterError, list_entries, take_values
@@ -26,7 +26,7 @@ from ..runs.run import Run
 from ..runs.setup import NOISE, RunSystem
 from ..theory.loop import Loop, loop_of
 from ..theory.natural_modes import NaturalMode, find_natural_modes
-from ..theory.sampled_lines import from_wrench_stepped
+from ..theory.sampled import from_wrench_stepped
 from .comparison import (
     CASES,
     HEADER,

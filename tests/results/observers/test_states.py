@@ -8,8 +8,8 @@ import pytest
 from ps_fmu.cosim.checkpoint.files import read_file, write_file
 from ps_fmu.cosim.checkpoint.state import Stateful
 from ps_fmu.cosim.rows import Column
-from ps_fmu.requirements.reading import read_requirements
 from ps_fmu.requirements.record import RequirementRecord
+from ps_fmu.requirements.requirement import read_requirements
 from ps_fmu.results.observers.arrival import ArrivalObserver
 from ps_fmu.results.observers.bins import EnvelopeObserver, MeanObserver
 from ps_fmu.results.observers.sampler import HistoryObserver, LastRow, SampleObserver
