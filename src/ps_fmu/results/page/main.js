@@ -21,11 +21,7 @@ function makeGroup(packed, section, key) {
   section.querySelector(".bar").append(
     ...shades,
     ...makeToggles(packed, link),
-    makeButton("+", "Zoom in (+; also: drag across a chart, Ctrl and wheel, two fingers)", () => link.zoom(0.5)),
-    makeButton("\u2212", "Zoom out (-)", () => link.zoom(2)),
-    makeButton("\u25c0", "Move left (arrow key)", () => link.move(-0.25)),
-    makeButton("\u25b6", "Move right (arrow key)", () => link.move(0.25)),
-    makeButton("All", "Show everything (0, or double click)", () => link.reset()),
+    ...makeZoomButtons("a chart", link, true),
     span,
   );
   link.announce(link);

@@ -31,6 +31,7 @@ from ....scenarios.comparison import (
     compare,
     explain_refusal,
     make_rows,
+    run_cases,
 )
 from ....scenarios.exploration import explore_comparisons
 from ...published import published_numbers
@@ -85,14 +86,18 @@ def measure(run: Run, *, explored: bool = False) -> Measurement:
     lead_steps = math.ceil(lead_s / options.step_s - 1e-6)
     found = {
         name: compare(
-            system,
-            options,
-            np.radians(target_deg),
-            lead_steps=lead_steps,
-            prefix=_prefix(target_deg),
-            explored=explored and name == NOMINAL,
+            target,
+            run_cases(
+                system,
+                options,
+                target,
+                lead_steps=lead_steps,
+                prefix=_prefix(target_deg),
+                explored=explored and name == NOMINAL,
+            ),
         )
         for name, target_deg in ORIENTATIONS.items()
+        for target in (np.radians(target_deg),)
     }
     return Measurement(system, found, lead_steps * options.step_s, options.duration_s)
 
