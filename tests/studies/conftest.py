@@ -13,7 +13,7 @@ from support.linear import make_oscillator
 from support.processes import PATIENCE_S, end_with_children, start_dask, wait_for_scheduler
 from support.relays import make_relay
 
-from ps_fmu.studies.reading import read_study
+from ps_fmu.studies.study import read_study
 from ps_fmu.studies.sweep import SweepOptions, prepare
 
 TOY = Path(__file__).parent / "toys" / "toy_study.py"

@@ -9,8 +9,8 @@ import pytest
 from support.processes import PATIENCE_S, end_with_children, start_dask, wait_for_scheduler, wait_until
 
 from ps_fmu.studies import cluster
+from ps_fmu.studies.bundle import open_folder
 from ps_fmu.studies.rows import DONE, KILLED, ClusterError, RowStore
-from ps_fmu.studies.study_folder import open_folder
 
 
 def count_messages(dask_scheduler):

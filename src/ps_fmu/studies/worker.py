@@ -24,8 +24,7 @@ from typing import IO, TYPE_CHECKING, Any
 from ..child_processes import ONE_THREAD, describe_end, end_with_parent
 from ..terminal import reason
 from .bundle import TASK, Bundle, Task
-from .rows import KILLED, LATE, LONGEST_TEXT, Row, StartError, VersionError
-from .signals import name_file
+from .rows import KILLED, LATE, LONGEST_TEXT, Row, StartError, VersionError, name_file
 
 if TYPE_CHECKING:
     from multiprocessing.process import BaseProcess
