@@ -11,6 +11,8 @@ FMU_SOURCES := LICENSE $(shell find src fmus -name '*.py' -o -name '*.toml' -o -
 export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 export MPLBACKEND := Agg
+# Some environments ask Python to keep no bytecode.  The tests start hundreds of processes, which would all compile anew.
+export PYTHONDONTWRITEBYTECODE :=
 
 .PHONY: run test soak docs docs-links dist fmus launcher pythons importers basilisk verify bench lint clean
 .DELETE_ON_ERROR:

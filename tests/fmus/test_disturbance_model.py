@@ -79,18 +79,6 @@ def test_time_counts_from_the_start_of_the_experiment(make):
     np.testing.assert_allclose(shifted, run(make(), 500), rtol=0.0, atol=1e-6)
 
 
-def test_state_in_the_middle_of_a_table(make):
-    slave = make()
-    run(slave, 777)
-    state = type(slave)._fmu_state_to_bytes(slave._get_fmu_state())
-    expected = run(slave, 3000, first=777)
-    slave._set_fmu_state(type(slave)._fmu_state_from_bytes(state))
-    np.testing.assert_array_equal(run(slave, 3000, first=777), expected)
-    other = make({"noise.enabled": False})
-    other._set_fmu_state(type(slave)._fmu_state_from_bytes(state))
-    np.testing.assert_array_equal(run(other, 3000, first=777), expected)
-
-
 def test_recording(make, tmp_path):
     path = tmp_path / "recorded wrench.csv"
     path.write_text(",".join(HEADER) + "\n0,1,2,3,4,5,6\n1,2,2,3,4,5,6\n")

@@ -200,7 +200,7 @@ def test_what_is_in_the_state_is_refused_by_name_when_the_study_is_planned(settl
         ({'"settled"': '"settled"\nanew = ["frist"]'}, r"from, anew: run 'active': there is no component 'frist'"),
         ({'"10 ms"': '"5 ms"'}, r"from, checkpoint: .*is of another system: another step \(s\)"),
         ({'"settled"': '"study.toml"'}, r"from, checkpoint: .*study\.toml: is no checkpoint, or a damaged one"),
-        ({'[from]\ncheckpoint = "settled"': "", "\n[study]": 'from = 1\n[study]'}, r"from: expected `object"),
+        ({'[from]\ncheckpoint = "settled"': "", "\n[study]": 'from = 1\n[study]'}, r"from: expected an object"),
     ],
 )  # fmt: skip
 def test_what_no_case_can_begin_from_is_refused(settle, plan, changes, error):

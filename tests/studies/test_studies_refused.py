@@ -92,8 +92,8 @@ def plan(write, tmp_path):
         ([("seed = 1", 'seed = 1\nrates = { a = "2/3" }')], "rates: expected N or 1/N base steps"),
         ([("seed = 1", 'seed = 1\nrates = { x = 2 }')], "there is no component 'x'; the system has a, b, e"),
         ([("seed = 1", "seed = 1\ntolerance = 1e-3")], "tolerance: is for the scheme 'iterated'"),
-        ([("seed = 1", 'seed = 1\nscheme = "iterated"\ntolerance = 2')], "tolerance: expected `float` < 1.0"),
-        ([("seed = 1", 'seed = 1\noutside = "yes"')], "outside: expected `bool`, got `str`"),
+        ([("seed = 1", 'seed = 1\nscheme = "iterated"\ntolerance = 2')], "tolerance: expected a number < 1.0, got 2"),
+        ([("seed = 1", 'seed = 1\noutside = "yes"')], "outside: expected true or false, got 'yes'"),
     ],
 )
 def test_what_cannot_be_varied(plan, changes, reason):

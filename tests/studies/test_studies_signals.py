@@ -165,7 +165,7 @@ def test_the_study_says_whose_signals_there_are(tmp_path):
         ('variables = ["toy.error"]\ncases = "some"', r"cases: expected one of all, got 'some'"),
         ('variables = ["toy.error"]\ncases = "all"\nstep = "1.5 ms"', r"step: 0.0015 s are no whole number of steps"),
         ('variables = ["toy.error"]\ncases = "all"\nstep = "1 s"', r"step: 1 s are longer than a run of 0.1 s"),
-        ('variables = ["toy.error"]\nworst = 0', r"worst: expected `int` >= 1, got 0"),
+        ('variables = ["toy.error"]\nworst = 0', r"worst: expected a whole number >= 1, got 0"),
         ('variables = ["toy.error"]\ncases = "all"\nmost = 1e-4', r"2 outputs of 6 cases take some 0.000457 GB"),
         ('variables = ["toy.error"]\ncases = "all"\ncompress = 1', r"signals\.compress: unknown key"),
     ],
