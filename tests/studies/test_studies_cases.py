@@ -148,22 +148,18 @@ def test_a_process_gives_the_rows_that_this_process_computes(folder, run_cases):
     assert without_time(run_cases(values)) == without_time([runner.run(i, own) for i, own in enumerate(values)])
 
 
-@pytest.mark.parametrize(
-    ("mode", "status", "error"),
-    [
-        ("raise", FAILED, "the model broke"),
-        ("nan", FAILED, "not a finite number"),
-        ("exit", KILLED, "exit code 3; it printed: about to leave"),
-        ("end", KILLED, "exit code "),
-        ("crash", KILLED, "signal SIGSEGV"),
-    ],
-)
-def test_a_case_that_breaks_has_a_row_and_its_neighbours_are_computed(run_cases, mode, status, error):
-    good = run_cases([GAIN, GAIN, GAIN])
-    rows = run_cases([GAIN, {**GAIN, "toy.mode": mode}, GAIN])
-    assert [row["status"] for row in rows] == [DONE, status, DONE]
-    assert error in rows[1]["error"]
-    assert without_time([rows[0], rows[2]]) == without_time([good[0], good[2]])
+def test_a_case_that_breaks_has_a_row_and_its_neighbours_are_computed(run_cases):
+    broken = {
+        "raise": (FAILED, "the model broke"),
+        "nan": (FAILED, "not a finite number"),
+        "exit": (KILLED, "exit code 3; it printed: about to leave"),
+        "end": (KILLED, "exit code "),
+        "crash": (KILLED, "signal SIGSEGV"),
+    }
+    good, *rows = run_cases([GAIN, *(values for mode in broken for values in ({**GAIN, "toy.mode": mode}, GAIN))])
+    for (status, error), row, after in zip(broken.values(), rows[::2], rows[1::2], strict=True):
+        assert row["status"] == status and error in row["error"]
+        assert without_time([after]) == without_time([{**good, "case": after["case"]}])
 
 
 def test_a_case_that_hangs_is_ended(run_cases):

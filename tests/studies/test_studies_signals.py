@@ -128,11 +128,11 @@ def test_a_case_that_has_no_signals_does_not_run_for_ever(opened):
     assert sweep.list_work(folder, prepared.plan, prepared.identity.plan_sha256) == ([0], {0})
 
 
-def test_worst_cases_run_again_with_their_signals(write_study, toy_fmus, tmp_path):
+def test_worst_cases_run_again_with_their_signals(write_study, toy_fmus, address, tmp_path):
     from ps_fmu.studies.sweep import prepare
 
     study = write_study(changes=signals('variables = ["toy.*"]\nworst = 2\ncases = [1]'))
-    options = SweepOptions(study, tmp_path / "out", workers=1, fmus=toy_fmus, progress=False)
+    options = SweepOptions(study, tmp_path / "out", scheduler=address, fmus=toy_fmus, progress=False)
     prepared = prepare(options)
     with hold(options.output) as folder:
         open_folder(folder, prepared.plan, prepared.identity, resume=False)
@@ -194,8 +194,7 @@ def test_a_full_disk_stops_the_study(opened):
     prepared, folder = opened(signals('variables = ["toy.error"]\ncases = [2]'))
     jobs = [(case, prepared.plan.values(case)) for case in range(4)]
     run_here(prepared, folder, [5], [])
-    (process,) = worker._IDLE[prepared.bundle.sha256, None]
-    resource.prlimit(process.pid, resource.RLIMIT_FSIZE, (70_000, resource.RLIM_INFINITY))
+    resource.prlimit(worker._OWN.process.pid, resource.RLIMIT_FSIZE, (70_000, resource.RLIM_INFINITY))
     with pytest.raises(OSError, match=r"the file size limit of this process is reached: .* MB needed"):
         run_batch(prepared.bundle, jobs, None, [2])
     assert RowStore(folder, prepared.identity.plan_sha256).list_missing(6) == [0, 1, 2, 3, 4]
