@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ..cosim import Column, UsageError
 from ..cosim.clock import count_steps
 from ..cosim.recording.recorder import METADATA_BYTES, STORAGE, find_chunk_rows
-from ..cosim.recording.selection import select_names
+from ..cosim.recording.thinner import select_names
 from ..cosim.structure import suggest_names
 from ..pointing.indices import PointingIndex
 from ..requirements.record import Windows

@@ -54,8 +54,7 @@ from fmpy.model_description import ModelDescription
 from ..cosim import SystemFileError, UsageError, Value
 from ..cosim.description import explain_unsettable, find_variable
 from ..cosim.documents import read_document
-from ..cosim.isolation.instance import Isolation
-from ..cosim.isolation.options import make_isolation
+from ..cosim.isolation.instance import Isolation, make_isolation
 from ..cosim.schemes.scheme import Iteration, Scheme, read_rate
 from ..cosim.ssp.reading import find_description
 from ..cosim.structure import COMPONENT_NAME, split_port
