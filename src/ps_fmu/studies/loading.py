@@ -18,7 +18,7 @@ from ..cosim.faults.reading import read_faults
 from ..cosim.graph import Wiring, check_wiring
 from ..cosim.schemes.resolving import resolve_scheme
 from ..cosim.signals import read_signals
-from ..cosim.ssp.single import complete_experiment, read_any_system
+from ..cosim.ssp.reading import complete_experiment, read_any_system
 from ..cosim.structure import Parameter, parse_port
 from ..product.files import find_product
 from ..runs.built_fmus import find_built_folder, is_own, list_models, provide_fmus
