@@ -15,7 +15,7 @@ from ..cosim import Value
 from ..cosim.isolation.instance import Isolation
 from ..cosim.schemes.scheme import Scheme
 from ..results.summary import versions
-from ..slavekit.pack import zip_writer
+from ..slavekit.pack.files import compute_digest
 from .study import Observed
 
 RESULT_PACKAGES = ("python", "ps_fmu", "numpy", "scipy", "fmpy", "pythonfmu")
@@ -114,4 +114,4 @@ class Bundle:
 
 def _digest(files: Mapping[str, bytes]) -> str:
     named = {PurePosixPath(name): hashlib.sha256(content).digest() for name, content in files.items()}
-    return zip_writer.compute_digest(named).hex()
+    return compute_digest(named).hex()

@@ -244,7 +244,7 @@ class Slave(Stepper):
     # --- Description --------------------------------------------------------------------
 
     def to_xml(self, model_options: dict[str, str] | None = None) -> Element:
-        """The complete ``fmiModelDescription``, see :mod:`.model_description`; the options are its own."""
-        from .model_description import model_description
+        """The complete ``fmiModelDescription``, see :mod:`.description`; the options are its own."""
+        from .description import model_description
 
         return model_description(self, super().to_xml)
