@@ -15,9 +15,9 @@ import pytest
 
 from ps_fmu.actuators.driver_noise import WhiteNoise
 from ps_fmu.disturbance.gaussian import GaussianNoise
-from ps_fmu.disturbance.kinds.wheels import WheelSource
 from ps_fmu.disturbance.sample_table import SampleTable
-from ps_fmu.disturbance.speed import SpeedProfile
+from ps_fmu.disturbance.turning import SpeedProfile
+from ps_fmu.disturbance.wheels import WheelSource
 from ps_fmu.mechanism.parameters import load
 from ps_fmu.mechanism.quantities import replace_values
 from ps_fmu.native import NotCompiledError

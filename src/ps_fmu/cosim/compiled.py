@@ -88,7 +88,7 @@ class StepLoop(Protocol):
         """
 
     def count_rows(self) -> int:
-        """Complete rows of the block now, for another thread to ask while the loop runs; rather too few than more."""
+        """Complete rows of the block now, also while the loop runs; rather too few than more."""
 
 
 def check_library() -> None:
@@ -140,7 +140,7 @@ class CompiledLoop:
         try:
             self._run(self._rows.block[first:], times, interrupted)
         finally:
-            done, loop.rows_done = loop.rows_done, 0  # whoever counts rows meanwhile counts too few
+            done, loop.rows_done = loop.rows_done, 0
             self._rows.filled = first + done
 
     def run_range(self, number: int, time: float) -> None:

@@ -9,12 +9,14 @@ from __future__ import annotations
 import ctypes
 import logging
 import os
+import signal
 import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from ctypes import POINTER, Structure, c_char_p, c_double, c_int, c_void_p
 from functools import cache
+from types import FrameType
 
 from ..native import find_compiled, load
 from .errors import CosimError
@@ -194,3 +196,34 @@ class NamedSteps:
         """Steps at these times, by the address of the first [s]."""
         self.place.times = times
         return NamedCall(self.place)
+
+
+# ---- Ctrl-C ---------------------------------------------------------------------------------------------------------
+
+
+@contextmanager
+def note_interrupts() -> Iterator[c_int]:
+    """A number that is zero until SIGINT arrives; the loop in C can read it, too.
+
+    A second SIGINT acts at once, by the handler from before, for an FMU in Python, or in a process of its own, that
+    hangs.  Nothing is changed outside of the main thread, where Python takes no signals, and where SIGINT is ignored.
+    """
+    noted = c_int()
+    previous = signal.getsignal(signal.SIGINT)
+    main = threading.current_thread() is threading.main_thread()
+    if not main or previous in (None, signal.SIG_IGN):
+        yield noted
+        return
+
+    def note(number: int, frame: FrameType | None) -> None:
+        if noted:
+            signal.signal(signal.SIGINT, previous)
+            if callable(previous):
+                previous(number, frame)
+        noted.value = number
+
+    signal.signal(signal.SIGINT, note)
+    try:
+        yield noted
+    finally:
+        signal.signal(signal.SIGINT, previous)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import os
+from collections.abc import Collection
 from pathlib import Path
 from typing import Any
 
@@ -71,3 +72,46 @@ def _explain(folder: Path) -> str:
     if not hasattr(os, "statvfs") or not os.statvfs(folder).f_flag & os.ST_NOEXEC:
         return ""
     return f". {folder.parent} is on a file system without execution (noexec): set TMPDIR to a folder on another one"
+
+
+# ---- the library of pythonfmu ---------------------------------------------------------------------------------------
+
+
+MODULE_FILE = "resources/slavemodule.txt"
+
+
+def find_missing(module_file: bytes | None, files: Collection[str]) -> str | None:
+    """What an FMU lacks that the library takes for granted: it crashes in fmi2Instantiate; None if nothing.
+
+    Parameters
+    ----------
+    module_file: content of MODULE_FILE, None if it is not there
+    files: names of all files of the FMU
+    """
+    if module_file is None:
+        return f"there is no {MODULE_FILE}, which names the module of the slave"
+    module = module_file.partition(b"\n")[0].decode(errors="backslashreplace")
+    script = f"resources/{module}.py"
+    return None if script in files else f"there is no {script!r}, the module of the slave by {MODULE_FILE}"
+
+
+def is_pythonfmu(library: ctypes.CDLL) -> bool:
+    """Is this pythonfmu's library, loaded without a launcher in front of it?"""
+    return hasattr(library, "finalizePythonInterpreter")
+
+
+def find_missing_in(folder: Path) -> str | None:
+    """As :func:`find_missing`, of an FMU that is unpacked in ``folder``."""
+    file = folder / MODULE_FILE
+    files = {path.relative_to(folder).as_posix() for path in (folder / "resources").glob("*.py")}
+    return find_missing(file.read_bytes() if file.is_file() else None, files)
+
+
+def release_once(library: ctypes.CDLL) -> None:
+    """Before the process ends, have the library drop its interpreter state; nothing for libraries of other makers.
+
+    It does so twice otherwise, in a static pointer's destructor and in its own, and the second time writes to freed
+    memory: "corrupted double-linked list" in one of some ten runs.  The library exports this call for that purpose.
+    """
+    if is_pythonfmu(library):
+        library.finalizePythonInterpreter()

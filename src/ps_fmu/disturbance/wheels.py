@@ -28,16 +28,15 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ...mechanism.parameters import Parameters
-from ...mechanism.quantities import Array, Complex, ParameterError, quantity
-from ...numerics import library
-from ...numerics.calls import Calls, Progress, WheelRows
-from ...numerics.library import find_address
-from ...numerics.normal import Stream, make_key
-from ..kind import Kind, SharedSettings, Source, explain_folding
-from ..multiples import Products, plan_products
-from ..smooth import ramp
-from ..speed import Speed, SpeedProfile, SpeedTable
+from ..mechanism.parameters import Parameters
+from ..mechanism.quantities import Array, Complex, ParameterError, quantity
+from ..numerics import library
+from ..numerics.calls import Calls, Progress, WheelRows
+from ..numerics.library import find_address
+from ..numerics.normal import Stream, make_key
+from .kind import Kind, SharedSettings, Source, explain_folding
+from .spectrum import ramp
+from .turning import Products, Speed, SpeedProfile, SpeedTable, plan_products
 
 _ROWS = 1024  # computed by a call: 25 us
 
@@ -260,7 +259,6 @@ class WheelSettings(Kind):
     """A reaction wheel: where it is and how its speed goes."""
 
     name: ClassVar[str] = "wheels"
-    place: ClassVar[int] = 20
 
     enabled: bool = quantity("", "Wheel on")
     scale: float = quantity("1", "Factor on the wheel's force and torque", at_least=0.0)

@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from ...mechanism.parameters import Noise, Parameters
-from ...mechanism.quantities import ParameterError, quantity
-from ..gaussian import GaussianNoise
-from ..kind import Kind, SharedSettings, Source
-from ..multisine import Multisine
-from ..spectrum import HIGHEST, psd_at_origin
+from ..mechanism.parameters import Noise, Parameters
+from ..mechanism.quantities import ParameterError, quantity
+from .gaussian import GaussianNoise
+from .kind import Kind, SharedSettings, Source
+from .multisine import Multisine
+from .spectrum import HIGHEST, psd_at_origin
 
 
 @dataclass(frozen=True, eq=False)
@@ -18,7 +18,6 @@ class NoiseSettings(Noise, Kind):
     """Band-limited white noise and how it is made."""
 
     name: ClassVar[str] = "noise"
-    place: ClassVar[int] = 10
 
     enabled: bool = quantity("", "Noise on")
     multisine: bool = quantity("", "True: deterministic lines of fixed amplitude; false: Gaussian, endless")
