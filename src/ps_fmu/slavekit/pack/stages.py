@@ -1,4 +1,4 @@
-"""Processes that run an FMU and report the stages of its life: a crash ends only such a process.
+"""Processes that run an FMU and report the stages of its life: a crash, or an exit, ends only such a process.
 
 They write a line ``["stage", problem]`` into a file: the problem is null when a stage begins, "" when it ended well.
 """
@@ -11,16 +11,41 @@ import os
 import signal
 import subprocess
 import sys
+import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from . import trial
+from .errors import BuildError
+
 TIME_LIMIT = 120.0  # s
-_TAIL = 12  # different lines of output that a failure repeats
+_TAIL = 40  # different lines of output that a failure repeats
 _MOST_OUTPUT = 1_000_000  # bytes of output that are read
 END = "end of the process"
 """The last stage; a process that ends in another one was ended by the FMU."""
 StageResult = tuple[str, str]
 """A stage and its problem; "" if it went well."""
+
+
+class StateError(BuildError):
+    """The FMU runs, but its states are not what it claims."""
+
+
+def check_trial(fmu: Path) -> None:
+    """A short life of an FMU that was just built, by itself.  Raises StateError if only states fail, or BuildError."""
+    for stage, problem in live_in_fmpy(fmu, "brief"):
+        if problem and stage in trial.STATES:
+            raise StateError(" ".join(problem.splitlines()[0].split()))
+        if problem:
+            raise BuildError(f"{fmu.name} does not run by itself: {problem}")
+
+
+def live_in_fmpy(fmu: Path, kind: str) -> list[StageResult]:
+    """The stages of a life of this kind, see :mod:`.trial`; the first failure is the last stage."""
+    with tempfile.TemporaryDirectory(prefix="fmu_life_") as folder:
+        report = Path(folder, "report")
+        command = [sys.executable, "-I", "-B", trial.__file__, kind, str(fmu.resolve()), folder, str(report)]
+        return watch_stages(command, report)
 
 
 def watch_stages(
@@ -39,14 +64,9 @@ def watch_stages(
     output = report.with_suffix(".output")
     with output.open("wb") as file:
         process = subprocess.Popen(
-            command,
-            stdin=subprocess.DEVNULL,
-            stdout=file,
-            stderr=file,
-            cwd=report.parent,
-            env=environment,
+            command, stdin=subprocess.DEVNULL, stdout=file, stderr=file, cwd=report.parent, env=environment,
             start_new_session=True,
-        )
+        )  # fmt: skip
         try:
             code: int | None = process.wait(limit)
         except subprocess.TimeoutExpired:
