@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.signal import lfilter
-from support.cosim import Collect
+from support.cosim import simulate
 
 from ps_fmu.actuators.voice_coil import Coils
 from ps_fmu.cosim import Master, System, read_parameters, read_system
@@ -14,15 +14,6 @@ from ps_fmu.mechanism.parameters import load
 ROOT = Path(__file__).parents[2]
 SSD = ROOT / "system" / "VoiceCoils.ssd"
 STEP = 1e-4  # s
-
-
-def simulate(system: System, start: dict, duration: float) -> dict[str, np.ndarray]:
-    """All columns of a run, by name."""
-    collect = Collect()
-    with Master(system.with_parameters(start) if start else system, STEP) as master:
-        master.initialise()
-        master.run(duration, [collect])
-        return {column.name: values for column, values in zip(master.columns, collect.values.T, strict=True)}
 
 
 @pytest.fixture(scope="module")
@@ -41,9 +32,9 @@ def test_the_wiring_fits_the_fmus(coils):
 def test_ideal_coils_are_a_delay_of_one_step(coils, built_fmus):
     """The default system with one step of delay in its isolator."""
     ideal = dict(read_parameters(ROOT / "system" / "parameters" / "coils_ideal.ssv"))
-    found = simulate(coils, ideal, 0.2)
+    found = simulate(coils.with_parameters(ideal), STEP, 0.2)
     default = read_system(ROOT / "system" / "SystemStructure.ssd", built_fmus)
-    expected = simulate(default, {"isolator.delay": STEP}, 0.2)
+    expected = simulate(default.with_parameters({"isolator.delay": STEP}), STEP, 0.2)
     for name in [f"plant.payload_rotation.{axis}" for axis in "xyz"]:
         size = np.abs(expected[name]).max()
         np.testing.assert_allclose(found[name], expected[name], rtol=0.0, atol=1e-9 * size)
@@ -54,7 +45,7 @@ def test_ideal_coils_are_a_delay_of_one_step(coils, built_fmus):
 
 def test_default_coils_follow_the_isolator(coils):
     """The demand through the pole of the current loop, and what resolution and noise add to it."""
-    found, driver = simulate(coils, {}, 1.0), Coils.from_parameters(load()).driver
+    found, driver = simulate(coils, STEP, 1.0), Coils.from_parameters(load()).driver
     pole = np.exp(-2.0 * np.pi * driver.bandwidth * STEP)
     variance = driver.current_resolution**2 / 12.0 + driver.noise**2 / (2.0 * STEP)  # A2
     for i in (1, 2, 3):
@@ -71,14 +62,8 @@ def test_default_coils_follow_the_isolator(coils):
 def test_a_payload_that_is_pushed_meets_the_stops(coils):
     """A wrench on the payload for 30 ms: the stops hold the legs, take energy, and the motion dies down."""
     quiet = {"disturbance.noise.enabled": False, "isolator.enabled": False}
-    collect = Collect()
-    with Master(
-        coils.with_parameters(quiet | {"plant.payload_force.x": 200.0, "plant.payload_force.z": 400.0}), STEP
-    ) as master:
-        master.initialise()
-        master.run(1.0, [collect], events=[(0.03, f"plant.payload_force.{axis}", 0.0) for axis in "xz"])
-        names = [column.name for column in master.columns]
-    found = dict(zip(names, collect.values.T, strict=True))
+    pushed = coils.with_parameters(quiet | {"plant.payload_force.x": 200.0, "plant.payload_force.z": 400.0})
+    found = simulate(pushed, STEP, 1.0, events=[(0.03, f"plant.payload_force.{axis}", 0.0) for axis in "xz"])
     displacement = np.abs([found[f"plant.fine_displacement_{i}"] for i in (1, 2, 3)]).max(axis=0)
     assert found["coils.contacts"][-1] >= 2.0
     assert (np.diff(found["coils.contacts"]) >= 0.0).all()
