@@ -30,8 +30,8 @@ from ps_fmu.cosim.isolation.instance import Isolation
 from ps_fmu.cosim.schemes.scheme import Rate
 from ps_fmu.runs.cases import Bounds
 from ps_fmu.runs.index_record import IndexRecord
-from ps_fmu.runs.jitter_record import JITTER_SIGNALS, JitterRecord
 from ps_fmu.runs.keeping import SHARE
+from ps_fmu.scenarios.jitter_record import JITTER_SIGNALS, JitterRecord
 
 STEPS = 5000
 STORAGE_STEP = 1e-3  # s

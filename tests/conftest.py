@@ -25,7 +25,7 @@ HEAD = (
 
 FOLDERS_AT_ONCE = ("docs", "host", "paper", "slavekit")
 """One process runs all of such a folder, and makes its session fixtures once; these come first, for they are long."""
-ORDER = {name: place for place, name in enumerate((*FOLDERS_AT_ONCE, "studies", "trades", "fmus", "runs"))}
+ORDER = {name: place for place, name in enumerate((*FOLDERS_AT_ONCE, "studies", "trades", "fmus", "scenarios", "runs"))}
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

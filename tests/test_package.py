@@ -34,9 +34,13 @@ MAY_IMPORT = {
         *PHYSICS, "theory", "interface", "cosim", "pointing", "reduction", "results", "requirements", "slavekit",
         "product",
     },
+    "scenarios": {
+        *PHYSICS, "theory", "interface", "cosim", "pointing", "results", "requirements", "runs",
+    },
     "analyses": {"cosim", "results", "runs", "slavekit", "product"},
     "paper": {
-        *PHYSICS, "theory", "interface", "cosim", "pointing", "results", "runs", "slavekit", "product", "analyses",
+        *PHYSICS, "theory", "interface", "cosim", "pointing", "results", "runs", "scenarios", "slavekit", "product",
+        "analyses",
     },
     "studies": {
         *PHYSICS, "theory", "interface", "cosim", "pointing", "results", "requirements", "runs", "slavekit", "product"

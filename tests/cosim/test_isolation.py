@@ -96,7 +96,7 @@ def test_states_of_any_size_go_through_the_pipe(tmp_path, make_system):
     with Master(system, H, isolation=Isolation()) as master:
         master.initialise()
         master.run(2 * H)
-        instance = master._instances["good"]
+        instance = master.instances["good"]
         state = instance.write_state()
         master.run(H)
         with pytest.raises(SlaveError, match="good: fmi2DeSerializeFMUstate returned fmi2Error"):

@@ -18,7 +18,7 @@ from ps_fmu.paper.figures.fig08_11.analysis import analyse, findings
 from ps_fmu.paper.figures.fig08_11.measured import SETUPS, Setup, compute_curves
 from ps_fmu.paper.figures.table2.closed_form import ORIENTATIONS
 from ps_fmu.pointing.response import Response
-from ps_fmu.runs.shaking import Shaking, measure
+from ps_fmu.scenarios.shaking import Shaking, measure
 from ps_fmu.theory.transmissibility import from_base
 
 SYSTEM = Path(__file__).parents[2] / "system" / "SystemStructure.ssd"

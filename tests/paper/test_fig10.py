@@ -13,7 +13,7 @@ from ps_fmu.paper.figures import fig10
 from ps_fmu.paper.figures.fig10.analysis import analyse
 from ps_fmu.paper.figures.fig10.results import judge
 from ps_fmu.paper.published import published_numbers
-from ps_fmu.runs.shaking import Shaking
+from ps_fmu.scenarios.shaking import Shaking
 
 SYSTEM = Path(__file__).parents[2] / "system" / "SystemStructure.ssd"
 STEP = 1e-3  # s

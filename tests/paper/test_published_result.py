@@ -35,7 +35,7 @@ from ps_fmu.paper.figures.table2.results import nominal_densities
 from ps_fmu.paper.published import published_numbers
 from ps_fmu.results.report import Picture
 from ps_fmu.results.tables import Table
-from ps_fmu.runs.shaking import Shaking
+from ps_fmu.scenarios.shaking import Shaking
 from ps_fmu.theory.transmissibility import singular_values_db
 
 PARTS = tuple(overview.FIGURES)

@@ -11,10 +11,10 @@ from ps_fmu.cosim.ssp.xml_parts import start_values_xml
 from ps_fmu.cosim.structure import Parameter
 from ps_fmu.interface.agreement import APART
 from ps_fmu.runs.cases import Case, run_case
-from ps_fmu.runs.jitter_record import JitterRecord
 from ps_fmu.runs.mismatch import list_mismatches
 from ps_fmu.runs.options import RunOptions
 from ps_fmu.runs.setup import load_system
+from ps_fmu.scenarios.jitter_record import JitterRecord
 
 SYSTEM = Path(__file__).parents[2] / "system"
 SHIPPED = sorted((SYSTEM / "parameters").glob("*.ssv"))

@@ -9,9 +9,9 @@ import pytest
 from ps_fmu.cosim import SlaveError, SystemFileError, UsageError
 from ps_fmu.cosim.master import BLOCK_ROWS
 from ps_fmu.runs.cases import Case, run_case
-from ps_fmu.runs.jitter_record import ROTATION, JitterRecord
 from ps_fmu.runs.options import RunOptions
 from ps_fmu.runs.setup import load_system
+from ps_fmu.scenarios.jitter_record import ROTATION, JitterRecord
 
 TARGET = "commander.target.roll"
 

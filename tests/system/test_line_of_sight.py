@@ -17,10 +17,10 @@ from ps_fmu.mechanism.linear_model import Plant
 from ps_fmu.results.observers.sampler import SampleObserver
 from ps_fmu.runs.execute import run_scenario
 from ps_fmu.runs.options import OptionError, RunOptions
-from ps_fmu.runs.pointing import scenario
-from ps_fmu.runs.pointing.loop import build_loop, make_shaking, measure_loop
 from ps_fmu.runs.scenario import SCENARIOS
 from ps_fmu.runs.setup import load_system
+from ps_fmu.scenarios import pointing as scenario
+from ps_fmu.scenarios.pointing_loop import build_loop, make_shaking, measure_loop
 from ps_fmu.theory.line_of_sight_design import find_margins
 from ps_fmu.theory.state_space import plant_system
 

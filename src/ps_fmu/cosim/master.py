@@ -23,7 +23,7 @@ from .description import check_value, find_variable, read_descriptions
 from .errors import CosimError, SlaveEnded, UsageError
 from .events import Event, Progress, Schedule, make_schedule, time_progress
 from .faults.active import make_faults
-from .faults.event import FaultFile
+from .faults.reading import FaultFile
 from .fmu_instance import InstancePhase
 from .graph import KnownVariables, OpenInput, check_wiring
 from .guard import NumberGuard, keep_rows

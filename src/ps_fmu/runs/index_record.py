@@ -29,10 +29,11 @@ from ..requirements.decision import quantile_of_record
 from ..requirements.distribution import Distribution
 from ..results.observers.kept import State, check_array
 from ..results.observers.observer import ColumnObserver, NamedColumn
-from .jitter_record import IMAGE_POINT, ROTATION
 
 Array = NDArray[np.float64]
 
+ROTATION = tuple(f"plant.payload_rotation.{axis}" for axis in "xyz")
+IMAGE_POINT = ("plant.los.x", "plant.los.y")
 VECTORS = {"payload_rotation": ("axis", ROTATION), "los": ("axis_xy", IMAGE_POINT)}
 """Short name -> dimension of its components, names of these."""
 SIGNALS = tuple(name for _, names in VECTORS.values() for name in names)

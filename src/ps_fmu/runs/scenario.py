@@ -45,7 +45,7 @@ SCENARIOS: Mapping[str, Scenario] = {
         Scenario(
             "isolation",
             "what the isolator does at one orientation: passive, then active",
-            "ps_fmu.runs.isolation",
+            "ps_fmu.scenarios.isolation",
             duration_s=20.0,
             alone=True,
             storage_step_s=1e-3,
@@ -53,7 +53,7 @@ SCENARIOS: Mapping[str, Scenario] = {
         Scenario(
             "pointing",
             "a slew to an inertial direction with the line-of-sight loop, off, then on",
-            "ps_fmu.runs.pointing.scenario",
+            "ps_fmu.scenarios.pointing",
             duration_s=90.0,
             system="LineOfSight.ssd",
             alone=True,
@@ -61,14 +61,14 @@ SCENARIOS: Mapping[str, Scenario] = {
         Scenario(
             "slew",
             "a slew without disturbance, the isolator off, then on",
-            "ps_fmu.runs.slew_scenario",
+            "ps_fmu.scenarios.slew",
             duration_s=100.0,  # the profile, then at least 60 s to settle
             alone=True,
         ),
         Scenario(
             "wheels",
             "reaction wheels run up, passive then active: waterfall and worst crossing",
-            "ps_fmu.runs.wheels.scenario",
+            "ps_fmu.scenarios.wheels",
             duration_s=120.0,
             alone=True,
         ),

@@ -11,8 +11,7 @@ from ..cosim import System, UsageError, Value, read_parameters, read_system
 from ..cosim.clock import StepClock
 from ..cosim.description import convert_value, find_variable, get_unit, index_variables, read_descriptions, read_start
 from ..cosim.faults.active import make_faults
-from ..cosim.faults.event import FaultFile
-from ..cosim.faults.reading import read_faults
+from ..cosim.faults.reading import FaultFile, read_faults
 from ..cosim.recording.selection import select_names
 from ..cosim.rows import Column, make_layout
 from ..cosim.schemes.scheme import make_scheme

@@ -49,7 +49,7 @@ from ..cosim.structure import COMPONENT_NAME
 from ..cosim.xmlfile import MAXIMUM_BYTES, read_bytes
 from ..pointing.index import PointingIndex
 from ..product.files import find_file, find_product
-from ..requirements.reading import INDICES
+from ..requirements.requirement import INDICES
 from .signals import read_signals
 from .study import (
     COMMON,

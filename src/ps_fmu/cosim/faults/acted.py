@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass
 
 from ..clock import StepClock
 from .binding import Fault
-from .event import BIAS, DELAY, DROPOUT, FREEZE, NOISE, OVERRIDE, SCALE
+from .reading import BIAS, DELAY, DROPOUT, FREEZE, NOISE, OVERRIDE, SCALE
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ from . import effects
 from .acted import ActedFault, identify, list_acted
 from .binding import BoundFaults, Fault, bind_faults
 from .effects import Effect, EffectGroup
-from .event import BIAS, DELAY, DROPOUT, NOISE, OVERRIDE, SCALE, FaultFile
+from .reading import BIAS, DELAY, DROPOUT, NOISE, OVERRIDE, SCALE, FaultFile
 from .samples import Samples
 
 Memories = list[tuple[Effect, Array]]

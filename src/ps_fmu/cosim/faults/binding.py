@@ -15,7 +15,7 @@ from ..description import convert_value, explain_unsettable, find_variable, get_
 from ..errors import SystemFileError, UsageError
 from ..hops import list_items
 from ..structure import PortName, System, suggest_names
-from .event import BIAS, DELAY, DROPOUT, FREEZE, NOISE, OVERRIDE, RESET, SCALE, FaultEvent, FaultFile
+from .reading import BIAS, DELAY, DROPOUT, FREEZE, NOISE, OVERRIDE, RESET, SCALE, FaultEvent, FaultFile
 
 LONGEST_DELAY = 10_000_000
 """Steps: each input that sees it keeps so many numbers."""
@@ -157,7 +157,7 @@ class _Binder:
             self._types[port] = kind
         if not inputs:
             self._remarks.append(
-                f"{self._file.path}, line {event.line}: {event.key}: no connection leads from the output {signal}: "
+                f"{self._file.path}: {event.key}: no connection leads from the output {signal}: "
                 f"nothing sees its fault"
             )
 

@@ -24,12 +24,12 @@ from ....mechanism.parameters import Array, load
 from ....results.report import Picture, draw_pictures
 from ....results.tables import Table
 from ....runs.cases import Case, run_case
-from ....runs.comparison import TARGET
-from ....runs.jitter_record import ORIENTATION, REACHABLE
 from ....runs.options import OptionError, RunOptions
 from ....runs.publish import Findings
 from ....runs.run import Run
 from ....runs.setup import RunSystem
+from ....scenarios.comparison import TARGET
+from ....scenarios.jitter_record import ORIENTATION, REACHABLE
 from ...cosimulation import SampleRecord
 from .plots import draw_path, explore_paths
 from .results import (

@@ -15,7 +15,7 @@ from ....results.report import draw_pictures
 from ....results.tables import Table
 from ....runs.run import Run
 from ....runs.scenario import Scenario
-from ....runs.shaking import Shaking
+from ....scenarios.shaking import Shaking
 from ....theory.margins import Margins
 from ...bus_cases import CASES, SUSPENSION
 from ...cosimulation import hold_run

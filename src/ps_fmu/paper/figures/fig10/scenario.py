@@ -20,11 +20,11 @@ from ....mechanism.parameters import Array
 from ....results.report import Picture, draw_pictures
 from ....results.tables import Table, format_number
 from ....runs.cases import Case, run_case
-from ....runs.jitter_record import ORIENTATION, ROTATION
 from ....runs.options import OptionError, RunOptions
 from ....runs.publish import Findings
 from ....runs.run import Run
 from ....runs.setup import NOISE, RECORDING_PATH, RunSystem
+from ....scenarios.jitter_record import ORIENTATION, ROTATION
 from ....theory.loop import Loop, loop_of
 from ...bus_cases import CASES, case_start_values
 from ...cosimulation import SampleRecord

@@ -10,7 +10,7 @@ from scipy.integrate import cumulative_trapezoid
 from ....disturbance import multisine_lines, psd_at_origin
 from ....mechanism.parameters import Array, Parameters
 from ....pointing.rejection import rejection_percent
-from ....runs.comparison import Comparison
+from ....scenarios.comparison import Comparison
 from ....theory.jitter import Jitter, jitter, jitter_density, jitter_of_lines
 from ....theory.loop import loop_at
 from .closed_form import LOOP_DELAY, ORIENTATIONS, closed_form

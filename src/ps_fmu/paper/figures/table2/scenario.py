@@ -21,7 +21,10 @@ from ....mechanism.parameters import Array
 from ....results import plots
 from ....results.report import Picture
 from ....results.tables import Table, format_number
-from ....runs.comparison import (
+from ....runs.publish import Findings
+from ....runs.run import Run
+from ....runs.setup import MULTISINE, RunSystem
+from ....scenarios.comparison import (
     CASES,
     HEADER,
     Comparison,
@@ -30,10 +33,7 @@ from ....runs.comparison import (
     explain_refusal,
     make_rows,
 )
-from ....runs.exploration import explore_comparisons
-from ....runs.publish import Findings
-from ....runs.run import Run
-from ....runs.setup import MULTISINE, RunSystem
+from ....scenarios.exploration import explore_comparisons
 from ...published import published_numbers
 from .closed_form import ORIENTATIONS, published_value, rejection, second_axis_text
 

@@ -12,11 +12,15 @@ from pathlib import Path
 
 import numpy as np
 
-from ...cosim import Value
-from ...results.report import Picture
-from ...results.tables import Table, format_tables
-from ...results.waterfall import Waterfall, draw_waterfall
-from ..comparison import (
+from ..cosim import Value
+from ..results.report import Picture
+from ..results.tables import Table, format_tables
+from ..results.waterfall import Waterfall, draw_waterfall
+from ..runs.options import OptionError, RunOptions
+from ..runs.publish import Findings
+from ..runs.run import Run
+from ..runs.setup import NOISE, RunSystem
+from .comparison import (
     CASES,
     HEADER,
     Comparison,
@@ -29,13 +33,9 @@ from ..comparison import (
     read_target,
     run_cases,
 )
-from ..exploration import explore_comparison
-from ..options import OptionError, RunOptions
-from ..publish import Findings
-from ..run import Run
-from ..setup import NOISE, RunSystem
-from .crossings import Wheel, find_crossings, measure_crossings
-from .report import (
+from .exploration import explore_comparison
+from .wheel_crossings import Wheel, find_crossings, measure_crossings
+from .wheel_report import (
     CaseLines,
     describe_speed,
     describe_worst,
@@ -43,8 +43,8 @@ from .report import (
     make_waterfall,
     tabulate_crossings,
 )
-from .setup import build_loop, list_modes, make_response, read_wheels
-from .spectrogram import FEWEST_ROWS, make_spectrogram
+from .wheel_setup import build_loop, list_modes, make_response, read_wheels
+from .wheel_spectrogram import FEWEST_ROWS, make_spectrogram
 
 TOP_SPEED = 6000.0 * 2.0 * np.pi / 60.0  # rad/s
 BEYOND = 2.0  # times the highest mode: how far the waterfall goes; higher lines move the payload little

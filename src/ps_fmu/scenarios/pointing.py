@@ -12,20 +12,20 @@ from functools import partial
 import numpy as np
 from tqdm import tqdm
 
-from ...mechanism.quaternions import from_rotation_matrix, multiply
-from ...mechanism.rotations import rotation_matrix
-from ...results.tables import format_tables
-from ...theory.line_of_sight import PointingLoop
-from ..cases import Case, Outcome, run_case
-from ..comparison import TARGET, Orientation, describe_alone, explain_refusal, read_target, to_degrees
-from ..options import OptionError, RunOptions
-from ..publish import Findings
-from ..run import Run
-from ..setup import RunSystem
-from .exploration import explore_pointing
-from .loop import MeasuredLoop, build_loop, make_shaking, measure_loop, read_tracker
-from .record import NAMES, Plan, PointingRecord, RecordMaker
-from .report import CASES, Pointing, describe, draw_all, list_results, make_tables
+from ..mechanism.quaternions import from_rotation_matrix, multiply
+from ..mechanism.rotations import rotation_matrix
+from ..results.tables import format_tables
+from ..runs.cases import Case, Outcome, run_case
+from ..runs.options import OptionError, RunOptions
+from ..runs.publish import Findings
+from ..runs.run import Run
+from ..runs.setup import RunSystem
+from ..theory.line_of_sight import PointingLoop
+from .comparison import TARGET, Orientation, describe_alone, explain_refusal, read_target, to_degrees
+from .pointing_exploration import explore_pointing
+from .pointing_loop import MeasuredLoop, build_loop, make_shaking, measure_loop, read_tracker
+from .pointing_record import NAMES, Plan, PointingRecord, RecordMaker
+from .pointing_report import CASES, Pointing, describe, draw_all, list_results, make_tables
 
 DEFAULT_TARGET = (float(np.radians(8.5)), 0.0, 0.0)
 START_S = 1.0  # the target changes

@@ -7,14 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...disturbance.speed import RPM
-from ...mechanism.quantities import Array
-from ...results.style import engineering
-from ...results.tables import Table
-from ...results.waterfall import Line, Mark, Mode, Panel, Waterfall
-from ...theory.natural_modes import NaturalMode
-from .crossings import Crossing, Wheel
-from .spectrogram import ROWS, Spectrogram
+from ..disturbance.speed import RPM
+from ..mechanism.quantities import Array
+from ..results.style import engineering
+from ..results.tables import Table
+from ..results.waterfall import Line, Mark, Mode, Panel, Waterfall
+from ..theory.natural_modes import NaturalMode
+from .wheel_crossings import Crossing, Wheel
+from .wheel_spectrogram import ROWS, Spectrogram
 
 LISTED = 6  # crossings of each case in the table
 HEADER = (

@@ -6,10 +6,9 @@ import zlib
 import numpy as np
 import pytest
 
-from ps_fmu.requirements import pooled
-from ps_fmu.requirements.decision import state_of_counts
+from ps_fmu.requirements import decision
+from ps_fmu.requirements.decision import Pool, pack_distribution, state_of_counts
 from ps_fmu.requirements.distribution import Distribution, list_edges
-from ps_fmu.requirements.pooled import Pool, pack_distribution, pool
 
 LIMIT = 2e-6
 
@@ -23,6 +22,13 @@ def make_runs(count, spread=0.3, samples=2000, seed=0):
         found.append(Distribution(LIMIT, samples))
         found[-1].add(run)
     return found, values
+
+
+def pool(texts, limit):
+    found = Pool(limit, len(texts))
+    for text in texts:
+        found.add(text)
+    return found
 
 
 @pytest.mark.parametrize("probability", [0.001, 0.5, 0.95, 0.9973])
@@ -52,7 +58,7 @@ def test_the_unit_is_that_of_the_limit():
 
 def test_bounds_of_groups_of_runs_hold_as_often_as_those_of_runs(monkeypatch):
     """40 runs in 20 groups; the true quantile is that of many runs."""
-    monkeypatch.setattr(pooled, "MOST_GROUPS", 20)
+    monkeypatch.setattr(decision, "MOST_GROUPS", 20)
     truth = np.quantile(make_runs(20_000, samples=200, seed=99)[1], 0.9)
     held = 0
     for seed in range(60):

@@ -20,8 +20,8 @@ from ..mechanism.rotations import orientation_rate_map
 from ..requirements.verdict import Answer, count_answers
 from ..results.page.content import Verdict
 from ..results.tables import Table, format_number
+from ..runs.setup import RunSystem
 from .jitter_record import ORIENTATION
-from .setup import RunSystem
 from .slew_record import RELATIVE, SETTLE_S
 from .slew_report import CASES, Slews
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...mechanism.quantities import Array, Complex
+from ..mechanism.quantities import Array, Complex
 
 WINDOW_S = 0.4
 """Length of a segment: a line that moves by 6 Hz/s stays in its bin of 2.4 Hz."""

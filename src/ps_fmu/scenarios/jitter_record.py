@@ -18,12 +18,11 @@ from ..results.observers.observer import ColumnObserver, NamedColumn
 from ..results.observers.scatter import Scatter, ScatterObserver
 from ..results.observers.statistics import SignalStatistics, Statistics
 from ..results.observers.welch import Welch
+from ..runs.index_record import IMAGE_POINT, ROTATION
 
 Array = NDArray[np.float64]
 A = TypeVar("A", bound=ColumnObserver)
 
-ROTATION = tuple(f"plant.payload_rotation.{axis}" for axis in "xyz")
-IMAGE_POINT = ("plant.los.x", "plant.los.y")
 ORIENTATION = tuple(f"plant.orientation.{angle}" for angle in ("roll", "pitch", "yaw"))
 REACHABLE = "commander.reachable"
 SATURATED = "isolator.saturated"

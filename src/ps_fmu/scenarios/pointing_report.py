@@ -10,15 +10,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...mechanism.quantities import Array
-from ...results.report import Picture, draw_pictures
-from ...results.style import ACTIVE, AXES, PASSIVE, REFERENCE, draw, shade
-from ...results.tables import Table
-from ...sensors.line_of_sight import Tracker
-from ...theory.line_of_sight import PointingLoop, split
-from ...theory.line_of_sight_design import LEAST_GAIN_DB, LEAST_PHASE_DEG, AxisMargins, find_margins
-from .loop import MeasuredLoop
-from .record import PointingRecord
+from ..mechanism.quantities import Array
+from ..results.report import Picture, draw_pictures
+from ..results.style import ACTIVE, AXES, PASSIVE, REFERENCE, draw, shade
+from ..results.tables import Table
+from ..sensors.line_of_sight import Tracker
+from ..theory.line_of_sight import PointingLoop, split
+from ..theory.line_of_sight_design import LEAST_GAIN_DB, LEAST_PHASE_DEG, AxisMargins, find_margins
+from .pointing_loop import MeasuredLoop
+from .pointing_record import PointingRecord
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -218,7 +218,7 @@ def _draw_error(pointing: Pointing, shaded: Sequence[tuple[float, float]], path:
 
 
 def _shade(axes: Axes, record: PointingRecord) -> None:
-    from .record import LOCKED
+    from .pointing_record import LOCKED
 
     unlocked = record.of(LOCKED)[:, 0] < 0.5
     edges = np.flatnonzero(np.diff(unlocked.astype(int), prepend=0, append=0))

@@ -12,9 +12,9 @@ from ps_fmu.disturbance.speed import RPM, SpeedProfile, SpeedTable
 from ps_fmu.product.files import find_product
 from ps_fmu.runs.execute import run_scenario
 from ps_fmu.runs.options import OptionError
-from ps_fmu.runs.wheels.crossings import Wheel, find_crossings, measure_crossings
-from ps_fmu.runs.wheels.report import CaseLines, describe_speed, describe_worst, list_worst, make_waterfall
-from ps_fmu.runs.wheels.spectrogram import Spectrogram, make_spectrogram, measure_ellipse, track_line
+from ps_fmu.scenarios.wheel_crossings import Wheel, find_crossings, measure_crossings
+from ps_fmu.scenarios.wheel_report import CaseLines, describe_speed, describe_worst, list_worst, make_waterfall
+from ps_fmu.scenarios.wheel_spectrogram import Spectrogram, make_spectrogram, measure_ellipse, track_line
 from ps_fmu.theory.natural_modes import NaturalMode
 
 STEP, DURATION = 1e-3, 60.0  # s

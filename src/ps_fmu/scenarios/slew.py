@@ -10,12 +10,12 @@ from functools import partial
 
 from ..pointing.rejection import rejection_percent
 from ..results.tables import format_angles, format_tables
-from .cases import Case, run_case
+from ..runs.cases import Case, run_case
+from ..runs.options import OptionError
+from ..runs.publish import Findings
+from ..runs.run import Run
 from .comparison import TARGET, describe_alone, explain_refusal, read_target
 from .jitter_record import ROTATION
-from .options import OptionError
-from .publish import Findings
-from .run import Run
 from .slew_exploration import explore_slews
 from .slew_record import SLEW_SIGNALS, SlewRecord
 from .slew_report import CASES, Slews, describe_run, draw_slews, list_results, make_tables

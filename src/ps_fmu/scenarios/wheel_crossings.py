@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...disturbance.kinds.wheels import WheelSource
-from ...disturbance.speed import RPM, Speed
-from ...mechanism.quantities import Array, Complex
-from ...theory.natural_modes import NaturalMode
-from .spectrogram import PERIODS, WINDOW_S, measure_ellipse, track_line
+from ..disturbance.kinds.wheels import WheelSource
+from ..disturbance.speed import RPM, Speed
+from ..mechanism.quantities import Array, Complex
+from ..theory.natural_modes import NaturalMode
+from .wheel_spectrogram import PERIODS, WINDOW_S, measure_ellipse, track_line
 
 _GRID = 20_000  # times at which speeds are looked at for crossings
 _TURN = 2.0 * np.pi

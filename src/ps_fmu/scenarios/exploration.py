@@ -21,9 +21,9 @@ from ..results.page.content import Axis, Chart, ChartGroup, Cloud, CloudGroup, C
 from ..results.plots import shorten_name
 from ..results.style import engineering
 from ..results.tables import format_angles
+from ..runs.setup import RunSystem
 from .comparison import Comparison, caption_spectra
 from .jitter_record import ORIENTATION, ROTATION
-from .setup import RunSystem
 from .spectra_charts import AVERAGED, Spectrum, chart_spectra
 
 Array = NDArray[np.float64]

@@ -14,18 +14,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ...control.pointing import PointingLaw
-from ...cosim import System, Value
-from ...interface.parameter_sets import build_plant_and_isolator
-from ...mechanism.parameters import load
-from ...mechanism.quantities import Array, take_values
-from ...pointing.response import Response
-from ...sensors.line_of_sight import DEFAULT_TRACKER, Tracker
-from ...theory.line_of_sight import PointingLoop, Timing
-from ...theory.line_of_sight_design import AXES, AxisMargins, margins_of
-from ...theory.loop import loop_of
-from ..setup import RunSystem
-from ..shaking import Shaking, measure_response
+from ..control.pointing import PointingLaw
+from ..cosim import System, Value
+from ..interface.parameter_sets import build_plant_and_isolator
+from ..mechanism.parameters import load
+from ..mechanism.quantities import Array, take_values
+from ..pointing.response import Response
+from ..runs.setup import RunSystem
+from ..sensors.line_of_sight import DEFAULT_TRACKER, Tracker
+from ..theory.line_of_sight import PointingLoop, Timing
+from ..theory.line_of_sight_design import AXES, AxisMargins, margins_of
+from ..theory.loop import loop_of
+from .shaking import Shaking, measure_response
 
 SHAKEN, EYE = "shaken", "eye"
 BOTH = (EYE, "tracker")

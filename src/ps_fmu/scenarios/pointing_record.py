@@ -9,9 +9,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from ...cosim import Column
-from ...results.observers.sampler import SampleObserver
-from ...sensors.line_of_sight import line_of_sight_error
+from ..cosim import Column
+from ..results.observers.sampler import SampleObserver
+from ..sensors.line_of_sight import line_of_sight_error
 
 Array = NDArray[np.float64]
 Span = tuple[float, float]

@@ -6,15 +6,15 @@ from pathlib import Path
 
 import numpy as np
 
-from ...results.observers.envelope import Envelope
-from ...results.page.content import Axis, Chart, ChartGroup, Curve, Exploration
-from ..exploration import HOW_TO_ZOOM, show_mechanism
-from ..jitter_record import EXPLORED_BINS
-from ..setup import RunSystem
-from ..spectra_charts import chart_settled
-from .record import PointingRecord
-from .report import CASES as GROUPS
-from .report import Pointing
+from ..results.observers.envelope import Envelope
+from ..results.page.content import Axis, Chart, ChartGroup, Curve, Exploration
+from ..runs.setup import RunSystem
+from .exploration import HOW_TO_ZOOM, show_mechanism
+from .jitter_record import EXPLORED_BINS
+from .pointing_record import PointingRecord
+from .pointing_report import CASES as GROUPS
+from .pointing_report import Pointing
+from .spectra_charts import chart_settled
 
 CASES = (("loop off", "passive"), ("loop on", "active"))
 NAMES = ("distance from the target", "error x", "error y", "error z")

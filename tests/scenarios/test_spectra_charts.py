@@ -5,8 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from ps_fmu.runs.pointing import exploration as pointing
-from ps_fmu.runs.spectra_charts import FEWEST_ROWS, chart_settled
+from ps_fmu.scenarios import pointing_exploration as pointing
+from ps_fmu.scenarios.spectra_charts import FEWEST_ROWS, chart_settled
 
 STEP, LINE_HZ, AMPLITUDE = 0.01, 5.0, 1e-6
 NAMES = ("x", "y")

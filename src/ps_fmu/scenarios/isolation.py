@@ -5,6 +5,8 @@ from __future__ import annotations
 from functools import partial
 
 from ..results.tables import Table, format_angles
+from ..runs.publish import Findings
+from ..runs.run import Run
 from .comparison import (
     CASES,
     HEADER,
@@ -18,8 +20,6 @@ from .comparison import (
     run_cases,
 )
 from .exploration import explore_comparison
-from .publish import Findings
-from .run import Run
 
 
 def list_cases() -> tuple[str, ...]:

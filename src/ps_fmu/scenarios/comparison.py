@@ -17,12 +17,12 @@ from ..pointing.rejection import rejection_percent
 from ..results import plots
 from ..results.report import Picture
 from ..results.tables import Table, format_angles, format_number
-from .cases import Case, Outcome, run_case
-from .index_record import PROBABILITIES, WINDOW_S, IndexLog
+from ..runs.cases import Case, Outcome, run_case
+from ..runs.index_record import PROBABILITIES, WINDOW_S, IndexLog
+from ..runs.options import RunOptions
+from ..runs.publish import Findings
+from ..runs.setup import RunSystem
 from .jitter_record import JITTER_SIGNALS, JitterRecord
-from .options import RunOptions
-from .publish import Findings
-from .setup import RunSystem
 
 Array = NDArray[np.float64]
 Orientation: TypeAlias = tuple[float, float, float]

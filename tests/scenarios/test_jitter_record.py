@@ -3,7 +3,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from ps_fmu.runs.jitter_record import IMAGE_POINT, ORIENTATION, REACHABLE, ROTATION, SATURATED, JitterRecord
+from ps_fmu.scenarios.jitter_record import IMAGE_POINT, ORIENTATION, REACHABLE, ROTATION, SATURATED, JitterRecord
 
 
 @dataclass(frozen=True)

@@ -10,9 +10,9 @@ from ..cosim.recording.decimate import PASS_BAND
 from ..results.observers.envelope import Envelope
 from ..results.page.content import Axis, Chart, ChartGroup, Curve, Exploration
 from ..results.plots import shorten_name
+from ..runs.setup import RunSystem
 from .exploration import HOW_TO_ZOOM, show_mechanism
 from .jitter_record import ROTATION
-from .setup import RunSystem
 from .slew_report import CASES as GROUPS
 from .slew_report import Slews
 from .spectra_charts import FEWEST_ROWS, MOST_ROWS, chart_settled

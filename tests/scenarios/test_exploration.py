@@ -13,11 +13,11 @@ from support.reports import VERDICTS
 
 from ps_fmu.mechanism.parameters import load
 from ps_fmu.paper.figures.table2 import scenario as table2
-from ps_fmu.runs import isolation
 from ps_fmu.runs.execute import run_scenario
-from ps_fmu.runs.exploration import MOTION, read_geometry, read_motion, show_mechanism
 from ps_fmu.runs.publish import NotMetError
 from ps_fmu.runs.setup import load_system
+from ps_fmu.scenarios import isolation
+from ps_fmu.scenarios.exploration import MOTION, read_geometry, read_motion, show_mechanism
 
 LARGEST_BYTES = 5e6
 
@@ -135,7 +135,7 @@ def test_the_verdicts_of_a_scenario_head_its_report(make_options, monkeypatch):
 
 
 def test_motion_of_a_long_run_is_read_in_parts(tmp_path, monkeypatch):
-    monkeypatch.setattr("ps_fmu.runs.exploration.READ_ROWS", 7000)
+    monkeypatch.setattr("ps_fmu.scenarios.exploration.READ_ROWS", 7000)
     values = np.random.default_rng(2).normal(0.0, 1.0, (len(MOTION), 16_000))
     with netCDF4.Dataset(tmp_path / "results.nc", "w") as file:
         group = file.createGroup("run")

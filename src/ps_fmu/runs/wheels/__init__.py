@@ -1,1 +1,0 @@
-"""The scenario wheels: short-time spectra, crossings of harmonics and modes, and how they are shown."""

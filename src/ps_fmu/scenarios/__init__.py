@@ -1,0 +1,1 @@
+"""What is asked of a run: the scenarios of the product, what they record, compare and show."""
