@@ -47,7 +47,7 @@ _TABLE = (
     Analysis(
         "trajectories",
         "Fig 7 and Table 1 through commander and plant: errors along paths, the limits of the angles",
-        "ps_fmu.paper.figures.fig07.analysis:analyse",
+        "ps_fmu.paper.figures.fig07.report:analyse",
     ),
     Analysis(
         "transmissibility",
@@ -58,12 +58,12 @@ _TABLE = (
     Analysis(
         "stability",
         "Fig 10: the internal loop with delay, in the paper's reading and in that of its equation (48)",
-        "ps_fmu.paper.figures.fig10.analysis:analyse",
+        "ps_fmu.paper.figures.fig10.report:analyse",
     ),
     Analysis(
         "jitter",
         "Table 2 and Fig 9: RMS, rejection and image point, in closed form and co-simulated",
-        "ps_fmu.paper.figures.table2.analysis:analyse",
+        "ps_fmu.paper.figures.table2.report:analyse",
     ),
     Analysis(
         "paper",

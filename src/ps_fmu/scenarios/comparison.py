@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..cosim import UsageError, Value
-from ..pointing.rejection import rejection_percent
+from ..pointing.spectra import rejection_percent
 from ..results import plots
 from ..results.report import Picture
 from ..results.tables import Table, format_angles, format_number

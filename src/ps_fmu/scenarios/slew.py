@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from functools import partial
 
-from ..pointing.rejection import rejection_percent
+from ..pointing.spectra import rejection_percent
 from ..results.tables import format_angles, format_tables
 from ..runs.cases import Case, run_case
 from ..runs.options import OptionError

@@ -205,11 +205,6 @@ def step_table(found: Mapping[str, Agreement]) -> Table:
     return Table(caption, ("closed form", *_DEVIATIONS), rows)
 
 
-def entries(measured: Agreements) -> list[dict[str, object]]:
-    """For the JSON file."""
-    return [{"orientation_deg": s.rpy_deg, "case": s.case, "isolator": s.mode, **a.entry} for s, a in measured.items()]
-
-
 _DEVIATIONS = (
     "coherent lines", "lowest coherence", "value 1 (dB)", "2 (dB)", "3 (dB)", "phase 1 (deg)", "2 (deg)", "3 (deg)",
 )  # fmt: skip

@@ -12,7 +12,7 @@ from functools import cache
 import numpy as np
 
 from ....mechanism.parameters import Array, Parameters, load
-from ....pointing.rejection import rejection_percent
+from ....pointing.spectra import rejection_percent
 from ....theory.jitter import Jitter, jitter
 from ....theory.loop import loop_at
 from ...published import published_numbers

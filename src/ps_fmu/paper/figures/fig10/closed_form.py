@@ -10,7 +10,7 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from ....mechanism.parameters import Array
-from ....pointing.poles import rightmost
+from ....pointing.response import rightmost
 from ....theory.loop import Loop, delay_limit_by_bisection, loop_at
 from ....theory.margins import Margins, element_margins
 from ....theory.small_gain import largest_singular_value, nominal_loop_poles
@@ -70,6 +70,32 @@ class LoopVerdict:
     def rightmost(self) -> complex:
         """Pole farthest to the right of those of the fine legs' suspension, 2 to 20 Hz, rad/s."""
         return rightmost(self.poles, SUSPENSION)
+
+    @property
+    def entry(self) -> dict[str, object]:
+        """For the JSON file."""
+        return {
+            "largest_gain_db": self.wide.largest_gain_db,
+            "largest_gain_at_hz": self.wide.largest_gain_at,
+            "largest_gain_1_to_30_hz_db": self.margins.largest_gain_db,
+            "gain_crossings_hz": self.margins.gain_crossings,
+            "phase_crossings_hz": self.margins.phase_crossings,
+            "phase_margin_deg": self.margins.phase_margin,
+            "unstable_poles_of_open_loop": self.open_loop_poles,
+            "unstable_poles_about_minus_one": self.encirclements,
+            "unstable_poles": self.unstable_poles,
+            "rightmost_pole_rad_s": [self.rightmost.real, self.rightmost.imag],
+            "poles_rad_s": [[pole.real, pole.imag] for pole in self.poles if pole.imag >= 0.0],
+            "delay_limit_s": self.delay_limit,  # null: stable with any delay
+            "delay_limit_by_bisection_s": self.bisected,
+            "mobile_base_factor": self.mobile_base_factor,
+            "mobile_base_estimate": self.mobile_base_estimate,
+            "small_gain": self.small_gain.value,  # stability is certain below one
+            "small_gain_at_hz": self.small_gain.at,
+            "small_gain_by_bound": self.small_gain_bound.value,
+            "largest_sensitivity": self.sensitivity.value,
+            "largest_sensitivity_at_hz": self.sensitivity.at,
+        }
 
 
 @cache
