@@ -46,18 +46,15 @@ def paint_pictures(folder: Path, prefix: str, *figures: Figure) -> list[Picture]
 class AnalysisResult:
     """The result of an analysis."""
 
-    name: str
-    """Of the analysis and of its files."""
+    name: str  # of the analysis and of its files
     title: str
-    text: Sequence[str]
-    """Paragraphs: what was computed, by which equations, and what follows."""
+    text: Sequence[str]  # paragraphs: what was computed, by which equations, and what follows
     findings: Sequence[Finding] = ()
     tables: Sequence[Table] = ()
     pictures: Sequence[Picture] = ()
     parts: Sequence[AnalysisResult] = ()
     """Results that this one puts together, with files of their own beside; ``pictures`` has all of theirs."""
-    data: Mapping[str, object] = field(default_factory=dict)
-    """Further entries of the JSON file, in SI units."""
+    data: Mapping[str, object] = field(default_factory=dict)  # further entries of the JSON file, in SI units
 
     def all_tables(self) -> list[Table]:
         """The table of findings, if there are any, and the others."""

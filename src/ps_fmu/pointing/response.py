@@ -19,10 +19,8 @@ LEAST_SHARE = 1e-2  # of the largest mode in the band: what is smaller is what a
 class Response:
     """A frequency response, found from records."""
 
-    frequency: Array
-    """(n,), Hz."""
-    matrix: Complex
-    """(n, outputs, inputs)."""
+    frequency: Array  # (n,), Hz
+    matrix: Complex  # (n, outputs, inputs)
     coherence: Array
     """(n, outputs), multiple coherence: the share of an output's power that is a linear function of the inputs."""
 

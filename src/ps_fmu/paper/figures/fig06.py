@@ -31,22 +31,15 @@ class Reach:
     """How far the platform turns: angles in deg."""
 
     surface: workspace.Sample
-    limits: Array
-    """(3, 2), smallest and largest roll, pitch, yaw over the workspace."""
-    pure: Array
-    """(3, 2), the same with the other two angles at zero."""
-    cube: float
-    """Half the edge of the largest cube of roll, pitch and yaw."""
-    azimuth: Array
-    """(n,), direction in which the boresight tilts, from x towards y of B."""
-    tilt: Array
-    """(n,), largest tilt in that direction without twist."""
-    cone: float
-    """Half-angle of the largest cone of boresights without twist."""
+    limits: Array  # (3, 2), smallest and largest roll, pitch, yaw over the workspace
+    pure: Array  # (3, 2), the same with the other two angles at zero
+    cube: float  # half the edge of the largest cube of roll, pitch and yaw
+    azimuth: Array  # (n,), direction in which the boresight tilts, from x towards y of B
+    tilt: Array  # (n,), largest tilt in that direction without twist
+    cone: float  # half-angle of the largest cone of boresights without twist
     rim_azimuth: Array
     """(m,), the same along the closed rim of all boresights, each with the twist that lets it tilt farthest."""
-    rim_tilt: Array
-    """(m,), tilt of these boresights."""
+    rim_tilt: Array  # (m,), tilt of these boresights
 
     @property
     def cone_with_free_twist(self) -> float:

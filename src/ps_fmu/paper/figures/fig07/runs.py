@@ -81,20 +81,13 @@ class PathResult:
     method: str
     """A key of :data:`METHODS`."""
     outcome: Outcome
-    target: Array
-    """(n, 3)."""
-    response: Array
-    """(n, 3), at the end of each dwell."""
-    residual: Array
-    """(n,), m, largest fine displacement that the commander left."""
-    motion: Array
-    """(m, 3), response along the way."""
-    refused: NDArray[np.bool_]
-    """(n,), targets that the commander did not take."""
-    time: Array
-    """(m,), s, of ``motion``."""
-    held: Array
-    """(m, 3), target along the way."""
+    target: Array  # (n, 3)
+    response: Array  # (n, 3), at the end of each dwell
+    residual: Array  # (n,), m, largest fine displacement that the commander left
+    motion: Array  # (m, 3), response along the way
+    refused: NDArray[np.bool_]  # (n,), targets that the commander did not take
+    time: Array  # (m,), s, of ``motion``
+    held: Array  # (m, 3), target along the way
 
     @property
     def error(self) -> Array:

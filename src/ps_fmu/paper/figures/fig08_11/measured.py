@@ -34,14 +34,10 @@ SUSPENSION_BELOW = 20.0  # Hz: the resonance of the fine legs is the largest val
 class Curves:
     """Singular values over frequency, largest first, (n, 3), dB; m and rad count alike."""
 
-    frequency: Array
-    """(n,), Hz."""
-    theory: Array
-    """Passive, by (38): rigid legs and payload."""
-    passive: Array
-    """Of the practical plant."""
-    active: Array
-    """Of the practical plant with the isolator, without delay."""
+    frequency: Array  # (n,), Hz
+    theory: Array  # passive, by (38): rigid legs and payload
+    passive: Array  # of the practical plant
+    active: Array  # of the practical plant with the isolator, without delay
 
     @property
     def gain(self) -> Array:

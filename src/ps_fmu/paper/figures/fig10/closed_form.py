@@ -29,8 +29,7 @@ class Peak:
     """The largest value over frequency."""
 
     value: float
-    at: float
-    """Hz."""
+    at: float  # Hz
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,28 +42,19 @@ class LoopVerdict:
     """Of element (1, 1), read against -1 as the paper does, in :data:`BAND`."""
     wide: Margins
     """The same over :data:`WIDE`."""
-    open_loop_poles: int
-    """Poles of plant and isolator in the right half-plane."""
+    open_loop_poles: int  # poles of plant and isolator in the right half-plane
     encirclements: int
     """Poles in the right half-plane if the critical point were -1: what the paper's reading of the whole loop says."""
-    unstable_poles: int
-    """By the argument principle about +1: what equation (48) says."""
+    unstable_poles: int  # by the argument principle about +1: what equation (48) says
     poles: Complex
     """Of the closed loop, those to the right first, rad/s; see :meth:`.Loop.poles`."""
-    delay_limit: float
-    """s, infinite if stable with any delay."""
-    bisected: float
-    """The same by bisection of the number of unstable poles."""
-    mobile_base_factor: float
-    """v of (41)."""
-    mobile_base_estimate: float
-    """Its estimate (42)."""
-    small_gain: Peak
-    """sigma(T) |Delta| of (62) for the delay alone; stability is certain below one."""
-    small_gain_bound: Peak
-    """The same with the bound (64) for sigma(T)."""
-    sensitivity: Peak
-    """Largest singular value of S of the practical loop."""
+    delay_limit: float  # s, infinite if stable with any delay
+    bisected: float  # the same by bisection of the number of unstable poles
+    mobile_base_factor: float  # v of (41)
+    mobile_base_estimate: float  # its estimate (42)
+    small_gain: Peak  # sigma(T) |Delta| of (62) for the delay alone; stability is certain below one
+    small_gain_bound: Peak  # the same with the bound (64) for sigma(T)
+    sensitivity: Peak  # largest singular value of S of the practical loop
 
     @property
     def rightmost(self) -> complex:

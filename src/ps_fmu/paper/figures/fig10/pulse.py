@@ -46,14 +46,10 @@ class PulseResponse:
     delay_s: float
     enabled: bool
     outcome: Outcome
-    time: Array
-    """(n,), s."""
-    fine: Array
-    """(n, 3), m, displacements of the fine legs."""
-    rotation: Array
-    """(n, 3), rad, of the payload."""
-    loop: Loop
-    """Of the start values of the run, with the delay and the communication step that the exchange takes."""
+    time: Array  # (n,), s
+    fine: Array  # (n, 3), m, displacements of the fine legs
+    rotation: Array  # (n, 3), rad, of the payload
+    loop: Loop  # of the start values of the run, with the delay and the communication step that the exchange takes
 
     @property
     def free(self) -> NDArray[np.bool_]:

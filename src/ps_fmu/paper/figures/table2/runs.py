@@ -40,10 +40,8 @@ class Measurement:
 
     system: RunSystem
     comparisons: Mapping[str, Comparison]
-    start_s: float
-    """Start of the statistics."""
-    duration_s: float
-    """Their length."""
+    start_s: float  # start of the statistics
+    duration_s: float  # their length
 
     @property
     def period_s(self) -> float:
@@ -101,16 +99,11 @@ class OrientationResult:
     """One orientation.  Lists of two: passive, active."""
 
     name: str
-    theory: tuple[Jitter, Jitter]
-    """Closed form from the density, without the delay of the communication step."""
-    delayed: Jitter
-    """The active one with the delay."""
-    lines: tuple[Jitter, Jitter]
-    """Closed form for the lines that the disturbance has in the runs, with the delay."""
-    fitted_delay: float
-    """The delay, in steps, at which the closed form for the lines comes closest to the active runs."""
-    measured: Comparison
-    """As co-simulated."""
+    theory: tuple[Jitter, Jitter]  # closed form from the density, without the delay of the communication step
+    delayed: Jitter  # the active one with the delay
+    lines: tuple[Jitter, Jitter]  # closed form for the lines that the disturbance has in the runs, with the delay
+    fitted_delay: float  # the delay, in steps, at which the closed form for the lines comes closest to the active runs
+    measured: Comparison  # as co-simulated
 
     @property
     def rms(self) -> Array:
