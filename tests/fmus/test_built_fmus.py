@@ -13,11 +13,12 @@ from pathlib import Path
 import fmpy
 import numpy as np
 import pytest
-from fmpy import extract, read_model_description, simulate_fmu
+from fmpy import read_model_description, simulate_fmu
 from fmpy.fmi1 import FMICallException
-from fmpy.fmi2 import FMU2Slave
 from lxml import etree
-from support.models import COMPONENTS, MODELS
+from support.host import unpack
+from support.models import MODELS
+from support.twins import InFmpy
 
 from ps_fmu.cosim import read_system
 from ps_fmu.slavekit.pack.build import build_one
@@ -103,26 +104,22 @@ def test_start_values_reach_the_fmu(built_fmus) -> None:
     assert result["orientation_command.roll"][-1] == 0.1
 
 
-@pytest.mark.parametrize("models", [COMPONENTS.values(), MODELS], ids=["default", "all"])
-def test_load_orders_in_one_process_give_the_same(built_fmus, models) -> None:
-    files = [str(built_fmus / f"{name}.fmu") for name in models]
+def test_load_orders_in_one_process_give_the_same(built_fmus) -> None:
+    files = [str(built_fmus / f"{name}.fmu") for name in MODELS]
     script = Path(__file__).parent / "hosts" / "load_orders.py"
     result = subprocess.run([sys.executable, str(script), *files], capture_output=True, text=True, timeout=300)
     assert result.returncode == 0, result.stdout + result.stderr
     lines = result.stdout.splitlines()
-    assert [line.split()[-1] for line in lines] == len(models) * ["same"]
+    assert [line.split()[-1] for line in lines] == len(files) * ["same"]
     after = {pair for line in lines for pair in pairwise(line.split()[:-1])}
-    assert len(after) == len(models) * (len(models) - 1)
+    assert len(after) == len(files) * (len(files) - 1)
 
 
 def test_instances_leave_next_to_nothing_behind(built_fmus, tmp_path) -> None:
     """The native library never releases what it reads of a class: of the class itself 24 blocks of memory."""
-    description = read_model_description(built_fmus / "PointingCommander.fmu")
-    extract(built_fmus / "PointingCommander.fmu", tmp_path)
-    identifier = description.coSimulation.modelIdentifier
-    fmu = FMU2Slave(
-        guid=description.guid, unzipDirectory=str(tmp_path), modelIdentifier=identifier, instanceName="commander"
-    )
+    one = InFmpy(unpack(built_fmus / "PointingCommander.fmu", tmp_path / "commander"))
+    one.free()
+    fmu = one.fmu
 
     def count(instances: int) -> int:
         for _ in range(instances):
@@ -237,28 +234,18 @@ def test_joining_terminals_of_one_name_wires_what_the_page_says(built_fmus) -> N
 
 def test_outputs_follow_inputs_in_initialisation_mode_where_the_page_says_so(fmu: Path, tmp_path: Path) -> None:
     """Each Real input is set to another number, each Boolean one to the other value."""
-    description = read_model_description(str(fmu))
-    slave = FMU2Slave(
-        guid=description.guid, unzipDirectory=extract(fmu, tmp_path), instanceName="it",
-        modelIdentifier=description.coSimulation.modelIdentifier,
-    )  # fmt: skip
-    slave.instantiate()
-    slave.setupExperiment(startTime=0.0)
-    slave.enterInitializationMode()
-
-    def read() -> list[list[float]]:
-        outputs = [v for v in description.modelVariables if v.causality == "output"]
-        return [getattr(slave, f"get{v.type}")([v.valueReference]) for v in outputs]
-
-    before = read()
-    for variable in description.modelVariables:
-        if variable.causality == "input" and variable.type == "Real":
-            slave.setReal([variable.valueReference], [float(variable.start) + 0.01])
-        elif variable.causality == "input":
-            (value,) = slave.getBoolean([variable.valueReference])
-            slave.setBoolean([variable.valueReference], [not value])
-    follows = read() != before
-    slave.freeInstance()
+    one = InFmpy(unpack(fmu, tmp_path / "fmu"))
+    one.fmu.setupExperiment(startTime=0.0)
+    one.fmu.enterInitializationMode()
+    before = one.outputs()
+    for variable in one.inputs:
+        if variable.type == "Real":
+            one.set({variable.name: float(variable.start) + 0.01})
+        else:
+            (value,) = one.fmu.getBoolean([variable.valueReference])
+            one.set({variable.name: not value})
+    follows = one.outputs() != before
+    one.free()
     (said,) = re.findall(r"In\s+initialisation\s+mode[^.]*?follow\s", PAGE)
     assert follows == (fmu.stem in said)
 

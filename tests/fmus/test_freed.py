@@ -6,11 +6,10 @@ import weakref
 
 import numpy as np
 import pytest
-from fmpy import read_model_description
 from fmpy.fmi1 import FMICallException
-from fmpy.fmi2 import FMU2Slave
 from support.host import unpack
 from support.models import MODELS, Host
+from support.twins import InFmpy
 
 from ps_fmu.slavekit.author.slave import Refused
 
@@ -55,12 +54,9 @@ def test_slaves_are_in_no_cycle(folder, start, no_collection):
 def test_a_freed_instance_is_gone(model, built_fmus, tmp_path, no_collection):
     """Pythonfmu's library counts references wrongly where there was an exception, and guard.py against that."""
     folder = unpack(built_fmus / f"{model}.fmu", tmp_path / model)
-    guid = read_model_description(str(folder)).guid
     names = ("to be freed", "this one, too")
-    where = {"guid": guid, "unzipDirectory": str(folder), "modelIdentifier": model}
-    fmus = [FMU2Slave(instanceName=name, **where) for name in names]
+    fmus = [InFmpy(folder, name).fmu for name in names]
     for fmu in fmus:
-        fmu.instantiate()
         for call in (fmu.reset, fmu.setupExperiment, fmu.enterInitializationMode, fmu.exitInitializationMode):
             call()
         for i in range(20):

@@ -86,26 +86,6 @@ def test_input_that_is_not_finite_is_refused_and_named(value: float) -> None:
     assert host.get("base_rotation.y") == [0.0]
 
 
-@pytest.mark.parametrize("moment", [0, 7, 150, 2500])
-def test_state_continues_bit_for_bit(moment: int) -> None:
-    """Before, during and after a slew; in the same instance, and through bytes in another."""
-    host = Host("manipulator_plant").run_mode()
-    host.set(coarse_command_1=3e-4, base_force__y=5.0)
-    host.step(H, moment)
-    state = host.save()
-
-    def future(other: Host) -> bytes:
-        other.step(H, 60)
-        return other.slave.y.tobytes()
-
-    expected = future(host)
-    host.restore(state, moment)
-    assert future(host) == expected
-    second = Host("manipulator_plant")
-    second.restore(state, moment)
-    assert future(second) == expected
-
-
 def test_step_size_may_change() -> None:
     """Exact discretisation: the same input over the same time, whatever the steps."""
     coarse, fine = (Host("manipulator_plant", base_torque__z=3.0).run_mode() for _ in range(2))

@@ -7,8 +7,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from ps_fmu.disturbance.kinds.wheels import Harmonics, WheelSource
-from ps_fmu.disturbance.speed import RPM, SpeedProfile, SpeedTable
+from ps_fmu.disturbance.turning import RPM, SpeedProfile, SpeedTable
+from ps_fmu.disturbance.wheels import Harmonics, WheelSource
 from ps_fmu.product.files import find_product
 from ps_fmu.runs.execute import run_scenario
 from ps_fmu.runs.options import OptionError

@@ -71,7 +71,7 @@ def test_the_numbers_of_a_row_are_those_of_the_signals(make_prepared, tmp_path):
 def test_a_mixed_requirement_is_judged_by_all_times_of_all_cases(write_study, make_prepared, tmp_path):
     """The quantile of all values, from the histograms in the rows."""
     from ps_fmu.cosim.rows import make_layout
-    from ps_fmu.requirements.reading import read_requirements
+    from ps_fmu.requirements.requirement import read_requirements
     from ps_fmu.studies.outcome import collect, find_compliance
     from ps_fmu.studies.rows import RowStore
     from ps_fmu.studies.study_folder import open_folder

@@ -48,6 +48,6 @@ def test_faults_that_no_case_can_have_are_refused(make_prepared, tmp_path):
     with pytest.raises(ValueError, match="is not before the end of the run"):
         make_prepared(changes=STUDY)
     write(tmp_path, variable="v")
-    with pytest.raises(ValueError, match=r"faults\.json, line 1: events\[0\]: the FMU ToyStudy has no variable 'v'"):
+    with pytest.raises(ValueError, match=r"faults\.json: events\[0\]: the FMU ToyStudy has no variable 'v'"):
         make_prepared(changes=STUDY)
     write(tmp_path)

@@ -91,7 +91,7 @@ def test_the_interval_of_a_share_is_that_of_clopper_and_pearson(true, cases, low
 @pytest.fixture
 def required(make_outcome, tmp_path):
     """An outcome with a requirement: values 0 to 9 urad, limit 6.5, the last case without a result."""
-    from ps_fmu.requirements.reading import read_requirements
+    from ps_fmu.requirements.requirement import read_requirements
 
     path = tmp_path / "r.toml"
     path.write_text(

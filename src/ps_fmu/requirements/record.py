@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from ..results.observers.kept import State, check_array
 from .distribution import Distribution
-from .requirement import Requirement
-from .targets import NamedColumn, Target, find_targets
+from .requirement import NamedColumn, Requirement, Target, find_targets
 
 Array = NDArray[np.float64]
 

@@ -51,7 +51,7 @@ class RunOptions:
     apart: tuple[str, ...] = ()  # beginnings of names component.parameter that may differ from the plant's
     scheme: str | Scheme = "jacobi"
     storage_step_s: float | None = None  # time between stored rows; None: that of the scenario
-    requirements: Path | None = None  # TOML file, see ps_fmu.requirements.reading
+    requirements: Path | None = None  # TOML file, see ps_fmu.requirements.requirement
     disturbance: Path | None = None  # recorded wrench, CSV or netCDF, see ps_fmu.runs.recorded
     fmus: Path | None = None  # folder of the FMUs; None: beside the system, as it says
     progress: bool = True

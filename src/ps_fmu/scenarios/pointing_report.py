@@ -15,8 +15,7 @@ from ..results.report import Picture, draw_pictures
 from ..results.style import ACTIVE, AXES, PASSIVE, REFERENCE, draw, shade
 from ..results.tables import Table
 from ..sensors.line_of_sight import Tracker
-from ..theory.line_of_sight import PointingLoop, split
-from ..theory.line_of_sight_design import LEAST_GAIN_DB, LEAST_PHASE_DEG, AxisMargins, find_margins
+from ..theory.line_of_sight import LEAST_GAIN_DB, LEAST_PHASE_DEG, AxisMargins, PointingLoop, find_margins, split
 from .pointing_loop import MeasuredLoop
 from .pointing_record import PointingRecord
 

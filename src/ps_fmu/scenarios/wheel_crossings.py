@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..disturbance.kinds.wheels import WheelSource
-from ..disturbance.speed import RPM, Speed
+from ..disturbance.turning import RPM, Speed
+from ..disturbance.wheels import WheelSource
 from ..mechanism.quantities import Array, Complex
 from ..theory.natural_modes import NaturalMode
 from .wheel_spectrogram import PERIODS, WINDOW_S, measure_ellipse, track_line

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..disturbance.speed import RPM
+from ..disturbance.turning import RPM
 from ..mechanism.quantities import Array
 from ..results.style import engineering
 from ..results.tables import Table

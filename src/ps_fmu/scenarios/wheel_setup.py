@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..disturbance import DisturbanceSettings, default_settings
-from ..disturbance.kinds.wheels import WheelSource
+from ..disturbance.wheels import WheelSource
 from ..interface.parameter_sets import build_plant_and_isolator
 from ..mechanism.parameters import load
 from ..mechanism.quantities import Array, Complex, ParameterError, list_entries, take_values
@@ -16,7 +16,7 @@ from ..runs.options import OptionError
 from ..runs.setup import RunSystem
 from ..theory.loop import Loop, loop_of
 from ..theory.natural_modes import NaturalMode, find_natural_modes
-from ..theory.sampled_lines import from_wrench_stepped
+from ..theory.sampled import from_wrench_stepped
 from .wheel_crossings import Response, Wheel
 
 COMPONENT = "disturbance"

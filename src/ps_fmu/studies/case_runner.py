@@ -15,16 +15,15 @@ from ..cosim.checkpoint.warm_start import WarmStart
 from ..cosim.columns import list_run_columns
 from ..cosim.description import read_descriptions
 from ..cosim.faults.binding import bind_faults
-from ..cosim.faults.event import FaultFile
 from ..cosim.faults.numbers import change_numbers
-from ..cosim.faults.reading import read_faults
+from ..cosim.faults.reading import FaultFile, read_faults
 from ..cosim.isolation.instance import Isolation
 from ..cosim.schemes.scheme import Scheme
 from ..cosim.signals import Signal, read_signals
 from ..cosim.system_json import decode_system
 from ..pointing.interpretation import Interpretation
-from ..requirements.pooled import pack_distribution
-from ..requirements.reading import read_requirements
+from ..requirements.decision import pack_distribution
+from ..requirements.requirement import read_requirements
 from ..requirements.verdict import Verdict
 from ..runs.cases import Bounds
 from ..runs.judge import RunJudge

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from ..pointing.confidence import Statement
-from ..requirements.reading import read_requirements
+from ..requirements.requirement import read_requirements
 from ..requirements.verdict import Answer
 from ..results.page.cases import CaseColumn, CaseTable, Mark
 from ..results.page.content import Exploration

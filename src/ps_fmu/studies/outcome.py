@@ -15,9 +15,8 @@ from numpy.typing import NDArray
 from ..cosim import Column
 from ..pointing.confidence import Statement, quantile
 from ..pointing.interpretation import Interpretation
-from ..requirements.pooled import Pool
-from ..requirements.requirement import Requirement
-from ..requirements.targets import find_targets
+from ..requirements.decision import Pool
+from ..requirements.requirement import Requirement, find_targets
 from ..requirements.verdict import Answer
 from .indices import find_signals, label_index
 from .plan import Plan

@@ -41,15 +41,14 @@ from pathlib import Path
 from typing import Any
 
 from ..cosim import SystemFileError, UsageError, Value
-from ..cosim.isolation.instance import Isolation
-from ..cosim.isolation.options import make_isolation
+from ..cosim.isolation.instance import Isolation, make_isolation
 from ..cosim.schemes.scheme import EXTRAPOLATIONS, METHODS, ORDERS, Iteration, Scheme, read_rate
 from ..cosim.ssp.reading import find_description
 from ..cosim.structure import COMPONENT_NAME
 from ..cosim.xmlfile import MAXIMUM_BYTES, read_bytes
 from ..pointing.index import PointingIndex
 from ..product.files import find_file, find_product
-from ..requirements.reading import INDICES
+from ..requirements.requirement import INDICES
 from .signals import read_signals
 from .study import (
     COMMON,

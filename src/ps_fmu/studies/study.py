@@ -21,7 +21,7 @@ from ..cosim.isolation.instance import Isolation
 from ..cosim.schemes.scheme import Scheme
 from ..cosim.structure import split_port, suggest_names
 from ..pointing.indices import PointingIndex
-from ..requirements.reading import INDICES
+from ..requirements.requirement import INDICES
 from ..slavekit.author.units import parse_unit
 
 _NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(\S.*?)?\s*")

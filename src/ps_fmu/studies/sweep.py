@@ -14,7 +14,7 @@ from pathlib import Path
 
 from ..cosim import Column
 from ..cosim.faults.numbers import change_numbers
-from ..requirements.reading import read_requirements
+from ..requirements.requirement import read_requirements
 from ..requirements.verdict import format_verdicts
 from ..results.report import Report
 from ..results.style import prepare_drawing

@@ -1,6 +1,6 @@
 """The pointing indices of the isolation scenario at one orientation, passive and active: closed form, and the FMUs.
 
-Closed form: noise, plant, isolator and exchange as the FMUs compute them, by :mod:`...theory.stepped` from the wrench
+Closed form: noise, plant, isolator and exchange as the FMUs compute them, by :mod:`...theory.sampled` from the wrench
 to the outputs, the exact density of the noise, and the indices of sampled data.  Of the running FMUs each index has
 the interval that is stated for it.
 """
@@ -17,7 +17,7 @@ import numpy as np
 
 from ...cosim import Master, System, Value
 from ...disturbance import psd_at_origin
-from ...disturbance.density import gaussian_density
+from ...disturbance.spectrum import gaussian_density
 from ...mechanism.parameters import Array, Parameters, load
 from ...mechanism.signals import output_slices
 from ...pointing import (
@@ -34,7 +34,7 @@ from ...pointing import (
 )
 from ...results.observers.sampler import SampleObserver
 from ...theory.loop import loop_at
-from ...theory.stepped import SteppedLoop, step_loop
+from ...theory.sampled import SteppedLoop, step_loop
 from ...theory.transfer_matrices import place_frequencies
 
 STEP = 1e-4  # s, of communication

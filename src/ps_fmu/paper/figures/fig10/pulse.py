@@ -15,7 +15,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from ....disturbance.kinds.recording import HEADER as RECORDING
+from ....disturbance.recording import HEADER as RECORDING
 from ....interface.parameter_sets import build_plant_and_isolator
 from ....mechanism.parameters import Array
 from ....pointing.response import rightmost, slowest_mode

@@ -18,8 +18,7 @@ from ....runs.run import Run
 from ....runs.scenario import SCENARIOS, Scenario
 from ....runs.setup import RunSystem
 from ....scenarios.shaking import Shaking
-from ....theory.loop import Loop
-from ....theory.margins import Margins
+from ....theory.loop import Loop, Margins
 from ...bus_cases import CASES, SUSPENSION
 from ...cosimulation import hold_run
 from ...published import make_finding

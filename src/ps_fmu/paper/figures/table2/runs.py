@@ -21,8 +21,8 @@ from ....pointing.spectra import rejection_percent
 from ....runs.run import Run
 from ....runs.setup import MULTISINE, RunSystem
 from ....scenarios.comparison import CASES, Comparison, compare
-from ....theory.jitter import Jitter, jitter, jitter_density, jitter_of_lines
 from ....theory.loop import loop_at
+from ....theory.transmissibility import Jitter, jitter, jitter_density, jitter_of_lines
 from .closed_form import LOOP_DELAY, ORIENTATIONS, closed_form
 
 Triple = tuple[float, float, float]
