@@ -15,7 +15,7 @@ class LineChart {
     this.plotElement = make("div", { class: "plot" });
     this.readout = make("div", { class: "readout" });
     // Ticks of a straight axis carry the unit themselves.
-    const unit = packed.logarithmic ? ` (${prettyUnit(packed.unit)})` : "";
+    const unit = packed.logarithmic && prettyUnit(packed.unit) ? ` (${prettyUnit(packed.unit)})` : "";
     element.append(make("h3", {}, packed.title + unit), this.readout, this.plotElement);
     this.plot = new uPlot(this.options(), this.cut(), this.plotElement);
     listenOnChart(this.plot.over, link, (x) => this.plot.posToVal(x, "x"));

@@ -17,7 +17,11 @@ function makeGroup(packed, section, key) {
     listenToKeys(element, link);
     return new LineChart(chart, link, element);
   });
-  const shades = packed.shaded.map(({ label, colour }) => make("span", { class: "span" }, swatch(colour), label));
+  const shades = packed.shaded.map(({ label, colour, opacity }) => {
+    const mark = swatch(colour);
+    mark.style.opacity = opacity;
+    return make("span", { class: "span" }, mark, label);
+  });
   section.querySelector(".bar").append(
     ...shades,
     ...makeToggles(packed, link),
