@@ -259,11 +259,10 @@ class Dispatcher:
 
     def _count_threads(self) -> int:
         """Of all workers.  Raises :class:`.rows.ClusterError` if there have been no workers for long."""
-        with self._notice_loss():
-            # Without a limit a client asks a scheduler that has just ended for as long as one may take to answer.
-            with suppress(TimeoutError):
-                found = self._client.sync(self._client.scheduler.ncores, callback_timeout=ANSWER_S)
-                self._threads = sum(found.values())
+        # Without a limit a client asks a scheduler that has just ended for as long as one may take to answer.
+        with self._notice_loss(), suppress(TimeoutError):
+            found = self._client.sync(self._client.scheduler.ncores, callback_timeout=ANSWER_S)
+            self._threads = sum(found.values())
         now = time.monotonic()
         self._idle_since = None if self._threads else self._idle_since or now
         if self._idle_since is not None and now - self._idle_since > NO_WORKER_S:
