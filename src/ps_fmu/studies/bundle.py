@@ -26,7 +26,7 @@ from ..cosim.schemes.scheme import Scheme
 from ..requirements.quantity import make_value
 from ..results.summary import versions
 from ..runs.setup import RunSystem, identify_fmus
-from ..slavekit.pack import zip_writer
+from ..slavekit.pack.files import compute_digest
 from .plan import Plan
 from .rows import write_durably
 from .study import Observed, StudyError
@@ -123,7 +123,7 @@ class Bundle:
 
 def _digest(files: Mapping[str, bytes]) -> str:
     named = {PurePosixPath(name): hashlib.sha256(content).digest() for name, content in files.items()}
-    return zip_writer.compute_digest(named).hex()
+    return compute_digest(named).hex()
 
 
 class Identity(msgspec.Struct, frozen=True, kw_only=True):

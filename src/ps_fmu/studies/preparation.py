@@ -26,7 +26,7 @@ from ..cosim.faults.reading import read_faults
 from ..cosim.graph import Wiring, check_wiring
 from ..cosim.schemes.resolving import resolve_scheme
 from ..cosim.signals import read_signals
-from ..cosim.ssp.single import complete_experiment, read_any_system
+from ..cosim.ssp.reading import complete_experiment, read_any_system
 from ..cosim.structure import Experiment, Parameter, parse_port
 from ..cosim.system_json import encode_system
 from ..product.files import find_product
