@@ -45,7 +45,7 @@ def test_values_have_their_types(tmp_path):
         "plant.text": " a ",
     }
     assert [type(value) for value in values.values()] == [float, int, bool, bool, str]
-    assert values.units == {"plant.payload.mass": "kg"}
+    assert [entry.unit for entry in values.entries().values()] == ["kg", None, None, None, None]
     assert len(values) == 5
 
 

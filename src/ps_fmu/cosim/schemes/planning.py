@@ -11,7 +11,7 @@ from ..faults.effects import EffectGroup
 from ..fmu_instance import FmuInstance
 from ..plan import Call, Change, Gather, Gathered, Move, Operation, Plan, Span
 from ..wires import Wires, make_derivatives, make_scale, make_step
-from .history import Extension, Grid, InputHistory
+from .history import InputHistory
 from .resolving import find_period
 from .scheme import Rate
 
@@ -96,8 +96,7 @@ class _Extender:
         self._held = np.array([faults.acts_on(port) for port in targets], dtype=np.int64)
         sources = [wires.sources[port].component for port in targets]
         self.history = InputHistory(
-            Grid(wires.parts.clock.start, wires.step),
-            scheme.get_rate(instance.name).steps * wires.step,
+            (wires.parts.clock.start, wires.step, scheme.get_rate(instance.name).steps * wires.step),
             scheme.extrapolation == "smoothed",
             gather.outputs[gather.sources[self._places]],
             [scheme.get_rate(source).steps for source in sources],
@@ -118,9 +117,9 @@ class _Extender:
     def extend(self, offset: float, length: float) -> tuple[Change, list[Change]]:
         """The inputs of a part that begins ``offset`` after the step and is ``length`` long [s]: lines, conversions."""
         inputs, places = self._gather.inputs, self._places
-        extension = Extension(self.history, inputs, places, self._held, offset, length, self._derivatives)
+        change = self.history.extend(inputs, places, self._held, offset, length, self._derivatives)
         lined = set(places[self._held == 0].tolist())
-        return extension.make_change(), self._wires.make_conversion(self._gather.targets, inputs, lined)
+        return change, self._wires.make_conversion(self._gather.targets, inputs, lined)
 
 
 def list_operations(sequels: Sequence[Sequel], phase: int = 0) -> list[Operation]:
