@@ -58,7 +58,7 @@ def test_comments_of_fields_are_their_text(load):
         ("Master.run", "ps_fmu.cosim.master.Master", "ps_fmu.cosim.master.Master.run"),
         ("run", "ps_fmu.cosim.master.Master", "ps_fmu.cosim.master.Master.run"),
         (".rows", "ps_fmu.cosim.master.Master", "ps_fmu.cosim.rows"),
-        (".theory.exchange", "ps_fmu.mechanism.mounted", "ps_fmu.theory.exchange"),
+        ("..theory.loop", "ps_fmu.mechanism.mounted", "ps_fmu.theory.loop"),
         ("ValueError", "ps_fmu.cosim", "ValueError"),
         ("numpy.float64", "", "numpy.float64"),
         ("no_such_name", "ps_fmu.cosim.master", None),

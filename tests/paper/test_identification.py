@@ -15,8 +15,8 @@ from ps_fmu.mechanism.forward_kinematics import ForwardKinematicsError
 from ps_fmu.mechanism.parameters import load
 from ps_fmu.paper.identification import geometry, noise, steps, suspension
 from ps_fmu.paper.identification.fit import Identifiability, follow, roundings, slopes, targets
-from ps_fmu.theory.jitter import jitter, variance_weights
 from ps_fmu.theory.loop import loop_at
+from ps_fmu.theory.transmissibility import jitter, variance_weights
 
 STROKE = np.array([-0.02, 0.02])  # m
 

@@ -16,7 +16,6 @@ from .checkpoint.state import Stateful
 from .errors import CosimError
 from .faults.effects import EffectGroup
 from .guard import NamedCall, NamedSteps, load_library
-from .native import LOOP
 from .plan import Call, Change, Feed, Gather, Move, Operation, Plan
 from .rows import Array, Rows
 from .stopwatch import Laps, Timing
@@ -97,9 +96,7 @@ def check_library() -> None:
     try:
         load_library()
     except OSError as error:
-        platforms = " and ".join(LOOP.targets)
-        text = f"{error}\n  No steps can be run without it.  'make launcher' compiles it, for {platforms}."
-        raise CosimError(text) from error
+        raise CosimError(f"{error}\n  No steps can be run without it.  'make launcher' compiles it.") from error
 
 
 class CompiledLoop:

@@ -1,7 +1,7 @@
 """FMUs in this process: how they may change it, and what is left when one of them ends it.
 
-See ``native/guard.c``.  Where there is no such library, an FMU that crashes or exits takes the process along without a
-word.
+See ``native/loop/guard.c``.  Where there is no such library, an FMU that crashes or exits takes the process along
+without a word.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from ctypes import POINTER, Structure, c_char_p, c_double, c_int, c_void_p
 from functools import cache
 from types import FrameType
 
+from ..native import find_compiled, load
 from .errors import CosimError
-from .native import LOOP, PLATFORM
 
 log = logging.getLogger("ps_fmu.cosim")
 
@@ -53,10 +53,7 @@ class Place(Structure):
 @cache
 def load_library() -> ctypes.CDLL:
     """The library of the loop.  Raises OSError if there is none for this platform, or none that can be loaded."""
-    path = LOOP.find_whole(PLATFORM)
-    if path is None:
-        raise OSError(f"there is no compiled loop for {PLATFORM}")
-    library = ctypes.CDLL(str(path))
+    library = load("loop")
     library.guard_prepare.argtypes, library.guard_prepare.restype = (c_void_p, c_void_p), None
     python = (ctypes.pythonapi.PyGILState_Check, ctypes.pythonapi.Py_IsInitialized)
     library.guard_prepare(*(ctypes.cast(function, c_void_p) for function in python))
@@ -77,7 +74,7 @@ def _load_locked() -> ctypes.PyDLL | None:
     """The library for calls that keep the interpreter's lock, which take less time; None where there is none."""
     if find_library() is None:
         return None
-    library = ctypes.PyDLL(str(LOOP.find_whole(PLATFORM)))
+    library = ctypes.PyDLL(str(find_compiled("loop")))
     library.guard_enter.argtypes, library.guard_enter.restype = (c_void_p,), c_void_p
     return library
 

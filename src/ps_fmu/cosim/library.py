@@ -12,10 +12,10 @@ from fmpy import sharedLibraryExtension
 from fmpy.fmi2 import FMU2Slave
 from fmpy.model_description import ModelDescription
 
+from ..native import find_platform
 from . import guard
 from .archive import check_archive
 from .errors import SystemFileError
-from .native import PLATFORM
 from .structure import Component
 
 _NOT_LOADED = "component {!r} cannot be loaded on this platform"
@@ -24,13 +24,14 @@ _NOT_LOADED = "component {!r} cannot be loaded on this platform"
 def find_binary(component: Component, description: ModelDescription, folder: Path) -> Path:
     """The library of an unpacked FMU for this platform.  Raises :class:`SystemFileError` if there is none."""
     name = f"{description.coSimulation.modelIdentifier}{sharedLibraryExtension}"
-    path = folder / "binaries" / PLATFORM / name
+    platform = find_platform()
+    path = folder / "binaries" / platform / name
     if path.is_file():
         return path
     members = [member.split("/") for member in check_archive(component.source)]
     others = sorted({parts[1] for parts in members if parts[0] == "binaries" and len(parts) > 2})
-    text = f"{_NOT_LOADED.format(component.name)}: the FMU has no binaries/{PLATFORM}/{name}; it has binaries for "
-    raise SystemFileError(component.source, f"{text}{', '.join(others) or 'none'}: ask its maker for {PLATFORM}")
+    text = f"{_NOT_LOADED.format(component.name)}: the FMU has no binaries/{platform}/{name}; it has binaries for "
+    raise SystemFileError(component.source, f"{text}{', '.join(others) or 'none'}: ask its maker for {platform}")
 
 
 class FMU2Library(FMU2Slave):  # FMPy tells the version of FMI by this name

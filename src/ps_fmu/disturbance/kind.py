@@ -43,13 +43,11 @@ class SharedSettings(Checked):
 class Kind(Checked, ABC):
     """Settings of one disturbance and its generator; a dataclass whose fields are parameters of the FMU.
 
-    Each file of :mod:`.kinds` defines one subclass; that is all it takes to add a kind.
+    A subclass and its place in :data:`.total.KINDS` are all it takes to add a kind.
     """
 
     name: ClassVar[str]
     """First part of the names of the parameters; ``tones`` for a tuple: ``tone_1``, ``tone_2`` ..."""
-    place: ClassVar[int] = 100
-    """Order of the parameters, and of the sum; kinds at the same place are in the order of their names."""
 
     @classmethod
     @abstractmethod

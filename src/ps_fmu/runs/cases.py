@@ -159,7 +159,6 @@ def run_case(
     with (
         leave_no_empty_file(options.output / RESULTS),
         system.warnings.collect(),
-        system.results.close_on_failure(),
         make(structure) if system.loaded is None else system.loaded.open(structure, make) as master,
     ):
         start_s = master.time
@@ -229,7 +228,6 @@ def _make_recorder(
         select=select,
         attributes=attributes,
         append=True,
-        file=system.results.find(path),
         rows=round(duration_s / master.step) + 1,
     )
 

@@ -24,7 +24,6 @@ from .judge import RunJudge, read_judge
 from .kept_rows import KeptRows
 from .loaded import LoadedSystem
 from .options import PARAMETERS, OptionError, RunOptions
-from .results_file import ResultsFile
 from .warning_log import WarningLog
 
 SEED = "disturbance.seed"
@@ -52,8 +51,6 @@ class RunSystem:
     """The requirements, and what is needed for their verdicts."""
     indices: IndexLog = field(default_factory=IndexLog)
     """The pointing error indices of the runs."""
-    results: ResultsFile = field(default_factory=ResultsFile)
-    """results.nc, open between the runs."""
     costs: CostLog = field(default_factory=CostLog)
     """Where the time of the runs goes, if the options ask for it."""
     faults: FaultFile | None = None

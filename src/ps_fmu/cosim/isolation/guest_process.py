@@ -31,33 +31,12 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from fmpy import platform
 from fmpy.fmi2 import fmi2CallbackFunctions
 
-from ...slavekit.launcher.c_program import Program, Target
+from ...native import find_compiled, find_platform
 from ...terminal import escape_controls
 from ..errors import CosimError, UsageError
 from .guest import STEP_FUNCTIONS, decode, encode, find_memory, pack, write
-
-_LINUX = Target(
-    "x86_64-linux-gnu.2.17",
-    "isolation.so",
-    ("-D_GNU_SOURCE", "-fPIC", "-fvisibility=hidden", "-shared", "-s", "-Wl,--build-id=none"),
-    libraries=("-ldl", "-lm", "-lpthread"),
-)
-
-ISOLATION = Program(
-    "isolation",
-    Path(__file__).parent,
-    sources=("client.c", "later.c", "guest.c"),
-    headers=("channel.h", "client.h", "waiting.h", "../native/control_word.h"),
-    targets={"linux64": _LINUX},
-)
-"""The library that the master and the processes of the FMUs load.
-
-:meta hide-value:
-"""
-
 
 DATA_BYTES = 16 << 20
 """Memory for the values of one step; only what is used takes space."""
@@ -128,13 +107,13 @@ def find_library() -> Path:
 
     Raises :class:`UsageError` where there is none for this platform, :class:`CosimError` if it is damaged or missing.
     """
+    platform = find_platform()
+    if platform != "linux64" or not hasattr(os, "memfd_create"):
+        raise UsageError(f"isolation: FMUs can have processes of their own on 64-bit Linux only, this is {platform}")
     try:
-        path = ISOLATION.find_whole(platform)
+        return find_compiled("isolation")
     except OSError as error:
         raise CosimError(f"isolation: {error}") from error
-    if path is None or not hasattr(os, "memfd_create"):
-        raise UsageError(f"isolation: FMUs can have processes of their own on 64-bit Linux only, this is {platform}")
-    return path
 
 
 @cache

@@ -19,7 +19,7 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 from fmpy.model_description import ModelDescription, ModelVariable, Unit
 
-from ...slavekit.pack import zip_writer as archive
+from ...slavekit.pack.files import write_zip
 from ..description import get_unit, index_variables, read_descriptions, read_start
 from ..errors import SystemFileError, UsageError, WiringError
 from ..graph import Wiring, check_wiring
@@ -58,7 +58,7 @@ def write_ssp(system: System, output: Path) -> None:
         values = choose_values(component, descriptions[component.name], own_inputs, wiring.starts[component.name])
         files[PurePosixPath(parameters_place(component))] = parameter_set_xml(values, descriptions[component.name])
     files[PurePosixPath(SSD_NAME)] = structure_xml(system, descriptions, system.labels, step, stop_time)
-    archive.write(output, files)
+    write_zip(output, files)
 
 
 def choose_values(
