@@ -9,7 +9,7 @@ import numpy as np
 
 from ..faults.effects import EffectGroup
 from ..fmu_instance import FmuInstance
-from ..plan import Call, Change, Gather, Gathered, Move, Operation, Plan, Span
+from ..plan import Call, Change, Gather, Gathered, Move, Operation, Plan
 from ..wires import Wires, make_derivatives, make_scale, make_step
 from .history import InputHistory
 from .resolving import find_period
@@ -49,7 +49,7 @@ def make_sequel(wires: Wires, instance: FmuInstance, stepped_before: Sequence[st
     # A longer step is made in the last of its base steps, so that no FMU is ahead of the others.
     offsets = [k * length - (rate.steps - 1) * h for k in range(rate.parts)]
     plain = rate == Rate()
-    spans = [None if plain else Span(offset, length) for offset in offsets]
+    spans = [None if plain else np.array([offset, length]) for offset in offsets]
     calls = [make_step(instance, span) for span in spans]
     moves = tuple(wires.list_moves(instance))
     reals = [part for part in found if isinstance(part, Gather) and part.outputs is wires.parts.rows.real.values]
