@@ -1,4 +1,4 @@
-"""What the files of SSP may contain here: SSP 1.0, and of SSP 2.0 what FMI 2.0 can express.
+"""What the descriptions of systems may contain here: SSP 1.0, of SSP 2.0 what FMI 2.0 can express, and libcosim's.
 
 One rule per element.  What the standard allows and this package cannot honour is refused with a way out, never skipped;
 geometry and metadata change nothing in a simulation and are passed over.
@@ -6,30 +6,29 @@ geometry and metadata change nothing in a simulation and are passed over.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 from ..errors import SystemFileError
-from ..values import EXPONENTS
+from ..values import EXPONENTS, parse_real
 from ..xmlfile import Element
 
 
-@dataclass(frozen=True)
-class ElementRule:
-    """Children, attributes that must be there and attributes that may be there."""
+class _Rule(NamedTuple):
+    """Children, attributes that must be there, and attributes that may be there."""
 
-    children: frozenset[str] = frozenset()
-    required: frozenset[str] = frozenset()
-    optional: frozenset[str] = frozenset()
-
-
-def _make_rule(children: str = "", required: str = "", optional: str = "") -> ElementRule:
-    return ElementRule(frozenset(children.split()), frozenset(required.split()), frozenset(optional.split()))
+    children: frozenset[str]
+    required: frozenset[str]
+    optional: frozenset[str]
 
 
-_META = _make_rule(
-    optional="id description author fileversion copyright license generationTool generationDateAndTime"
-).optional
+def _make_rule(children: str = "", required: str = "", optional: str = "") -> _Rule:
+    return _Rule(*(frozenset(names.split()) for names in (children, required, optional)))
+
+
+_META = frozenset(
+    ["id", "description", "author", "fileversion", "copyright", "license", "generationTool", "generationDateAndTime"]
+)
 
 # Types of SSP 2.0, which has those of FMI 3.0, as the types of FMI 2.0 that take their values.
 _TYPES = {name: name for name in ("Real", "Integer", "Boolean", "String", "Enumeration")}
@@ -44,7 +43,7 @@ _TYPE_CHOICE = " ".join(f"ssc:{name}" for name in _TYPES)
 _ELEMENT = "ssd:Connectors ssd:ElementGeometry ssd:ParameterBindings ssd:Annotations"
 _PASSED_OVER = frozenset({"ssc:MetaData", "ssd:MetaData", "ssc:Signature", "ssd:Signature", "ssc:Annotations"})
 
-RULES = {
+_RULES = {
     "ssd:SystemStructureDescription": _make_rule(
         "ssd:System ssd:Enumerations ssd:Units ssd:DefaultExperiment ssd:Annotations", "version name"
     ),
@@ -90,20 +89,56 @@ RULES = {
     "ssv:Parameter": _make_rule(" ".join(f"ssv:{name}" for name in _TYPES) + " ssv:Annotations", "name"),
 }
 for _name, _kind in _TYPES.items():
-    RULES[f"ssc:{_name}"] = _make_rule(optional="unit" if _kind == "Real" else "name" if _kind == "Enumeration" else "")
-    RULES[f"ssv:{_name}"] = _make_rule("", "value", "unit" if _kind == "Real" else "name")
+    _own = {"Real": "unit", "Enumeration": "name"}.get(_kind, "")
+    _RULES[f"ssc:{_name}"] = _make_rule(optional=_own)
+    _RULES[f"ssv:{_name}"] = _make_rule("", "value", _own or "name")
 for _name in _TRANSFORMATIONS.split()[1:]:
-    RULES[_name] = _make_rule("ssc:MapEntry")
-RULES["ssc:Enumeration"] = _make_rule("ssc:Item", "", "name")  # a type, which names one, or the enumeration itself
-RULES["ssc:MapEntry"] = _make_rule("", "source target")
+    _RULES[_name] = _make_rule("ssc:MapEntry")
+_RULES["ssc:Enumeration"] = _make_rule("ssc:Item", "", "name")  # a type, which names one, or the enumeration itself
+_RULES["ssc:MapEntry"] = _make_rule("", "source target")
 
-REFUSED = {
+
+OSP_VALUES = ("Real", "Integer", "Boolean", "String", "Enumeration")
+"""Kinds of start values in libcosim's description."""
+
+
+def _prefix(names: str) -> str:
+    return " ".join(f"oss:{name}" for name in names.split())
+
+
+_OSP = {
+    "OspSystemStructure": (
+        "Description StartTime EndTime BaseStepSize Algorithm Simulators Functions Connections EccoConfiguration",
+        "", "version",
+    ),
+    **dict.fromkeys(("Description", "StartTime", "EndTime", "BaseStepSize", "Algorithm"), ("", "", "")),
+    "Simulators": ("Simulator", "", ""),
+    "Simulator": ("InitialValues", "name source", "stepSize"),
+    "InitialValues": ("InitialValue", "", ""),
+    "InitialValue": (" ".join(OSP_VALUES), "variable", ""),
+    "Functions": ("LinearTransformation", "", ""),
+    "LinearTransformation": ("", "name", "factor offset"),
+    "Connections": ("VariableConnection SignalConnection", "", ""),
+    "VariableConnection": ("Variable", "", "powerBond"),
+    "SignalConnection": ("Variable Signal", "", ""),
+    "Variable": ("", "simulator name", "causality"),
+    "Signal": ("", "function name", ""),
+    **dict.fromkeys(OSP_VALUES, ("", "value", "")),
+}  # fmt: skip
+_RULES |= {f"oss:{name}": _make_rule(_prefix(children), *others) for name, (children, *others) in _OSP.items()}
+
+_GROUP = "is not supported: write a VariableConnection for each variable of the groups"
+_REFUSED = {
     "ssc:Binary": "binary variables are not supported: FMI 2.0 has none",
     "ssv:Binary": "binary parameters are not supported: FMI 2.0 has none",
     "ssc:Clock": "clocks are not supported: FMI 2.0 has none",
     "ssd:Clock": "clocks are not supported: FMI 2.0 has none",
     "ssc:Dimension": "arrays are not supported: FMI 2.0 has scalar variables only",
     "ssd:Dimension": "arrays are not supported: FMI 2.0 has scalar variables only",
+    "oss:Sum": "is not supported: let an FMU add",
+    "oss:VectorSum": "is not supported: let an FMU add",
+    "oss:VariableGroupConnection": _GROUP,
+    "oss:SignalGroupConnection": _GROUP,
 }
 
 
@@ -112,31 +147,55 @@ def check_element(element: Element, path: Path) -> None:
 
     Raises :class:`SystemFileError` with the line for anything that is missing, unknown or not supported.
     """
-    rule = RULES[element.tag]
+    rule, tag = _RULES[element.tag], show_tag(element.tag)
+    free = frozenset() if element.tag.startswith("oss:") else _META
     if missing := sorted(rule.required - element.attributes.keys()):
-        text = f"{element.tag} has no attribute {', '.join(missing)}"
-        raise SystemFileError(path, text, element.line)
+        raise SystemFileError(path, f"{tag} has no attribute {', '.join(missing)}", element.line)
+    known = rule.required | rule.optional
     for name in element.attributes:
-        if ":" not in name and name not in rule.required | rule.optional | _META:
-            known = ", ".join(sorted(rule.required | rule.optional)) or "none"
-            raise SystemFileError(
-                path, f"{element.tag} has an unknown attribute {name!r}; known are: {known}", element.line
-            )
+        if ":" not in name and name not in known | free:
+            text = f"{tag} has an unknown attribute {name!r}; known are: {', '.join(sorted(known)) or 'none'}"
+            raise SystemFileError(path, text, element.line)
     for child in element.children:
-        if child.tag in rule.children or child.tag in _PASSED_OVER:
+        if child.tag in rule.children or (free and child.tag in _PASSED_OVER):
             continue
-        reason = REFUSED.get(child.tag, f"is not expected here; expected: {', '.join(sorted(rule.children))}")
-        raise SystemFileError(path, f"{child.tag} in {element.tag}: {reason}", child.line)
+        expected = ", ".join(sorted(map(show_tag, rule.children))) or "nothing"
+        reason = _REFUSED.get(child.tag, f"is not expected here; expected: {expected}")
+        raise SystemFileError(path, f"{show_tag(child.tag)} in {tag}: {reason}", child.line)
+
+
+def show_tag(tag: str) -> str:
+    """A tag for messages: those of libcosim without prefix."""
+    return tag.removeprefix("oss:")
 
 
 def get_only_child(element: Element, tag: str, path: Path) -> Element | None:
     """The child of this tag, checked, or None.  Raises :class:`SystemFileError` if there are several."""
     found = element.all(tag)
     if len(found) > 1:
-        raise SystemFileError(path, f"{element.tag} has more than one {tag}", found[1].line)
+        text = f"{show_tag(element.tag)} has more than one {show_tag(tag)}"
+        raise SystemFileError(path, text, found[1].line)
     if found:
         check_element(found[0], path)
     return found[0] if found else None
+
+
+def list_checked(element: Element | None, tag: str, path: Path) -> list[Element]:
+    """The children of the only child of this tag, each checked.  Raises :class:`SystemFileError`."""
+    group = None if element is None else get_only_child(element, tag, path)
+    children = [] if group is None else group.children
+    for child in children:
+        check_element(child, path)
+    return children
+
+
+def read_number(element: Element, name: str, path: Path) -> float | None:
+    """A finite number in an attribute, None where it is not there.  Raises :class:`SystemFileError`."""
+    text = element.attributes.get(name)
+    value = None if text is None else parse_real(text)
+    if text is not None and value is None:
+        raise SystemFileError(path, f"{name}: expected a finite number, got {text!r}", element.line)
+    return value
 
 
 def check_version(root: Element, path: Path) -> None:

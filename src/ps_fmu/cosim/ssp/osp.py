@@ -13,13 +13,25 @@ from fmpy.model_description import ModelVariable
 
 from ..description import index_variables, read_description
 from ..errors import SystemFileError
-from ..ssp.sources import MOST_ELEMENTS, Sources
-from ..structure import Component, Connection, Connector, Experiment, Parameter, PortName, System, suggest_names
+from ..structure import (
+    Component,
+    Connection,
+    Connector,
+    Experiment,
+    Parameter,
+    PortName,
+    System,
+    suggest_names,
+)
 from ..values import EXPECTED, Hop, Transformation, Value, parse_real, parse_value
 from ..xmlfile import Element, read_xml
-from .dialect import NAMESPACE, ROOT, ROOT_NAME, VALUES, check_element, find_text, get_name, list_checked
+from .parameters import read_linear
+from .rules import OSP_VALUES, check_element, get_only_child, list_checked, read_number, show_tag
+from .sources import MOST_ELEMENTS, Sources
 
 OSP_NAME = "OspSystemStructure.xml"
+_ROOT = "OspSystemStructure"
+_NAMESPACE = "http://opensimulationplatform.com/MSMI/OSPSystemStructure"
 
 
 @dataclass(frozen=True)
@@ -48,12 +60,12 @@ class _Reader:
 
     def read(self) -> System:
         root = read_xml(self._path, texts=True)
-        if root.tag != ROOT:
-            name = get_name(root)
-            what = f'{name} of another namespace: write xmlns="{NAMESPACE}"' if name == ROOT_NAME else name
-            raise self._make_error(f"is not a system of libcosim: expected {ROOT_NAME}, got {what}", root)
+        if root.tag != f"oss:{_ROOT}":
+            name = root.tag.rpartition(":")[2]
+            what = f'{name} of another namespace: write xmlns="{_NAMESPACE}"' if name == _ROOT else name
+            raise self._make_error(f"is not a system of libcosim: expected {_ROOT}, got {what}", root)
         check_element(root, self._path)
-        simulators = list_checked(root, "Simulators", self._path)
+        simulators = list_checked(root, "oss:Simulators", self._path)
         if not simulators:
             raise self._make_error("the system has no simulators", root)
         if len(simulators) > MOST_ELEMENTS:
@@ -68,7 +80,7 @@ class _Reader:
         remarks = tuple(self._list_remarks(root))
         experiment = self._read_experiment(root)
         labels = {"name": self._path.stem}
-        if (about := find_text(root, "Description", self._path)) is not None:
+        if (about := get_only_child(root, "oss:Description", self._path)) is not None:
             labels["description"] = about.text.strip()
         return System(self._path, tuple(components), connections, experiment, labels, remarks=remarks)
 
@@ -89,17 +101,14 @@ class _Reader:
         return Experiment(start, stop, step)
 
     def _read_time(self, root: Element, name: str) -> float | None:
-        element = find_text(root, name, self._path)
-        return None if element is None else self._parse(element, name, element.text)
-
-    def _parse(self, element: Element, what: str, text: str) -> float:
-        value = parse_real(text)
-        if value is None:
-            raise self._make_error(f"{what}: expected a finite number, got {text.strip()!r}", element)
+        element = get_only_child(root, f"oss:{name}", self._path)
+        value = None if element is None else parse_real(element.text)
+        if element is not None and value is None:
+            raise self._make_error(f"{name}: expected a finite number, got {element.text.strip()!r}", element)
         return value
 
     def _list_remarks(self, root: Element) -> Iterator[str]:
-        element = find_text(root, "Algorithm", self._path)
+        element = get_only_child(root, "oss:Algorithm", self._path)
         if element is not None and element.text.strip() != "fixedStep":
             where = f"{self._path}, line {element.line}"
             yield f"{where}: Algorithm {element.text.strip()!r} is not known here: the step is that of BaseStepSize"
@@ -109,11 +118,11 @@ class _Reader:
         if not name:
             raise self._make_error("Simulator has an empty name", element)
         fmu = self._sources.find_fmu(element.attributes["source"], element, self._path, f"simulator {name!r}")
-        step = self._parse(element, "stepSize", element.attributes.get("stepSize", "0"))
+        step = read_number(element, "stepSize", self._path) or 0.0
         if step < 0.0:
             raise self._make_error(f"stepSize must not be negative, got {step}", element)
         parameters: dict[str, Parameter] = {}
-        for item in list_checked(element, "InitialValues", self._path):
+        for item in list_checked(element, "oss:InitialValues", self._path):
             variable = item.attributes["variable"]
             if variable in parameters:
                 raise self._make_error(f"simulator {name!r}: there are two values for {variable!r}", item)
@@ -123,9 +132,9 @@ class _Reader:
 
     def _read_value(self, item: Element, name: str) -> Value:
         if len(item.children) != 1:
-            raise self._make_error(f"{name}: expected one value, of {', '.join(VALUES)}", item)
+            raise self._make_error(f"{name}: expected one value, of {', '.join(OSP_VALUES)}", item)
         check_element(item.children[0], self._path)
-        stated = get_name(item.children[0])
+        stated = show_tag(item.children[0].tag)
         kind, text = "Integer" if stated == "Enumeration" else stated, item.children[0].attributes["value"]
         value = parse_value(kind, text)
         if value is None:
@@ -138,8 +147,8 @@ class _Reader:
         functions = self._read_functions(root)
         fed: dict[str, PortName] = {}
         led: list[tuple[str, PortName, Element]] = []
-        for element in list_checked(root, "Connections", self._path):
-            if get_name(element) == "VariableConnection":
+        for element in list_checked(root, "oss:Connections", self._path):
+            if show_tag(element.tag) == "VariableConnection":
                 source, target = self._direct(element)
                 yield Connection(source, target, element.line)
                 continue
@@ -159,20 +168,18 @@ class _Reader:
 
     def _read_functions(self, root: Element) -> dict[str, _Function]:
         found: dict[str, _Function] = {}
-        for element in list_checked(root, "Functions", self._path):
-            name, given = element.attributes["name"], element.attributes
+        for element in list_checked(root, "oss:Functions", self._path):
+            name = element.attributes["name"]
             if name in found:
                 raise self._make_error(f"there are two functions named {name!r}", element)
-            factor = self._parse(element, "factor", given.get("factor", "1"))
-            offset = self._parse(element, "offset", given.get("offset", "0"))
-            found[name] = _Function(Transformation("Linear", factor, offset), element.line)
+            found[name] = _Function(read_linear(element, self._path), element.line)
         return found
 
     def _read_signal(self, element: Element, functions: dict[str, _Function]) -> tuple[PortName, str, str]:
         """The variable, ``in`` or ``out``, and the function."""
-        if sorted(map(get_name, element.children)) != ["Signal", "Variable"]:
+        if sorted(show_tag(child.tag) for child in element.children) != ["Signal", "Variable"]:
             raise self._make_error("SignalConnection: expected a Variable and a Signal", element)
-        signal, variable = sorted(element.children, key=get_name)
+        signal, variable = sorted(element.children, key=lambda child: child.tag)
         check_element(signal, self._path)
         name, function = signal.attributes["name"], signal.attributes["function"]
         if function not in functions:
@@ -205,10 +212,13 @@ class _Reader:
 
     def _direct(self, element: Element) -> tuple[PortName, PortName]:
         """Source and target of a VariableConnection."""
-        if [get_name(child) for child in element.children] != ["Variable", "Variable"]:
+        if [show_tag(child.tag) for child in element.children] != ["Variable", "Variable"]:
             raise self._make_error("VariableConnection: expected two Variables", element)
         (one, first), (other, second) = map(self._read_variable, element.children)
         if (first == "output") == (second == "output"):
             text = f"{one} is of causality {first}, {other} of {second}: expected an output and an input"
             raise self._make_error(text, element)
         return (one, other) if first == "output" else (other, one)
+
+
+
