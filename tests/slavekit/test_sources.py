@@ -4,7 +4,7 @@ from pathlib import Path, PurePosixPath
 
 import pytest
 
-from ps_fmu.slavekit.pack.sources import SourceError, collect_modules, rename_imports
+from ps_fmu.slavekit.pack.sources import BuildError, collect_modules, rename_imports
 
 NAMES = {"ps_fmu": "ps_fmu_12", "pythonfmu": "ps_fmu_12.pythonfmu"}
 
@@ -95,6 +95,6 @@ def test_imports_are_renamed_and_nothing_else(source, expected):
     ],
 )
 def test_what_cannot_be_renamed_is_told(source, problem):
-    with pytest.raises(SourceError) as error:
+    with pytest.raises(BuildError) as error:
         rename_imports(source.encode(), "x.py", NAMES)
     assert problem in str(error.value)

@@ -11,7 +11,8 @@ from ..cosim.archive import check_archive, check_content, read_member
 from ..cosim.errors import SystemFileError
 from ..cosim.xmlfile import MAXIMUM_BYTES
 from ..native import find_platform
-from . import archive_rules, lives, other_checkers, stages
+from ..slavekit.pack.stages import StageResult, live_in_fmpy
+from . import archive_rules, lives, other_checkers
 from .reading import Description, read_description
 from .rules import DESCRIPTION_RULES, check_description
 from .verdicts import FAILED, NOT_RUN, OK, WARNING, CheckResult
@@ -49,7 +50,7 @@ def check_fmu(path: Path, run: bool = True) -> Iterator[CheckResult]:
         yield CheckResult("life in FMPy", NOT_RUN, (reason,))
         yield CheckResult("life in a C host", NOT_RUN, (reason,))
         return
-    yield from _list_stages("FMPy", lives.live_in_fmpy(path))
+    yield from _list_stages("FMPy", live_in_fmpy(path, "whole"))
     yield from _live_in_c_host(path, members, description)
 
 
@@ -104,6 +105,6 @@ def _live_in_c_host(path: Path, members: Sequence[str], description: Description
     yield from _list_stages("C host", results)
 
 
-def _list_stages(host: str, results: Iterable[stages.StageResult]) -> Iterator[CheckResult]:
+def _list_stages(host: str, results: Iterable[StageResult]) -> Iterator[CheckResult]:
     for stage, problem in results:
         yield CheckResult(f"{host}: {stage}", FAILED if problem else OK, tuple(problem.splitlines()))

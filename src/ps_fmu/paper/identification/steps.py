@@ -13,7 +13,7 @@ import numpy as np
 import tomlkit  # keeps comments and layout, which tomllib cannot write at all
 from tqdm import tqdm
 
-from ...cosim.ssp.xml_parts import real_values_xml
+from ...cosim.ssp.writing import real_values_xml
 from ...interface.parameter_sets import differences
 from ...mechanism.parameters import PAPER, Array, Parameters, load
 from ...slavekit.pack.files import write_atomically

@@ -14,14 +14,14 @@ from ....analyses.options import AnalysisOptions
 from ....analyses.result import AnalysisResult, paint_pictures, tabulate
 from ....interface.parameter_sets import list_departures
 from ....mechanism.parameters import Array, load
-from ....results import plots
+from ....results.figures import draw_table
 from ....results.report import Picture
 from ....results.tables import Table, format_angles, format_number
 from ....runs.publish import Findings
 from ....runs.run import Run
 from ....runs.scenario import SCENARIOS, Scenario
 from ....runs.setup import RunSystem
-from ....scenarios.comparison import HEADER, Comparison, draw_comparison, explain_refusal, make_rows
+from ....scenarios.comparison import HEADER, Comparison, explain_refusal, make_rows
 from ....scenarios.exploration import explore_comparisons
 from ...cosimulation import hold_run
 from ...published import make_finding, published_numbers
@@ -71,11 +71,8 @@ def find(run: Run) -> Findings:
 
     def draw(folder: Path) -> list[Picture]:
         path = folder / "table2.png"
-        plots.draw_table(path, table.header, table.rows, title="Table 2: published and co-simulated")
-        pictures = [Picture(path, "Published and co-simulated values.")]
-        for comparison in found.values():
-            pictures += draw_comparison(comparison, folder, name_orientation(comparison.target_deg))
-        return pictures
+        draw_table(path, table.header, table.rows, title="Table 2: published and co-simulated")
+        return [Picture(path, "Published and co-simulated values.")]
 
     nominal = found[NOMINAL]
     return Findings(
@@ -104,7 +101,9 @@ def find(run: Run) -> Findings:
             ],
         },
         draw=draw,
-        explore=partial(explore_comparisons, list(found.values()), measured.system),
+        explore=partial(
+            explore_comparisons, {name_orientation(c.target_deg): c for c in found.values()}, measured.system
+        ),
         refused="\n".join(refused),
     )
 
