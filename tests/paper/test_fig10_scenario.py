@@ -48,8 +48,9 @@ def test_predictions_are_of_the_parameters_of_the_run(make_options, ssv, monkeyp
 def test_charts_show_each_case_without_and_with_the_isolator():
     def respond(case, enabled, delay_s, motion):
         return SimpleNamespace(
-            case=case, enabled=enabled, name=case if delay_s == 0.02 else f"{case}, 100 ms", time=np.arange(3.0),
-            rotation=np.full((3, 3), motion), fine=np.full((3, 3), -motion),
+            case=case, enabled=enabled, mode="active" if enabled else "passive",
+            name=case if delay_s == 0.02 else f"{case}, 100 ms", time=np.arange(3.0), rotation=np.full((3, 3), motion),
+            fine=np.full((3, 3), -motion),
         )  # fmt: skip
 
     responses = [

@@ -11,6 +11,7 @@ from tqdm import tqdm
 from ....analyses.finding import Finding
 from ....analyses.options import AnalysisOptions
 from ....analyses.result import AnalysisResult, paint_pictures, tabulate
+from ....results.figures import draw_exploration
 from ....results.tables import Table, format_number
 from ....runs.options import OptionError
 from ....runs.publish import Findings
@@ -27,11 +28,11 @@ from .open_loop import SHAKING, OpenLoop, measure_open_loops
 from .plots import (
     DRAWN,
     distance_beyond,
+    draw_fine_legs,
     explore_responses,
     paint_bode,
     paint_nyquist,
     paint_sensitivity,
-    response_pictures,
 )
 from .pulse import PulseResponse, list_cases, load_shaken_system, measure, paper_delay_s
 
@@ -65,7 +66,7 @@ def find(run: Run) -> Findings:
         outcomes=[r.outcome for r in responses],
         orientation_deg=(0.0, 0.0, 0.0),
         more={"responses": [r.entry for r in responses]},
-        draw=lambda folder: response_pictures(folder, responses),
+        draw=lambda folder: draw_fine_legs(folder, responses),
         explore=lambda _path: explore_responses(responses),
     )
 
@@ -108,7 +109,8 @@ def analyse(
                     (10.0, 9.0), paint_sensitivity, verdicts,
                 ),
             ),
-            *response_pictures(options.output, responses),
+            *draw_fine_legs(options.output, responses),
+            *draw_exploration(explore_responses(responses), options.output),
         ],
         data={
             "delay_s": delay,
