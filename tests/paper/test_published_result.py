@@ -7,7 +7,6 @@ data in the JSON files.  Not compared: captions of figures, and columns whose nu
 
 import json
 import re
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -107,15 +106,6 @@ def test_what_is_computed_is_computed_today(stored, closed_form):
     for key, finding in closed_form.items():
         assert alike(finding.remark, stored[key].remark) or finding.remark == "", key
         assert finding.setting == stored[key].setting
-
-
-def test_any_other_number_would_be_noticed(stored, closed_form):
-    """One per cent off, or not there, each number in turn."""
-    for key, finding in closed_form.items():
-        if key in NOISE or finding.computed is None:
-            continue
-        for other in (1.01 * finding.computed or 1.0, None):
-            assert wrong({**stored, key: replace(stored[key], computed=other)}, closed_form) == [key]
 
 
 def test_the_counts_of_the_first_paragraph(stored):
@@ -231,26 +221,6 @@ def differences(content, today):
 @pytest.mark.parametrize("name", PARTS)
 def test_text_and_tables_are_those_of_today(today, name):
     assert differences(content_of(name), today[name]) == []
-
-
-@pytest.mark.parametrize("name", PARTS)
-def test_any_other_text_would_be_noticed(today, name):
-    """A number five per cent off, in each paragraph and in each row of a table that has one; and other words."""
-    content = content_of(name)
-    changed = [(content["text"], k) for k in range(len(content["text"]))]
-    for table, now in zip(content["tables"], today[name][1], strict=True):
-        if now is not None:
-            changed += [(row, k) for row in table["rows"] for k in range(len(row))]
-    for place, k in changed:
-        before = place[k]
-        others = [before + " not"]
-        if (number := re.search(r"(?<![\d.])[1-9]\d*\.\d{2,}(?!e)", before)) is not None:
-            more = f"{1.05 * float(number[0]) + 0.1:.{len(number[0].partition('.')[2])}f}"
-            others.append(before[: number.start()] + more + before[number.end() :])
-        for other in others:
-            place[k] = other
-            assert len(differences(content, today[name])) == 1, other
-        place[k] = before
 
 
 def test_the_error_table_of_the_trajectories():

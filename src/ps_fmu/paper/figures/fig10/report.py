@@ -9,8 +9,8 @@ import numpy as np
 from tqdm import tqdm
 
 from ....analyses.finding import Finding
-from ....analyses.options import AnalysisOptions
 from ....analyses.result import AnalysisResult, paint_pictures, tabulate
+from ....analyses.table import AnalysisOptions
 from ....results.figures import draw_exploration
 from ....results.tables import Table, format_number
 from ....runs.options import OptionError
