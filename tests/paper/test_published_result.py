@@ -7,14 +7,12 @@ data in the JSON files.  Not compared: captions of figures, and columns whose nu
 
 import json
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
 from support import published as stored_runs
-from support.published import FOLDER, ROOT, alike, content_of, finding_of
+from support.published import FOLDER, PARTS, ROOT, alike, content_of, finding_of, read_result
 
-from ps_fmu.analyses.result import AnalysisResult
 from ps_fmu.mechanism.parameters import load
 from ps_fmu.paper import overview
 from ps_fmu.paper.bus_cases import CASES
@@ -31,13 +29,10 @@ from ps_fmu.paper.figures.table2 import report as jitter
 from ps_fmu.paper.figures.table2.closed_form import ORIENTATIONS, knowledge_text
 from ps_fmu.paper.figures.table2.runs import nominal_densities
 from ps_fmu.paper.published import published_numbers
-from ps_fmu.results.report import Picture
-from ps_fmu.results.tables import Table
 from ps_fmu.runs.scenario import SCENARIOS
 from ps_fmu.scenarios.shaking import Shaking
 from ps_fmu.theory.transmissibility import singular_values_db
 
-PARTS = tuple(overview.FIGURES)
 NAMES = (*PARTS, "paper")
 #: Closed form today against closed form then: what other versions of the libraries may change.
 RELATIVE = 1e-3
@@ -46,19 +41,6 @@ NOISE = {"fig11.similar": 1e-9, "fig11.similar_damped": 1e-9}  # dB: differences
 ROUNDING = 1e-12  # relative, in the evidence of errata; deg, errors of exact inverse kinematics
 #: Errors of the right forms are rounding, or of a search: (41), (42).
 RIGHT = 1e-6
-
-
-def rebuilt(content):
-    """The analysis that was written, from its JSON file."""
-    return AnalysisResult(
-        name=content["analysis"],
-        title=content["title"],
-        text=content["text"],
-        findings=[finding_of(entry) for entry in content["findings"]],
-        tables=[Table(**table) for table in content["tables"]],
-        pictures=[Picture(Path(picture["file"]), picture["caption"]) for picture in content["pictures"]],
-        parts=[rebuilt(content_of(name)) for name in PARTS] if content["analysis"] == "paper" else (),
-    )
 
 
 def wrong(stored, today):
@@ -82,7 +64,7 @@ def stored():
 @pytest.mark.parametrize("name", NAMES)
 def test_the_markdown_is_what_the_json_says(name):
     content = content_of(name)
-    assert rebuilt(content).to_markdown() == (FOLDER / f"{name}.md").read_text()
+    assert read_result(name, PARTS if name == "paper" else ()).to_markdown() == (FOLDER / f"{name}.md").read_text()
     for entry in content["findings"]:
         finding = finding_of(entry)
         said = finding.published
