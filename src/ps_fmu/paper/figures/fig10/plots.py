@@ -189,7 +189,8 @@ def draw_fine_legs(folder: Path, responses: Sequence[PulseResponse]) -> list[Pic
 def explore_responses(responses: Sequence[PulseResponse]) -> Exploration:
     """Charts of the payload's rotation and of a fine leg, one for each case, isolator off and on."""
     axis = Axis("time", "s", responses[0].time)
-    still = Still("stability_payload.png", AFTER, caption="Rotation of the payload about the first axis.")
+    title = "Payload about axis x after a pulse on the bus, 20 ms delay unless said otherwise"
+    still = Still("stability_payload.png", title, caption="Rotation of the payload about the first axis.")
     groups = []
     for title, unit, motion, stills in (
         ("Rotation of the payload about axis x of P", "rad", "rotation", [still]),
