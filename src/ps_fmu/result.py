@@ -165,7 +165,7 @@ class Result:
             options = replace(options, parameters=(*options.parameters, path))
         write_origin(folder / RESULTS, options, run.system)
         assert run.system.kept is not None
-        run.system.kept.write(folder / RESULTS, run.system.results.find(folder / RESULTS))
+        run.system.kept.write(folder / RESULTS)
         publish(options, run.system, findings)
 
     def plot(self, name: str = "payload_rotation", cases: Sequence[str] | None = None) -> ShownFigure:

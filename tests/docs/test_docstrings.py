@@ -83,5 +83,5 @@ def test_what_a_package_offers_is_where_it_is_defined(load):
     found = load("api_pages").list_offered(ps_fmu.pointing)
     assert len(found) == len(ps_fmu.pointing.__all__)
     assert "ps_fmu.pointing.indices.RelativeError" in found
-    types = {"ps_fmu.cosim.events.Event", "ps_fmu.cosim.values.Value"}
+    types = {"ps_fmu.cosim.clock.Event", "ps_fmu.cosim.values.Value"}
     assert types <= {*load("api_pages").list_offered(ps_fmu.cosim)}  # elsewhere they have no text of their own

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
+from support.mechanics import to_rotation_matrix
 from support.models import Host
 
 from ps_fmu.mechanism.linear_model import momentum
-from ps_fmu.mechanism.quaternions import to_rotation_matrix
 from ps_fmu.mechanism.signals import output_slices, servo_slices
 
 PLACE = output_slices()

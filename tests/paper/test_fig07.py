@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from ps_fmu.analyses.options import AnalysisOptions
-from ps_fmu.mechanism.inverse_kinematics import inverse_kinematics
+from ps_fmu.mechanism.inverse_kinematics import inverse_kinematics, reachable, stroke_margin
 from ps_fmu.mechanism.parameters import load
-from ps_fmu.mechanism.reachability import reachable, stroke_margin
 from ps_fmu.paper.figures import fig07
 from ps_fmu.paper.figures.fig07 import scenario as trajectories
 from ps_fmu.paper.figures.fig07.analysis import LIMITS, analyse, extremes

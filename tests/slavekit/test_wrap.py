@@ -279,15 +279,14 @@ print(*sorted(name for name in sys.modules if name.count(".") == 1 and name.star
 
 
 def test_the_slave_kit_alone_builds_checks_and_runs_a_slave(stock, tmp_path):
-    """In a process where the rest of the package is absent, but for the compiled library and what reads it."""
+    """In a process where the rest of the package is absent, but for the compiled library."""
     package = Path(ps_fmu.__file__).parent
     (tmp_path / "alone" / "ps_fmu").mkdir(parents=True)
-    for name in ("__init__.py", "compiled_files.py"):  # what is in no room serves all of them
-        shutil.copy(package / name, tmp_path / "alone" / "ps_fmu")
-    for name in ("slavekit", "numerics"):
+    shutil.copy(package / "__init__.py", tmp_path / "alone" / "ps_fmu")
+    for name in ("slavekit", "numerics", "native"):
         shutil.copytree(package / name, tmp_path / "alone" / "ps_fmu" / name)
     arguments = [tmp_path / "alone", write_example(tmp_path / "source"), stock]
     command = [sys.executable, "-I", "-c", ALONE, *map(str, arguments)]
     result = subprocess.run(command, capture_output=True, text=True)
     assert (result.returncode, result.stderr) == (0, "")
-    assert result.stdout == "ps_fmu.compiled_files ps_fmu.numerics ps_fmu.slavekit\n"
+    assert result.stdout == "ps_fmu.native ps_fmu.numerics ps_fmu.slavekit\n"

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 from scipy.special import lambertw
 
 from ps_fmu.control.feedforward import Controller
@@ -47,6 +48,11 @@ def rigid(parameters: Parameters = PAPER) -> Parameters:
 
 def dynamics_at(pose: Pose, parameters: Parameters = PAPER) -> Dynamics:
     return assemble(parameters.manipulator, parameters.payload, parameters.bus, pose)
+
+
+def to_rotation_matrix(q: NDArray) -> NDArray:
+    """The rotation matrix of a unit quaternion, scalar first, (..., 4) to (..., 3, 3)."""
+    return Rotation.from_quat(np.reshape(q, (-1, 4)), scalar_first=True).as_matrix().reshape(*np.shape(q)[:-1], 3, 3)
 
 
 def reference_cases() -> list[dict]:

@@ -23,9 +23,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..mechanism.discretisation import zero_order_hold
-from ..mechanism.dynamics import Pose, payload_mass
+from ..mechanism.dynamics import Pose, leg_mass_on, payload_mass
 from ..mechanism.kinematics import jacobians
-from ..mechanism.legs import leg_mass_on
 from ..mechanism.parameters import Manipulator, Parameters, Payload
 from ..mechanism.quantities import Array, Checked, Complex, group, quantity
 from .isolator import known_payload, nominal_pose

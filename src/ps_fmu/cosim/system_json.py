@@ -12,7 +12,6 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 from .errors import SystemFileError
-from .hops import End, Hop, Transformation, Unit
 from .structure import (
     Component,
     Connection,
@@ -24,6 +23,7 @@ from .structure import (
     SystemInput,
     SystemOutput,
 )
+from .values import End, Hop, Transformation, Unit
 from .xmlfile import read_bytes
 
 MAXIMUM_BYTES = 2**30

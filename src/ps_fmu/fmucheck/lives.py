@@ -16,11 +16,10 @@ import sys
 import tempfile
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from platform import machine
 
 from ..cosim.archive import extract
+from ..native import find_compiled, find_platform, list_platforms
 from . import life_cycle
-from .host.compile import HOST
 from .reading import Description, Variable, parse_number
 from .stages import StageResult, watch_stages
 
@@ -38,18 +37,16 @@ def live_in_fmpy(fmu: Path) -> list[StageResult]:
         return watch_stages(command, report)
 
 
-def find_c_host(platform: str) -> Path | None:
-    """The C host for this machine and a platform of FMI; None if it was not compiled for them.
+def find_c_host() -> Path | None:
+    """The C host for this machine; None if it was not compiled for it.
 
     Raises OSError if it is damaged or missing.
     """
-    return HOST.find_whole(platform) if machine().lower() in ("x86_64", "amd64") else None
+    return find_compiled("host") if find_platform() in list_platforms("host") else None
 
 
-def live_in_c_host(
-    host: Path, fmu: Path, description: Description, platform: str, **environment: str
-) -> list[StageResult]:
-    """The stages of the life in the C host, see ``host/host.c``; it ends at the first that no other can follow.
+def live_in_c_host(host: Path, fmu: Path, description: Description, **environment: str) -> list[StageResult]:
+    """The stages of the life in the C host, see ``native/host/host.c``; it ends at the first that no other can follow.
 
     ``environment``: variables besides PATH and HOME.  Raises OSError if the host cannot be started, SystemFileError if
     the FMU cannot be unpacked.
@@ -59,7 +56,7 @@ def live_in_c_host(
         folder = Path(temporary)
         extract(fmu, folder / "fmu")
         task, report, program = folder / "task", folder / "report", folder / "host"
-        task.write_text("\n".join(_write_task(folder / "fmu", description, platform)) + "\n", encoding="utf-8")
+        task.write_text("\n".join(_write_task(folder / "fmu", description)) + "\n", encoding="utf-8")
         shutil.copyfile(host, program)  # an installed file need not be executable
         program.chmod(0o700)
         return watch_stages([str(program), str(task), str(report)], report, kept | environment)
@@ -70,7 +67,7 @@ def has_launcher(members: Iterable[str]) -> bool:
     return "resources/launcher.txt" in members
 
 
-def _write_task(folder: Path, description: Description, platform: str) -> Iterator[str]:
+def _write_task(folder: Path, description: Description) -> Iterator[str]:
     """The lines of ``host/task.h`` for an unpacked FMU; without variables whose numbers cannot be used."""
     interface = description.root.find("CoSimulation")
     if interface is None:
@@ -78,7 +75,7 @@ def _write_task(folder: Path, description: Description, platform: str) -> Iterat
     given = interface.attributes
     (folder / "resources").mkdir(exist_ok=True)
     resources = (folder / "resources").as_uri().removeprefix("file://")
-    yield f"library {folder / 'binaries' / platform / given.get('modelIdentifier', '')}.so"
+    yield f"library {folder / 'binaries' / find_platform() / given.get('modelIdentifier', '')}.so"
     yield f"guid {_join_lines(description.root.attributes.get('guid', ''))}"
     yield f"resources {resources}"
     yield f"start {_read_setting(description, 'startTime', 0.0)!r}"

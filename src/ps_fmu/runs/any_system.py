@@ -14,11 +14,11 @@ from fmpy.model_description import ModelDescription
 from ..cosim.clock import count_steps
 from ..cosim.description import read_descriptions
 from ..cosim.errors import UsageError
-from ..cosim.faults.acted import ActedFault
+from ..cosim.faults.binding import ActedFault
 from ..cosim.faults.reading import read_faults
 from ..cosim.master import Master
 from ..cosim.recording.recorder import Recorder
-from ..cosim.recording.selection import matches
+from ..cosim.recording.thinner import matches
 from ..cosim.rows import Array
 from ..cosim.schemes.resolving import resolve_scheme
 from ..cosim.schemes.scheme import make_scheme
@@ -213,7 +213,6 @@ def _record(
             duration,
             [recorder] if costs is None else costs.time([recorder]),
             progress=lambda t, wall, factor: show(t - start, wall, factor),
-            beside=True,
             checkpoints=keeper.checkpoints,
         )
 

@@ -62,11 +62,9 @@ def publish(options: RunOptions, system: RunSystem, findings: Findings) -> str:
     pictures = findings.draw(options.output) if options.figures else ()
     explored = findings.explore(options.output / RESULTS)
     try:
-        finish_file(options.output / RESULTS, system.indices, system.results)
+        finish_file(options.output / RESULTS)
     except OSError as error:  # the rows are there; nothing else is to be lost
         system.warnings.add(str(error))
-    finally:
-        system.results.close()
     verdicts = system.judge.conclude()
     make_summary(options, system, findings).write(options.output / SUMMARY)
     faults = _tabulate_faults(options, findings)

@@ -11,9 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..cosim.recording.columns_on_disk import read_rows
-from ..mechanism.geometry import Geometry
 from ..mechanism.inverse_kinematics import trilaterate
+from ..mechanism.kinematics import Geometry
 from ..mechanism.rotations import rotation_matrix
+from ..reduction.columns import NETCDF_LOCK
 from ..results.observers.envelope import Envelope
 from ..results.observers.means import MeanObserver, Means
 from ..results.observers.scatter import Scatter
@@ -126,7 +127,9 @@ def show_mechanism(system: RunSystem, results: Path, runs: Sequence[tuple[str, s
     known = {f"plant.{variable.name}" for variable in system.descriptions["plant"].modelVariables}
     if not {*MOTION, *JOINTS, *NOMINAL_POSITION} <= known:
         return None
-    with system.results.read(results) as file:
+    import netCDF4
+
+    with NETCDF_LOCK, netCDF4.Dataset(results) as file:
         motions = [(label, motion) for label, group in runs if (motion := read_motion(file[group]))]
     if len(motions) < len(runs):
         return None

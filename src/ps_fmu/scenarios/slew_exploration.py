@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from ..cosim.recording.decimate import PASS_BAND
+from ..reduction.columns import NETCDF_LOCK
 from ..results.observers.envelope import Envelope
 from ..results.page.content import Axis, Chart, ChartGroup, Curve, Exploration
 from ..results.plots import shorten_name
@@ -50,7 +51,9 @@ def _chart_settled(slews: Slews, system: RunSystem, results: Path) -> list[Chart
     if slews.on.arrival.after is None or began_s is None:
         return []
     rows, span, step_s, highest = [], (began_s, began_s), 1.0, None
-    with system.results.read(results) as file:
+    import netCDF4
+
+    with NETCDF_LOCK, netCDF4.Dataset(results) as file:
         for (label, colour), name in zip(CASES, GROUPS, strict=True):
             group = file[name]
             if not set(ROTATION) <= group.variables.keys():

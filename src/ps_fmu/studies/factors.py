@@ -11,13 +11,13 @@ from fmpy.model_description import ModelDescription, ModelVariable
 from numpy.typing import ArrayLike, NDArray
 
 from ..cosim import CosimError, UsageError, Value
+from ..cosim.conversion import has_exact_start
 from ..cosim.description import convert_value, explain_unsettable, get_unit, index_variables, read_start
 from ..cosim.faults.numbers import find_number
 from ..cosim.graph import Wiring
-from ..cosim.hops import list_items
 from ..cosim.signals import bind_signals, list_ways
-from ..cosim.start_values import has_exact_start
 from ..cosim.structure import split_port, suggest_names
+from ..cosim.values import list_items
 from ..runs.setup import RunSystem
 from .study import NORMAL, STEPS, UNIFORM, VALUES, Branch, Number, Vary, parse_number
 

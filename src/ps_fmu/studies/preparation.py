@@ -168,7 +168,7 @@ def make_bundle(study: Study, system: RunSystem, sources: Sources) -> Bundle:
     names, files = _collect_fmus(system)
     files[SYSTEM] = encode_system(replace(system.structure, experiment=experiment), names)
     distinct = list({source.path: source for source in sources.values()}.values())
-    kept = {source.path: f"checkpoint_{number}.zip" for number, source in enumerate(distinct)}
+    kept = {source.path: f"checkpoint_{number}.msgpack" for number, source in enumerate(distinct)}
     with tempfile.TemporaryDirectory(prefix="study_") as folder:
         for source in distinct:
             place = Path(folder, kept[source.path])

@@ -41,8 +41,7 @@ from pathlib import Path
 from typing import Any
 
 from ..cosim import SystemFileError, UsageError, Value
-from ..cosim.isolation.instance import Isolation
-from ..cosim.isolation.options import make_isolation
+from ..cosim.isolation.instance import Isolation, make_isolation
 from ..cosim.schemes.scheme import EXTRAPOLATIONS, METHODS, ORDERS, Iteration, Scheme, read_rate
 from ..cosim.ssp.reading import find_description
 from ..cosim.structure import COMPONENT_NAME

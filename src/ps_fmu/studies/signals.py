@@ -22,7 +22,7 @@ from typing import Any
 from ..cosim import Column, UsageError
 from ..cosim.clock import count_steps
 from ..cosim.recording.recorder import METADATA_BYTES, STORAGE, find_chunk_rows
-from ..cosim.recording.selection import select_names
+from ..cosim.recording.thinner import select_names
 from .study import MOST_GB, Signals, StudyError, TableReader
 
 FOLDER = "signals"  # in the output folder

@@ -5,8 +5,7 @@ from dataclasses import fields, is_dataclass
 import numpy as np
 import pytest
 
-from ps_fmu.cosim.checkpoint.files import read_file, write_file
-from ps_fmu.cosim.checkpoint.journal import Journal
+from ps_fmu.cosim.checkpoint.files import Journal, read_file, write_file
 from ps_fmu.cosim.checkpoint.state import Journaled, Stateful
 from ps_fmu.cosim.rows import Column
 from ps_fmu.requirements.record import RequirementRecord

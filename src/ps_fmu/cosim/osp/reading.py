@@ -13,10 +13,9 @@ from fmpy.model_description import ModelVariable
 
 from ..description import index_variables, read_description
 from ..errors import SystemFileError
-from ..hops import Hop, Transformation
 from ..ssp.sources import MOST_ELEMENTS, Sources
 from ..structure import Component, Connection, Connector, Experiment, Parameter, PortName, System, suggest_names
-from ..values import EXPECTED, Value, parse_real, parse_value
+from ..values import EXPECTED, Hop, Transformation, Value, parse_real, parse_value
 from ..xmlfile import Element, read_xml
 from .dialect import NAMESPACE, ROOT, ROOT_NAME, VALUES, check_element, find_text, get_name, list_checked
 

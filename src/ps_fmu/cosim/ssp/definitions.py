@@ -6,8 +6,7 @@ import math
 from pathlib import Path
 
 from ..errors import SystemFileError
-from ..hops import EXPONENTS, Items, Unit
-from ..values import fits_int32, parse_real, parse_value
+from ..values import EXPONENTS, Items, Unit, fits_int32, parse_real, parse_value
 from ..xmlfile import Element
 from .dialect import check_element, get_only_child
 

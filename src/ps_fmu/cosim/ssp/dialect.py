@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ..errors import SystemFileError
-from ..hops import EXPONENTS
+from ..values import EXPONENTS
 from ..xmlfile import Element
 
 

@@ -7,9 +7,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from ..errors import SystemFileError
-from ..hops import Hop, Transformation
 from ..structure import Parameter
-from ..values import parse_real, parse_value
+from ..values import Hop, Transformation, parse_real, parse_value
 from ..xmlfile import Element
 from .dialect import check_element, check_version
 

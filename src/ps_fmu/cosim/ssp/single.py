@@ -11,9 +11,8 @@ from fmpy.model_description import ModelDescription
 
 from ..clock import count_steps
 from ..description import read_description
-from ..hops import End
 from ..structure import Component, Experiment, Parameter, PortName, System, SystemInput
-from ..values import parse_real
+from ..values import End, parse_real
 from .reading import read_system
 
 

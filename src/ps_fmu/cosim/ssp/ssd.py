@@ -12,9 +12,8 @@ from pathlib import Path, PurePosixPath
 
 from ..archive import check_archive, read_member
 from ..errors import SystemFileError
-from ..hops import End, Hop, Items, Unit
 from ..structure import Connector, Parameter
-from ..values import parse_real
+from ..values import End, Hop, Items, Unit, parse_real
 from ..xmlfile import MAXIMUM_BYTES, Element, parse_xml, read_xml
 from .definitions import read_items, read_units
 from .dialect import check_element, check_version, get_only_child, get_type, is_type

@@ -5,9 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from ..errors import SystemFileError
-from ..hops import Items
 from ..structure import ParameterSet
-from ..values import EXPECTED, Value, parse_value
+from ..values import EXPECTED, Items, Value, parse_value
 from ..xmlfile import Element, read_xml
 from .definitions import read_items, read_units
 from .dialect import check_element, check_version, get_type

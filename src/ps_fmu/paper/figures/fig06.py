@@ -15,11 +15,11 @@ import numpy as np
 from ...analyses.finding import Finding
 from ...analyses.options import AnalysisOptions
 from ...analyses.result import AnalysisResult
-from ...mechanism import workspace
 from ...mechanism.parameters import Array, load
 from ...results.report import Picture
 from ...results.style import ACTIVE, PASSIVE, REFERENCE, draw
 from ...results.tables import Table
+from .. import workspace
 from ..published import ANGLES, make_finding
 
 CLAIMED_LIMIT = 8.5  # deg, exceeded in every direction by section 4.1

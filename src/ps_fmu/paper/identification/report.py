@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...analyses.result import AnalysisResult
-from ...mechanism import workspace
 from ...mechanism.parameters import Array, Geometry, Parameters, load
 from ...results.report import Picture, draw_pictures
 from ...results.style import ACTIVE, PASSIVE, REFERENCE, draw
 from ...results.tables import Table
+from .. import workspace
 from ..figures.fig10.plots import break_jumps
 from ..figures.fig10.results import BAND
 from ..figures.table2.closed_form import ORIENTATIONS

@@ -20,7 +20,7 @@ class Calls(Protocol):
 
     @property
     def address(self) -> int:
-        """Of the words ``Calls`` in ``launcher/core.h``."""
+        """Of the words ``Calls`` in ``native/kernel/core.h``."""
 
     @property
     def left(self) -> int:

@@ -1,7 +1,8 @@
 """The words of one instance that Python and C share: what a plain step is, and when the next one is plain.
 
 Each of these facts is kept here alone, whoever makes the steps: both read it here and write it here.  The launcher
-learns the address when the instance is made (``Values.get_string``); what the words mean is in ``launcher/core.h``.
+learns the address when the instance is made (``Values.get_string``); what the words mean is in
+``native/kernel/core.h``.
 """
 
 from __future__ import annotations
@@ -58,7 +59,7 @@ result, in ``work``, or of an element; or an element has found that an event is 
 
 
 class MapWords(ctypes.Structure):
-    """The structure ``Map`` in ``launcher/core.h``."""
+    """The structure ``Map`` in ``native/kernel/core.h``."""
 
     _fields_ = (
         ("source", c_void_p), ("target", c_void_p), ("work", c_void_p), ("n_target", c_int64), ("n_blocks", c_int64),
@@ -92,7 +93,7 @@ class Map:
 
 
 class Core(ctypes.Structure):
-    """The structure of the same name in ``launcher/core.h``, and the arrays that it points to.
+    """The structure of the same name in ``native/kernel/core.h``, and the arrays that it points to.
 
     Made by :func:`make_core`.  An array is exchanged by a method, which keeps the new one alive.
     """

@@ -69,7 +69,7 @@ def tell_neighbours(*lists: Places) -> int:
 
 
 class Words(ctypes.Structure):
-    """The structure ``Element`` in ``launcher/core.h``."""
+    """The structure ``Element`` in ``native/kernel/core.h``."""
 
     _fields_ = (
         ("kind", c_int64), ("n", c_int64),

@@ -84,7 +84,7 @@ class BufferLayout:
                     raise ValueError(f"{self.model}: {port.name} depends on {names}, not among the {what}")
 
     def _list_access(self) -> None:
-        """What the launcher may do with each place while stepping, see ``launcher/core.h``."""
+        """What the launcher may do with each place while stepping, see ``native/kernel/core.h``."""
         self.kinds = np.zeros(self.size, dtype=np.uint8)
         self.low, self.high = np.full(self.size, -_LARGEST), np.full(self.size, _LARGEST)
         for reference, port in self.by_reference.items():

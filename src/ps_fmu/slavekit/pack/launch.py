@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from ...compiled_files import read_whole
-from ..launcher.compile import LAUNCHER
+from ...native import list_platforms, read_compiled
 from .errors import BuildError
 from .sources import Files
 
@@ -20,19 +19,14 @@ def put_launcher_in_front(files: Files, model: str) -> Files:
     pythonfmu's libraries stay as they are, under the name that the launcher looks for.  Raises BuildError if a launcher
     is not the one that was recorded when it was made: in an FMU nobody could tell.
     """
-    result: Files = {}
-    for name, content in files.items():
-        if name.parts[0] != "binaries":
-            continue
-        platform = name.parent.name
-        if platform in LAUNCHER.targets and name.suffix in _WRAPPER and name.stem == model:
-            result[name.with_name(_WRAPPER[name.suffix])] = content
-            try:
-                result[name] = read_whole(LAUNCHER.record, platform)
-            except OSError as error:
-                raise BuildError(str(error)) from error
-        else:
-            result[name] = content
+    result = {name: content for name, content in files.items() if name.parts[0] == "binaries"}
+    try:
+        for platform in list_platforms("launcher"):
+            for name in [name for name in result if name.parent.name == platform and name.stem == model]:
+                result[name.with_name(_WRAPPER[name.suffix])] = result[name]
+                _, result[name] = read_compiled("launcher", platform)
+    except OSError as error:
+        raise BuildError(str(error)) from error
     return result
 
 

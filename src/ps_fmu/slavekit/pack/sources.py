@@ -7,7 +7,9 @@ of whichever came first.  Inside an FMU the package therefore has another name, 
 from __future__ import annotations
 
 import ast
+import hashlib
 import importlib.util
+import json
 import pkgutil
 import re
 import sys
@@ -15,11 +17,11 @@ from collections.abc import Callable, Collection, Iterable, Iterator
 from functools import lru_cache
 from pathlib import Path, PurePosixPath
 
-from ...compiled_files import read_whole
+from ...native import RECORD, list_platforms, read_compiled
 
 _DOTTED_NAME = re.compile(r"[A-Za-z_]\w*(\.\w+)*", re.ASCII)
 _DATA = (".toml", ".csv", ".json", ".license")
-_PLATFORMS = ("linux64", "aarch64-linux", "win64")
+_NATIVE = PurePosixPath("ps_fmu", "native")
 LIBRARIES = (".so", ".dll")
 
 Files = dict[PurePosixPath, bytes]
@@ -70,8 +72,8 @@ def collect_modules(script: Path, roots: dict[str, Path], hollow: Collection[str
 def collect_imported(modules: Iterable[str], roots: dict[str, Path], hollow: Collection[str] = ()) -> Files:
     """Some modules and those that they import of some packages, directly or not, and the data files beside them.
 
-    A package whose ``__init__.py`` calls ``pkgutil.iter_modules`` is taken with all its modules, and each with the
-    compiled libraries in its folders ``linux64``, ``win64`` and so on.
+    A package whose ``__init__.py`` calls ``pkgutil.iter_modules`` is taken with all its modules; with
+    ``ps_fmu.native`` comes the library that modules in an FMU load.
 
     Parameters
     ----------
@@ -84,7 +86,7 @@ def collect_imported(modules: Iterable[str], roots: dict[str, Path], hollow: Col
     -------
     Files: ``package/sub/module.py`` -> content.
 
-    Raises OSError for a library that is not the one which the record beside its sources has.
+    Raises OSError for a library that is not the recorded one.
     """
     files: Files = {}
     waiting = sorted(modules)
@@ -105,9 +107,22 @@ def collect_imported(modules: Iterable[str], roots: dict[str, Path], hollow: Col
             if path.name == "__init__.py":
                 if _lists_its_modules(source, str(arcname)):
                     waiting += [f"{package}.{found.name}" for found in pkgutil.iter_modules([str(path.parent)])]
-                for data in _list_data(path.parent):
-                    files[arcname.parent / data.relative_to(path.parent).as_posix()] = _read_data(data)
+                for data in sorted(path.parent.iterdir()):
+                    if data.is_file() and data.suffix in _DATA:
+                        files[arcname.parent / data.name] = data.read_bytes()
+    if _NATIVE / "__init__.py" in files:
+        files |= {_NATIVE / name: content for name, content in _read_library("numerics").items()}
     return files
+
+
+def _read_library(name: str) -> dict[str, bytes]:
+    """A library for all platforms, and the record of it alone: an FMU does not change with the others."""
+    files, made = {}, {}
+    for platform in list_platforms(name):
+        file, content = read_compiled(name, platform)
+        files[f"{platform}/{file}"] = content
+        made[platform] = {file: hashlib.sha256(content).hexdigest()}
+    return files | {RECORD: json.dumps({"made": made}, indent=2).encode() + b"\n"}
 
 
 def _lists_its_modules(source: str, name: str) -> bool:
@@ -182,21 +197,6 @@ def _list_module_files(name: str, folder: Path) -> Iterator[Path]:
             if (folder / f"{part}.py").is_file():
                 yield folder / f"{part}.py"
             return
-
-
-def _list_data(folder: Path) -> Iterator[Path]:
-    for path in sorted(folder.iterdir()):
-        if path.is_file() and path.suffix in _DATA:
-            yield path
-    for platform in _PLATFORMS:
-        yield from (path for path in sorted((folder / platform).glob("*")) if path.suffix in LIBRARIES)
-
-
-def _read_data(path: Path) -> bytes:
-    """The content; of a library with a record, as of ps_fmu.numerics, only if it is the recorded one."""
-    record = path.parents[1] / f"{path.stem}.json"
-    is_recorded = path.suffix in LIBRARIES and record.is_file()
-    return read_whole(record, path.parent.name) if is_recorded else path.read_bytes()
 
 
 def rename_imports(source: bytes, name: str, names: dict[str, str]) -> bytes:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from xml.etree.ElementTree import Element, ParseError, iterparse
 
-from ..launcher.compile import LAUNCHER
+from ...native import list_platforms
 from .sources import Files
 
 RESOURCES = PurePosixPath("resources")
@@ -141,10 +141,11 @@ def _check_libraries(files: Files, model: str, tool: str) -> None:
         for name, content in files.items()
         if name.parts[0] == "binaries" and len(name.parts) == 3 and name.stem == model
     }
-    usable = {platform for platform in libraries if LAUNCHER.path(platform) is not None}
+    known = list_platforms("launcher")
+    usable = libraries.keys() & set(known)
     if not usable:
         found = ", ".join(sorted(libraries)) or "no platform at all"
-        raise StockError(f"it has a library for {found[:80]}; there is a launcher for {', '.join(LAUNCHER.targets)}")
+        raise StockError(f"it has a library for {found[:80]}; there is a launcher for {', '.join(known)}")
     old = sorted(platform for platform in usable if _EXIT not in libraries[platform])
     if old:
         raise StockError(f"its library for {', '.join(old)}, by {tool[:40]}, is not of pythonfmu 0.7: build it anew")
