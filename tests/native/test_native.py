@@ -133,7 +133,7 @@ def test_a_damaged_library_is_refused_with_the_command_that_makes_it(tmp_path, c
         "from ps_fmu.native import NotCompiledError\n"
         "from ps_fmu.cosim.guard import find_library as find_loop\n"
         "from ps_fmu.numerics import library\n"
-        "from ps_fmu.reduction.library import find_library\n"
+        "from ps_fmu.reduction.columns import find_library\n"
         "print(find_loop())\n"
         "for find in (library.find_arithmetic, find_library):\n"
         "    try: find()\n"

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..interface.parameter_sets import build_plant_and_isolator
+from ..interface.start_values import build_plant_and_isolator
 from ..mechanism.kinematics import KinematicsError
 from ..mechanism.momentum import find_reaction
 from ..mechanism.parameters import ParameterError

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from ....disturbance.recording import HEADER as RECORDING
-from ....interface.parameter_sets import build_plant_and_isolator
+from ....interface.start_values import build_plant_and_isolator
 from ....mechanism.parameters import Array
 from ....results.report import Picture, draw_pictures
 from ....results.tables import Table, format_number

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ....interface.parameter_sets import list_departures
+from ....interface.start_values import list_departures
 from ....mechanism.parameters import Array
 from ....results import plots
 from ....results.report import Picture
