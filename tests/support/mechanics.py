@@ -23,6 +23,7 @@ from ps_fmu.theory.loop import (
     controller_system,
     plant_system,
 )
+from ps_fmu.theory.transfer_matrices import Nominal
 
 REFERENCE = Path(__file__).parents[1] / "data" / "multibody-reference.json"
 PAPER = load()
@@ -71,6 +72,11 @@ def complex_array(pair: list) -> NDArray[np.complex128]:
 def relative_error(value: NDArray, reference: NDArray) -> float:
     """Largest difference over frequencies, each against the largest element of the reference matrix there."""
     return float((np.abs(value - reference).max(axis=(-2, -1)) / np.abs(reference).max(axis=(-2, -1))).max())
+
+
+def fixed_base(nominal: Nominal, s: NDArray) -> NDArray:
+    """Fine force to payload rotation as if the base did not move, (..., 3, 3), eq (46)."""
+    return nominal.dynamics.jacobians.J_theta_f @ np.linalg.inv(nominal.U(s)[0])
 
 
 def closed_loop(model: PlantModel, controller: Controller):
