@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..cosim.recording.columns_on_disk import read_rows
-from ..mechanism.geometry import Geometry
 from ..mechanism.inverse_kinematics import trilaterate
+from ..mechanism.kinematics import Geometry
 from ..mechanism.rotations import rotation_matrix
 from ..pointing.spectra import cumulative_rms, log_bands
 from ..reduction.columns import NETCDF_LOCK
