@@ -17,9 +17,9 @@ from ps_fmu.cosim.schemes.scheme import Iteration, Scheme, read_rate
 from ps_fmu.results.datasets import list_cases, read_case
 from ps_fmu.runs import finish, publish
 from ps_fmu.runs.cases import Case, run_case
-from ps_fmu.runs.execute import run_scenario
+from ps_fmu.runs.execute import execute
 from ps_fmu.runs.finish import finish_file
-from ps_fmu.runs.origin import format_command
+from ps_fmu.runs.options import format_command
 from ps_fmu.runs.setup import load_system
 
 VALUES = {"plant.payload.mass": 20.0, "disturbance.seed": 7}
@@ -45,7 +45,7 @@ def done(built_fmus, tmp_path_factory):
         scenario, ROOT / "system" / scenario.system, folder / "out", 3.0, step_s=1e-3, storage_step_s=2e-3,
         parameters=(given,), apart=("isolator.payload",), fmus=built_fmus, progress=False,
     ).claim_output()  # fmt: skip
-    run_scenario(options)
+    execute(options)
     return options
 
 
@@ -69,8 +69,8 @@ def test_the_history_is_a_time_and_a_command_without_folders(done):
     with netCDF4.Dataset(done.output / "results.nc") as file:
         assert re.fullmatch(
             r"20\d\d-\d\d-\d\dT\d\d:\d\d:\d\dZ ps-fmu run isolation --system SystemStructure\.ssd --duration 3\.0 "
-            r"--step 0\.001 --seed 1 --storage-step 0\.002 --scheme jacobi --parameters given\.ssv "
-            r"--apart isolator\.payload",
+            r"--step 0\.001 --seed 1 --parameters given\.ssv --apart isolator\.payload --scheme jacobi "
+            r"--storage-step 0\.002",
             file.history,
         )
     assert str(done.output.parent).encode() not in (done.output / "results.nc").read_bytes()
@@ -227,7 +227,7 @@ def test_a_file_that_cannot_be_compressed_costs_no_other_result(make_options, mo
 
     monkeypatch.setattr(publish, "finish_file", refuse)
     options = make_options("isolation", 0.02, step_s=2e-4)
-    run_scenario(options)
+    execute(options)
     summary = json.loads((options.output / "summary.json").read_text())
     assert summary["warnings"] == ["results.nc: stays as it is: 8 MB needed"]
     assert "stays as it is" in capsys.readouterr().err

@@ -10,7 +10,7 @@ import pytest
 from ps_fmu.disturbance.kinds.wheels import Harmonics, WheelSource
 from ps_fmu.disturbance.speed import RPM, SpeedProfile, SpeedTable
 from ps_fmu.product.files import find_product
-from ps_fmu.runs.execute import run_scenario
+from ps_fmu.runs.execute import execute
 from ps_fmu.runs.options import OptionError
 from ps_fmu.scenarios.wheel_crossings import Wheel, find_crossings, measure_crossings
 from ps_fmu.scenarios.wheel_report import CaseLines, describe_speed, describe_worst, list_worst, make_waterfall
@@ -195,7 +195,7 @@ def test_nothing_is_crossed():
 
 
 def run(options):
-    run_scenario(options)
+    execute(options)
     return json.loads((options.output / "summary.json").read_text())
 
 

@@ -61,10 +61,10 @@ class RunSummary:
     """
 
     scenario: str
-    orientation_deg: Sequence[float]  # roll, pitch, yaw
+    orientation_deg: Sequence[float] | None  # roll, pitch, yaw
     step_s: float
     duration_s: float
-    seed: int
+    seed: int | None  # None: nothing random in the system
     rms_passive_rad: Sequence[float] | None
     rms_active_rad: Sequence[float] | None
     rejection_percent: Sequence[float] | None

@@ -5,8 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from ..cosim.structure import suggest_names
+from ..results.style import prepare_drawing
+from .built_fmus import find_built_folder, provide_fmus
+from .kept_run import keep_run
 from .options import OptionError, RunOptions
-from .publish import Findings, NotMetError, TargetError, list_missed, publish
+from .publish import Done, Findings, publish
 from .run import Run
 
 
@@ -25,17 +28,30 @@ def find(run: Run) -> Findings:
     return found
 
 
-def run_scenario(options: RunOptions, show: Callable[[str], None] = print) -> None:
+def build_fmus(options: RunOptions) -> None:
+    """Build the FMUs of ps_fmu, where the options name their folder and they are missing or older than their sources.
+
+    Raises BuildError, CosimError, OSError.
+    """
+    if options.fmus is not None and options.fmus == find_built_folder():
+        provide_fmus(options.fmus, options.system)
+
+
+def execute(options: RunOptions, show: Callable[[str], None] = print) -> Done:
     """Run the scenario of the options; writes results.nc, summary.json, figures and report.html, shows the tables.
 
-    Raises after that :class:`.publish.TargetError` if a target is out of reach, and :class:`.publish.NotMetError` for
-    requirements that are not met.
+    The output folder is held by :func:`.output.hold_folder`.
+
+    Raises
+    ------
+    OptionError: an option cannot be honoured, as the system shows.
+    BuildError, CosimError, OSError, ValueError: the FMUs cannot be built or run, or results cannot be written.
     """
-    run = Run(options)
-    findings = find(run)
-    show(findings.printed)
-    show(publish(options, run.system, findings))
-    if missed := list_missed(run.system, findings):
-        raise NotMetError("; ".join(missed))
-    if findings.refused:
-        raise TargetError(findings.refused)
+    build_fmus(options)
+    if options.figures:
+        prepare_drawing()
+    with keep_run(options):
+        run = Run(options)
+        findings = find(run)
+        show(findings.printed)
+        return publish(run.options, run.system, findings, show)

@@ -4,22 +4,19 @@ from __future__ import annotations
 
 import math
 import re
-import shutil
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..cosim import Event, Observer
+from ..cosim import Observer
 from ..cosim.checkpoint.checkpoints import Checkpoints
-from ..cosim.checkpoint.folder import CheckpointFolder
 from ..cosim.checkpoint.state import CheckpointError
 from ..cosim.checkpoint.warm_start import WarmStart
-from .kept_options import check_options, note_complete, write_run
-from .options import CHECKPOINTS, RESULTS, OptionError
+from .options import CHECKPOINTS, OptionError
 
 Array = NDArray[np.float64]
 
@@ -83,14 +80,6 @@ class CaseKeeper:
         """What results.nc says of it: the time of the checkpoint, for a run that begins in its state [s]."""
         return {} if self.start_time is None else {"warm_start_s": self.start_time}
 
-    def shift_events(self, events: Sequence[Event]) -> list[Event]:
-        """Events at times since the start of the run, at those of the simulation."""
-        return [(time + (self.start_time or 0.0), name, value) for time, name, value in events]
-
-    def shift_observer(self, observer: Observer, step_s: float) -> Observer:
-        """An observer that is told times since the start of the run."""
-        return observer if self.start_time is None else SinceStart(observer, step_s)
-
 
 class SinceStart:
     """Passes rows on to another observer, with times since the start of the run."""
@@ -129,32 +118,3 @@ def leave_no_empty_file(results: Path) -> Iterator[None]:
         if not there:
             results.unlink(missing_ok=True)
         raise
-
-
-@contextmanager
-def keep_run(
-    output: Path, kind: str, name: str, options: Mapping[str, Any], *, last: str, resume: bool
-) -> Iterator[None]:
-    """Note what runs during the body, and that it is complete once the file ``last`` is in the output folder.
-
-    Where nothing was stored, there is nothing to go on with, and the note is removed.  Raises OSError, and
-    :class:`OptionError` for a run that cannot ``resume`` with these options.
-    """
-    if options["checkpoint_s"] is None:
-        yield
-        return
-    if resume:
-        check_options(output, kind, name, options)
-    else:
-        write_run(output, kind, name, options)
-    try:
-        yield
-    finally:
-        if not resume and not (output / RESULTS).exists():
-            shutil.rmtree(output / CHECKPOINTS, ignore_errors=True)
-        elif (output / last).is_file():
-            with suppress(OSError):  # all results are there
-                note_complete(output)
-                for folder in (output / CHECKPOINTS).iterdir():
-                    if folder.is_dir():
-                        CheckpointFolder(folder).leave_last()

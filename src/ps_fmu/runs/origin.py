@@ -6,7 +6,6 @@ packages; the group ``parameters`` is a table of the start values of all paramet
 
 from __future__ import annotations
 
-import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
@@ -16,12 +15,11 @@ import numpy as np
 
 from ..cosim.description import convert_value, get_unit, index_variables, read_start
 from ..cosim.recording.recorder import CONVENTIONS
-from ..cosim.schemes.scheme import Scheme, make_scheme
-from ..cosim.structure import Component, Value, parse_port
+from ..cosim.structure import Component, Value
 from ..reduction.columns import NETCDF_LOCK
 from ..results.summary import FmuFile, versions
-from .options import SOURCE, RunOptions
-from .setup import SEED, RunSystem, identify_fmus
+from .options import SOURCE, RunOptions, format_command
+from .setup import SEED, RunSystem, has_disturbance, identify_fmus
 
 PARAMETERS = "parameters"
 """Name of the group of start values."""
@@ -82,8 +80,7 @@ def _write(file: Any, options: RunOptions, system: RunSystem) -> None:
 
 def list_attributes(options: RunOptions, system: RunSystem) -> dict[str, object]:
     """The attributes of the file; a system without a disturbance source has no seed."""
-    component, seed = parse_port(SEED)
-    has_seed = component in system.descriptions and seed in index_variables(system.descriptions[component])
+    has_seed = has_disturbance(system.descriptions)
     return {
         "Conventions": CONVENTIONS,
         "title": f"{options.scenario.name}: {options.scenario.about}",
@@ -97,48 +94,8 @@ def list_attributes(options: RunOptions, system: RunSystem) -> dict[str, object]
         "duration_s": options.duration_s,
         "step_s": options.step_s,
         "storage_step_s": options.storage_s,
-        "scheme": str(options.scheme),
+        "scheme": str(system.scheme),
     }
-
-
-def format_command(options: RunOptions) -> str:
-    """The command that makes such a run, files by their names without folders."""
-    if options.command:
-        return options.command
-    archive = options.system.suffix.lower() == ".ssp"
-    words = [
-        *("ps-fmu", "run", options.scenario.name, "--ssp" if archive else "--system", options.system.name),
-        *("--duration", f"{options.duration_s!r}", "--step", f"{options.step_s!r}", "--seed", str(options.seed)),
-        *("--storage-step", f"{options.storage_s:.15g}", *_list_scheme(make_scheme(options.scheme))),
-    ]
-    for option, values in (
-        ("--parameters", [path.name for path in options.parameters]),
-        ("--apart", options.apart),
-        ("--requirements", [options.requirements.name] if options.requirements else []),
-        ("--disturbance", [options.disturbance.name] if options.disturbance else []),
-        *(("--observe", [pattern]) for pattern in options.observe),
-        ("--faults", [options.faults.name] if options.faults else []),
-        ("--from", [options.source.name] if options.source else []),
-        ("--anew", options.anew),
-    ):
-        words += [option, *values] if values else []
-    return shlex.join(words)
-
-
-def _list_scheme(scheme: Scheme) -> Iterator[str]:
-    """The options of a scheme, where they are not the defaults."""
-    plain = Scheme()
-    yield from ("--scheme", scheme.order)
-    if scheme.extrapolation != plain.extrapolation:
-        yield from ("--extrapolate", scheme.extrapolation)
-    for name, rate in scheme.rates.items():
-        yield from ("--rate", f"{name}={rate}")
-    if scheme.iteration.method != plain.iteration.method:
-        yield from ("--solver", scheme.iteration.method)
-    if scheme.iteration.relative != plain.iteration.relative:
-        yield from ("--tolerance", f"{scheme.iteration.relative!r}")
-    if scheme.error_estimate:
-        yield "--error-estimate"
 
 
 def format_settings(values: Mapping[str, Value], events: Sequence[tuple[float, str, Value]]) -> str:

@@ -5,13 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
-from ..cosim import System, Value
-from ..cosim.description import read_descriptions
-from ..cosim.ssp.reading import read_system
+from ..cosim import Value
 from .kept_rows import KeptRows
-from .loaded import LoadedSystem
 from .options import RunOptions
-from .setup import RunSystem, load_system
+from .runner import Runner
+from .setup import RunSystem, load_system, read_files, settle_times
 
 
 class Run:
@@ -43,13 +41,12 @@ class Run:
         return not self.only or case in self.only
 
     def load(self, defaults: Mapping[str, Value] | None = None) -> RunSystem:
-        """Load the system with a scenario's defaults, see :func:`.setup.load_system`."""
+        """Load the system with a scenario's defaults, see :func:`.setup.load_system`; the options get its times."""
         shared = self._shared
-        if shared is None:
-            self._system = load_system(self.options, defaults)
-        else:
-            system = load_system(self.options, defaults, shared.structure, shared.descriptions)
-            self._system = replace(system, kept=KeptRows(), loaded=shared.loaded)
+        files = read_files(self.options) if shared is None else shared.files
+        self.options = settle_times(self.options, files)
+        system = load_system(self.options, defaults, files)
+        self._system = system if shared is None else replace(system, kept=KeptRows(), runner=shared.runner)
         return self._system
 
 
@@ -60,10 +57,9 @@ class SharedSystem:
     """
 
     def __init__(self, options: RunOptions) -> None:
-        self.structure: System = read_system(options.system, options.fmus)
-        self.descriptions = read_descriptions(self.structure)
-        self.loaded = LoadedSystem(self.structure)
+        self.files = read_files(options)
+        self.runner = Runner(self.files.structure, stays=True)
 
     def close(self) -> None:
         """Free the FMUs; safe to call twice."""
-        self.loaded.close()
+        self.runner.close()

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import logging
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 
 
 class WarningLog:
-    """Warnings in the order in which they came, each text once."""
+    """Warnings in the order in which they came, each text once; ``texts``: those that have been shown."""
 
-    def __init__(self) -> None:
-        self._texts: dict[str, None] = {}
+    def __init__(self, texts: Iterable[str] = ()) -> None:
+        self._texts = dict.fromkeys(texts)
 
     @property
     def texts(self) -> tuple[str, ...]:

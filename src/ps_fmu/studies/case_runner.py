@@ -29,7 +29,7 @@ from ..requirements.verdict import Verdict
 from ..runs.cases import Bounds
 from ..runs.judge import RunJudge
 from ..runs.keeping import SinceStart
-from ..runs.loaded import LoadedSystem
+from ..runs.runner import Runner
 from ..runs.stored_names import make_stored_names, rename_columns
 from ..terminal import reason
 from .bundle import FAULTS, INPUTS, REQUIREMENTS, SYSTEM, TASK, Task, result_versions
@@ -69,7 +69,7 @@ class WarmSystem:
         self._start_time, self._inputs = start_time, inputs
         self._numbers: dict[str, Value] = {}
         """Of faults, as the last run had them."""
-        self._loaded = LoadedSystem(system)
+        self._runner = Runner(system, stays=True)
 
     @contextmanager
     def prepare(self, values: Mapping[str, Value], only: Collection[str] | None = None) -> Iterator[Master]:
@@ -82,7 +82,12 @@ class WarmSystem:
         After an error the FMUs are loaded anew.  Raises :class:`..cosim.CosimError`.
         """
         starts, numbers = split_values(values, self.descriptions)
-        with self._loaded.hold(starts, self._make) as master:
+        if not self._runner.is_loaded:
+            self._numbers = {}
+        with self._runner.hold(
+            starts, step=self._step_s, scheme=self._scheme, descriptions=self.descriptions, faults=self._faults,
+            isolation=self._isolation, start_time=self._start_time, inputs=self._inputs,
+        ) as master:  # fmt: skip
             if self._faults is not None and numbers != self._numbers:
                 changed = change_numbers(self._faults, numbers)
                 master.faults.change(bind_faults(changed, master.system, self.descriptions, master.clock))
@@ -93,14 +98,7 @@ class WarmSystem:
 
     def close(self) -> None:
         """Free the FMUs; safe to call twice."""
-        self._loaded.close()
-
-    def _make(self, system: System) -> Master:
-        self._numbers = {}
-        return Master(
-            system, self._step_s, self._scheme, descriptions=self.descriptions, faults=self._faults,
-            isolation=self._isolation, start_time=self._start_time, inputs=self._inputs,
-        )  # fmt: skip
+        self._runner.close()
 
 
 class CaseRunner:

@@ -2,31 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
-from fmpy.model_description import ModelDescription
-
-from ..cosim import Column, System, UsageError, read_parameters
-from ..cosim.clock import StepClock
+from ..cosim import Column, UsageError
 from ..cosim.columns import list_run_columns
-from ..cosim.description import index_variables, read_descriptions
+from ..cosim.description import read_descriptions
 from ..cosim.errors import MissingFmuError
-from ..cosim.faults.active import make_faults
-from ..cosim.faults.reading import read_faults
-from ..cosim.graph import Wiring, check_wiring
-from ..cosim.schemes.resolving import resolve_scheme
-from ..cosim.signals import read_signals
 from ..cosim.ssp.single import complete_experiment, read_any_system
-from ..cosim.structure import Parameter, parse_port
 from ..product.files import find_product
 from ..runs.built_fmus import find_built_folder, is_own, list_models, provide_fmus
-from ..runs.judge import read_judge
 from ..runs.options import OptionError, RunOptions
 from ..runs.scenario import Scenario
-from ..runs.setup import HIGHEST_NOISE, SEED, RunSystem, limit_noise
-from ..runs.warning_log import WarningLog
+from ..runs.setup import SCHEME, ColumnsError, RunSystem, load_system
 from .indices import check_windows, find_signals
 from .signals import check_signals
 from .study import Study, StudyError
@@ -39,7 +27,7 @@ def make_options(study: Study, output: Path) -> RunOptions:
     """
     scenario = Scenario(
         study.name, f"a case of the study {study.path.name}", "", study.duration_s, study.step_s,
-        cases=tuple(study.runs), system=study.system.name,
+        cases=tuple(study.runs), system=study.system.name, foreign=True,
     )  # fmt: skip
     return RunOptions(
         scenario,
@@ -51,6 +39,8 @@ def make_options(study: Study, output: Path) -> RunOptions:
         scheme=study.scheme,
         requirements=study.requirements,
         faults=study.faults,
+        inputs=study.inputs,
+        outside=study.outside,
         isolation=study.isolation,
         fmus=study.fmus,
         progress=False,
@@ -95,12 +85,16 @@ def load_study_system(study: Study) -> RunSystem:
 
     Raises :class:`.study.StudyError`, and :class:`..cosim.CosimError` for a system that cannot be read.
     """
-    warnings = WarningLog()
-    with warnings.collect():
-        try:
-            system = _read(study, make_options(study, Path()), warnings)
-        except OptionError as error:
-            raise StudyError(f"{study.path}, [study], {str(error).removeprefix('--')}") from error
+    try:
+        system = load_system(make_options(study, Path()))
+    except OptionError as error:
+        text = str(error)
+        if text.startswith(SCHEME):
+            raise study.error("rates" if study.scheme.rates else "scheme", text.removeprefix(f"{SCHEME}: ")) from error
+        raise StudyError(f"{study.path}, [study], {text.removeprefix('--')}") from error
+    except ColumnsError as error:
+        own = study.inputs is not None and str(error).startswith(str(study.inputs))
+        raise study.error("inputs" if own else "system", str(error)) from error
     if study.isolation is not None:
         try:
             study.isolation.check(system.structure)
@@ -118,62 +112,3 @@ def load_study_system(study: Study) -> RunSystem:
 def list_columns(study: Study, system: RunSystem) -> tuple[Column, ...]:
     """What a run of the study can record, in order: outputs, inputs over time, outputs of the system."""
     return list_run_columns(system.structure, system.descriptions, system.inputs, study.scheme, study.step_s)
-
-
-def _read(study: Study, options: RunOptions, warnings: WarningLog) -> RunSystem:
-    given: dict[str, Parameter] = {}
-    sets = [read_parameters(path).entries() for path in study.parameters]
-    for one in sets:
-        given |= one
-    structure = read_any_system(study.system, study.fmus, outside=study.outside, values=sets)
-    descriptions = read_descriptions(structure, lenient=True)
-    disturbed = _has_disturbance(descriptions)
-    if disturbed and SEED not in given:
-        structure = structure.with_parameters({SEED: options.seed})
-    wiring = check_wiring(structure, descriptions)
-    for text in wiring.remarks:
-        warnings.add(text)
-    inputs = {} if study.inputs is None else read_signals(study.inputs)
-    faults = None if study.faults is None else read_faults(study.faults)
-    system = RunSystem(
-        _settle(structure, wiring), descriptions, given, warnings=warnings, faults=faults, inputs=inputs
-    )
-    make_faults(faults, structure, descriptions, StepClock(0.0, study.step_s), study.scheme)
-    try:
-        resolve_scheme(study.scheme, structure, descriptions, study.step_s)
-    except UsageError as error:
-        raise study.error("rates" if study.scheme.rates else "scheme", str(error)) from error
-    try:
-        columns = list_columns(study, system)
-    except UsageError as error:
-        own = study.inputs is not None and str(error).startswith(str(study.inputs))
-        raise study.error("inputs" if own else "system", str(error)) from error
-    system = replace(system, judge=read_judge(options, columns))
-    return limit_noise(system, study.step_s) if disturbed else system
-
-
-def _has_disturbance(descriptions: Mapping[str, ModelDescription]) -> bool:
-    """Whether there is a disturbance source of ps_fmu: a component of another maker may have the same name."""
-    component = parse_port(SEED).component
-    known = index_variables(descriptions[component]) if component in descriptions else {}
-    return all(parse_port(name).variable in known for name in (SEED, HIGHEST_NOISE))
-
-
-def _settle(structure: System, wiring: Wiring) -> System:
-    """The system with start values as the FMUs take them, and without those that are ignored."""
-    return replace(
-        structure,
-        components=tuple(
-            replace(
-                component,
-                parameters={
-                    name: replace(entry, value=wiring.starts[component.name][name], unit=None, defined=None,
-                                  items=None, hops=())
-                    for name, entry in component.parameters.items()
-                    if name in wiring.starts[component.name]
-                },
-            )
-            for component in structure.components
-        ),
-    )  # fmt: skip
-

@@ -9,10 +9,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...cosim import Master, System, Value
+from ...cosim import System, Value
 from ...mechanism.parameters import Array, load
 from ...pointing import PointingIndex, Statement, gaussian_rms, windows_rms
 from ...results.observers.sampler import SampleObserver
+from ...runs.runner import compute
 from .closed_form import ORIENTATIONS, SIGNALS, STEP, STRIDE, ClosedForm, solve
 
 SETTLING = 12.0  # s: the rise of the disturbance, and 4.5 time constants of the suspension
@@ -66,10 +67,10 @@ def record(system: System, case: Case, duration: float, seed: int, values: Mappi
     targets = {f"commander.target.{axis}": angle for axis, angle in zip(("roll", "pitch", "yaw"), angles, strict=True)}
     given = {"disturbance.seed": seed, "isolator.enabled": active, **targets, **(values or {})}
     rows = round(SETTLING / STEP) + STRIDE * np.arange(round(duration / (STRIDE * STEP)))
-    with Master(system.with_parameters(given), STEP, only=SIGNALS) as master:
-        master.initialise()
-        samples = SampleObserver(master.columns, SIGNALS, rows.tolist())
-        master.run(round((SETTLING + duration) / STEP) * STEP, [samples])
+    samples = compute(
+        system.with_parameters(given), STEP, round((SETTLING + duration) / STEP) * STEP,
+        lambda columns: SampleObserver(columns, SIGNALS, rows.tolist()), only=SIGNALS,
+    )  # fmt: skip
     return samples.values(*SIGNALS)
 
 
