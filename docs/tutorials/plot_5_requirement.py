@@ -55,7 +55,7 @@ requirements.write_text(REQUIREMENTS)
 # requirements.toml`` does.
 
 import ps_fmu
-from ps_fmu.requirements.reading import read_requirements
+from ps_fmu.requirements.requirement import read_requirements
 from ps_fmu.requirements.stored import judge_files
 
 result = ps_fmu.simulate(

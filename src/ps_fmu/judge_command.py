@@ -31,8 +31,7 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
 def run(arguments: argparse.Namespace) -> int:
     """Judge the files that the arguments name and print the verdicts; returns the exit code."""
     from .product.files import find_file
-    from .requirements.reading import read_requirements
-    from .requirements.requirement import RequirementError
+    from .requirements.requirement import RequirementError, read_requirements
     from .requirements.stored import ResultsError, judge_files
     from .requirements.verdict import format_verdicts
     from .results.summary import plain

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 from markupsafe import escape
 
-from .cosim.ssp.xml_parts import start_values_xml
+from .cosim.ssp.writing import start_values_xml
 from .cosim.structure import Parameter, Value, suggest_names
 from .results.datasets import list_cases, make_dataset, read_case
 from .runs.options import PARAMETERS, REPORT, RESULTS, SUMMARY, OptionError, claim_folder

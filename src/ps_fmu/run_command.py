@@ -16,8 +16,8 @@ from pathlib import Path
 
 from .cosim.checkpoint.options import add_checkpoint_options
 from .cosim.errors import CosimError, MissingFmuError, UsageError
-from .cosim.isolation.options import add_isolation_options, read_isolation
-from .cosim.schemes.options import add_scheme_options, read_scheme
+from .cosim.isolation.instance import add_isolation_options, read_isolation
+from .cosim.schemes.scheme import add_scheme_options, read_scheme
 from .cosim.ssp.reading import read_system
 from .product.files import list_system_files
 from .runs.built_fmus import find_built_folder

@@ -1,4 +1,4 @@
-"""Files of faults: libcosim's grammar and ours, read strictly; each error has its line and the path of the key."""
+"""Files of faults: libcosim's grammar and ours, read strictly; each error has the path of the key."""
 
 import json
 import sys
@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 
 from ps_fmu.cosim import SystemFileError
 from ps_fmu.cosim.faults.reading import SCHEMA, read_faults
-from ps_fmu.cosim.faults.tree import read_tree
 from ps_fmu.cosim.structure import PortName
 
 # In the structure of the scenarios that libcosim's own tests read.
@@ -69,7 +68,6 @@ def test_scenarios_of_libcosim_are_read_as_they_are(tmp_path, text, name):
         (0.3, PortName("slave uno", "realOut"), "reset", None),
         (0.65, PortName("slave uno", "intIn"), "override", 2),
     ]
-    assert [e.line for e in found.events] == ([8, 12, 14, 16] if name == "f.yml" else [5, 6, 7, 8])
     assert isinstance(found.events[3].value, int)
 
 
@@ -84,43 +82,45 @@ GOOD = [
     {"$schema": "faults.schema.json", "events": []},
 ]  # fmt: skip
 BAD = [
-    ([], "the file: expected an object"),
-    ({}, "events: expected a list of events"),
-    ({"events": {}}, "events: expected a list of events"),
+    ([], "the file: expected an object with keys"),
+    ({}, "events: is missing"),
+    ({"events": {}}, "events: expected a list"),
     ({"events": [], "ends": 1}, "ends: unknown key; did you mean end"),
-    ({"events": [], "end": -1}, "end: expected a finite number that is not negative, got -1"),
+    ({"events": [], "end": -1}, "end: expected a number >= 0.0, got -1"),
     ({"events": [], "defaults": {"time": 1}}, "defaults.time: unknown key"),
     ({"events": [], "defaults": {"action": "biass"}}, "defaults.action: expected one of .*did you mean bias"),
     ({"events": [1]}, r"events\[0\]: expected an object with keys, got 1"),
-    (event(time="none"), r"events\[0\]: time: missing"),
-    (event(time=-0.1), r"events\[0\].time: expected a finite number that is not negative, got -0.1"),
-    (event(time=True), r"events\[0\].time: expected a finite number"),
-    (event(time="1"), r"events\[0\].time: expected a finite number that is not negative, got '1'"),
-    (event(time=1e301), r"events\[0\].time: expected a finite number"),
-    (event(model="none"), r"events\[0\]: model: missing, and the file has no default for it"),
+    (event(time="none"), r"events\[0\].time: is missing"),
+    (event(time=-0.1), r"events\[0\].time: expected a number >= 0.0, got -0.1"),
+    (event(time=True), r"events\[0\].time: expected a number, got True"),
+    (event(time="1"), r"events\[0\].time: expected a number, got '1'"),
+    (event(time=1e301), r"events\[0\].time: expected a number < 1e\+300, got 1e\+301"),
+    (event(time=10**400), r"events\[0\].time: number out of range"),
+    (event(model="none"), r"events\[0\].model: is missing"),
     (event(variable=3), r"events\[0\].variable: expected a text, got 3"),
-    (event(model=""), r"events\[0\].model: expected a text"),
+    (event(model=""), r"events\[0\].model: expected a text of length >= 1"),
     (event(action="biass"), r"events\[0\].action: expected one of .*, got 'biass'; did you mean bias"),
     (event(action="ramp"), r"events\[0\].action: expected one of override, bias"),
-    (event(value="none"), r"events\[0\]: value: missing; the action bias needs it"),
-    (event(value=[1]), r"events\[0\].value: expected a value, got a list"),
-    (event(value=None), r"events\[0\].value: expected a value, got nothing"),
+    (event(value="none"), r"events\[0\].value: is missing"),
+    (event(value=[1]), r"events\[0\].value: expected .*, got a list"),
+    (event(value=None), r"events\[0\].value: expected .*, got nothing"),
     (event(vlaue=1), r"events\[0\].vlaue: unknown key; did you mean value"),
-    (event(rms=1), r"events\[0\].rms: the action bias has none; it is for noise"),
-    (event(duration=0), r"events\[0\].duration: expected a finite number above 0, got 0"),
+    (event(rms=1), r"events\[0\].rms: unknown key; expected .*value"),
+    (event(duration=0), r"events\[0\].duration: expected a number > 0.0, got 0"),
     (event(joins=1), r"events\[0\].joins: expected true or false, got 1"),
-    (event(action="freeze"), r"events\[0\].value: the action freeze has none"),
-    (event(action="dropout", probability=1.5), r"events\[0\].probability: expected at most 1"),
-    (event(action="dropout", seed=1), r"events\[0\].seed: is for a dropout with a probability"),
-    (event(action="delay", value=-1), r"events\[0\].value: expected a finite number that is not negative, got -1"),
-    (event(action="delay", value="1"), r"events\[0\].value: expected a finite number"),
+    (event(target=None), r"events\[0\].target: expected a text, got nothing"),
+    (event(action="freeze"), r"events\[0\].value: unknown key"),
+    (event(action="dropout", probability=1.5), r"events\[0\].probability: expected a number <= 1.0, got 1.5"),
+    (event(action="dropout", seed=1), r"events\[0\]: seed: is for a dropout with a probability"),
+    (event(action="delay", value=-1), r"events\[0\].value: expected a number >= 0.0, got -1"),
+    (event(action="delay", value="1"), r"events\[0\].value: expected a number, got '1'"),
     (event(action="noise", value="none"), r"events\[0\]: expected either rms or density"),
     (event(action="noise", value="none", rms=1, density=1), r"events\[0\]: expected either rms or density"),
-    (event(action="noise", value="none", rms=1, seed=-1), r"events\[0\].seed: expected a whole number from 0"),
-    (event(action="noise", value="none", rms=1, seed=0.5), r"events\[0\].seed: expected a whole number from 0"),
-    (event(name="a.b"), r"events\[0\].name: expected letters, digits and _, and no digit first, got 'a\.b'"),
-    (event(name="1st"), r"events\[0\].name: expected letters, digits and _"),
-    (event(action="reset", duration=1), r"events\[0\]: a reset has no duration"),
+    (event(action="noise", value="none", rms=1, seed=-1), r"events\[0\].seed: expected a whole number >= 0, got -1"),
+    (event(action="noise", value="none", rms=1, seed=0.5), r"events\[0\].seed: expected a whole number, got 0.5"),
+    (event(name="a.b"), r"events\[0\].name: expected .*regex.*, got 'a\.b'"),
+    (event(name="1st"), r"events\[0\].name: expected .*regex"),
+    (event(action="reset", duration=1), r"events\[0\].duration: unknown key"),
 ]
 
 
@@ -134,10 +134,10 @@ def test_what_is_right_is_read_and_fits_the_schema(tmp_path, content):
 
 # What a schema cannot say: a missing model may be in the defaults.
 @pytest.mark.parametrize(("content", "text"), BAD)
-def test_what_is_wrong_is_refused_with_line_and_key(tmp_path, content, text):
-    with pytest.raises(SystemFileError, match=rf"faults\.json, line 1: {text}"):
+def test_what_is_wrong_is_refused_with_its_key(tmp_path, content, text):
+    with pytest.raises(SystemFileError, match=rf"faults\.json: {text}"):
         read_faults(write(tmp_path, content))
-    if "missing, and" not in text:
+    if "model: is missing" not in text:
         with pytest.raises(jsonschema.ValidationError):
             jsonschema.validate(content, json.loads(SCHEMA.read_text()))
 
@@ -149,37 +149,17 @@ def test_two_events_have_no_name_in_common(tmp_path):
     assert [one.name for one in read_faults(write(tmp_path, {"events": named[:2]})).events] == ["a", "b"]
 
 
-def test_errors_name_the_line_of_the_key(tmp_path):
-    text = LIBCOSIM.replace('"value": 2', '"value": 2,\n "sed": 1')
-    with pytest.raises(SystemFileError, match=r"line 9: events\[3\]\.sed: unknown key; did you mean seed"):
-        read_faults(write(tmp_path, text))
-    with pytest.raises(SystemFileError, match=r"f\.yml, line 15: events\[2\]\.acton: unknown key; did you mean action"):
-        read_faults(write(tmp_path, LIBCOSIM_YAML.replace("    action: reset", "    acton: reset"), "f.yml"))
-    with pytest.raises(SystemFileError, match=r"line 8: events\[3\]: time 1.65 s is not before the end of the faults"):
-        read_faults(write(tmp_path, LIBCOSIM.replace("0.65", "1.65")))
-
-
 @pytest.mark.parametrize(
     ("text", "reason"),
     [
-        ("", "line 1: is not a JSON file: the file ends where a value should be"),
-        ("{", "there should be|expected a key in quotes"),
-        ('{"events": [\n1,\n]}', "line 3: is not a JSON file: expected a value, got ']'"),
-        ('{"events": [1 2]}', "expected a comma or ']', got '2'"),
-        ('{"events": [1', "there is no ']'"),
-        ('{"a": 1,\n"a": 2}', "line 2: is not a JSON file: the key 'a' occurs twice"),
-        ('{"a" 1}', "expected a colon behind the key 'a'"),
-        ('{"a": NaN}', "expected a value, got 'N'"),
-        ('{"a": 01}', "expected a comma"),
-        ('{"a": "b\nc"}', "line 1: is not a JSON file: a text does not end in its line"),
-        ('{"a": "\\x"}', "Invalid"),
-        ('{"a": 1} x', "expected the end of the file, got 'x'"),
-        ('{"a": ' + "1" * 401 + "}", "a number has 401 digits"),
-        ("[" * 100_000, "more than 16 lists and objects lie within one another"),
-        ('{"a":' * 20, "more than 16 lists and objects lie within one another"),
+        ("", "is not a JSON file: Expecting value"),
+        ('{"events": [\n1,\n]}', "is not a JSON file: .*line 3"),
+        ('{"a": 1,\n"a": 2}', "is not a JSON file: the key 'a' occurs twice"),
+        ('{"a": NaN}', "is not a JSON file: NaN is no number"),
+        ("[" * 100_000, "nested too deeply"),
     ],
 )
-def test_broken_json_is_refused_with_its_line(tmp_path, text, reason):
+def test_broken_json_is_refused(tmp_path, text, reason):
     with pytest.raises(SystemFileError, match=reason):
         read_faults(write(tmp_path, text))
 
@@ -192,12 +172,13 @@ LAUGHS = "a: &a [x, x, x, x, x, x, x, x, x]\n" + "".join(
 @pytest.mark.parametrize(
     ("text", "reason"),
     [
-        ("", "the file is empty"), ("events: [", "is not a YAML file"),
-        ("a: 1\na: 2", "line 1: the key 'a' occurs twice"),
-        (LAUGHS, "there are too many values"), ("a: &a [*a]", "lie more than 16 deep|unconstructable"),
-        ("[" * 2000, "is not a YAML file"), ("a: !!python/object/apply:os.system [echo]", "a: unknown key"),
+        ("", "the file: expected an object with keys, got nothing"), ("events: [", "is not a YAML file"),
+        ("a: 1\na: 2", "is not a YAML file: the key 'a' occurs twice"),
+        (LAUGHS, "more than .* 200000 values"), ("a: &a [*a]", "more than 16 lists|unconstructable"),
+        ("[" * 2000, "is not a YAML file|nested too deeply"), ("[a]: 1", "line 1: a key is no text"),
+        ("a: !!python/object/apply:os.system [echo]", "a: unknown key"),
         ("events: !!python/name:os.system x", "is not a YAML file"), ("events: 2001-01-01", "events: expected a list"),
-        ("events: [{time: .nan, model: a, variable: y, action: freeze}]", r"\[0\]\.time: expected a finite number"),
+        ("events: [{time: .nan, model: a, variable: y, action: freeze}]", r"\[0\]\.time: expected a number"),
     ],
 )  # fmt: skip
 def test_broken_yaml_is_refused(tmp_path, text, reason):
@@ -206,7 +187,7 @@ def test_broken_yaml_is_refused(tmp_path, text, reason):
 
 
 def test_too_many_events_are_refused(tmp_path):
-    with pytest.raises(SystemFileError, match="events: there are 10001; at most 10000"):
+    with pytest.raises(SystemFileError, match="events: expected a list of length <= 10000"):
         read_faults(write(tmp_path, {"events": [0] * 10_001}))
 
 
@@ -215,7 +196,7 @@ def test_files_that_cannot_be_read_are_refused(tmp_path):
         read_faults(tmp_path / "none.json")
     with pytest.raises(SystemFileError, match="is no file"):
         read_faults(tmp_path)
-    with pytest.raises(SystemFileError, match="is not in UTF-8"):
+    with pytest.raises(SystemFileError, match="is not a JSON file: 'utf-8' codec"):
         (tmp_path / "latin.json").write_bytes(b'{"a": "\xe9"}')
         read_faults(tmp_path / "latin.json")
     with pytest.raises(SystemFileError, match="at most 4194304 are read"):
@@ -250,28 +231,3 @@ def test_whatever_is_in_it_is_read_and_fits_the_schema_or_is_refused(tmp_path, c
     except SystemFileError:
         return
     jsonschema.validate(content, json.loads(SCHEMA.read_text()))
-
-
-@given(st.text(alphabet='{}[]",:\\ \n0123456789.eE+-trufalsn', max_size=40))
-@settings(max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture])
-def test_json_is_what_the_standard_library_takes(tmp_path, text):
-    """But for keys that occur twice, and a depth that no file of faults has."""
-    def read():
-        try:
-            return plain(read_tree(write(tmp_path, text)))
-        except SystemFileError as error:
-            return "refused" if "twice" not in str(error) else "twice"
-
-    try:
-        expected = json.loads(text)
-    except ValueError:
-        expected = "refused"
-    found = read()
-    assert found in (expected, "twice")
-
-
-def plain(node):
-    """A tree without its lines."""
-    if isinstance(node.value, dict):
-        return {key: plain(value) for key, value in node.value.items()}
-    return [plain(value) for value in node.value] if isinstance(node.value, list) else node.value

@@ -75,14 +75,14 @@ def test_what_the_system_cannot_do_is_refused_with_its_line(oscillator, tmp_path
     path.write_text('{"events": [\n\n' + json.dumps(whole) + "]}")
     with pytest.raises(SystemFileError) as caught:
         Master(oscillator, 0.01, faults=read_faults(path))
-    assert f"{path}, line 3: events[0]: " in str(caught.value)
+    assert f"{path}: events[0]: " in str(caught.value)
     assert text in str(caught.value)
 
 
 def test_a_fault_behind_the_end_of_the_run_is_refused(oscillator, tmp_path):
     faults = write(tmp_path, {"time": 2.0, "model": "mass", "variable": "position", "action": "freeze"})
     with Master(oscillator, 0.01, faults=faults) as master:
-        with pytest.raises(SystemFileError, match=r"line 1: events\[0\]: time 2 s is not before the end of the run, 1"):
+        with pytest.raises(SystemFileError, match=r"events\[0\]: time 2 s is not before the end of the run, 1"):
             master.faults.check_end(1.0)
         master.faults.check_end(2.01)
 

@@ -318,30 +318,6 @@ def test_a_row_at_rest_does_not_depend_on_its_table():
     assert (whole[0] != whole[-1]).any()
 
 
-@pytest.mark.parametrize("moment", [0, 1, 300, 1500, 4000])
-def test_state_continues_bit_for_bit(moment):
-    """Before, during and after a redirected motion; in the same instance, and through bytes in another."""
-    host = commander()
-    for k in range(moment):
-        if k == 0:
-            host.set(**target((8.5, 0.0, 0.0)))
-        if k == 700:
-            host.set(**target((0.0, 4.0, 0.0)))
-        host.step(H)
-    state = host.save()
-
-    def future(other):
-        other.set(**target((0.0, 4.0, 2.0)))
-        return record(other, 5.0)
-
-    expected = future(host)
-    host.restore(state, moment)
-    np.testing.assert_array_equal(future(host), expected)
-    second = Host("pointing_commander")
-    second.restore(state, moment)
-    np.testing.assert_array_equal(future(second), expected)
-
-
 def test_experiment_that_starts_before_zero():
     slave = slave_class("pointing_commander")(instance_name="early")
     slave.setup_experiment(-5.0)

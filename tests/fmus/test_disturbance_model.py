@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from ps_fmu.disturbance import Disturbance
-from ps_fmu.disturbance.kinds.recording import HEADER
+from ps_fmu.disturbance.recording import HEADER
 from ps_fmu.mechanism.quantities import replace_values
 
 SCRIPT = Path(__file__).parents[2] / "fmus" / "disturbance_source" / "disturbance_source.py"
@@ -77,18 +77,6 @@ def test_step_size_may_change_on_the_way(make):
 def test_time_counts_from_the_start_of_the_experiment(make):
     shifted = run(make(start=1234.5), 500, start=1234.5)
     np.testing.assert_allclose(shifted, run(make(), 500), rtol=0.0, atol=1e-6)
-
-
-def test_state_in_the_middle_of_a_table(make):
-    slave = make()
-    run(slave, 777)
-    state = type(slave)._fmu_state_to_bytes(slave._get_fmu_state())
-    expected = run(slave, 3000, first=777)
-    slave._set_fmu_state(type(slave)._fmu_state_from_bytes(state))
-    np.testing.assert_array_equal(run(slave, 3000, first=777), expected)
-    other = make({"noise.enabled": False})
-    other._set_fmu_state(type(slave)._fmu_state_from_bytes(state))
-    np.testing.assert_array_equal(run(other, 3000, first=777), expected)
 
 
 def test_recording(make, tmp_path):

@@ -149,16 +149,6 @@ def test_python_makes_no_steps_between_events() -> None:
     assert not called
 
 
-def test_a_restored_state_goes_on_in_the_same_way() -> None:
-    one, other = make(latency=7 * H), make(latency=7 * H)
-    run(one, 33)
-    state = one.save()
-    expected = run(one, 40)
-    other.restore(state, 33)
-    other.count = 33
-    np.testing.assert_array_equal(run(other, 40), expected)
-
-
 @pytest.mark.parametrize("latency", [0.0, 0.4, 3.0, 7.3, 20.0])
 def test_steps_of_any_size_are_those_of_a_fine_grid(latency: float) -> None:
     """Samples, their noise and their latency, at the steps' ends."""

@@ -128,17 +128,6 @@ def test_a_digital_controller_is_the_law_at_its_period() -> None:
         np.testing.assert_array_equal(held, np.broadcast_to(held[0], held.shape))
 
 
-def test_a_restored_state_goes_on_in_the_same_way() -> None:
-    values = {"force_limit": 0.01, "delay": 5 * H, "sample_time": 4 * H}
-    one, other = (Host("pointing_controller", **values).run_mode() for _ in range(2))
-    run(one, 33)
-    state = one.save()
-    expected = run(one, 40)
-    other.restore(state, 33)
-    other.count = 33
-    np.testing.assert_array_equal(run(other, 40), expected)
-
-
 def test_an_unreachable_orientation_is_refused_and_can_be_put_right() -> None:
     host = Host("pointing_controller", nominal_translation__z=0.15).run_mode()
     host.set(orientation__roll=1.5)

@@ -2,13 +2,10 @@
 
 import numpy as np
 import pytest
-from support.host import unpack
 from support.models import Host, slave_class
-from support.twins import InFmpy, InPython
 
 from ps_fmu.mechanism.quantities import replace_values
-from ps_fmu.sensors.defaults import default_sensors
-from ps_fmu.sensors.inertial import ACCELEROMETERS, CHANNELS
+from ps_fmu.sensors.inertial import ACCELEROMETERS, default_sensors
 from ps_fmu.slavekit.author.slave import ModelError
 
 H = 1e-4  # s
@@ -170,34 +167,6 @@ def test_allan_deviation_of_the_outputs():
         found = np.sqrt(0.5 * (np.diff(means, axis=0) ** 2).mean(axis=0))
         expected = 1e-3 / np.sqrt(2.0) / np.sqrt(width * 1e-3) * spread
         assert found == pytest.approx(expected, rel=5.0 * np.sqrt(0.75 * width / 4000))
-
-
-@pytest.mark.parametrize("start", [{}, {"sample_time": 4 * H, "latency": 6 * H, "accelerometer__range": 2e-3}])
-def test_a_state_in_the_middle_goes_on_bit_for_bit(start):
-    host = Host("inertial_sensors", **NOISY, **start).run_mode()
-    host.set(**TURNING)
-    host.step(H, 1501)
-    state = host.save()
-    expected = run(host, 700)
-    other = Host("inertial_sensors").run_mode()
-    other.restore(state, 1501)
-    np.testing.assert_array_equal(run(other, 700), expected)
-
-
-def test_native_steps_give_the_same_bits(built_fmus, tmp_path):
-    folder = unpack(built_fmus / "InertialSensors.fmu", tmp_path / "sensors")
-    start = {"sample_time": 2 * H, "latency": 4 * H, "accelerometer.range": 5e-3, "rate_sensor.enabled": True}
-    pair = InFmpy(folder), InPython(slave_class("inertial_sensors"))
-    for instance in pair:
-        instance.set(start)
-        instance.initialise()
-    for k in range(3000):
-        values = {"base_acceleration.x": 6e-3 * np.sin(0.01 * k), "base_angular_velocity.y": 1e-2 * np.cos(0.03 * k)}
-        for instance in pair:
-            instance.set(values)
-            instance.step(k * H, H)
-        assert pair[0].outputs() == pair[1].outputs(), k
-    assert len(pair[0].outputs()) == 9 + CHANNELS + 1
 
 
 def test_a_refused_state_leaves_the_sensors_as_they_are():

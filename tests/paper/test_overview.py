@@ -5,7 +5,6 @@ from pathlib import Path
 
 import pytest
 
-from ps_fmu.analyses.jobs import Outcomes
 from ps_fmu.cli import main
 from ps_fmu.paper import overview
 from ps_fmu.paper.errata import Erratum
@@ -53,9 +52,8 @@ def test_what_is_written(tmp_path, capsys, monkeypatch):
     """With the errata of one entry, and without the other analyses: these have their own tests."""
     erratum = Erratum("(1)", "wrong", "right", "computed", 1e-12, 0.5)
     monkeypatch.setattr(overview, "FIGURES", {})
-    monkeypatch.setattr(
-        overview, "run_jobs", lambda jobs, report: Outcomes({job.name: job.function(*job.arguments) for job in jobs})
-    )
+    here = lambda jobs, report: {job.name: job.function(*job.arguments) for job in jobs}  # noqa: E731
+    monkeypatch.setattr(overview, "run_jobs", here)
     monkeypatch.setattr("ps_fmu.paper.errata.ENTRIES", (lambda: erratum,))
     assert main(["analyse", "paper", "--output", str(tmp_path), "--system", str(SYSTEM)]) == 0
     content = json.loads((tmp_path / "paper.json").read_text())

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from support.required import COLUMNS, ENTRIES, to_toml
 
-from ps_fmu.requirements.reading import read_requirements
+from ps_fmu.requirements.requirement import read_requirements
 
 
 @pytest.fixture

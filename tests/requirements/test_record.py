@@ -5,10 +5,8 @@ import pytest
 from scipy.signal import lfilter
 from support.required import COLUMNS
 
-from ps_fmu.requirements.reading import INDICES
 from ps_fmu.requirements.record import RequirementRecord
-from ps_fmu.requirements.requirement import RequirementError
-from ps_fmu.requirements.targets import find_targets
+from ps_fmu.requirements.requirement import INDICES, RequirementError, find_targets
 
 STEP = 0.01
 
@@ -88,8 +86,8 @@ def test_signals_by_the_names_of_vectors(require, change, labels):
         ({"signal": "plant.rotaton"}, "signal: there is no output 'plant.rotaton'; did you mean plant.rotation"),
         ({"signal": "plant"}, "signal: there is no output 'plant'"),
         ({"signal": "commander.reachable"}, "signal: commander.reachable is of the type Boolean: expected a Real"),
-        ({"signal": "plant.los"}, "limit: 'urad' does not fit the unit 'm' of plant.los.x"),
-        ({"limit": "1 um"}, "limit: 'um' does not fit the unit 'rad' of plant.rotation.x"),
+        ({"signal": "plant.los"}, "limit: plant.los.x: 'urad' does not fit the unit 'm'"),
+        ({"limit": "1 um"}, "limit: plant.rotation.x: 'um' does not fit the unit 'rad'"),
         ({"window": "15 ms"}, "window: 0.015 s is not a whole number of steps of 0.01 s"),
         ({"window": "11 s"}, "window: one value of RPE needs 11 s; the run has 10 s"),
         ({"settling": "9.5 s"}, "window: one value of RPE needs 1 s after 9.5 s of settling; the run has 10 s"),
@@ -101,7 +99,7 @@ def test_signals_by_the_names_of_vectors(require, change, labels):
 def test_requirements_that_do_not_fit_the_run(require, change, problem):
     with pytest.raises(RequirementError) as refused:
         RequirementRecord(require(**change), COLUMNS, STEP, 1001)
-    assert f"requirement 1 (blur), {problem}" in str(refused.value)
+    assert f"requirement[0] (blur), {problem}" in str(refused.value)
 
 
 def test_the_settling_begins_where_the_lead_in_ends(require, white):

@@ -6,9 +6,8 @@ import pytest
 from support.required import COLUMNS
 
 from ps_fmu.cosim import Recorder
-from ps_fmu.requirements.reading import read_requirements
 from ps_fmu.requirements.record import RequirementRecord
-from ps_fmu.requirements.requirement import RequirementError
+from ps_fmu.requirements.requirement import RequirementError, read_requirements
 from ps_fmu.requirements.stored import ResultsError, judge_files
 from ps_fmu.requirements.verdict import Answer
 
@@ -204,7 +203,7 @@ def test_a_text_beside_the_signals_is_no_signal(store, require):
     assert judge_one(path, [require()]).answer is Answer.MET
     with pytest.raises(RequirementError, match=r"signal: plant\.note is of the type String: expected a Real"):
         judge_files([path], [require(signal="plant.note")])
-    with pytest.raises(RequirementError, match=r"limit: nothing can be converted to the unit '5' of plant\.odd"):
+    with pytest.raises(RequirementError, match=r"limit: plant\.odd: nothing can be converted to the unit '5'"):
         judge_files([path], [require(signal="plant.odd")])
 
 

@@ -12,7 +12,7 @@ from support.cosim import OSCILLATOR, ssd_text
 
 from ps_fmu import simulate
 from ps_fmu.cli import main
-from ps_fmu.cosim.faults.acted import ActedFault
+from ps_fmu.cosim.faults.binding import ActedFault
 from ps_fmu.runs.fault_report import find_spans, tabulate_faults
 
 TOYS = Path(__file__).parents[1] / "cosim" / "toys"
@@ -78,8 +78,8 @@ def test_a_run_of_any_system_says_what_acted_and_marks_it(oscillator, tmp_path, 
 @pytest.mark.parametrize(
     ("event", "more", "code", "text"),
     [
-        ({"model": "maas"}, (), 1, r"faults.json, line 1: events[0]: model: the system has no component 'maas'"),
-        ({"action": "stick"}, (), 1, r"faults.json, line 1: events[0].action: expected one of override"),
+        ({"model": "maas"}, (), 1, r"faults.json: events[0]: model: the system has no component 'maas'"),
+        ({"action": "stick"}, (), 1, r"faults.json: events[0].action: expected one of override"),
         ({"time": 1.0}, (), 1, "events[0]: time 1 s is not before the end of the run, 1 s after its start"),
         ({}, ("--faults", "none.json"), 2, "--faults: there is no file none.json"),
     ],

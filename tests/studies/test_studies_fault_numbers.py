@@ -9,10 +9,10 @@ from support.checkpoints import Keep
 from ps_fmu.cosim import Master, read_system
 from ps_fmu.cosim.checkpoint.checkpoints import Checkpoints
 from ps_fmu.cosim.faults.reading import read_faults
+from ps_fmu.studies.bundle import open_folder
 from ps_fmu.studies.case_runner import CaseRunner
 from ps_fmu.studies.rows import DONE, RowStore
 from ps_fmu.studies.study import StudyError
-from ps_fmu.studies.study_folder import open_folder
 from ps_fmu.studies.sweep import SweepOptions, prepare, rerun
 
 H = 0.01
@@ -159,28 +159,28 @@ def test_a_spread_may_be_relative_to_what_the_file_states(plan):
          r"'pusch': expected a number from 0 to 3, or one of the names push, late; did you mean push"),
         ('"faults.4.value"\nvalues = [1.0]', r"there is no event '4'"),
         ('"faults.push"\nvalues = [1.0]', r"expected an event and a key of it, as in push\.value"),
-        ('"faults.3.value"\nvalues = [1.0]', r"faults\.json, line \d+: events\[3\]: the event has no number "
+        ('"faults.3.value"\nvalues = [1.0]', r"faults\.json: events\[3\]: the event has no number "
          r"'value'; it has time$"),
-        ('"faults.push.rms"\nvalues = [1.0]', r"line \d+: events\[0\]: the event has no number 'rms'.*; it has time, "),
+        ('"faults.push.rms"\nvalues = [1.0]', r"events\[0\]: the event has no number 'rms'.*; it has time, "),
         ('"faults.push.value"\nonly = ["gain"]\nvalues = [1.0]', r", only: is for parameters of components"),
         ('["faults.push.value", "mass.mass"]\nvalues = [1.0]', r"parameter: mass\.mass is no number of faults"),
         ('["faults.push.value", "faults.push.time"]\nvalues = [1.0]', r"have different types or units"),
         ('"faults.push.time"\nvalues = [1.0]', r", values: a number without unit does not fit the unit 's'"),
-        ('"faults.push.time"\nvalues = ["1 s"]', r", values: case 0: .*line \d+: events\[0\]: time 1 s is not before "
+        ('"faults.push.time"\nvalues = ["1 s"]', r", values: case 0: .*events\[0\]: time 1 s is not before "
          r"the end of the run"),
-        ('"faults.push.time"\nvalues = ["1e308 s"]', r"case 0: .*line 3: events\[0\]: duration: 0\.1 s has"),
+        ('"faults.push.time"\nvalues = ["1e308 s"]', r"case 0: .*events\[0\]: duration: 0\.1 s has"),
         ('"faults.push.time"\nvalues = ["-1 s"]', r", values: push\.time: -1.0 is outside"),
         ('"faults.late.value"\nvalues = ["20 ms", "25 ms"]', r"case 1: .*events\[2\]: value: expected a delay of"),
         ('"faults.push.duration"\nvalues = ["1 ns"]', r"case 0: .*events\[0\]: duration: 1e-09 s has no step"),
     ],
 )  # fmt: skip
 def test_numbers_that_no_run_can_have_are_refused_by_file_and_line(plan, vary, error):
-    with pytest.raises(StudyError, match=rf"study\.toml, \[\[vary\]\] 1 .*{error}"):
+    with pytest.raises(StudyError, match=rf"study\.toml, vary\[0\] .*{error}"):
         plan(vary)
 
 
 def test_a_number_is_varied_once_by_whichever_name(plan):
-    with pytest.raises(StudyError, match=r"\[\[vary\]\] 2 .*push\.time is varied by .*'faults\.push\.time', too"):
+    with pytest.raises(StudyError, match=r"vary\[1\] .*push\.time is varied by .*'faults\.push\.time', too"):
         plan('"faults.push.time"\nvalues = ["0.1 s"]', '"faults.0.time"\nvalues = ["0.2 s"]')
     with pytest.raises(StudyError, match=r"faults\.1\.rms is varied by .*'faults\.01\.rms', too"):
         plan('"faults.01.rms"\nvalues = [1.0]', '"faults.1.rms"\nvalues = [2.0]')

@@ -7,10 +7,19 @@ import pandas as pd
 import pytest
 from scipy.stats import norm
 
+from ps_fmu.requirements.quantity import Names
 from ps_fmu.studies.factors import Factor, Spread
-from ps_fmu.studies.outcome import PROBABILITIES, Outcome, Output, Share, find_compliance, find_percentiles, find_worst
+from ps_fmu.studies.outcome import (
+    PROBABILITIES,
+    Outcome,
+    Output,
+    Share,
+    find_compliance,
+    find_influences,
+    find_percentiles,
+    find_worst,
+)
 from ps_fmu.studies.plan import Plan, study_shares
-from ps_fmu.studies.sensitivity import find_influences
 from ps_fmu.studies.study import Vary
 
 OUTPUT = Output("active.toy.error.x.APE.rms", "rad")
@@ -25,7 +34,7 @@ def make_outcome(read):
         study = read(changes=changes)
         spread = Spread(0.0, 1.0)
         names = [f"x{i}" for i in range(factors)]
-        made = tuple(Factor(Vary("", n, (n,), (), "uniform", {}), "1", (n,), (1.0,), (), spread) for n in names)
+        made = tuple(Factor(Vary(parameter=Names([n]), values=[0]), "1", (n,), (1.0,), (), spread) for n in names)
         draws = study_shares(study, factors)
         table = pd.DataFrame({"case": range(cases), "status": "done", "error": None, outputs[0].name: function(draws)})
         return Outcome(Plan(study, made, draws, ()), table, outputs)
@@ -91,7 +100,7 @@ def test_the_interval_of_a_share_is_that_of_clopper_and_pearson(true, cases, low
 @pytest.fixture
 def required(make_outcome, tmp_path):
     """An outcome with a requirement: values 0 to 9 urad, limit 6.5, the last case without a result."""
-    from ps_fmu.requirements.reading import read_requirements
+    from ps_fmu.requirements.requirement import read_requirements
 
     path = tmp_path / "r.toml"
     path.write_text(

@@ -23,8 +23,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from fmpy import extract, read_model_description
 from fmpy.fmi2 import FMU2Slave
+
+from support.host import unpack
+from support.twins import InFmpy
 
 HOSTS = Path(__file__).parents[1] / "system" / "hosts"
 Job = dict[str, Any]
@@ -93,14 +95,6 @@ def _stepped(job: Job, slaves: Mapping[str, FMU2Slave], groups: Sequence[Sequenc
 
 
 def _loaded(name: str, path: Path, stack: ExitStack) -> FMU2Slave:
-    description = read_model_description(path)
-    slave = FMU2Slave(
-        guid=description.guid,
-        unzipDirectory=extract(path, stack.enter_context(tempfile.TemporaryDirectory())),
-        modelIdentifier=description.coSimulation.modelIdentifier,
-        instanceName=name,
-    )
-    slave.instantiate()
-    stack.callback(slave.freeInstance)
-    stack.callback(slave.terminate)
-    return slave
+    one = InFmpy(unpack(path, Path(stack.enter_context(tempfile.TemporaryDirectory()))), name)
+    stack.callback(one.end)
+    return one.fmu

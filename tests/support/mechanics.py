@@ -8,10 +8,20 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import lambertw
 
+from ps_fmu.control.feedforward import Controller
 from ps_fmu.mechanism.dynamics import Dynamics, Pose, assemble
 from ps_fmu.mechanism.inverse_kinematics import inverse_kinematics
+from ps_fmu.mechanism.linear_model import PlantModel
 from ps_fmu.mechanism.parameters import Parameters, load
 from ps_fmu.mechanism.rotations import rotation_matrix
+from ps_fmu.theory.loop import (
+    BASE_ACCELERATION,
+    BASE_WRENCH,
+    FINE_FORCES,
+    OUTPUT_NAMES,
+    controller_system,
+    plant_system,
+)
 
 REFERENCE = Path(__file__).parents[1] / "data" / "multibody-reference.json"
 PAPER = load()
@@ -35,6 +45,57 @@ def rigid(parameters: Parameters = PAPER) -> Parameters:
     )
 
 
+def other_geometry(seed: int, bare: Parameters | None = None) -> Parameters:
+    """The rigid system, or ``bare``, changed at random.
+
+    Joints moved by up to 20 mm, masses, stiffness, damping by up to 30 %, inertias and centres of mass likewise.
+    """
+    random = np.random.default_rng([seed, 2])
+
+    def scaled(value):
+        return value * random.uniform(0.7, 1.3)
+
+    def leg(this):
+        parts = {
+            name: replace(
+                getattr(this, name), **{k: scaled(getattr(part, k)) for k in ("mass", "com_distance", "radial_inertia")}
+            )
+            for name, part in (("lower", this.lower), ("upper", this.upper))
+        }
+        joints = {
+            name: getattr(this, name) + random.uniform(-0.02, 0.02, 3) for name in ("base_joint_B", "platform_joint_P")
+        }
+        springs = {k: scaled(getattr(this, k)) for k in ("stiffness", "damping") if hasattr(this, k)}
+        return replace(this, **parts, **joints, **springs)
+
+    def body(this, frame):
+        com, inertia = f"com_{frame}", f"inertia_{frame}"
+        spread = random.normal(size=(3, 3))
+        size = 0.05 * np.trace(getattr(this, inertia))
+        return replace(
+            this,
+            mass=scaled(this.mass),
+            **{
+                com: getattr(this, com) + random.uniform(-0.05, 0.05, 3),
+                inertia: getattr(this, inertia) + size * spread @ spread.T / 9.0,
+            },
+        )
+
+    bare = rigid() if bare is None else bare
+    manipulator = bare.manipulator
+    return replace(
+        bare,
+        manipulator=replace(
+            manipulator,
+            nominal_translation_B=manipulator.nominal_translation_B + random.uniform(-0.02, 0.02, 3),
+            coarse_legs=tuple(map(leg, manipulator.coarse_legs)),
+            fine_legs=tuple(map(leg, manipulator.fine_legs)),
+        ),
+        payload=body(bare.payload, "P"),
+        bus=body(bare.bus, "B"),
+    )
+
+
 def dynamics_at(pose: Pose, parameters: Parameters = PAPER) -> Dynamics:
     return assemble(parameters.manipulator, parameters.payload, parameters.bus, pose)
 
@@ -55,6 +116,26 @@ def complex_array(pair: list) -> NDArray[np.complex128]:
 def relative_error(value: NDArray, reference: NDArray) -> float:
     """Largest difference over frequencies, each against the largest element of the reference matrix there."""
     return float((np.abs(value - reference).max(axis=(-2, -1)) / np.abs(reference).max(axis=(-2, -1))).max())
+
+
+def closed_loop(model: PlantModel, controller: Controller):
+    """Plant and isolator together: from base wrench (6) to the plant's outputs, in continuous time without delay."""
+    from control import interconnect, ss  # 1 s to import
+
+    plant, isolator = plant_system(model), controller_system(controller)
+    # The wrench comes from outside under its own name; everything else is matched by name.
+    return ss(
+        interconnect(
+            [plant, isolator],
+            connections=[[f"isolator.{name}", f"plant.{name}"] for name in BASE_ACCELERATION]
+            + [[f"plant.{name}", f"isolator.{name}"] for name in FINE_FORCES],
+            inplist=[f"plant.{name}" for name in BASE_WRENCH],
+            inputs=BASE_WRENCH,
+            outlist=[f"plant.{name}" for name in OUTPUT_NAMES],
+            outputs=OUTPUT_NAMES,
+            name="closed_loop",
+        )
+    )
 
 
 def restitution(damping: float, speed: float) -> float:

@@ -26,7 +26,7 @@ def without_launcher(folder: Path, copy: Path) -> Path:
 class InFmpy:
     """An unpacked FMU, driven by names."""
 
-    def __init__(self, folder: Path, name: str = "fmpy") -> None:
+    def __init__(self, folder: Path, name: str = "fmpy", callbacks: Any = None, logging: bool = True) -> None:
         description = read_model_description(str(folder))
         self.variables = {v.name: v for v in description.modelVariables}
         self.fmu = FMU2Slave(
@@ -35,7 +35,8 @@ class InFmpy:
             modelIdentifier=description.coSimulation.modelIdentifier,
             instanceName=name,
         )
-        self.fmu.instantiate(loggingOn=True)
+        self.fmu.instantiate(callbacks=callbacks, loggingOn=logging)
+        self.inputs = [v for v in description.modelVariables if v.causality == "input"]
         outputs = [v for v in description.modelVariables if v.causality == "output"]
         self.reals = [v.valueReference for v in outputs if v.type == "Real"]
         self.booleans = [v.valueReference for v in outputs if v.type == "Boolean"]
@@ -81,6 +82,11 @@ class InFmpy:
 
     def free(self) -> None:
         self.fmu.freeInstance()
+
+    def end(self) -> None:
+        """Terminate and free."""
+        self.fmu.terminate()
+        self.free()
 
 
 class InPython:

@@ -25,8 +25,6 @@ class AnalysisOptions:
     """Seed of the disturbance."""
     progress: bool = True
     """Show progress bars on stderr."""
-    threads: int | None = None
-    """Runs at a time; None: one for each processor."""
     parameters: tuple[Path, ...] = ()
     """Files with start values; later ones win."""
     requirements: Path | None = None

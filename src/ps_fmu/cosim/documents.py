@@ -1,4 +1,4 @@
-"""Files that people write, in TOML or JSON, as objects of a :class:`msgspec.Struct`.
+"""Files that people write, in TOML, JSON or YAML, as objects of a :class:`msgspec.Struct`.
 
 The fields of the class are the keys: their types, defaults and bounds (:class:`msgspec.Meta`) are the rules of a file.
 An error names the file and the key, and suggests a key that is spelt nearly so.
@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import re
+import reprlib
 import tomllib
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
@@ -21,12 +22,22 @@ from .structure import suggest_names
 from .xmlfile import read_bytes
 
 MAXIMUM_BYTES = 4 * 2**20
+DEEPEST, MOST_VALUES = 16, 200_000
+"""Of a YAML file: lists and objects within one another; values, those that an alias repeats counted each time."""
 T = TypeVar("T")
 Hook = Callable[[type, Any], Any]
 """Makes a value of a type that msgspec does not know, as a quantity with a unit; raises ValueError with the reason."""
+_FORMS = {".json": "JSON", ".yaml": "YAML", ".yml": "YAML"}
+_NUMBER = re.compile(r"-?(?:0|[1-9]\d*)(?:\.\d+)?(?:[eE][-+]?\d+)?")
 _STEP = re.compile(r"\.([^.\[\]]+)|\[(\d+|\.\.\.)\]")
 _UNKNOWN = re.compile(r"Object contains unknown field `(.*)`", re.DOTALL)
 _MISSING = re.compile(r"Object missing required field `(.*)`", re.DOTALL)
+_TYPES = re.compile(r"`([^`]*)`")
+_WORDS = {
+    "float": "a number", "int": "a whole number", "str": "a text", "bool": "true or false", "array": "a list",
+    "object": "an object with keys",
+}  # fmt: skip
+_CHOICE = re.compile(r"Invalid enum value (.*)", re.DOTALL)
 
 
 def read_document(path: Path, kind: type[T], hook: Hook | None = None) -> T:
@@ -37,17 +48,26 @@ def read_document(path: Path, kind: type[T], hook: Hook | None = None) -> T:
     return convert_document(load_document(path), kind, path, hook)
 
 
-def load_document(path: Path) -> Any:
-    """The content of a file as dicts, lists and values.  Raises as :func:`read_document`."""
+def load_document(path: Path, other: str = "TOML") -> Any:
+    """The content of a file as dicts, lists and values.  Raises as :func:`read_document`.
+
+    ``other``: form of a file whose name does not end as that of a JSON or YAML file, TOML or YAML; as a YAML file
+    one that begins with ``{`` is JSON, too.
+    """
+    content = read_bytes(path, MAXIMUM_BYTES)
+    form = _FORMS.get(path.suffix.lower(), other)
     try:
-        text = read_bytes(path, MAXIMUM_BYTES).decode("utf-8-sig")  # some editors begin a file with a mark
-        if path.suffix.lower() == ".json":
-            return json.loads(text, object_pairs_hook=_refuse_repeated)
-        return tomllib.loads(text)
+        text = content.decode("utf-8-sig")  # some editors begin a file with a mark
+        if form == "YAML" and text.lstrip().startswith("{"):
+            form = "JSON"
+        if form == "JSON":
+            return json.loads(text, object_pairs_hook=_refuse_repeated, parse_constant=_refuse_constant)
+        return tomllib.loads(text) if form == "TOML" else _load_yaml(text)
     except RecursionError:
         raise SystemFileError(path, "its values are nested too deeply") from None
+    except ImportError:
+        raise SystemFileError(path, "YAML needs PyYAML (pip install 'ps-fmu[yaml]'); JSON needs nothing") from None
     except ValueError as error:
-        form = "JSON" if path.suffix.lower() == ".json" else "TOML"
         raise SystemFileError(path, f"is not a {form} file: {error}") from error
 
 
@@ -77,25 +97,81 @@ def _refuse_repeated(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     return found
 
 
+def _refuse_constant(name: str) -> None:
+    raise ValueError(f"{name} is no number of JSON")
+
+
+def _load_yaml(text: str) -> Any:
+    import yaml
+
+    loader, count = yaml.SafeLoader(text), 0
+
+    def convert(node: Any, depth: int) -> Any:
+        nonlocal count
+        count += 1
+        if depth > DEEPEST or count > MOST_VALUES:
+            raise ValueError(f"more than {DEEPEST} lists and objects within one another, or {MOST_VALUES} values")
+        if node.id == "sequence":
+            return [convert(item, depth + 1) for item in node.value]
+        if node.id == "mapping":
+            if any(key.id != "scalar" for key, _ in node.value):
+                raise ValueError(f"line {node.start_mark.line + 1}: a key is no text")
+            return _refuse_repeated([(key.value, convert(value, depth + 1)) for key, value in node.value])
+        value = loader.construct_object(node)
+        if isinstance(value, str) and node.style is None and _NUMBER.fullmatch(value):
+            return float(value)  # 1e-3, which YAML 1.1 takes for a text
+        return value if value is None or isinstance(value, bool | int | float | str) else node.value  # a date is a text
+
+    try:
+        root = loader.get_single_node()
+        return None if root is None else convert(root, 0)
+    except yaml.YAMLError as error:
+        raise ValueError(str(error)) from error
+    finally:
+        loader.dispose()
+
+
 def _explain(text: str, data: object, kind: Any, hook: Hook | None, place: str) -> str:
     """What msgspec says, in the words of a file: the key first, and the names that there are."""
     text, _, where = text.partition(" - at `$")
-    steps, found = _follow(where.removesuffix("`"), data, kind, hook)
+    steps, found, data = _follow(where.removesuffix("`"), data, kind, hook)
     for pattern, problem in ((_UNKNOWN, "unknown key"), (_MISSING, "is missing")):
         if match := pattern.fullmatch(text):
             names = [field.encode_name for field in found.fields] if isinstance(found, inspect.StructType) else []
             hint = suggest_names(match[1], names) if pattern is _UNKNOWN else ""
             known = f"; expected {', '.join(names)}" if pattern is _UNKNOWN and not hint else ""
             return f"{_join(place, *steps, match[1])}: {problem}{hint}{known}"
+    if text.startswith("Expected"):
+        got = "an object" if isinstance(data, Mapping) else "a list" if isinstance(data, list) else reprlib.repr(data)
+        expected = _TYPES.sub(_name_types, text.partition(", got")[0])
+        text = f"{expected}, got {'nothing' if data is None else got}"
+    elif match := _CHOICE.fullmatch(text):
+        choices = list(_list_choices(found))
+        text = f"expected one of {', '.join(choices)}, got {match[1]}{suggest_names(match[1].strip(chr(39)), choices)}"
     return f"{_join(place, *steps) or 'the file'}: {text[:1].lower()}{text[1:]}"
+
+
+def _name_types(match: re.Match[str]) -> str:
+    """Types of msgspec in words: ``float | null`` is a number."""
+    return " or ".join(_WORDS.get(name, name) for name in match[1].split(" | ") if name != "null")
+
+
+def _list_choices(kind: inspect.Type) -> Iterator[str]:
+    if isinstance(kind, inspect.UnionType):
+        for member in kind.types:
+            yield from _list_choices(member)
+    elif isinstance(kind, inspect.LiteralType):
+        yield from map(str, kind.values)
+    elif isinstance(kind, inspect.EnumType):
+        yield from (str(member.value) for member in kind.cls)
 
 
 def _join(*names: str) -> str:
     return "".join(name if name.startswith("[") else f".{name}" for name in names if name).removeprefix(".")
 
 
-def _follow(path: str, data: Any, kind: Any, hook: Hook | None) -> tuple[list[str], inspect.Type]:
-    """The steps of a path of msgspec, with keys of dicts in place of its ``[...]``, and the type at its end."""
+def _follow(path: str, data: Any, kind: Any, hook: Hook | None) -> tuple[list[str], inspect.Type, Any]:
+    """The steps of a path of msgspec, with keys of dicts in place of its ``[...]``; the type and value at its end."""
     steps: list[str] = []
     found = inspect.type_info(kind)
     for key, index in _STEP.findall(path):
@@ -113,7 +189,7 @@ def _follow(path: str, data: Any, kind: Any, hook: Hook | None) -> tuple[list[st
             fields = found.fields if isinstance(found, inspect.StructType) else ()
             types = {field.encode_name: field.type for field in fields}
             data, found = (data.get(key) if isinstance(data, Mapping) else None), types.get(key, inspect.AnyType())
-    return steps, _choose(found, data)
+    return steps, _choose(found, data), data
 
 
 def _list_refused(data: Any, kind: inspect.Type, hook: Hook | None) -> Iterator[str]:

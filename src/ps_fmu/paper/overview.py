@@ -2,51 +2,48 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, replace
 
 from tqdm import tqdm
 
 from ..analyses.finding import Finding
-from ..analyses.jobs import Job, Report, run_jobs
+from ..analyses.jobs import Job, run_jobs
 from ..analyses.options import AnalysisOptions
 from ..analyses.result import AnalysisResult
 from ..analyses.table import ANALYSES
 from ..control.commander import DEFAULT_ALGORITHM_1
-from ..cosim.ssp.ssv import read_parameters
+from ..cosim.ssp.parameters import read_parameters
 from ..mechanism.parameters import load
 from ..mechanism.workspace import STEP
 from ..runs.built_fmus import provide_fmus
 from ..theory.loop import loop_at
 from . import errata
 from .errata import Erratum, errata_table
-from .figures.fig08_11.measured import list_jobs as list_transmissibility_jobs
 from .figures.table2.closed_form import ORIENTATIONS, knowledge_text
 from .published import ANGLES, make_finding, published_numbers
 
-FIGURES = {"workspace": 4.0, "trajectories": 34.0, "transmissibility": 7.0, "stability": 24.0, "jitter": 28.0}
-"""The analyses that are put together, and the seconds of one processor that each takes without the jobs before it."""
-JOBS = {"transmissibility": list_transmissibility_jobs}
-"""What can be done before an analysis, in other processes: it takes the results as ``found``."""
+FIGURES = {"workspace": 4.0, "trajectories": 34.0, "transmissibility": 95.0, "stability": 24.0, "jitter": 28.0}
+"""The analyses that are put together, and the seconds of one processor that each takes."""
 ERRATA, ERRATA_COST_S = "errata", 6.0
 
 
 def analyse(options: AnalysisOptions) -> AnalysisResult:
     """Run the analyses of the figures, compute the errata, put everything together.
 
-    Each analysis writes its files when it has ended.  Raises :class:`.jobs.JobError` after all have ended if one of
-    them has failed, and what comes before the first of them raises: BuildError, OSError, OptionError.
+    Each analysis writes its files when it has ended.  Raises JobError after all have ended if one of them has failed,
+    and what comes before the first of them raises: BuildError, OSError, OptionError.
     """
     findings = list_settings(options)  # first: a missing parameter file is noticed before the long runs
     if any(ANALYSES[name].needs_fmus for name in FIGURES):
         provide_fmus(options.fmus, options.system)  # here: the processes of the jobs would all build them
     jobs = list_jobs(options)
-    with show_progress(jobs, options.progress) as report:
-        outcomes = run_jobs(jobs, report=report)
-    outcomes.raise_failures()
-    parts: list[AnalysisResult] = [outcomes.results[name] for name in FIGURES]
-    entries: Sequence[Erratum] = outcomes.results[ERRATA]
+    form = "{desc}: {percentage:3.0f}% |{bar}| [{elapsed}<{remaining}{postfix}]"
+    total = sum(job.cost_s for job in jobs)
+    with tqdm(total=total, desc="analyses", disable=not options.progress, bar_format=form) as bar:
+        found = run_jobs(jobs, report=lambda job: bar.update(job.cost_s))
+    parts: list[AnalysisResult] = [found[name] for name in FIGURES]
+    entries: Sequence[Erratum] = found[ERRATA]
     findings = order_findings([*findings, *(finding for part in parts for finding in part.findings)])
     return AnalysisResult(
         name="paper",
@@ -61,35 +58,17 @@ def analyse(options: AnalysisOptions) -> AnalysisResult:
 
 
 def list_jobs(options: AnalysisOptions) -> list[Job]:
-    """The jobs of the analyses, each analysis itself, and the errata."""
-    options = replace(options, progress=False, threads=1)  # as many processes as processors are enough
-    jobs = [Job(ERRATA, ERRATA_COST_S, errata.errata)]
-    for name, cost_s in FIGURES.items():
-        before = JOBS[name](options) if name in JOBS else ()
-        jobs += [*before, Job(name, cost_s, run_analysis, (name, options), tuple(job.name for job in before))]
-    return jobs
+    """The analyses of the figures, and the errata."""
+    options = replace(options, progress=False)
+    jobs = [Job(name, cost_s, run_analysis, (name, options)) for name, cost_s in FIGURES.items()]
+    return [*jobs, Job(ERRATA, ERRATA_COST_S, errata.errata)]
 
 
-def run_analysis(name: str, options: AnalysisOptions, found: Mapping[str, object] | None = None) -> AnalysisResult:
-    """Run an analysis with what its jobs have ``found``, and write its files."""
-    analyse = ANALYSES[name].load()
-    result = analyse(options) if found is None else analyse(options, found=found)
+def run_analysis(name: str, options: AnalysisOptions) -> AnalysisResult:
+    """Run an analysis, and write its files."""
+    result = ANALYSES[name].load()(options)
     result.write(options.output)
     return result
-
-
-@contextmanager
-def show_progress(jobs: Sequence[Job], shown: bool) -> Iterator[Report]:
-    """A bar on the error stream with what runs and the time that remains."""
-    total = sum(job.cost_s for job in jobs)
-    form = "{desc}: {percentage:3.0f}% |{bar}| [{elapsed}<{remaining}{postfix}]"
-    with tqdm(total=total, desc="analyses", disable=not shown, bar_format=form) as bar:
-
-        def advance(cost_s: float, running: tuple[str, ...]) -> None:
-            bar.set_postfix_str("; ".join(running), refresh=False)
-            bar.update(cost_s)
-
-        yield advance
 
 
 def paragraphs(findings: Sequence[Finding], errata: Sequence[Erratum]) -> list[str]:

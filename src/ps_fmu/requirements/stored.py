@@ -16,8 +16,7 @@ from ..cosim.recording.recorder import UDUNITS
 from ..pointing.windows import find_step
 from ..reduction.columns import NETCDF_LOCK
 from .record import RequirementRecord
-from .requirement import Requirement
-from .targets import find_targets
+from .requirement import Requirement, find_targets
 from .verdict import Verdict, judge, no_run
 
 _TYPES = {"f": "Real", "i": "Integer"}

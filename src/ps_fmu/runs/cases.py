@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..cosim import Column, CosimError, Event, Master, Observer, Recorder, Value
+from ..cosim.description import read_terminal_variables
 from ..cosim.errors import SlaveEnded
-from ..cosim.faults.acted import ActedFault
+from ..cosim.faults.binding import ActedFault
 from ..cosim.recording.thinner import MemoryRecorder
-from ..cosim.terminals import read_terminal_variables
 from .fault_report import find_spans
 from .index_record import SIGNALS
 from .keeping import CaseKeeper, SinceStart, leave_no_empty_file
@@ -168,7 +168,7 @@ def run_case(
     ):
         start_s = master.time
         texts = [*_list_overruled(system, case), *_list_connected(system, master), *master.faults.remarks]
-        if not options.scenario.foreign:
+        if not options.is_plain:
             texts += [*_list_open(system, master, case), *list_mismatches(system, case.values, options.apart)]
         master.faults.check_end(duration)
         for text in texts:
@@ -194,7 +194,7 @@ def run_case(
             watched = observers if costs is None else costs.time(observers)
             events = [(start_s + time, name, value) for time, name, value in case.events]
             began = perf_counter()
-            master.run(duration, watched, events, note, beside=True, checkpoints=keeper.checkpoints)
+            master.run(duration, watched, events, note, checkpoints=keeper.checkpoints)
             spent_s = before_s + (wall[0] or perf_counter() - began)
         acted, ended = master.faults.list_acted(master.time), master.ended
         simulated_s = duration if ended is None or ended.time is None else ended.time - start_s

@@ -7,10 +7,8 @@ from dataclasses import dataclass, field
 
 from ..cosim import Column
 from ..requirements.distribution import Distribution
-from ..requirements.reading import read_requirements
 from ..requirements.record import RequirementRecord
-from ..requirements.requirement import Requirement, RequirementError
-from ..requirements.targets import find_targets
+from ..requirements.requirement import Requirement, RequirementError, find_targets, read_requirements
 from ..requirements.verdict import Verdict, judge, no_run
 from .options import OptionError, RunOptions
 

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from .. import __version__
-from ..cosim.checkpoint.folder import CheckpointFolder
+from ..cosim.checkpoint.files import CheckpointFolder
 from ..slavekit.pack.files import write_atomically
 from .options import CHECKPOINTS, REPORT, RESULTS, OptionError, RunOptions, from_json, list_files, name_option, to_json
 from .scenario import find_scenario

@@ -17,8 +17,8 @@ import msgspec
 from .. import __version__
 from ..cosim.clock import count_steps
 from ..cosim.isolation.instance import CALL_TIMEOUT_S, STEP_TIMEOUT_S, Isolation
-from ..cosim.osp.reading import OSP_NAME
 from ..cosim.schemes.scheme import ORDERS, Iteration, Scheme, make_scheme
+from ..cosim.ssp.osp import OSP_NAME
 from ..cosim.ssp.sources import SSD_NAME
 from ..cosim.structure import Value, suggest_names
 from ..product.files import find_file, find_product
@@ -62,7 +62,7 @@ class RunOptions:
     apart: tuple[str, ...] = ()  # beginnings of names component.parameter that may differ from the plant's
     scheme: str | Scheme = "jacobi"
     storage_step_s: float | None = None  # time between stored rows; None: that of the scenario
-    requirements: Path | None = None  # TOML file, see ps_fmu.requirements.reading
+    requirements: Path | None = None  # TOML file, see ps_fmu.requirements.requirement
     disturbance: Path | None = None  # recorded wrench, CSV or netCDF, see ps_fmu.runs.recorded
     inputs: Path | None = None  # CSV file of inputs over time, see ps_fmu.cosim.signals
     fmus: Path | None = None  # folder with FMUs; those that are not there, by default all, lie where the system says

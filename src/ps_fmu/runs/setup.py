@@ -13,15 +13,14 @@ from ..cosim.clock import StepClock
 from ..cosim.columns import list_run_columns
 from ..cosim.description import convert_value, find_variable, get_unit, index_variables, read_descriptions, read_start
 from ..cosim.faults.active import make_faults
-from ..cosim.faults.event import FaultFile
-from ..cosim.faults.reading import read_faults
+from ..cosim.faults.reading import FaultFile, read_faults
 from ..cosim.graph import Wiring, check_wiring
-from ..cosim.recording.selection import matches, select_names
+from ..cosim.recording.thinner import matches, select_names
 from ..cosim.rows import Column
 from ..cosim.schemes.resolving import resolve_scheme
 from ..cosim.schemes.scheme import Scheme, make_scheme
 from ..cosim.signals import Signal, read_signals
-from ..cosim.ssp.single import complete_experiment, fit_duration, read_any_system
+from ..cosim.ssp.reading import complete_experiment, fit_duration, read_any_system
 from ..cosim.structure import Parameter, PortName, parse_port
 from ..results.summary import FmuFile
 from .cost_log import CostLog
@@ -188,7 +187,7 @@ def load_system(
             structure = structure.with_parameters({name: own[name] for name in own.keys() - given.keys()})
             structure = structure.with_parameters({name: given[name] for name in options.values})
             wiring = check_wiring(structure, descriptions)
-            for text in (*wiring.remarks, *_list_silent(structure, options)):
+            for text in (*wiring.remarks, *(_list_silent(structure, options) if options.is_plain else ())):
                 warnings.add(text)
             structure = settle(structure, wiring)
         else:

@@ -12,42 +12,32 @@ import tempfile
 from pathlib import Path
 
 import numpy
-from fmpy import extract, read_model_description
-from fmpy.fmi2 import FMU2Slave
+
+sys.path.insert(0, str(Path(__file__).parents[2]))
+
+from support.host import unpack
+from support.twins import InFmpy
 
 STEP = 1e-3  # s
 DRIVEN = ("base_force.x", "base_acceleration.x", "target.yaw")
 
 
 def outputs(order: tuple[Path, ...]) -> dict[str, list[float]]:
-    """Instantiate all in this order, then step them in turn; Real outputs of each after ten steps."""
+    """Instantiate all in this order, then step them in turn; outputs of each after ten steps."""
     running = []
     folder = tempfile.mkdtemp()
     try:
         for path in order:
-            description = read_model_description(path)
-            unzipped = extract(path, Path(folder) / path.stem)
-            fmu = FMU2Slave(
-                guid=description.guid,
-                unzipDirectory=str(unzipped),
-                modelIdentifier=description.coSimulation.modelIdentifier,
-                instanceName=path.stem,
-            )
-            fmu.instantiate()
-            fmu.setupExperiment(startTime=0.0)
-            fmu.enterInitializationMode()
-            fmu.exitInitializationMode()
-            real = [v for v in description.modelVariables if v.type == "Real"]
-            inputs = [v.valueReference for v in real if v.causality == "input" and v.name in DRIVEN]
-            fmu.setReal(inputs, [0.01] * len(inputs))
-            running.append((path.stem, fmu, [v.valueReference for v in real if v.causality == "output"]))
+            one = InFmpy(unpack(path, Path(folder) / path.stem), path.stem, logging=False)
+            one.initialise()
+            one.set({v.name: 0.01 for v in one.inputs if v.name in DRIVEN})
+            running.append(one)
         for k in range(10):
-            for _, fmu, _ in running:
-                fmu.doStep(k * STEP, STEP)
-        result = {name: fmu.getReal(references) for name, fmu, references in running}
-        for _, fmu, _ in running:
-            fmu.terminate()
-            fmu.freeInstance()
+            for one in running:
+                one.step(k * STEP, STEP)
+        result = {path.stem: one.outputs() for path, one in zip(order, running, strict=True)}
+        for one in running:
+            one.end()
         return result
     finally:
         shutil.rmtree(folder, ignore_errors=True)

@@ -16,7 +16,7 @@ from ..description import find_variable, get_unit
 from ..errors import SystemFileError
 from ..structure import suggest_names
 from ..values import Value
-from .event import BIAS, DELAY, DROPOUT, NOISE, RESET, SCALE, FaultEvent, FaultFile
+from .reading import BIAS, DELAY, DROPOUT, NOISE, RESET, SCALE, FaultEvent, FaultFile
 
 _FIELDS = {
     "time": "time_s", "duration": "duration_s", "value": "value", "rms": "rms", "density": "density",

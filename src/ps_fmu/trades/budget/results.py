@@ -16,9 +16,7 @@ from ...cosim.rows import make_layout
 from ...cosim.structure import Parameter
 from ...mechanism.quantities import Array
 from ...pointing.budget import Budget, Source, UncertaintyFactors, make_budget
-from ...requirements.reading import read_requirements
-from ...requirements.requirement import PEAK, RMS, Requirement
-from ...requirements.targets import Target, find_targets
+from ...requirements.requirement import PEAK, RMS, Requirement, Target, find_targets, read_requirements
 from ...runs.setup import RunSystem
 from .sources import POINTS, list_sources, select_signals
 from .system_model import OUTPUT_NAMES, PLANT, Circuit, SystemModel, read_model

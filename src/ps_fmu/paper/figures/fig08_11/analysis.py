@@ -21,7 +21,6 @@ from ...published import make_finding
 from ..table2.closed_form import ORIENTATIONS
 from .measured import (
     FREQUENCY,
-    SETUPS,
     SHAKING,
     SUSPENSION_BELOW,
     Agreements,
@@ -32,23 +31,17 @@ from .measured import (
     compare_step_models,
     compute_curves,
     entries,
-    name_job,
     step_table,
     verdict,
 )
 from .plots import draw_cases, draw_deviation, draw_measured, draw_orientations
 
 
-def analyse(
-    options: AnalysisOptions, frequency: Array = FREQUENCY, found: Mapping[str, Agreement] | None = None
-) -> AnalysisResult:
-    """Compute the curves at frequencies (n,), Hz, measure them on the FMUs, compare and draw.
-
-    ``found``: what the jobs of :func:`.measured.list_jobs` have measured, which is not measured again then.
-    """
+def analyse(options: AnalysisOptions, frequency: Array = FREQUENCY) -> AnalysisResult:
+    """Compute the curves at frequencies (n,), Hz, measure them on the FMUs, compare and draw."""
     at_orientations = {name: compute_curves(load(), rpy, frequency) for name, rpy in ORIENTATIONS.items()}
     of_cases = {case: compute_curves(load_case(case), frequency=frequency) for case in CASES}
-    measured = {s: found[name_job(s)] for s in SETUPS} if found else compare_setups(options, SHAKING)
+    measured = compare_setups(options, SHAKING)
     of_step = compare_step_models(measured, SHAKING.step)
     figures: list[tuple[str, str, Callable[[Path], None]]] = [
         (

@@ -10,10 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from ....analyses.jobs import Job
 from ....analyses.options import AnalysisOptions
 from ....analyses.system import load_built_system
-from ....cosim import Value, read_system
+from ....cosim import Value
 from ....mechanism.parameters import Array, Parameters
 from ....results.tables import Table, format_angles
 from ....scenarios.comparison import TARGET
@@ -154,23 +153,6 @@ def compare_setups(options: AnalysisOptions, shaking: Shaking) -> Agreements:
             )
             for setup in SETUPS
         }
-
-
-def list_jobs(options: AnalysisOptions) -> list[Job]:
-    """A job for each of :data:`SETUPS`, which measures it as :func:`compare_setups` does."""
-    return [Job(name_job(setup), 8.0, measure_setup, (options, setup)) for setup in SETUPS]
-
-
-def name_job(setup: Setup) -> str:
-    """Name of the job that measures a setup."""
-    return f"transmissibility: {describe(setup)}"
-
-
-def measure_setup(options: AnalysisOptions, setup: Setup, shaking: Shaking = SHAKING) -> Agreement:
-    """Shake the FMUs, which are built, in a setup and compare with the closed form.  Raises CosimError, ValueError."""
-    system = read_system(options.system, options.fmus)
-    response = measure(system, shaking, setup.values, options.seed, threads=options.threads)
-    return Agreement(response, setup.closed_form(shaking.lines, shaking.step))
 
 
 def compare_step_models(measured: Agreements, step: float) -> dict[str, Agreement]:

@@ -21,8 +21,7 @@ from ....analyses.system import load_built_system
 from ....cosim import System, Value
 from ....pointing.response import Response
 from ....scenarios.shaking import Shaking, measure_response
-from ....theory.loop import loop_at
-from ....theory.margins import Margins, margins
+from ....theory.loop import Margins, loop_at, margins
 from ....theory.sampled import loop_sampled
 from ....theory.transfer_matrices import Complex
 from ...agreement import coherent_lines
@@ -111,7 +110,7 @@ def measure_open_loops(options: AnalysisOptions, delay_s: float, shaking: Shakin
     with tqdm(total=len(CASES) * shaking.seeds, unit="run", disable=not options.progress, desc="open loop") as bar:
         for case in CASES:
             values = case_start_values(case)
-            response = measure(system, values, delay_s, shaking, options.seed, bar.update, options.threads)
+            response = measure(system, values, delay_s, shaking, options.seed, bar.update)
             loop = loop_at(load_case(case), delay=delay_s)
             reference = loop_sampled(loop, 2j * np.pi * shaking.lines, shaking.step)[:, 0, 0]
             found[case] = OpenLoop(response, reference)
@@ -125,12 +124,8 @@ def measure(
     shaking: Shaking,
     seed: int = 1,
     progress: Callable[[], object] | None = None,
-    threads: int | None = None,
 ) -> Response:
-    """L11 (n, 1, 1) of a system with start ``values`` of its components.
-
-    ``progress`` is called after each run, of which there are ``threads`` at a time, by default one for each processor.
-    """
+    """L11 (n, 1, 1) of a system with start ``values`` of its components; ``progress`` is called after each run."""
     of_both = {
         **values,
         **{f"{SHAKEN}.{name.partition('.')[2]}": v for name, v in values.items() if name.startswith(f"{MOVED}.")},
@@ -139,7 +134,7 @@ def measure(
     }
     opened = cut_loop(system).with_parameters(of_both)
     shaken = [opened.with_parameters(shaking.values("fx", seed + k)) for k in range(shaking.seeds)]
-    return measure_response(shaken, shaking, (f"{SHAKEN}.{MEASURED}",), (f"{MOVED}.{MEASURED}",), progress, threads)
+    return measure_response(shaken, shaking, (f"{SHAKEN}.{MEASURED}",), (f"{MOVED}.{MEASURED}",), progress)
 
 
 def cut_loop(system: System) -> System:
