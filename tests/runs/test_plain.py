@@ -9,7 +9,7 @@ from pathlib import Path
 import netCDF4
 import numpy as np
 import pytest
-from ps_fmu.disturbance.kinds.recording import HEADER
+from ps_fmu.disturbance.recording import HEADER
 from pythonfmu.builder import FmuBuilder
 from support.linear import make_oscillator
 from support.relays import description, port, relay, system, wire
