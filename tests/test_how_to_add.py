@@ -15,7 +15,7 @@ DISTURBANCE = ROOT / "src" / "ps_fmu" / "disturbance"
 IMPORTS = (DISTURBANCE / "tones.py").read_text(encoding="utf-8").split("\n\n\n")[0]
 
 RUN_SCENARIO = """
-from ps_fmu.runs.execute import execute
+from ps_fmu.runs.run import execute
 from ps_fmu.runs.options import RunOptions
 from ps_fmu.runs.scenario import SCENARIOS
 

@@ -21,10 +21,10 @@ from .cosim.schemes.scheme import add_scheme_options, read_scheme
 from .cosim.ssp.reading import read_system
 from .product.files import list_system_files
 from .runs.built_fmus import find_built_folder
-from .runs.execute import execute
-from .runs.kept_run import read_run
+from .runs.keeping import read_run
 from .runs.options import OptionError, RunOptions, claim_folder, make_options, name_option
 from .runs.output import hold_folder, leave_no_empty_folder, report_end
+from .runs.run import execute
 from .runs.scenario import SCENARIOS
 from .slavekit.pack.errors import BuildError
 from .terminal import read_output, reason

@@ -17,10 +17,9 @@ from .cosim.isolation.instance import make_isolation
 from .cosim.schemes.scheme import Scheme
 from .cosim.structure import Value, suggest_names
 from .result import Result, read_folder, write_values
-from .runs.execute import build_fmus, execute, find
 from .runs.options import PARAMETERS, OptionError, RunOptions, claim_folder, make_options
 from .runs.output import hold_folder, leave_no_empty_folder
-from .runs.run import Run, SharedSystem
+from .runs.run import Run, SharedSystem, build_fmus, execute, find
 
 
 class RunKeywords(TypedDict, total=False):

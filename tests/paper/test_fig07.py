@@ -18,8 +18,8 @@ from ps_fmu.paper.figures.fig07.analysis import LIMITS, analyse, extremes
 from ps_fmu.paper.figures.fig07.plots import explore_paths
 from ps_fmu.paper.figures.fig07.results import METHODS, PLANES, PathResult, quadrilateral, random_walk
 from ps_fmu.paper.published import published_numbers
-from ps_fmu.runs.execute import execute
 from ps_fmu.runs.options import OptionError
+from ps_fmu.runs.run import execute
 
 GEOMETRY = load().manipulator.geometry
 

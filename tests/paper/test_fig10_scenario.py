@@ -15,8 +15,8 @@ from ps_fmu.paper.bus_cases import case_start_values
 from ps_fmu.paper.figures.fig10 import scenario as stability
 from ps_fmu.paper.figures.fig10.plots import explore_responses
 from ps_fmu.paper.figures.fig10.pulse_response import PULSE_S
-from ps_fmu.runs.execute import execute
 from ps_fmu.runs.options import OptionError
+from ps_fmu.runs.run import execute
 
 PARAMETERS = Path(__file__).parents[2] / "system" / "parameters"
 

@@ -13,7 +13,8 @@ from support.cosim import OSCILLATOR, ssd_text
 from ps_fmu import simulate
 from ps_fmu.cli import main
 from ps_fmu.cosim.faults.binding import ActedFault
-from ps_fmu.runs.fault_report import find_spans, tabulate_faults
+from ps_fmu.runs.cases import find_spans
+from ps_fmu.runs.publish import tabulate_faults
 
 TOYS = Path(__file__).parents[1] / "cosim" / "toys"
 FREEZE = {"time": 0.01, "model": "plant", "variable": "base_acceleration.z", "action": "freeze", "duration": 0.01}

@@ -15,8 +15,8 @@ from ps_fmu.paper.figures.table2 import scenario as table2
 from ps_fmu.requirements.requirement import read_requirements
 from ps_fmu.requirements.stored import judge_files
 from ps_fmu.runs.cases import Case, run_case
-from ps_fmu.runs.execute import execute
 from ps_fmu.runs.options import OptionError
+from ps_fmu.runs.run import execute
 from ps_fmu.runs.setup import load_system
 from ps_fmu.scenarios import isolation
 from ps_fmu.scenarios.jitter_record import ROTATION, JitterRecord

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from ps_fmu.cosim import Master
-from ps_fmu.runs.execute import execute
 from ps_fmu.runs.options import OptionError
+from ps_fmu.runs.run import execute
 
 QUICK = {"step_s": 1e-3, "storage_step_s": 2e-3}
 PATTERNS = ("plant.los.?", "isolator.saturated")

@@ -9,13 +9,13 @@ from pathlib import Path
 import netCDF4
 import numpy as np
 import pytest
-from ps_fmu.disturbance.recording import HEADER
 from pythonfmu.builder import FmuBuilder
 from support.linear import make_oscillator
 from support.relays import description, port, relay, system, wire
 
 from ps_fmu.cli import main
 from ps_fmu.cosim import Master
+from ps_fmu.disturbance.recording import HEADER
 from ps_fmu.runs.options import OptionError, choose_run
 from ps_fmu.runs.output import hold_folder
 

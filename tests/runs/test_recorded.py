@@ -9,9 +9,9 @@ import pytest
 
 from ps_fmu.disturbance.recording import HEADER
 from ps_fmu.mechanism.quantities import ParameterError
-from ps_fmu.runs.execute import execute
 from ps_fmu.runs.options import OptionError
 from ps_fmu.runs.recorded import read_netcdf
+from ps_fmu.runs.run import execute
 from ps_fmu.runs.setup import load_system
 
 TIME = np.linspace(0.0, 1.0, 101)

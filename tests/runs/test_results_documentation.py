@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from ps_fmu.runs.execute import execute
+from ps_fmu.runs.run import execute
 
 DOCUMENT = Path(__file__).parents[2] / "docs" / "results.md"
 

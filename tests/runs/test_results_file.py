@@ -15,12 +15,12 @@ from ps_fmu import __version__
 from ps_fmu.cosim import Column, Recorder
 from ps_fmu.cosim.schemes.scheme import Iteration, Scheme, read_rate
 from ps_fmu.results.datasets import list_cases, read_case
-from ps_fmu.runs import finish, publish
+from ps_fmu.runs import publish, stored_rows
 from ps_fmu.runs.cases import Case, run_case
-from ps_fmu.runs.execute import execute
-from ps_fmu.runs.finish import finish_file
 from ps_fmu.runs.options import format_command
+from ps_fmu.runs.run import execute
 from ps_fmu.runs.setup import load_system
+from ps_fmu.runs.stored_rows import finish_file
 
 VALUES = {"plant.payload.mass": 20.0, "disturbance.seed": 7}
 ROOT = Path(__file__).parents[2]
@@ -206,14 +206,14 @@ def test_an_end_that_fails_leaves_the_file_as_it_was(rows, monkeypatch, how):
     path, _ = rows
     before = path.read_bytes()
     if how == "full":
-        monkeypatch.setattr(finish.shutil, "disk_usage", lambda folder: type("Usage", (), {"free": 1000})())
+        monkeypatch.setattr(stored_rows.shutil, "disk_usage", lambda folder: type("Usage", (), {"free": 1000})())
     else:
         error = KeyboardInterrupt if how == "interrupted" else RuntimeError("HDF error")
 
         def stop(*_):
             raise error
 
-        monkeypatch.setattr(finish, "_copy_group", stop)
+        monkeypatch.setattr(stored_rows, "_copy_group", stop)
     with pytest.raises(KeyboardInterrupt if how == "interrupted" else OSError) as caught:
         finish_file(path)
     assert {"interrupted": "", "failed": "HDF error", "full": "MB needed"}[how] in str(caught.value)

@@ -14,7 +14,7 @@ from support.reports import VERDICTS
 
 from ps_fmu.mechanism.parameters import load
 from ps_fmu.paper.figures.table2 import scenario as table2
-from ps_fmu.runs.execute import execute
+from ps_fmu.runs.run import execute
 from ps_fmu.runs.setup import load_system
 from ps_fmu.scenarios import isolation
 from ps_fmu.scenarios import pointing_report as pointing

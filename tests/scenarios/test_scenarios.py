@@ -15,8 +15,8 @@ import pytest
 from ps_fmu.cosim import CosimError, UsageError, description
 from ps_fmu.paper.figures.table2 import scenario as table2
 from ps_fmu.runs import setup
-from ps_fmu.runs.execute import execute
 from ps_fmu.runs.options import OptionError
+from ps_fmu.runs.run import execute
 from ps_fmu.runs.setup import load_system
 
 SYSTEM = Path(__file__).parents[2] / "system" / "SystemStructure.ssd"

@@ -15,8 +15,8 @@ from ps_fmu.cosim.structure import Connection, PortName
 from ps_fmu.mechanism.discretisation import zero_order_hold
 from ps_fmu.mechanism.linear_model import Plant
 from ps_fmu.results.observers.sampler import SampleObserver
-from ps_fmu.runs.execute import execute
 from ps_fmu.runs.options import OptionError, RunOptions
+from ps_fmu.runs.run import execute
 from ps_fmu.runs.scenario import SCENARIOS
 from ps_fmu.runs.setup import load_system
 from ps_fmu.scenarios import pointing as scenario

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import re
 import sys
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from itertools import groupby
 from time import perf_counter
 from typing import Protocol, TypeVar
 
@@ -17,15 +19,15 @@ from ..cosim.description import read_terminal_variables
 from ..cosim.errors import SlaveEnded
 from ..cosim.faults.binding import ActedFault
 from ..cosim.recording.thinner import MemoryRecorder
-from .fault_report import find_spans
+from ..cosim.structure import parse_port
+from ..interface.agreement import APART, Difference, find_differences
 from .index_record import SIGNALS
 from .keeping import CaseKeeper, SinceStart, leave_no_empty_file
-from .mismatch import list_mismatches
 from .options import RESULTS, RunOptions
 from .origin import format_settings, write_origin
 from .runner import Runner
-from .setup import RunSystem, select_stored
-from .stored_names import make_stored_names, rename_columns
+from .setup import NOISE, RunSystem, select_stored
+from .stored_rows import make_stored_names, rename_columns
 
 Array = NDArray[np.float64]
 
@@ -292,3 +294,62 @@ def show_progress(name: str, duration_s: float, shown: bool) -> Iterator[Progres
             bar.update(simulated - bar.n)
 
         yield advance
+
+
+def find_spans(faults: Iterable[ActedFault], end_s: float, *, begin_s: float = 0.0) -> list[tuple[float, float]]:
+    """When any of the faults acted, to the end of the run at the latest [s]; spans that touch are one.
+
+    Faults have times of the simulation; the spans, and ``end_s``, count from its time ``begin_s``.
+    """
+    spans: list[tuple[float, float]] = []
+    for first, last in sorted(
+        (f.from_s - begin_s, end_s if f.until_s is None else min(f.until_s - begin_s, end_s)) for f in faults
+    ):
+        if spans and first <= spans[-1][1]:
+            spans[-1] = spans[-1][0], max(last, spans[-1][1])
+        else:
+            spans.append((first, last))
+    return spans
+
+
+MOST_SHOWN = 6  # quantities with their values, those that differ most; the others by name
+
+
+def list_mismatches(system: RunSystem, values: Mapping[str, Value], apart: Iterable[str] = ()) -> Iterator[str]:
+    """A text for each component that knows the plant otherwise than it is: the quantities, both values, what to do.
+
+    The disturbance source is passed over where its noise is off: only that acts at the centre of mass of the bus.
+
+    Parameters
+    ----------
+    values: what a case sets, by ``component.variable``.
+    apart: beginnings of names that differ on purpose.  Parameters with the annotation :data:`.agreement.APART` do, too.
+    """
+    prefixes = tuple(apart)
+
+    def get_value(name: str) -> Value:
+        return values[name] if name in values else system.get_start(name)
+
+    def is_meant(name: str) -> bool:
+        port = system.structure.find_port(name)
+        entry = system.structure.component(port.component).parameters.get(port.variable)
+        noted = entry is not None and APART in entry.notes and name not in values
+        return noted or any(name == prefix or name.startswith((f"{prefix}.", f"{prefix}_")) for prefix in prefixes)
+
+    found = find_differences(system.descriptions, get_value, is_meant)
+    for component, differences in groupby(found, key=lambda difference: difference.component):
+        if component != parse_port(NOISE).component or get_value(NOISE):
+            yield _describe(component, list(differences))
+
+
+def _describe(component: str, differences: list[Difference]) -> str:
+    largest_first = sorted(differences, key=lambda difference: -difference.relative)
+    shown, rest = largest_first[:MOST_SHOWN], largest_first[MOST_SHOWN:]
+    named = "; ".join(str(difference) for difference in shown)
+    others = dict.fromkeys(re.sub(r"_\d+", "_i", difference.quantity) for difference in rest)
+    more = f"; and {len(rest)} more: {', '.join(others)}" if rest else ""
+    meant = component if len(differences) > 1 else f"{component}.{differences[0].quantity}"
+    return (
+        f"{component} describes another mechanism than the plant. {named}{more}. Set both alike in a parameter file "
+        f"(ps-fmu parameters writes the values of all FMUs from one file); if it is meant, say --apart {meant}"
+    )

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from ..cosim.checkpoint.state import DamagedCheckpointError
 from ..results.style import mark_picture
-from .kept_run import RUN, can_go_on
+from .keeping import RUN, can_go_on
 from .options import CHECKPOINTS, INPUTS, PLOT, REPORT, RESULTS, SUMMARY, OptionError
 
 MARK = b"ps_fmu"

@@ -19,7 +19,7 @@ from .options import PLOT, RESULTS, SOURCE
 from .publish import Findings
 from .run import Run
 from .setup import RunSystem, select_stored
-from .stored_names import make_stored_names
+from .stored_rows import make_stored_names
 
 CASE = "run"
 """Name of the run, and of its group in results.nc."""

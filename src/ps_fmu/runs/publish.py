@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from ..cosim.faults.binding import ActedFault
 from ..requirements.verdict import Answer, Verdict, format_verdicts, list_remarks, summarise
 from ..results.figures import draw_exploration
 from ..results.page.content import Exploration, VerdictRow
@@ -13,10 +14,9 @@ from ..results.report import Picture, Report
 from ..results.summary import RunSummary, versions
 from ..results.tables import Table
 from .cases import Outcome
-from .fault_report import list_faults, tabulate_faults
-from .finish import finish_file
 from .options import REPORT, RESULTS, SUMMARY, RunOptions
 from .setup import SEED, RunSystem, collect_parameters, has_disturbance, identify_fmus
+from .stored_rows import finish_file
 
 
 @dataclass(frozen=True)
@@ -153,3 +153,22 @@ def show_verdict(found: Verdict) -> VerdictRow:
         confidence="-" if sure is None else f"below {bound} with {100.0 * sure:g} %" if bound != "-" else "no bound",
         met=None if found.answer is Answer.OPEN else found.met,
     )
+
+
+Acted = Mapping[str, Sequence[ActedFault]]
+"""The faults that acted in each run, by its name."""
+
+
+def list_faults(path: Path, acted: Acted) -> dict[str, object]:
+    """The entry of summary.json."""
+    return {"file": path.name, "acted": {run: [fault.as_dict() for fault in found] for run, found in acted.items()}}
+
+
+def tabulate_faults(acted: Acted) -> Table:
+    """Each fault, and the runs that it acted in."""
+    runs: dict[str, list[str]] = {}
+    for run, found in acted.items():
+        for fault in found:
+            runs.setdefault(fault.text, []).append(run)
+    rows = [(text, ", ".join(names)) for text, names in runs.items()] or [("none has acted", ", ".join(acted))]
+    return Table("Faults", ("fault", "run"), rows)

@@ -23,13 +23,12 @@ from ..cosim.signals import Signal, read_signals
 from ..cosim.ssp.reading import complete_experiment, fit_duration, read_any_system
 from ..cosim.structure import Parameter, PortName, parse_port
 from ..results.summary import FmuFile
-from .cost_log import CostLog
 from .index_record import IndexLog
 from .judge import RunJudge, read_judge
-from .kept_rows import KeptRows
+from .logs import CostLog, WarningLog
 from .options import PARAMETERS, OptionError, RunOptions
 from .runner import Runner
-from .warning_log import WarningLog
+from .stored_rows import KeptRows
 
 SEED = "disturbance.seed"
 RECORDING_PATH = "disturbance.recording.path"

@@ -25,9 +25,9 @@ from ..requirements.verdict import Verdict
 from ..runs.cases import Bounds
 from ..runs.judge import RunJudge
 from ..runs.keeping import SinceStart
+from ..runs.logs import WarningLog
 from ..runs.runner import Runner
-from ..runs.stored_names import make_stored_names, rename_columns
-from ..runs.warning_log import WarningLog
+from ..runs.stored_rows import make_stored_names, rename_columns
 from ..terminal import reason
 from .bundle import FAULTS, INPUTS, REQUIREMENTS, SYSTEM, TASK, Task, result_versions
 from .factors import split_values
