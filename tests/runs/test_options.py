@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 
 from ps_fmu.cosim.isolation.instance import Isolation
 from ps_fmu.cosim.schemes.scheme import EXTRAPOLATIONS, METHODS, ORDERS, Iteration, Rate, Scheme
-from ps_fmu.runs import options as module
-from ps_fmu.runs.options import OptionError, RunOptions, format_command, from_json, name_option, to_json
+from ps_fmu.runs import origin
+from ps_fmu.runs.options import OptionError, RunOptions, from_json, name_option, to_json
 from ps_fmu.runs.scenario import PLAIN, SCENARIOS
 
 GOOD = {"scenario": SCENARIOS["isolation"], "system": Path("a.ssd"), "output": Path("results"), "duration_s": 20.0}
@@ -151,8 +151,8 @@ def test_the_command_forgets_no_option():
         "source": Path(__file__), "anew": ("b",), "duration_s": 2.0, "step_s": 2e-4,
     }  # fmt: skip
     left_out = {one.name for one in fields(RunOptions)} - given_options.keys()
-    assert left_out == set(module._NO_COMMAND)
-    words = format_command(RunOptions(**GOOD | given_options))
+    assert left_out == set(origin._NO_COMMAND)
+    words = origin.format_command(RunOptions(**GOOD | given_options))
     for name in given_options:
         assert re.search(rf"{name_option(name)}( |$)", words), name
 

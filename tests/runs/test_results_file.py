@@ -17,7 +17,7 @@ from ps_fmu.cosim.schemes.scheme import Iteration, Scheme, read_rate
 from ps_fmu.results.datasets import list_cases, read_case
 from ps_fmu.runs import publish, stored_rows
 from ps_fmu.runs.cases import Case, run_case
-from ps_fmu.runs.options import format_command
+from ps_fmu.runs.origin import format_command
 from ps_fmu.runs.run import execute
 from ps_fmu.runs.setup import load_system
 from ps_fmu.runs.stored_rows import finish_file

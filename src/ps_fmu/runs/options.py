@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-import shlex
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cache
 from os import PathLike
@@ -16,8 +15,8 @@ import msgspec
 
 from .. import __version__
 from ..cosim.clock import count_steps
-from ..cosim.isolation.instance import CALL_TIMEOUT_S, STEP_TIMEOUT_S, Isolation
-from ..cosim.schemes.scheme import ORDERS, Iteration, Scheme, make_scheme
+from ..cosim.isolation.instance import Isolation
+from ..cosim.schemes.scheme import ORDERS, Scheme
 from ..cosim.ssp.osp import OSP_NAME
 from ..cosim.ssp.sources import SSD_NAME
 from ..cosim.structure import Value, suggest_names
@@ -283,15 +282,13 @@ def name_option(name: str) -> str:
 
 # ---- as text -------------------------------------------------------------------------------------------------------
 
-_NOT_KEPT = ("scenario", "output", "progress", "resume", "command")
+NOT_KEPT = ("scenario", "output", "progress", "resume", "command")
 """Fields that a run which goes on has anew."""
-_NO_COMMAND = (*_NOT_KEPT, "system", "values", "fmus", "figures", "profile", "checkpoint_s")
-"""Fields that the command of :func:`format_command` has not: those that change no number, and those it has first."""
 
 
 def to_json(options: RunOptions) -> dict[str, Any]:
     """The options as JSON knows them, but for those that a run which goes on has anew; :func:`from_json` reads them."""
-    kept = [one.name for one in fields(options) if one.name not in _NOT_KEPT]
+    kept = [one.name for one in fields(options) if one.name not in NOT_KEPT]
     plain = {name: msgspec.to_builtins(getattr(options, name), enc_hook=_encode) for name in kept}
     return {name: None if value != value else value for name, value in plain.items()}
 
@@ -313,7 +310,7 @@ def from_json(found: Mapping[str, Any], scenario: Scenario, output: Path) -> Run
 
 @cache
 def _list_kinds() -> dict[str, Any]:
-    return {name: kind for name, kind in get_type_hints(RunOptions).items() if name not in _NOT_KEPT}
+    return {name: kind for name, kind in get_type_hints(RunOptions).items() if name not in NOT_KEPT}
 
 
 def _encode(value: Any) -> Any:
@@ -327,55 +324,6 @@ def list_files(options: RunOptions) -> list[Path]:
     single = (options.system, options.requirements, options.disturbance, options.inputs, options.faults)
     paths = [path.absolute() for path in (*single, *options.parameters) if path is not None]
     return [find_description(path) or path if path.is_dir() else path for path in paths]
-
-
-def format_command(options: RunOptions) -> str:
-    """The command that makes such a run, files by their names without folders."""
-    if options.command:
-        return options.command
-    name = options.system.name
-    words = ["ps-fmu", "run", *([name] if options.is_plain else [options.scenario.name, "--system", name])]
-    for one in fields(options):
-        value = getattr(options, one.name)
-        if one.name in _NO_COMMAND or value is None or value is False:
-            continue
-        if one.name == "scheme":
-            words += _list_scheme(make_scheme(value))
-        elif isinstance(value, Isolation):
-            words += _list_isolation(value)
-        elif value is True:
-            words.append(name_option(one.name))
-        else:
-            for each in value if isinstance(value, tuple) else (value,):
-                words += [name_option(one.name), each.name if isinstance(each, Path) else str(each)]
-    return shlex.join(words)
-
-
-def _list_scheme(scheme: Scheme) -> Iterator[str]:
-    """The options of a scheme, where they are not the defaults."""
-    plain, usual = Scheme(), Iteration()
-    yield from ("--scheme", scheme.order)
-    if scheme.extrapolation != plain.extrapolation:
-        yield from ("--extrapolate", scheme.extrapolation)
-    for name, rate in scheme.rates.items():
-        yield from ("--rate", f"{name}={rate}")
-    if scheme.iteration.method != usual.method:
-        yield from ("--solver", scheme.iteration.method)
-    if scheme.iteration.relative != usual.relative:
-        yield from ("--tolerance", f"{scheme.iteration.relative!r}")
-    if scheme.error_estimate:
-        yield "--error-estimate"
-
-
-def _list_isolation(isolation: Isolation) -> Iterator[str]:
-    if isolation.names is None:
-        yield "--isolate"
-    for name in sorted(isolation.names or ()):
-        yield from ("--isolate-only", name)
-    if isolation.step_timeout_s != STEP_TIMEOUT_S:
-        yield from ("--step-timeout", f"{isolation.step_timeout_s!r}")
-    if isolation.call_timeout_s not in (None, CALL_TIMEOUT_S):
-        yield from ("--call-timeout", f"{isolation.call_timeout_s!r}")
 
 
 # ---- checks --------------------------------------------------------------------------------------------------------

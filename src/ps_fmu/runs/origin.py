@@ -6,7 +6,9 @@ packages; the group ``parameters`` is a table of the start values of all paramet
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import fields
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -14,11 +16,13 @@ from typing import Any
 import numpy as np
 
 from ..cosim.description import convert_value, get_unit, index_variables, read_start
+from ..cosim.isolation.instance import CALL_TIMEOUT_S, STEP_TIMEOUT_S, Isolation
 from ..cosim.recording.recorder import CONVENTIONS
+from ..cosim.schemes.scheme import Iteration, Scheme, make_scheme
 from ..cosim.structure import Component, Value
 from ..reduction.columns import NETCDF_LOCK
 from ..results.summary import FmuFile, versions
-from .options import SOURCE, RunOptions, format_command
+from .options import NOT_KEPT, SOURCE, RunOptions, name_option
 from .setup import SEED, RunSystem, has_disturbance, identify_fmus
 
 PARAMETERS = "parameters"
@@ -38,6 +42,8 @@ COMMENT = (
     "itself. The group parameters is a table of the start values. The date of time is nominal: its values are seconds "
     "of simulation, which a run from a checkpoint counts on (attribute warm_start_s)."
 )
+_NO_COMMAND = (*NOT_KEPT, "system", "values", "fmus", "figures", "profile", "checkpoint_s")
+"""Fields that the command of :func:`format_command` has not: those that change no number, and those it has first."""
 
 
 def write_origin(path: Path, options: RunOptions, system: RunSystem) -> None:
@@ -96,6 +102,55 @@ def list_attributes(options: RunOptions, system: RunSystem) -> dict[str, object]
         "storage_step_s": options.storage_s,
         "scheme": str(system.scheme),
     }
+
+
+def format_command(options: RunOptions) -> str:
+    """The command that makes such a run, files by their names without folders."""
+    if options.command:
+        return options.command
+    name = options.system.name
+    words = ["ps-fmu", "run", *([name] if options.is_plain else [options.scenario.name, "--system", name])]
+    for one in fields(options):
+        value = getattr(options, one.name)
+        if one.name in _NO_COMMAND or value is None or value is False:
+            continue
+        if one.name == "scheme":
+            words += _list_scheme(make_scheme(value))
+        elif isinstance(value, Isolation):
+            words += _list_isolation(value)
+        elif value is True:
+            words.append(name_option(one.name))
+        else:
+            for each in value if isinstance(value, tuple) else (value,):
+                words += [name_option(one.name), each.name if isinstance(each, Path) else str(each)]
+    return shlex.join(words)
+
+
+def _list_scheme(scheme: Scheme) -> Iterator[str]:
+    """The options of a scheme, where they are not the defaults."""
+    plain, usual = Scheme(), Iteration()
+    yield from ("--scheme", scheme.order)
+    if scheme.extrapolation != plain.extrapolation:
+        yield from ("--extrapolate", scheme.extrapolation)
+    for name, rate in scheme.rates.items():
+        yield from ("--rate", f"{name}={rate}")
+    if scheme.iteration.method != usual.method:
+        yield from ("--solver", scheme.iteration.method)
+    if scheme.iteration.relative != usual.relative:
+        yield from ("--tolerance", f"{scheme.iteration.relative!r}")
+    if scheme.error_estimate:
+        yield "--error-estimate"
+
+
+def _list_isolation(isolation: Isolation) -> Iterator[str]:
+    if isolation.names is None:
+        yield "--isolate"
+    for name in sorted(isolation.names or ()):
+        yield from ("--isolate-only", name)
+    if isolation.step_timeout_s != STEP_TIMEOUT_S:
+        yield from ("--step-timeout", f"{isolation.step_timeout_s!r}")
+    if isolation.call_timeout_s not in (None, CALL_TIMEOUT_S):
+        yield from ("--call-timeout", f"{isolation.call_timeout_s!r}")
 
 
 def format_settings(values: Mapping[str, Value], events: Sequence[tuple[float, str, Value]]) -> str:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..cosim import Column
-from ..reduction.columns import NETCDF_LOCK
+from ..results.datasets import open_results
 from ..results.quick_plot import Line, draw_quick_plot
 from ..results.report import Picture
 from .cases import Case, Outcome, run_case
@@ -73,12 +73,10 @@ def _draw(
     folder: Path, *, system: RunSystem, outcome: Outcome, title: str, stored: Sequence[str]
 ) -> list[Picture]:
     """Draw what is stored; a warning says what is left out."""
-    import netCDF4
-
     if not stored:
         return []
     places = make_stored_names([column.name for column in system.columns])
-    with NETCDF_LOCK, netCDF4.Dataset(folder / RESULTS) as file:
+    with open_results(folder / RESULTS) as file:
         group = file.groups[CASE]
         time = _read_column(group["time"])
         lines = []
