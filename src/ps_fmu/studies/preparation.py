@@ -6,38 +6,30 @@ What it observes and varies, where its runs begin, and the files for workers.
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from fmpy.model_description import ModelDescription
 
-from ..cosim import Column, CosimError, System, UsageError, Value, read_parameters
+from ..cosim import Column, CosimError, UsageError, Value
 from ..cosim.checkpoint.warm_start import WarmStart
 from ..cosim.clock import StepClock
 from ..cosim.columns import list_run_columns
-from ..cosim.description import index_variables, read_descriptions
 from ..cosim.errors import MissingFmuError
-from ..cosim.faults.active import make_faults
 from ..cosim.faults.binding import bind_faults
 from ..cosim.faults.numbers import change_numbers
-from ..cosim.faults.reading import read_faults
-from ..cosim.graph import Wiring, check_wiring
+from ..cosim.graph import check_wiring
 from ..cosim.schemes.resolving import resolve_scheme
-from ..cosim.signals import read_signals
 from ..cosim.ssp.reading import complete_experiment, read_any_system
-from ..cosim.structure import Experiment, Parameter, parse_port
+from ..cosim.structure import Experiment
 from ..cosim.system_json import encode_system
 from ..product.files import find_product
 from ..requirements.quantity import Names, Time
 from ..runs.built_fmus import find_built_folder, is_own, list_models, provide_fmus
-from ..runs.judge import read_judge
 from ..runs.keeping import find_source
 from ..runs.options import OptionError, RunOptions
 from ..runs.scenario import Scenario
-from ..runs.setup import HIGHEST_NOISE, SEED, RunSystem, limit_noise
-from ..runs.warning_log import WarningLog
+from ..runs.setup import SCHEME, ColumnsError, RunSystem, load_system, read_files
 from .bundle import FAULTS, FMUS, INPUTS, REQUIREMENTS, SYSTEM, TASK, Bundle, Sources, Task, result_versions
 from .factors import names_faults, split_values
 from .observed import check_signals, check_windows, find_columns, find_signals
@@ -56,7 +48,7 @@ def make_options(study: Study, output: Path) -> RunOptions:
     """
     scenario = Scenario(
         study.name, f"a case of the study {study.path.name}", "", study.duration_s, study.step_s,
-        cases=tuple(study.runs), system=study.system.name,
+        cases=tuple(study.runs), system=study.system.name, foreign=True,
     )  # fmt: skip
     return RunOptions(
         scenario,
@@ -68,6 +60,8 @@ def make_options(study: Study, output: Path) -> RunOptions:
         scheme=study.scheme,
         requirements=study.requirements,
         faults=study.faults,
+        inputs=study.inputs,
+        outside=study.outside,
         isolation=study.isolation,
         fmus=study.fmus,
         progress=False,
@@ -93,31 +87,28 @@ def choose_fmus(study: Study, folder: Path | None) -> Path | None:
     return own
 
 
-def choose_step(study: Study) -> Study:
-    """The study with the step of its system, or else of its FMUs, where it states none itself.
-
-    Raises CosimError for a system that cannot be read.
-    """
-    if study.states_step:
-        return study
-    system = read_any_system(study.system, study.fmus, outside=study.outside)
-    stated = complete_experiment(system, read_descriptions(system, lenient=True)).step
-    return study if stated is None else replace(study, step_s=stated)
-
-
-def load_study_system(study: Study) -> RunSystem:
+def load_study_system(study: Study) -> tuple[Study, RunSystem]:
     """The system of a study; requirements, signals and windows are checked against it.
 
-    Start values are those that the FMUs take, behind all bindings, mappings and units.
+    Start values are those that the FMUs take, behind all bindings, mappings and units.  The study has the step of its
+    system, or else of its FMUs, where it states none itself.
 
     Raises :class:`.study.StudyError`, and :class:`..cosim.CosimError` for a system that cannot be read.
     """
-    warnings = WarningLog()
-    with warnings.collect():
-        try:
-            system = _read(study, make_options(study, Path()), warnings)
-        except OptionError as error:
-            raise StudyError(f"{study.path}, study, {str(error).removeprefix('--')}") from error
+    try:
+        files = read_files(make_options(study, Path()))
+        stated = complete_experiment(files.structure, files.descriptions).step
+        if not study.states_step and stated is not None:
+            study = replace(study, step_s=stated)
+        system = load_system(make_options(study, Path()), files=files)
+    except OptionError as error:
+        text = str(error)
+        if text.startswith(SCHEME):
+            raise study.error("rates" if study.scheme.rates else "scheme", text.removeprefix(f"{SCHEME}: ")) from error
+        raise StudyError(f"{study.path}, study, {text.removeprefix('--')}") from error
+    except ColumnsError as error:
+        own = study.inputs is not None and str(error).startswith(str(study.inputs))
+        raise study.error("inputs" if own else "system", str(error)) from error
     if study.isolation is not None:
         try:
             study.isolation.check(system.structure)
@@ -129,70 +120,12 @@ def load_study_system(study: Study) -> RunSystem:
         check_windows(observed, study.step_s, study.duration_s)
     if study.signals is not None:
         check_signals(study.signals, columns, study.step_s, study.duration_s)
-    return system
+    return study, system
 
 
 def list_columns(study: Study, system: RunSystem) -> tuple[Column, ...]:
     """What a run of the study can record, in order: outputs, inputs over time, outputs of the system."""
     return list_run_columns(system.structure, system.descriptions, system.inputs, study.scheme, study.step_s)
-
-
-def _read(study: Study, options: RunOptions, warnings: WarningLog) -> RunSystem:
-    given: dict[str, Parameter] = {}
-    sets = [read_parameters(path).entries() for path in study.parameters]
-    for one in sets:
-        given |= one
-    structure = read_any_system(study.system, study.fmus, outside=study.outside, values=sets)
-    descriptions = read_descriptions(structure, lenient=True)
-    disturbed = _has_disturbance(descriptions)
-    if disturbed and SEED not in given:
-        structure = structure.with_parameters({SEED: options.seed})
-    wiring = check_wiring(structure, descriptions)
-    for text in wiring.remarks:
-        warnings.add(text)
-    inputs = {} if study.inputs is None else read_signals(study.inputs)
-    faults = None if study.faults is None else read_faults(study.faults)
-    system = RunSystem(
-        _settle(structure, wiring), descriptions, given, warnings=warnings, faults=faults, inputs=inputs
-    )
-    make_faults(faults, structure, descriptions, StepClock(0.0, study.step_s), study.scheme)
-    try:
-        resolve_scheme(study.scheme, structure, descriptions, study.step_s)
-    except UsageError as error:
-        raise study.error("rates" if study.scheme.rates else "scheme", str(error)) from error
-    try:
-        columns = list_columns(study, system)
-    except UsageError as error:
-        own = study.inputs is not None and str(error).startswith(str(study.inputs))
-        raise study.error("inputs" if own else "system", str(error)) from error
-    system = replace(system, judge=read_judge(options, columns))
-    return limit_noise(system, study.step_s) if disturbed else system
-
-
-def _has_disturbance(descriptions: Mapping[str, ModelDescription]) -> bool:
-    """Whether there is a disturbance source of ps_fmu: a component of another maker may have the same name."""
-    component = parse_port(SEED).component
-    known = index_variables(descriptions[component]) if component in descriptions else {}
-    return all(parse_port(name).variable in known for name in (SEED, HIGHEST_NOISE))
-
-
-def _settle(structure: System, wiring: Wiring) -> System:
-    """The system with start values as the FMUs take them, and without those that are ignored."""
-    return replace(
-        structure,
-        components=tuple(
-            replace(
-                component,
-                parameters={
-                    name: replace(entry, value=wiring.starts[component.name][name], unit=None, defined=None,
-                                  items=None, hops=())
-                    for name, entry in component.parameters.items()
-                    if name in wiring.starts[component.name]
-                },
-            )
-            for component in structure.components
-        ),
-    )  # fmt: skip
 
 
 def read_sources(study: Study) -> Sources:
