@@ -156,8 +156,3 @@ def largest(values: Iterable[Array]) -> float:
         if finite.size:
             found = max(found, float(finite.max()))
     return found
-
-
-def label(axes: Axes, text: str, unit: str) -> None:
-    """Label the y axis with a quantity and its unit."""
-    axes.set_ylabel(f"{text} ({unit})" if unit else text)
